@@ -1,0 +1,109 @@
+"""One measured time series of one quantity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from daq.quantity import SI_UNITS
+from daq.timebase import TimeBase
+
+
+@dataclass(frozen=True)
+class Step:
+    """One line of a value's history.
+
+    Attributes
+    ----------
+    what : str
+        The operation, for example ``convert to SI``.
+    version : str
+        Version of the package that did it.
+    parameters : dict
+        Its parameters, units in the names; JSON types only.
+    """
+
+    what: str
+    version: str
+    parameters: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class RawCounts:
+    """What the source stored, beside the physical samples: ``source unit = gain * counts + offset``.
+
+    Attributes
+    ----------
+    counts : ndarray of integers, shape (n_samples,)
+    gain, offset : float
+        In the source's own unit.
+    unit : str
+        That unit, as the source spells it.
+    """
+
+    counts: NDArray[np.int64]
+    gain: float
+    offset: float
+    unit: str
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """One measured time series of one quantity on one time base, in SI.
+
+    Attributes
+    ----------
+    name : str
+        Its name in the rig.
+    quantity : str
+        A key of `daq.quantity.SI_UNITS`.
+    samples : ndarray of float64 or float32, shape (n_samples,)
+        SI values; a lost sample is NaN.
+    time_base : TimeBase
+    signal : str
+        Its name in the source's file.
+    role : str
+        What the equation of motion uses it for; empty if nothing.
+    u_rel : float
+        Relative standard uncertainty of the sensor's scale.
+    resolution : float
+        Smallest step between two sample values in SI; 0 if the source does not say.
+    raw : RawCounts or None
+    history : tuple of Step
+    """
+
+    name: str
+    quantity: str
+    samples: NDArray[np.floating[Any]]
+    time_base: TimeBase
+    signal: str = ""
+    role: str = ""
+    u_rel: float = 0.0
+    resolution: float = 0.0
+    raw: RawCounts | None = None
+    history: tuple[Step, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.quantity not in SI_UNITS:
+            raise ValueError(f"unknown quantity {self.quantity!r}")
+        if self.samples.shape != (self.time_base.count,):
+            raise ValueError(
+                f"channel {self.name!r}: {self.samples.shape} samples on a time base of {self.time_base.count}"
+            )
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the samples."""
+        return SI_UNITS[self.quantity]
+
+    @property
+    def lost(self) -> NDArray[np.bool_]:
+        """Which samples the instrument lost, shape (n_samples,)."""
+        return np.isnan(self.samples)
+
+    def with_samples(self, samples: NDArray[np.floating[Any]], step: Step) -> Channel:
+        """Return a new channel with other samples and one more line of history."""
+        return replace(self, samples=samples, history=(*self.history, step))

@@ -1,0 +1,203 @@
+"""Everything that recoil-daq raises on purpose.
+
+::
+
+    RecoilDaqError
+    +-- ReadError               a file cannot be used (path, place)
+    |   +-- UnknownFormatError  no reader, or more than one, claims the file (candidates)
+    |   +-- CorruptFileError    the file contradicts its own format
+    |   +-- MissingChannelError a name that the file does not have (name, nearest)
+    +-- FramingError            a byte stream contradicts its declared framing
+    +-- StoreError              a shot file cannot be written or is not one
+    +-- RigError                a rig file is at fault (faults: all of them at once)
+    +-- DeviceError             a live source cannot be opened or fails
+    +-- AlignmentError          two clocks cannot be related at all
+    +-- IdentificationError     no number can be given at all
+
+A caller's mistake stays ``ValueError`` or ``TypeError``. A poor fit or an unusable shot is a
+result with reasons, not an error. Foreign exceptions are mapped at the edge, ``from`` the cause.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+
+
+class RecoilDaqError(Exception):
+    """Root of all errors of this project: one line that says where, what, and what to do.
+
+    Parameters
+    ----------
+    problem : str
+        What is wrong, without a final full stop.
+    path : Path or None
+        The file at fault.
+    place : str or None
+        Where in it: a line, a byte offset, a key path.
+    expected, found : str or None
+        What should have been there, and what was.
+    remedy : str or None
+        What the user can do about it.
+    """
+
+    def __init__(
+        self,
+        problem: str,
+        *,
+        path: Path | str | None = None,
+        place: str | None = None,
+        expected: str | None = None,
+        found: str | None = None,
+        remedy: str | None = None,
+    ) -> None:
+        super().__init__(problem)
+        self.problem = problem
+        self.path = None if path is None else Path(path)
+        self.place = place
+        self.expected = expected
+        self.found = found
+        self.remedy = remedy
+
+    def __str__(self) -> str:
+        where = ": ".join(str(part) for part in (self.path, self.place) if part is not None)
+        text = f"{where}: {self.problem}" if where else self.problem
+        if self.expected is not None:
+            text += f"; expected {self.expected}"
+        if self.found is not None:
+            text += f"{',' if self.expected is not None else ';'} found {self.found}"
+        if self.remedy is not None:
+            text += f"; {self.remedy}"
+        return text
+
+
+class ReadError(RecoilDaqError):
+    """A file cannot be used."""
+
+
+class UnknownFormatError(ReadError):
+    """No reader claims a file, or more than one does.
+
+    Attributes
+    ----------
+    candidates : tuple of str
+        Names of the readers that claim it.
+    """
+
+    def __init__(self, path: Path, candidates: Sequence[str], known: Sequence[str]) -> None:
+        self.candidates = tuple(candidates)
+        if candidates:
+            super().__init__(
+                "more than one reader claims this file",
+                path=path,
+                found=", ".join(candidates),
+                remedy="this is a fault of the readers: please report it with the file's first lines",
+            )
+        else:
+            super().__init__(
+                "no reader recognises this file's content",
+                path=path,
+                expected=f"one of {', '.join(known)}",
+                remedy="export it in one of these formats, or leave it out",
+            )
+
+
+class CorruptFileError(ReadError):
+    """A file contradicts its own format."""
+
+
+class MissingChannelError(ReadError):
+    """A name that a file does not have.
+
+    Attributes
+    ----------
+    name : str
+        The name that was asked for.
+    nearest : tuple of str
+        The names that the file has, nearest first.
+    """
+
+    def __init__(self, name: str, available: Sequence[str], *, path: Path | None = None) -> None:
+        self.name = name
+        self.nearest = nearest_first(name, available)
+        shown = ", ".join(repr(n) for n in self.nearest[:8])
+        more = f" and {len(self.nearest) - 8} more" if len(self.nearest) > 8 else ""
+        super().__init__(
+            f"no signal {name!r} in this file",
+            path=path,
+            found=f"{shown}{more}" if self.nearest else "no signals at all",
+            remedy="correct `signal` in the rig file, nearest names first",
+        )
+
+
+class FramingError(RecoilDaqError):
+    """A byte stream contradicts its declared framing, or the framing contradicts itself."""
+
+
+class StoreError(RecoilDaqError):
+    """A shot file or report cannot be written, or is not what it claims to be."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One fault of a rig file.
+
+    Attributes
+    ----------
+    key : str
+        Key path, for example ``channel[3] 'p_brake'.unit``.
+    problem : str
+        What is wrong, and what would be right.
+    """
+
+    key: str
+    problem: str
+
+    def __str__(self) -> str:
+        return f"{self.key}: {self.problem}"
+
+
+class RigError(RecoilDaqError):
+    """A rig file is at fault; it carries every fault that was found, not the first one.
+
+    Attributes
+    ----------
+    faults : tuple of Fault
+    """
+
+    def __init__(self, path: Path | str, faults: Sequence[Fault]) -> None:
+        self.faults = tuple(faults)
+        count = f"{len(faults)} fault{'' if len(faults) == 1 else 's'}"
+        super().__init__(f"{count}: " + " | ".join(str(f) for f in faults), path=path)
+
+
+class DeviceError(RecoilDaqError):
+    """A live source cannot be opened, or fails."""
+
+
+class AlignmentError(RecoilDaqError):
+    """Two clocks cannot be related at all: there is nothing to align by."""
+
+
+class IdentificationError(RecoilDaqError):
+    """No number can be given at all."""
+
+
+def nearest_first(name: str, available: Sequence[str]) -> tuple[str, ...]:
+    """Sort names by their likeness to one, the most alike first.
+
+    Parameters
+    ----------
+    name : str
+    available : sequence of str
+
+    Returns
+    -------
+    tuple of str
+        All of ``available``; names without any likeness keep their order, last.
+    """
+    folded = {a.casefold(): a for a in available}
+    close = [folded[c] for c in get_close_matches(name.casefold(), folded, n=len(folded), cutoff=0.3)]
+    return tuple(close + [a for a in available if a not in close])

@@ -1,0 +1,174 @@
+"""Physical quantities, their SI units, and the units that instruments write.
+
+All samples inside the project are SI. Units occur at the edges only: in the headers of the
+instruments' files and in the rig file. Spellings are normalised first, because ``m/s2``,
+``m/s^2``, ``m/s²`` and ``m/s**2`` all occur in exports of one and the same recorder.
+
+Conversion factors: the SI brochure (BIPM, 9th edition) and NIST SP 811, appendix B.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+STANDARD_GRAVITY_M_S2 = 9.80665
+"""Standard acceleration of gravity, exact by definition (3rd CGPM, 1901)."""
+
+_POUND_KG = 0.45359237
+_INCH_M = 0.0254
+
+SI_UNITS = MappingProxyType(
+    {
+        "acceleration": "m/s^2",
+        "angle": "rad",
+        "angular_acceleration": "rad/s^2",
+        "angular_rate": "rad/s",
+        "charge": "C",
+        "count": "1",
+        "displacement": "m",
+        "force": "N",
+        "frequency": "Hz",
+        "mass": "kg",
+        "pressure": "Pa",
+        "strain": "1",
+        "temperature": "K",
+        "time": "s",
+        "torque": "N*m",
+        "velocity": "m/s",
+        "voltage": "V",
+    }
+)
+"""Quantity -> its SI unit, in the spelling that UDUNITS and pint both read."""
+
+
+@dataclass(frozen=True)
+class Unit:
+    """One unit: ``SI value = factor * value + offset``.
+
+    Attributes
+    ----------
+    quantities : frozenset of str
+        The quantities that it may express.
+    factor : float
+        SI units per unit.
+    offset : float
+        In SI units; nonzero only for temperatures.
+    """
+
+    quantities: frozenset[str]
+    factor: float
+    offset: float = 0.0
+
+    @overload
+    def to_si(self, value: float) -> float: ...
+    @overload
+    def to_si(self, value: NDArray[np.float64]) -> NDArray[np.float64]: ...
+    def to_si(self, value: float | NDArray[np.float64]) -> float | NDArray[np.float64]:
+        """Convert a number, or an array of any shape, from this unit to SI."""
+        return self.factor * value + self.offset
+
+
+def _table() -> dict[str, Unit]:
+    units: dict[str, Unit] = {}
+
+    def add(quantities: str, **factors: float) -> None:
+        for spelling, factor in factors.items():
+            units[spelling] = Unit(frozenset(quantities.split()), factor)
+
+    lengths = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "um": 1e-6, "km": 1e3, "in": _INCH_M, "ft": 12 * _INCH_M}
+    times = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
+    angles = {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "rev": 2 * math.pi}
+    add("displacement", **lengths)
+    add("time", **times)
+    add("angle", **angles)
+    for spelling, factor in lengths.items():
+        units[f"{spelling}/s"] = Unit(frozenset({"velocity"}), factor)
+        units[f"{spelling}/s^2"] = Unit(frozenset({"acceleration"}), factor)
+    units["km/h"] = Unit(frozenset({"velocity"}), 1 / 3.6)
+    units["mph"] = Unit(frozenset({"velocity"}), 5280 * 12 * _INCH_M / 3600)
+    for spelling in ("g", "gn", "g_n", "g0"):
+        units[spelling] = Unit(frozenset({"acceleration"}), STANDARD_GRAVITY_M_S2)
+    units["mg"] = Unit(frozenset({"acceleration"}), 1e-3 * STANDARD_GRAVITY_M_S2)
+    units["kg_n"] = Unit(frozenset({"acceleration"}), 1e3 * STANDARD_GRAVITY_M_S2)
+    for spelling, factor in angles.items():
+        units[f"{spelling}/s"] = Unit(frozenset({"angular_rate"}), factor)
+        units[f"{spelling}/s^2"] = Unit(frozenset({"angular_acceleration"}), factor)
+    units["dps"] = units["deg/s"]
+    units["rpm"] = Unit(frozenset({"angular_rate"}), 2 * math.pi / 60)
+    add("pressure", Pa=1.0, hPa=1e2, kPa=1e3, MPa=1e6, GPa=1e9, bar=1e5, mbar=1e2, kbar=1e8, atm=101325.0)
+    psi = _POUND_KG * STANDARD_GRAVITY_M_S2 / _INCH_M**2
+    add("pressure", psi=psi, ksi=1e3 * psi)
+    units["kgf/cm^2"] = Unit(frozenset({"pressure"}), STANDARD_GRAVITY_M_S2 * 1e4)
+    units["N/mm^2"] = units["MPa"]
+    add("force", N=1.0, kN=1e3, MN=1e6, kgf=STANDARD_GRAVITY_M_S2, lbf=_POUND_KG * STANDARD_GRAVITY_M_S2)
+    add("voltage", V=1.0, mV=1e-3, uV=1e-6, kV=1e3)
+    add("charge", C=1.0, pC=1e-12, nC=1e-9)
+    add("mass", kg=1.0, t=1e3, lb=_POUND_KG)
+    add("frequency", Hz=1.0, kHz=1e3, MHz=1e6)
+    units["N*m"] = Unit(frozenset({"torque"}), 1.0)
+    units["kN*m"] = Unit(frozenset({"torque"}), 1e3)
+    units["1"] = Unit(frozenset({"count", "strain"}), 1.0)
+    units["um/m"] = Unit(frozenset({"strain"}), 1e-6)
+    units["K"] = Unit(frozenset({"temperature"}), 1.0)
+    units["degC"] = Unit(frozenset({"temperature"}), 1.0, 273.15)
+    return units
+
+
+UNITS = MappingProxyType(_table())
+"""Normalised spelling -> unit."""
+
+_SPELLINGS = {
+    "": "1",
+    "-": "1",
+    "counts": "1",
+    "count": "1",
+    "°": "deg",
+    "degree": "deg",
+    "degrees": "deg",
+    "°c": "degC",
+    "degc": "degC",
+    "nm": "N*m",
+    "sec": "s",
+    "rad/sec": "rad/s",
+    "deg/sec": "deg/s",
+}
+
+
+def normalise_unit(spelling: str) -> str:
+    """Reduce a unit's spelling to the one used in `UNITS`, as far as that is unambiguous.
+
+    Parameters
+    ----------
+    spelling : str
+        As it stands in a file's header or a rig file.
+
+    Returns
+    -------
+    str
+        ``m/s²``, ``m/s2``, ``m/s**2`` and ``m/(s^2)`` all give ``m/s^2``; ``µ`` and ``μ`` give ``u``.
+    """
+    text = spelling.strip().replace("²", "^2").replace("**", "^").replace("·", "*")
+    text = text.replace("µ", "u").replace("μ", "u").replace("(", "").replace(")", "").replace(" ", "")
+    if text.endswith(("/s2", "/cm2", "/mm2")):
+        text = f"{text[:-1]}^2"
+    if text in UNITS:
+        return text
+    text = text.replace("°", "deg") if len(text) > 1 and text.casefold() != "°c" else text
+    return text if text in UNITS else _SPELLINGS.get(text.casefold(), text)
+
+
+def find_unit(spelling: str) -> Unit | None:
+    """Look up a unit by any of its spellings.
+
+    Returns
+    -------
+    Unit or None
+        None if the spelling is unknown; nothing is guessed.
+    """
+    return UNITS.get(normalise_unit(spelling))

@@ -1,0 +1,178 @@
+"""One firing, assembled."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from daq.channel import Channel, Step
+
+Verdict = Literal["ok", "warn", "fail"]
+AlignmentStatus = Literal["ok", "ambiguous", "failed"]
+Times = TypeVar("Times", float, NDArray[np.float64])
+
+
+@dataclass(frozen=True)
+class InputFile:
+    """A file that went into a shot.
+
+    Attributes
+    ----------
+    name : str
+        File name without folders.
+    sha256 : str
+        Hexadecimal digest of its bytes.
+    size : int
+        Bytes.
+    source : str
+        Name of the rig's source that it was matched to.
+    reader : str
+        Name of the reader that read it.
+    """
+
+    name: str
+    sha256: str
+    size: int
+    source: str
+    reader: str
+
+
+@dataclass(frozen=True)
+class ClockAlignment:
+    """How one clock maps to the reference clock: ``t_ref = (1 + drift) * t_source + offset_s``.
+
+    Attributes
+    ----------
+    clock : str
+    offset_s : float
+    u_offset_s : float
+        Standard uncertainty of the mapped time in the middle of the motion.
+    drift : float
+        Dimensionless; 0 where the record cannot resolve one.
+    u_drift : float
+    status : str
+        ``ok``, ``ambiguous`` or ``failed``.
+    method : str
+        ``motion``, ``redundant``, ``fixed`` or ``reference``.
+    reasons : tuple of str
+        Why it is not ``ok``.
+    details : dict
+        Figures of the method, JSON types only: gain, innovation statistic, candidates.
+    """
+
+    clock: str
+    offset_s: float
+    u_offset_s: float
+    drift: float
+    u_drift: float
+    status: AlignmentStatus
+    method: str
+    reasons: tuple[str, ...] = ()
+    details: Mapping[str, Any] | None = None
+
+    def to_reference(self, times_s: Times) -> Times:
+        """Map instants of the source's clock, a number or an array, to the reference clock."""
+        return (1.0 + self.drift) * times_s + self.offset_s
+
+    def to_source(self, times_s: Times) -> Times:
+        """Map instants of the reference clock, a number or an array, to the source's clock."""
+        return (times_s - self.offset_s) / (1.0 + self.drift)
+
+
+@dataclass(frozen=True)
+class QualityCheck:
+    """The outcome of one check of one channel or of the shot.
+
+    Attributes
+    ----------
+    channel : str
+        Name of the channel, of the clock, or ``shot``.
+    check : str
+        Name of the check.
+    verdict : str
+        ``ok``, ``warn`` or ``fail``.
+    detail : str
+        The figure, its limit, and what to do about it.
+    """
+
+    channel: str
+    check: str
+    verdict: Verdict
+    detail: str
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """One firing: channels on their own clocks and how the clocks relate.
+
+    Attributes
+    ----------
+    name : str
+        The shot's identifier.
+    rig_name : str
+    rig_text : str
+        The rig file, verbatim.
+    reference_clock : str
+    channels : mapping of str to Channel
+        By the names of the rig, in its order.
+    alignments : tuple of ClockAlignment
+        One per clock other than the reference.
+    quality : tuple of QualityCheck
+    inputs : tuple of InputFile
+    started : str
+        Absolute start, ISO 8601, or empty if no source states one.
+    history : tuple of Step
+    databases : mapping of str to str
+        Text of every file that the rig names (CAN databases), by file name.
+    """
+
+    name: str
+    rig_name: str
+    rig_text: str
+    reference_clock: str
+    channels: Mapping[str, Channel]
+    alignments: tuple[ClockAlignment, ...] = ()
+    quality: tuple[QualityCheck, ...] = ()
+    inputs: tuple[InputFile, ...] = ()
+    started: str = ""
+    history: tuple[Step, ...] = ()
+    databases: Mapping[str, str] | None = None
+
+    def by_role(self, role: str) -> Channel | None:
+        """Return the channel of a role, or None."""
+        return next((c for c in self.channels.values() if c.role == role), None)
+
+    def alignment(self, clock: str) -> ClockAlignment:
+        """Return how a clock maps to the reference clock; the identity for the reference itself.
+
+        Raises
+        ------
+        KeyError
+            If the shot does not say how.
+        """
+        if clock == self.reference_clock:
+            return ClockAlignment(clock, 0.0, 0.0, 0.0, 0.0, "ok", "reference")
+        for alignment in self.alignments:
+            if alignment.clock == clock:
+                return alignment
+        raise KeyError(clock)
+
+    @property
+    def usable(self) -> bool:
+        """Whether no check failed."""
+        return not any(check.verdict == "fail" for check in self.quality)
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why the shot is not usable: the details of the failed checks."""
+        return tuple(f"{c.channel}: {c.detail}" for c in self.quality if c.verdict == "fail")
+
+    def with_results(
+        self, alignments: tuple[ClockAlignment, ...], quality: tuple[QualityCheck, ...], step: Step
+    ) -> Shot:
+        """Return a new shot with alignments, quality verdicts and one more line of history."""
+        return replace(self, alignments=alignments, quality=quality, history=(*self.history, step))

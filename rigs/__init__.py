@@ -1,0 +1,1 @@
+"""What was plugged in where: the rig, the mechanism it tests, and the virtual rig."""
