@@ -44,10 +44,14 @@ class RawCounts:
         That unit, as the source spells it.
     """
 
-    counts: NDArray[np.int64]
+    counts: NDArray[np.integer[Any]]
     gain: float
     offset: float
     unit: str
+
+    def __post_init__(self) -> None:
+        if self.counts.dtype.kind not in "iu":
+            raise ValueError(f"raw counts must be integers, not {self.counts.dtype}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +76,13 @@ class Channel:
     resolution : float
         Smallest step between two sample values in SI; 0 if the source does not say.
     raw : RawCounts or None
+        As many counts as samples.
     history : tuple of Step
+
+    Raises
+    ------
+    ValueError
+        If the quantity is unknown, or lengths or types contradict the above.
     """
 
     name: str
@@ -93,6 +103,12 @@ class Channel:
             raise ValueError(
                 f"channel {self.name!r}: {self.samples.shape} samples on a time base of {self.time_base.count}"
             )
+        if self.samples.dtype not in (np.float64, np.float32):
+            raise ValueError(f"channel {self.name!r}: samples must be float64 or float32, not {self.samples.dtype}")
+        if self.raw is not None and self.raw.counts.shape != self.samples.shape:
+            raise ValueError(
+                f"channel {self.name!r}: {self.raw.counts.shape} raw counts beside {self.samples.shape} samples"
+            )
 
     @property
     def unit(self) -> str:
@@ -102,7 +118,8 @@ class Channel:
     @property
     def lost(self) -> NDArray[np.bool_]:
         """Which samples the instrument lost, shape (n_samples,)."""
-        return np.isnan(self.samples)
+        lost: NDArray[np.bool_] = np.isnan(self.samples)
+        return lost
 
     def with_samples(self, samples: NDArray[np.floating[Any]], step: Step) -> Channel:
         """Return a new channel with other samples and one more line of history."""

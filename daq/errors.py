@@ -24,6 +24,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
+from typing import Any
 
 
 class RecoilDaqError(Exception):
@@ -61,6 +62,11 @@ class RecoilDaqError(Exception):
         self.found = found
         self.remedy = remedy
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # The plain protocol calls the class with the message alone, which a subclass with other
+        # parameters refuses; errors must come back from worker processes as they were raised
+        return _restore, (type(self), self.args, self.__dict__)
+
     def __str__(self) -> str:
         where = ": ".join(str(part) for part in (self.path, self.place) if part is not None)
         text = f"{where}: {self.problem}" if where else self.problem
@@ -70,7 +76,13 @@ class RecoilDaqError(Exception):
             text += f"{',' if self.expected is not None else ';'} found {self.found}"
         if self.remedy is not None:
             text += f"; {self.remedy}"
-        return text
+        return " ".join(text.split("\n"))
+
+
+def _restore(kind: type[RecoilDaqError], args: tuple[Any, ...], state: dict[str, Any]) -> RecoilDaqError:
+    error = kind.__new__(kind, *args)
+    error.__dict__.update(state)
+    return error
 
 
 class ReadError(RecoilDaqError):
@@ -198,6 +210,11 @@ def nearest_first(name: str, available: Sequence[str]) -> tuple[str, ...]:
     tuple of str
         All of ``available``; names without any likeness keep their order, last.
     """
-    folded = {a.casefold(): a for a in available}
-    close = [folded[c] for c in get_close_matches(name.casefold(), folded, n=len(folded), cutoff=0.3)]
-    return tuple(close + [a for a in available if a not in close])
+    if not available:
+        return ()
+    # Names that differ by case alone are equally near
+    folded: dict[str, list[str]] = {}
+    for a in available:
+        folded.setdefault(a.casefold(), []).append(a)
+    close = [a for c in get_close_matches(name.casefold(), folded, n=len(folded), cutoff=0.3) for a in folded[c]]
+    return (*close, *(a for a in available if a not in close))

@@ -123,6 +123,9 @@ def _table() -> dict[str, Unit]:
 UNITS = MappingProxyType(_table())
 """Normalised spelling -> unit."""
 
+_SYMBOLS = {"Nm": "N*m", "kNm": "kN*m", "N/m^2": "Pa", "m/s/s": "m/s^2"}
+"""Other symbols for the same; their case counts, because Nm is not nm."""
+
 _SPELLINGS = {
     "": "1",
     "-": "1",
@@ -133,7 +136,6 @@ _SPELLINGS = {
     "degrees": "deg",
     "°c": "degC",
     "degc": "degC",
-    "nm": "N*m",
     "sec": "s",
     "rad/sec": "rad/s",
     "deg/sec": "deg/s",
@@ -155,11 +157,12 @@ def normalise_unit(spelling: str) -> str:
     """
     text = spelling.strip().replace("²", "^2").replace("**", "^").replace("·", "*")
     text = text.replace("µ", "u").replace("μ", "u").replace("(", "").replace(")", "").replace(" ", "")
-    if text.endswith(("/s2", "/cm2", "/mm2")):
+    if text.endswith(("/s2", "/m2", "/cm2", "/mm2")):
         text = f"{text[:-1]}^2"
     if text in UNITS:
         return text
     text = text.replace("°", "deg") if len(text) > 1 and text.casefold() != "°c" else text
+    text = _SYMBOLS.get(text, text)
     return text if text in UNITS else _SPELLINGS.get(text.casefold(), text)
 
 

@@ -128,6 +128,11 @@ class Shot:
     history : tuple of Step
     databases : mapping of str to str
         Text of every file that the rig names (CAN databases), by file name.
+
+    Raises
+    ------
+    ValueError
+        If a channel stands under another name than its own, or a clock is aligned twice.
     """
 
     name: str
@@ -141,6 +146,14 @@ class Shot:
     started: str = ""
     history: tuple[Step, ...] = ()
     databases: Mapping[str, str] | None = None
+
+    def __post_init__(self) -> None:
+        for key, channel in self.channels.items():
+            if key != channel.name:
+                raise ValueError(f"channel {channel.name!r} stands under the name {key!r}")
+        clocks = [alignment.clock for alignment in self.alignments]
+        if len(set(clocks)) < len(clocks):
+            raise ValueError(f"a clock is aligned twice: {', '.join(clocks)}")
 
     def by_role(self, role: str) -> Channel | None:
         """Return the channel of a role, or None."""

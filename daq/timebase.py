@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -49,6 +50,11 @@ class TimeBase:
         The instants of a stamped time base, strictly increasing.
     absolute_start : AbsoluteStart or None
         When the clock's zero was; None if the source does not say.
+
+    Raises
+    ------
+    ValueError
+        If the instants are not finite and strictly increasing in float64, or contradict each other.
     """
 
     clock: str
@@ -61,13 +67,35 @@ class TimeBase:
     def __post_init__(self) -> None:
         if (self.step_s is None) == (self.stamps_s is None):
             raise ValueError("a time base is either uniform (step_s) or stamped (stamps_s)")
-        if self.step_s is not None and not self.step_s > 0:
-            raise ValueError(f"step_s must be positive, not {self.step_s!r}")
+        if self.count < 0:
+            raise ValueError(f"count must not be negative, not {self.count!r}")
+        if not math.isfinite(self.start_s):
+            raise ValueError(f"start_s must be finite, not {self.start_s!r}")
+        if self.step_s is not None:
+            self._check_step(self.step_s)
         if self.stamps_s is not None:
-            if self.stamps_s.shape != (self.count,):
-                raise ValueError(f"stamps_s must have shape ({self.count},), not {self.stamps_s.shape}")
-            if np.any(~(np.diff(self.stamps_s) > 0)):
-                raise ValueError("stamps_s must increase strictly")
+            self._check_stamps(self.stamps_s)
+
+    def _check_step(self, step_s: float) -> None:
+        if not 0 < step_s < math.inf:
+            raise ValueError(f"step_s must be positive and finite, not {step_s!r}")
+        end_s = self.start_s + step_s * max(self.count - 1, 0)
+        if self.count > 1 and not step_s > 2 * math.ulp(max(abs(self.start_s), abs(end_s))):
+            raise ValueError(
+                f"float64 cannot tell instants {step_s!r} s apart at {end_s!r} s; shift start_s towards zero"
+            )
+
+    def _check_stamps(self, stamps_s: NDArray[np.float64]) -> None:
+        if stamps_s.dtype != np.float64:
+            raise ValueError(f"stamps_s must be float64, not {stamps_s.dtype}")
+        if stamps_s.shape != (self.count,):
+            raise ValueError(f"stamps_s must have shape ({self.count},), not {stamps_s.shape}")
+        if not np.all(np.isfinite(stamps_s)):
+            raise ValueError("stamps_s must be finite")
+        if not np.all(np.diff(stamps_s) > 0):
+            raise ValueError("stamps_s must increase strictly")
+        if stamps_s.size and stamps_s[0] != self.start_s:
+            raise ValueError(f"start_s is {self.start_s!r}, but the first of stamps_s is {float(stamps_s[0])!r}")
 
     @classmethod
     def uniform(
@@ -82,7 +110,7 @@ class TimeBase:
     ) -> TimeBase:
         """Make a stamped time base from strictly increasing instants, shape (count,)."""
         stamps = np.ascontiguousarray(stamps_s, dtype=np.float64)
-        start_s = float(stamps[0]) if stamps.size else 0.0
+        start_s = float(stamps.flat[0]) if stamps.size else 0.0
         return cls(clock, start_s, None, int(stamps.size), stamps, absolute_start)
 
     @cached_property
@@ -90,7 +118,7 @@ class TimeBase:
         """All instants, shape (count,), seconds on this clock."""
         if self.stamps_s is not None:
             return self.stamps_s
-        return self.start_s + float(self.step_s or 0.0) * np.arange(self.count)
+        return self.start_s + float(self.step_s or 0.0) * np.arange(self.count, dtype=np.float64)
 
     @property
     def end_s(self) -> float:
@@ -105,6 +133,20 @@ class TimeBase:
         if self.count < 2:
             return float("nan")
         return float(1.0 / np.median(np.diff(self.times_s)))
+
+    def is_identical(self, other: TimeBase) -> bool:
+        """Tell whether two time bases say the same: clock, instants, how they are given, absolute start."""
+        return (
+            (self.clock, self.start_s, self.step_s, self.count, self.absolute_start)
+            == (other.clock, other.start_s, other.step_s, other.count, other.absolute_start)
+        ) and (
+            self.stamps_s is other.stamps_s
+            or (
+                self.stamps_s is not None
+                and other.stamps_s is not None
+                and bool(np.array_equal(self.stamps_s, other.stamps_s))
+            )
+        )
 
     def same_instants(self, other: TimeBase) -> bool:
         """Tell whether two time bases are the same instants on the same clock."""

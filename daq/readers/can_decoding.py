@@ -1,0 +1,186 @@
+"""Signals out of CAN frames, for whole arrays at once.
+
+A signal is a run of bits. Counted from its least significant bit, bit k of a little-endian
+(Intel) signal that starts at bit s lies in byte ``(s + k) // 8``; a big-endian (Motorola) signal runs
+through the bytes the other way. Both are cut into pieces within one byte, so that a signal of 16 bits
+takes two or three array operations. The numbering is that of the DBC format.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+UInt64Array = NDArray[np.uint64]
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A run of a signal's bits within one byte.
+
+    Attributes
+    ----------
+    byte : int
+    shift : int
+        Bits of the byte below the run.
+    count : int
+        Bits of the run.
+    place : int
+        Place of the run's lowest bit in the signal.
+    """
+
+    byte: int
+    shift: int
+    count: int
+    place: int
+
+
+def pieces_of(start: int, length: int, *, little_endian: bool) -> tuple[Piece, ...]:
+    """Cut a signal into pieces within one byte, the least significant first.
+
+    Parameters
+    ----------
+    start : int
+        As in a DBC file: the least significant bit of a little-endian signal, the most significant
+        of a big-endian one; bit b of byte n has number 8 n + b.
+    length : int
+        Bits of the signal.
+    little_endian : bool
+    """
+    if little_endian:
+        places = [start + k for k in range(length)]
+    else:
+        first = 8 * (start // 8) + 7 - start % 8
+        places = [8 * (p // 8) + 7 - p % 8 for p in range(first + length - 1, first - 1, -1)]
+    pieces: list[Piece] = []
+    for k, place in enumerate(places):
+        byte, bit = divmod(place, 8)
+        last = pieces[-1] if pieces else None
+        if last is not None and last.byte == byte and last.shift + last.count == bit:
+            pieces[-1] = Piece(byte, last.shift, last.count + 1, last.place)
+        else:
+            pieces.append(Piece(byte, bit, 1, k))
+    return tuple(pieces)
+
+
+def gather(data: NDArray[np.uint8], pieces: tuple[Piece, ...]) -> UInt64Array:
+    """Put a signal's bits together.
+
+    Parameters
+    ----------
+    data : ndarray of uint8, shape (n_frames, width)
+    pieces : tuple of Piece
+        Within the width.
+
+    Returns
+    -------
+    ndarray of uint64, shape (n_frames,)
+    """
+    value = np.zeros(len(data), dtype=np.uint64)
+    for piece in pieces:
+        bits = (data[:, piece.byte] >> np.uint8(piece.shift)) & np.uint8((1 << piece.count) - 1)
+        value |= bits.astype(np.uint64) << np.uint64(piece.place)
+    return value
+
+
+@dataclass(frozen=True, eq=False)
+class SignalLayout:
+    """Where a signal's bits are and what they mean.
+
+    Attributes
+    ----------
+    name, unit : str
+    pieces : tuple of Piece
+    length : int
+    kind : str
+        ``unsigned``, ``signed`` or ``float``.
+    scale, offset : float
+        ``value = scale * raw + offset``.
+    multiplexer : str
+        Name of the signal that says when this one is in the frame; empty if it always is.
+    multiplexer_ids : tuple of int
+        Its values that say so.
+    """
+
+    name: str
+    unit: str
+    pieces: tuple[Piece, ...]
+    length: int
+    kind: str
+    scale: float
+    offset: float
+    multiplexer: str
+    multiplexer_ids: tuple[int, ...]
+
+    @property
+    def bytes_needed(self) -> int:
+        """Bytes that a frame must have to hold the signal."""
+        return max(piece.byte for piece in self.pieces) + 1
+
+    def raw(self, data: NDArray[np.uint8]) -> NDArray[Any]:
+        """Return the stored numbers of frames that are long enough, shape (n_frames,)."""
+        bits = gather(data, self.pieces)
+        if self.kind == "float":
+            unsigned = {16: np.uint16, 32: np.uint32, 64: np.uint64}[self.length]
+            return bits.astype(unsigned).view({16: np.float16, 32: np.float32, 64: np.float64}[self.length])
+        if self.kind == "signed":
+            unused = np.uint64(64 - self.length)
+            return (bits << unused).view(np.int64) >> unused.astype(np.int64)
+        return bits
+
+    def decode(self, data: NDArray[np.uint8]) -> NDArray[np.float64]:
+        """Return the values of frames that are long enough, shape (n_frames,)."""
+        return self.raw(data).astype(np.float64) * self.scale + self.offset
+
+
+def layout_of(signal: Any) -> SignalLayout | None:
+    """Take a signal's layout from a parsed database.
+
+    Parameters
+    ----------
+    signal : cantools.database.Signal
+
+    Returns
+    -------
+    SignalLayout or None
+        None if it has no layout that is a number: over 64 bits, or a float of another size.
+    """
+    if not 1 <= signal.length <= 64 or (signal.is_float and signal.length not in (16, 32, 64)):
+        return None
+    return SignalLayout(
+        name=signal.name,
+        unit=signal.unit or "",
+        pieces=pieces_of(signal.start, signal.length, little_endian=signal.byte_order == "little_endian"),
+        length=signal.length,
+        kind="float" if signal.is_float else "signed" if signal.is_signed else "unsigned",
+        scale=float(signal.scale),
+        offset=float(signal.offset),
+        multiplexer=signal.multiplexer_signal or "",
+        multiplexer_ids=tuple(signal.multiplexer_ids or ()),
+    )
+
+
+def present(
+    layout: SignalLayout, layouts: dict[str, SignalLayout], data: NDArray[np.uint8], length: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Tell which frames hold a signal, by its multiplexer and the multiplexer's own, shape (n_frames,).
+
+    Parameters
+    ----------
+    layout : SignalLayout
+    layouts : dict of str to SignalLayout
+        All signals of the message.
+    data : ndarray of uint8, shape (n_frames, width)
+    length : ndarray of int64, shape (n_frames,)
+    """
+    everywhere = np.ones(len(data), dtype=bool)
+    if not layout.multiplexer or layout.multiplexer not in layouts:
+        return everywhere
+    multiplexer = layouts[layout.multiplexer]
+    if multiplexer.bytes_needed > data.shape[1]:
+        return ~everywhere
+    chosen = np.isin(multiplexer.raw(data), layout.multiplexer_ids) & (length >= multiplexer.bytes_needed)
+    return chosen & present(multiplexer, layouts, data, length)

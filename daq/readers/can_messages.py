@@ -1,0 +1,119 @@
+"""The messages of a CAN database, and the frames of a log that carry them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from daq.errors import ReadError
+from daq.readers.can_decoding import SignalLayout, layout_of
+from daq.readers.can_frames import EXTENDED, CanFrames
+
+
+@dataclass(frozen=True, eq=False)
+class Messages:
+    """One message's frames in a log.
+
+    Attributes
+    ----------
+    name : str
+    layouts : dict of str to SignalLayout
+    time_s : ndarray of float64, shape (n_frames,)
+        Strictly increasing.
+    length : ndarray of int64, shape (n_frames,)
+    data : ndarray of uint8, shape (n_frames, width)
+    """
+
+    name: str
+    layouts: dict[str, SignalLayout]
+    time_s: NDArray[np.float64]
+    length: NDArray[np.int64]
+    data: NDArray[np.uint8]
+
+
+def load_database(text: str, path: Path) -> Any:
+    """Parse the text of a DBC database, strictly.
+
+    Parameters
+    ----------
+    text : str
+    path : Path
+        The log that needs it, for messages.
+
+    Returns
+    -------
+    cantools.database.can.Database
+
+    Raises
+    ------
+    ReadError
+        With what cantools found wrong.
+    """
+    try:
+        return _parse_database(text)
+    except Exception as error:
+        first = str(error).strip().splitlines()
+        raise ReadError(
+            f"the CAN database cannot be read: {first[0][:200] if first else type(error).__name__}", path=path,
+            expected="the text of a DBC file", remedy="correct the database that the rig file names",
+        ) from error  # fmt: skip
+
+
+@lru_cache(maxsize=4)
+def _parse_database(text: str) -> Any:
+    """Parse once per text: a campaign reads hundreds of logs with one database."""
+    import cantools
+
+    return cantools.database.load_string(text, "dbc", strict=True)
+
+
+def messages_of(message: Any, frames: CanFrames, chosen: NDArray[np.intp], notes: list[str]) -> Messages:
+    """Take one message's frames; those whose stamp does not increase are left out and counted.
+
+    Parameters
+    ----------
+    message : cantools.database.can.Message
+    frames : CanFrames
+    chosen : ndarray of int, shape (n_frames,)
+        Which frames are of that message.
+    notes : list of str
+        What is to be said of them is added.
+    """
+    time_s = frames.time_s[chosen]
+    newest = np.maximum.accumulate(np.r_[-np.inf, time_s[:-1]])
+    increasing = time_s > newest
+    if not increasing.all():
+        left_out = int((~increasing).sum())
+        notes.append(f"{message.name}: {left_out} of {chosen.size} frames do not increase in time and were left out")
+    if np.unique(frames.channel[chosen]).size > 1:
+        notes.append(
+            f"{message.name}: frames of channels {', '.join(map(str, np.unique(frames.channel[chosen])))} were merged"
+        )
+    kept = chosen[increasing]
+    layouts = {}
+    for signal in message.signals:
+        layout = layout_of(signal)
+        if layout is None:
+            notes.append(f"{message.name}.{signal.name}: {signal.length} bits are not decoded")
+        else:
+            layouts[signal.name] = layout
+    width = max([layout.bytes_needed for layout in layouts.values()], default=8)
+    data = frames.data[kept]
+    if data.shape[1] < width:
+        data = np.pad(data, ((0, 0), (0, width - data.shape[1])))
+    return Messages(message.name, layouts, frames.time_s[kept], frames.length[kept], data)
+
+
+def unknown_identifiers(keys: NDArray[np.uint32], known: set[int]) -> dict[str, int]:
+    """Count the frames per identifier that a database does not know."""
+    found, counts = np.unique(keys, return_counts=True)
+    return {
+        f"{int(k) & ~EXTENDED:#x}{' (29 bit)' if int(k) & EXTENDED else ''}": int(n)
+        for k, n in zip(found, counts, strict=True)
+        if int(k) not in known
+    }

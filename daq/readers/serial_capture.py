@@ -1,0 +1,238 @@
+"""Captures of serial ports, taken apart by the framing that the rig declares.
+
+The capture holds every byte and the host's time of each read (`daq.frames.capture_file`). Samples are
+dated by the device's own clock where its frames carry one, counted from the first frame; else by
+the host's reads, dated back; else by a declared rate. Device clocks have been seen to step while the
+packet counter ran on, so the counter says what is missing, and the clock never sorts anything.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from daq.channel import RawCounts
+from daq.errors import CorruptFileError, FramingError, MissingChannelError, ReadError
+from daq.frames.capture_file import MAGIC, Capture, parse_capture
+from daq.frames.declaration import framing_from_table
+from daq.frames.framing import Framing
+from daq.frames.scan import FrameSet, find_frames
+from daq.frames.values import FieldSeries, decode_fields, gaps, unwrap
+from daq.readers.reader import Declarations, SignalHeader
+from daq.readers.serial_time import back_dated, fit_host, increasing
+from daq.timebase import AbsoluteStart, TimeBase
+from daq.track import Track
+
+
+class SerialCaptureReader:
+    """Reader of captures of serial ports, and of plain files of what a port delivered."""
+
+    name = "serial capture"
+    kind = "serial"
+    suffixes = (".rdsc", ".bin")
+
+    def claims(self, head: bytes) -> bool:
+        """Tell whether the file begins with a capture's first line."""
+        return head.startswith(MAGIC)
+
+    def open(self, path: Path, declared: Declarations) -> SerialRecording:
+        """Open a capture, or a plain file of bytes without host times.
+
+        Raises
+        ------
+        ReadError
+            If no framing is declared or it is faulty, or nothing dates the frames.
+        CorruptFileError
+            If not one frame is found.
+        """
+        if declared.framing is None:
+            raise ReadError(
+                "a serial capture holds no signals without its framing",
+                path=path,
+                remedy="declare `framing = { ... }` of this source",
+            )
+        try:
+            framing = framing_from_table(declared.framing)
+        except FramingError as error:
+            raise ReadError(
+                f"the declared framing is faulty: {error}", path=path, remedy="correct `framing` in the rig file"
+            ) from error
+        try:
+            capture = parse_capture(path.read_bytes())
+        except OSError as error:
+            raise ReadError(f"cannot be read: {error.strerror}", path=path) from error
+        return SerialRecording(path, capture, framing, declared.clock)
+
+
+class SerialRecording:
+    """One opened capture.
+
+    Parameters
+    ----------
+    path : Path
+    capture : Capture
+    framing : Framing
+    clock : str
+    """
+
+    reader = SerialCaptureReader.name
+
+    def __init__(self, path: Path, capture: Capture, framing: Framing, clock: str) -> None:
+        self.path = path
+        self._clock = clock
+        frames = find_frames(framing, capture.stream)
+        counters = frames.counters.as_dict()
+        if not frames.begins.size:
+            raise CorruptFileError(
+                "not one frame fits the declared framing",
+                path=path,
+                found=str(counters),
+                remedy="compare `framing` with the device's manual",
+            )
+        series = decode_fields(framing, frames)
+        notes = _losses(capture, counters)
+        self.metadata: dict[str, Any] = {**counters, "bytes": len(capture.stream), "reads": int(capture.host_ns.size)}
+        self._count_gaps(framing, series, notes)
+        times_s = self._instants(framing, capture, frames, series, notes)
+        self.absolute_start = _host_start(capture) if framing.device_time is None and capture.host_ns.size else None
+        self._series: dict[str, tuple[FieldSeries, NDArray[np.bool_]]] = {}
+        headers = []
+        for name, found in series.items():
+            kept = increasing(times_s[found.frames])
+            if not kept.any():
+                notes.append(f"{name}: no frame that holds it has an instant: not a signal")
+                continue
+            if not kept.all():
+                notes.append(
+                    f"{name}: {int((~kept).sum())} of {kept.size} samples do not increase in time and were left out"
+                )
+            self._series[name] = found, kept
+            headers.append(SignalHeader(name, found.field.unit, int(kept.sum())))
+        if not headers:
+            raise CorruptFileError(
+                "no frame holds a declared field",
+                path=path,
+                found=str(counters),
+                remedy="compare `framing` with the device's manual",
+            )
+        self._times_s = times_s
+        self.signals = tuple(headers)
+        self.notes = tuple(notes)
+
+    def _count_gaps(self, framing: Framing, series: dict[str, FieldSeries], notes: list[str]) -> None:
+        if framing.counter is None:
+            notes.append("the framing declares no packet counter: missing frames cannot be seen")
+            return
+        places, missing = gaps(series[framing.counter.field].raw.astype(np.int64), framing.counter.modulo)
+        self.metadata |= {"counter_gaps": places, "missing_frames": missing}
+        if places:
+            notes.append(f"the packet counter has {places} gaps: {missing} frames are missing")
+
+    def _instants(
+        self, framing: Framing, capture: Capture, frames: FrameSet, series: dict[str, FieldSeries], notes: list[str]
+    ) -> NDArray[np.float64]:
+        """Instant of every frame in seconds, NaN where it has none."""
+        if framing.device_time is not None:
+            return self._device_instants(framing, capture, frames, series, notes)
+        if capture.host_ns.size and framing.baudrate:
+            notes.append("samples are dated by the host's reads: their instants are uncertain by its delay")
+            return back_dated(capture.host_ns, capture.ends, frames.ends, framing.baudrate)
+        if framing.rate_hz:
+            return self._counted_instants(framing, frames, series, notes)
+        raise ReadError(
+            "nothing dates the frames",
+            path=self.path,
+            expected="a device clock, host times with a baud rate, or a rate",
+            remedy="declare `device_time`, `baudrate` or `rate_hz` in `framing`",
+        )
+
+    def _device_instants(
+        self, framing: Framing, capture: Capture, frames: FrameSet, series: dict[str, FieldSeries], notes: list[str]
+    ) -> NDArray[np.float64]:
+        clock = framing.device_time
+        times_s = np.full(frames.begins.size, np.nan)
+        if clock is None or not series[clock.field].raw.size:
+            raise CorruptFileError(
+                "no frame holds the device's time",
+                path=self.path,
+                remedy="compare `device_time` in `framing` with the device's manual",
+            )
+        ticks = series[clock.field]
+        times_s[ticks.frames] = unwrap(ticks.raw, clock.modulo) * clock.tick_s
+        self.metadata["device_time_of_first_frame_s"] = float(ticks.raw[0]) * clock.tick_s
+        backwards = int((np.diff(times_s[ticks.frames]) <= 0).sum())
+        if backwards:
+            notes.append(f"the device's clock stood still or stepped back {backwards} times")
+        if capture.host_ns.size:
+            fit = fit_host(times_s, back_dated(capture.host_ns, capture.ends, frames.ends, framing.baudrate or np.inf))
+            self.metadata["host_fit"] = None if fit is None else asdict(fit)
+            start = _host_start(capture)
+            self.metadata["host_start"] = None if start is None else start.text + "Z"
+        return times_s
+
+    def _counted_instants(
+        self, framing: Framing, frames: FrameSet, series: dict[str, FieldSeries], notes: list[str]
+    ) -> NDArray[np.float64]:
+        """Date frames by their packet counter, or their number where they have none, at the declared rate."""
+        notes.append(f"samples are dated by the declared rate of {framing.rate_hz:g} Hz")
+        if framing.counter is None:
+            return np.arange(frames.begins.size) / framing.rate_hz
+        counts = series[framing.counter.field]
+        times_s = np.full(frames.begins.size, np.nan)
+        times_s[counts.frames] = unwrap(counts.raw.astype(np.int64), framing.counter.modulo) / framing.rate_hz
+        return times_s
+
+    def _find(self, name: str) -> tuple[FieldSeries, NDArray[np.bool_]]:
+        try:
+            return self._series[name]
+        except KeyError:
+            raise MissingChannelError(name, tuple(self._series), path=self.path) from None
+
+    def read(self, name: str, start: int = 0, stop: int | None = None) -> NDArray[np.float64]:
+        """Read samples of one field in its declared unit, lost ones NaN, shape (stop - start,)."""
+        series, kept = self._find(name)
+        values = series.values[kept][start:stop]
+        values[~np.isfinite(values)] = np.nan
+        return values
+
+    def raw(self, name: str) -> RawCounts | None:
+        """Return the stored integers; None for a field that is a float or text."""
+        series, kept = self._find(name)
+        if series.raw.dtype.kind != "i":
+            return None
+        return RawCounts(series.raw[kept], series.field.scale, series.field.offset, series.field.unit)
+
+    def time_base(self, name: str) -> TimeBase:
+        """Return the instants of the frames that hold the field."""
+        series, kept = self._find(name)
+        return TimeBase.stamped(self._clock, self._times_s[series.frames[kept]], self.absolute_start)
+
+    def tracks(self) -> tuple[Track, ...]:
+        """Return nothing: this is no camera."""
+        return ()
+
+
+def _losses(capture: Capture, counters: dict[str, int]) -> list[str]:
+    """Say what of the stream became no sample."""
+    notes = ["the file ends inside a record: it may have been cut"] if capture.cut else []
+    if counters["bad_checksum"]:
+        notes.append(f"{counters['bad_checksum']} places looked like a frame and had a wrong checksum")
+    if counters["bad_length"]:
+        notes.append(f"{counters['bad_length']} places looked like a frame and had a wrong length or no numbers")
+    if counters["skipped_bytes"]:
+        notes.append(f"{counters['skipped_bytes']} of {len(capture.stream)} bytes belong to no good frame")
+    return notes
+
+
+def _host_start(capture: Capture) -> AbsoluteStart | None:
+    """Host time of the first read; None if it is beyond the calendar."""
+    try:
+        instant = dt.datetime(1970, 1, 1) + dt.timedelta(microseconds=int(capture.host_ns[0]) // 1000)
+    except OverflowError:
+        return None
+    return AbsoluteStart(instant.isoformat(timespec="microseconds"), "UTC", "host's clock at the first read")

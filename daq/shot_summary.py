@@ -1,0 +1,79 @@
+"""What is in a shot file, told from its headers and small tables alone."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from daq.channel_layout import signals_of, time_groups
+from daq.shot_layout import ENTRY_NAMES, SCHEMA, read_alignments, read_inputs, read_quality
+from daq.shot_table import read_text
+
+
+def summarise_layout(file: Any) -> dict[str, Any]:
+    """Say what is in an open shot file in JSON types; only headers and small tables are read.
+
+    Raises
+    ------
+    KeyError, ValueError, TypeError, OSError
+        As `read_layout`.
+    """
+    entry = file["entry"]
+    channels = [
+        (int(signal.attrs["order"]), _channel_summary(signal.attrs, group["time"].attrs, int(signal.shape[0])))
+        for _, group in time_groups(entry, ENTRY_NAMES)
+        for _, signal in signals_of(group)
+    ]
+    quality = read_quality(entry)
+    failed = [check for check in quality if check.verdict == "fail"]
+    return {
+        "schema": SCHEMA,
+        "shot": read_text(entry, "entry_identifier"),
+        "rig": read_text(entry["rig"], "name"),
+        "reference_clock": read_text(entry["rig"], "reference_clock"),
+        "started": read_text(entry, "start_time") if "start_time" in entry else None,
+        "usable": not failed,
+        "reasons": [f"{check.channel}: {check.detail}" for check in failed],
+        "channels": [row for _, row in sorted(channels, key=lambda placed: placed[0])],
+        "alignments": [
+            {
+                "clock": a.clock,
+                "offset_s": _json_number(a.offset_s),
+                "u_offset_s": _json_number(a.u_offset_s),
+                "drift": _json_number(a.drift),
+                "u_drift": _json_number(a.u_drift),
+                "status": a.status,
+                "method": a.method,
+                "reasons": list(a.reasons),
+            }
+            for a in read_alignments(entry)
+        ],
+        "quality": [
+            {"channel": c.channel, "check": c.check, "verdict": c.verdict, "detail": c.detail} for c in quality
+        ],
+        "inputs": [
+            {"file": i.name, "sha256": i.sha256, "size": i.size, "source": i.source, "reader": i.reader}
+            for i in read_inputs(entry)
+        ],
+    }
+
+
+def _channel_summary(signal: Any, time: Any, count: int) -> dict[str, Any]:
+    return {
+        "name": str(signal["channel"]),
+        "quantity": str(signal["quantity"]),
+        "unit": str(signal["units"]),
+        "role": str(signal["role"]),
+        "clock": str(signal["clock"]),
+        "signal": str(signal["source_signal"]),
+        "count": count,
+        "lost": int(signal["lost"]),
+        "rate_hz": _json_number(time["rate_hz"]),
+        "start_s": _json_number(time["start_s"]),
+        "end_s": _json_number(time["end_s"]),
+        "u_rel": _json_number(signal["u_rel"]),
+    }
+
+
+def _json_number(value: Any) -> float | None:
+    return float(value) if math.isfinite(value) else None

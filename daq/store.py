@@ -1,0 +1,204 @@
+"""The shot file: one firing in one HDF5 file, written whole or not at all.
+
+Where each value stands in the file is described in `daq.shot_layout`. A shot file is made in
+memory, written under a temporary name beside its own, forced to the disk, read back, compared with
+the shot bit for bit, and only then renamed. A reader never meets half a file under the final name.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from daq.errors import StoreError
+from daq.shot import Shot
+from daq.shot_difference import first_difference
+from daq.shot_layout import SCHEMA, read_layout, write_layout
+from daq.shot_summary import summarise_layout
+
+HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+"""First bytes of an HDF5 file (HDF5 File Format Specification, superblock)."""
+
+
+def write_shot(shot: Shot, path: Path, *, overwrite: bool = False) -> None:
+    """Write a shot file; it bears its final name only when it is complete and verified.
+
+    Parameters
+    ----------
+    shot : Shot
+    path : Path
+        The file; folders that are missing on the way are made.
+    overwrite : bool
+        Whether a file of that name may be replaced.
+
+    Raises
+    ------
+    StoreError
+        If the file exists and may not be replaced, cannot be written, or does not read back as
+        it was written. Nothing of it is left then.
+    TypeError
+        If a history parameter or an alignment detail is not of a JSON type.
+    """
+    path = Path(path)
+    if not overwrite and os.path.lexists(path):
+        raise _exists(path)
+    if path.is_dir():
+        raise StoreError("this is a folder", path=path, expected="the name of a shot file")
+    image = _image(shot, path)
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.partial")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _write_durably(image, temporary)
+        _verify(shot, temporary, path)
+        if overwrite:
+            temporary.replace(path)
+        else:
+            _rename_to_new(temporary, path)
+    except OSError as error:
+        raise StoreError(
+            f"cannot be written: {error.strerror or error}",
+            path=path,
+            remedy="choose another folder with --out, or make room and give permission there",
+        ) from error
+    finally:
+        # After a rename there is nothing left to remove; a disk that refuses this too has been reported
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
+    _sync_folder(path.parent)
+
+
+def read_shot(path: Path) -> Shot:
+    """Read a shot file: the exact shot that was written.
+
+    Raises
+    ------
+    StoreError
+        If there is no such file, or it is not a complete and undamaged shot file.
+    """
+    with _opened(Path(path)) as file:
+        return read_layout(file)
+
+
+def shot_summary(path: Path) -> dict[str, Any]:
+    """Say what is in a shot file, without reading its samples.
+
+    Returns
+    -------
+    dict
+        JSON types only: ``shot``, ``rig``, ``started`` (None if unknown), ``reference_clock``, ``usable``,
+        ``reasons``, and lists of ``channels`` (name, quantity, unit, role, clock, signal, count, lost,
+        rate_hz, start_s, end_s, u_rel), ``alignments``, ``quality`` and ``inputs``. A number that is
+        not finite is None.
+
+    Raises
+    ------
+    StoreError
+        As `read_shot`.
+    """
+    with _opened(Path(path)) as file:
+        return summarise_layout(file)
+
+
+def _image(shot: Shot, path: Path) -> bytes:
+    """Make the whole file in memory, so that a full disk is an error of one plain write."""
+    import h5py
+
+    try:
+        # The name goes nowhere: the core driver without a backing store keeps the file in memory
+        with h5py.File("shot", "w", driver="core", backing_store=False) as file:
+            write_layout(file, shot)
+            file.flush()
+            image: bytes = file.id.get_file_image()
+    except (ValueError, UnicodeError) as error:
+        raise StoreError(f"holds a value that HDF5 cannot store: {error}", path=path) from error
+    return image
+
+
+def _write_durably(image: bytes, path: Path) -> None:
+    with path.open("xb") as stream:
+        stream.write(image)
+        stream.flush()
+        os.fsync(stream.fileno())
+
+
+def _verify(shot: Shot, temporary: Path, path: Path) -> None:
+    remedy = "nothing was kept; check the disk and write it again"
+    try:
+        difference = first_difference(shot, read_shot(temporary))
+    except StoreError as error:
+        raise StoreError(f"does not read back: {error.problem}", path=path, remedy=remedy) from error
+    if difference is not None:
+        raise StoreError(f"does not read back as it was written: {difference}", path=path, remedy=remedy)
+
+
+def _rename_to_new(temporary: Path, path: Path) -> None:
+    """Give the file its final name unless something bears it by now."""
+    try:
+        if os.name == "nt":
+            temporary.rename(path)  # Windows refuses if the name is taken
+            return
+        try:
+            path.hardlink_to(temporary)
+        except FileExistsError:
+            raise
+        except OSError:
+            # A file system without hard links: reserve the name first, then take it
+            path.touch(exist_ok=False)
+            try:
+                temporary.replace(path)
+            except OSError:
+                path.unlink()
+                raise
+    except FileExistsError as error:
+        raise _exists(path) from error
+
+
+def _sync_folder(folder: Path) -> None:
+    """Force the rename to the disk; Windows has no such call, and network file systems may refuse it."""
+    if os.name == "nt":
+        return
+    with contextlib.suppress(OSError):
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+
+def _exists(path: Path) -> StoreError:
+    return StoreError("exists already", path=path, remedy="choose another name, or replace it with --overwrite")
+
+
+@contextlib.contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """Open a file that claims to be a shot file; map everything that its content can cause to `StoreError`."""
+    expected = f"a shot file, {SCHEMA}"
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(len(HDF5_SIGNATURE))
+    except OSError as error:
+        raise StoreError(f"cannot be read: {error.strerror}", path=path, expected=expected) from error
+    if head != HDF5_SIGNATURE:
+        found = "an empty file" if not head else f"a file that begins with {head!r}"
+        raise StoreError("this is not an HDF5 file", path=path, expected=expected, found=found)
+
+    import h5py
+
+    try:
+        # A shot file never changes once it has its name, so no lock is needed, and some network drives have none
+        with h5py.File(path, "r", locking=False) as file:
+            schema = file.attrs.get("schema")
+            if schema != SCHEMA:
+                found = "HDF5 of something else" if schema is None else f"schema {schema!r}"
+                raise StoreError("this is not a shot file of this version", path=path, expected=expected, found=found)
+            if file.attrs.get("complete") != 1:
+                raise StoreError("this shot file was never completed", path=path, remedy="ingest the shot again")
+            yield file
+    except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
+        reason = " ".join(str(error).split())
+        remedy = "restore it from a copy, or ingest the shot again"
+        raise StoreError(f"is damaged: {reason}", path=path, expected=expected, remedy=remedy) from error

@@ -1,0 +1,1 @@
+"""From aligned recordings to a mass: regression, limited memory, uncertainty, report."""

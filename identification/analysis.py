@@ -1,0 +1,332 @@
+"""One shot from aligned channels to a mass: the order of the steps, and what makes the result valid."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from daq.channel import Channel
+from daq.errors import IdentificationError
+from daq.shot import ClockAlignment, Shot
+from identification.calibration import Calibration, CameraScale, calibrated_mass
+from identification.kinematics import (
+    inertial_acceleration,
+    kinematic_acceleration,
+    travel_acceleration,
+    travel_and_velocity,
+    turning,
+)
+from identification.mass import RANDOM, MassEstimate, ScaleUncertainty, forward_mass, reverse_mass
+from identification.regression import Regression, build_regression
+from identification.rpe import relative_percentage_error, rpe_interval
+from identification.signals import Signals, collect_signals, static_value
+from identification.trace import LARGEST_RELATIVE_U, MassTrace, mass_trace
+from identification.uncertainty import further_contributions
+from processing.filters import LowPass
+from rigs.rig import Rig
+
+Array = NDArray[np.float64]
+Method = Literal["calibrated", "reverse", "forward", "paper"]
+METHODS: tuple[Method, ...] = ("calibrated", "reverse", "forward", "paper")
+
+DEFAULT_CUTOFF_HZ = 300.0
+"""Stress waves of gun-size mechanisms ring above 900 Hz, the recoil pulse has little above 300 Hz."""
+KINEMATIC_CUTOFF_HZ = 100.0
+"""Frame noise of 0.05 mm at 6000 frames/s is 25 m/s^2 of acceleration below 300 Hz, 1.6 m/s^2 below 100 Hz."""
+DEFAULT_WINDOW_S = 0.02
+LEAST_SHARE = 0.5
+"""Below this share of identified samples the trace does not describe the shot."""
+LARGEST_DEPARTURE = 3.5
+"""Standard uncertainties by which a sensor may have to be off before the calibrations are doubted."""
+LARGEST_ROUTE_GAP = 3.0
+"""Combined standard uncertainties by which the two routes to the acceleration may differ."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the user may choose.
+
+    Attributes
+    ----------
+    method : str
+        One of `METHODS`; it gives the mass and the trace of the report. All are computed.
+    cutoff_hz : float or None
+        -3 dB point of the zero-phase low-pass of both sides; None for the default.
+    window_s : float
+        Memory of the trace.
+    """
+
+    method: Method = "calibrated"
+    cutoff_hz: float | None = None
+    window_s: float = DEFAULT_WINDOW_S
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """One method's mass, trace and RPE.
+
+    Attributes
+    ----------
+    estimate : MassEstimate
+    trace : MassTrace
+    rpe_percent : float
+    rpe_interval_percent : tuple of float
+        95 %.
+    """
+
+    estimate: MassEstimate
+    trace: MassTrace
+    rpe_percent: float
+    rpe_interval_percent: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """Everything that was found out about one shot.
+
+    Attributes
+    ----------
+    options : Options
+    specification_kg, u_specification_kg : float
+    results : mapping of str to Result
+        By method, the inertial route; ``kinematic`` is the reverse estimate by the camera's route.
+    calibration : Calibration
+    signals : Signals
+    recorded, filtered : Regression
+        Both sides of the equation of motion as recorded, and behind the low-pass.
+    kinematic : Regression or None
+        With a' by the camera.
+    travel_m, velocity_m_s : ndarray, shape (n,)
+    alignments : mapping of str to ClockAlignment
+    reasons : tuple of str
+        Why the result is not valid; empty if it is.
+    notes : tuple of str
+        What a reader should know although it does not make the result invalid.
+    """
+
+    options: Options
+    specification_kg: float
+    u_specification_kg: float
+    results: Mapping[str, Result]
+    calibration: Calibration
+    signals: Signals
+    recorded: Regression
+    filtered: Regression
+    kinematic: Regression | None
+    travel_m: Array
+    velocity_m_s: Array
+    alignments: Mapping[str, ClockAlignment]
+    reasons: tuple[str, ...]
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def chosen(self) -> Result:
+        """The result of the method that was asked for."""
+        return self.results[self.options.method]
+
+    @property
+    def valid(self) -> bool:
+        """Whether nothing speaks against the result."""
+        return not self.reasons
+
+    @property
+    def normalised_error(self) -> float:
+        """``E_n = (m - m_spec) / sqrt(U^2 + U_spec^2)`` (ISO/IEC 17043, annex B), with k = 2 throughout."""
+        estimate = self.chosen.estimate
+        return (estimate.mass_kg - self.specification_kg) / (2 * math.hypot(estimate.u_kg, self.u_specification_kg))
+
+
+def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
+    """Identify the recoiling mass of one shot.
+
+    Raises
+    ------
+    IdentificationError
+        If no number can be given at all; a doubtful number is a result with reasons.
+    """
+    alignments = {a.clock: a for a in shot.alignments}
+    if shot.by_role("recoil_acceleration") is None:
+        raise IdentificationError(
+            "no channel of role recoil_acceleration",
+            found=", ".join(c.role for c in shot.channels.values() if c.role) or "no roles",
+            remedy="declare its role in the rig file",
+        )
+    signals = collect_signals(shot, rig, alignments)
+    if "recoil_acceleration" not in signals.series:
+        raise IdentificationError("the recoiling part's accelerometer is on a clock that could not be aligned")
+    motion = turning(signals, rig)
+    camera = shot.by_role("recoil_displacement")
+    camera_clock = None if camera is None else alignments.get(camera.time_base.clock)
+    travel, velocity = travel_and_velocity(signals, travel_acceleration(signals, rig, motion), camera_clock)
+    static = static_value("recoil_acceleration", rig.mechanism) or 0.0
+    recorded = build_regression(
+        signals, rig.mechanism, inertial_acceleration(signals, rig, motion), velocity, static
+    )
+    low_pass = LowPass(_cutoff(options, shot, alignments))
+    filtered = recorded.filtered(low_pass)
+    scales = scale_uncertainty(rig)
+    offset = signals.offsets["recoil_acceleration"]
+    calibration = calibrated_mass(filtered, scales, offset.u, camera_scale(camera, camera_clock))
+    further = further_contributions(recorded, filtered, calibration, signals, shot, rig)
+    estimates = {
+        "calibrated": calibration.estimate,
+        "reverse": reverse_mass(filtered, scales),
+        "forward": forward_mass(filtered, scales),
+        "paper": replace(forward_mass(recorded, scales), method="paper"),
+    }
+    estimates = {k: replace(e, budget=(*e.budget, *further)) for k, e in estimates.items()}
+    results = {
+        name: _result(estimate, filtered if name != "paper" else recorded, calibration, options, rig)
+        for name, estimate in estimates.items()
+    }
+    kinematic = None
+    if camera is not None and camera_clock is not None and camera_clock.status != "failed":
+        # a displacement differentiated twice needs a lower cut-off; its forces pass the same filter
+        slow = LowPass(min(low_pass.cutoff_hz, KINEMATIC_CUTOFF_HZ), low_pass.half_order)
+        acceleration, trusted = kinematic_acceleration(signals, rig, motion, camera, camera_clock, slow)
+        kinematic = recorded.filtered(slow).with_acceleration(acceleration, trusted)
+        camera_scales = replace(scales, acceleration=camera.u_rel)
+        estimate = replace(reverse_mass(kinematic, camera_scales), method="kinematic")
+        estimate = replace(estimate, budget=(*estimate.budget, *further))
+        results["kinematic"] = _result(estimate, kinematic, calibration, options, rig)
+    return Identification(
+        options=options,
+        specification_kg=rig.mechanism.m3,
+        u_specification_kg=rig.mechanism.u.get("m3", 0.0),
+        results=results,
+        calibration=calibration,
+        signals=signals,
+        recorded=recorded,
+        filtered=filtered,
+        kinematic=kinematic,
+        travel_m=travel,
+        velocity_m_s=velocity,
+        alignments=alignments,
+        reasons=_reasons(shot, results, calibration, alignments, options),
+        notes=_notes(signals, results),
+    )
+
+
+def scale_uncertainty(rig: Rig) -> ScaleUncertainty:
+    """Relative standard uncertainties of the sensors' scales, areas included, from the rig."""
+    m = rig.mechanism
+
+    def gauge(role: str, area: str) -> float:
+        spec = rig.by_role(role)
+        return math.hypot(spec.sensor.u_rel if spec else 0.0, m.u.get(area, 0.0) / getattr(m, area))
+
+    accelerometer = rig.by_role("recoil_acceleration")
+    friction = m.u.get("friction", 0.0) / m.friction if m.friction else 0.0
+    return ScaleUncertainty(
+        accelerometer.sensor.u_rel if accelerometer else 0.0,
+        (
+            gauge("breech_pressure", "bore_area"),
+            gauge("brake_pressure", "brake_area"),
+            gauge("recuperator_pressure", "recuperator_area"),
+            friction,
+        ),
+    )
+
+
+def camera_scale(camera: Channel | None, alignment: ClockAlignment | None) -> CameraScale | None:
+    """What the camera says of the accelerometer; None unless it was aligned by motion without doubt."""
+    if camera is None or alignment is None or alignment.status != "ok" or not alignment.details:
+        return None
+    d = alignment.details
+    if "u_bias_m_s2" not in d:
+        return None
+    bias = float(d["integration_constants"][2])
+    return CameraScale(d["gain"], d["u_gain"], bias, d["u_bias_m_s2"], d["gain_bias_correlation"], camera.u_rel)
+
+
+def _cutoff(options: Options, shot: Shot, alignments: Mapping[str, ClockAlignment]) -> float:
+    """The cut-off asked for, or the default, lowered where a slowly sampled force could not follow it."""
+    if options.cutoff_hz is not None:
+        return options.cutoff_hz
+    rates = [
+        c.time_base.rate_hz
+        for c in shot.channels.values()
+        if c.role in ("recoil_acceleration", "breech_pressure", "brake_pressure", "recuperator_pressure")
+    ]
+    return min([DEFAULT_CUTOFF_HZ, *(0.2 * rate for rate in rates if math.isfinite(rate))])
+
+
+def _result(
+    estimate: MassEstimate, regression: Regression, calibration: Calibration, options: Options, rig: Rig
+) -> Result:
+    if estimate.method == "calibrated":
+        acceleration, force = calibration.correct(regression)
+    else:
+        acceleration, force = regression.acceleration_m_s2, regression.force_n
+    systematic = math.hypot(*(r.u_kg for r in estimate.budget if r.source != RANDOM)) / estimate.mass_kg
+    direction: Literal["reverse", "forward"] = "forward" if estimate.method in ("forward", "paper") else "reverse"
+    guard = math.inf if estimate.method == "paper" else LARGEST_RELATIVE_U
+    trace = mass_trace(
+        regression,
+        acceleration,
+        force,
+        options.window_s,
+        direction=direction,
+        systematic_rel=systematic,
+        largest_relative_u=guard,
+    )
+    m = rig.mechanism
+    return Result(
+        estimate,
+        trace,
+        relative_percentage_error(trace.mass_kg, m.m3),
+        rpe_interval(trace.mass_kg, m.m3, systematic, m.u.get("m3", 0.0)),
+    )
+
+
+def _reasons(
+    shot: Shot,
+    results: Mapping[str, Result],
+    calibration: Calibration,
+    alignments: Mapping[str, ClockAlignment],
+    options: Options,
+) -> tuple[str, ...]:
+    reasons = [f"quality: {reason}" for reason in shot.reasons]
+    for a in alignments.values():
+        if a.status != "ok":
+            reasons.append(f"clock {a.clock}: alignment {a.status}: {'; '.join(a.reasons)}")
+    share = results[options.method].trace.share
+    if share < LEAST_SHARE:
+        reasons.append(f"only {100 * share:.0f} % of the interval could be identified (limit {100 * LEAST_SHARE:.0f} %)")
+    for name, departure in calibration.departures.items():
+        if abs(departure) > LARGEST_DEPARTURE:
+            reasons.append(
+                f"{name} would have to be off by {departure:+.1f} standard uncertainties to agree with the others"
+            )
+    if "kinematic" in results:
+        inertial, camera = results["reverse"].estimate, results["kinematic"].estimate
+        # both routes share the forces, so only what they do not share counts
+        apart = abs(inertial.mass_kg - camera.mass_kg)
+        own = math.hypot(*(r.u_kg for e in (inertial, camera) for r in e.budget if _not_shared(r.source)))
+        if apart > LARGEST_ROUTE_GAP * own:
+            reasons.append(
+                f"the accelerometer gives {inertial.mass_kg:.1f} kg and the camera {camera.mass_kg:.1f} kg, "
+                f"{apart / own:.1f} standard uncertainties apart"
+            )
+    return tuple(reasons)
+
+
+def _not_shared(source: str) -> bool:
+    return source == RANDOM or source.startswith("recoil_acceleration")
+
+
+def _notes(signals: Signals, results: Mapping[str, Result]) -> tuple[str, ...]:
+    notes = []
+    if signals.quiet_s[0] == signals.quiet_s[1]:
+        notes.append("no silence before the shot: offsets of the sensors are not known")
+    for role in ("carriage_acceleration_x", "carriage_acceleration_y", "carriage_rate", "tipping_rate"):
+        if role not in signals.series:
+            notes.append(f"no usable channel of role {role}: its term in the equation of motion is taken at rest")
+    trace = results["calibrated"].trace
+    notes += [f"{count} samples not identified: {reason}" for reason, count in trace.reasons.items()]
+    return tuple(notes)

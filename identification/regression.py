@@ -1,0 +1,179 @@
+"""The fifth equation of motion as a linear regression: ``m3 a' = P - R_f``, equation (36).
+
+The force is the breech pressure on the bore, less brake pressure and recuperator pressure on their
+pistons, less the packing friction that no gauge reads. Before the part is released both sides are
+zero by construction: what the battery stop contributes is not measured.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from daq.errors import IdentificationError
+from identification.interval import end_of_travel, release_index
+from identification.signals import Signals
+from processing.filters import LowPass
+from rigs.mechanism import Mechanism
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+FORCES = ("breech", "brake", "recuperator", "friction")
+"""Order of the force columns."""
+PRESSURE_ROLES = ("breech_pressure", "brake_pressure", "recuperator_pressure")
+AREAS = ("bore_area", "brake_area", "recuperator_area")
+"""Symbols of the areas on which they act."""
+
+
+@dataclass(frozen=True, eq=False)
+class Regression:
+    """Both sides of the equation of motion on one grid.
+
+    Attributes
+    ----------
+    times_s : ndarray, shape (n,)
+    step_s : float
+    acceleration_m_s2 : ndarray, shape (n,)
+        a' of equation (36).
+    forces_n : ndarray, shape (n, 4)
+        Signed contributions to F' in the order of `FORCES`; their sum is F'.
+    released : ndarray, shape (n,)
+        1 where the part is free to move, 0 where it is held; filtered with the rest, because it is
+        the regressor of a constant error of the accelerometer.
+    trusted : ndarray of bool, shape (n,)
+        False where a sample was lost or lies within the filter's reach of a lost one.
+    interval_s : tuple of float
+        From the onset of force to the end of recoil travel.
+    low_pass : LowPass or None
+        The filter that both sides have passed; None for recorded signals.
+    """
+
+    times_s: Array
+    step_s: float
+    acceleration_m_s2: Array
+    forces_n: Array
+    released: Array
+    trusted: Flags
+    interval_s: tuple[float, float]
+    low_pass: LowPass | None = None
+
+    @property
+    def rate_hz(self) -> float:
+        """Samples per second."""
+        return 1.0 / self.step_s
+
+    @property
+    def force_n(self) -> Array:
+        """F', shape (n,)."""
+        return np.asarray(self.forces_n.sum(axis=1))
+
+    @property
+    def inside(self) -> Flags:
+        """Samples of the identification interval, shape (n,)."""
+        return (self.times_s >= self.interval_s[0]) & (self.times_s <= self.interval_s[1])
+
+    @property
+    def used(self) -> Flags:
+        """Samples of the identification interval that can be trusted, shape (n,)."""
+        return self.inside & self.trusted
+
+    def filtered(self, low_pass: LowPass) -> Regression:
+        """Pass every column through one and the same filter.
+
+        A column with lost samples is bridged for the filter, and everything within its reach of the
+        bridge is no longer trusted.
+        """
+        columns = np.column_stack([self.acceleration_m_s2, self.forces_n, self.released])
+        trusted = np.ones(self.times_s.shape, dtype=bool)
+        results = []
+        for column in columns.T:
+            result, sound = low_pass.apply_with_gaps(column, self.rate_hz)
+            results.append(result)
+            trusted &= sound
+        table = np.column_stack(results)
+        return replace(
+            self,
+            acceleration_m_s2=table[:, 0],
+            forces_n=table[:, 1:5],
+            released=table[:, 5],
+            trusted=trusted,
+            low_pass=low_pass,
+        )
+
+    def with_acceleration(self, acceleration_m_s2: Array, trusted: Flags) -> Regression:
+        """Put another measurement of a' in its place, filtered alike by whoever made it."""
+        held = np.where(self.released > 0.5, 0.0, np.nanmean(acceleration_m_s2[self.released < 0.5]))
+        return replace(self, acceleration_m_s2=acceleration_m_s2 - held, trusted=self.trusted & trusted)
+
+
+def build_regression(
+    signals: Signals, mechanism: Mechanism, acceleration_m_s2: Array, velocity_m_s: Array, static_m_s2: float
+) -> Regression:
+    """Set up both sides of the equation of motion from signals as recorded.
+
+    Parameters
+    ----------
+    signals : Signals
+    mechanism : Mechanism
+    acceleration_m_s2 : ndarray, shape (n,)
+        a' by the inertial route; NaN where lost.
+    velocity_m_s : ndarray, shape (n,)
+        Of recoil; its sign is that of the friction.
+    static_m_s2 : float
+        a' at rest in battery, which the battery stop balances while it holds the part.
+
+    Raises
+    ------
+    IdentificationError
+        If a pressure is missing or the part is never driven to the rear.
+    """
+    missing = [role for role in PRESSURE_ROLES if role not in signals.series]
+    if missing:
+        raise IdentificationError(
+            f"no usable channel of role {', '.join(missing)}",
+            expected="breech, brake and recuperator pressure, on clocks that could be aligned",
+            remedy="declare the roles in the rig file, or mend the alignment",
+        )
+    m, s = mechanism, signals.series
+    times = signals.times_s
+    end_s = end_of_travel(times, velocity_m_s, signals.onset_s)
+    direction = np.where(times <= end_s, 1.0, np.sign(velocity_m_s))
+    forces = np.column_stack(
+        [
+            *(
+                sign * s[role] * getattr(m, area)
+                for sign, role, area in zip((1, -1, -1), PRESSURE_ROLES, AREAS, strict=True)
+            ),
+            -m.friction * direction,
+        ]
+    )
+    release = release_index(times, np.asarray(forces.sum(axis=1)), signals.onset_s)
+    released = (np.arange(times.size) >= release).astype(np.float64)
+    forces[:release] = 0.0
+    acceleration = acceleration_m_s2.copy()
+    acceleration[:release] -= static_m_s2
+    trusted = np.isfinite(acceleration) & np.isfinite(forces).all(axis=1)
+    return Regression(times, signals.step_s, acceleration, forces, released, trusted, (signals.onset_s, end_s))
+
+
+def spaced_rows(regression: Regression, per_cutoff: float = 2.5) -> NDArray[np.int64]:
+    """Indices of rows of a filtered regression that carry about independent errors.
+
+    White noise behind a low-pass at fc is uncorrelated at intervals of about ``1 / (2 fc)``; rows are
+    taken `per_cutoff` times per period of the cut-off, so that nothing is lost and little repeated.
+
+    Returns
+    -------
+    ndarray of int64
+        Within the identification interval, trusted rows only; every row for recorded signals.
+    """
+    used = regression.used
+    if regression.low_pass is None:
+        return np.flatnonzero(used)
+    stride = max(1, int(regression.rate_hz / (per_cutoff * regression.low_pass.cutoff_hz)))
+    first = int(np.argmax(regression.inside))
+    rows = np.arange(first, regression.times_s.size, stride)
+    return rows[used[rows]]

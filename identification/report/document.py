@@ -1,0 +1,161 @@
+"""The machine-readable report: ``report.json`` and ``mass.csv``."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from daq.shot import InputFile, Shot
+from identification.analysis import Identification, Result
+
+SCHEMA = "recoil-daq/report/1"
+TRACE_FILE = "mass.csv"
+TRACE_COLUMNS = ("time_s", "mass_kg", "u_kg", "identified")
+
+METHOD_NOTES = {
+    "calibrated": "acceleration on forces, both filtered alike, every sensor's scale restricted by its calibration",
+    "reverse": "acceleration on force, both filtered alike",
+    "forward": "force on acceleration, both filtered alike",
+    "kinematic": "as reverse, with the acceleration from the camera's displacement",
+    "paper": "force on acceleration, unfiltered, as published in 2013: low by errors in variables",
+}
+
+
+def report_document(
+    shot: Shot, found: Identification, *, version: str, shot_file: InputFile, truth: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """Build the report of one shot, JSON types only.
+
+    Parameters
+    ----------
+    shot : Shot
+    found : Identification
+    version : str
+        Of the package.
+    shot_file : InputFile
+        The shot file itself, for the provenance.
+    truth : mapping, optional
+        Of a virtual shot: ``m3``.
+
+    Returns
+    -------
+    dict
+        Keys as published in the README; numbers that are not finite are null.
+    """
+    chosen = found.chosen
+    estimate = chosen.estimate
+    document = {
+        "schema": SCHEMA,
+        "shot": shot.name,
+        "rig": shot.rig_name,
+        "mass": {
+            "value": estimate.mass_kg,
+            "u": estimate.u_kg,
+            "U95": list(estimate.interval_kg),
+            "unit": "kg",
+            "specification": found.specification_kg,
+            "method": estimate.method,
+        },
+        "rpe_percent": {"value": chosen.rpe_percent, "U95": list(chosen.rpe_interval_percent)},
+        "E_n": found.normalised_error,
+        "interval_s": list(found.filtered.interval_s),
+        "window_s": chosen.trace.window_s,
+        "identified_share": chosen.trace.share,
+        "trace": {"file": TRACE_FILE, "columns": list(TRACE_COLUMNS)},
+        "budget": [
+            {"source": row.source, "u_kg": row.u_kg, "type": row.kind, "sensitivity_kg": row.sensitivity}
+            for row in sorted(estimate.budget, key=lambda row: -row.u_kg)
+        ],
+        "alignment": [
+            {
+                "clock": a.clock,
+                "offset_s": a.offset_s,
+                "u_offset_s": a.u_offset_s,
+                "drift": a.drift,
+                "u_drift": a.u_drift,
+                "status": a.status,
+                "method": a.method,
+                "reasons": list(a.reasons),
+            }
+            for a in found.alignments.values()
+        ],
+        "quality": [
+            {"channel": c.channel, "check": c.check, "verdict": c.verdict, "detail": c.detail} for c in shot.quality
+        ],
+        "methods": [_method(name, result, found) for name, result in found.results.items()],
+        "sensors": [
+            {"source": source, "departure_sigma": departure}
+            for source, departure in found.calibration.departures.items()
+        ],
+        "valid": found.valid,
+        "reasons": list(found.reasons),
+        "notes": list(found.notes),
+        "provenance": {
+            "version": version,
+            "inputs": [
+                {"file": f.name, "sha256": f.sha256, "size": f.size, "source": f.source, "reader": f.reader}
+                for f in (shot_file, *shot.inputs)
+            ],
+            "parameters": {
+                "method": found.options.method,
+                "cutoff_hz": found.filtered.low_pass.cutoff_hz if found.filtered.low_pass else None,
+                "half_order": found.filtered.low_pass.half_order if found.filtered.low_pass else None,
+                "window_s": found.options.window_s,
+                "rows": estimate.rows,
+                "residual_m_s2": estimate.residual_m_s2,
+            },
+        },
+    }
+    if truth is not None and "m3" in truth:
+        error = 100 * (estimate.mass_kg / float(truth["m3"]) - 1)
+        document["truth"] = {"mass_kg": float(truth["m3"]), "error_percent": error}
+    return dict(_json(document))
+
+
+def _method(name: str, result: Result, found: Identification) -> dict[str, Any]:
+    return {
+        "name": name,
+        "mass_kg": result.estimate.mass_kg,
+        "u_kg": result.estimate.u_kg,
+        "deviation_percent": 100 * (result.estimate.mass_kg / found.specification_kg - 1),
+        "rpe_percent": result.rpe_percent,
+        "identified_share": result.trace.share,
+        "note": METHOD_NOTES.get(name, ""),
+    }
+
+
+def write_document(folder: Path, document: Mapping[str, Any]) -> Path:
+    """Write ``report.json`` into a folder."""
+    path = folder / "report.json"
+    path.write_text(json.dumps(document, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    return path
+
+
+def write_trace(folder: Path, result: Result) -> Path:
+    """Write the identified mass over time as ``mass.csv``; what was not identified is left blank."""
+    path = folder / TRACE_FILE
+    trace = result.trace
+    rows = [",".join(TRACE_COLUMNS)]
+    for t, mass, u, identified in zip(trace.times_s, trace.mass_kg, trace.u_kg, trace.identified, strict=True):
+        number = f"{mass:.6f},{u:.6f},1" if identified else ",,0"
+        rows.append(f"{t:.9g},{number}")
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    return path
+
+
+def _json(value: Any) -> Any:
+    """Reduce to JSON types; a number that is not finite becomes null."""
+    if isinstance(value, Mapping):
+        return {str(k): _json(v) for k, v in value.items()}
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [_json(v) for v in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

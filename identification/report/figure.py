@@ -1,0 +1,309 @@
+"""What a drawing is, before anything draws it: traces in panels, panels in a figure, all plain arrays.
+
+::
+
+    Figure  one question and its answer: title, caption, panels one below the other
+    +-- Panel           one pair of axes; panels without an x axis of their own share the figure's
+        +-- Trace           one curve, band, set of points or of bars
+        +-- HorizontalLine  a level to compare with, for example the specification mass
+        +-- Span            a stretch of the x axis, for example the identification interval
+
+A long trace is thinned by its envelope (`decimate`): each stretch of samples gives its smallest and its
+largest one, at their own instants, so that no peak is lost however far the drawing is zoomed out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+IndexArray = npt.NDArray[np.intp]
+TraceKind = Literal["measured", "filtered", "model", "reference", "band", "points", "bars"]
+Scale = Literal["linear", "log"]
+LineKind = Literal["specification", "limit", "mean"]
+
+FOCUS_SHARE = 0.75
+"""Share of the buckets that falls on the part of the x axis that is shown first."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """One curve.
+
+    Parameters
+    ----------
+    name : str
+        As the legend and the cursor's read-out show it.
+    x, y : array-like, shape (n_samples,)
+        ``x`` is finite; ``y`` may have gaps (NaN), which stay gaps.
+    kind : {"measured", "filtered", "model", "reference", "band", "points", "bars"}
+        What the curve is, which decides how it is drawn. The k-th measured and the k-th filtered trace of a
+        panel share a hue. A band is the curve ``y`` between ``y_low`` and ``y_high``.
+    unit : str
+        Of ``y``, shown in the cursor's read-out.
+    y_low, y_high : array-like, shape (n_samples,), or None
+        Limits of a band; needed for a band, refused elsewhere.
+    visible : bool
+        False: the trace is drawn once its name in the legend is clicked.
+    hue : int or None
+        Number of its colour; None takes the next one of its kind.
+
+    Raises
+    ------
+    ValueError
+        Lengths that differ, an ``x`` that is not finite, an unknown kind, or limits that do not fit the kind.
+    """
+
+    name: str
+    x: npt.ArrayLike
+    y: npt.ArrayLike
+    kind: TraceKind
+    unit: str = ""
+    y_low: npt.ArrayLike | None = None
+    y_high: npt.ArrayLike | None = None
+    visible: bool = True
+    hue: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.kind not in get_args(TraceKind):
+            raise ValueError(
+                f"trace {self.name!r}: kind {self.kind!r}; expected one of {', '.join(get_args(TraceKind))}"
+            )
+        if (self.kind == "band") != (self.y_low is not None and self.y_high is not None):
+            raise ValueError(f"trace {self.name!r}: a band has y_low and y_high, a trace of kind {self.kind!r} has not")
+        for field in ("x", "y", "y_low", "y_high"):
+            values = getattr(self, field)
+            if values is None:
+                continue
+            array = np.array(values, dtype=np.float64)
+            if array.ndim != 1 or (field != "x" and array.size != np.size(self.x)):
+                raise ValueError(
+                    f"trace {self.name!r}: {field} has shape {array.shape}; expected one axis, as long as x"
+                )
+            array.flags.writeable = False
+            object.__setattr__(self, field, array)
+        if not np.all(np.isfinite(np.asarray(self.x))):
+            raise ValueError(f"trace {self.name!r}: x has values that are not finite; gaps belong into y")
+
+
+@dataclass(frozen=True)
+class HorizontalLine:
+    """A level to compare with: its value on the y axis, and optionally its standard or tolerance band."""
+
+    label: str
+    y: float
+    kind: LineKind = "specification"
+    y_low: float | None = None
+    y_high: float | None = None
+
+
+@dataclass(frozen=True)
+class Span:
+    """A stretch of the x axis from ``x0`` to ``x1``; a vertical line where they are equal."""
+
+    label: str
+    x0: float
+    x1: float
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """One pair of axes.
+
+    Parameters
+    ----------
+    y_label : str
+        Quantity and unit.
+    traces : tuple of Trace
+    lines : tuple of HorizontalLine
+    spans : tuple of Span
+    y_scale : {"linear", "log"}
+    y_shown : tuple of float, or None
+        The range that is shown first; None shows everything within the x range that is shown first.
+    x_label : str or None
+        Gives the panel an x axis of its own; None shares the figure's, and zooms with it.
+    x_scale : {"linear", "log"}
+        Of the panel's own x axis.
+    x_shown : tuple of float, or None
+        First range of the panel's own x axis.
+    """
+
+    y_label: str
+    traces: tuple[Trace, ...]
+    lines: tuple[HorizontalLine, ...] = ()
+    spans: tuple[Span, ...] = ()
+    y_scale: Scale = "linear"
+    y_shown: tuple[float, float] | None = None
+    x_label: str | None = None
+    x_scale: Scale = "linear"
+    x_shown: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """One question and its answer.
+
+    Parameters
+    ----------
+    key : str
+        Short and unique in a report; names the image that a reader saves.
+    title, caption : str
+        The caption is one sentence that says what to see.
+    x_label : str
+        Quantity and unit of the x axis that the panels share.
+    panels : tuple of Panel
+        From top to bottom.
+    shown : tuple of float, or None
+        The range of the shared x axis that is shown first, and drawn finest; None shows all.
+    x_scale : {"linear", "log"}
+        Of the shared x axis.
+
+    Raises
+    ------
+    ValueError
+        No panel, or a range that does not ascend.
+    """
+
+    key: str
+    title: str
+    caption: str
+    x_label: str
+    panels: tuple[Panel, ...]
+    shown: tuple[float, float] | None = None
+    x_scale: Scale = "linear"
+
+    def __post_init__(self) -> None:
+        if not self.panels:
+            raise ValueError(f"figure {self.key!r} has no panel")
+        ranges = [self.shown, *(r for p in self.panels for r in (p.y_shown, p.x_shown))]
+        for low, high in (r for r in ranges if r is not None):
+            if not low < high:
+                raise ValueError(f"figure {self.key!r}: the range {low} to {high} does not ascend")
+
+
+def bucket_starts(
+    x: FloatArray, buckets: int, *, log: bool = False, shown: tuple[float, float] | None = None
+) -> IndexArray:
+    """Cut the samples of a trace into stretches of equal width on the drawing.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n_samples,)
+    buckets : int
+        How many at most.
+    log : bool
+        Equal width on a logarithmic x axis; needs an ascending ``x``, and is ignored where none is positive.
+    shown : tuple of float, or None
+        A part of an ascending ``x`` to cut finer: three quarters of the buckets fall on it.
+
+    Returns
+    -------
+    ndarray of int, shape (about ``buckets``,)
+        The first index of each stretch, ascending, the first one 0; two more at most than ``buckets``.
+
+    Raises
+    ------
+    ValueError
+        ``buckets`` below 4.
+    """
+    if buckets < 4:
+        raise ValueError(f"{buckets} buckets; expected 4 or more")
+    n = x.size
+    if n <= buckets:
+        return np.arange(n)
+    ascending = bool(np.all(x[1:] >= x[:-1]))
+    if log and ascending and x[-1] > 0.0:
+        smallest = x[np.searchsorted(x, 0.0, side="right")]
+        edges = np.geomspace(smallest, x[-1], buckets)[:-1]
+        return np.unique(np.concatenate([[0], np.searchsorted(x, edges)]))
+    if shown is None or not ascending:
+        return np.linspace(0, n, buckets, endpoint=False).astype(np.intp)
+    first, last = (int(i) for i in np.searchsorted(x, shown))
+    inside = min(last - first, max(int(FOCUS_SHARE * buckets), buckets * (last - first) // n))
+    before = (buckets - inside) * first // max(n - (last - first), 1)
+    parts = ((0, first, before), (first, last, inside), (last, n, buckets - inside - before))
+    starts = [np.linspace(a, b, max(min(k, b - a), 1), endpoint=False) for a, b, k in parts if b > a]
+    return np.unique(np.concatenate([[0.0], *starts]).astype(np.intp))
+
+
+def envelope_indices(y: FloatArray, starts: IndexArray) -> IndexArray:
+    """Choose the samples that carry a trace's envelope.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n_samples,)
+        NaN and infinity are gaps.
+    starts : ndarray of int
+        As `bucket_starts` gives them.
+
+    Returns
+    -------
+    ndarray of int
+        Ascending. Of each bucket the smallest and the largest finite sample; of one with a gap also its first
+        missing and its first and last finite sample, so that the gap stays a gap and what surrounds it stays a
+        line. Always the first and the last sample of all.
+    """
+    if y.size == 0:
+        return np.arange(0)
+    bucket = np.repeat(np.arange(starts.size), np.diff(starts, append=y.size))
+    finite = np.isfinite(y)
+    below, above = np.where(finite, y, np.inf), np.where(finite, y, -np.inf)
+    lowest = np.flatnonzero(finite & (below == np.minimum.reduceat(below, starts)[bucket]))
+    highest = np.flatnonzero(finite & (above == np.maximum.reduceat(above, starts)[bucket]))
+    chosen = [_first_of_each(lowest, bucket), _first_of_each(highest, bucket), np.array([0, y.size - 1])]
+    missing = np.flatnonzero(~finite)
+    if missing.size:
+        broken = np.zeros(starts.size, dtype=bool)
+        broken[bucket[missing]] = True
+        present = np.flatnonzero(finite & broken[bucket])
+        chosen += [_first_of_each(missing, bucket), _first_of_each(present, bucket)]
+        chosen.append(_first_of_each(present[::-1], bucket))
+    return np.unique(np.concatenate(chosen))
+
+
+def _first_of_each(indices: IndexArray, bucket: IndexArray) -> IndexArray:
+    """Keep the first of the indices in each bucket; equal buckets are neighbours."""
+    owner = bucket[indices]
+    return indices[np.concatenate([[True], owner[1:] != owner[:-1]])] if indices.size else indices
+
+
+def decimate(
+    x: npt.ArrayLike,
+    y: npt.ArrayLike,
+    buckets: int = 4000,
+    *,
+    log: bool = False,
+    shown: tuple[float, float] | None = None,
+) -> tuple[FloatArray, FloatArray]:
+    """Thin a trace by its envelope: peaks and gaps stay, at their own instants.
+
+    Parameters
+    ----------
+    x, y : array-like, shape (n_samples,)
+    buckets : int
+        Each gives at most two samples, five where it has a gap.
+    log, shown
+        As in `bucket_starts`.
+
+    Returns
+    -------
+    x, y : ndarray
+        Samples of the trace, in order; the whole trace where it has at most two samples per bucket.
+
+    Raises
+    ------
+    ValueError
+        ``x`` and ``y`` differ in length, or fewer than 4 buckets.
+    """
+    times, values = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+    if times.ndim != 1 or times.shape != values.shape:
+        raise ValueError(f"x has shape {times.shape}, y has {values.shape}; expected one axis of equal length")
+    starts = bucket_starts(times, buckets, log=log, shown=shown)
+    if times.size <= 2 * buckets:
+        return times, values
+    chosen = envelope_indices(values, starts)
+    return times[chosen], values[chosen]

@@ -1,0 +1,58 @@
+"""Numbers as a report writes them: a value has as many digits as its uncertainty justifies.
+
+Two significant digits of the uncertainty, and the value to the same decimal place (JCGM 100:2008, 7.2.6).
+"""
+
+from __future__ import annotations
+
+import math
+
+NO_NUMBER = "–"
+
+
+def rounded(value: float | None, u: float | None) -> tuple[str, str]:
+    """Round a value and its uncertainty for print.
+
+    Parameters
+    ----------
+    value, u : float or None
+        In one unit. None and NaN are "no number".
+
+    Returns
+    -------
+    value, u : str
+        With U+2212 as minus sign. Without a usable uncertainty the value is as of `plain`.
+    """
+    if u is None or not math.isfinite(u) or u <= 0.0:
+        return plain(value), significant(u, 2)
+    # the exponent is read off the rounded number, so that 0.0996 becomes 0.10 and not 0.100
+    decimals = 1 - int(f"{u:.1e}".partition("e")[2])
+    return fixed(value, decimals), fixed(u, decimals)
+
+
+def fixed(value: float | None, decimals: int) -> str:
+    """Write a number to a decimal place, which may be left of the point (negative)."""
+    if value is None or not math.isfinite(value):
+        return NO_NUMBER
+    text = f"{round(value, decimals):.{max(decimals, 0)}f}"
+    if float(text) == 0.0:
+        text = text.removeprefix("-")
+    return text.replace("-", "\N{MINUS SIGN}")
+
+
+def significant(value: float | None, digits: int) -> str:
+    """Write a number to so many significant digits, plainly where its size allows."""
+    if value is None or not math.isfinite(value):
+        return NO_NUMBER
+    if value == 0.0:
+        return "0"
+    exponent = int(f"{value:.{digits - 1}e}".partition("e")[2])
+    if not -5 <= exponent <= 7:
+        return f"{value:.{digits - 1}e}".replace("-", "\N{MINUS SIGN}")
+    return fixed(value, digits - 1 - exponent)
+
+
+def plain(value: float | None) -> str:
+    """Write a number that has no uncertainty: five significant digits, without trailing zeros."""
+    mantissa, e, exponent = significant(value, 5).partition("e")
+    return (mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa) + e + exponent

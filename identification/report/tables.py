@@ -1,0 +1,216 @@
+"""What a report's page says in words and tables: rows of text, rounded to their uncertainties.
+
+Every number comes from the report; only its rounding, and a source's share of the variance, are made here.
+Optional keys may be absent or null, and give no row or a dash.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from identification.report.rounding import NO_NUMBER, fixed, plain, rounded, significant
+
+Report = Mapping[str, Any]
+Row = dict[str, Any]
+
+SEVERITY = {"fail": 0, "warn": 1, "ok": 2}
+
+
+def verdict(report: Report) -> Row:
+    """Word the page's first line.
+
+    Parameters
+    ----------
+    report : mapping
+        Schema ``recoil-daq/report/1``.
+
+    Returns
+    -------
+    dict
+        ``valid``, ``number`` and ``agrees`` are bool, ``unit`` is a text, every other value a text or None.
+    """
+    mass, rpe = report["mass"], report["rpe_percent"] or {}
+    value, u95, unit = mass.get("value"), _limits(mass.get("U95")), mass.get("unit", "kg")
+    half, rpe_u95, e_n = _half(u95), _limits(rpe.get("U95")), report.get("E_n")
+    mass_text, half_text = rounded(value, half)
+    rpe_text, _ = rounded(rpe.get("value"), _half(rpe_u95))
+    number = value is not None and math.isfinite(value)
+    return {
+        "valid": bool(report["valid"]),
+        "number": number,
+        "mass": mass_text,
+        "spread": _spread(value, u95, half_text) if number else None,
+        "unit": unit,
+        "interval": _interval(u95, unit),
+        "specification": _known(mass.get("specification")),
+        "rpe": None if rpe_text == NO_NUMBER else rpe_text,
+        "rpe_interval": _interval(rpe_u95, "%"),
+        "e_n": None if e_n is None else fixed(e_n, 2),
+        "agrees": e_n is not None and abs(e_n) <= 1.0,
+    }
+
+
+def facts(report: Report) -> list[tuple[str, str]]:
+    """Label and text of what stands in small print under the verdict.
+
+    Parameters
+    ----------
+    report : mapping
+
+    Returns
+    -------
+    list of (str, str)
+    """
+    found = []
+    interval, window, share = (report.get(key) for key in ("interval_s", "window_s", "identified_share"))
+    if report["mass"].get("method"):
+        found.append(("method", str(report["mass"]["method"])))
+    if interval:
+        start, end = (fixed(_scaled(limit, 1e3), 1) for limit in interval)
+        found.append(("identification interval", f"{start} ms to {end} ms"))
+    if window is not None:
+        found.append(("memory (window)", f"{plain(1e3 * window)} ms"))
+    if share is not None:
+        found.append(("identified share of it", f"{fixed(100 * share, 1)} %"))
+    truth = report.get("truth") or {}
+    if truth.get("mass_kg") is not None:
+        found.append(("true mass (virtual shot)", f"{plain(truth['mass_kg'])} kg"))
+    if truth.get("error_percent") is not None:
+        found.append(("error against the truth", f"{_signed(significant(truth['error_percent'], 2))} %"))
+    for name, value in (report.get("summary") or {}).items():
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        found.append((str(name).replace("_", " "), plain(value) if number else str(value)))
+    return found
+
+
+def methods(report: Report) -> list[Row]:
+    """One row for each method that was tried; percentages have the digits that the mass has."""
+    rows = []
+    for method in report.get("methods") or ():
+        mass, u = method.get("mass_kg"), method.get("u_kg")
+        relative = 100 * u / abs(mass) if mass and u else None
+        mass_text, u_text = rounded(mass, u)
+        rows.append(
+            {
+                "name": method.get("name", NO_NUMBER),
+                "mass": mass_text,
+                "u": u_text,
+                "deviation": _signed(rounded(method.get("deviation_percent"), relative)[0]),
+                "rpe": rounded(method.get("rpe_percent"), relative)[0],
+                "note": method.get("note") or "",
+                "chosen": method.get("name") == report["mass"].get("method"),
+            }
+        )
+    return rows
+
+
+def budget(report: Report) -> tuple[list[Row], str | None]:
+    """Rows of the uncertainty budget, the largest first, and the combined standard uncertainty of the report.
+
+    The share is that of the sum of squares (JCGM 100:2008, 5.1.3, with unit sensitivities: each row is in kg).
+    """
+    entries = [(e.get("source", NO_NUMBER), abs(e.get("u_kg") or 0.0)) for e in report.get("budget") or ()]
+    total = math.fsum(u**2 for _, u in entries)
+    rows = []
+    for source, u in sorted(entries, key=lambda entry: -entry[1]):
+        share = 100 * u**2 / total if total > 0.0 else 0.0
+        rows.append(
+            {
+                "source": source,
+                "u": significant(u, 2),
+                "share": "< 1" if 0.0 < share < 1.0 else fixed(share, 0),
+                "width": f"{share:.1f}",
+            }
+        )
+    u_mass = report["mass"].get("u")
+    return rows, None if u_mass is None else significant(u_mass, 2)
+
+
+def alignment(report: Report) -> list[Row]:
+    """One row for each clock: offset in ms, its u in µs, drift and its u in ppm."""
+    rows = []
+    for clock in report.get("alignment") or ():
+        offset_ms, u_offset_ms = (_scaled(clock.get(key), 1e3) for key in ("offset_s", "u_offset_s"))
+        drift, u_drift = rounded(_scaled(clock.get("drift"), 1e6), _scaled(clock.get("u_drift"), 1e6))
+        rows.append(
+            {
+                "clock": clock.get("clock", NO_NUMBER),
+                "offset": rounded(offset_ms, u_offset_ms)[0],
+                "u_offset": significant(_scaled(u_offset_ms, 1e3), 2),
+                "drift": drift,
+                "u_drift": u_drift,
+                "status": clock.get("status", NO_NUMBER),
+                "method": ": ".join(str(clock[key]) for key in ("method", "detail") if clock.get(key)),
+            }
+        )
+    return rows
+
+
+def quality(report: Report) -> list[Row]:
+    """One row for each check, what needs attention first; an unknown verdict counts as a failure."""
+    rows = [
+        {key: row.get(key, NO_NUMBER) for key in ("channel", "check", "verdict", "detail")}
+        for row in report.get("quality") or ()
+    ]
+    return sorted(rows, key=lambda row: SEVERITY.get(row["verdict"], 0))
+
+
+def quality_counts(report: Report) -> list[tuple[str, int]]:
+    """How many checks gave each verdict, the worst first."""
+    verdicts = [row["verdict"] for row in quality(report)]
+    return [(name, verdicts.count(name)) for name in dict.fromkeys(verdicts)]
+
+
+def inputs(report: Report) -> list[Row]:
+    """One row for each input file: its digest whole, and shortened to sixteen digits."""
+    rows = []
+    for entry in report["provenance"].get("inputs") or ():
+        digest = str(entry.get("sha256") or NO_NUMBER)
+        shortened = digest if len(digest) <= 16 else f"{digest[:16]}…"
+        rows.append({"file": entry.get("file", NO_NUMBER), "sha256": digest, "shortened": shortened})
+    return rows
+
+
+def _limits(interval: Sequence[float | None] | None) -> tuple[float, float] | None:
+    """Take an interval if both its limits are numbers."""
+    if interval is None:
+        return None
+    low, high = interval
+    return None if low is None or high is None or not math.isfinite(high - low) else (low, high)
+
+
+def _half(interval: tuple[float, float] | None) -> float | None:
+    return None if interval is None else (interval[1] - interval[0]) / 2
+
+
+def _spread(value: float, interval: tuple[float, float] | None, half_text: str) -> str | None:
+    """± and half the interval, or both distances where the value does not stand in its middle."""
+    if interval is None:
+        return None
+    half = (interval[1] - interval[0]) / 2
+    up, down = interval[1] - value, value - interval[0]
+    if abs(up - down) <= 0.2 * half:
+        return f"± {half_text}"
+    return f"+{rounded(up, half)[0]} \N{MINUS SIGN}{rounded(down, half)[0]}"
+
+
+def _interval(interval: tuple[float, float] | None, unit: str) -> str | None:
+    if interval is None:
+        return None
+    low, high = (rounded(limit, _half(interval))[0] for limit in interval)
+    return f"{low} {unit} to {high} {unit}"
+
+
+def _known(value: float | None) -> str | None:
+    return None if value is None else plain(value)
+
+
+def _scaled(value: float | None, factor: float) -> float | None:
+    return None if value is None else factor * value
+
+
+def _signed(text: str) -> str:
+    """Put a plus sign before a positive number."""
+    return f"+{text}" if text[:1].isdigit() and text.strip("0.") else text

@@ -1,0 +1,152 @@
+"""Is this shot usable? The checks of all channels and clocks of one shot, in the order of the rig."""
+
+from __future__ import annotations
+
+import datetime as dt
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from daq.channel import Channel
+from daq.errors import IdentificationError
+from daq.quantity import SI_UNITS
+from daq.shot import ClockAlignment, QualityCheck, Shot
+from identification.signals import find_onset, static_value
+from processing.quality import (
+    Outcome,
+    check_clipping,
+    check_flat_tops,
+    check_losses,
+    check_lost_frames,
+    check_polarity,
+    check_quiet,
+    check_repeated_frames,
+    check_zero_shift,
+)
+from rigs.assemble import range_si
+from rigs.rig import Rig
+
+Array = NDArray[np.float64]
+
+QUIET_MARGIN_S = 1e-3
+POSITIVE_PULSES = ("recoil_acceleration", "breech_pressure", "recoil_displacement")
+
+
+def check_shot(
+    shot: Shot,
+    rig: Rig,
+    alignments: Sequence[ClockAlignment],
+    notes: Mapping[str, Sequence[str]],
+    on: dt.date,
+) -> tuple[QualityCheck, ...]:
+    """Check all channels and clocks of a shot.
+
+    Parameters
+    ----------
+    shot : Shot
+    rig : Rig
+    alignments : sequence of ClockAlignment
+    notes : mapping of str to sequence of str
+        What the readers noted, by source.
+    on : date
+        Day of the shot, for the calibrations' due dates.
+
+    Returns
+    -------
+    tuple of QualityCheck
+    """
+    checks: list[QualityCheck] = []
+    for source in rig.sources:
+        wanted = [c.name for c in rig.channels_of(source.name)]
+        if wanted and not any(name in shot.channels for name in wanted):
+            detail = f"no file of source {source.name} was given: {', '.join(wanted)} missing; add its file"
+            checks.append(QualityCheck(source.name, "file", "fail", detail))
+        checks += [QualityCheck(source.name, "reader", "ok", note) for note in notes.get(source.name, ())]
+    by_clock = {a.clock: a for a in alignments}
+    onset = _onset(shot, checks)
+    for channel in shot.channels.values():
+        for name, (verdict, detail) in _channel_checks(channel, shot, rig, by_clock, onset):
+            checks.append(QualityCheck(channel.name, name, verdict, detail))
+    for alignment in alignments:
+        checks.append(_alignment_check(alignment))
+        checks += _zero_shift(alignment, shot)
+    for fault in rig.overdue(on):
+        checks.append(QualityCheck(fault.key.split("'")[1], "calibration", "warn", fault.problem))
+    return tuple(checks)
+
+
+def _onset(shot: Shot, checks: list[QualityCheck]) -> float | None:
+    """Onset of force on the reference clock; a shot without one fails."""
+    series = {
+        role: np.asarray(c.samples, dtype=np.float64)
+        for role in ("breech_pressure", "recoil_acceleration")
+        if (c := shot.by_role(role)) is not None and c.time_base.clock == shot.reference_clock
+    }
+    if not series:
+        return None
+    carrier = shot.by_role(next(iter(series)))
+    if carrier is None:
+        return None
+    try:
+        return find_onset(carrier.time_base.times_s, series)
+    except IdentificationError as error:
+        checks.append(QualityCheck("shot", "onset", "fail", str(error)))
+        return None
+
+
+def _channel_checks(
+    channel: Channel, shot: Shot, rig: Rig, by_clock: Mapping[str, ClockAlignment], onset: float | None
+) -> Iterator[tuple[str, Outcome]]:
+    spec = rig.channel(channel.name)
+    samples = np.asarray(channel.samples, dtype=np.float64)
+    times = channel.time_base.times_s
+    unit = SI_UNITS[channel.quantity]
+    if not np.isfinite(samples).any():
+        yield "losses", ("fail", "no sample at all: check the sensor and its signal's name")
+        return
+    if rig.source(channel.time_base.clock).kind == "camera":
+        yield "lost frames", check_lost_frames(times, samples)
+        yield "repeated frames", check_repeated_frames(samples)
+    else:
+        yield "losses", check_losses(samples, channel.time_base.rate_hz)
+    limits = range_si(spec)
+    if limits is not None:
+        yield "range", check_clipping(samples, *limits, unit=unit)
+    elif rig.source(channel.time_base.clock).kind != "camera":
+        yield "range", check_flat_tops(samples)
+    alignment = by_clock.get(channel.time_base.clock)
+    reference = times if alignment is None else alignment.to_reference(times)
+    aligned = channel.time_base.clock == shot.reference_clock or (alignment is not None and alignment.status != "failed")
+    if onset is None or not aligned:
+        return
+    quiet = reference < onset - QUIET_MARGIN_S
+    if channel.role and channel.quantity != "displacement":
+        static = None if spec.sensor.time_constant_s else static_value(channel.role, rig.mechanism)
+        yield "silence", check_quiet(samples, quiet, static, unit=unit)
+    if channel.role in POSITIVE_PULSES:
+        yield "polarity", check_polarity(samples, quiet)
+
+
+def _alignment_check(a: ClockAlignment) -> QualityCheck:
+    if a.status == "failed":
+        return QualityCheck(a.clock, "alignment", "fail", f"by {a.method}: {'; '.join(a.reasons)}")
+    text = f"offset {1e3 * a.offset_s:+.4f} ms, u {1e6 * a.u_offset_s:.1f} us, drift {1e6 * a.drift:+.1f} ppm, by {a.method}"
+    if a.status == "ambiguous":
+        return QualityCheck(a.clock, "alignment", "warn", f"{text}; ambiguous: {'; '.join(a.reasons)}")
+    return QualityCheck(a.clock, "alignment", "ok", text)
+
+
+def _zero_shift(alignment: ClockAlignment, shot: Shot) -> list[QualityCheck]:
+    details = alignment.details or {}
+    accelerometer = shot.by_role("recoil_acceleration")
+    if alignment.status == "failed" or "u_bias_m_s2" not in details or accelerometer is None:
+        return []
+    bias = -float(details["integration_constants"][2])
+    # the silence fixes the zero only as well as its noise allows
+    samples = np.asarray(accelerometer.samples, dtype=np.float64)
+    noise = float(np.nanstd(samples[: max(50, samples.size // 20)]))
+    u = math.hypot(float(details["u_bias_m_s2"]), noise / math.sqrt(max(50, samples.size // 20)))
+    verdict, detail = check_zero_shift(bias, u, float(np.nanmax(np.abs(samples))), unit="m/s^2")
+    return [QualityCheck(accelerometer.name, "zero shift", verdict, detail)]

@@ -1,0 +1,100 @@
+"""One run of a command: what goes to stdout and stderr, and which exit code ends it."""
+
+from __future__ import annotations
+
+import json
+import sys
+import traceback
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from types import TracebackType
+from typing import Any
+
+import typer
+
+FAULT, INTERRUPTED = 3, 130
+
+
+class Session:
+    """Catches the one root of the project's errors, and keeps stdout for the result.
+
+    Parameters
+    ----------
+    as_json : bool
+        Print one JSON document on stdout, and nothing else there.
+    debug : bool
+        Show the traceback of an error on stderr.
+    """
+
+    def __init__(self, as_json: bool, debug: bool) -> None:
+        self.as_json = as_json
+        self.debug = debug
+
+    def __enter__(self) -> Session:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> bool:
+        if isinstance(error, KeyboardInterrupt):
+            typer.echo("interrupted; nothing half-written was left behind", err=True)
+            raise typer.Exit(INTERRUPTED) from None
+        from daq.errors import RecoilDaqError
+
+        if not isinstance(error, RecoilDaqError):
+            return False
+        if self.debug:
+            traceback.print_exception(error)
+        if self.as_json:
+            self._print({"schema": "recoil-daq/error/1", "error": type(error).__name__, **_fields(error)})
+        for line in _lines(error):
+            typer.echo(line, err=True)
+        raise typer.Exit(FAULT) from None
+
+    def finish(self, document: Mapping[str, Any], show: Callable[[], None], code: int) -> None:
+        """Print the result, as a document or as people read it, and end with an exit code."""
+        if self.as_json:
+            self._print(document)
+        else:
+            show()
+        raise typer.Exit(code)
+
+    @contextmanager
+    def steps(self, title: str) -> Iterator[Callable[[str], None]]:
+        """Show on stderr which step is under way, with the time it takes; silent unless that is a terminal."""
+        if not sys.stderr.isatty():
+            yield lambda _: None
+            return
+        from rich.console import Console
+        from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+        columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+        with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+            task = progress.add_task(title, total=None)
+            yield lambda step: progress.update(task, description=f"{title}: {step}")
+
+    @staticmethod
+    def _print(document: Mapping[str, Any]) -> None:
+        typer.echo(json.dumps(document, indent=2, allow_nan=False))
+
+
+def _lines(error: Exception) -> list[str]:
+    """One line for one fault; a rig with several gives each its own."""
+    from daq.errors import RigError
+
+    if isinstance(error, RigError) and len(error.faults) > 1:
+        return [f"error: {error.path}: {len(error.faults)} faults", *(f"  {fault}" for fault in error.faults)]
+    return [f"error: {' '.join(str(error).split())}"]
+
+
+def _fields(error: Exception) -> dict[str, Any]:
+    from daq.errors import RecoilDaqError, RigError
+
+    fields: dict[str, Any] = {"message": str(error)}
+    if isinstance(error, RecoilDaqError):
+        for name in ("problem", "place", "expected", "found", "remedy"):
+            fields[name] = getattr(error, name)
+        fields["path"] = None if error.path is None else str(error.path)
+    if isinstance(error, RigError):
+        fields["faults"] = [{"key": fault.key, "problem": fault.problem} for fault in error.faults]
+    return fields

@@ -1,0 +1,286 @@
+"""What the commands print: aligned tables for people, one document for programs."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from recoil_daq.demo import Demonstration
+    from recoil_daq.identify import Reported
+    from recoil_daq.ingest import Ingested
+    from rigs.rig import Rig
+    from rigs.twin import TwinShot
+
+STYLES = {"ok": "green", "warn": "yellow", "fail": "bold red"}
+LEAST_WIDTH = 100
+RANK = ("ok", "warn", "fail")
+
+
+def _console() -> Console:
+    from rich.console import Console
+
+    return Console(width=max(LEAST_WIDTH, shutil.get_terminal_size((140, 40)).columns), highlight=False, emoji=False)
+
+
+def _print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], numeric: Sequence[int] = ()) -> None:
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(title=escape(title), title_justify="left", box=None, pad_edge=False, header_style="bold")
+    for i, column in enumerate(columns):
+        table.add_column(column, justify="right" if i in numeric else "left", no_wrap=i < len(columns) - 1)
+    for row in rows:
+        cells = [escape(cell) for cell in row]
+        table.add_row(*(f"[{STYLES[c]}]{c}[/]" if c in STYLES else c for c in cells))
+    _console().print(table)
+
+
+def verdict_document(done: Ingested) -> dict[str, Any]:
+    """Build the document of ``ingest --json``."""
+    shot = done.shot
+    return {
+        "schema": "recoil-daq/ingest/1",
+        "shot": shot.name,
+        "rig": shot.rig_name,
+        "file": str(done.path),
+        "usable": shot.usable,
+        "reasons": list(shot.reasons),
+        "channels": [
+            {
+                "name": c.name,
+                "role": c.role,
+                "clock": c.time_base.clock,
+                "quantity": c.quantity,
+                "unit": c.unit,
+                "samples": c.time_base.count,
+                "lost": int(c.lost.sum()),
+                "rate_hz": _number(c.time_base.rate_hz),
+            }
+            for c in shot.channels.values()
+        ],
+        "alignment": [
+            {
+                "clock": a.clock,
+                "offset_s": a.offset_s,
+                "u_offset_s": _number(a.u_offset_s),
+                "drift": a.drift,
+                "u_drift": _number(a.u_drift),
+                "status": a.status,
+                "method": a.method,
+                "reasons": list(a.reasons),
+            }
+            for a in shot.alignments
+        ],
+        "quality": [
+            {"channel": c.channel, "check": c.check, "verdict": c.verdict, "detail": c.detail} for c in shot.quality
+        ],
+    }
+
+
+def print_verdict(done: Ingested) -> None:
+    """Print a row per channel and clock with its worst finding, and one line that says usable or not."""
+    shot = done.shot
+    rows = []
+    for c in shot.channels.values():
+        verdict, detail = _worst(shot.quality, c.name)
+        rows.append((c.name, c.time_base.clock, f"{c.time_base.rate_hz:.0f}", str(c.time_base.count), verdict, detail))
+    for name in dict.fromkeys(check.channel for check in shot.quality if check.channel not in shot.channels):
+        verdict, detail = _worst(shot.quality, name)
+        rows.append((name, "", "", "", verdict, detail))
+    _print_table(
+        f"Shot {shot.name} on rig {shot.rig_name}",
+        ("channel or clock", "clock", "rate, Hz", "samples", "verdict", "finding"),
+        rows,
+        numeric=(2, 3),
+    )
+    console = _console()
+    if shot.usable:
+        warned = sum(check.verdict == "warn" for check in shot.quality)
+        extra = f", {warned} warning{'' if warned == 1 else 's'}" if warned else ""
+        console.print(f"[bold green]USABLE[/]{extra}", end=" ")
+    else:
+        console.print("[bold red]NOT USABLE[/]:", end=" ")
+        console.print("; ".join(shot.reasons), markup=False, soft_wrap=True)
+    console.print(f"-> {done.path}", markup=False, soft_wrap=True)
+
+
+def _worst(quality: Sequence[Any], channel: str) -> tuple[str, str]:
+    """Worst verdict of a channel, with what was found: the faults, or the checks that it passed."""
+    checks = [c for c in quality if c.channel == channel]
+    if not checks:
+        return "ok", ""
+    verdict = max((c.verdict for c in checks), key=RANK.index)
+    found = [c for c in checks if c.verdict == verdict]
+    if verdict == "ok":
+        clock = next((c for c in checks if c.check == "alignment"), None)
+        return verdict, clock.detail if clock else ", ".join(dict.fromkeys(c.check for c in checks))
+    return verdict, "; ".join(f"{c.check}: {c.detail}" for c in found)
+
+
+def reports_document(reports: Sequence[Reported]) -> dict[str, Any]:
+    """Build the document of ``identify --json``."""
+    return {
+        "schema": "recoil-daq/identify/1",
+        "reports": [{"folder": str(r.folder), **r.document} for r in reports],
+    }
+
+
+def print_report(report: Reported) -> None:
+    """Print one shot's mass, its methods, and what speaks against it."""
+    d = report.document
+    _print_table(
+        f"Shot {d['shot']} on rig {d['rig']}: specification {d['mass']['specification']:g} kg",
+        ("method", "mass, kg", "u, kg", "deviation, %", "RPE, %", "identified, %", "how"),
+        [
+            (
+                f"{m['name']} *" if m["name"] == d["mass"]["method"] else m["name"],
+                _fixed(m["mass_kg"], 2),
+                _fixed(m["u_kg"], 2),
+                _fixed(m["deviation_percent"], 2, sign=True),
+                _fixed(m["rpe_percent"], 2),
+                _fixed(None if m["identified_share"] is None else 100 * m["identified_share"], 0),
+                m["note"],
+            )
+            for m in d["methods"]
+        ],
+        numeric=(1, 2, 3, 4, 5),
+    )
+    console = _console()
+    low, high = d["mass"]["U95"]
+    rpe = d["rpe_percent"]
+    console.print(
+        f"mass {_fixed(d['mass']['value'], 2)} kg, 95 % interval [{_fixed(low, 2)}, {_fixed(high, 2)}] kg, "
+        f"RPE {_fixed(rpe['value'], 2)} % [{_fixed(rpe['U95'][0], 2)}, {_fixed(rpe['U95'][1], 2)}]",
+        markup=False,
+    )
+    if d["valid"]:
+        console.print("[bold green]VALID[/]", end=" ")
+    else:
+        console.print("[bold red]NOT VALID[/]:", end=" ")
+        console.print("; ".join(d["reasons"]), markup=False, soft_wrap=True)
+    console.print(f"-> {report.folder / 'report.html'}", markup=False, soft_wrap=True)
+
+
+def simulated_document(done: Sequence[TwinShot]) -> dict[str, Any]:
+    """Build the document of ``simulate --json``."""
+    return {
+        "schema": "recoil-daq/simulate/1",
+        "shots": [
+            {"folder": str(s.folder), "files": [str(f) for f in s.files], "truth": dict(s.truth)} for s in done
+        ],
+    }
+
+
+def print_simulated(done: Sequence[TwinShot]) -> None:
+    """Print where each shot's files are, and its true mass."""
+    rows = [
+        (s.folder.name, f"{s.truth['m3']:g}", " ".join(f.name for f in s.files), str(s.folder)) for s in done
+    ]
+    _print_table("Simulated shots", ("shot", "true mass, kg", "files", "folder"), rows, numeric=(1,))
+
+
+def demo_document(done: Demonstration) -> dict[str, Any]:
+    """Build the document of ``demo --json``."""
+    return {
+        "schema": "recoil-daq/demo/1",
+        "usable": done.ingested.shot.usable,
+        "shot_file": str(done.ingested.path),
+        "truth": dict(done.simulated.truth),
+        "folder": str(done.report.folder),
+        "report": done.report.document,
+    }
+
+
+def print_demo(done: Demonstration) -> None:
+    """Print the verdict on the shot, the methods, and the mass beside the truth."""
+    print_verdict(done.ingested)
+    print_report(done.report)
+    truth = done.report.document["truth"]
+    paper = next(m for m in done.report.document["methods"] if m["name"] == "paper")
+    against = 100 * (paper["mass_kg"] / truth["mass_kg"] - 1)
+    _console().print(
+        f"truth {truth['mass_kg']:.2f} kg: this report is off by {truth['error_percent']:+.2f} %, "
+        f"the published method by {against:+.2f} %",
+        markup=False,
+    )
+
+
+def rig_document(rig: Rig) -> dict[str, Any]:
+    """Build the document of ``check --json``."""
+    return {
+        "schema": "recoil-daq/check/1",
+        "rig": rig.name,
+        "file": str(rig.path),
+        "faults": [],
+        "sources": [{"name": s.name, "kind": s.kind} for s in rig.sources],
+        "channels": [{"name": c.name, "source": c.source, "role": c.role} for c in rig.channels],
+    }
+
+
+def print_rig(rig: Rig) -> None:
+    """Print a sound rig's channels."""
+    rows = [
+        (
+            c.name, c.source, c.signal, c.unit or "as in the file", c.role, f"{100 * c.sensor.u_rel:g}",
+            "" if c.sensor.due is None else str(c.sensor.due),
+        )
+        for c in rig.channels
+    ]  # fmt: skip
+    _print_table(
+        f"Rig {rig.name}: no fault",
+        ("channel", "source", "signal", "unit", "role", "u, %", "calibration due"),
+        rows,
+        numeric=(5,),
+    )
+
+
+def print_summary(summary: Mapping[str, Any]) -> None:
+    """Print what is in a shot file."""
+    rows = [
+        (
+            str(c["name"]), str(c["clock"]), str(c["unit"]), _fixed(c["rate_hz"], 0), str(c["sample_count"]),
+            str(c["lost_count"]), str(c["role"]),
+        )
+        for c in summary["channels"]
+    ]  # fmt: skip
+    _print_table(
+        f"Shot {summary['shot']} on rig {summary['rig']}",
+        ("channel", "clock", "unit", "rate, Hz", "samples", "lost", "role"),
+        rows,
+        numeric=(3, 4, 5),
+    )
+    _print_table(
+        "Clocks",
+        ("clock", "offset, ms", "u, us", "drift, ppm", "status", "method"),
+        [
+            (
+                str(a["clock"]), _fixed(_scaled(a["offset_s"], 1e3), 4), _fixed(_scaled(a["u_offset_s"], 1e6), 1),
+                _fixed(_scaled(a["drift"], 1e6), 1), str(a["status"]), str(a["method"]),
+            )
+            for a in summary["alignments"]
+        ],
+        numeric=(1, 2, 3),
+    )  # fmt: skip
+    files = [(str(f["name"]), str(f["source"]), str(f["reader"]), str(f["sha256"])[:16]) for f in summary["inputs"]]
+    _print_table("Files", ("file", "source", "reader", "sha256"), files)
+    word = "usable" if summary["usable"] else "not usable"
+    _console().print(word, markup=False)
+
+
+def _scaled(value: float | None, factor: float) -> float | None:
+    return None if value is None else factor * value
+
+
+def _fixed(value: float | None, decimals: int, *, sign: bool = False) -> str:
+    if value is None or not math.isfinite(value):
+        return "-"
+    return f"{value:+.{decimals}f}" if sign else f"{value:.{decimals}f}"
+
+
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,196 @@
+"""What a rig file's tables must have to do with each other: names, clocks, roles, quantities and units."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Any
+
+from daq.errors import Fault, nearest_first
+from daq.quantity import SI_UNITS, UNITS, find_unit, normalise_unit
+from rigs.mechanism import Mechanism
+from rigs.rig_tables import (
+    ROLES,
+    ChannelSpec,
+    MotionAlignment,
+    RedundantAlignment,
+    Source,
+    TriggerAlignment,
+)
+from rigs.rig_validation import did_you_mean, names_in, unknown_keys
+
+PLAUSIBLE_UP_TO = MappingProxyType(
+    {
+        "phi10": (math.pi / 2, "angles are in rad"),
+        "phi20": (math.pi / 2, "angles are in rad"),
+        "bore_area": (1.0, "areas are in m2"),
+        "brake_area": (1.0, "areas are in m2"),
+        "recuperator_area": (1.0, "areas are in m2"),
+    }
+)
+"""Symbol -> the largest magnitude that can be meant, and the unit that a larger one has missed."""
+
+
+def checked_mechanism(table: Any, faults: list[Fault]) -> Mechanism | None:
+    """Validate ``[mechanism]``: every value a finite number, every required one there.
+
+    Faults are appended; None if there is any.
+    """
+    if not isinstance(table, dict):
+        faults.append(Fault("mechanism", "a table [mechanism] is needed"))
+        return None
+    symbols = Mechanism.symbols()
+    known = (*symbols, *(f"u_{s}" for s in symbols))
+    own = unknown_keys(table, known, "mechanism.")
+    for key in (key for key in table if key in known):
+        problem = _problem_of_value(key, table[key], key not in symbols)
+        if problem is not None:
+            own.append(Fault(f"mechanism.{key}", problem))
+    own += [Fault(f"mechanism.{key}", "is missing") for key in Mechanism.REQUIRED if key not in table]
+    if own:
+        faults += own
+        return None
+    values = {key: float(value) for key, value in table.items() if key in symbols}
+    u = {key.removeprefix("u_"): float(value) for key, value in table.items() if key not in symbols}
+    return Mechanism(**values, u=MappingProxyType(u))
+
+
+def _problem_of_value(key: str, value: Any, is_uncertainty: bool) -> str | None:
+    try:
+        number = math.nan if isinstance(value, bool | str) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if not math.isfinite(number):
+        return f"must be a finite number, found {value!r}"
+    if is_uncertainty:
+        return f"a standard uncertainty is not negative, found {value}" if number < 0 else None
+    if key in Mechanism.POSITIVE and number <= 0:
+        return f"must be positive, found {value}"
+    limit, unit = PLAUSIBLE_UP_TO.get(key, (math.inf, ""))
+    return f"{unit}; {value} is beyond {limit:.4g}" if abs(number) > limit else None
+
+
+def faults_of_sources(
+    sources: Sequence[tuple[str, Source]], channels: Sequence[tuple[str, ChannelSpec]], tables: Mapping[str, Any]
+) -> list[Fault]:
+    """Check names, the reference clock and the alignments of the sound sources, given with their key paths."""
+    faults = []
+    names = names_in(tables, "source")
+    reference = tables.get("reference_clock")
+    known_reference = reference if isinstance(reference, str) and reference in names else None
+    if isinstance(reference, str) and reference and known_reference is None:
+        faults.append(Fault("reference_clock", f"{reference!r} is no source; {did_you_mean(reference, names)}"))
+    for where, source in sources:
+        if names.count(source.name) > 1:
+            faults.append(Fault(f"{where}.name", "two sources have this name"))
+        if known_reference is None:
+            continue  # which of the sources needs no alignment is not known then
+        if source.name == known_reference:
+            if source.align is not None:
+                faults.append(Fault(f"{where}.align", "the reference clock is not aligned to anything; leave it out"))
+        elif source.align is None:
+            remedy = 'declare `align = { method = "motion" | "redundant" | "trigger" | "fixed", ... }`'
+            faults.append(Fault(f"{where}.align", f"is missing; {remedy}"))
+        else:
+            faults += _faults_of_alignment(f"{where}.align", source, known_reference, [c for _, c in channels], tables)
+    return faults
+
+
+def _faults_of_alignment(
+    where: str, source: Source, reference: str, channels: Sequence[ChannelSpec], tables: Mapping[str, Any]
+) -> list[Fault]:
+    align, faults = source.align, []
+    names = names_in(tables, "channel")
+    clocks = set(names_in(tables, "source"))
+    by_name = {channel.name: channel for channel in channels}
+    # A faulty channel is not judged twice: what it might have been is unknown
+    rows = tables.get("channel")
+    complete = isinstance(rows, list) and len(channels) == len(rows)
+
+    def check(key: str, name: str, clock: str, whose: str) -> ChannelSpec | None:
+        if name not in names:
+            faults.append(Fault(f"{where}.{key}", f"{name!r} is no channel; {did_you_mean(name, names)}"))
+        elif name in by_name and by_name[name].source in clocks - {clock}:
+            faults.append(Fault(f"{where}.{key}", f"{name!r} must be a channel of {whose}"))
+        return by_name.get(name)
+
+    against = own = None
+    if isinstance(align, MotionAlignment | RedundantAlignment):
+        against = check("against", align.against, reference, f"the reference clock {reference!r}")
+    if isinstance(align, RedundantAlignment | TriggerAlignment):
+        own = check("channel", align.channel, source.name, "this source")
+    if isinstance(align, RedundantAlignment) and own and against and own.quantity != against.quantity:
+        faults.append(Fault(where, f"a channel of {own.quantity} does not repeat one of {against.quantity}"))
+    if isinstance(align, MotionAlignment):
+        if against and against.quantity != "acceleration":
+            faults.append(
+                Fault(f"{where}.against", f"{against.name!r} must be an acceleration, found {against.quantity}")
+            )
+        if complete and not any(c.source == source.name and c.quantity == "displacement" for c in channels):
+            faults.append(Fault(where, "motion needs a displacement channel of this source"))
+    triggered = any(c.source == reference and c.role == "trigger" for c in channels)
+    if isinstance(align, TriggerAlignment) and complete and not triggered:
+        faults.append(Fault(where, f"no channel of the reference clock {reference!r} has the role `trigger`"))
+    return faults
+
+
+def faults_of_channels(
+    channels: Sequence[tuple[str, ChannelSpec]], sources: Sequence[tuple[str, Source]], tables: Mapping[str, Any]
+) -> list[Fault]:
+    """Check names, sources, roles, quantities and units of the sound channels, given with their key paths."""
+    faults = []
+    names = [c.name for _, c in channels]
+    source_names = names_in(tables, "source")
+    sound_sources = {s.name: s for _, s in sources}
+    for where, channel in channels:
+        if names.count(channel.name) > 1:
+            faults.append(Fault(f"{where}.name", "two channels have this name"))
+        if channel.source not in source_names:
+            what = f"role {channel.role!r} has no source" if channel.role else "no such source"
+            problem = f"{what}: {channel.source!r} is not declared; {did_you_mean(channel.source, source_names)}"
+            faults.append(Fault(f"{where}.source", problem))
+        faults += _faults_of_role(where, channel, [c for _, c in channels])
+        faults += _faults_of_unit(where, channel, sound_sources.get(channel.source))
+    return faults
+
+
+def _faults_of_role(where: str, channel: ChannelSpec, channels: Sequence[ChannelSpec]) -> list[Fault]:
+    faults = []
+    if not channel.role:
+        return []
+    if channel.role not in ROLES:
+        nearest = nearest_first(channel.role, list(ROLES))[0]
+        return [Fault(f"{where}.role", f"unknown role {channel.role!r}; did you mean `{nearest}`?")]
+    others = [c.name for c in channels if c.role == channel.role and c is not channel]
+    if others:
+        problem = f"{channel.role!r} is also the role of {', '.join(others)}; one channel per role"
+        faults.append(Fault(f"{where}.role", problem))
+    if channel.quantity in SI_UNITS and channel.quantity != ROLES[channel.role]:
+        problem = f"role {channel.role!r} needs quantity {ROLES[channel.role]!r}, found {channel.quantity!r}"
+        faults.append(Fault(f"{where}.quantity", problem))
+    return faults
+
+
+def _faults_of_unit(where: str, channel: ChannelSpec, source: Source | None) -> list[Fault]:
+    if channel.quantity not in SI_UNITS:
+        nearest = nearest_first(channel.quantity, list(SI_UNITS))[0]
+        return [Fault(f"{where}.quantity", f"unknown quantity {channel.quantity!r}; did you mean `{nearest}`?")]
+    if channel.unit is None:
+        return []
+    if channel.unit == "px":
+        if channel.quantity != "displacement":
+            return [Fault(f"{where}.unit", f"'px' is no unit of {channel.quantity}")]
+        if source is not None and source.scale_mm_per_px is None:
+            return [Fault(f"{where}.unit", f"'px' needs `scale_mm_per_px` of the camera source {source.name!r}")]
+        return []
+    unit = find_unit(channel.unit)
+    if unit is None:
+        nearest = ", ".join(nearest_first(normalise_unit(channel.unit), sorted(UNITS))[:3])
+        return [Fault(f"{where}.unit", f"unknown unit {channel.unit!r}; nearest known: {nearest}")]
+    allowed = {channel.quantity} | ({"voltage"} if channel.sensor.sensitivity is not None else set())
+    if not allowed & unit.quantities:
+        fitting = ", ".join(u for u, v in UNITS.items() if channel.quantity in v.quantities)
+        chain = "; volts need `sensitivity` in `sensor`" if "voltage" in unit.quantities else ""
+        return [Fault(f"{where}.unit", f"{channel.unit!r} is no unit of {channel.quantity}; one of {fitting}{chain}")]
+    return []

@@ -1,0 +1,164 @@
+"""The tables of a rig file: sources, sensors, channels, and how clocks are aligned.
+
+Types are strict: a number in quotes, ``true`` for a number or a date in quotes is a fault, because
+a rig file in which ``u_rel = true`` means 100 % would be worse than one that is refused.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+from types import MappingProxyType
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+ROLES = MappingProxyType(
+    {
+        "recoil_acceleration": "acceleration",
+        "carriage_acceleration_x": "acceleration",
+        "carriage_acceleration_y": "acceleration",
+        "carriage_rate": "angular_rate",
+        "tipping_rate": "angular_rate",
+        "carriage_angular_acceleration": "angular_acceleration",
+        "tipping_angular_acceleration": "angular_acceleration",
+        "breech_pressure": "pressure",
+        "brake_pressure": "pressure",
+        "recuperator_pressure": "pressure",
+        "recoil_displacement": "displacement",
+        "trigger": "voltage",
+    }
+)
+"""Role -> the quantity that its channel must have."""
+
+SourceKind = Literal["dewetron", "can", "serial", "camera"]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Text = Annotated[str, Field(min_length=1)]
+# TOML has arrays, not tuples; what is in them is strict all the same
+Pair = Annotated[tuple[Finite, Finite], Field(strict=False)]
+
+
+class Table(BaseModel):
+    """A table of the rig file: frozen, strict about its keys and their types."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+
+class MotionAlignment(Table):
+    """Align a camera's track by the motion that an accelerometer measured as well."""
+
+    method: Literal["motion"]
+    against: Text
+    drift_allowance: NotNegative = 5e-5
+
+
+class RedundantAlignment(Table):
+    """Align a source by one of its channels that repeats a channel of the reference clock."""
+
+    method: Literal["redundant"]
+    channel: Text
+    against: Text
+    drift_allowance: NotNegative = 5e-5
+
+
+class TriggerAlignment(Table):
+    """Align a source by the trigger edge that one of its channels recorded."""
+
+    method: Literal["trigger"]
+    channel: Text
+    drift_allowance: NotNegative = 5e-5
+
+
+class FixedAlignment(Table):
+    """Take the offset as known: ``t_ref = (1 + drift) * t_source + offset_s``."""
+
+    method: Literal["fixed"]
+    offset_s: Finite
+    u_offset_s: NotNegative = 0.0
+    drift: Finite = 0.0
+    u_drift: NotNegative = 0.0
+
+
+Alignment = Annotated[
+    MotionAlignment | RedundantAlignment | TriggerAlignment | FixedAlignment, Field(discriminator="method")
+]
+
+
+KIND_OF_KEY = MappingProxyType(
+    {"database": "can", "framing": "serial", "frame_rate": "camera", "scale_mm_per_px": "camera"}
+)
+"""Key of a source -> the one kind that has it."""
+
+
+class Source(Table):
+    """One recorder, bus, port or camera; its name is also the name of its clock."""
+
+    name: Text
+    kind: SourceKind
+    match: str | None = None
+    database: str | None = None
+    framing: dict[str, Any] | None = None
+    frame_rate: Positive | None = None
+    scale_mm_per_px: Positive | None = None
+    device: dict[str, Any] | None = None
+    align: Alignment | None = None
+
+    @model_validator(mode="after")
+    def _fits_its_kind(self) -> Source:
+        faults = [
+            f"a {self.kind} source has no `{key}`, only a {kind} source has"
+            for key, kind in KIND_OF_KEY.items()
+            if self.kind != kind and getattr(self, key) is not None
+        ]
+        if self.kind == "can" and self.database is None:
+            faults.append('a can source needs `database = "<file>.dbc"`')
+        if self.kind == "serial" and self.framing is None:
+            faults.append("a serial source needs `framing = { ... }`")
+        if faults:
+            raise ValueError("; ".join(faults))
+        return self
+
+
+class Sensor(Table):
+    """One sensor, its calibration and its chain. Positions in metres, in its body's axes."""
+
+    model: str = ""
+    serial: str = ""
+    calibrated: dt.date | None = None
+    due: dt.date | None = None
+    u_rel: NotNegative = 0.0
+    range: Pair | None = None
+    sensitivity: Positive | None = None
+    sensitivity_unit: Literal["pC", "mV", "V"] | None = None
+    amplifier: Positive = 1.0
+    time_constant_s: Positive | None = None
+    filter_hz: Positive | None = None
+    delay_s: NotNegative = 0.0
+    position: Pair = (0.0, 0.0)
+
+    @model_validator(mode="after")
+    def _agrees_with_itself(self) -> Sensor:
+        faults = []
+        if self.range is not None and not self.range[0] < self.range[1]:
+            faults.append("`range` must be [lowest, highest]")
+        if (self.sensitivity is None) != (self.sensitivity_unit is None):
+            faults.append("`sensitivity` and `sensitivity_unit` go together")
+        if self.calibrated is not None and self.due is not None and self.due < self.calibrated:
+            faults.append("`due` lies before `calibrated`")
+        if faults:
+            raise ValueError("; ".join(faults))
+        return self
+
+
+class ChannelSpec(Table):
+    """One channel: which signal of which source it is, what it measures and with which sensor."""
+
+    name: Text
+    source: Text
+    signal: Text
+    quantity: Text
+    unit: str | None = None
+    role: str = ""
+    polarity: Literal[1, -1] = 1
+    sensor: Sensor = Sensor()

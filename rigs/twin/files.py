@@ -1,0 +1,158 @@
+"""The vendors' files of the virtual rig, as bytes: recorder text, camera tracks, CAN logs, serial captures.
+
+Layouts: the Dewesoft X text export as found in public files of its users (one header row, the unit in
+the last parentheses of a name, CRLF); a table of tracks as ProAnalyst's users describe it (frame number,
+time, X and Y per feature, ``-1`` for a lost marker); BLF and ASC as python-can writes them; the serial
+capture as defined in `serial_capture`.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+CAPTURE_MAGIC = b"recoil-daq serial capture 1\n"
+"""First line of a serial capture."""
+
+CAN_EPOCH_S = 1_772_438_400.0
+"""What a virtual CAN log gives as the wall-clock time of its zero: 2026-03-02 08:00 UTC, a whole second.
+A virtual rig must not write the time of day, or the same seed would not give the same bytes."""
+
+_CAN_DATE = "Mon Mar 02 08:00:00.000 2026"
+
+
+def dewesoft_text(times_s: Array, columns: Mapping[str, Array], style: Literal["comma", "semicolon"]) -> bytes:
+    """Return a Dewesoft X text export with relative time.
+
+    Parameters
+    ----------
+    times_s : ndarray, shape (n,)
+    columns : mapping of str to ndarray, shape (n,)
+        By name and unit as in the header, ``AI 1/acc_recoil (m/s2)``.
+    style : {"comma", "semicolon"}
+        Comma and decimal point, or semicolon, decimal comma and byte order mark.
+    """
+    separator = "," if style == "comma" else ";"
+    row = separator.join(["%.6f"] + ["%.9g"] * len(columns)) + "\r\n"
+    table = np.column_stack([times_s, *columns.values()])
+    body = row * len(table) % tuple(table.ravel().tolist())
+    header = separator.join(["Time (s)", *columns]) + "\r\n"
+    if style == "semicolon":
+        return (header + body.replace(".", ",")).encode("utf-8-sig")
+    return (header + body).encode("utf-8")
+
+
+def track_text(
+    frames: NDArray[np.int64], frame_rate_hz: float, positions: Mapping[str, Array], lost: NDArray[np.bool_], unit: str
+) -> bytes:
+    """Return a table of tracks.
+
+    Parameters
+    ----------
+    frames : ndarray of int, shape (n,)
+        Numbers of the frames in the file.
+    frame_rate_hz : float
+    positions : mapping of str to ndarray, shape (n, 2)
+        X and Y of each feature, by its name.
+    lost : ndarray of bool, shape (n,)
+        Frames in which the markers were not found.
+    unit : str
+    """
+    header = ["Frame", "Time (s)"] + [f"{name} - {axis} ({unit})" for name in positions for axis in "XY"]
+    lines = [",".join(header)]
+    values = np.column_stack(list(positions.values()))
+    for frame, row, gone in zip(frames.tolist(), values.tolist(), lost.tolist(), strict=True):
+        cells = ["-1"] * len(row) if gone else [f"{value:.4f}" for value in row]
+        lines.append(",".join([str(frame), f"{frame / frame_rate_hz:.6f}", *cells]))
+    return ("\r\n".join(lines) + "\r\n").encode("utf-8")
+
+
+@dataclass(frozen=True)
+class CanFrame:
+    """One frame on the bus: its stamp on the log's clock, its identifier, its payload; an error frame has none."""
+
+    stamp_s: float
+    identifier: int
+    extended: bool
+    data: bytes | None
+
+
+class _KeptBytes(io.BytesIO):
+    """A file in memory whose content outlives its closing, which python-can's writers insist on."""
+
+    kept = b""
+
+    def close(self) -> None:
+        if not self.closed:
+            self.kept = self.getvalue()
+        super().close()
+
+
+class _KeptText(io.StringIO):
+    """As above, for text."""
+
+    kept = ""
+
+    def close(self) -> None:
+        if not self.closed:
+            self.kept = self.getvalue()
+        super().close()
+
+
+def can_log(frames: Sequence[CanFrame], style: Literal["blf", "asc"]) -> bytes:
+    """Return a CAN log with its frames in the order of their stamps; the first stamp must be 0.
+
+    Raises
+    ------
+    ValueError
+        If the first stamp is not 0: the formats count from the first frame.
+    """
+    import can
+
+    ordered = sorted(frames, key=lambda frame: frame.stamp_s)
+    if not ordered or ordered[0].stamp_s != 0.0:
+        raise ValueError("the first frame of a log must have stamp 0")
+    kept = _KeptBytes() if style == "blf" else _KeptText()
+    writer = can.BLFWriter(kept) if isinstance(kept, _KeptBytes) else can.ASCWriter(kept)
+    for frame in ordered:
+        writer.on_message_received(
+            can.Message(
+                timestamp=CAN_EPOCH_S + frame.stamp_s,
+                arbitration_id=frame.identifier,
+                is_extended_id=frame.extended,
+                is_error_frame=frame.data is None,
+                data=frame.data,
+                channel=0,
+            )
+        )
+    writer.stop()
+    if isinstance(kept, _KeptBytes):
+        return kept.kept
+    # the writer stamps its header with the time of day, in the machine's zone and language
+    lines = kept.kept.splitlines()
+    for i, line in enumerate(lines[:6]):
+        for start in ("date ", "Begin Triggerblock "):
+            if line.startswith(start):
+                lines[i] = start + _CAN_DATE
+    return ("\n".join(lines) + "\n").encode("ascii")
+
+
+def serial_capture(records: Sequence[tuple[int, bytes]]) -> bytes:
+    """Return a serial capture: the magic line, then records of what each read of the port returned.
+
+    A record is, little endian, the host's time in ns (int64), the count of bytes (uint32) and the bytes.
+
+    Parameters
+    ----------
+    records : sequence of (int, bytes)
+        Host time in ns and bytes, in order.
+    """
+    return CAPTURE_MAGIC + b"".join(struct.pack("<qI", host_ns, len(data)) + data for host_ns, data in records)

@@ -1,0 +1,171 @@
+"""Limited-memory least squares against a factorisation of every window, exact arithmetic, and statsmodels."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from time import perf_counter
+
+import numpy as np
+import pytest
+
+from identification.limited_memory import LimitedMemory, limited_memory_least_squares
+
+WINDOW = 200
+
+
+@pytest.fixture(autouse=True)
+def _only_when_asked_for(benchmark):
+    if benchmark.disabled:
+        pytest.skip("a benchmark of minutes: ask for it with --benchmark-enable")
+
+
+def shots_then_silence(n_samples: int, n_parameters: int = 5) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Regressors correlated by 0.9995, of amplitude 2500 in bursts and 0.05 between; a response; where loud."""
+    rng = np.random.default_rng(2)
+    loud = np.arange(n_samples) % 99_991 < 3_001
+    amplitude = np.where(loud, 2500.0, 0.05)
+    shared = rng.standard_normal((n_samples, 1))
+    own = rng.standard_normal((n_samples, n_parameters))
+    regressors = (np.sqrt(0.9995) * shared + np.sqrt(0.0005) * own) * amplitude[:, np.newaxis]
+    parameters = np.array([1.0, -2.0, 3.0, 0.5, -1.0])[:n_parameters]
+    return regressors, regressors @ parameters + 0.01 * amplitude * rng.standard_normal(n_samples), loud
+
+
+def direct_qr(regressors: np.ndarray, response: np.ndarray) -> np.ndarray:
+    """Factorise the rows of every window anew, by LAPACK, a few thousand windows at a time."""
+    rows = np.column_stack([regressors, response])
+    windows = np.lib.stride_tricks.sliding_window_view(rows, WINDOW, axis=0).swapaxes(1, 2)
+    estimates = np.full(regressors.shape, np.nan)
+    for start in range(0, len(windows), 5_000):
+        triangle = np.linalg.qr(windows[start : start + 5_000], mode="r")
+        last = start + WINDOW - 1
+        estimates[last : last + len(triangle)] = np.linalg.solve(triangle[:, :-1, :-1], triangle[:, :-1, -1:])[..., 0]
+    return estimates
+
+
+def exact(regressors: np.ndarray, response: np.ndarray) -> np.ndarray:
+    """Solve the normal equations of one window in rational numbers."""
+    rows = [[Fraction(value) for value in row] for row in np.column_stack([regressors, response]).tolist()]
+    n = regressors.shape[1]
+    table = [[sum((row[i] * row[j] for row in rows), Fraction(0)) for j in range(n + 1)] for i in range(n)]
+    for i in range(n):
+        table[i] = [value / table[i][i] for value in table[i]]
+        for k in range(n):
+            if k != i:
+                table[k] = [a - table[k][i] * b for a, b in zip(table[k], table[i], strict=True)]
+    return np.array([float(row[-1]) for row in table])
+
+
+def relative_error(estimates: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    return np.abs(estimates - truth).max(axis=1) / np.abs(truth).max(axis=1)
+
+
+def nothing_large_to_subtract(loud: np.ndarray) -> np.ndarray:
+    """Where the last two windows are alike, so that a scheme restarted once per window has lost nothing."""
+    recent = np.lib.stride_tricks.sliding_window_view(loud, 2 * WINDOW)
+    return np.concatenate([np.zeros(2 * WINDOW - 1, dtype=bool), recent.all(axis=1) | ~recent.any(axis=1)])
+
+
+@pytest.mark.parametrize("operator", ["auto", "qr"])
+def test_a_million_windows_equal_their_own_factorisation_and_statsmodels(benchmark, capsys, operator):
+    from statsmodels.regression.rolling import RollingOLS
+
+    regressors, response, loud = shots_then_silence(1_000_000)
+    estimates = benchmark.pedantic(
+        limited_memory_least_squares, (regressors, response, WINDOW), {"operator": operator}, rounds=3
+    )
+    full = slice(WINDOW - 1, None)
+    start = perf_counter()
+    truth = direct_qr(regressors, response)
+    direct_s = perf_counter() - start
+    error = relative_error(estimates.parameters[full], truth[full])
+    start = perf_counter()
+    rolling = RollingOLS(response, regressors, window=WINDOW).fit(params_only=True, reset=WINDOW).params
+    rolling_s = perf_counter() - start
+    like = nothing_large_to_subtract(loud)
+    difference = relative_error(estimates.parameters[like], rolling[like])
+    ours_s = benchmark.stats.stats.min
+    with capsys.disabled():
+        print(
+            f"\n1e6 samples, 5 parameters, window {WINDOW}, operator {operator}: {1.0 / ours_s:.2f} Msamples/s with errors"
+            f"\n  against a QR of every window: largest relative difference {error.max():.1e}"
+            f" ({direct_s / ours_s:.0f} times slower)"
+            f"\n  against statsmodels, parameters only, restarted every window: {difference.max():.1e} in {like.sum()}"
+            f" windows, {relative_error(rolling[full], truth[full]).max():.1e} from the QR where a shot has just left"
+            f" ({rolling_s / ours_s:.0f} times slower)"
+        )
+    assert estimates.identified[full].all()
+    assert error.max() < 1e-10
+    assert like.mean() > 0.9
+    assert difference.max() < 1e-9
+
+
+def test_ten_million_samples_later_the_estimates_are_those_of_exact_arithmetic(benchmark, capsys):
+    regressors, response, _ = shots_then_silence(10_000_000)
+    last_shot = 9_999_100 // 99_991 * 99_991
+    windows = [last_shot + k for k in (1, 3, 150, 2_000, 3_001, 3_100, 3_196, 3_198, 3_199, 3_201, 3_300)]
+    windows += list(np.random.default_rng(3).integers(WINDOW, 10_000_000, 40))
+    windows = [k for k in windows if k < 10_000_000]
+    truth = np.array([exact(regressors[k - 199 : k + 1], response[k - 199 : k + 1]) for k in windows])
+    auto = benchmark.pedantic(limited_memory_least_squares, (regressors, response, WINDOW), rounds=1)
+    error = relative_error(auto.parameters[windows], truth)
+    # the last half million samples by rotations: each window is theirs alone, wherever the record began
+    qr = limited_memory_least_squares(regressors[-500_000:], response[-500_000:], WINDOW, operator="qr")
+    late = [k for k in windows if k >= 9_501_000]
+    error_of_rotations = relative_error(
+        qr.parameters[np.array(late) - 9_500_000], truth[[windows.index(k) for k in late]]
+    )
+    with capsys.disabled():
+        print(
+            f"\n1e7 samples, 5 parameters: largest relative error against rational arithmetic"
+            f" {error.max():.1e} (auto, {len(windows)} windows), {error_of_rotations.max():.1e} (qr, {len(late)} windows)"
+        )
+    assert error.max() < 1e-10
+    assert error_of_rotations.max() < 1e-11
+
+
+@pytest.mark.parametrize("n_parameters", [1, 5])
+@pytest.mark.parametrize("window", [200, 2_000])
+def test_speed_with_standard_errors_against_statsmodels(benchmark, capsys, n_parameters, window):
+    from statsmodels.regression.rolling import RollingOLS
+
+    rng = np.random.default_rng(4)
+    regressors = rng.standard_normal((1_000_000, n_parameters))
+    response = regressors.sum(axis=1) + 0.1 * rng.standard_normal(1_000_000)
+    ours = benchmark.pedantic(limited_memory_least_squares, (regressors, response, window), rounds=5)
+    some = 20_000
+    start = perf_counter()
+    theirs = RollingOLS(response[:some], regressors[:some], window=window).fit(reset=window)
+    rolling_s = (perf_counter() - start) * 1_000_000 / some
+    ours_s = benchmark.stats.stats.min
+    with capsys.disabled():
+        print(
+            f"\n{n_parameters} parameters, window {window}, with standard errors: {1.0 / ours_s:.2f} Msamples/s,"
+            f" statsmodels {1.0 / rolling_s:.4f}: ratio {rolling_s / ours_s:.0f}"
+        )
+    full = slice(window - 1, some)
+    np.testing.assert_allclose(ours.parameters[full], theirs.params[full], rtol=1e-9)
+    np.testing.assert_allclose(ours.standard_errors[full], theirs.bse[full], rtol=1e-8)
+
+
+@pytest.mark.parametrize("packet", [1, 100, 1_000])
+def test_speed_of_a_stream(benchmark, capsys, packet):
+    regressors, response, _ = shots_then_silence(20_000)
+    n_taken = 2_000 if packet == 1 else 20_000
+
+    def stream() -> np.ndarray:
+        memory = LimitedMemory(5, WINDOW)
+        return np.concatenate(
+            [
+                memory.extend(regressors[k : k + packet], response[k : k + packet]).parameters
+                for k in range(0, n_taken, packet)
+            ]
+        )
+
+    parameters = benchmark.pedantic(stream, rounds=3)
+    with capsys.disabled():
+        print(
+            f"\nstream of 5 parameters, packets of {packet}: {benchmark.stats.stats.min / n_taken * 1e6:.1f} us a sample"
+        )
+    whole = limited_memory_least_squares(regressors[:n_taken], response[:n_taken], WINDOW).parameters
+    assert relative_error(parameters[WINDOW - 1 :], whole[WINDOW - 1 :]).max() < 1e-12

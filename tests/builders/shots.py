@@ -1,0 +1,112 @@
+"""Small shots with everything in them that a shot can hold."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from daq.channel import Channel, RawCounts, Step
+from daq.shot import ClockAlignment, InputFile, QualityCheck, Shot
+from daq.timebase import AbsoluteStart, TimeBase
+
+RIG_TEXT = 'schema = "recoil-daq/rig/1"\nname = "bench"  # Prüfstand, µ = 0,1\n'
+
+
+def recorder_channel(
+    name: str,
+    quantity: str,
+    time_base: TimeBase,
+    *,
+    role: str = "",
+    seed: int = 0,
+    scale: float = 100.0,
+    counts: bool = True,
+) -> Channel:
+    """Make a channel of a 24-bit recorder: noise, with its counts beside it."""
+    stored = np.random.default_rng(seed).integers(-(2**23), 2**23, time_base.count).astype(np.int32)
+    gain = scale / 2**23
+    return Channel(
+        name=name,
+        quantity=quantity,
+        samples=gain * stored.astype(np.float64),
+        time_base=time_base,
+        signal=f"AI 1/{name}",
+        role=role,
+        u_rel=0.005,
+        resolution=gain,
+        raw=RawCounts(stored, gain, 0.0, "V") if counts else None,
+        history=(Step("convert to SI", "0.1.0", {"unit": "m/s2", "polarity": -1, "chain": {"gain": [1.0, None]}}),),
+    )
+
+
+def make_shot(count: int = 400, frames: int = 60) -> Shot:
+    """Make a shot of four clocks: a recorder, a camera with lost frames, a bus of two time bases, a serial sensor.
+
+    Parameters
+    ----------
+    count : int
+        Samples of the recorder at 20 kHz.
+    frames : int
+        Frames of the camera at 5 kHz, four of them missing from the file and one lost.
+    """
+    started = AbsoluteStart("2026-03-01T10:15:00.250", "unknown", "preamble, line 4")
+    dewetron = TimeBase.uniform("dewetron", -0.01, 5e-5, count, started)
+    numbers = np.delete(np.arange(frames + 4), [7, 8, 9, 30])
+    camera = TimeBase.stamped("camera", numbers / 5000.0)
+    position = np.linspace(0.0, 0.4, frames) ** 2
+    position[frames // 2] = np.nan
+    bus = TimeBase.stamped("can", _stamps(25, 1e-3, seed=3))
+    slow = TimeBase.stamped("can", _stamps(10, 1e-2, seed=4))
+    serial = TimeBase.uniform("imu", 0.0, 1 / 3000, 90, AbsoluteStart("2026-03-01T08:15:00", "UTC", "header"))
+    channels = [
+        recorder_channel("p_breech", "pressure", dewetron, role="breech_pressure", seed=1, scale=3e8),
+        recorder_channel("acc_recoil", "acceleration", dewetron, role="recoil_acceleration", seed=2, scale=5000.0),
+        Channel("x_recoil", "displacement", position, camera, "muzzle/X", "recoil_displacement", 0.002),
+        recorder_channel("temperature", "temperature", slow, counts=False, seed=5),
+        recorder_channel("rate_tipping", "angular_rate", bus, role="tipping_rate", seed=6),
+        replace(recorder_channel("rate_carriage", "angular_rate", bus, role="carriage_rate", seed=7), raw=None),
+        Channel("acc_imu", "acceleration", np.linspace(-1, 1, 90, dtype=np.float32), serial, "ax"),
+    ]
+    return Shot(
+        name="0007",
+        rig_name="bench",
+        rig_text=RIG_TEXT,
+        reference_clock="dewetron",
+        channels={channel.name: channel for channel in channels},
+        alignments=(
+            ClockAlignment(
+                "camera",
+                -0.0123,
+                1.5e-5,
+                2e-5,
+                1e-6,
+                "ambiguous",
+                "motion",
+                ("two candidates", "µ"),
+                {"gain": 1.01, "candidates": [[-0.0123, 0.9], [0.002, 0.89]], "note": None},
+            ),
+            ClockAlignment("can", 0.25, 1e-4, 0.0, 5e-5, "ok", "fixed"),
+            ClockAlignment("imu", 0.0, float("inf"), 0.0, float("nan"), "failed", "redundant", ("no common motion",)),
+        ),
+        quality=(
+            QualityCheck("acc_recoil", "clipping", "ok", "0 of 400 samples at full scale"),
+            QualityCheck("x_recoil", "drop-outs", "warn", "1 of 60 frames lost, limit 5 %"),
+            QualityCheck("imu", "alignment", "fail", "no common motion; mount the sensor rigidly"),
+        ),
+        inputs=(
+            InputFile("shot_daq.csv", "ab" * 32, 123_456, "dewetron", "Dewesoft text export"),
+            InputFile("Schuß 7.txt", "0f" * 32, 2**33, "camera", "ProAnalyst text export"),
+        ),
+        started="2026-03-01T10:15:00.250",
+        history=(
+            Step("assemble", "0.1.0", {"files": ["shot_daq.csv", "Schuß 7.txt"]}),
+            Step("align", "0.1.0", {"drift_allowance": 5e-5}),
+        ),
+        databases={"rig.dbc": 'VERSION ""\r\n', "empty.dbc": ""},
+    )
+
+
+def _stamps(count: int, step_s: float, seed: int) -> NDArray[np.float64]:
+    return np.asarray(np.cumsum(step_s * np.random.default_rng(seed).uniform(0.5, 1.5, count)), dtype=np.float64)

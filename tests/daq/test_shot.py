@@ -1,0 +1,72 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from daq.channel import Step
+from daq.shot import ClockAlignment, QualityCheck
+from tests.builders.shots import make_shot
+
+
+def test_a_channel_is_found_by_its_role() -> None:
+    shot = make_shot()
+    assert shot.by_role("recoil_acceleration") is shot.channels["acc_recoil"]
+    assert shot.by_role("trigger") is None
+
+
+def test_the_reference_clock_maps_to_itself() -> None:
+    alignment = make_shot().alignment("dewetron")
+    assert (alignment.to_reference(0.25), alignment.u_offset_s, alignment.status) == (0.25, 0.0, "ok")
+
+
+def test_an_unknown_clock_has_no_alignment() -> None:
+    shot = make_shot()
+    assert shot.alignment("camera") is shot.alignments[0]
+    with pytest.raises(KeyError, match="radar"):
+        shot.alignment("radar")
+
+
+@given(offset_s=st.floats(-10, 10), drift=st.floats(-1e-3, 1e-3), t=st.floats(-100, 100))
+def test_mapping_to_the_reference_and_back_is_the_identity(offset_s: float, drift: float, t: float) -> None:
+    alignment = ClockAlignment("camera", offset_s, 0.0, drift, 0.0, "ok", "fixed")
+    assert alignment.to_source(alignment.to_reference(t)) == pytest.approx(t, abs=1e-12)
+    array = alignment.to_reference(np.array([t, t + 1.0]))
+    assert array[0] == alignment.to_reference(t)
+    assert array[1] - array[0] == pytest.approx(1 + drift, abs=1e-12)
+
+
+def test_a_shot_with_a_failed_check_is_not_usable_and_says_why() -> None:
+    shot = make_shot()
+    assert not shot.usable
+    assert shot.reasons == ("imu: no common motion; mount the sensor rigidly",)
+
+
+def test_warnings_leave_a_shot_usable() -> None:
+    shot = replace(make_shot(), quality=(QualityCheck("a", "noise", "warn", "loud"), QualityCheck("a", "b", "ok", "")))
+    assert shot.usable
+    assert shot.reasons == ()
+
+
+def test_results_are_a_new_shot_with_one_more_line_of_history() -> None:
+    old = make_shot()
+    step = Step("align", "0.1.0")
+    new = old.with_results((), (), step)
+    assert (new.alignments, new.quality, new.history) == ((), (), (*old.history, step))
+    assert old.alignments != ()
+    assert new.channels is old.channels
+
+
+def test_a_channel_under_another_name_is_refused() -> None:
+    shot = make_shot()
+    with pytest.raises(ValueError, match="'acc_recoil' stands under the name 'a'"):
+        replace(shot, channels={"a": shot.channels["acc_recoil"]})
+
+
+def test_a_clock_that_is_aligned_twice_is_refused() -> None:
+    shot = make_shot()
+    with pytest.raises(ValueError, match="aligned twice: camera, camera"):
+        replace(shot, alignments=(shot.alignments[0], shot.alignments[0]))

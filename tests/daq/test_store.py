@@ -1,0 +1,687 @@
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import textwrap
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pint
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as npst
+
+import daq.store
+from daq.channel import Channel, RawCounts, Step
+from daq.errors import StoreError
+from daq.quantity import SI_UNITS
+from daq.shot import ClockAlignment, InputFile, QualityCheck, Shot
+from daq.shot_difference import first_difference
+from daq.store import read_shot, shot_summary, write_shot
+from daq.timebase import AbsoluteStart, TimeBase
+from tests.builders.shots import make_shot, recorder_channel
+
+ENGINES = ("h5netcdf", "netcdf4")
+
+
+@pytest.fixture
+def written(tmp_path: Path) -> Path:
+    path = tmp_path / "0007.h5"
+    write_shot(make_shot(), path)
+    return path
+
+
+def names_in(folder: Path) -> list[str]:
+    return [path.name for path in folder.iterdir()]
+
+
+def assert_same_shot(one: Shot, other: Shot) -> None:
+    """Compare two shots value by value, without the code that the store verifies with."""
+    for name in ("name", "rig_name", "rig_text", "reference_clock", "quality", "inputs", "started", "history"):
+        assert getattr(one, name) == getattr(other, name), name
+    assert one.databases == other.databases
+    assert repr(one.alignments) == repr(other.alignments)  # repr, because NaN does not equal itself
+    assert list(one.channels) == list(other.channels)
+    for a, b in zip(one.channels.values(), other.channels.values(), strict=True):
+        for name in ("name", "quantity", "signal", "role", "u_rel", "resolution", "history"):
+            assert getattr(a, name) == getattr(b, name), (a.name, name)
+        assert a.samples.dtype == b.samples.dtype
+        assert a.samples.tobytes() == b.samples.tobytes()
+        s, t = a.time_base, b.time_base
+        assert (s.clock, s.start_s, s.step_s, s.count) == (t.clock, t.start_s, t.step_s, t.count)
+        assert s.absolute_start == t.absolute_start
+        assert s.times_s.tobytes() == t.times_s.tobytes()
+        assert (a.raw is None) == (b.raw is None)
+        if a.raw is not None and b.raw is not None:
+            assert (a.raw.gain, a.raw.offset, a.raw.unit) == (b.raw.gain, b.raw.offset, b.raw.unit)
+            assert a.raw.counts.dtype == b.raw.counts.dtype
+            assert a.raw.counts.tobytes() == b.raw.counts.tobytes()
+
+
+# The round trip
+
+texts = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=12)
+names = st.one_of(texts, st.sampled_from(["time", "raw", "a/b", "..", "Time", "rig", "acc recoil", "ä"]))
+finite = st.floats(-1e6, 1e6, allow_subnormal=False)
+json_values = st.recursive(
+    st.none() | st.booleans() | st.integers(-(2**60), 2**60) | st.floats(allow_nan=False) | texts,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(texts, inner, max_size=3),
+    max_leaves=6,
+)
+steps = st.builds(Step, texts, texts, st.dictionaries(texts, json_values, max_size=3))
+histories = st.lists(steps, max_size=3).map(tuple)
+starts = st.none() | st.builds(AbsoluteStart, texts, texts, texts)
+
+
+@st.composite
+def time_bases(draw: st.DrawFn) -> TimeBase:
+    clock, start = draw(names), draw(starts)
+    if draw(st.booleans()):
+        return TimeBase.uniform(clock, draw(finite), draw(st.floats(1e-6, 10.0)), draw(st.integers(0, 40)), start)
+    stamps = draw(st.lists(finite, max_size=40, unique=True))
+    return TimeBase.stamped(clock, np.array(sorted(stamps), dtype=np.float64), start)
+
+
+@st.composite
+def channels(draw: st.DrawFn, name: str, time_base: TimeBase) -> Channel:
+    dtype = draw(st.sampled_from([np.float64, np.float32]))
+    raw = None
+    if draw(st.booleans()):
+        counts = draw(npst.arrays(draw(st.sampled_from([np.int16, np.int32, np.int64, np.uint8])), time_base.count))
+        raw = RawCounts(counts, draw(finite), draw(finite), draw(texts))
+    return Channel(
+        name=name,
+        quantity=draw(st.sampled_from(sorted(SI_UNITS))),
+        samples=draw(npst.arrays(dtype, time_base.count)),
+        time_base=time_base,
+        signal=draw(texts),
+        role=draw(st.sampled_from(["", "recoil_acceleration", "trigger"])),
+        u_rel=draw(st.floats(0, 1)),
+        resolution=draw(st.floats(0, 1)),
+        raw=raw,
+        history=draw(histories),
+    )
+
+
+@st.composite
+def shots(draw: st.DrawFn) -> Shot:
+    bases = draw(st.lists(time_bases(), min_size=1, max_size=3))
+    own = draw(st.lists(names, max_size=5, unique=True))
+    u = st.floats(0, 1) | st.just(float("inf")) | st.just(float("nan"))
+    return Shot(
+        name=draw(texts),
+        rig_name=draw(texts),
+        rig_text=draw(texts),
+        reference_clock=draw(st.sampled_from(bases)).clock,
+        channels={name: draw(channels(name, draw(st.sampled_from(bases)))) for name in own},
+        alignments=tuple(
+            draw(
+                st.builds(
+                    ClockAlignment,
+                    st.just(clock),
+                    finite,
+                    u,
+                    finite,
+                    u,
+                    st.sampled_from(["ok", "ambiguous", "failed"]),
+                    texts,
+                    st.lists(texts, max_size=2).map(tuple),
+                    st.none() | st.dictionaries(texts, json_values, max_size=3),
+                )
+            )
+            for clock in draw(st.lists(names, max_size=3, unique=True))
+        ),
+        quality=draw(
+            st.lists(
+                st.builds(QualityCheck, texts, texts, st.sampled_from(["ok", "warn", "fail"]), texts), max_size=3
+            ).map(tuple)
+        ),
+        inputs=draw(
+            st.lists(st.builds(InputFile, texts, texts, st.integers(0, 2**40), texts, texts), max_size=3).map(tuple)
+        ),
+        started=draw(texts),
+        history=draw(histories),
+        databases=draw(st.none() | st.dictionaries(texts, texts, max_size=2)),
+    )
+
+
+@given(shot=shots())
+@settings(max_examples=40, deadline=None)
+def test_a_shot_comes_back_exactly_as_it_was_written(shot: Shot) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "shot.h5"
+        write_shot(shot, path)
+        assert_same_shot(read_shot(path), shot)
+        assert names_in(Path(folder)) == ["shot.h5"]
+        json.dumps(shot_summary(path), allow_nan=False)
+
+
+def test_every_part_of_a_full_shot_comes_back(written: Path) -> None:
+    assert_same_shot(read_shot(written), make_shot())
+
+
+def test_channels_of_one_time_base_share_it_after_reading(written: Path) -> None:
+    shot = read_shot(written)
+    assert shot.channels["p_breech"].time_base is shot.channels["acc_recoil"].time_base
+    assert shot.channels["temperature"].time_base is not shot.channels["rate_tipping"].time_base
+
+
+def test_the_same_shot_gives_the_same_bytes(tmp_path: Path) -> None:
+    first, second = tmp_path / "a.h5", tmp_path / "b.h5"
+    write_shot(make_shot(), first)
+    time.sleep(1.1)  # HDF5 stamps objects with whole seconds unless told not to
+    write_shot(make_shot(), second)
+    assert first.read_bytes() == second.read_bytes()
+
+
+def test_a_long_rig_file_and_a_long_history_fit(tmp_path: Path) -> None:
+    shot = make_shot()
+    long = replace(shot, rig_text="# " + "x" * 200_000, history=(Step("align", "0.1.0", {"trace": [0.5] * 40_000}),))
+    write_shot(long, tmp_path / "long.h5")
+    assert_same_shot(read_shot(tmp_path / "long.h5"), long)
+
+
+def test_numpy_scalars_in_details_are_stored_as_json_numbers(tmp_path: Path) -> None:
+    details = {"gain": np.float64(1.5), "lags": [np.int64(3)], "sure": np.bool_(True)}
+    shot = replace(make_shot(), alignments=(ClockAlignment("can", 0, 0, 0, 0, "ok", "fixed", (), details),))
+    write_shot(shot, tmp_path / "s.h5")
+    assert read_shot(tmp_path / "s.h5").alignments[0].details == {"gain": 1.5, "lags": [3], "sure": True}
+
+
+def test_a_value_without_a_place_in_json_is_the_callers_mistake(tmp_path: Path) -> None:
+    shot = replace(make_shot(), history=(Step("align", "0.1.0", {"file": Path("x")}),))
+    with pytest.raises(TypeError, match="has no place in JSON"):
+        write_shot(shot, tmp_path / "s.h5")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_text_that_hdf5_cannot_hold_is_refused_in_one_line(tmp_path: Path) -> None:
+    with pytest.raises(StoreError, match="cannot store") as caught:
+        write_shot(replace(make_shot(), rig_text="a\0b"), tmp_path / "s.h5")
+    assert "\n" not in str(caught.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+# What other readers see
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_xarray_opens_every_group_with_time_and_units(written: Path, engine: str) -> None:
+    import xarray
+
+    shot = make_shot()
+    with xarray.open_datatree(written, engine=engine) as tree:
+        tree.load()
+        for clock, names in {"dewetron": ("p_breech", "acc_recoil"), "camera": ("x_recoil",)}.items():
+            data = tree[f"/entry/{clock}"]
+            for name in names:
+                channel = shot.channels[name]
+                assert data[name].attrs["units"] == channel.unit
+                np.testing.assert_array_equal(data[name].values, channel.samples)
+                np.testing.assert_array_equal(data[name].coords["time"].values, channel.time_base.times_s)
+                assert data["time"].attrs["units"] == "s"
+        raw = shot.channels["acc_recoil"].raw
+        assert raw is not None
+        np.testing.assert_array_equal(tree["/entry/raw/dewetron/acc_recoil"].values, raw.counts)
+        assert tree["/entry/quality"].to_dataset()["verdict"].values.tolist() == ["ok", "warn", "fail"]
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_xarray_opens_one_time_base_as_a_dataset(written: Path, engine: str) -> None:
+    import xarray
+
+    with xarray.open_dataset(written, group="entry/can_2", engine=engine) as data:
+        assert set(data.data_vars) == {"rate_tipping", "rate_carriage"}
+        assert data["rate_tipping"].dims == ("time",)
+
+
+def test_netcdf_c_opens_it(written: Path) -> None:
+    import netCDF4
+
+    with netCDF4.Dataset(written) as data:
+        signal = data["/entry/dewetron/acc_recoil"]
+        assert signal.dimensions == ("time",)
+        assert signal.units == "m/s^2"
+        np.testing.assert_array_equal(signal[:], make_shot().channels["acc_recoil"].samples)
+
+
+def test_nexusformat_plots_the_recoil_acceleration_by_default(written: Path) -> None:
+    from nexusformat.nexus import nxload  # type: ignore[import-untyped]  # it carries no types
+
+    channel = make_shot().channels["acc_recoil"]
+    plotted = nxload(str(written)).plottable_data
+    assert plotted.nxpath == "/entry/dewetron"
+    assert plotted.nxsignal.nxname == "acc_recoil"
+    np.testing.assert_array_equal(plotted.nxsignal.nxdata, channel.samples)
+    np.testing.assert_array_equal(plotted.nxaxes[0].nxdata, channel.time_base.times_s)
+
+
+def test_without_a_recoil_acceleration_the_reference_clock_is_plotted(tmp_path: Path) -> None:
+    shot = make_shot()
+    others = {name: channel for name, channel in list(shot.channels.items())[::-1] if name != "acc_recoil"}
+    write_shot(replace(shot, channels=others), tmp_path / "s.h5")
+    with h5py.File(tmp_path / "s.h5") as file:
+        assert file["entry"].attrs["default"] == "dewetron"
+        assert file["entry/dewetron"].attrs["signal"] == "p_breech"
+
+
+def test_units_of_every_dataset_parse_with_pint(written: Path) -> None:
+    registry: pint.UnitRegistry[Any] = pint.UnitRegistry()
+    seen = {}
+
+    def visit(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset) and item.dtype.kind in "iuf":
+            seen[name] = registry.parse_units(item.attrs["units"])
+
+    with h5py.File(written) as file:
+        file.visititems(visit)
+    assert len(seen) > 20
+    assert seen["entry/dewetron/acc_recoil"] == registry.Unit("m/s**2")
+    assert seen["entry/dewetron/p_breech"] == registry.Unit("Pa")
+    assert seen["entry/camera/time"] == registry.Unit("s")
+
+
+def test_nothing_in_the_file_is_what_some_reader_cannot_read(written: Path) -> None:
+    faults = []
+
+    def visit(name: str, item: Any) -> None:
+        for key, value in item.attrs.items():
+            if key in ("DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME"):  # the dimension scales' own
+                continue
+            dtype = np.asarray(value).dtype
+            if dtype.kind not in "iufOU" or isinstance(value, h5py.Reference):
+                faults.append(f"{name}@{key}: {dtype}")
+        if isinstance(item, h5py.Dataset):
+            if item.dtype.kind == "O" and h5py.check_string_dtype(item.dtype) is None:
+                faults.append(f"{name}: {item.dtype}")
+            if item.ndim and not item.is_scale and not len(item.dims[0]):
+                faults.append(f"{name}: a dimension without a scale")
+            if item.compression not in (None, "gzip"):
+                faults.append(f"{name}: {item.compression}")
+        elif any(isinstance(child, h5py.Dataset) and child.is_scale for child in item.values()) and any(
+            isinstance(child, h5py.Group) for child in item.values()
+        ):
+            faults.append(f"{name}: a dimension above other groups")
+
+    with h5py.File(written) as file:
+        file.visititems(visit)
+        assert file.attrs["complete"] == 1
+        assert file["entry/dewetron/acc_recoil"].fletcher32
+    assert faults == []
+
+
+def test_names_that_readers_do_not_allow_are_replaced_and_the_true_ones_kept(tmp_path: Path) -> None:
+    base = TimeBase.uniform("raw", 0.0, 1e-3, 5)
+    names = ("time", "a/b", "a b", "Ä")
+    shot = Shot("1", "r", "", "raw", {n: recorder_channel(n, "force", base, counts=True) for n in names})
+    write_shot(shot, tmp_path / "s.h5")
+    assert list(read_shot(tmp_path / "s.h5").channels) == list(names)
+    with h5py.File(tmp_path / "s.h5") as file:
+        assert set(file["entry/raw_2"]) == {"time", "time_2", "a_b", "a_b_2", "_"}
+
+
+# The summary
+
+
+def test_the_summary_says_what_is_in_the_file_in_json_types(written: Path) -> None:
+    shot = make_shot()
+    summary = shot_summary(written)
+    assert json.loads(json.dumps(summary, allow_nan=False)) == summary
+    assert (summary["shot"], summary["rig"], summary["started"]) == ("0007", "bench", shot.started)
+    assert summary["usable"] is False
+    assert summary["reasons"] == list(shot.reasons)
+    assert [c["name"] for c in summary["channels"]] == list(shot.channels)
+    camera = next(c for c in summary["channels"] if c["name"] == "x_recoil")
+    assert camera == {
+        "name": "x_recoil",
+        "quantity": "displacement",
+        "unit": "m",
+        "role": "recoil_displacement",
+        "clock": "camera",
+        "signal": "muzzle/X",
+        "count": 60,
+        "lost": 1,
+        "rate_hz": pytest.approx(5000.0),
+        "start_s": 0.0,
+        "end_s": 63 / 5000,
+        "u_rel": 0.002,
+    }
+    assert [a["u_offset_s"] for a in summary["alignments"]] == [1.5e-5, 1e-4, None]
+    assert summary["inputs"][1]["file"] == "Schuß 7.txt"
+
+
+def test_the_summary_reads_no_samples(written: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    read = h5py.Dataset.__getitem__
+
+    def refuse_signals(self: Any, *args: Any, **kwargs: Any) -> Any:
+        assert "units" not in self.attrs or self.size < 10, self.name
+        return read(self, *args, **kwargs)
+
+    monkeypatch.setattr(h5py.Dataset, "__getitem__", refuse_signals)
+    assert shot_summary(written)["shot"] == "0007"
+
+
+# Nothing is overwritten, nothing half-written
+
+
+def test_an_existing_file_is_refused_and_left_alone(written: Path) -> None:
+    before = written.read_bytes()
+    with pytest.raises(StoreError, match=r"exists already.*--overwrite"):
+        write_shot(replace(make_shot(), name="other"), written)
+    assert written.read_bytes() == before
+    assert names_in(written.parent) == [written.name]
+
+
+def test_overwrite_replaces_the_file(written: Path) -> None:
+    write_shot(replace(make_shot(), name="other"), written, overwrite=True)
+    assert read_shot(written).name == "other"
+    assert names_in(written.parent) == [written.name]
+
+
+@pytest.mark.parametrize("hard_links", [True, False])
+def test_a_file_that_appears_meanwhile_is_not_overwritten(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hard_links: bool
+) -> None:
+    path = tmp_path / "s.h5"
+    verify = daq.store._verify
+
+    def verify_while_another_writes(*args: Any) -> None:
+        verify(*args)
+        path.write_text("someone else's")
+
+    monkeypatch.setattr(daq.store, "_verify", verify_while_another_writes)
+    if not hard_links:
+        monkeypatch.setattr(Path, "hardlink_to", _refuse)
+    with pytest.raises(StoreError, match="exists already"):
+        write_shot(make_shot(), path)
+    assert path.read_text() == "someone else's"
+    assert names_in(tmp_path) == ["s.h5"]
+
+
+def test_a_file_system_without_hard_links_will_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Path, "hardlink_to", _refuse)
+    write_shot(make_shot(), tmp_path / "s.h5")
+    assert_same_shot(read_shot(tmp_path / "s.h5"), make_shot())
+    assert names_in(tmp_path) == ["s.h5"]
+
+
+def _refuse(*_args: Any, **_kwargs: Any) -> None:
+    raise PermissionError(1, "Operation not permitted")
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+@pytest.mark.parametrize("step", ["fsync", "rename"])
+def test_a_failure_at_any_step_leaves_nothing_behind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str, overwrite: bool
+) -> None:
+    if step == "fsync":
+        monkeypatch.setattr(os, "fsync", _refuse)
+    else:
+        monkeypatch.setattr(Path, "replace", _refuse)
+        monkeypatch.setattr(Path, "rename", _refuse)
+        monkeypatch.setattr(Path, "hardlink_to", _refuse)
+    with pytest.raises(StoreError, match="cannot be written: Operation not permitted") as caught:
+        write_shot(make_shot(), tmp_path / "s.h5", overwrite=overwrite)
+    assert isinstance(caught.value.__cause__, PermissionError)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_interrupt_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(*_args: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(daq.store, "_verify", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        write_shot(make_shot(), tmp_path / "s.h5")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_disk_that_changes_the_last_bit_of_a_sample_is_found_out_before_the_rename(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "s.h5"
+    before = make_shot()
+    write_shot(before, path)
+    write = daq.store._write_durably
+
+    def write_badly(_image: bytes, target: Path) -> None:
+        shot = make_shot()
+        samples = shot.channels["p_breech"].samples.copy()
+        samples[100] = np.nextafter(samples[100], np.inf)
+        changed = replace(shot.channels["p_breech"], samples=samples)
+        write(daq.store._image(replace(shot, channels={**shot.channels, "p_breech": changed}), target), target)
+
+    monkeypatch.setattr(daq.store, "_write_durably", write_badly)
+    with pytest.raises(StoreError, match="samples of channel 'p_breech'"):
+        write_shot(before, path, overwrite=True)
+    assert_same_shot(read_shot(path), before)
+    assert names_in(tmp_path) == ["s.h5"]
+
+
+def test_a_disk_that_keeps_half_is_found_out_before_the_rename(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write = daq.store._write_durably
+    monkeypatch.setattr(daq.store, "_write_durably", lambda image, path: write(image[: len(image) // 2], path))
+    with pytest.raises(StoreError, match="does not read back") as caught:
+        write_shot(make_shot(), tmp_path / "s.h5")
+    assert caught.value.path == tmp_path / "s.h5"
+    assert list(tmp_path.iterdir()) == []
+
+
+SCRIPT = """
+import sys
+from pathlib import Path
+from daq.errors import StoreError
+from daq.store import write_shot
+from tests.builders.shots import make_shot
+path = Path(sys.argv[1])
+{prepare}
+try:
+    write_shot(make_shot(), path)
+except StoreError as error:
+    print(error)
+"""
+
+
+def _run(prepare: str, path: Path) -> subprocess.CompletedProcess[str]:
+    script = SCRIPT.format(prepare=textwrap.dedent(prepare))
+    root = Path(__file__).resolve().parents[2]
+    return subprocess.run(  # noqa: S603  # our own interpreter and our own script
+        [sys.executable, "-c", script, str(path)], cwd=root, capture_output=True, text=True, check=False, timeout=60
+    )
+
+
+def test_a_killed_writer_leaves_no_file_of_the_final_name(tmp_path: Path) -> None:
+    result = _run("import os\nos.fsync = lambda handle: os.kill(os.getpid(), 9)", tmp_path / "s.h5")
+    assert result.returncode != 0
+    assert not (tmp_path / "s.h5").exists()
+    assert [re.sub(r"[0-9a-f]{8}", "*", p.name) for p in tmp_path.iterdir()] == [".s.h5.*.partial"]
+    write_shot(make_shot(), tmp_path / "s.h5")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a limit of the file size stands in for a full disk; Windows has none")
+def test_a_full_disk_is_one_line_and_leaves_nothing_behind(tmp_path: Path) -> None:
+    limit = "import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))"
+    result = _run(limit, tmp_path / "s.h5")
+    assert (result.returncode, result.stderr) == (0, "")
+    assert re.fullmatch(rf"{re.escape(str(tmp_path / 's.h5'))}: cannot be written: File too large; .*\n", result.stdout)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_missing_folders_are_made(tmp_path: Path) -> None:
+    write_shot(make_shot(), tmp_path / "a" / "b" / "s.h5")
+    assert read_shot(tmp_path / "a" / "b" / "s.h5").name == "0007"
+
+
+def test_a_folder_below_a_file_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StoreError, match=r"cannot be written: .*; choose another folder"):
+        write_shot(make_shot(), tmp_path / "file" / "s.h5")
+
+
+def test_no_permission_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def deny(self: Path, *_args: Any, **_kwargs: Any) -> None:
+        raise PermissionError(13, "Permission denied", str(self))
+
+    monkeypatch.setattr(Path, "open", deny)
+    with pytest.raises(StoreError, match=r"s\.h5: cannot be written: Permission denied; choose another folder"):
+        write_shot(make_shot(), tmp_path / "s.h5")
+
+
+@pytest.mark.skipif(
+    not hasattr(os, "geteuid") or os.geteuid() == 0, reason="the system's administrator may write anywhere"
+)
+def test_a_folder_without_write_permission_is_one_line(tmp_path: Path) -> None:
+    tmp_path.chmod(0o500)
+    try:
+        with pytest.raises(StoreError, match="Permission denied"):
+            write_shot(make_shot(), tmp_path / "s.h5")
+    finally:
+        tmp_path.chmod(0o700)
+
+
+def test_a_folder_of_that_name_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(StoreError, match="this is a folder"):
+        write_shot(make_shot(), tmp_path, overwrite=True)
+
+
+# What is not a shot file
+
+
+def test_a_missing_file_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(StoreError, match="cannot be read: No such file"):
+        read_shot(tmp_path / "none.h5")
+
+
+@pytest.mark.parametrize("content", [b"", b"time;acc\n0;1\n", b"\x89PNG\r\n\x1a\n"])
+def test_a_file_that_is_not_hdf5_is_named_as_such(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "x.h5").write_bytes(content)
+    for read in (read_shot, shot_summary):
+        with pytest.raises(StoreError, match=r"not an HDF5 file; expected a shot file.*found") as caught:
+            read(tmp_path / "x.h5")
+        assert caught.value.path == tmp_path / "x.h5"
+
+
+@pytest.mark.parametrize(
+    ("schema", "found"), [(None, "HDF5 of something else"), ("recoil-daq/shot/9", "schema 'recoil-daq/shot/9'")]
+)
+def test_hdf5_of_something_else_is_named_as_such(tmp_path: Path, schema: str | None, found: str) -> None:
+    with h5py.File(tmp_path / "x.h5", "w") as file:
+        file["data"] = np.arange(3)
+        if schema is not None:
+            file.attrs["schema"] = schema
+    with pytest.raises(StoreError, match="not a shot file of this version") as caught:
+        read_shot(tmp_path / "x.h5")
+    assert caught.value.found == found
+
+
+def test_a_file_without_its_completion_mark_is_refused(written: Path) -> None:
+    with h5py.File(written, "r+") as file:
+        del file.attrs["complete"]
+    with pytest.raises(StoreError, match="never completed"):
+        read_shot(written)
+
+
+def test_a_file_cut_anywhere_is_refused_and_never_a_foreign_error(written: Path, tmp_path: Path) -> None:
+    whole = written.read_bytes()
+    cut = tmp_path / "cut.h5"
+    for size in [*range(0, 4096, 97), *range(4096, len(whole), 1733), len(whole) - 1]:
+        cut.write_bytes(whole[:size])
+        with pytest.raises(StoreError):
+            read_shot(cut)
+
+
+@pytest.mark.parametrize(
+    "path", ["entry/rig/text", "entry/dewetron/time", "entry/quality/detail", "entry/history/step_1/what", "entry/raw"]
+)
+def test_a_missing_part_is_damage(written: Path, path: str) -> None:
+    with h5py.File(written, "r+") as file:
+        del file[path]
+    with pytest.raises(StoreError, match=r"is damaged: .*; restore it from a copy") as caught:
+        read_shot(written)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_flipped_bit_in_the_samples_is_damage(written: Path) -> None:
+    with h5py.File(written) as file:
+        chunk = file["entry/dewetron/acc_recoil"].id.get_chunk_info(0)
+    content = bytearray(written.read_bytes())
+    content[chunk.byte_offset + chunk.size // 2] ^= 0x10
+    written.write_bytes(content)
+    with pytest.raises(StoreError, match="is damaged"):
+        read_shot(written)
+
+
+def test_a_time_that_contradicts_its_step_is_damage(written: Path) -> None:
+    with h5py.File(written, "r+") as file:
+        file["entry/dewetron/time"].attrs["step_s"] = 6e-5
+    with pytest.raises(StoreError, match="start_s"):
+        read_shot(written)
+
+
+# The comparison that the verification rests on
+
+
+def _changed(shot: Shot) -> list[tuple[str, Shot]]:
+    channel = shot.channels["acc_recoil"]
+    raw = channel.raw
+    assert raw is not None
+    negated = channel.samples.copy()
+    negated[3] = -0.0 if negated[3] == 0 else np.nan
+    start = replace(channel.time_base, absolute_start=None)
+
+    def with_channel(**changes: Any) -> Shot:
+        return replace(shot, channels={**shot.channels, "acc_recoil": replace(channel, **changes)})
+
+    return [
+        ("name", replace(shot, name="x")),
+        ("rig_text", replace(shot, rig_text="x")),
+        ("quality", replace(shot, quality=shot.quality[:1])),
+        ("inputs", replace(shot, inputs=())),
+        ("started", replace(shot, started="")),
+        ("databases", replace(shot, databases=None)),
+        ("history", replace(shot, history=shot.history[:1])),
+        ("alignments", replace(shot, alignments=(replace(shot.alignments[0], details=None), *shot.alignments[1:]))),
+        ("names of the channels", replace(shot, channels=dict(list(shot.channels.items())[::-1]))),
+        ("samples of channel 'acc_recoil'", with_channel(samples=negated)),
+        ("samples of channel 'acc_recoil'", with_channel(samples=channel.samples.astype(np.float32))),
+        ("time base of channel 'acc_recoil'", with_channel(time_base=start)),
+        ("raw counts of channel 'acc_recoil'", with_channel(raw=None)),
+        ("raw counts of channel 'acc_recoil'", with_channel(raw=replace(raw, gain=2 * raw.gain))),
+        ("raw counts of channel 'acc_recoil'", with_channel(raw=replace(raw, counts=raw.counts + 1))),
+        ("u_rel of channel 'acc_recoil'", with_channel(u_rel=0.1)),
+        ("history of channel 'acc_recoil'", with_channel(history=())),
+    ]
+
+
+@pytest.mark.parametrize("i", range(17))
+def test_the_verification_sees_a_change_of_any_value(i: int) -> None:
+    what, changed = _changed(make_shot())[i]
+    assert first_difference(make_shot(), changed) == what
+    assert first_difference(make_shot(), make_shot()) is None
+
+
+def test_positive_and_negative_zero_are_different_samples() -> None:
+    base = TimeBase.uniform("c", 0.0, 1.0, 2)
+    one, other = (Shot("1", "r", "", "c", {"a": Channel("a", "force", np.array([z, 1.0]), base)}) for z in (0.0, -0.0))
+    assert first_difference(one, other) == "samples of channel 'a'"
+
+
+def test_a_shot_of_eight_channels_and_a_camera_is_written_well_within_a_second(tmp_path: Path) -> None:
+    shot = make_shot(21_000, 2_000)
+    base = shot.channels["acc_recoil"].time_base
+    more = {f"c{i}": recorder_channel(f"c{i}", "pressure", base, seed=i) for i in range(6)}
+    full = replace(shot, channels={**shot.channels, **more})
+    begin = time.perf_counter()
+    write_shot(full, tmp_path / "s.h5")
+    elapsed = time.perf_counter() - begin
+    assert elapsed < 2.0  # measured 0.2 s; four times the 0.5 s that a user may wait, for a busy machine
+    assert (tmp_path / "s.h5").stat().st_size < 3e6

@@ -1,0 +1,155 @@
+from __future__ import annotations
+
+import math
+from dataclasses import FrozenInstanceError, replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from daq.timebase import AbsoluteStart, TimeBase
+
+STAMPS = np.array([0.0, 0.1, 0.25])
+NOON = AbsoluteStart("2026-03-01T12:00:00", "unknown", "preamble")
+
+
+def test_a_uniform_time_base_has_its_instants() -> None:
+    base = TimeBase.uniform("dewetron", -0.5, 0.25, 4)
+    np.testing.assert_array_equal(base.times_s, [-0.5, -0.25, 0.0, 0.25])
+    assert (base.start_s, base.end_s, base.rate_hz) == (-0.5, 0.25, 4.0)
+
+
+def test_a_stamped_time_base_has_the_given_instants() -> None:
+    base = TimeBase.stamped("can", STAMPS)
+    np.testing.assert_array_equal(base.times_s, STAMPS)
+    assert (base.start_s, base.end_s, base.count, base.step_s) == (0.0, 0.25, 3, None)
+    assert base.rate_hz == pytest.approx(1 / 0.125)
+
+
+def test_the_uniform_instants_do_not_accumulate_rounding() -> None:
+    base = TimeBase.uniform("dewetron", 0.0, 1e-4, 1_000_001)
+    assert base.end_s == 100.0
+
+
+def test_integer_stamps_become_seconds_in_float64() -> None:
+    base = TimeBase.stamped("can", np.array([1, 2, 4]))
+    assert base.times_s.dtype == np.float64
+
+
+@pytest.mark.parametrize("base", [TimeBase.uniform("c", 1.5, 0.1, 0), TimeBase.stamped("c", np.array([]))])
+def test_a_time_base_without_instants_is_possible(base: TimeBase) -> None:
+    assert base.times_s.shape == (0,)
+    assert base.times_s.dtype == np.float64
+    assert base.end_s == base.start_s
+
+
+def test_one_stamp_has_no_rate() -> None:
+    assert math.isnan(TimeBase.stamped("c", np.array([3.0])).rate_hz)
+    assert TimeBase.uniform("c", 3.0, 0.5, 1).rate_hz == 2.0
+
+
+@pytest.mark.parametrize("step_s", [0.0, -1e-3, math.nan, math.inf])
+def test_a_step_that_is_not_positive_and_finite_is_refused(step_s: float) -> None:
+    with pytest.raises(ValueError, match="step_s must be positive"):
+        TimeBase.uniform("c", 0.0, step_s, 3)
+
+
+@pytest.mark.parametrize("start_s", [math.nan, math.inf])
+def test_a_start_that_is_not_finite_is_refused(start_s: float) -> None:
+    with pytest.raises(ValueError, match="start_s must be finite"):
+        TimeBase.uniform("c", start_s, 1.0, 3)
+
+
+def test_a_negative_count_is_refused() -> None:
+    with pytest.raises(ValueError, match="count must not be negative"):
+        TimeBase.uniform("c", 0.0, 1.0, -1)
+
+
+@pytest.mark.parametrize(
+    ("stamps", "match"),
+    [
+        ([0.0, 0.0], "increase strictly"),
+        ([1.0, 0.5], "increase strictly"),
+        ([0.0, math.nan], "finite"),
+        ([math.nan], "finite"),
+        ([0.0, math.inf], "finite"),
+        ([[0.0, 1.0]], "shape"),
+    ],
+)
+def test_stamps_that_are_no_instants_are_refused(stamps: list[float], match: str) -> None:
+    with pytest.raises(ValueError, match=match):
+        TimeBase.stamped("c", np.array(stamps))
+
+
+def test_uniform_and_stamped_at_once_or_neither_is_refused() -> None:
+    with pytest.raises(ValueError, match="either uniform"):
+        TimeBase("c", 0.0, 0.1, 3, STAMPS)
+    with pytest.raises(ValueError, match="either uniform"):
+        TimeBase("c", 0.0, None, 3)
+
+
+def test_fields_that_contradict_each_other_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"start_s is 5\.0"):
+        TimeBase("c", 5.0, None, 3, STAMPS)
+    with pytest.raises(ValueError, match="shape"):
+        TimeBase("c", 0.0, None, 4, STAMPS)
+    with pytest.raises(ValueError, match="float64"):
+        TimeBase("c", 0.0, None, 3, STAMPS.astype(np.float32))
+
+
+def test_a_step_that_float64_cannot_resolve_is_refused() -> None:
+    # Seconds since 1970 with 100 ns steps: neighbouring float64 numbers are 238 ns apart there
+    with pytest.raises(ValueError, match="cannot tell instants"):
+        TimeBase.uniform("c", 1.77e9, 1e-7, 1000)
+    TimeBase.uniform("c", 1.77e9, 1e-5, 1000)
+
+
+@given(
+    start_s=st.floats(-1e9, 1e9),
+    step_s=st.floats(1e-9, 1e3),
+    count=st.integers(0, 300),
+)
+@settings(max_examples=200, deadline=None)
+def test_every_accepted_uniform_time_base_increases_strictly(start_s: float, step_s: float, count: int) -> None:
+    try:
+        base = TimeBase.uniform("c", start_s, step_s, count)
+    except ValueError:
+        assert step_s <= 4 * math.ulp(max(abs(start_s), abs(start_s + step_s * count)))
+        return
+    assert base.times_s.shape == (count,)
+    assert np.all(np.diff(base.times_s) > 0)
+
+
+def test_the_same_instants_on_another_clock_are_not_the_same() -> None:
+    one, other = TimeBase.stamped("camera", STAMPS), TimeBase.stamped("can", STAMPS)
+    assert one.same_instants(TimeBase.stamped("camera", STAMPS.copy()))
+    assert not one.same_instants(other)
+    assert not one.same_instants(TimeBase.stamped("camera", STAMPS[:2]))
+
+
+def test_uniform_and_stamped_can_be_the_same_instants_without_being_identical() -> None:
+    uniform = TimeBase.uniform("c", 0.0, 0.25, 3)
+    stamped = TimeBase.stamped("c", uniform.times_s)
+    assert uniform.same_instants(stamped)
+    assert not uniform.is_identical(stamped)
+    assert not stamped.is_identical(uniform)
+
+
+def test_identical_time_bases_agree_in_every_field() -> None:
+    base = TimeBase.stamped("c", STAMPS, NOON)
+    assert base.is_identical(TimeBase.stamped("c", STAMPS.copy(), NOON))
+    assert not base.is_identical(TimeBase.stamped("c", STAMPS, None))
+    assert not base.is_identical(TimeBase.stamped("d", STAMPS, NOON))
+    assert not base.is_identical(TimeBase.stamped("c", np.array([0.0, 0.2, 0.25]), NOON))
+    uniform = TimeBase.uniform("c", 0.0, 0.1, 3)
+    assert uniform.is_identical(TimeBase.uniform("c", 0.0, 0.1, 3))
+    assert not uniform.is_identical(TimeBase.uniform("c", 0.0, 0.2, 3))
+
+
+def test_a_time_base_is_frozen_and_a_replaced_one_computes_anew() -> None:
+    base = TimeBase.uniform("c", 0.0, 0.5, 3)
+    assert base.end_s == 1.0
+    with pytest.raises(FrozenInstanceError):
+        base.count = 4  # type: ignore[misc]  # what the test is about
+    assert replace(base, count=5).end_s == 2.0

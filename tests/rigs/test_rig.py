@@ -1,0 +1,673 @@
+from __future__ import annotations
+
+import datetime as dt
+import re
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from daq.errors import Fault, ReadError, RigError
+from daq.quantity import SI_UNITS
+from rigs.mechanism import Mechanism
+from rigs.rig import (
+    ROLES,
+    FixedAlignment,
+    MotionAlignment,
+    RedundantAlignment,
+    Rig,
+    TriggerAlignment,
+    bundled_rigs,
+    find_rig,
+    load_rig,
+    parse_rig,
+)
+
+PATH = Path("bench.toml")
+DATABASE = 'VERSION ""\n'
+
+RIG = """\
+schema = "recoil-daq/rig/1"
+name = "bench"
+reference_clock = "dewetron"
+
+[mechanism]
+m3 = 782
+XA = 2.05
+YA = 0.95
+b = 0.85
+d = 0.04
+phi10 = 0.02
+phi20 = 0.17
+bore_area = 0.00883
+brake_area = 0.0056
+recuperator_area = 0.0078
+friction = 1500.0
+u_friction = 150.0
+
+[[source]]
+name = "dewetron"
+kind = "dewetron"
+match = "*DAQ*.csv"
+
+[[source]]
+name = "camera"
+kind = "camera"
+match = "*cam*.txt"
+frame_rate = 5000
+align = { method = "motion", against = "acc_recoil" }
+
+[[source]]
+name = "can"
+kind = "can"
+database = "rig.dbc"
+align = { method = "redundant", channel = "rate_can", against = "rate_daq" }
+
+[[source]]
+name = "imu"
+kind = "serial"
+framing = { header = "aa55", size = 24 }
+align = { method = "trigger", channel = "sync_imu" }
+
+[[channel]]
+name = "acc_recoil"
+source = "dewetron"
+signal = "AI 1/acc_recoil"
+quantity = "acceleration"
+unit = "g"
+role = "recoil_acceleration"
+polarity = -1
+sensor = { serial = "17", calibrated = 2026-03-01, due = 2027-03-01, u_rel = 0.005, range = [-5e3, 5e3] }
+
+[[channel]]
+name = "p_breech"
+source = "dewetron"
+signal = "AI 2/p_breech"
+quantity = "pressure"
+unit = "V"
+role = "breech_pressure"
+sensor = { sensitivity = 4.4e-8, sensitivity_unit = "pC", amplifier = 2e-3, due = 2026-12-31 }
+
+[[channel]]
+name = "trigger"
+source = "dewetron"
+signal = "AI 3/trigger"
+quantity = "voltage"
+role = "trigger"
+
+[[channel]]
+name = "rate_daq"
+source = "dewetron"
+signal = "AI 4/rate"
+quantity = "angular_rate"
+unit = "°/s"
+role = "tipping_rate"
+
+[[channel]]
+name = "x_recoil"
+source = "camera"
+signal = "Feature #1 - X"
+quantity = "displacement"
+unit = "mm"
+role = "recoil_displacement"
+
+[[channel]]
+name = "rate_can"
+source = "can"
+signal = "Gyro.Rate"
+quantity = "angular_rate"
+
+[[channel]]
+name = "sync_imu"
+source = "imu"
+signal = "sync"
+quantity = "count"
+"""
+
+
+def rig_of(text: str = RIG) -> Rig:
+    return parse_rig(text, PATH, {"rig.dbc": DATABASE})
+
+
+def changed(*changes: tuple[str, str]) -> str:
+    """Change the sound rig's text, each piece exactly once."""
+    text = RIG
+    for old, new in changes:
+        assert text.count(old) == 1, f"{old!r} occurs {text.count(old)} times"
+        text = text.replace(old, new)
+    return text
+
+
+def faults_of(*changes: tuple[str, str]) -> tuple[Fault, ...]:
+    with pytest.raises(RigError) as caught:
+        rig_of(changed(*changes))
+    assert "\n" not in str(caught.value)
+    return caught.value.faults
+
+
+def only_fault_of(*changes: tuple[str, str]) -> str:
+    faults = faults_of(*changes)
+    assert len(faults) == 1, [str(f) for f in faults]
+    return str(faults[0])
+
+
+# A sound rig
+
+
+def test_a_sound_rig_is_read_with_all_its_parts() -> None:
+    rig = rig_of()
+    assert (rig.name, rig.reference_clock, rig.path, rig.text) == ("bench", "dewetron", PATH, RIG)
+    assert [s.name for s in rig.sources] == ["dewetron", "camera", "can", "imu"]
+    assert [c.name for c in rig.channels_of("dewetron")] == ["acc_recoil", "p_breech", "trigger", "rate_daq"]
+    assert isinstance(rig.source("camera").align, MotionAlignment)
+    assert isinstance(rig.source("can").align, RedundantAlignment)
+    assert isinstance(rig.source("imu").align, TriggerAlignment)
+    sensor = rig.channel("acc_recoil").sensor
+    assert (sensor.u_rel, sensor.range, sensor.due) == (0.005, (-5000.0, 5000.0), dt.date(2027, 3, 1))
+    assert rig.channel("acc_recoil").polarity == -1
+    assert (rig.mechanism.m3, rig.mechanism.u["friction"]) == (782.0, 150.0)
+    assert rig.databases == {"rig.dbc": DATABASE}
+
+
+def test_a_rig_is_asked_by_name_and_role() -> None:
+    rig = rig_of()
+    channel = rig.by_role("breech_pressure")
+    assert channel is rig.channel("p_breech")
+    assert rig.by_role("brake_pressure") is None
+    with pytest.raises(KeyError):
+        rig.source("radar")
+    with pytest.raises(KeyError):
+        rig.channel("radar")
+
+
+def test_declarations_are_what_the_files_do_not_carry() -> None:
+    rig = rig_of()
+    assert rig.declarations(rig.source("can")).database == DATABASE
+    assert rig.declarations(rig.source("imu")).framing == {"header": "aa55", "size": 24}
+    camera = rig.declarations(rig.source("camera"))
+    assert (camera.clock, camera.frame_rate_hz, camera.scale_mm_per_px, camera.database) == (
+        "camera",
+        5000.0,
+        None,
+        None,
+    )
+
+
+def test_files_match_their_sources_without_regard_to_case() -> None:
+    rig = rig_of()
+    assert [s.name for s in rig.matching("Shot_7_daq_1.CSV")] == ["dewetron"]
+    assert rig.matching("shot_7_imu.bin") == ()
+
+
+def test_an_offset_that_is_known_may_be_declared() -> None:
+    rig = rig_of(changed(('{ method = "motion", against = "acc_recoil" }', '{ method = "fixed", offset_s = -0.5 }')))
+    align = rig.source("camera").align
+    assert isinstance(align, FixedAlignment)
+    assert (align.offset_s, align.u_offset_s, align.drift) == (-0.5, 0.0, 0.0)
+
+
+def test_a_camera_with_a_scale_may_be_in_pixels() -> None:
+    rig = rig_of(changed(('unit = "mm"', 'unit = "px"'), ("frame_rate = 5000", "scale_mm_per_px = 0.4")))
+    assert rig.channel("x_recoil").unit == "px"
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_every_role_has_a_quantity_that_exists(role: str) -> None:
+    assert ROLES[role] in SI_UNITS
+
+
+# One fault at a time: the change, the key path, what is said
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "fault"),
+    [
+        # keys
+        ('name = "bench"', 'name = "bench"\ntitel = "x"', r"titel: unknown key; did you mean `\w+`\?"),
+        ("m3 = 782", "m3 = 782\nm33 = 1.0", r"mechanism\.m33: unknown key; did you mean `m3`\?"),
+        ("u_friction", "u_frction", r"mechanism\.u_frction: unknown key; did you mean `u_friction`\?"),
+        ("frame_rate = 5000", "framerate = 5000", r"source\[1\] 'camera'\.framerate: .* did you mean `frame_rate`\?"),
+        ('unit = "g"', 'units = "g"', r"channel\[0\] 'acc_recoil'\.units: .* did you mean `unit`\?"),
+        ("range = [", "rnge = [", r"channel\[0\] 'acc_recoil'\.sensor\.rnge: .* did you mean `range`\?"),
+        (
+            'channel = "sync_imu"',
+            'channel = "sync_imu", drift_alowance = 0.0',
+            r"source\[3\] 'imu'\.align\.drift_alowance: .* did you mean `drift_allowance`\?",
+        ),
+        # the head
+        ("recoil-daq/rig/1", "recoil-daq/rig/2", r"schema: must be 'recoil-daq/rig/1', found 'recoil-daq/rig/2'"),
+        ('schema = "recoil-daq/rig/1"\n', "", r"schema: must be .* found None"),
+        ('name = "bench"\n', "", r"name: is missing"),
+        ('name = "bench"', "name = 3", r"name: must be a text"),
+        (
+            'reference_clock = "dewetron"',
+            'reference_clock = "dewtron"',
+            r"reference_clock: 'dewtron' is no source; did you mean 'dewetron'\?",
+        ),
+        ('reference_clock = "dewetron"', 'reference_clock = "dewetron"\ntwin = 3', r"twin: must be a table"),
+        # the mechanism
+        ("XA = 2.05\n", "", r"mechanism\.XA: is missing"),
+        ("m3 = 782", "m3 = -1", r"mechanism\.m3: must be positive, found -1"),
+        ("m3 = 782", "m3 = 0", r"mechanism\.m3: must be positive, found 0"),
+        ("m3 = 782", 'm3 = "782"', r"mechanism\.m3: must be a finite number, found '782'"),
+        ("m3 = 782", "m3 = true", r"mechanism\.m3: must be a finite number, found True"),
+        ("m3 = 782", "m3 = nan", r"mechanism\.m3: must be a finite number, found nan"),
+        ("m3 = 782", "m3 = [782]", r"mechanism\.m3: must be a finite number, found \[782\]"),
+        ("m3 = 782", f"m3 = 1{'0' * 400}", r"mechanism\.m3: must be a finite number"),
+        ("u_friction = 150.0", "u_friction = -1.0", r"mechanism\.u_friction: a standard uncertainty is not negative"),
+        ("phi20 = 0.17", "phi20 = 9.7", r"mechanism\.phi20: angles are in rad; 9\.7 is beyond 1\.571"),
+        ("bore_area = 0.00883", "bore_area = 8830.0", r"mechanism\.bore_area: areas are in m2; 8830\.0 is beyond 1"),
+        # sources
+        (
+            'kind = "camera"',
+            'kind = "video"',
+            r"source\[1\] 'camera'\.kind: must be 'dewetron', 'can', 'serial' or 'camera', found 'video'",
+        ),
+        (
+            "frame_rate = 5000",
+            'frame_rate = "5000"',
+            r"source\[1\] 'camera'\.frame_rate: must be a valid number, found '5000'",
+        ),
+        (
+            "frame_rate = 5000",
+            "frame_rate = true",
+            r"source\[1\] 'camera'\.frame_rate: must be a valid number, found True",
+        ),
+        ("frame_rate = 5000", "frame_rate = 0", r"source\[1\] 'camera'\.frame_rate: must be greater than 0, found 0"),
+        (
+            "frame_rate = 5000",
+            "frame_rate = inf",
+            r"source\[1\] 'camera'\.frame_rate: must be a finite number, found inf",
+        ),
+        ('database = "rig.dbc"\n', "", r"source\[2\] 'can': a can source needs `database"),
+        ('framing = { header = "aa55", size = 24 }\n', "", r"source\[3\] 'imu': a serial source needs `framing"),
+        (
+            'framing = { header = "aa55", size = 24 }',
+            'framing = "aa55"',
+            r"source\[3\] 'imu'\.framing: must be a table, found 'aa55'",
+        ),
+        (
+            "frame_rate = 5000",
+            'database = "rig.dbc"',
+            r"source\[1\] 'camera': a camera source has no `database`, only a can source has",
+        ),
+        (
+            'match = "*DAQ*.csv"',
+            "scale_mm_per_px = 0.4",
+            r"source\[0\] 'dewetron': a dewetron source has no `scale_mm_per_px`",
+        ),
+        ('match = "*DAQ*.csv"', "match = 5", r"source\[0\] 'dewetron'\.match: must be a valid string, found 5"),
+        # alignment
+        (
+            'match = "*DAQ*.csv"',
+            'align = { method = "fixed", offset_s = 0.0 }',
+            r"source\[0\] 'dewetron'\.align: the reference clock is not aligned",
+        ),
+        (
+            'align = { method = "trigger", channel = "sync_imu" }\n',
+            "",
+            r"source\[3\] 'imu'\.align: is missing; declare",
+        ),
+        (
+            'method = "motion"',
+            'method = "moton"',
+            r"source\[1\] 'camera'\.align\.method: unknown method 'moton'; did you mean 'motion'\?",
+        ),
+        (
+            'method = "motion", ',
+            "",
+            r"source\[1\] 'camera'\.align\.method: is missing; one of motion, redundant, trigger, fixed",
+        ),
+        (
+            'align = { method = "motion", against = "acc_recoil" }',
+            'align = "motion"',
+            r"source\[1\] 'camera'\.align: must be a table, found 'motion'",
+        ),
+        (', against = "acc_recoil"', "", r"source\[1\] 'camera'\.align\.against: is missing"),
+        (
+            'against = "acc_recoil"',
+            'against = "acc_recol"',
+            r"source\[1\] 'camera'\.align\.against: 'acc_recol' is no channel; did you mean 'acc_recoil'\?",
+        ),
+        (
+            'against = "acc_recoil"',
+            'against = "p_breech"',
+            r"source\[1\] 'camera'\.align\.against: 'p_breech' must be an acceleration, found pressure",
+        ),
+        (
+            'against = "rate_daq"',
+            'against = "rate_can"',
+            r"source\[2\] 'can'\.align\.against: 'rate_can' must be a channel of the reference clock 'dewetron'",
+        ),
+        (
+            'channel = "rate_can"',
+            'channel = "rate_daq"',
+            r"source\[2\] 'can'\.align\.channel: 'rate_daq' must be a channel of this source",
+        ),
+        (
+            'against = "rate_daq"',
+            'against = "acc_recoil"',
+            r"source\[2\] 'can'\.align: a channel of angular_rate does not repeat one of acceleration",
+        ),
+        (
+            'role = "trigger"\n',
+            "",
+            r"source\[3\] 'imu'\.align: no channel of the reference clock 'dewetron' has the role `trigger`",
+        ),
+        (
+            '{ method = "motion", against = "acc_recoil" }',
+            '{ method = "fixed" }',
+            r"source\[1\] 'camera'\.align\.offset_s: is missing",
+        ),
+        (
+            '{ method = "motion", against = "acc_recoil" }',
+            '{ method = "fixed", offset_s = 0.0, u_offset_s = -1.0 }',
+            r"source\[1\] 'camera'\.align\.u_offset_s: must be greater than or equal to 0, found -1\.0",
+        ),
+        # channels
+        ('signal = "sync"\n', "", r"channel\[6\] 'sync_imu'\.signal: is missing"),
+        ('signal = "sync"', 'signal = ""', r"channel\[6\] 'sync_imu'\.signal: must not be empty, found ''"),
+        (
+            'quantity = "pressure"',
+            'quantity = "presure"',
+            r"channel\[1\] 'p_breech'\.quantity: unknown quantity 'presure'; did you mean `pressure`\?",
+        ),
+        (
+            'quantity = "count"',
+            'quantity = "Count"',
+            r"channel\[6\] 'sync_imu'\.quantity: unknown quantity 'Count'; did you mean `count`\?",
+        ),
+        (
+            'unit = "mm"',
+            'unit = "milimeter"',
+            r"channel\[4\] 'x_recoil'\.unit: unknown unit 'milimeter'; nearest known: ",
+        ),
+        (
+            'unit = "°/s"',
+            'unit = "deg/sek"',
+            r"channel\[3\] 'rate_daq'\.unit: unknown unit 'deg/sek'; nearest known: deg/s",
+        ),
+        (
+            'unit = "g"',
+            'unit = "mm"',
+            r"channel\[0\] 'acc_recoil'\.unit: 'mm' is no unit of acceleration; one of m/s\^2, ",
+        ),
+        (
+            'unit = "g"',
+            'unit = "V"',
+            r"channel\[0\] 'acc_recoil'\.unit: 'V' is no unit of acceleration; .*; volts need `sensitivity`",
+        ),
+        ('unit = "g"', 'unit = "px"', r"channel\[0\] 'acc_recoil'\.unit: 'px' is no unit of acceleration"),
+        (
+            'unit = "mm"',
+            'unit = "px"',
+            r"channel\[4\] 'x_recoil'\.unit: 'px' needs `scale_mm_per_px` of the camera source 'camera'",
+        ),
+        (
+            'role = "tipping_rate"',
+            'role = "tiping_rate"',
+            r"channel\[3\] 'rate_daq'\.role: unknown role 'tiping_rate'; did you mean `tipping_rate`\?",
+        ),
+        (
+            'role = "tipping_rate"',
+            'role = "brake_pressure"',
+            r"channel\[3\] 'rate_daq'\.quantity: role 'brake_pressure' needs quantity 'pressure', found 'angular_rate'",
+        ),
+        (
+            'source = "dewetron"\nsignal = "AI 4/rate"',
+            'source = "dewetorn"\nsignal = "AI 4/rate"',
+            r"channel\[3\] 'rate_daq'\.source: role 'tipping_rate' has no source: 'dewetorn' is not declared; did you",
+        ),
+        ("polarity = -1", "polarity = 0", r"channel\[0\] 'acc_recoil'\.polarity: must be 1 or -1, found 0"),
+        # sensors
+        (
+            "u_rel = 0.005",
+            "u_rel = true",
+            r"channel\[0\] 'acc_recoil'\.sensor\.u_rel: must be a valid number, found True",
+        ),
+        (
+            "u_rel = 0.005",
+            "u_rel = -0.1",
+            r"channel\[0\] 'acc_recoil'\.sensor\.u_rel: must be greater than or equal to 0",
+        ),
+        (
+            "range = [-5e3, 5e3]",
+            "range = [5e3, -5e3]",
+            r"channel\[0\] 'acc_recoil'\.sensor: `range` must be \[lowest, highest\]",
+        ),
+        ("range = [-5e3, 5e3]", "range = [5e3]", r"channel\[0\] 'acc_recoil'\.sensor\.range\[1\]: is missing"),
+        (
+            "range = [-5e3, 5e3]",
+            "range = [1, 2, 3]",
+            r"channel\[0\] 'acc_recoil'\.sensor\.range: has too many values, found \[1, 2, 3\]",
+        ),
+        (
+            "range = [-5e3, 5e3]",
+            'range = [1, "2"]',
+            r"channel\[0\] 'acc_recoil'\.sensor\.range\[1\]: must be a valid number, found '2'",
+        ),
+        (
+            "range = [-5e3, 5e3]",
+            "range = 5e3",
+            r"channel\[0\] 'acc_recoil'\.sensor\.range: must be an array of two numbers, found 5000\.0",
+        ),
+        (
+            "calibrated = 2026-03-01",
+            'calibrated = "2026-03-01"',
+            r"channel\[0\] 'acc_recoil'\.sensor\.calibrated: must be a date such as 2026-03-01, without quotes",
+        ),
+        (
+            "calibrated = 2026-03-01",
+            "calibrated = 2026",
+            r"channel\[0\] 'acc_recoil'\.sensor\.calibrated: must be a date .*, found 2026",
+        ),
+        (
+            "calibrated = 2026-03-01",
+            "calibrated = 2028-03-01",
+            r"channel\[0\] 'acc_recoil'\.sensor: `due` lies before `calibrated`",
+        ),
+        (
+            ', sensitivity_unit = "pC"',
+            "",
+            r"channel\[1\] 'p_breech'\.sensor: `sensitivity` and `sensitivity_unit` go together",
+        ),
+        (
+            'sensitivity_unit = "pC"',
+            'sensitivity_unit = "nC"',
+            r"channel\[1\] 'p_breech'\.sensor\.sensitivity_unit: must be 'pC', 'mV' or 'V', found 'nC'",
+        ),
+    ],
+)
+def test_one_fault_is_told_with_its_key_path_and_what_would_be_right(old: str, new: str, fault: str) -> None:
+    assert re.match(fault, only_fault_of((old, new)))
+
+
+def test_two_channels_of_one_role_are_both_named() -> None:
+    role = 'role = "recoil_displacement"'
+    faults = faults_of(('quantity = "angular_rate"\n\n', 'quantity = "angular_rate"\nrole = "tipping_rate"\n\n'))
+    assert [str(f) for f in faults] == [
+        "channel[3] 'rate_daq'.role: 'tipping_rate' is also the role of rate_can; one channel per role",
+        "channel[5] 'rate_can'.role: 'tipping_rate' is also the role of rate_daq; one channel per role",
+    ]
+    assert RIG.count(role) == 1
+
+
+def test_names_are_given_once() -> None:
+    faults = faults_of(('name = "trigger"', 'name = "p_breech"'))
+    assert [f.key for f in faults] == ["channel[1] 'p_breech'.name", "channel[2] 'p_breech'.name"]
+    assert faults[0].problem == "two channels have this name"
+    sources = faults_of(('name = "imu"', 'name = "can"'), ('source = "imu"', 'source = "can"'))
+    assert [f.key for f in sources] == ["source[2] 'can'.name", "source[3] 'can'.name"]
+
+
+def test_a_rig_without_tables_says_which_are_needed() -> None:
+    with pytest.raises(RigError) as caught:
+        parse_rig("", PATH)
+    assert [f.key for f in caught.value.faults] == [
+        "schema",
+        "name",
+        "reference_clock",
+        "mechanism",
+        "source",
+        "channel",
+    ]
+
+
+@pytest.mark.parametrize("tables", ["source = 3", "channel = [1]", "source = []", 'channel = "x"', "[channel]\na = 1"])
+def test_tables_of_the_wrong_kind_are_faults(tables: str) -> None:
+    head = RIG[: RIG.index("[[source]]")].replace(
+        "[mechanism]", f"{tables}\n[mechanism]" if "[c" not in tables else "[mechanism]"
+    )
+    with pytest.raises(RigError) as caught:
+        parse_rig(head + (f"\n{tables}" if "[c" in tables else ""), PATH)
+    assert {"source", "channel"} <= {f.key for f in caught.value.faults}
+
+
+def test_a_toml_error_says_its_line() -> None:
+    line = RIG.splitlines().index("YA = 0.95") + 1
+    fault = only_fault_of(("YA = 0.95", "YA = 0,95"))
+    assert fault.startswith("TOML: ")
+    assert f"line {line}" in fault
+
+
+def test_a_table_nested_without_end_is_a_toml_error() -> None:
+    with pytest.raises(RigError) as caught:
+        parse_rig("a = " + "[" * 100_000, PATH)
+    assert caught.value.faults[0].key == "TOML"
+
+
+def test_all_faults_are_told_at_once() -> None:
+    faults = faults_of(
+        ("recoil-daq/rig/1", "recoil-daq/rig/0"),
+        ("XA = 2.05\n", ""),
+        ("m3 = 782", 'm3 = "782"'),
+        ("frame_rate = 5000", "framerate = 5000"),
+        ('against = "rate_daq"', 'against = "rate_dac"'),
+        ('unit = "g"', 'unit = "gees"'),
+        ("u_rel = 0.005", "u_rel = -1"),
+        ('quantity = "voltage"', 'quantity = "volts"'),
+        ('role = "tipping_rate"', 'role = "breech_pressure"'),
+        ('source = "imu"', 'source = "radar"'),
+        ('signal = "Gyro.Rate"\n', ""),
+    )
+    assert [f.key for f in faults] == [
+        "schema",
+        "mechanism.m3",
+        "mechanism.XA",
+        "source[1] 'camera'.framerate",
+        "channel[0] 'acc_recoil'.sensor.u_rel",
+        "channel[5] 'rate_can'.signal",
+        "source[2] 'can'.align.against",
+        "channel[1] 'p_breech'.role",
+        "channel[2] 'trigger'.quantity",
+        "channel[3] 'rate_daq'.role",
+        "channel[3] 'rate_daq'.quantity",
+        "channel[6] 'sync_imu'.source",
+    ]
+
+
+def test_a_faulty_channel_causes_no_further_faults() -> None:
+    fault = only_fault_of(("polarity = -1", "polarity = 2"))
+    assert fault.startswith("channel[0] 'acc_recoil'.polarity")
+
+
+# Calibrations
+
+
+def test_a_calibration_is_overdue_from_the_day_after_it_was_due() -> None:
+    rig = rig_of()
+    assert rig.overdue(dt.date(2026, 12, 31)) == ()
+    (fault,) = rig.overdue(dt.date(2027, 1, 10))
+    assert str(fault) == "channel 'p_breech'.sensor.due: calibration was due 2026-12-31, 10 days ago"
+    assert len(rig.overdue(dt.date(2030, 1, 1))) == 2
+
+
+# Files
+
+
+def test_a_rig_file_is_read_with_its_database_beside_it(tmp_path: Path) -> None:
+    (tmp_path / "bench.toml").write_text(RIG, encoding="utf-8")
+    (tmp_path / "rig.dbc").write_text('VERSION "µ°²"', encoding="cp1252")
+    rig = load_rig(tmp_path / "bench.toml")
+    assert rig.path == tmp_path / "bench.toml"
+    assert rig.databases == {"rig.dbc": 'VERSION "µ°²"'}
+    (tmp_path / "rig.dbc").write_text('VERSION "µ°²"', encoding="utf-8")
+    assert load_rig(tmp_path / "bench.toml").databases == {"rig.dbc": 'VERSION "µ°²"'}
+
+
+def test_a_missing_database_is_one_of_the_faults(tmp_path: Path) -> None:
+    (tmp_path / "bench.toml").write_text(changed(("m3 = 782", "m3 = -1")), encoding="utf-8")
+    with pytest.raises(RigError) as caught:
+        load_rig(tmp_path / "bench.toml")
+    assert [f.key for f in caught.value.faults] == ["mechanism.m3", "source 'can'.database"]
+    assert str(tmp_path / "rig.dbc") in caught.value.faults[1].problem
+
+
+def test_a_byte_order_mark_is_no_fault(tmp_path: Path) -> None:
+    (tmp_path / "rig.dbc").write_text(DATABASE)
+    (tmp_path / "bench.toml").write_bytes(b"\xef\xbb\xbf" + RIG.replace("\n", "\r\n").encode())
+    assert load_rig(tmp_path / "bench.toml").name == "bench"
+
+
+def test_text_in_another_encoding_is_told_with_its_byte(tmp_path: Path) -> None:
+    path = tmp_path / "bench.toml"
+    path.write_bytes(RIG.encode("cp1252"))
+    with pytest.raises(ReadError, match=rf"byte {RIG.index('°')}: is not UTF-8 text"):
+        load_rig(path)
+
+
+def test_a_missing_rig_file_is_told_with_the_bundled_ones(tmp_path: Path) -> None:
+    with pytest.raises(ReadError, match="no such rig file; expected a TOML file or one of the bundled rigs"):
+        find_rig(str(tmp_path / "none.toml"))
+    with pytest.raises(ReadError, match="this is a directory"):
+        find_rig(str(tmp_path))
+
+
+def test_every_bundled_rig_is_found_by_name_and_sound() -> None:
+    for name in bundled_rigs():
+        assert find_rig(name).suffix == ".toml"
+        load_rig(name)
+
+
+# No text, however wrong, gives anything but a rig or a RigError
+
+LINES = RIG.splitlines()
+VALUES = ("true", "-1", "nan", '""', '"x"', "[]", "{}", "[[1]]", "2026-03-01", "1e400", '{ method = "fixed" }', "=")
+
+
+def rig_or_error(text: str) -> Rig | RigError:
+    try:
+        return rig_of(text)
+    except RigError as error:
+        return error
+
+
+@given(
+    drop=st.sets(st.integers(0, len(LINES) - 1), max_size=6),
+    put=st.dictionaries(st.integers(0, len(LINES) - 1), st.sampled_from(VALUES), max_size=4),
+)
+@settings(max_examples=150, deadline=None)
+def test_a_mutilated_rig_is_a_rig_or_a_rig_error(drop: set[int], put: dict[int, str]) -> None:
+    lines = [
+        f"{line.split('=')[0]}= {put[i]}" if i in put and "=" in line else line
+        for i, line in enumerate(LINES)
+        if i not in drop
+    ]
+    outcome = rig_or_error("\n".join(lines))
+    if isinstance(outcome, RigError):
+        assert outcome.faults
+        assert "\n" not in str(outcome)
+    else:
+        assert outcome.mechanism.m3 > 0
+
+
+@given(st.text(max_size=80))
+@settings(max_examples=100, deadline=None)
+def test_any_text_is_a_rig_error(text: str) -> None:
+    with pytest.raises(RigError):
+        rig_of(text)
+
+
+def test_the_required_symbols_are_symbols() -> None:
+    assert set(Mechanism.REQUIRED) | Mechanism.POSITIVE <= set(Mechanism.symbols())
