@@ -162,7 +162,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
     motion = turning(signals, rig)
     camera = shot.by_role("recoil_displacement")
     camera_clock = None if camera is None else alignments.get(camera.time_base.clock)
-    travel, velocity = travel_and_velocity(signals, travel_acceleration(signals, rig, motion), camera_clock)
+    travel, velocity = travel_and_velocity(signals, travel_acceleration(signals, rig, motion), camera, camera_clock)
     static = static_value("recoil_acceleration", rig.mechanism) or 0.0
     recorded = build_regression(
         signals, rig.mechanism, inertial_acceleration(signals, rig, motion), velocity, static

@@ -16,6 +16,7 @@ from daq.channel import Channel
 from daq.shot import ClockAlignment
 from identification.signals import Signals, on_grid
 from processing.filters import LowPass
+from processing.fusion import smooth_walk
 from processing.motion_alignment import integrate
 from rigs.mechanism import (
     Mechanism,
@@ -136,21 +137,30 @@ def kinematic_acceleration(
     return acceleration, trusted
 
 
-def travel_and_velocity(signals: Signals, acceleration: Array, alignment: ClockAlignment | None) -> tuple[Array, Array]:
+def travel_and_velocity(
+    signals: Signals, acceleration: Array, camera: Channel | None, alignment: ClockAlignment | None
+) -> tuple[Array, Array]:
     """Travel and velocity of recoil on the grid, m and m/s, shape (n,) each.
 
-    The accelerometers' integrals, corrected by the camera's scale and its integration constants where
-    a camera was aligned by motion; counted from the onset otherwise.
+    The accelerometers' integrals; where a camera was aligned by motion, in its scale, with its
+    integration constants, and with what the accelerometers' noise did to the integrals taken off.
     """
     velocity = integrate(acceleration, signals.step_s)
     travel = integrate(velocity, signals.step_s)
     details = None if alignment is None or alignment.status == "failed" else alignment.details
-    if not details or "integration_constants" not in details or alignment is None:
+    if camera is None or alignment is None or not details or "integration_constants" not in details:
         return travel, velocity
     c0, c1, c2 = details["integration_constants"]
     t = alignment.to_source(signals.times_s) - details["origin_s"]
     travel = details["gain"] * travel + c0 + c1 * t + 0.5 * c2 * t**2
-    return travel, details["gain"] * velocity + c1 + c2 * t
+    velocity = details["gain"] * velocity + c1 + c2 * t
+    frames = alignment.to_reference(camera.time_base.times_s)
+    seen = np.asarray(camera.samples, dtype=np.float64)
+    inside = (frames >= signals.times_s[0]) & (frames <= signals.times_s[-1])
+    residual = np.where(inside, seen - np.interp(frames, signals.times_s, travel), np.nan)
+    walk = smooth_walk(frames, residual, details["marker_sigma_m"] ** 2, details["acceleration_density"])
+    drifted, rate = walk.at(signals.times_s)
+    return travel + drifted, velocity + rate
 
 
 def _relative(mechanism: Mechanism, inertial: Array, travel: Array, motion: Turning) -> Array:

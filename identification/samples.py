@@ -159,14 +159,9 @@ class ScaledRecord:
 
 def _exponents(columns: FloatArray, present: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Exponents of two of each column's largest magnitude among the samples that are present."""
-    if columns.shape[0] == 0:
-        return np.zeros(columns.shape[1], dtype=np.int64)
-    if present.all():
-        largest = np.maximum(columns.max(axis=0), -columns.min(axis=0))
-    else:
-        where = present[:, np.newaxis]
-        largest = np.maximum(
-            columns.max(axis=0, where=where, initial=0.0), -columns.min(axis=0, where=where, initial=0.0)
-        )
-    exponents = np.frexp(largest)[1].astype(np.int64)
-    return np.asarray(np.clip(exponents, -LARGEST_EXPONENT, LARGEST_EXPONENT))
+    where: bool | NDArray[np.bool_] = True if present.all() else present
+    largest = [
+        max(float(column.max(where=where, initial=0.0)), -float(column.min(where=where, initial=0.0)))
+        for column in columns.T
+    ]
+    return np.asarray(np.clip(np.frexp(largest)[1].astype(np.int64), -LARGEST_EXPONENT, LARGEST_EXPONENT))

@@ -77,6 +77,7 @@ def judge_motion(clock: str, fit: MotionFit | str, *, u_gain: float, noise_densi
         "integration_constants": list(fit.integration_constants),
         "origin_s": fit.origin_s,
         "marker_sigma_m": fit.marker_sigma_m,
+        "acceleration_density": fit.acceleration_density,
         "innovation_statistic": fit.innovation_statistic,
         "noise_inflation": inflation,
         "coarse_offset_s": fit.coarse_offset_s,

@@ -68,8 +68,6 @@ class MotionFit:
         Highest correlation away from that peak.
     candidates_s, log_likelihood : ndarray, shape (n_candidates,)
         The likelihood around the offset, its maximum at 0.
-    residual_m : ndarray, shape (n_frames,)
-        Camera minus model; NaN where a frame is lost.
     """
 
     offset_s: float
@@ -91,27 +89,6 @@ class MotionFit:
     at_search_edge: bool
     candidates_s: Array
     log_likelihood: Array
-    residual_m: Array
-
-    def travel(self, times_s: Array, displacement_m: Array, velocity_m_s: Array) -> tuple[Array, Array]:
-        """Combine camera and accelerometer: travel and velocity on the reference clock.
-
-        Parameters
-        ----------
-        times_s : ndarray, shape (n,)
-            Instants of the reference clock.
-        displacement_m, velocity_m_s : ndarray, shape (n,)
-            Double and single integral of the acceleration at those instants.
-
-        Returns
-        -------
-        travel_m, velocity_m_s : ndarray, shape (n,)
-            In the camera's scale.
-        """
-        c0, c1, c2 = self.integration_constants
-        t = (times_s - self.offset_s) / (1.0 + self.drift) - self.origin_s
-        travel = self.gain * displacement_m + c0 + c1 * t + 0.5 * c2 * t**2
-        return travel, self.gain * velocity_m_s + c1 + c2 * t
 
 
 def integrate(samples: Array, step_s: float) -> Array:
@@ -212,9 +189,6 @@ def align_motion(
     shapes = [columns(candidate, drift)[0][inside, 1] for candidate in candidates]
     together = np.column_stack([table[inside][:, [0, 4, 5, 6]], *shapes])
     curve = _profile(whiten(t[inside], together, marker_sigma**2, chosen * density)[0])
-    residual = np.full(displacement_m.shape, np.nan)
-    model = table[:, [1, 4, 5, 6]] @ solution.coefficients
-    residual[np.flatnonzero(seen)[inside]] = (z - model)[inside]
     u_gain, u_bias = (math.sqrt(solution.covariance[i, i]) for i in (0, 5))
     k, c0, c1, c2 = (float(c) for c in solution.coefficients)
     return MotionFit(
@@ -237,7 +211,6 @@ def align_motion(
         at_search_edge=lag.at_search_edge,
         candidates_s=candidates,
         log_likelihood=curve - curve.max(),
-        residual_m=residual,
     )
 
 

@@ -243,8 +243,8 @@ def print_summary(summary: Mapping[str, Any]) -> None:
     """Print what is in a shot file."""
     rows = [
         (
-            str(c["name"]), str(c["clock"]), str(c["unit"]), _fixed(c["rate_hz"], 0), str(c["sample_count"]),
-            str(c["lost_count"]), str(c["role"]),
+            str(c["name"]), str(c["clock"]), str(c["unit"]), _fixed(c["rate_hz"], 0), str(c["count"]),
+            str(c["lost"]), str(c["role"]),
         )
         for c in summary["channels"]
     ]  # fmt: skip
@@ -266,7 +266,7 @@ def print_summary(summary: Mapping[str, Any]) -> None:
         ],
         numeric=(1, 2, 3),
     )  # fmt: skip
-    files = [(str(f["name"]), str(f["source"]), str(f["reader"]), str(f["sha256"])[:16]) for f in summary["inputs"]]
+    files = [(str(f["file"]), str(f["source"]), str(f["reader"]), str(f["sha256"])[:16]) for f in summary["inputs"]]
     _print_table("Files", ("file", "source", "reader", "sha256"), files)
     word = "usable" if summary["usable"] else "not usable"
     _console().print(word, markup=False)

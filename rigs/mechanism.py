@@ -305,8 +305,8 @@ def accelerations(mechanism: Mechanism, q: ArrayLike, qd: ArrayLike, Q: ArrayLik
     writes ``m3 d2`` for ``m3 d``.
     """
     right = np.asarray(Q, dtype=np.float64) - velocity_terms(mechanism, q, qd)
-    solution: Array = np.linalg.solve(mass_matrix(mechanism, q), right[..., np.newaxis])[..., 0]
-    return solution
+    solution = np.linalg.solve(mass_matrix(mechanism, q), right[..., np.newaxis])[..., 0]
+    return np.asarray(solution, dtype=np.float64)
 
 
 def kinetic_energy(mechanism: Mechanism, q: ArrayLike, qd: ArrayLike) -> Array:

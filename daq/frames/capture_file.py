@@ -1,7 +1,8 @@
 """The file that keeps everything a serial port delivered, with the host's time of each read.
 
-Layout, little endian: the line `MAGIC`, then one record per read: host time as int64 in nanoseconds
-since 1970-01-01 UTC by the host's clock, the number of bytes as uint32, the bytes. Nothing is
+Layout, little endian: the line `MAGIC`, then one record per read: host time as int64 in nanoseconds, the
+number of bytes as uint32, the bytes. Host time counts from 1970-01-01 UTC where the host stamps with
+its wall clock, else from any start; what lies before 2001 is taken for the latter. Nothing is
 interpreted, so that a wrong framing can be corrected later.
 """
 
@@ -14,6 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 MAGIC = b"recoil-daq serial capture 1\n"
+
+WALL_CLOCK_NS = 10**18
+"""Host time from which on it is taken for a wall clock: September 2001."""
 
 _RECORD = struct.Struct("<qI")
 

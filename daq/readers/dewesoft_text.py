@@ -234,11 +234,12 @@ class DewesoftTextRecording:
                 expected=f"more than {printed[row - 1]:g}", found=f"{printed[row]:g}",
                 remedy="export with more decimals, one sample rate and one recording per file",
             )  # fmt: skip
+        base = TimeBase.stamped(self._clock, times_s)
+        if times_s.size < 2:
+            return base, ("there is one row only: no sample rate",)
         gaps = int((steps > 1.5 * np.median(steps)).sum())
-        note = (
-            f"steps of time differ by more than their printed digits, {gaps} gaps among them: instants are as printed"
-        )
-        return TimeBase.stamped(self._clock, times_s), ((note,) if times_s.size > 1 else ())
+        note = f"steps of time differ by more than their printed digits, {gaps} gaps among them: instants are as printed"
+        return base, (note,)
 
     def _index(self, name: str) -> int:
         try:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from daq.channel import RawCounts
 from daq.errors import CorruptFileError, FramingError, MissingChannelError, ReadError
-from daq.frames.capture_file import MAGIC, Capture, parse_capture
+from daq.frames.capture_file import MAGIC, WALL_CLOCK_NS, Capture, parse_capture
 from daq.frames.declaration import framing_from_table
 from daq.frames.framing import Framing
 from daq.frames.scan import FrameSet, find_frames
@@ -99,7 +99,9 @@ class SerialRecording:
         self.metadata: dict[str, Any] = {**counters, "bytes": len(capture.stream), "reads": int(capture.host_ns.size)}
         self._count_gaps(framing, series, notes)
         times_s = self._instants(framing, capture, frames, series, notes)
-        self.absolute_start = _host_start(capture) if framing.device_time is None and capture.host_ns.size else None
+        self.absolute_start = (
+            _host_start(capture) if framing.device_time is None and framing.baudrate and capture.host_ns.size else None
+        )
         self._series: dict[str, tuple[FieldSeries, NDArray[np.bool_]]] = {}
         headers = []
         for name, found in series.items():
@@ -230,7 +232,9 @@ def _losses(capture: Capture, counters: dict[str, int]) -> list[str]:
 
 
 def _host_start(capture: Capture) -> AbsoluteStart | None:
-    """Host time of the first read; None if it is beyond the calendar."""
+    """Return the host time of the first read; None if the host stamped with no wall clock."""
+    if capture.host_ns[0] < WALL_CLOCK_NS:
+        return None
     try:
         instant = dt.datetime(1970, 1, 1) + dt.timedelta(microseconds=int(capture.host_ns[0]) // 1000)
     except OverflowError:

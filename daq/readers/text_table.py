@@ -189,42 +189,43 @@ def read_block(block: Block, *, text_first_column: bool = False) -> tuple[NDArra
     CorruptFileError
         If a row has another width or a cell is no number, with line and column.
     """
-    import pandas as pd
-
     width = _check_widths(block)
-    body = block.body.replace(b",", b".") if block.decimal_comma else block.body
-    if not text_first_column and body.translate(None, _NUMERIC_BYTES):
-        raise _bad_cell(block, first=0)
-    names = list(range(width))
-    types: dict[int, type] = dict.fromkeys(names, np.float64)
+    separator = block.separator.encode()
+    texts: list[str] = []
+    body = block.body
     if text_first_column:
-        types[0] = str
+        rows = [row.partition(separator) for row in body.split(b"\n")[:-1]]
+        texts = [first.decode(block.file.encoding, errors="replace").strip() for first, _, _ in rows]
+        body = b"".join(rest + b"\n" for _, _, rest in rows)
+    if block.decimal_comma:
+        body = body.replace(b",", b".")
+    if body.translate(None, _NUMERIC_BYTES):
+        raise _bad_cell(block, first=int(text_first_column))
     try:
-        table = pd.read_csv(
-            io.BytesIO(body), sep=block.separator, header=None, names=names, dtype=types, quoting=csv.QUOTE_NONE,
-            keep_default_na=False, na_values=["", *LOST_WORDS, *(w.upper() for w in LOST_WORDS), "NaN", "-NaN"],
-            skip_blank_lines=False, skipinitialspace=True, index_col=False, encoding="latin-1",
-            float_precision="round_trip", engine="c", low_memory=False,
-        )  # fmt: skip
+        values = np.loadtxt(
+            io.BytesIO(_without_empty_cells(body, separator)), delimiter=block.separator, comments=None, ndmin=2
+        )
     except (ValueError, OverflowError) as error:
         raise _bad_cell(block, first=int(text_first_column)) from error
-    texts = []
+    if values.shape != (block.row_count, width - text_first_column):
+        raise CorruptFileError("rows cannot be told apart", path=block.file.path, found=f"{values.shape} cells")
     if text_first_column:
-        texts = ["" if cell is None or cell != cell else str(cell) for cell in table[0].tolist()]
-        table[0] = np.nan
-    values = table.to_numpy(dtype=np.float64, copy=True)
-    if len(values) != block.row_count:
-        raise CorruptFileError(
-            "rows cannot be told apart",
-            path=block.file.path,
-            expected=f"{block.row_count} rows",
-            found=f"{len(values)}",
-        )
+        values = np.insert(values, 0, np.nan, axis=1)
     values[~np.isfinite(values)] = np.nan
     if width > len(block.columns) and not np.isnan(values[:, -1]).all():
         row = int(np.flatnonzero(~np.isnan(values[:, -1]))[0])
         raise _wrong_width(block, row, width)
     return values[:, : len(block.columns)], texts
+
+
+def _without_empty_cells(body: bytes, separator: bytes) -> bytes:
+    """Write NaN into empty cells."""
+    if not any(
+        mark in body for mark in (separator + separator, separator + b"\n", b"\n" + separator, b" ")
+    ) and not body.startswith((separator, b"\n")):
+        return body
+    mark = re.escape(separator)
+    return re.sub(rb"(?:\A|(?<=\n)|(?<=" + mark + rb")) *(?=\n|" + mark + rb")", b"nan", body)
 
 
 def _check_widths(block: Block) -> int:

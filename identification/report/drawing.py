@@ -28,7 +28,7 @@ from identification.report.figure import (
 Range = tuple[float, float]
 
 HUES = ("50,116,186", "217,121,32", "46,146,104", "138,92,176", "20,150,170", "200,66,72", "150,120,40", "110,120,135")
-REFERENCE_COLOUR = "rgb(139,147,160)"
+REFERENCE_HUE = "139,147,160"
 LINE_COLOUR = {"specification": "rgb(200,66,72)", "limit": "rgb(217,121,32)", "mean": "rgb(45,106,176)"}
 SPAN_COLOUR = "rgba(110,130,160,0.11)"
 MARK_COLOUR = "rgb(139,147,160)"
@@ -116,7 +116,7 @@ def drawing(figure: Figure, buckets: int = TRACE_POINTS // 2) -> dict[str, Any]:
         }
         used: Counter[str] = Counter()
         for trace in panel.traces:
-            hue = HUES[(used[trace.kind] if trace.hue is None else trace.hue) % len(HUES)]
+            hue = _hue(trace, used[trace.kind])
             used[trace.kind] += trace.hue is None
             axes = {"xaxis": f"x{x_number}", "yaxis": f"y{number}", "legend": f"legend{number}"}
             data += [part | axes for part in _trace(trace, hue, buckets, log=scale == "log", shown=shown)]
@@ -125,6 +125,15 @@ def drawing(figure: Figure, buckets: int = TRACE_POINTS // 2) -> dict[str, Any]:
         for line in panel.lines:
             layout["shapes"] += _line(line, f"x{x_number}", f"y{number}")
     return {"key": figure.key, "data": data, "layout": layout, "height": height}
+
+
+def _hue(trace: Trace, earlier: int) -> str:
+    """Choose the colour of a trace from the number of earlier ones of its kind in the panel."""
+    if trace.hue is None and trace.kind == "reference" and earlier == 0:
+        return REFERENCE_HUE
+    # a model and points are there to be compared with a filtered trace, and so begin with another hue
+    first = 1 if trace.kind in ("model", "points", "reference") else 0
+    return HUES[(first + earlier if trace.hue is None else trace.hue) % len(HUES)]
 
 
 def _stack(figure: Figure) -> tuple[list[float], list[float], int]:
@@ -199,8 +208,7 @@ def _trace(trace: Trace, hue: str, buckets: int, *, log: bool, shown: Range | No
     elif trace.kind == "model":
         drawn["line"] |= {"dash": "6px,3px"}
     elif trace.kind == "reference":
-        colour = REFERENCE_COLOUR if trace.hue is None else f"rgb({hue})"
-        drawn["line"] = {"color": colour, "width": 1.4, "dash": "2px,2px"}
+        drawn["line"] |= {"dash": "2px,2px"}
     elif trace.kind == "points":
         drawn |= {"mode": "markers", "marker": {"size": 4, "color": f"rgb({hue})"}}
         del drawn["line"]

@@ -42,7 +42,8 @@ class Trace:
         ``x`` is finite; ``y`` may have gaps (NaN), which stay gaps.
     kind : {"measured", "filtered", "model", "reference", "band", "points", "bars"}
         What the curve is, which decides how it is drawn. The k-th measured and the k-th filtered trace of a
-        panel share a hue. A band is the curve ``y`` between ``y_low`` and ``y_high``.
+        panel share a hue, and the k-th model and the k-th set of points the next one. The first reference is
+        grey. A band is the curve ``y`` between ``y_low`` and ``y_high``.
     unit : str
         Of ``y``, shown in the cursor's read-out.
     y_low, y_high : array-like, shape (n_samples,), or None

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from daq.channel import Channel
 from daq.shot import ClockAlignment, Shot
 from identification.analysis import Identification
+from identification.mass import COVERAGE_FACTOR
 from identification.regression import FORCES
 from identification.report.figure import Figure, HorizontalLine, Panel, Span, Trace
 from identification.signals import Signals, on_grid
@@ -26,9 +27,11 @@ def report_figures(shot: Shot, found: Identification) -> list[Figure]:
     and filtered, the active force.
     """
     figures = [_mass(found), *_angular_rates(found), _force(found), _travel(shot, found), _residuals(found)]
-    figures += [_alignment(a, found, shot) for a in found.alignments.values() if a.details and a.status != "failed"]
-    figures.append(_spectrum(found))
-    return [figure for figure in figures if figure is not None]
+    camera = shot.by_role("recoil_displacement")
+    alignment = None if camera is None else found.alignments.get(camera.time_base.clock)
+    if camera is not None and alignment is not None and alignment.status != "failed" and alignment.details:
+        figures.append(_motion_alignment(alignment, found, camera))
+    return [*figures, _spectrum(found)]
 
 
 def _shown(found: Identification) -> tuple[float, float]:
@@ -44,10 +47,17 @@ def _interval(found: Identification) -> tuple[Span, ...]:
 def _mass(found: Identification) -> Figure:
     chosen = found.chosen
     trace = chosen.trace
-    half = 1.959963984540054 * trace.u_kg
+    half = COVERAGE_FACTOR * trace.u_kg
     traces = [
-        Trace("95 % interval", trace.times_s, trace.mass_kg, "band", "kg", trace.mass_kg - half, trace.mass_kg + half),
-        Trace(f"identified mass ({chosen.estimate.method})", trace.times_s, trace.mass_kg, "filtered", "kg"),
+        Trace(
+            f"identified mass ({chosen.estimate.method}), 95 % interval",
+            trace.times_s,
+            trace.mass_kg,
+            "band",
+            "kg",
+            trace.mass_kg - half,
+            trace.mass_kg + half,
+        ),
     ]
     for name in ("reverse", "kinematic", "paper"):
         if name in found.results and name != chosen.estimate.method:
@@ -197,14 +207,6 @@ def _residuals(found: Identification) -> Figure:
         tuple(panels),
         shown=_shown(found),
     )
-
-
-def _alignment(alignment: ClockAlignment, found: Identification, shot: Shot) -> Figure | None:
-    details = alignment.details or {}
-    camera = shot.by_role("recoil_displacement")
-    if "candidates_s" in details and camera is not None and camera.time_base.clock == alignment.clock:
-        return _motion_alignment(alignment, found, camera)
-    return None
 
 
 def _motion_alignment(alignment: ClockAlignment, found: Identification, camera: Channel) -> Figure:

@@ -22,7 +22,7 @@ from rigs.twin.serial_sensor import serial_file
 from rigs.twin.settings import TwinSettings, measured_roles, read_settings
 from rigs.twin.sources import Scene, SourceFile, camera_file, dewetron_file
 
-__all__ = ["TwinSettings", "TwinShot", "read_settings", "simulate_shot"]
+__all__ = ["TwinSettings", "TwinShot", "draw_scene", "read_settings", "simulate_shot"]
 
 _RECORDERS: Mapping[str, Callable[[Scene, Source, list[Fault]], SourceFile]] = {
     "dewetron": dewetron_file,
@@ -89,7 +89,8 @@ def simulate_shot(rig: Rig, folder: Path, *, seed: int, shot: str) -> TwinShot:
     Keys of the truth, SI: ``m3``; ``friction``; ``t_fire`` and ``t_end``, first rise of the breech force and
     end of recoil travel on the reference clock; ``stroke_m``; ``peak_breech_force_n``; ``gains`` and
     ``offsets`` by channel (offsets in the unit of the file); ``clocks``: ``t_ref = (1 + drift) t + offset_s``,
-    with ``latency_s``, the mean time from a sample to its stamp where the recorder stamps messages;
+    with ``latency_s``, the mean time from a sample to its stamp where a recorder stamps messages (an alignment
+    by a repeated channel finds ``offset_s - latency_s``); the declared ``delay_s`` of a sensor is not in it;
     ``sources``: all that is known of each source's file; ``cam_offset``, ``cam_drift`` and ``lost_frames`` of
     the (first) camera; ``seed``.
     """
@@ -97,7 +98,7 @@ def simulate_shot(rig: Rig, folder: Path, *, seed: int, shot: str) -> TwinShot:
         raise ValueError(f"seed must not be negative, not {seed}")
     if not shot or PurePath(shot).name != shot or shot in (".", ".."):
         raise ValueError(f"shot must be fit for a file name, not {shot!r}")
-    scene = _scene(rig, seed, shot)
+    scene = draw_scene(rig, seed, shot)
     faults: list[Fault] = []
     recorded = [
         _RECORDERS[s.kind](scene, s, faults) for s in rig.sources if any(c.source == s.name for c in rig.channels)
@@ -116,8 +117,14 @@ def simulate_shot(rig: Rig, folder: Path, *, seed: int, shot: str) -> TwinShot:
     return TwinShot(shot, folder, files, folder / "rig.toml", folder / "truth.json", truth)
 
 
-def _scene(rig: Rig, seed: int, shot: str) -> Scene:
-    """Draw what this shot's mechanism truly is, and let it move."""
+def draw_scene(rig: Rig, seed: int, shot: str) -> Scene:
+    """Draw what this shot's mechanism truly is, and let it move.
+
+    Raises
+    ------
+    RigError
+        If it cannot be simulated.
+    """
     settings = read_settings(rig)
     mechanism = dataclasses.replace(rig.mechanism, m3=settings.m3_true or rig.mechanism.m3)
     faults = check_statics(mechanism, settings)

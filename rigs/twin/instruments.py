@@ -114,6 +114,11 @@ def mix(modes: Array, peak: float, rng: np.random.Generator) -> Array:
     return np.asarray(peak / np.abs(arrives).max() * arrives, dtype=np.float64)
 
 
+def _within_grid(filter_hz: float, step_s: float) -> bool:
+    """Tell whether a low-pass takes anything away from what a grid can hold."""
+    return filter_hz < 0.45 / step_s
+
+
 def chain(signal: Array, step_s: float, sensor: Sensor) -> Array:
     """Return a signal behind its piezoelectric coupling and its anti-alias filter, settled at the start.
 
@@ -132,7 +137,7 @@ def chain(signal: Array, step_s: float, sensor: Sensor) -> Array:
         keep = np.exp(-step_s / sensor.time_constant_s)
         slow, _ = lfilter([1 - keep], [1, -keep], signal, zi=[keep * signal[0]])
         signal = signal - slow
-    if sensor.filter_hz is not None and sensor.filter_hz < 0.45 / step_s:
+    if sensor.filter_hz is not None and _within_grid(sensor.filter_hz, step_s):
         sos = bessel(_BESSEL_ORDER, sensor.filter_hz, fs=1.0 / step_s, norm="mag", output="sos")
         signal, _ = sosfilt(sos, signal, zi=signal[0] * sosfilt_zi(sos))
     return signal
@@ -146,10 +151,9 @@ def sample(signal: Array, times_s: Array, at_s: Array, sensor: Sensor | None = N
     """
     from scipy.interpolate import CubicSpline
 
-    delay = 0.0
-    if sensor is not None:
-        own = 0.0 if sensor.filter_hz is None else _BESSEL_DELAY / (2 * np.pi * sensor.filter_hz)
-        delay = sensor.delay_s - own
+    delay = 0.0 if sensor is None else sensor.delay_s
+    if sensor is not None and sensor.filter_hz is not None and _within_grid(sensor.filter_hz, float(times_s[1])):
+        delay -= _BESSEL_DELAY / (2 * np.pi * sensor.filter_hz)
     where = np.clip(at_s - delay, 0.0, times_s[-1])
     return np.asarray(CubicSpline(times_s, signal)(where), dtype=np.float64)
 
@@ -171,29 +175,37 @@ class Errors:
 
 
 def digitise(
-    values: Array, sensor: Sensor, settings: TwinSettings, rng: np.random.Generator, after_shot: NDArray[np.bool_]
+    values: Array,
+    full_range: tuple[float, float] | None,
+    u_rel: float,
+    settings: TwinSettings,
+    rng: np.random.Generator,
+    after_shot: NDArray[np.bool_],
 ) -> tuple[Array, Errors]:
     """Return what the recorder stores of true values: gain error, offset, zero shift, noise, clipping, steps.
 
     Parameters
     ----------
     values : ndarray, shape (n,)
-        In the unit of the sensor's ``range``.
-    sensor : Sensor
+        In the unit of the file.
+    full_range : (float, float) or None
+        Of the sensor, in the same unit; without one nothing is clipped or stepped.
+    u_rel : float
+        Relative standard uncertainty of the sensor's scale.
     settings : TwinSettings
     rng : numpy.random.Generator
         Of this channel.
     after_shot : ndarray of bool, shape (n,)
         Samples that a zero shift has struck.
     """
-    low, high = sensor.range if sensor.range is not None else (-np.inf, np.inf)
-    full_scale = max(abs(low), abs(high)) if sensor.range is not None else float(np.abs(values).max())
-    scale, offset = rng.normal(0.0, 1.0, 2) * (sensor.u_rel, settings.bias * full_scale)
+    low, high = full_range if full_range is not None else (-np.inf, np.inf)
+    full_scale = max(abs(low), abs(high)) if full_range is not None else float(np.abs(values).max())
+    scale, offset = rng.normal(0.0, 1.0, 2) * (u_rel, settings.bias * full_scale)
     errors = Errors(1.0 + float(scale) if settings.gain_errors else 1.0, float(offset))
     noise = settings.noise * full_scale * rng.normal(0.0, 1.0, values.shape)
     stored = errors.gain * values + errors.offset + settings.zero_shift * full_scale * after_shot + noise
     stored = np.clip(stored, low, high)
-    if settings.bits and sensor.range is not None:
+    if settings.bits and full_range is not None:
         count = (high - low) / 2**settings.bits
         stored = np.clip(low + count * np.round((stored - low) / count), low, high - count)
     return stored, errors

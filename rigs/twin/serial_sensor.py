@@ -76,8 +76,10 @@ _CHECKSUMS: dict[str, Callable[[bytes], int]] = {
 def serial_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile:
     """Record a serial sensor: binary frames with counter and device time, read in pieces, some damaged.
 
-    The sensor samples by its own crystal. The host stamps what each read of the port returned by its own
-    clock, which is the source's clock. The capture begins at host time 0 with the end of an older frame.
+    The sensor samples by its own crystal; if its frames carry a device time, that is the source's clock,
+    counted from the first frame. The host stamps what each read of the port returned by a clock of its
+    own, which is the source's clock otherwise. The capture begins at host time 0 with the end of an older
+    frame.
     """
     s = scene.settings
     try:
@@ -92,6 +94,9 @@ def serial_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile
     device = Clock(clock.offset_s + 1e-3 * float(rng.uniform(2.0, 3.0)), s.clock_drift * float(rng.uniform(-1.0, 1.0)))
     device_times = scene.instants(device, s.serial_rate_hz)
     at = device.to_reference(device_times)
+    if len(at) < 5 + s.serial_corrupted_frames:
+        faults.append(Fault("twin.serial_rate_hz", f"{len(at)} frames in the record are too few to damage some"))
+        return SourceFile(source.name, "", b"", {})
     columns: dict[str, NDArray[Any]] = {}
     known = {f.name: f for f in framing.fields}
     for spec in (c for c in scene.rig.channels if c.source == source.name):
@@ -115,8 +120,10 @@ def serial_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile
     wire_s = framing.length.fixed * 10 / s.serial_baudrate
     arrivals = clock.from_reference(at) + wire_s + rng.exponential(1.0, len(at)) * s.serial_jitter_s
     records = [(0, frames[0][-7:]), *_reads(frames, np.maximum.accumulate(arrivals), wire_s, rng)]
-    hidden = clock_truth(clock, latency_s=wire_s + s.serial_jitter_s)
-    hidden["device_clock"] = {"offset_s": device.offset_s, "drift": device.drift, "ticks_at_zero": power_up}
+    host = {"offset_s": clock.offset_s, "drift": clock.drift, "latency_s": wire_s + s.serial_jitter_s}
+    hidden: dict[str, Any] = {"clock": host}
+    if framing.device_time is not None:
+        hidden = {**clock_truth(device), "host_clock": host, "ticks_at_zero": power_up}
     hidden["damaged_frames"] = damaged
     return SourceFile(source.name, file_name(scene, source, ".bin", faults), serial_capture(records), hidden)
 

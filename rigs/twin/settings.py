@@ -162,6 +162,8 @@ def read_settings(rig: Rig) -> TwinSettings:
     faults += [Fault(f"mechanism.{s}", "is missing; a simulation needs all of the model") for s in missing]
     if settings.pre_trigger_s >= settings.duration_s:
         faults.append(Fault("twin.pre_trigger_s", f"must be shorter than duration_s = {settings.duration_s}"))
+    if settings.clock_offset_s >= 0.5 * settings.duration_s:
+        faults.append(Fault("twin.clock_offset_s", "must be shorter than half of duration_s: clocks must overlap"))
     swept = rig.mechanism.recuperator_area * settings.stroke_m * 1.2
     if settings.recuperator_volume_m3 <= swept:
         problem = f"must exceed {swept:.4g} m3, what the recuperator's piston sweeps in 1.2 strokes"

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from daq.errors import Fault
 from daq.quantity import SI_UNITS, find_unit
+from rigs.assemble import range_si
 from rigs.mechanism import Mechanism
 from rigs.rig import ChannelSpec, Rig, Source
 from rigs.twin.files import dewesoft_text, track_text
@@ -117,7 +118,8 @@ class Scene:
                 feels = feels + mix(self.modes, peak, rng)
             stored = sample(chain(feels, float(times[1]), spec.sensor), times, at_s, spec.sensor)
         after_shot = at_s >= motion.t_fire_s
-        stored, errors = digitise(to_file(stored, spec), spec.sensor, self.settings, rng, after_shot)
+        full_range = _range_in_file(spec)
+        stored, errors = digitise(to_file(stored, spec), full_range, spec.sensor.u_rel, self.settings, rng, after_shot)
         self.gains[spec.name], self.offsets[spec.name] = errors.gain, errors.offset
         return stored
 
@@ -133,8 +135,9 @@ class Scene:
             return s.ringing_rate_s_m * on_recoil
         if role.endswith("_pressure"):
             high = float(np.abs(feels).max())
-            if spec.sensor.range is not None:
-                high = float(np.abs(from_file(np.array(spec.sensor.range), spec)).max())
+            limits = range_si(spec)
+            if limits is not None:
+                high = max(abs(limits[0]), abs(limits[1]))
             return 2 * s.ringing * s.ringing_pressure * high
         return 0.0
 
@@ -168,6 +171,15 @@ def from_file(numbers: Array, spec: ChannelSpec) -> Array:
     """Convert the numbers of the channel's file to SI values."""
     factor, offset = _line(spec)
     return factor * numbers + offset
+
+
+def _range_in_file(spec: ChannelSpec) -> tuple[float, float] | None:
+    """Return the sensor's range in the numbers of the file, the lower one first."""
+    limits = range_si(spec)
+    if limits is None:
+        return None
+    low, high = np.sort(to_file(np.array(limits), spec)).tolist()
+    return low, high
 
 
 def in_unit(numbers: Array, spec: ChannelSpec, unit_name: str) -> Array:
@@ -240,8 +252,11 @@ def camera_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile
         fixed = np.array([-0.35, 0.12]) + rng.normal(0.0, 1.0, place.shape) * s.camera_noise_m
         positions.setdefault("Feature #2", _in_picture(fixed, spec, source))
     wanted = s.camera_lost + s.camera_missing + s.camera_repeated
-    chosen = np.sort(rng.choice(np.arange(2, count - 2), wanted, replace=False))
-    chosen = rng.permutation(chosen)
+    if wanted > count - 4:
+        faults.append(Fault("twin.camera_lost", f"{wanted} faulty frames are too many for a film of {count}"))
+    if faults:
+        return SourceFile(source.name, "", b"", clock_truth(clock))
+    chosen = rng.choice(np.arange(2, count - 2), wanted, replace=False)
     lost, missing, repeated = np.split(chosen, [s.camera_lost, s.camera_lost + s.camera_missing])
     for place in positions.values():
         place[repeated] = place[repeated - 1]

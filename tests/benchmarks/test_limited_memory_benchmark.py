@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 import pytest
@@ -12,10 +12,13 @@ from identification.limited_memory import LimitedMemory, limited_memory_least_sq
 
 WINDOW = 200
 
+# processor time: what else the machine does is no part of the ratio
+pytestmark = pytest.mark.benchmark(timer=process_time)
+
 
 @pytest.fixture(autouse=True)
-def _only_when_asked_for(benchmark):
-    if benchmark.disabled:
+def _only_when_asked_for(request):
+    if not request.config.getoption("benchmark_enable"):
         pytest.skip("a benchmark of minutes: ask for it with --benchmark-enable")
 
 
@@ -75,19 +78,20 @@ def test_a_million_windows_equal_their_own_factorisation_and_statsmodels(benchma
         limited_memory_least_squares, (regressors, response, WINDOW), {"operator": operator}, rounds=3
     )
     full = slice(WINDOW - 1, None)
-    start = perf_counter()
+    start = process_time()
     truth = direct_qr(regressors, response)
-    direct_s = perf_counter() - start
+    direct_s = process_time() - start
     error = relative_error(estimates.parameters[full], truth[full])
-    start = perf_counter()
+    start = process_time()
     rolling = RollingOLS(response, regressors, window=WINDOW).fit(params_only=True, reset=WINDOW).params
-    rolling_s = perf_counter() - start
+    rolling_s = process_time() - start
     like = nothing_large_to_subtract(loud)
     difference = relative_error(estimates.parameters[like], rolling[like])
     ours_s = benchmark.stats.stats.min
     with capsys.disabled():
         print(
-            f"\n1e6 samples, 5 parameters, window {WINDOW}, operator {operator}: {1.0 / ours_s:.2f} Msamples/s with errors"
+            f"\n1e6 samples, 5 parameters, window {WINDOW}, operator {operator}:"
+            f" {1.0 / ours_s:.2f} Msamples/s with standard errors"
             f"\n  against a QR of every window: largest relative difference {error.max():.1e}"
             f" ({direct_s / ours_s:.0f} times slower)"
             f"\n  against statsmodels, parameters only, restarted every window: {difference.max():.1e} in {like.sum()}"
@@ -102,10 +106,9 @@ def test_a_million_windows_equal_their_own_factorisation_and_statsmodels(benchma
 
 def test_ten_million_samples_later_the_estimates_are_those_of_exact_arithmetic(benchmark, capsys):
     regressors, response, _ = shots_then_silence(10_000_000)
-    last_shot = 9_999_100 // 99_991 * 99_991
+    last_shot = 99 * 99_991
     windows = [last_shot + k for k in (1, 3, 150, 2_000, 3_001, 3_100, 3_196, 3_198, 3_199, 3_201, 3_300)]
     windows += list(np.random.default_rng(3).integers(WINDOW, 10_000_000, 40))
-    windows = [k for k in windows if k < 10_000_000]
     truth = np.array([exact(regressors[k - 199 : k + 1], response[k - 199 : k + 1]) for k in windows])
     auto = benchmark.pedantic(limited_memory_least_squares, (regressors, response, WINDOW), rounds=1)
     error = relative_error(auto.parameters[windows], truth)
@@ -118,7 +121,8 @@ def test_ten_million_samples_later_the_estimates_are_those_of_exact_arithmetic(b
     with capsys.disabled():
         print(
             f"\n1e7 samples, 5 parameters: largest relative error against rational arithmetic"
-            f" {error.max():.1e} (auto, {len(windows)} windows), {error_of_rotations.max():.1e} (qr, {len(late)} windows)"
+            f" {error.max():.1e} (auto, {len(windows)} windows),"
+            f" {error_of_rotations.max():.1e} (qr, {len(late)} windows)"
         )
     assert error.max() < 1e-10
     assert error_of_rotations.max() < 1e-11
@@ -134,9 +138,9 @@ def test_speed_with_standard_errors_against_statsmodels(benchmark, capsys, n_par
     response = regressors.sum(axis=1) + 0.1 * rng.standard_normal(1_000_000)
     ours = benchmark.pedantic(limited_memory_least_squares, (regressors, response, window), rounds=5)
     some = 20_000
-    start = perf_counter()
+    start = process_time()
     theirs = RollingOLS(response[:some], regressors[:some], window=window).fit(reset=window)
-    rolling_s = (perf_counter() - start) * 1_000_000 / some
+    rolling_s = (process_time() - start) * 1_000_000 / some
     ours_s = benchmark.stats.stats.min
     with capsys.disabled():
         print(
@@ -164,8 +168,6 @@ def test_speed_of_a_stream(benchmark, capsys, packet):
 
     parameters = benchmark.pedantic(stream, rounds=3)
     with capsys.disabled():
-        print(
-            f"\nstream of 5 parameters, packets of {packet}: {benchmark.stats.stats.min / n_taken * 1e6:.1f} us a sample"
-        )
+        print(f"\nstream of 5 parameters, packets of {packet}: {benchmark.stats.stats.min / n_taken * 1e6:.1f} us each")
     whole = limited_memory_least_squares(regressors[:n_taken], response[:n_taken], WINDOW).parameters
     assert relative_error(parameters[WINDOW - 1 :], whole[WINDOW - 1 :]).max() < 1e-12

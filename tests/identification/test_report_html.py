@@ -596,6 +596,18 @@ def test_page_stays_small_however_much_was_recorded():
     assert np.nanmax(samples(first["y"])) == np.float32(noise(x.size, 0).max())
 
 
+def test_traces_to_compare_differ_in_colour():
+    kinds = ("measured", "filtered", "model", "reference", "reference", "measured", "filtered")
+    traces = tuple(Trace(str(i), [0.0], [1.0], kind) for i, kind in enumerate(kinds))
+    drawn = drawing(Figure("k", "t", "c", "x", (Panel("y", traces),)))["data"]
+    hues = [tuple(re.findall(r"\d+", part["line"]["color"])[:3]) for part in drawn]
+    assert hues[0] == hues[1]
+    assert hues[5] == hues[6]
+    assert len({hues[i] for i in (0, 2, 3, 4)}) == 4
+    chosen = drawing(Figure("k", "t", "c", "x", (Panel("y", (Trace("a", [0.0], [1.0], "points", hue=0),)),)))["data"]
+    assert tuple(re.findall(r"\d+", chosen[0]["marker"]["color"])) == hues[0]
+
+
 def test_empty_trace_is_drawn_as_nothing():
     empty = np.empty(0)
     traces = (Trace("a", empty, empty, "measured"), Trace("b", empty, empty, "band", y_low=empty, y_high=empty))

@@ -13,7 +13,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from rigs import mechanism as model
 from rigs.rig import ChannelSpec, Sensor, find_rig, parse_rig
-from rigs.twin import _scene
+from rigs.twin import draw_scene
 from rigs.twin.instruments import chain, digitise, generator, mix, sample, stress_waves
 from rigs.twin.settings import TwinSettings
 from rigs.twin.sources import Scene, from_file, in_unit, to_file
@@ -33,7 +33,7 @@ def perfect_scene() -> Scene:
     path = find_rig("field-2013")
     text = path.read_text(encoding="utf-8").replace("time_constant_s = 10.0, ", "")
     text = text[: text.index("[twin]")] + "[twin]\n" + PERFECT
-    return _scene(parse_rig(text, path), 7, "s")
+    return draw_scene(parse_rig(text, path), 7, "s")
 
 
 def test_perfect_instruments_satisfy_the_identification_equation_both_ways() -> None:
@@ -120,9 +120,10 @@ def test_a_filtered_chain_is_3_db_down_at_its_cut_off() -> None:
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 1000), bits=st.integers(4, 16), size=st.floats(0.1, 50.0))
 def test_digitised_values_lie_within_the_range_and_on_the_converters_steps(seed: int, bits: int, size: float) -> None:
-    sensor = Sensor(range=(-4.0, 12.0), u_rel=0.01)
     values = np.linspace(-size, size, 501)
-    stored, _ = digitise(values, sensor, TwinSettings(bits=bits), generator(seed), np.zeros(501, dtype=bool))
+    stored, _ = digitise(
+        values, (-4.0, 12.0), 0.01, TwinSettings(bits=bits), generator(seed), np.zeros(501, dtype=bool)
+    )
     counts = (stored + 4.0) / (16.0 / 2**bits)
     np.testing.assert_allclose(counts, np.round(counts), atol=1e-9)
     assert stored.min() >= -4.0
@@ -130,19 +131,19 @@ def test_digitised_values_lie_within_the_range_and_on_the_converters_steps(seed:
 
 
 def test_gain_errors_scatter_as_the_sensor_declares_and_can_be_switched_off() -> None:
-    sensor, zero = Sensor(range=(-1.0, 1.0), u_rel=0.02), np.zeros(2)
+    one, zero = (-1.0, 1.0), np.zeros(2)
     never = np.zeros(2, dtype=bool)
-    drawn = [digitise(zero, sensor, TwinSettings(), generator(i), never)[1].gain for i in range(400)]
+    drawn = [digitise(zero, one, 0.02, TwinSettings(), generator(i), never)[1].gain for i in range(400)]
     assert np.mean(drawn) == pytest.approx(1.0, abs=3 * 0.02 / 20)
     assert np.std(drawn) == pytest.approx(0.02, rel=0.15)
     off = TwinSettings(gain_errors=False)
-    assert {digitise(zero, sensor, off, generator(i), never)[1].gain for i in range(9)} == {1.0}
+    assert {digitise(zero, one, 0.02, off, generator(i), never)[1].gain for i in range(9)} == {1.0}
 
 
 def test_a_zero_shift_strikes_only_the_samples_after_the_shot() -> None:
     settings_ = TwinSettings(zero_shift=0.1, noise=0.0, bias=0.0, bits=0)
     after = np.array([False, False, True, True])
-    stored, _ = digitise(np.zeros(4), Sensor(range=(-5.0, 5.0)), settings_, generator(1), after)
+    stored, _ = digitise(np.zeros(4), (-5.0, 5.0), 0.01, settings_, generator(1), after)
     np.testing.assert_allclose(stored, [0.0, 0.0, 0.5, 0.5])
 
 

@@ -55,11 +55,10 @@ def test_velocity_and_travel_are_the_integrals_of_the_acceleration() -> None:
 
 def test_a_smaller_step_gives_the_same_motion() -> None:
     m, motion = bundled()
-    fine = simulate_motion(
-        m, SETTINGS.model_copy(update={"sample_rate_hz": 100e3}), peak_pressure_pa=130e6, friction_n=1500.0
-    )
-    np.testing.assert_allclose(motion.q, fine.q[::2], atol=1e-6)
-    np.testing.assert_allclose(motion.qd, fine.qd[::2], atol=1e-4)
+    finer = SETTINGS.model_copy(update={"sample_rate_hz": 100e3, "duration_s": 0.15})
+    fine = simulate_motion(m, finer, peak_pressure_pa=130e6, friction_n=1500.0)
+    np.testing.assert_allclose(motion.q[:7500], fine.q[::2], atol=1e-6)
+    np.testing.assert_allclose(motion.qd[:7500], fine.qd[::2], atol=1e-4)
 
 
 def test_a_lower_sample_rate_is_integrated_in_smaller_steps() -> None:
@@ -105,7 +104,8 @@ def test_packing_friction_opposes_the_motion_and_is_whole_while_it_slides() -> N
 def test_packing_friction_holds_at_rest() -> None:
     m, _ = bundled()
     # too small a shot to overcome the preload of the stop: the part stays in battery
-    motion = simulate_motion(m, SETTINGS, peak_pressure_pa=1e6, friction_n=1500.0)
+    short = SETTINGS.model_copy(update={"duration_s": 0.15})
+    motion = simulate_motion(m, short, peak_pressure_pa=1e6, friction_n=1500.0)
     assert motion.q[:, 4].max() < 1e-4
     assert np.isnan(motion.t_end_s)
 
