@@ -44,4 +44,4 @@ class Track:
     @property
     def lost(self) -> NDArray[np.bool_]:
         """Which frames were lost, shape (n_frames,)."""
-        return np.isnan(self.positions).any(axis=1)
+        return np.asarray(np.isnan(self.positions).any(axis=1), dtype=np.bool_)

@@ -164,10 +164,8 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
     camera_clock = None if camera is None else alignments.get(camera.time_base.clock)
     travel, velocity = travel_and_velocity(signals, travel_acceleration(signals, rig, motion), camera, camera_clock)
     static = static_value("recoil_acceleration", rig.mechanism) or 0.0
-    recorded = build_regression(
-        signals, rig.mechanism, inertial_acceleration(signals, rig, motion), velocity, static
-    )
-    low_pass = LowPass(_cutoff(options, shot, alignments))
+    recorded = build_regression(signals, rig.mechanism, inertial_acceleration(signals, rig, motion), velocity, static)
+    low_pass = LowPass(_cutoff(options, shot))
     filtered = recorded.filtered(low_pass)
     scales = scale_uncertainty(rig)
     offset = signals.offsets["recoil_acceleration"]
@@ -234,7 +232,7 @@ def scale_uncertainty(rig: Rig) -> ScaleUncertainty:
 
 
 def camera_scale(camera: Channel | None, alignment: ClockAlignment | None) -> CameraScale | None:
-    """What the camera says of the accelerometer; None unless it was aligned by motion without doubt."""
+    """Return what the camera says of the accelerometer; None unless it was aligned by motion without doubt."""
     if camera is None or alignment is None or alignment.status != "ok" or not alignment.details:
         return None
     d = alignment.details
@@ -244,8 +242,8 @@ def camera_scale(camera: Channel | None, alignment: ClockAlignment | None) -> Ca
     return CameraScale(d["gain"], d["u_gain"], bias, d["u_bias_m_s2"], d["gain_bias_correlation"], camera.u_rel)
 
 
-def _cutoff(options: Options, shot: Shot, alignments: Mapping[str, ClockAlignment]) -> float:
-    """The cut-off asked for, or the default, lowered where a slowly sampled force could not follow it."""
+def _cutoff(options: Options, shot: Shot) -> float:
+    """Return the cut-off asked for, or the default, lowered where a slowly sampled force could not follow it."""
     if options.cutoff_hz is not None:
         return options.cutoff_hz
     rates = [
@@ -292,12 +290,13 @@ def _reasons(
     options: Options,
 ) -> tuple[str, ...]:
     reasons = [f"quality: {reason}" for reason in shot.reasons]
-    for a in alignments.values():
-        if a.status != "ok":
-            reasons.append(f"clock {a.clock}: alignment {a.status}: {'; '.join(a.reasons)}")
+    doubtful = [a for a in alignments.values() if a.status != "ok"]
+    reasons += [f"clock {a.clock}: alignment {a.status}: {'; '.join(a.reasons)}" for a in doubtful]
     share = results[options.method].trace.share
     if share < LEAST_SHARE:
-        reasons.append(f"only {100 * share:.0f} % of the interval could be identified (limit {100 * LEAST_SHARE:.0f} %)")
+        reasons.append(
+            f"only {100 * share:.0f} % of the interval could be identified (limit {100 * LEAST_SHARE:.0f} %)"
+        )
     for name, departure in calibration.departures.items():
         if abs(departure) > LARGEST_DEPARTURE:
             reasons.append(
@@ -321,12 +320,14 @@ def _not_shared(source: str) -> bool:
 
 
 def _notes(signals: Signals, results: Mapping[str, Result]) -> tuple[str, ...]:
-    notes = []
+    notes: list[str] = []
     if signals.quiet_s[0] == signals.quiet_s[1]:
         notes.append("no silence before the shot: offsets of the sensors are not known")
-    for role in ("carriage_acceleration_x", "carriage_acceleration_y", "carriage_rate", "tipping_rate"):
-        if role not in signals.series:
-            notes.append(f"no usable channel of role {role}: its term in the equation of motion is taken at rest")
+    notes += [
+        f"no usable channel of role {role}: its term in the equation of motion is taken at rest"
+        for role in ("carriage_acceleration_x", "carriage_acceleration_y", "carriage_rate", "tipping_rate")
+        if role not in signals.series
+    ]
     trace = results["calibrated"].trace
     notes += [f"{count} samples not identified: {reason}" for reason, count in trace.reasons.items()]
     return tuple(notes)

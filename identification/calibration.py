@@ -113,12 +113,12 @@ def calibrated_mass(
     observations = _prior_observations(scales, u_bias_m_s2, camera)
     variance = max(first.residual_m_s2**2, 1e-18)
     for _ in range(8):
-        solution, gain, factor = _solve(design, target, variance, observations)
+        solution, gain = _solve(design, target, variance, observations)
         residual = target - design @ solution
         before, variance = variance, max(float(residual @ residual) / max(rows.size - 2, 1), 1e-18)
         if abs(variance / before - 1) < 1e-6:
             break
-    solution, gain, factor = _solve(design, target, variance * correlation_factor(residual) ** 2, observations)
+    solution, gain = _solve(design, target, variance * correlation_factor(residual) ** 2, observations)
     mass = m0 * (1 + float(solution[_MASS]))
     random = mass * math.sqrt(variance) * correlation_factor(residual) * float(np.linalg.norm(gain[0][_MASS]))
     budget = [BudgetRow(RANDOM, random, "A")]
@@ -139,7 +139,7 @@ _Observation = tuple[str, Array, float, float]
 
 
 def _prior_observations(scales: ScaleUncertainty, u_bias_m_s2: float, camera: CameraScale | None) -> list[_Observation]:
-    """What is known besides the shot's rows: (name, row over the unknowns, value, standard uncertainty)."""
+    """Return what is known besides the shot's rows: (name, row over the unknowns, value, standard uncertainty)."""
     observations: list[_Observation] = []
 
     def observe(name: str, value: float, u: float, **weights: float) -> None:
@@ -168,7 +168,7 @@ def _prior_observations(scales: ScaleUncertainty, u_bias_m_s2: float, camera: Ca
 
 def _solve(
     design: Array, target: Array, variance: float, observations: list[_Observation]
-) -> tuple[Array, tuple[Array, Array], Array]:
+) -> tuple[Array, tuple[Array, Array]]:
     """Weighted least squares; also the gain that maps errors of rows and observations to the solution."""
     prior_rows = np.array([row / u for _, row, _, u in observations])
     prior_values = np.array([value / u for _, _, value, u in observations])
@@ -180,7 +180,7 @@ def _solve(
     inverse = np.linalg.pinv(full / scale) / scale[:, None]
     n = design.shape[0]
     u = np.array([u for *_, u in observations])
-    return inverse @ values, (inverse[:, :n] / sigma, inverse[:, n:] / u), scale
+    return inverse @ values, (inverse[:, :n] / sigma, inverse[:, n:] / u)
 
 
 def _merged(budget: list[BudgetRow]) -> tuple[BudgetRow, ...]:

@@ -56,9 +56,7 @@ def align_clocks(shot: Shot, rig: Rig) -> tuple[ClockAlignment, ...]:
 def _align(shot: Shot, rig: Rig, source: Source, found: dict[str, ClockAlignment]) -> ClockAlignment:
     align = source.align
     if isinstance(align, FixedAlignment):
-        return ClockAlignment(
-            source.name, align.offset_s, align.u_offset_s, align.drift, align.u_drift, "ok", "fixed"
-        )
+        return ClockAlignment(source.name, align.offset_s, align.u_offset_s, align.drift, align.u_drift, "ok", "fixed")
     if isinstance(align, TriggerAlignment):
         return _by_trigger(shot, source, align)
     if isinstance(align, RedundantAlignment):

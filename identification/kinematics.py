@@ -86,7 +86,7 @@ def turning(signals: Signals, rig: Rig) -> Turning:
 
 
 def inertial_acceleration(signals: Signals, rig: Rig, motion: Turning) -> Array:
-    """A' of equation (36) by the accelerometer on the recoiling part, m/s^2, shape (n,); NaN where lost."""
+    """Return a' of equation (36) by the accelerometer on the recoiling part, m/s^2, shape (n,); NaN where lost."""
     spec = rig.by_role("recoil_acceleration")
     r5, r6 = spec.sensor.position if spec is not None else (0.0, 0.0)
     return specific_acceleration_inertial(signals.series["recoil_acceleration"], motion.w2, motion.dw2, r5, r6)
@@ -108,7 +108,7 @@ def travel_acceleration(signals: Signals, rig: Rig, motion: Turning) -> Array:
 def kinematic_acceleration(
     signals: Signals, rig: Rig, motion: Turning, camera: Channel, alignment: ClockAlignment, low_pass: LowPass
 ) -> tuple[Array, Flags]:
-    """A' of equation (36) by the camera, already low-pass filtered, and where it can be trusted.
+    """Return a' of equation (36) by the camera, already low-pass filtered, and where it can be trusted.
 
     Parameters
     ----------

@@ -160,7 +160,7 @@ def build_regression(
 
 
 def spaced_rows(regression: Regression, per_cutoff: float = 2.5) -> NDArray[np.int64]:
-    """Indices of rows of a filtered regression that carry about independent errors.
+    """Return the indices of rows of a filtered regression that carry about independent errors.
 
     White noise behind a low-pass at fc is uncorrelated at intervals of about ``1 / (2 fc)``; rows are
     taken `per_cutoff` times per period of the cut-off, so that nothing is lost and little repeated.

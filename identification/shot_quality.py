@@ -118,7 +118,9 @@ def _channel_checks(
         yield "range", check_flat_tops(samples)
     alignment = by_clock.get(channel.time_base.clock)
     reference = times if alignment is None else alignment.to_reference(times)
-    aligned = channel.time_base.clock == shot.reference_clock or (alignment is not None and alignment.status != "failed")
+    aligned = channel.time_base.clock == shot.reference_clock or (
+        alignment is not None and alignment.status != "failed"
+    )
     if onset is None or not aligned:
         return
     quiet = reference < onset - QUIET_MARGIN_S
@@ -132,7 +134,8 @@ def _channel_checks(
 def _alignment_check(a: ClockAlignment) -> QualityCheck:
     if a.status == "failed":
         return QualityCheck(a.clock, "alignment", "fail", f"by {a.method}: {'; '.join(a.reasons)}")
-    text = f"offset {1e3 * a.offset_s:+.4f} ms, u {1e6 * a.u_offset_s:.1f} us, drift {1e6 * a.drift:+.1f} ppm, by {a.method}"
+    offset = f"offset {1e3 * a.offset_s:+.4f} ms, u {1e6 * a.u_offset_s:.1f} us"
+    text = f"{offset}, drift {1e6 * a.drift:+.1f} ppm, by {a.method}"
     if a.status == "ambiguous":
         return QualityCheck(a.clock, "alignment", "warn", f"{text}; ambiguous: {'; '.join(a.reasons)}")
     return QualityCheck(a.clock, "alignment", "ok", text)

@@ -103,7 +103,7 @@ SERIES_ROLES = (
 
 
 def static_value(role: str, mechanism: Mechanism) -> float | None:
-    """What a channel reads at rest in battery, SI; None where that is not known.
+    """Return what a channel reads at rest in battery, SI; None where that is not known.
 
     The recoiling part's accelerometer points along -e5, so it feels ``-g sin(phi20)``; the carriage's
     feel ``g sin(phi10)`` and ``g cos(phi10)`` (specific force; `rigs.mechanism.carriage_specific_force`).
@@ -153,7 +153,7 @@ def collect_signals(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignmen
     base = carrier.time_base
     start, step = base.start_s, base.step_s or float(np.median(np.diff(base.times_s)))
     count = base.count if base.step_s else int((base.end_s - start) / step) + 1
-    grid = start + step * np.arange(count)
+    grid = np.asarray(start + step * np.arange(count), dtype=np.float64)
     series: dict[str, Array] = {}
     for role in SERIES_ROLES:
         channel = shot.by_role(role)

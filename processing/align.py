@@ -27,7 +27,9 @@ MOST_INFLATION = 300.0
 EDGE_RESIDUAL_SIGMA = 4.0
 
 
-def judge_motion(clock: str, fit: MotionFit | str, *, u_gain: float, noise_density: float, frame_period_s: float) -> ClockAlignment:
+def judge_motion(
+    clock: str, fit: MotionFit | str, *, u_gain: float, noise_density: float, frame_period_s: float
+) -> ClockAlignment:
     """Judge a camera's alignment by motion.
 
     Parameters
@@ -63,8 +65,8 @@ def judge_motion(clock: str, fit: MotionFit | str, *, u_gain: float, noise_densi
     off = abs(fit.gain - 1.0) / math.hypot(u_gain, fit.u_gain)
     if off > GAIN_LIMIT_SIGMA:
         failures.append(
-            f"the camera's travel is {100 * (fit.gain - 1):+.2f} % off the accelerometer's, {off:.1f} standard uncertainties: "
-            "another shot's file, a wrong scale or a wrong sensitivity"
+            f"the camera's travel is {100 * (fit.gain - 1):+.2f} % off the accelerometer's, "
+            f"{off:.1f} standard uncertainties: another shot's file, a wrong scale or a wrong sensitivity"
         )
     apart = abs(fit.coarse_offset_s - fit.offset_s)
     if apart > max(2e-3, 6 * frame_period_s):
@@ -105,6 +107,7 @@ def judge_redundant(clock: str, fit: RedundantFit | str) -> ClockAlignment:
         "correlation": fit.correlation,
         "second_peak": fit.second_peak,
         "cutoff_hz": fit.cutoff_hz,
+        "stamp_scatter_s": fit.stamp_scatter_s,
         "residual_share": fit.residual_share,
     }
     return ClockAlignment(
@@ -137,9 +140,7 @@ def _common_doubts(correlation: float, second_peak: float, at_edge: bool) -> tup
     return doubts, failures
 
 
-def _status(
-    doubts: list[str], failures: list[str], method: str
-) -> tuple[AlignmentStatus, str, tuple[str, ...]]:
+def _status(doubts: list[str], failures: list[str], method: str) -> tuple[AlignmentStatus, str, tuple[str, ...]]:
     status: AlignmentStatus = "failed" if failures else "ambiguous" if doubts else "ok"
     return status, method, (*failures, *doubts)
 

@@ -10,7 +10,7 @@ _MAD_TO_SIGMA = 1.482602218505602
 
 
 def robust_sigma(samples: NDArray[np.float64]) -> float:
-    """Standard deviation from the median absolute deviation, blind to a minority of outliers.
+    """Estimate the standard deviation from the median absolute deviation, blind to a minority of outliers.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def robust_sigma(samples: NDArray[np.float64]) -> float:
 
 
 def noise_sigma(samples: NDArray[np.float64]) -> float:
-    """Standard deviation of white noise on a smooth signal, from its third differences.
+    """Estimate the standard deviation of white noise on a smooth signal, from its third differences.
 
     The third difference of white noise has 1 + 9 + 9 + 1 = 20 times its variance; that of a smooth,
     well-sampled signal is small. It is taken over neighbours only: differences across NaN drop out.

@@ -33,7 +33,7 @@ LIMITS = MappingProxyType(
 
 
 def check_clipping(samples: Array, low: float, high: float, *, unit: str) -> Outcome:
-    """Samples at or beyond 0.999 of the declared range, counted where the signal moves.
+    """Count samples at or beyond 0.999 of the declared range, against those where the signal moves.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def check_clipping(samples: Array, low: float, high: float, *, unit: str) -> Out
 
 
 def check_flat_tops(samples: Array) -> Outcome:
-    """Runs of identical extreme values: clipping where no range was declared."""
+    """Look for runs of identical extreme values: clipping where no range was declared."""
     present = samples[np.isfinite(samples)]
     if present.size < 2 or np.ptp(present) == 0:
         return "fail", "the signal is constant: sensor not connected, or the wrong signal"

@@ -2,7 +2,13 @@
 
 Both signals are low-passed alike, so that neither the slower sampling nor stress waves that only one
 of the sensors felt decide; then ``y_i = g r((1 + gamma) t_i + tau) + c`` is solved for tau by
-Gauss-Newton, with the uncertainty from the curvature and the residual, widened for its correlation.
+Gauss-Newton. The uncertainty has three parts:
+
+- the curvature with the residual's variance, as if the residual were noise;
+- the sandwich covariance of Newey and West (1987), Econometrica 55(3), with the residuals where they
+  occur and correlated as they are: what two sensors do not have in common is largest in the motion;
+- the scatter of the source's stamps about even steps: a bus delays frames by a varying wait, and the
+  mean of that wait cannot be told from the clock's offset.
 """
 
 from __future__ import annotations
@@ -17,6 +23,9 @@ from processing.correlation import coarse_lag
 from processing.filters import LowPass
 
 Array = NDArray[np.float64]
+
+CORRELATED_ROWS = 6
+"""Over how many rows, about two periods of the cut-off, residuals are taken to be correlated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +46,8 @@ class RedundantFit:
     at_search_edge : bool
     cutoff_hz : float
         -3 dB point of the low-pass that both signals passed.
+    stamp_scatter_s : float
+        Standard deviation of the source's stamps about even steps.
     residual_share : float
         Root mean square of the residual over that of the source's signal.
     """
@@ -52,6 +63,7 @@ class RedundantFit:
     second_peak: float
     at_search_edge: bool
     cutoff_hz: float
+    stamp_scatter_s: float
     residual_share: float
 
 
@@ -91,6 +103,7 @@ def align_redundant(
     t, y = source_times_s[present], source[present]
     if t.size < 50:
         return f"only {t.size} samples are there to align by"
+    t, scatter_s = even_stamps(t)
     rate_hz = 1.0 / float(np.median(np.diff(t)))
     low_pass = LowPass(cutoff_hz if cutoff_hz is not None else min(300.0, 0.15 * rate_hz))
     grid_step = 1.0 / (10 * low_pass.cutoff_hz)
@@ -128,14 +141,14 @@ def align_redundant(
         if abs(solution[1]) < 1e-9:
             break
     residual = yy - design @ solution
-    covariance = np.linalg.inv((full / scale).T @ (full / scale)) / np.outer(scale, scale) * residual_variance
-    covariance *= _correlation_factor(residual)
+    bread = np.linalg.inv((full / scale).T @ (full / scale)) / np.outer(scale, scale)
+    covariance = bread @ _scores(design, residual, prior[0], residual_variance) @ bread + bread * residual_variance
     middle = float(np.average(tt, weights=rate**2))
     pick = np.array([0.0, 1.0, middle, 0.0])
     return RedundantFit(
         offset_s=offset,
         drift=drift,
-        u_offset_s=math.sqrt(float(pick @ covariance @ pick)),
+        u_offset_s=math.hypot(math.sqrt(float(pick @ covariance @ pick)), scatter_s),
         u_drift=min(math.sqrt(float(covariance[2, 2])), drift_allowance),
         gain=float(solution[0]),
         u_gain=math.sqrt(float(covariance[0, 0])),
@@ -144,17 +157,50 @@ def align_redundant(
         second_peak=lag.second_peak,
         at_search_edge=lag.at_search_edge,
         cutoff_hz=low_pass.cutoff_hz,
+        stamp_scatter_s=scatter_s,
         residual_share=float(np.std(residual) / max(float(np.std(yy)), 1e-300)),
     )
+
+
+def even_stamps(times_s: Array) -> tuple[Array, float]:
+    """Lay a line through stamps of a source that samples evenly and is stamped with jitter.
+
+    Parameters
+    ----------
+    times_s : ndarray, shape (n,)
+        Increasing; some steps may be multiples of the others where samples were lost.
+
+    Returns
+    -------
+    times_s : ndarray, shape (n,)
+        On the line; as given where the source does not sample evenly.
+    scatter_s : float
+        Standard deviation about the line; 0 where the source does not sample evenly.
+    """
+    steps = np.diff(times_s)
+    counts = np.round(steps / np.median(steps))
+    if np.any(counts < 1):
+        return times_s, 0.0
+    index = np.concatenate([[0.0], np.cumsum(counts)])
+    index -= index.mean()
+    slope = float(index @ times_s / (index @ index))
+    line = times_s.mean() + slope * index
+    scatter = float(np.std(times_s - line))
+    return (line, scatter) if scatter < 0.25 * slope else (times_s, 0.0)
 
 
 def _residual_variance(design: Array, target: Array) -> float:
     solution, *_ = np.linalg.lstsq(design, target, rcond=None)
     residual = target - design @ solution
-    return max(float(residual @ residual) / max(target.size - design.shape[1], 1), 1e-300)
+    return float(max(residual @ residual / max(target.size - design.shape[1], 1), 1e-300))
 
 
-def _correlation_factor(residual: Array) -> float:
-    """Variance factor of a mean of first-order autoregressive errors, (1 + rho) / (1 - rho), at least 1."""
-    rho = float(residual[1:] @ residual[:-1]) / max(float(residual @ residual), 1e-300)
-    return max(1.0, (1.0 + min(rho, 0.95)) / (1.0 - min(rho, 0.95)))
+def _scores(design: Array, residual: Array, prior: Array, variance: float) -> Array:
+    """Covariance of the sum of ``design * residual``, correlated over `CORRELATED_ROWS`, and of the prior's row."""
+    products = design * residual[:, None]
+    total = products.T @ products
+    for lag in range(1, CORRELATED_ROWS + 1):
+        weight = 1.0 - lag / (CORRELATED_ROWS + 1)
+        cross = products[lag:].T @ products[:-lag]
+        total += weight * (cross + cross.T)
+    return np.asarray(total + variance * np.outer(prior, prior), dtype=np.float64)

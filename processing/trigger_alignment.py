@@ -57,7 +57,9 @@ def rising_edges(times_s: Array, samples: Array) -> Array:
     return np.asarray(t[at] + share * (t[at + 1] - t[at]))
 
 
-def align_edges(source_edges_s: Array, reference_edges_s: Array, *, u_edge_s: float, drift_allowance: float) -> EdgeFit | str:
+def align_edges(
+    source_edges_s: Array, reference_edges_s: Array, *, u_edge_s: float, drift_allowance: float
+) -> EdgeFit | str:
     """Relate two clocks by the same edges on both.
 
     Parameters

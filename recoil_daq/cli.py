@@ -58,9 +58,7 @@ def _root(
 @app.command(epilog="Example: recoil-daq ingest rig.toml daq.csv camera.csv --shot 0001")
 def ingest(
     rig: RigArgument,
-    files: Annotated[
-        list[Path], typer.Argument(help="One shot's recorded files, in any order.", show_default=False)
-    ],
+    files: Annotated[list[Path], typer.Argument(help="One shot's recorded files, in any order.", show_default=False)],
     shot: Annotated[
         str | None, typer.Option(help="Identifier of the shot.", show_default="name of the reference file")
     ] = None,
@@ -77,9 +75,7 @@ def ingest(
 
         with session.steps("ingest") as progress:
             done = ingest_files(load_rig(rig), files, shot=shot, out=out, overwrite=overwrite, progress=progress)
-        session.finish(
-            verdict_document(done), lambda: print_verdict(done), OK if done.shot.usable else NOT_VALID
-        )
+        session.finish(verdict_document(done), lambda: print_verdict(done), OK if done.shot.usable else NOT_VALID)
 
 
 @app.command(epilog="Example: recoil-daq identify shots/0001.h5 --out reports")

@@ -123,12 +123,14 @@ def identify_file(
         partial.chmod(0o777 & ~_umask())
         if folder.exists():
             # only the report's own files are replaced: the folder may hold somebody's notes
-            for file in sorted(partial.iterdir()):
-                file.replace(folder / file.name)
+            for part in sorted(partial.iterdir()):
+                part.replace(folder / part.name)
         else:
             partial.rename(folder)
     except OSError as error:
-        raise StoreError(f"cannot be written: {error.strerror}", path=folder, remedy="check space and permissions") from error
+        raise StoreError(
+            f"cannot be written: {error.strerror}", path=folder, remedy="check space and permissions"
+        ) from error
     finally:
         shutil.rmtree(partial, ignore_errors=True)
     return Reported(document, folder)

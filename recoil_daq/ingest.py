@@ -125,7 +125,7 @@ def ingest_files(
 
 
 def _reader_of(path: Path, rig: Rig) -> Reader:
-    """The reader that claims a file; raw serial bytes are known by their source's pattern alone."""
+    """Return the reader that claims a file; raw serial bytes are known by their source's pattern alone."""
     try:
         return recognise(path)
     except UnknownFormatError as error:

@@ -35,14 +35,14 @@ class Session:
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> bool:
+    ) -> None:
         if isinstance(error, KeyboardInterrupt):
             typer.echo("interrupted; nothing half-written was left behind", err=True)
             raise typer.Exit(INTERRUPTED) from None
         from daq.errors import RecoilDaqError
 
         if not isinstance(error, RecoilDaqError):
-            return False
+            return
         if self.debug:
             traceback.print_exception(error)
         if self.as_json:

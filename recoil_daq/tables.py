@@ -27,7 +27,9 @@ def _console() -> Console:
     return Console(width=max(LEAST_WIDTH, shutil.get_terminal_size((140, 40)).columns), highlight=False, emoji=False)
 
 
-def _print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], numeric: Sequence[int] = ()) -> None:
+def _print_table(
+    title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], numeric: Sequence[int] = ()
+) -> None:
     from rich.markup import escape
     from rich.table import Table
 
@@ -170,17 +172,13 @@ def simulated_document(done: Sequence[TwinShot]) -> dict[str, Any]:
     """Build the document of ``simulate --json``."""
     return {
         "schema": "recoil-daq/simulate/1",
-        "shots": [
-            {"folder": str(s.folder), "files": [str(f) for f in s.files], "truth": dict(s.truth)} for s in done
-        ],
+        "shots": [{"folder": str(s.folder), "files": [str(f) for f in s.files], "truth": dict(s.truth)} for s in done],
     }
 
 
 def print_simulated(done: Sequence[TwinShot]) -> None:
     """Print where each shot's files are, and its true mass."""
-    rows = [
-        (s.folder.name, f"{s.truth['m3']:g}", " ".join(f.name for f in s.files), str(s.folder)) for s in done
-    ]
+    rows = [(s.folder.name, f"{s.truth['m3']:g}", " ".join(f.name for f in s.files), str(s.folder)) for s in done]
     _print_table("Simulated shots", ("shot", "true mass, kg", "files", "folder"), rows, numeric=(1,))
 
 

@@ -60,7 +60,9 @@ def assemble_channels(rig: Rig, recordings: Mapping[str, Recording], version: st
             found.append((spec, recording, header))
     if faults:
         raise RigError(rig.path, faults)
-    return {spec.name: _channel(spec, recording, header, units[spec.name], version) for spec, recording, header in found}
+    return {
+        spec.name: _channel(spec, recording, header, units[spec.name], version) for spec, recording, header in found
+    }
 
 
 def _find_signal(recording: Recording, name: str) -> SignalHeader:
@@ -72,10 +74,8 @@ def _find_signal(recording: Recording, name: str) -> SignalHeader:
     raise ReadError(f"signal {name!r} is not listed", path=recording.path)
 
 
-def _unit_of(
-    spec: ChannelSpec, header: SignalHeader, source: Source, path: Path, faults: list[Fault]
-) -> Unit | None:
-    """Unit of the file's numbers: as the file states it, else as the rig does; they may not contradict."""
+def _unit_of(spec: ChannelSpec, header: SignalHeader, source: Source, path: Path, faults: list[Fault]) -> Unit | None:
+    """Return the unit of the file's numbers: as the file states it, else as the rig does; they may not contradict."""
     key = f"channel '{spec.name}'.unit"
     stated = header.unit.strip()
     if stated in ("px", "pixel", "pixels") or (not stated and spec.unit == "px"):
@@ -97,7 +97,9 @@ def _unit_of(
         return None
     wanted = "voltage" if spec.sensor.sensitivity is not None and "voltage" in unit.quantities else spec.quantity
     if wanted not in unit.quantities:
-        faults.append(Fault(key, f"{path.name} has {spec.signal!r} in {spelling!r}, which is no unit of {spec.quantity}"))
+        faults.append(
+            Fault(key, f"{path.name} has {spec.signal!r} in {spelling!r}, which is no unit of {spec.quantity}")
+        )
         return None
     return unit
 

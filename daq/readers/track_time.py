@@ -164,12 +164,17 @@ def _numbers_from(times_s: NDArray[np.float64]) -> NDArray[np.int64]:
 def _robust_line(
     times_s: NDArray[np.float64], numbers: NDArray[np.int64], resolution_s: float
 ) -> tuple[tuple[float, float], str]:
-    """Fit start and step by the median slope of rows half the file apart; say how many rows disagree."""
+    """Fit start and step to the rows that agree with the median slope; say how many rows disagree."""
     half = times_s.size // 2
     slopes = (times_s[-half:] - times_s[:half]) / (numbers[-half:] - numbers[:half])
     step_s = float(np.median(slopes[slopes > 0]))
     residuals = times_s - step_s * numbers
-    start_s = float(np.median(residuals))
+    sound = np.abs(residuals - np.median(residuals)) <= resolution_s + SLACK_S
+    start_s, step_s = uniform_from_printed(times_s[sound], resolution_s, numbers[sound]) or (
+        float(np.median(residuals)),
+        step_s,
+    )
+    residuals = times_s - step_s * numbers
     off = int((np.abs(residuals - start_s) > 0.5 * resolution_s + SLACK_S).sum())
     note = f"the printed time of {off} frames disagrees with their numbers at {1 / step_s:.6g} Hz"
     return (start_s, step_s), f"{note}: time is from the numbers"

@@ -92,7 +92,9 @@ def can_entries(count: int = 30) -> list[CanEntry]:
     return entries
 
 
-def asc_log(entries: Sequence[CanEntry], *, extra: Sequence[str] = (), relative: bool = False, base: str = "hex") -> bytes:
+def asc_log(
+    entries: Sequence[CanEntry], *, extra: Sequence[str] = (), relative: bool = False, base: str = "hex"
+) -> bytes:
     lines = [
         "date Tue Nov 14 22:13:20.250 2023",
         f"base {base}  timestamps {'relative' if relative else 'absolute'}",
@@ -106,7 +108,9 @@ def asc_log(entries: Sequence[CanEntry], *, extra: Sequence[str] = (), relative:
         before = time_ns
         number = f"{key & 0x1FFFFFFF:{'X' if base == 'hex' else 'd'}}{'x' if key >> 31 else ''}"
         octets = " ".join(f"{b:02X}" if base == "hex" else str(b) for b in data)
-        lines.append(f"{stamp_s:11.6f} 1  {number:<15} Rx   d {len(data)} {octets}  Length = 240015 BitCount = 124 ID = 1785")
+        lines.append(
+            f"{stamp_s:11.6f} 1  {number:<15} Rx   d {len(data)} {octets}  Length = 240015 BitCount = 124 ID = 1785"
+        )
     return "".join(line + "\n" for line in [*lines, *extra, "End TriggerBlock"]).encode()
 
 

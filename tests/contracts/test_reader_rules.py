@@ -43,7 +43,12 @@ CASES = (
         "dewesoft-utf16-semicolon",
         BY_NAME["Dewesoft text export"],
         build.dewesoft_text(
-            build.motion_rows(), separator=";", decimal=",", preamble=["Größe", "", "x"], encoding="utf-16", line_end="\n"
+            build.motion_rows(),
+            separator=";",
+            decimal=",",
+            preamble=["Größe", "", "x"],
+            encoding="utf-16",
+            line_end="\n",
         ),
         Declarations("dewetron"),
         DEWESOFT_MAGNITUDES,

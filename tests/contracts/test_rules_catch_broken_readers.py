@@ -125,26 +125,26 @@ class FillsUp(Broken):
 
 class Greedy(SerialCaptureReader):
     def claims(self, head: bytes) -> bool:
-        return True
+        return len(head) >= 0
 
 
 class LetsForeignErrorsOut(SerialCaptureReader):
     def open(self, path: Path, declared: Declarations) -> SerialRecording:
-        if len(path.read_bytes()) < 900:
+        if len(path.read_bytes()) < 700:
             raise IndexError("index out of range")
         return super().open(path, declared)
 
 
 class Hangs(SerialCaptureReader):
     def open(self, path: Path, declared: Declarations) -> SerialRecording:
-        if len(path.read_bytes()) < 900:
+        if len(path.read_bytes()) < 700:
             time.sleep(1.0)
         return super().open(path, declared)
 
 
 class OpensAnything(SerialCaptureReader):
     def open(self, path: Path, declared: Declarations) -> Any:
-        return None
+        return path, declared
 
 
 def case_of(reader: SerialCaptureReader) -> Case:
