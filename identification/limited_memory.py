@@ -109,6 +109,13 @@ def limited_memory_least_squares(
         that is too short, or limits out of range.
     TypeError
         For complex samples or a window that is not an integer.
+
+    Notes
+    -----
+    A regressor's samples below 2^-150 of its largest in the record count as zero. The standard errors
+    hold for errors that are independent from sample to sample; they are far too small behind a low-pass
+    filter. Where a regressor is nearly constant beside its mean, take the mean off before: the smallest
+    pivot is uncentred.
     """
     if operator not in ("auto", "gram", "qr"):
         raise ValueError(f'operator must be "auto", "gram" or "qr", found {operator!r}')

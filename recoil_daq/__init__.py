@@ -11,19 +11,14 @@ The public Python interface::
 from __future__ import annotations
 
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    __version__: str
     from daq.store import read_shot, write_shot
     from recoil_daq.identify import identify_file
     from recoil_daq.ingest import ingest_files
     from rigs.rig import load_rig
-
-try:
-    __version__ = version("recoil-daq")
-except PackageNotFoundError:  # a source tree that was never installed
-    __version__ = "0+unknown"
 
 _HOMES = {
     "identify_file": "recoil_daq.identify",
@@ -38,6 +33,8 @@ __all__ = ["__version__", "identify_file", "ingest_files", "load_rig", "read_sho
 
 def __getattr__(name: str) -> Any:
     """Import a public name when it is first used, so that ``--help`` needs none of the heavy libraries."""
+    if name == "__version__":
+        return _version()
     if name in _HOMES:
         return getattr(import_module(_HOMES[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
@@ -45,3 +42,12 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted(__all__)
+
+
+def _version() -> str:
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("recoil-daq")
+    except PackageNotFoundError:  # a source tree that was never installed
+        return "0+unknown"

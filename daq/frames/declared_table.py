@@ -30,7 +30,7 @@ class Table:
         value = self.values.get(key, default)
         if isinstance(value, bool) or not isinstance(value, int) or value < lowest:
             self.fault(key, "is missing" if value is None else f"must be a whole number from {lowest}, found {value!r}")
-            return lowest
+            return lowest if default is None else max(default, lowest)
         return value
 
     def number(self, key: str, default: float | None = None, *, positive: bool = False) -> float:
@@ -48,7 +48,7 @@ class Table:
                 if value is None
                 else f"must be a {'positive' if positive else 'finite'} number, found {value!r}",
             )
-            return 1.0
+            return 1.0 if default is None else default
         return float(value)
 
     def choice(self, key: str, known: Sequence[str], default: str | None = None) -> str:

@@ -238,7 +238,7 @@ class DewesoftTextRecording:
         if times_s.size < 2:
             return base, ("there is one row only: no sample rate",)
         gaps = int((steps > 1.5 * np.median(steps)).sum())
-        note = f"steps of time differ by more than their printed digits, {gaps} gaps among them: instants are as printed"
+        note = f"steps of time differ by more than their printed digits ({gaps} gaps): instants are as printed"
         return base, (note,)
 
     def _index(self, name: str) -> int:

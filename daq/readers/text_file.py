@@ -12,6 +12,9 @@ from pathlib import Path
 
 from daq.errors import CorruptFileError, ReadError
 
+ENCODING_BYTES = 1 << 20
+"""How much of a file decides on its encoding: all but numbers stands in the first lines."""
+
 
 @dataclass(frozen=True)
 class TextFile:
@@ -59,7 +62,7 @@ def read_text(path: Path) -> TextFile:
             raise CorruptFileError("is not the UTF-16 it announces", path=path, place=f"byte {error.start}") from error
         return TextFile(path, _one_line_end(text.encode("utf-8")), "utf-8")
     raw = raw.removeprefix(codecs.BOM_UTF8)
-    encoding = "utf-8" if _is_utf8(raw) else "cp1252"
+    encoding = "utf-8" if _is_utf8(raw[:ENCODING_BYTES]) else "cp1252"
     return TextFile(path, _one_line_end(raw), encoding)
 
 

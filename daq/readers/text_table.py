@@ -11,6 +11,7 @@ import io
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,7 +56,7 @@ class Block:
     decimal_comma: bool
     dropped: str
 
-    @property
+    @cached_property
     def row_count(self) -> int:
         """Number of complete rows."""
         return self.body.count(b"\n")
@@ -156,7 +157,10 @@ def find_block(file: TextFile, start: int, separator: str, columns: Sequence[str
     dropped = ""
     if file.data[end:].strip():
         dropped = "the last row has no line end and may be cut: it was left out"
-    body = file.data[start : max(start, end)].rstrip(b" \n") + b"\n"
+    stop = end
+    while stop > start and file.data[stop - 1 : stop] in (b" ", b"\n"):
+        stop -= 1
+    body = file.data[start:stop] + b"\n" if file.data[stop : stop + 1] != b"\n" else file.data[start : stop + 1]
     tail = body[body.rfind(b"\n", 0, -1) + 1 :]
     if body.strip() and tail.count(separator.encode()) < len(columns) - 1:
         body = body[: len(body) - len(tail)]
@@ -189,7 +193,7 @@ def read_block(block: Block, *, text_first_column: bool = False) -> tuple[NDArra
     CorruptFileError
         If a row has another width or a cell is no number, with line and column.
     """
-    width = _check_widths(block)
+    width, has_empty = _check_widths(block)
     separator = block.separator.encode()
     texts: list[str] = []
     body = block.body
@@ -202,9 +206,9 @@ def read_block(block: Block, *, text_first_column: bool = False) -> tuple[NDArra
     if body.translate(None, _NUMERIC_BYTES):
         raise _bad_cell(block, first=int(text_first_column))
     try:
-        values = np.loadtxt(
-            io.BytesIO(_without_empty_cells(body, separator)), delimiter=block.separator, comments=None, ndmin=2
-        )
+        if has_empty or b" " in body:
+            body = _fill_empty_cells(body, separator)
+        values = np.loadtxt(io.BytesIO(body), delimiter=block.separator, comments=None, ndmin=2)
     except (ValueError, OverflowError) as error:
         raise _bad_cell(block, first=int(text_first_column)) from error
     if values.shape != (block.row_count, width - text_first_column):
@@ -218,27 +222,26 @@ def read_block(block: Block, *, text_first_column: bool = False) -> tuple[NDArra
     return values[:, : len(block.columns)], texts
 
 
-def _without_empty_cells(body: bytes, separator: bytes) -> bytes:
+def _fill_empty_cells(body: bytes, separator: bytes) -> bytes:
     """Write NaN into empty cells."""
-    if not any(
-        mark in body for mark in (separator + separator, separator + b"\n", b"\n" + separator, b" ")
-    ) and not body.startswith((separator, b"\n")):
-        return body
     mark = re.escape(separator)
     return re.sub(rb"(?:\A|(?<=\n)|(?<=" + mark + rb")) *(?=\n|" + mark + rb")", b"nan", body)
 
 
-def _check_widths(block: Block) -> int:
-    """Return the number of cells per row, which may be one more than the columns: a separator at the end."""
+def _check_widths(block: Block) -> tuple[int, bool]:
+    """Return the number of cells per row, and whether a cell is empty.
+
+    A row may have one cell more than there are columns: a separator at its end.
+    """
     data = np.frombuffer(block.body, dtype=np.uint8)
-    ends = np.flatnonzero(data == ord("\n"))
-    separators = np.flatnonzero(data == ord(block.separator))
-    widths = np.diff(np.searchsorted(separators, ends), prepend=0) + 1
+    marks = np.flatnonzero((data == ord("\n")) | (data == ord(block.separator)))
+    ends = np.flatnonzero(data[marks] == ord("\n"))
+    widths = np.diff(ends, prepend=-1)
     allowed = len(block.columns) + (1 if widths[0] == len(block.columns) + 1 else 0)
     wrong = np.flatnonzero(widths != allowed)
     if wrong.size:
         raise _wrong_width(block, int(wrong[0]), int(widths[wrong[0]]))
-    return allowed
+    return allowed, bool(marks[0] == 0 or (np.diff(marks) == 1).any())
 
 
 def _wrong_width(block: Block, row: int, width: int) -> CorruptFileError:

@@ -66,13 +66,11 @@ def _mass(found: Identification) -> Figure:
     specification = HorizontalLine(
         f"specification {found.specification_kg:g} kg", found.specification_kg, "specification"
     )
-    low = np.nanmin(trace.mass_kg - half) if trace.identified.any() else found.specification_kg * 0.95
-    high = np.nanmax(trace.mass_kg + half) if trace.identified.any() else found.specification_kg * 1.05
-    low, high = (
-        float(max(low, 0.85 * found.specification_kg, 0.0)),
-        float(min(high, 1.15 * found.specification_kg)),
-    )
-    low, high = min(low, 0.97 * found.specification_kg), max(high, 1.03 * found.specification_kg)
+    low, high = 0.97 * found.specification_kg, 1.03 * found.specification_kg
+    if trace.identified.any():
+        # the first windows hold a few samples only and would set the scale for all others
+        low = min(low, float(np.nanpercentile(trace.mass_kg - half, 2)))
+        high = max(high, float(np.nanpercentile(trace.mass_kg + half, 98)))
     return Figure(
         "mass",
         "Identified recoiling mass over time",

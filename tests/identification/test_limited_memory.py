@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import tracemalloc
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -46,6 +47,19 @@ def direct_qr(regressors: np.ndarray, response: np.ndarray, window: int) -> np.n
     return estimates
 
 
+def exact(regressors: np.ndarray, response: np.ndarray) -> np.ndarray:
+    """Solve the normal equations of one window in rational numbers."""
+    rows = [[Fraction(value) for value in row] for row in np.column_stack([regressors, response]).tolist()]
+    n = regressors.shape[1]
+    table = [[sum((row[i] * row[j] for row in rows), Fraction(0)) for j in range(n + 1)] for i in range(n)]
+    for i in range(n):
+        table[i] = [value / table[i][i] for value in table[i]]
+        for k in range(n):
+            if k != i:
+                table[k] = [a - table[k][i] * b for a, b in zip(table[k], table[i], strict=True)]
+    return np.array([float(row[-1]) for row in table])
+
+
 def relative_error(estimates: np.ndarray, truth: np.ndarray) -> np.ndarray:
     return np.abs(estimates - truth).max(axis=1) / np.abs(truth).max(axis=1)
 
@@ -79,6 +93,40 @@ def test_every_window_of_a_shot_followed_by_silence_equals_its_own_factorisation
     estimates = limited_memory_least_squares(regressors, response, 200, operator=operator)
     assert estimates.identified[199:].all()
     assert relative_error(estimates.parameters[199:], truth[199:]).max() < 1e-10
+
+
+def test_rotations_and_reflections_are_exact_to_thirteen_digits_where_a_shot_enters_and_leaves_the_window(shot):
+    regressors, response, _ = shot
+    last = [1_000, 3_001, 3_003, 3_150, 3_500, 3_796, 3_797, 3_798, 3_799, 3_900, 23_001, 29_999]
+    truth = np.array([exact(regressors[k - 199 : k + 1], response[k - 199 : k + 1]) for k in last])
+    rotated = limited_memory_least_squares(regressors, response, 200, operator="qr").parameters[last]
+    reflected = [least_squares(regressors[k - 199 : k + 1], response[k - 199 : k + 1]).parameters for k in last]
+    assert relative_error(rotated, truth).max() < 1e-13
+    assert relative_error(np.array(reflected), truth).max() < 1e-13
+
+
+@pytest.mark.parametrize("tiny", [1e-6, 1e-12, 1e-30])
+def test_rotations_survive_a_block_that_begins_with_next_to_nothing_of_one_regressor(tiny):
+    regressors, response = white_record(23, 60, 3)
+    regressors[::10, 0] *= tiny
+    estimates = limited_memory_least_squares(regressors, response, 10, operator="qr")
+    last = range(9, 60)
+    truth = np.array([exact(regressors[k - 9 : k + 1], response[k - 9 : k + 1]) for k in last])
+    assert relative_error(estimates.parameters[9:], truth).max() < 1e-12
+
+
+@pytest.mark.parametrize("operator", ["auto", "gram", "qr"])
+@pytest.mark.parametrize(
+    "seed", [3207, 4430, 4704, 7915]
+)  # products of these leave float64 unless the least are dropped
+def test_magnitudes_over_three_hundred_decades_give_numbers_or_reasons_but_no_warning(seed, operator):
+    rng = np.random.default_rng(seed)
+    regressors = rng.choice([-1.0, 1.0], (40, 4)) * 10.0 ** rng.uniform(-300, 0, (40, 4))
+    response = rng.choice([-1.0, 1.0], 40) * 10.0 ** rng.uniform(-300, 0, 40)
+    with np.errstate(all="raise"):
+        estimates = limited_memory_least_squares(regressors, response, 8, operator=operator, partial=True)
+    assert np.isfinite(estimates.parameters[estimates.identified]).all()
+    assert np.isfinite(estimates.standard_errors[estimates.identified]).all()
 
 
 def test_products_alone_fail_where_a_shot_leaves_the_window_and_say_so_by_the_pivot(shot):

@@ -76,7 +76,7 @@ def test_a_gap_makes_a_stamped_time_base_and_a_note(tmp_path: Path) -> None:
     base = recording.time_base("a")
     assert base.step_s is None
     np.testing.assert_array_equal(base.times_s, times)
-    assert any("1 gaps" in note for note in recording.notes)
+    assert any("(1 gaps)" in note for note in recording.notes)
 
 
 def test_time_that_does_not_increase_is_refused_with_its_line(tmp_path: Path) -> None:

@@ -1,0 +1,102 @@
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from daq.errors import FramingError
+from daq.frames.declaration import framing_from_table
+from tests.builders.vendor_files import FRAMING
+
+
+def changed(**keys: Any) -> dict[str, Any]:
+    return {k: v for k, v in {**FRAMING, **keys}.items() if v is not None}
+
+
+def test_a_sound_table_becomes_a_framing() -> None:
+    framing = framing_from_table(FRAMING)
+    assert framing.sync == b"\xaa\x55"
+    assert framing.length.fixed == 16
+    assert framing.maximum == 64
+    assert [f.name for f in framing.fields] == ["counter", "device_time", "gyro", "temperature"]
+    assert framing.checksum is not None
+    assert framing.checksum.size == 2
+    assert framing.device_time is not None
+    assert framing.device_time.modulo == 2**32
+
+
+FIELD = {"name": "a", "at": 2, "type": "u8"}
+
+
+@pytest.mark.parametrize(
+    ("keys", "fault"),
+    [
+        ({"kind": "cobs"}, "framing.kind: must be `sync` or `delimiter`"),
+        ({"sinc": "AA"}, "framing.sinc: unknown key; did you mean `sync`?"),
+        ({"sync": "XY"}, "framing.sync: must be bytes in hexadecimal"),
+        ({"sync": None}, "framing.sync: must be bytes in hexadecimal"),
+        ({"sync": 5}, "framing.sync: must be bytes in hexadecimal"),
+        ({"length": None}, "framing.length: is missing"),
+        ({"length": 34}, "framing.length: must be a table"),
+        ({"length": {"fixed": 0}}, "framing.length.fixed: must be a whole number from 1"),
+        ({"length": {"fixed": 16, "add": 1}}, "framing.length.fixed: excludes the other keys"),
+        ({"length": {"at": 2, "type": "f32"}}, "framing.length.type: must be one of u8"),
+        ({"length": {"type": "u8"}}, "framing.length.at: is missing"),
+        ({"length": {"fixed": 3}}, "framing.length.fixed: 3 bytes do not hold the sync bytes"),
+        ({"max": 8}, "framing.max: 8 is less than the fixed length 16"),
+        ({"max": True}, "framing.max: must be a whole number from 1"),
+        ({"endian": "middle"}, "framing.endian: must be one of little, big"),
+        ({"checksum": {"algo": "crc9"}}, "framing.checksum.algo: must be one of none, xor8"),
+        ({"checksum": {}}, "framing.checksum.algo: is missing"),
+        ({"checksum": {"algo": "crc32", "size": 2}}, "framing.checksum.size: crc32 has 4 bytes, found 2"),
+        ({"checksum": {"algo": "sum8", "from": 16}}, "framing.checksum.from: byte 16 lies behind"),
+        ({"fields": []}, "framing.fields: must be a list of at least one field"),
+        ({"fields": "a"}, "framing.fields: must be a list of at least one field"),
+        ({"fields": [5]}, "framing.fields[0]: must be a table, found 5"),
+        ({"fields": [{**FIELD, "name": ""}]}, "framing.fields[0].name: must be a text"),
+        ({"fields": [{"at": 2, "type": "u8"}]}, "framing.fields[0].name: is missing"),
+        ({"fields": [{"name": "a", "type": "u8"}]}, "framing.fields[0].at: is missing"),
+        ({"fields": [{**FIELD, "type": "u9"}]}, "framing.fields[0].type: must be one of u8, i8"),
+        ({"fields": [{**FIELD, "scale": "x"}]}, "framing.fields[0].scale: must be a finite number"),
+        ({"fields": [{**FIELD, "scale": float("nan")}]}, "framing.fields[0].scale: must be a finite number"),
+        ({"fields": [{**FIELD, "at": 14}]}, "framing.fields 'a': its bytes from 14 lie behind"),
+        ({"fields": [FIELD, FIELD]}, "framing.fields: 'a' is there 2 times"),
+        ({"counter": {"field": "x", "modulo": 4}}, "framing.counter.field: no field 'x'; there are counter"),
+        ({"counter": {"field": "counter", "modulo": 1}}, "framing.counter.modulo: must be a whole number from 2"),
+        ({"device_time": {"field": "gyro"}}, "framing.device_time.tick_s: is missing"),
+        ({"device_time": {"field": "gyro", "tick_s": -1.0}}, "framing.device_time.tick_s: must be a positive number"),
+        ({"baudrate": 0}, "framing.baudrate: must be a positive number"),
+        ({"rate_hz": "fast"}, "framing.rate_hz: must be a positive number"),
+        ({"frames": []}, "framing.frames: must be a list of tables"),
+        ({"frames": [{"fields": [FIELD]}]}, "framing.fields: stands in each of `frames`"),
+        ({"when": {"at": 2, "equals": 300}}, "framing.when.equals: must be a byte from 0 to 255"),
+        ({"when": {"equals": 3}}, "framing.when.at: is missing"),
+        ({"when": {"at": 2, "equals": "zz"}}, "framing.when.equals: must be bytes in hexadecimal"),
+        ({"tlv": {"from": 4, "len": "u8"}}, "framing.tlv.id: is missing"),
+        ({"tlv": {"from": 4, "len": "u8", "id": "u8", "id_first": 1}}, "framing.tlv.id_first: must be true or false"),
+        ({"tlv": {"from": 4, "len": "u8", "id": "u8"}}, "framing.fields[0].id: is missing"),
+    ],
+)
+def test_each_fault_is_named_by_its_key(keys: dict[str, Any], fault: str) -> None:
+    with pytest.raises(FramingError) as caught:
+        framing_from_table(changed(**keys))
+    assert fault in str(caught.value)
+
+
+def test_all_faults_are_reported_at_once() -> None:
+    with pytest.raises(FramingError, match=r"^4 faults: .*\| .*\| .*\| ") as caught:
+        framing_from_table(changed(sinc="AA", max=-1, baudrate=0, rate_hz="x"))
+    assert "\n" not in str(caught.value)
+
+
+def test_lines_have_keys_of_their_own() -> None:
+    with pytest.raises(FramingError, match=r"framing.sync: unknown key"):
+        framing_from_table({"kind": "delimiter", "sync": "AA", "fields": [{"name": "a", "at": 0}]})
+    with pytest.raises(FramingError, match=r"fields\[0\].type: unknown key"):
+        framing_from_table({"kind": "delimiter", "fields": [{"name": "a", "at": 0, "type": "u8"}]})
+    with pytest.raises(FramingError, match="separator: must be a text"):
+        framing_from_table({"kind": "delimiter", "separator": "", "fields": [{"name": "a", "at": 0}]})
+
+
+def test_a_checksum_may_be_declared_as_none() -> None:
+    assert framing_from_table(changed(checksum={"algo": "none"})).checksum is None

@@ -1,0 +1,216 @@
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from daq.errors import CorruptFileError, ReadError
+from daq.frames.capture_file import MAGIC, pack_record, parse_capture
+from daq.readers.reader import Declarations
+from daq.readers.serial_capture import SerialCaptureReader, SerialRecording
+from daq.readers.serial_time import back_dated, fit_host, increasing
+from tests.builders.shared_data import shared_file
+from tests.builders.vendor_files import FRAMING, serial_capture, serial_frame, serial_frames
+
+READER = SerialCaptureReader()
+
+
+def opened(tmp_path: Path, content: bytes, **keys: Any) -> SerialRecording:
+    path = tmp_path / "a.bin"
+    path.write_bytes(content)
+    framing = {key: value for key, value in {**FRAMING, **keys}.items() if value is not None}
+    return READER.open(path, Declarations("imu", framing=framing))
+
+
+def test_the_device_clock_is_unwrapped_and_counts_from_the_first_frame(tmp_path: Path) -> None:
+    recording = opened(tmp_path, serial_capture(serial_frames(40)))
+    base = recording.time_base("gyro")
+    np.testing.assert_allclose(base.times_s, 1e-3 * np.arange(40), atol=1e-12)
+    assert base.clock == "imu"
+    assert base.absolute_start is None
+    np.testing.assert_allclose(recording.read("gyro"), 0.01 * np.arange(40), rtol=1e-6)
+    assert recording.metadata["device_time_of_first_frame_s"] == pytest.approx((2**32 - 5000) * 1e-6)
+    assert recording.metadata["counter_gaps"] == 0
+    assert recording.metadata["host_start"] == "2023-11-14T22:13:20.003000Z"
+    assert recording.notes == ()
+
+
+def test_integers_keep_their_raw_counts(tmp_path: Path) -> None:
+    recording = opened(tmp_path, serial_capture(serial_frames(5)))
+    raw = recording.raw("temperature")
+    assert raw is not None
+    assert raw.counts.tolist() == [150] * 5
+    assert (raw.gain, raw.offset, raw.unit) == (0.01, 20.0, "degC")
+    assert recording.raw("gyro") is None
+
+
+def test_every_loss_is_counted_and_noted(tmp_path: Path) -> None:
+    frames = serial_frames(40)
+    damaged = bytearray(frames[10])
+    damaged[9] ^= 0xFF
+    content = serial_capture([*frames[:10], bytes(damaged), *frames[11:20], b"noise", *frames[22:]])
+    recording = opened(tmp_path, content)
+    counts = {
+        k: recording.metadata[k]
+        for k in ("received", "bad_checksum", "skipped_bytes", "counter_gaps", "missing_frames")
+    }
+    assert counts == {"received": 37, "bad_checksum": 1, "skipped_bytes": 21, "counter_gaps": 2, "missing_frames": 3}
+    assert sum(word in note for note in recording.notes for word in ("checksum", "21 of", "3 frames are missing")) == 3
+
+
+def test_samples_whose_device_time_does_not_increase_are_left_out(tmp_path: Path) -> None:
+    ticks = [0, 1000, 2000, 1500, 2000, 3000]
+    frames = [serial_frame(i, t, float(i)) for i, t in enumerate(ticks)]
+    recording = opened(tmp_path, serial_capture(frames))
+    assert recording.read("gyro").tolist() == [0.0, 1.0, 2.0, 5.0]
+    assert any("stepped back 1 times" in note for note in recording.notes)
+    assert any("gyro: 2 of 6 samples do not increase" in note for note in recording.notes)
+
+
+def test_the_hosts_clock_is_fitted_below_its_delays(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    frames = serial_frames(400, first=0, ticks=0)
+    host_ns = 5_000_000 + (np.arange(400) * 1_000_100 + rng.exponential(3e5, 400)).astype(np.int64)
+    host_ns[[0, 399]] = 5_000_000 + np.array([0, 399]) * 1_000_100
+    content = MAGIC + b"".join(pack_record(int(t), frame) for t, frame in zip(host_ns, frames, strict=True))
+    fit = opened(tmp_path, content).metadata["host_fit"]
+    assert fit["drift"] == pytest.approx(1e-4, rel=1e-3)
+    assert fit["offset_s"] == pytest.approx(0.0, abs=1e-9)
+    assert 1e-4 < fit["typical_delay_s"] < 4e-4
+    assert opened(tmp_path, content).metadata["host_start"] is None
+
+
+def test_without_a_device_clock_frames_are_dated_back_from_their_read(tmp_path: Path) -> None:
+    content = serial_capture(serial_frames(12), per_read=3)
+    recording = opened(tmp_path, content, device_time=None, baudrate=160000)
+    expected = np.array([3e-3 * read - 1e-3 * behind for read in range(4) for behind in (2, 1, 0)])
+    np.testing.assert_allclose(recording.time_base("gyro").times_s, expected, atol=1e-12)
+    start = recording.absolute_start
+    assert start is not None
+    assert (start.text, start.zone) == ("2023-11-14T22:13:20.003000", "UTC")
+
+
+def test_a_host_clock_without_a_date_gives_no_absolute_start(tmp_path: Path) -> None:
+    content = serial_capture(serial_frames(12), host_ns=0)
+    assert opened(tmp_path, content, device_time=None, baudrate=115200).absolute_start is None
+
+
+def test_a_declared_rate_dates_frames_by_their_counter(tmp_path: Path) -> None:
+    frames = serial_frames(20)
+    stream = b"".join(frames[:5] + frames[8:])
+    recording = opened(tmp_path, stream, device_time=None, rate_hz=500.0)
+    np.testing.assert_allclose(recording.time_base("gyro").times_s, np.r_[0:5, 8:20] / 500.0)
+    recording = opened(tmp_path, stream, device_time=None, counter=None, rate_hz=500.0)
+    np.testing.assert_allclose(recording.time_base("gyro").times_s, np.arange(17) / 500.0)
+    assert any("cannot be seen" in note for note in recording.notes)
+
+
+def test_a_plain_file_of_bytes_is_opened_but_not_claimed(tmp_path: Path) -> None:
+    stream = b"".join(serial_frames(20))
+    assert not READER.claims(stream)
+    recording = opened(tmp_path, stream)
+    assert recording.signals[2].sample_count == 20
+    assert "host_fit" not in recording.metadata
+
+
+def test_what_nothing_dates_is_refused_with_a_remedy(tmp_path: Path) -> None:
+    with pytest.raises(ReadError, match="nothing dates the frames") as caught:
+        opened(tmp_path, serial_capture(serial_frames(5)), device_time=None)
+    assert "baudrate" in str(caught.value.remedy)
+
+
+def test_a_missing_or_faulty_framing_and_no_frames_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ReadError, match="without its framing"):
+        READER.open(tmp_path / "a.bin", Declarations("imu"))
+    with pytest.raises(ReadError, match=r"framing is faulty: .*framing.max"):
+        opened(tmp_path, MAGIC, max=-1)
+    with pytest.raises(CorruptFileError, match="not one frame"):
+        opened(tmp_path, MAGIC)
+
+
+def test_fields_of_frames_without_device_time_are_no_signals(tmp_path: Path) -> None:
+    fields = FRAMING["fields"]
+    frames = [
+        {"when": {"at": 2, "equals": 0}, "fields": fields},
+        {"fields": [{"name": "other", "at": 8, "type": "f32"}]},
+    ]
+    stream = b"".join(serial_frame(256 * i + (i % 2), 1000 * i, 1.0) for i in range(6))
+    recording = opened(tmp_path, stream, fields=None, frames=frames)
+    assert "other" not in [s.name for s in recording.signals]
+    assert any("other: no frame that holds it has an instant" in note for note in recording.notes)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    reads=st.lists(st.tuples(st.integers(-(2**63), 2**63 - 1), st.binary(max_size=20)), max_size=8),
+    cut=st.integers(0, 300),
+)
+def test_a_capture_gives_back_its_reads_up_to_any_cut(reads: list[tuple[int, bytes]], cut: int) -> None:
+    content = MAGIC + b"".join(pack_record(t, data) for t, data in reads)
+    capture = parse_capture(content)
+    assert capture.stream == b"".join(data for _, data in reads)
+    assert capture.host_ns.tolist() == [t for t, _ in reads]
+    assert not capture.cut
+    left = parse_capture(content[: len(MAGIC) + cut])
+    assert capture.stream.startswith(left.stream)
+    assert left.host_ns.tolist() == capture.host_ns.tolist()[: left.host_ns.size]
+
+
+def test_bytes_of_a_cut_record_have_no_host_time() -> None:
+    times_s = back_dated(np.array([10, 20]) * 10**9, np.array([5, 9]), np.array([5, 7, 12]), 10.0)
+    np.testing.assert_array_equal(times_s, [0.0, 8.0, np.nan])
+
+
+def test_no_line_lies_below_a_single_instant() -> None:
+    assert fit_host(np.array([1.0, 1.0]), np.array([2.0, 3.0])) is None
+    assert fit_host(np.zeros(0), np.zeros(0)) is None
+
+
+@settings(max_examples=80, deadline=None)
+@given(st.lists(st.tuples(st.floats(0, 100), st.floats(0, 5)), min_size=3, max_size=40))
+def test_the_fitted_line_lies_below_every_read(points: list[tuple[float, float]]) -> None:
+    device_s, host_s = np.array(points).T
+    fit = fit_host(device_s, host_s + device_s)
+    if fit is not None and abs(fit.drift) < 1e6:
+        below = (1 + fit.drift) * device_s + fit.offset_s
+        assert (host_s + device_s - below).min() > -1e-6 * max(1.0, abs(fit.drift) * 100)
+
+
+def test_only_later_instants_increase() -> None:
+    assert increasing(np.array([np.nan, 1.0, 1.0, 3.0, 2.0, np.nan, 4.0])).tolist() == [
+        False,
+        True,
+        False,
+        True,
+        False,
+        False,
+        True,
+    ]
+
+
+def test_real_xbus_captures_lose_only_the_samples_of_clock_steps() -> None:
+    framing = {
+        "kind": "sync",
+        "sync": "FA FF 36",
+        "length": {"at": 3, "type": "u8", "add": 5},
+        "endian": "big",
+        "checksum": {"algo": "neg-sum8", "from": 1},
+        "tlv": {"from": 4, "id": "u16", "len": "u8", "id_first": True},
+        "fields": [
+            {"name": "counter", "id": 0x1020, "type": "u16"},
+            {"name": "time", "id": 0x1060, "type": "u32"},
+            {"name": "ax", "id": 0x4020, "type": "f32", "unit": "m/s2"},
+        ],
+        "counter": {"field": "counter", "modulo": 65536},
+        "device_time": {"field": "time", "tick_s": 1e-4, "modulo": 2**32},
+    }
+    recording = READER.open(shared_file("serial/output1.bin"), Declarations("imu", framing=framing))
+    assert recording.metadata["received"] == 100
+    assert recording.metadata["counter_gaps"] == 0
+    kept = recording.signals[0].sample_count
+    assert 80 < kept < 100
+    assert any(f"{100 - kept} of 100 samples" in note for note in recording.notes)
