@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from daq.channel import Channel
 from daq.errors import IdentificationError
 from daq.quantity import SI_UNITS
+from daq.readers.reader import Recording
 from daq.shot import ClockAlignment, QualityCheck, Shot
 from identification.signals import find_onset, static_value
 from processing.quality import (
@@ -38,7 +40,7 @@ def check_shot(
     shot: Shot,
     rig: Rig,
     alignments: Sequence[ClockAlignment],
-    notes: Mapping[str, Sequence[str]],
+    recordings: Mapping[str, Recording],
     on: dt.date,
 ) -> tuple[QualityCheck, ...]:
     """Check all channels and clocks of a shot.
@@ -48,8 +50,8 @@ def check_shot(
     shot : Shot
     rig : Rig
     alignments : sequence of ClockAlignment
-    notes : mapping of str to sequence of str
-        What the readers noted, by source.
+    recordings : mapping of str to Recording
+        By source: what their readers noted becomes part of the verdict.
     on : date
         Day of the shot, for the calibrations' due dates.
 
@@ -63,7 +65,9 @@ def check_shot(
         if wanted and not any(name in shot.channels for name in wanted):
             detail = f"no file of source {source.name} was given: {', '.join(wanted)} missing; add its file"
             checks.append(QualityCheck(source.name, "file", "fail", detail))
-        checks += [QualityCheck(source.name, "reader", "ok", note) for note in notes.get(source.name, ())]
+        if source.name in recordings:
+            checks += _file_checks(source.name, recordings[source.name])
+    checks += _file_names(recordings)
     by_clock = {a.clock: a for a in alignments}
     onset = _onset(shot, checks)
     for channel in shot.channels.values():
@@ -75,6 +79,26 @@ def check_shot(
     for fault in rig.overdue(on):
         checks.append(QualityCheck(fault.key.split("'")[1], "calibration", "warn", fault.problem))
     return tuple(checks)
+
+
+def _file_checks(source: str, recording: Recording) -> list[QualityCheck]:
+    """Whether a file was cut off, and what its reader noted."""
+    checks = [QualityCheck(source, "reader", "ok", note) for note in recording.notes]
+    if recording.incomplete:
+        checks.insert(0, QualityCheck(source, "file", "warn", f"was cut off: {recording.incomplete}"))
+    return checks
+
+
+def _file_names(recordings: Mapping[str, Recording]) -> list[QualityCheck]:
+    """Whether files that carry a number of one and the same width carry the same number."""
+    numbers = {source: re.findall(r"\d{3,}", r.path.stem) for source, r in recordings.items()}
+    numbered = {source: found[0] for source, found in numbers.items() if len(found) == 1}
+    if len(set(numbered.values())) > 1 and len({len(number) for number in numbered.values()}) == 1:
+        shown = ", ".join(f"{source} {recordings[source].path.name}" for source in numbered)
+        return [
+            QualityCheck("shot", "file names", "warn", f"the files' numbers differ ({shown}): are they of one shot?")
+        ]
+    return []
 
 
 def _onset(shot: Shot, checks: list[QualityCheck]) -> float | None:

@@ -64,6 +64,9 @@ def ingest(
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder of the shot file.")] = Path("shots"),
     overwrite: OverwriteOption = False,
+    accept_incomplete: Annotated[
+        bool, typer.Option("--accept-incomplete", help="Take what is there of a file that was cut off.")
+    ] = False,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
@@ -74,7 +77,10 @@ def ingest(
         from rigs.rig import load_rig
 
         with session.steps("ingest") as progress:
-            done = ingest_files(load_rig(rig), files, shot=shot, out=out, overwrite=overwrite, progress=progress)
+            done = ingest_files(
+                load_rig(rig), files, shot=shot, out=out, overwrite=overwrite,
+                accept_incomplete=accept_incomplete, progress=progress,
+            )  # fmt: skip
         session.finish(verdict_document(done), lambda: print_verdict(done), OK if done.shot.usable else NOT_VALID)
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from daq.channel import Step
-from daq.errors import ReadError, StoreError, UnknownFormatError
+from daq.errors import CorruptFileError, ReadError, StoreError, UnknownFormatError
 from daq.readers.reader import Reader, Recording
 from daq.readers.table import READERS, recognise
 from daq.shot import InputFile, Shot
@@ -45,6 +45,7 @@ def ingest_files(
     shot: str | None = None,
     out: str | Path = "shots",
     overwrite: bool = False,
+    accept_incomplete: bool = False,
     on: dt.date | None = None,
     progress: Progress = lambda _: None,
 ) -> Ingested:
@@ -60,6 +61,8 @@ def ingest_files(
     out : path
         Folder of the shot file.
     overwrite : bool
+    accept_incomplete : bool
+        Take what is there of a file that was cut off, and say so in the verdict.
     on : date, optional
         Day of the shot, for calibrations' due dates; today if left out.
     progress : callable
@@ -98,6 +101,12 @@ def ingest_files(
     recordings: dict[str, Recording] = {}
     for source, path in matched.items():
         recordings[source] = readers[path].open(path, rig.declarations(rig.source(source)))
+        if recordings[source].incomplete and not accept_incomplete:
+            raise CorruptFileError(
+                f"the file was cut off: {recordings[source].incomplete}",
+                path=path,
+                remedy="copy it again, or take what is there with --accept-incomplete",
+            )
     channels = assemble_channels(rig, recordings, __version__)
     start = recordings[rig.reference_clock].absolute_start
     assembled = Shot(
@@ -116,8 +125,7 @@ def ingest_files(
     progress("align")
     alignments = align_clocks(assembled, rig)
     progress("check")
-    notes = {source: recording.notes for source, recording in recordings.items()}
-    quality = check_shot(assembled, rig, alignments, notes, on or dt.date.today())
+    quality = check_shot(assembled, rig, alignments, recordings, on or dt.date.today())
     finished = assembled.with_results(alignments, quality, Step("ingest", __version__, {"rig": rig.path.name}))
     progress("write")
     write_shot(finished, target, overwrite=overwrite)

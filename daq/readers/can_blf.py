@@ -65,16 +65,16 @@ def read_blf(path: Path, content: bytes) -> CanLog:
         )
     header = _FILE_HEADER.unpack_from(content)
     header_size, file_size, object_count = header[1], header[10], header[12]
-    notes = []
+    cuts = []
     if file_size and file_size > len(content):
-        notes.append(f"the file is cut: its header states {file_size} bytes, it has {len(content)}")
+        cuts.append(f"the file is cut: its header states {file_size} bytes, it has {len(content)}")
     objects, cut = _inflate(path, content, header_size)
     found = FrameList()
     cut_inside = _walk(path, objects, found)
     if cut or cut_inside:
-        notes.append("the log ends inside an object: what follows is lost")
+        cuts.append("the log ends inside an object: what follows is lost")
     metadata = {**found.counts(), "objects_stated": object_count, "measurement_start": _system_time(header[14:22])}
-    return CanLog(found.frames(), _start(header[14:22]), (*found.notes(), *notes), metadata)
+    return CanLog(found.frames(), _start(header[14:22]), (*found.notes(), *cuts), "; ".join(cuts), metadata)
 
 
 def _inflate(path: Path, content: bytes, at: int) -> tuple[bytes, bool]:

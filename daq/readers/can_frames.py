@@ -54,6 +54,8 @@ class CanLog:
     absolute_start : AbsoluteStart or None
     notes : tuple of str
         Damage and repairs.
+    incomplete : str
+        How it shows that the log was cut off; empty if nothing shows that.
     metadata : mapping
         Counts of what is no data frame, and what the header says.
     """
@@ -61,6 +63,7 @@ class CanLog:
     frames: CanFrames
     absolute_start: AbsoluteStart | None
     notes: tuple[str, ...] = ()
+    incomplete: str = ""
     metadata: Mapping[str, Any] = field(default_factory=dict)
 
 

@@ -122,6 +122,7 @@ class CanRecording:
         self.path = path
         self.reader = reader
         self.absolute_start: AbsoluteStart | None = log.absolute_start
+        self.incomplete = log.incomplete
         self._clock = clock
         notes = list(log.notes)
         if not log.frames.key.size:

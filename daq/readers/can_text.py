@@ -104,7 +104,9 @@ def read_candump(text: str) -> CanLog:
             )
         except OverflowError:
             notes.append("the first stamp is beyond the calendar: the absolute start is unknown")
-    return CanLog(found.frames(zero_ns), start, tuple(notes), {**found.counts(), "channels": list(interfaces)})
+    return CanLog(
+        found.frames(zero_ns), start, tuple(notes), CUT * cut, {**found.counts(), "channels": list(interfaces)}
+    )
 
 
 def read_asc(text: str) -> CanLog:
@@ -154,7 +156,7 @@ def read_asc(text: str) -> CanLog:
     if relative:
         notes.append("stamps are relative to the event before: they were summed up")
     metadata = {**found.counts(), **header, "base": base, "timestamps": "relative" if relative else "absolute"}
-    return CanLog(found.frames(), _asc_start(header), tuple(notes), metadata)
+    return CanLog(found.frames(), _asc_start(header), tuple(notes), CUT * cut, metadata)
 
 
 def _nanoseconds(whole: str, fraction: str) -> int:

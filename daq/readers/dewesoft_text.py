@@ -168,6 +168,11 @@ class DewesoftTextRecording:
         return (*self._name_notes, *dropped, *losses, *self._time[1])
 
     @property
+    def incomplete(self) -> str:
+        """How it shows that the file was cut off; empty if nothing shows that."""
+        return self._block.dropped
+
+    @property
     def absolute_start(self) -> AbsoluteStart | None:
         """Wall-clock time of the first row, if the time column is absolute."""
         return self._time[0].absolute_start

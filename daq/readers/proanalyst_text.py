@@ -152,6 +152,7 @@ class ProAnalystTextRecording:
         metadata: Mapping[str, Any],
     ) -> None:
         self.path = block.file.path
+        self.incomplete = block.dropped
         self._columns, self._values = columns, values
         clock = frame_clock(block, values, columns, declared.frame_rate_hz)
         notes = [*([block.dropped] if block.dropped else []), *clock.notes]

@@ -108,6 +108,11 @@ class Recording(Protocol):
         ...
 
     @property
+    def incomplete(self) -> str:
+        """How it shows that the file was cut off; empty if nothing shows that."""
+        ...
+
+    @property
     def absolute_start(self) -> AbsoluteStart | None:
         """Wall-clock time of the recording's time zero, if the file states one."""
         ...

@@ -28,6 +28,8 @@ from daq.readers.serial_time import back_dated, fit_host, increasing
 from daq.timebase import AbsoluteStart, TimeBase
 from daq.track import Track
 
+CUT = "the file ends inside a record: it may have been cut"
+
 
 class SerialCaptureReader:
     """Reader of captures of serial ports, and of plain files of what a port delivered."""
@@ -96,6 +98,7 @@ class SerialRecording:
             )
         series = decode_fields(framing, frames)
         notes = _losses(capture, counters)
+        self.incomplete = CUT if capture.cut else ""
         self.metadata: dict[str, Any] = {**counters, "bytes": len(capture.stream), "reads": int(capture.host_ns.size)}
         self._count_gaps(framing, series, notes)
         times_s = self._instants(framing, capture, frames, series, notes)
@@ -221,7 +224,7 @@ class SerialRecording:
 
 def _losses(capture: Capture, counters: dict[str, int]) -> list[str]:
     """Say what of the stream became no sample."""
-    notes = ["the file ends inside a record: it may have been cut"] if capture.cut else []
+    notes = [CUT] if capture.cut else []
     if counters["bad_checksum"]:
         notes.append(f"{counters['bad_checksum']} places looked like a frame and had a wrong checksum")
     if counters["bad_length"]:

@@ -1,0 +1,53 @@
+"""One simulated shot of each bundled rig, shared by all tests of this folder."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from recoil_daq.cli import app
+from rigs.rig import load_rig
+from rigs.twin import TwinShot, simulate_shot
+
+
+@pytest.fixture(scope="session")
+def field_shot(tmp_path_factory: pytest.TempPathFactory) -> TwinShot:
+    return simulate_shot(load_rig("field-2013"), tmp_path_factory.mktemp("field") / "0001", seed=1, shot="0001")
+
+
+@pytest.fixture(scope="session")
+def mixed_shot(tmp_path_factory: pytest.TempPathFactory) -> TwinShot:
+    return simulate_shot(load_rig("mixed"), tmp_path_factory.mktemp("mixed") / "0001", seed=1, shot="0001")
+
+
+@pytest.fixture
+def files(field_shot: TwinShot, tmp_path: Path) -> dict[str, Path]:
+    """Copies of the recorders' files that a test may damage, by kind."""
+    copies = {}
+    for file in field_shot.files:
+        kind = "camera" if "camera" in file.name else "dewetron"
+        copies[kind] = Path(shutil.copy(file, tmp_path / file.name))
+    return copies
+
+
+@pytest.fixture(scope="session")
+def stored(field_shot: TwinShot, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The shot file of the field shot."""
+    out = tmp_path_factory.mktemp("stored")
+    result = CliRunner().invoke(
+        app, ["ingest", "field-2013", *map(str, field_shot.files), "--shot", "0001", "--out", str(out)]
+    )
+    assert result.exit_code == 0, result.output
+    return out / "0001.h5"
+
+
+@pytest.fixture
+def run() -> Callable[..., Result]:
+    """Run a command line in this process."""
+
+    def invoke(*words: object) -> Result:
+        return CliRunner().invoke(app, [str(word) for word in words])
+
+    return invoke
