@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from daq.channel import Channel, Step
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Verdict = Literal["ok", "warn", "fail"]
 AlignmentStatus = Literal["ok", "ambiguous", "failed"]
@@ -173,6 +176,35 @@ class Shot:
             if alignment.clock == clock:
                 return alignment
         raise KeyError(clock)
+
+    def frames(self) -> dict[str, pd.DataFrame]:
+        """Return the channels as pandas frames, one per time base.
+
+        Returns
+        -------
+        dict of str to DataFrame
+            By clock, and by clock and number where one clock has several time bases. The index is the
+            time on that clock in seconds; `shot.alignment(clock).to_reference` maps it. Columns are the
+            channels in SI, lost samples NaN; ``attrs["units"]`` gives their units.
+        """
+        import pandas as pd
+
+        groups: list[list[Channel]] = []
+        for channel in self.channels.values():
+            group = next((g for g in groups if g[0].time_base.same_instants(channel.time_base)), None)
+            if group is None:
+                groups.append([channel])
+            else:
+                group.append(channel)
+        frames: dict[str, pd.DataFrame] = {}
+        for group in groups:
+            base = group[0].time_base
+            names = [base.clock, *(f"{base.clock}_{i}" for i in range(2, len(groups) + 1))]
+            index = pd.Index(base.times_s, name="time_s")
+            frame = pd.DataFrame({c.name: c.samples for c in group}, index=index)
+            frame.attrs["units"] = {c.name: c.unit for c in group}
+            frames[next(name for name in names if name not in frames)] = frame
+        return frames
 
     @property
     def usable(self) -> bool:

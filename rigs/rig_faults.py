@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
-from daq.errors import Fault, nearest_first
+from daq.errors import Fault, FramingError, nearest_first
+from daq.frames.declaration import framing_from_table
 from daq.quantity import SI_UNITS, UNITS, find_unit, normalise_unit
 from rigs.mechanism import Mechanism
 from rigs.rig_tables import (
@@ -84,6 +85,7 @@ def faults_of_sources(
     for where, source in sources:
         if names.count(source.name) > 1:
             faults.append(Fault(f"{where}.name", "two sources have this name"))
+        faults += _faults_of_framing(where, source)
         if known_reference is None:
             continue  # which of the sources needs no alignment is not known then
         if source.name == known_reference:
@@ -95,6 +97,17 @@ def faults_of_sources(
         else:
             faults += _faults_of_alignment(f"{where}.align", source, known_reference, [c for _, c in channels], tables)
     return faults
+
+
+def _faults_of_framing(where: str, source: Source) -> list[Fault]:
+    """Check the framing of a serial source as its reader will."""
+    if source.framing is None:
+        return []
+    try:
+        framing_from_table(source.framing)
+    except FramingError as error:
+        return [Fault(where, str(error))]
+    return []
 
 
 def _faults_of_alignment(

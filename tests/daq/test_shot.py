@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daq.channel import Step
-from daq.shot import ClockAlignment, QualityCheck
+from daq.channel import Channel, Step
+from daq.shot import ClockAlignment, QualityCheck, Shot
+from daq.timebase import TimeBase
 from tests.builders.shots import make_shot
 
 
@@ -70,3 +71,21 @@ def test_a_clock_that_is_aligned_twice_is_refused() -> None:
     shot = make_shot()
     with pytest.raises(ValueError, match="aligned twice: camera, camera"):
         replace(shot, alignments=(shot.alignments[0], shot.alignments[0]))
+
+
+def test_frames_hold_the_channels_of_one_time_base_each():
+    slow = TimeBase.stamped("can", np.array([0.0, 0.5, 1.1]))
+    fast = TimeBase.uniform("daq", 0.0, 0.25, 4)
+    channels = {
+        "a": Channel("a", "acceleration", np.array([1.0, 2.0, np.nan, 4.0]), fast),
+        "b": Channel("b", "pressure", np.arange(3.0), slow),
+        "c": Channel("c", "velocity", np.arange(4.0), fast),
+        "d": Channel("d", "pressure", np.arange(2.0), TimeBase.stamped("can", np.array([0.2, 0.4]))),
+    }
+    frames = Shot("1", "rig", "", "daq", channels).frames()
+    assert list(frames) == ["daq", "can", "can_2"]
+    assert list(frames["daq"].columns) == ["a", "c"]
+    assert frames["daq"].attrs["units"] == {"a": "m/s^2", "c": "m/s"}
+    assert frames["daq"].index.tolist() == [0.0, 0.25, 0.5, 0.75]
+    assert frames["daq"]["a"].isna().tolist() == [False, False, True, False]
+    assert frames["can_2"]["d"].tolist() == [0.0, 1.0]

@@ -122,8 +122,10 @@ def test_a_folder_that_cannot_be_made_is_refused(run, files, tmp_path):
 
 
 @pytest.fixture
-def ordinary_user() -> Iterator[Path]:
+def ordinary_user(run, stored, tmp_path) -> Iterator[Path]:
     """Be an ordinary user, whom permissions bind, for the test; gives a folder that every user can reach."""
+    # everything that the commands import is imported now: the interpreter may lie where only the superuser reads
+    assert run("identify", stored, "--out", tmp_path / "first").exit_code == 0
     folder = Path(tempfile.mkdtemp(prefix="recoil-daq-"))
     folder.chmod(0o755)
     superuser = os.geteuid() == 0

@@ -24,6 +24,11 @@ from rigs.rig import (
     parse_rig,
 )
 
+FRAMING = (
+    'framing = { kind = "sync", sync = "AA 55", length = { fixed = 24 }, '
+    'fields = [{ name = "w", at = 2, type = "u16" }] }'
+)
+
 PATH = Path("bench.toml")
 DATABASE = 'VERSION ""\n'
 
@@ -67,7 +72,7 @@ align = { method = "redundant", channel = "rate_can", against = "rate_daq" }
 [[source]]
 name = "imu"
 kind = "serial"
-framing = { header = "aa55", size = 24 }
+framing = { kind = "sync", sync = "AA 55", length = { fixed = 24 }, fields = [{ name = "w", at = 2, type = "u16" }] }
 align = { method = "trigger", channel = "sync_imu" }
 
 [[channel]]
@@ -184,7 +189,9 @@ def test_a_rig_is_asked_by_name_and_role() -> None:
 def test_declarations_are_what_the_files_do_not_carry() -> None:
     rig = rig_of()
     assert rig.declarations(rig.source("can")).database == DATABASE
-    assert rig.declarations(rig.source("imu")).framing == {"header": "aa55", "size": 24}
+    declared = rig.declarations(rig.source("imu")).framing
+    assert declared is not None
+    assert declared["length"] == {"fixed": 24}
     camera = rig.declarations(rig.source("camera"))
     assert (camera.clock, camera.frame_rate_hz, camera.scale_mm_per_px, camera.database) == (
         "camera",
@@ -281,9 +288,9 @@ def test_every_role_has_a_quantity_that_exists(role: str) -> None:
             r"source\[1\] 'camera'\.frame_rate: must be a finite number, found inf",
         ),
         ('database = "rig.dbc"\n', "", r"source\[2\] 'can': a can source needs `database"),
-        ('framing = { header = "aa55", size = 24 }\n', "", r"source\[3\] 'imu': a serial source needs `framing"),
+        (f"{FRAMING}\n", "", r"source\[3\] 'imu': a serial source needs `framing"),
         (
-            'framing = { header = "aa55", size = 24 }',
+            FRAMING,
             'framing = "aa55"',
             r"source\[3\] 'imu'\.framing: must be a table, found 'aa55'",
         ),
@@ -671,3 +678,10 @@ def test_any_text_is_a_rig_error(text: str) -> None:
 
 def test_the_required_symbols_are_symbols() -> None:
     assert set(Mechanism.REQUIRED) | Mechanism.POSITIVE <= set(Mechanism.symbols())
+
+
+def test_a_fault_of_a_framing_is_a_fault_of_the_rig() -> None:
+    text = load_rig("mixed").text
+    assert 'algo = "crc16-ccitt-false"' in text
+    with pytest.raises(RigError, match=r"imu.*framing.*crc17"):
+        parse_rig(text.replace("crc16-ccitt-false", "crc17"), load_rig("mixed").path)
