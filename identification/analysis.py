@@ -1,4 +1,4 @@
-"""One shot from aligned channels to a mass: the order of the steps, and what makes the result valid."""
+"""One shot from aligned channels to a mass: the order of the steps."""
 
 from __future__ import annotations
 
@@ -14,19 +14,15 @@ from daq.channel import Channel
 from daq.errors import IdentificationError
 from daq.shot import ClockAlignment, Shot
 from identification.calibration import Calibration, CameraScale, calibrated_mass
-from identification.kinematics import (
-    inertial_acceleration,
-    kinematic_acceleration,
-    travel_acceleration,
-    travel_and_velocity,
-    turning,
-)
+from identification.camera_route import mass_by_camera
+from identification.kinematics import inertial_acceleration, travel_acceleration, travel_and_velocity, turning
 from identification.mass import RANDOM, MassEstimate, ScaleUncertainty, forward_mass, reverse_mass
 from identification.regression import Regression, build_regression
 from identification.rpe import relative_percentage_error, rpe_interval
-from identification.signals import Signals, collect_signals, static_value
+from identification.signals import Signals, collect_signals, static_value, without_delay
 from identification.trace import LARGEST_RELATIVE_U, MassTrace, mass_trace
 from identification.uncertainty import further_contributions
+from identification.verdict import notes_on, reasons_against
 from processing.filters import LowPass
 from rigs.rig import Rig
 
@@ -36,15 +32,7 @@ METHODS: tuple[Method, ...] = ("calibrated", "reverse", "forward", "paper")
 
 DEFAULT_CUTOFF_HZ = 300.0
 """Stress waves of gun-size mechanisms ring above 900 Hz, the recoil pulse has little above 300 Hz."""
-KINEMATIC_CUTOFF_HZ = 100.0
-"""Frame noise of 0.05 mm at 6000 frames/s is 25 m/s^2 of acceleration below 300 Hz, 1.6 m/s^2 below 100 Hz."""
 DEFAULT_WINDOW_S = 0.02
-LEAST_SHARE = 0.5
-"""Below this share of identified samples the trace does not describe the shot."""
-LARGEST_DEPARTURE = 3.5
-"""Standard uncertainties by which a sensor may have to be off before the calibrations are doubted."""
-LARGEST_ROUTE_GAP = 3.0
-"""Combined standard uncertainties by which the two routes to the acceleration may differ."""
 
 
 @dataclass(frozen=True)
@@ -59,11 +47,24 @@ class Options:
         -3 dB point of the zero-phase low-pass of both sides; None for the default.
     window_s : float
         Memory of the trace.
+
+    Raises
+    ------
+    ValueError
+        If the method is unknown, or cut-off or window are not positive.
     """
 
     method: Method = "calibrated"
     cutoff_hz: float | None = None
     window_s: float = DEFAULT_WINDOW_S
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise ValueError(f"method must be one of {', '.join(METHODS)}, not {self.method!r}")
+        for name in ("cutoff_hz", "window_s"):
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and value > 0):
+                raise ValueError(f"{name} must be positive, not {value}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +102,8 @@ class Identification:
         Both sides of the equation of motion as recorded, and behind the low-pass.
     kinematic : Regression or None
         With a' by the camera.
+    camera_delay_s : float
+        By which the stamps of the camera's displacement are later than the motion; 0 without a camera.
     travel_m, velocity_m_s : ndarray, shape (n,)
     alignments : mapping of str to ClockAlignment
     reasons : tuple of str
@@ -118,6 +121,7 @@ class Identification:
     recorded: Regression
     filtered: Regression
     kinematic: Regression | None
+    camera_delay_s: float
     travel_m: Array
     velocity_m_s: Array
     alignments: Mapping[str, ClockAlignment]
@@ -136,13 +140,28 @@ class Identification:
 
     @property
     def normalised_error(self) -> float:
-        """``E_n = (m - m_spec) / sqrt(U^2 + U_spec^2)`` (ISO/IEC 17043, annex B), with k = 2 throughout."""
+        """``E_n = (m - m_spec) / sqrt(U^2 + U_spec^2)`` (ISO/IEC 17043, annex B), with k = 2 throughout.
+
+        NaN where neither mass has an uncertainty.
+        """
         estimate = self.chosen.estimate
-        return (estimate.mass_kg - self.specification_kg) / (2 * math.hypot(estimate.u_kg, self.u_specification_kg))
+        expanded = 2 * math.hypot(estimate.u_kg, self.u_specification_kg)
+        return (estimate.mass_kg - self.specification_kg) / expanded if expanded > 0 else math.nan
 
 
 def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
     """Identify the recoiling mass of one shot.
+
+    Parameters
+    ----------
+    shot : Shot
+        With its alignments.
+    rig : Rig
+    options : Options
+
+    Returns
+    -------
+    Identification
 
     Raises
     ------
@@ -161,6 +180,9 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         raise IdentificationError("the recoiling part's accelerometer is on a clock that could not be aligned")
     motion = turning(signals, rig)
     camera = shot.by_role("recoil_displacement")
+    delay_s = 0.0 if camera is None else rig.channel(camera.name).sensor.delay_s
+    if camera is not None:
+        camera = without_delay(camera, delay_s)
     camera_clock = None if camera is None else alignments.get(camera.time_base.clock)
     travel, velocity = travel_and_velocity(signals, travel_acceleration(signals, rig, motion), camera, camera_clock)
     static = static_value("recoil_acceleration", rig.mechanism) or 0.0
@@ -178,20 +200,19 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         "paper": replace(forward_mass(recorded, scales), method="paper"),
     }
     estimates = {k: replace(e, budget=(*e.budget, *further)) for k, e in estimates.items()}
-    results = {
-        name: _result(estimate, filtered if name != "paper" else recorded, calibration, options, rig)
-        for name, estimate in estimates.items()
-    }
-    kinematic = None
+    regressions = {name: filtered if name != "paper" else recorded for name in estimates}
+    notes: tuple[str, ...] = ()
     if camera is not None and camera_clock is not None and camera_clock.status != "failed":
-        # a displacement differentiated twice needs a lower cut-off; its forces pass the same filter
-        slow = LowPass(min(low_pass.cutoff_hz, KINEMATIC_CUTOFF_HZ), low_pass.half_order)
-        acceleration, trusted = kinematic_acceleration(signals, rig, motion, camera, camera_clock, slow)
-        kinematic = recorded.filtered(slow).with_acceleration(acceleration, trusted)
-        camera_scales = replace(scales, acceleration=camera.u_rel)
-        estimate = replace(reverse_mass(kinematic, camera_scales), method="kinematic")
-        estimate = replace(estimate, budget=(*estimate.budget, *further))
-        results["kinematic"] = _result(estimate, kinematic, calibration, options, rig)
+        try:
+            regressions["kinematic"], estimates["kinematic"] = mass_by_camera(
+                recorded, signals, motion, shot, rig, camera, camera_clock, low_pass, scales, calibration
+            )
+        except IdentificationError as error:
+            notes = (f"no mass by the camera: {error}",)
+    results = {
+        name: _result(estimate, regressions[name], calibration, options, rig) for name, estimate in estimates.items()
+    }
+    trace = results[options.method].trace
     return Identification(
         options=options,
         specification_kg=rig.mechanism.m3,
@@ -201,17 +222,18 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         signals=signals,
         recorded=recorded,
         filtered=filtered,
-        kinematic=kinematic,
+        kinematic=regressions.get("kinematic"),
+        camera_delay_s=delay_s,
         travel_m=travel,
         velocity_m_s=velocity,
         alignments=alignments,
-        reasons=_reasons(shot, results, calibration, alignments, options),
-        notes=_notes(signals, results),
+        reasons=reasons_against(shot, rig, signals, estimates, trace, calibration),
+        notes=(*notes_on(signals, recorded, trace), *notes),
     )
 
 
 def scale_uncertainty(rig: Rig) -> ScaleUncertainty:
-    """Relative standard uncertainties of the sensors' scales, areas included, from the rig."""
+    """Collect the standard uncertainties of the sensors' scales, areas included, and of the friction."""
     m = rig.mechanism
 
     def gauge(role: str, area: str) -> float:
@@ -219,15 +241,14 @@ def scale_uncertainty(rig: Rig) -> ScaleUncertainty:
         return math.hypot(spec.sensor.u_rel if spec else 0.0, m.u.get(area, 0.0) / getattr(m, area))
 
     accelerometer = rig.by_role("recoil_acceleration")
-    friction = m.u.get("friction", 0.0) / m.friction if m.friction else 0.0
     return ScaleUncertainty(
         accelerometer.sensor.u_rel if accelerometer else 0.0,
         (
             gauge("breech_pressure", "bore_area"),
             gauge("brake_pressure", "brake_area"),
             gauge("recuperator_pressure", "recuperator_area"),
-            friction,
         ),
+        m.u.get("friction", 0.0),
     )
 
 
@@ -280,54 +301,3 @@ def _result(
         relative_percentage_error(trace.mass_kg, m.m3),
         rpe_interval(trace.mass_kg, m.m3, systematic, m.u.get("m3", 0.0)),
     )
-
-
-def _reasons(
-    shot: Shot,
-    results: Mapping[str, Result],
-    calibration: Calibration,
-    alignments: Mapping[str, ClockAlignment],
-    options: Options,
-) -> tuple[str, ...]:
-    reasons = [f"quality: {reason}" for reason in shot.reasons]
-    doubtful = [a for a in alignments.values() if a.status != "ok"]
-    reasons += [f"clock {a.clock}: alignment {a.status}: {'; '.join(a.reasons)}" for a in doubtful]
-    share = results[options.method].trace.share
-    if share < LEAST_SHARE:
-        reasons.append(
-            f"only {100 * share:.0f} % of the interval could be identified (limit {100 * LEAST_SHARE:.0f} %)"
-        )
-    for name, departure in calibration.departures.items():
-        if abs(departure) > LARGEST_DEPARTURE:
-            reasons.append(
-                f"{name} would have to be off by {departure:+.1f} standard uncertainties to agree with the others"
-            )
-    if "kinematic" in results:
-        inertial, camera = results["reverse"].estimate, results["kinematic"].estimate
-        # both routes share the forces, so only what they do not share counts
-        apart = abs(inertial.mass_kg - camera.mass_kg)
-        own = math.hypot(*(r.u_kg for e in (inertial, camera) for r in e.budget if _not_shared(r.source)))
-        if apart > LARGEST_ROUTE_GAP * own:
-            reasons.append(
-                f"the accelerometer gives {inertial.mass_kg:.1f} kg and the camera {camera.mass_kg:.1f} kg, "
-                f"{apart / own:.1f} standard uncertainties apart"
-            )
-    return tuple(reasons)
-
-
-def _not_shared(source: str) -> bool:
-    return source == RANDOM or source.startswith("recoil_acceleration")
-
-
-def _notes(signals: Signals, results: Mapping[str, Result]) -> tuple[str, ...]:
-    notes: list[str] = []
-    if signals.quiet_s[0] == signals.quiet_s[1]:
-        notes.append("no silence before the shot: offsets of the sensors are not known")
-    notes += [
-        f"no usable channel of role {role}: its term in the equation of motion is taken at rest"
-        for role in ("carriage_acceleration_x", "carriage_acceleration_y", "carriage_rate", "tipping_rate")
-        if role not in signals.series
-    ]
-    trace = results["calibrated"].trace
-    notes += [f"{count} samples not identified: {reason}" for reason, count in trace.reasons.items()]
-    return tuple(notes)

@@ -2,31 +2,59 @@
 
 A shot sees every force in another mixture: first the breech, then brake and recuperator. If the
 breech gauge reads 0.7 % low, the mass that its phase gives disagrees with the mass that the brake's
-phase gives. So the equation of motion is solved for the mass and for a relative error of every
-sensor's scale at once; each error is restricted by its standard uncertainty, the accelerometer's also
-by the camera, which measured the same motion in another scale. This is Bayesian linear regression with
-normal priors, or generalized least squares with the calibrations as further observations.
+phase gives. So the equation of motion is solved for the mass and for an error of every sensor at once;
+each error is restricted by its standard uncertainty, the accelerometer's also by the camera, which
+measured the same motion in another scale. This is Bayesian regression with normal priors, or
+generalized least squares with the calibrations as further observations.
 
-With ``a = (1 + da) a_true + b`` and ``F_j = (1 + dj) F_j,true``, to first order around a mass m0,
+The accelerometer reads ``a = (1 + da) a' + b`` while the part is free, gauge j reads
+``F_j = (1 + dj) F_j,true``, and the friction is declared by ``df`` too large, so that
 
-    a - F/m0 = (F/m0)(da - dm) - sum_j (F_j/m0) dj + b,        m = m0 (1 + dm).
+    a = (1 + da) [sum_j F_j / (1 + dj) + (R - df) s] / (m0 (1 + dm)) + b,        m = m0 (1 + dm),
+
+with the friction's direction s and a first estimate m0. It is solved by Gauss and Newton's iteration.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.mass import RANDOM, BudgetRow, MassEstimate, ScaleUncertainty, correlation_factor, reverse_mass
-from identification.regression import FORCES, Regression, spaced_rows
+from identification.mass import (
+    ACCELERATION,
+    FRICTION,
+    GAUGES,
+    RANDOM,
+    BudgetRow,
+    MassEstimate,
+    ScaleUncertainty,
+    correlation_factor,
+    reverse_mass,
+)
+from identification.regression import Regression, spaced_rows
 
 Array = NDArray[np.float64]
 
-_UNKNOWNS = ("mass", *FORCES, "acceleration", "bias")
-_MASS, _ACCELERATION, _BIAS = 0, 5, 6
+ZERO = "recoil_acceleration zero"
+CAMERA_SCALE = "camera scale"
+CAMERA_ZERO = "camera zero of the acceleration"
+"""Names of the further budget rows."""
+
+_MASS, _GAUGES, _FRICTION, _ACCELERATION, _BIAS = 0, slice(1, 4), 4, 5, 6
+_UNKNOWNS = 7
+
+LARGEST_RESIDUAL = 0.01
+"""Share of the acceleration's peak that may be noise; for what is beyond, the sensors must answer."""
+SMALLEST_U = 1e-9
+"""In the place of a standard uncertainty of zero: what is exactly known must not divide by it."""
+SMALLEST_SIGMA_M_S2 = 1e-9
+"""In the place of the residual of a record without noise."""
+LEAST_REDUNDANCY = 1e-6
+"""Below this share of its variance the other data say nothing about an observation."""
 
 
 @dataclass(frozen=True)
@@ -61,26 +89,62 @@ class Calibration:
     Attributes
     ----------
     estimate : MassEstimate
-    force_errors : ndarray, shape (4,)
-        Relative errors of the forces in the order of `FORCES`.
+    gauge_errors : ndarray, shape (3,)
+        Relative errors of breech, brake and recuperator force.
+    friction_error_n : float
+        By how much the declared friction is too large, N.
     acceleration_error : float
         Relative error of the accelerometer's sensitivity.
     bias_m_s2 : float
         Error of its zero.
     departures : dict of str to float
-        By how many of its standard uncertainties each sensor would have to be off.
+        By how many of its standard uncertainties each sensor is off; those known exactly are left out.
+    significances : dict of str to float
+        The same over the departure's own standard deviation (Baarda's w-test of one observation among
+        the others): standard normal if all calibrations hold. It exceeds the departure where the shot
+        can tell little of a sensor; 0 where it can tell nothing.
+    largest_residual_m_s2 : float
+        `LARGEST_RESIDUAL` of this shot's acceleration; a residual beyond it is no noise.
     """
 
     estimate: MassEstimate
-    force_errors: Array
+    gauge_errors: Array
+    friction_error_n: float
     acceleration_error: float
     bias_m_s2: float
     departures: dict[str, float]
+    significances: dict[str, float]
+    largest_residual_m_s2: float
 
     def correct(self, regression: Regression) -> tuple[Array, Array]:
         """Return a' and F' with the sensors' errors taken off, shape (n,) each."""
-        a = (regression.acceleration_m_s2 - self.bias_m_s2 * regression.released) / (1 + self.acceleration_error)
-        return a, np.asarray(regression.forces_n @ (1.0 / (1.0 + self.force_errors)))
+        a = (regression.acceleration_m_s2 - self.bias_m_s2 * regression.released) / (1.0 + self.acceleration_error)
+        gauges = regression.forces_n[:, :3] @ (1.0 / (1.0 + self.gauge_errors))
+        return a, np.asarray(gauges + regression.forces_n[:, 3] - self.friction_error_n * regression.sliding)
+
+
+class _Observation(NamedTuple):
+    """What is known besides the shot's rows.
+
+    The unknowns weighted by ``row`` were seen as ``value`` with standard uncertainty ``u``. If the source
+    reads high by one ``unit``, the value is by that much below what the unknowns then are: the value of
+    a calibration stays 0 while the sensor's error is 1.
+    """
+
+    source: str
+    row: Array
+    value: float
+    u: float
+    unit: str
+
+
+class _Solution(NamedTuple):
+    """Weighted least squares: the unknowns, their covariance, and the mass's answer to rows and observations."""
+
+    unknowns: Array
+    covariance: Array
+    by_rows: Array
+    by_observations: Array
 
 
 def calibrated_mass(
@@ -98,90 +162,129 @@ def calibrated_mass(
         there was none.
     camera : CameraScale or None
 
+    Returns
+    -------
+    Calibration
+
     Raises
     ------
     IdentificationError
-        If the interval has too few rows.
+        If the interval has too few rows, or force and acceleration have nothing in common.
     """
     first = reverse_mass(regression, scales)
     rows = spaced_rows(regression)
-    a, parts = regression.acceleration_m_s2[rows], regression.forces_n[rows]
-    m0 = first.mass_kg
-    f = parts.sum(axis=1)
-    design = np.column_stack([-f / m0, -parts / m0, f / m0, regression.released[rows]])
-    target = a - f / m0
-    observations = _prior_observations(scales, u_bias_m_s2, camera)
-    variance = max(first.residual_m_s2**2, 1e-18)
-    for _ in range(8):
-        solution, gain = _solve(design, target, variance, observations)
-        residual = target - design @ solution
-        before, variance = variance, max(float(residual @ residual) / max(rows.size - 2, 1), 1e-18)
-        if abs(variance / before - 1) < 1e-6:
+    a, forces = regression.acceleration_m_s2[rows], regression.forces_n[rows]
+    released, sliding = regression.released[rows], regression.sliding[rows]
+    observations = _observations(scales, u_bias_m_s2, camera)
+    peak = float(np.max(np.abs(a)))
+    sigma = _plausible(first.residual_m_s2, peak)
+    unknowns = np.zeros(_UNKNOWNS)
+    for _ in range(50):
+        model, design = _linearised(unknowns, first.mass_kg, forces, released, sliding)
+        target = a - model + design @ unknowns
+        solution = _solve(design, target, sigma, observations)
+        residual = target - design @ solution.unknowns
+        moved = float(np.max(np.abs(design @ (solution.unknowns - unknowns))))
+        # of the unknowns the mass is not restricted and the zero hardly
+        deviation = math.sqrt(float(residual @ residual) / (rows.size - 2))
+        noise = deviation * correlation_factor(residual)
+        before, sigma = sigma, _plausible(noise, peak)
+        unknowns = solution.unknowns
+        if moved < 1e-9 * peak and abs(sigma / before - 1.0) < 1e-6:
             break
-    solution, gain = _solve(design, target, variance * correlation_factor(residual) ** 2, observations)
-    mass = m0 * (1 + float(solution[_MASS]))
-    random = mass * math.sqrt(variance) * correlation_factor(residual) * float(np.linalg.norm(gain[0][_MASS]))
-    budget = [BudgetRow(RANDOM, random, "A")]
-    for column, (name, _, _, u) in enumerate(observations):
-        # each prior is an observation with its own error; its column of the gain is the sensitivity
-        sensitivity = mass * float(gain[1][_MASS, column])
-        budget.append(BudgetRow(name, abs(sensitivity) * u, "B", sensitivity))
-    departures = {
-        name: float((value - row @ solution) / u) for name, row, value, u in observations if u > 0 and math.isfinite(u)
-    }
-    estimate = MassEstimate("calibrated", mass, _merged(budget), int(rows.size), math.sqrt(variance), first.notes)
+    mass = first.mass_kg * (1.0 + float(unknowns[_MASS]))
+    budget = [BudgetRow(RANDOM, first.mass_kg * noise * float(np.linalg.norm(solution.by_rows)), "A")]
+    departures, significances = {}, {}
+    for o, effect in zip(observations, solution.by_observations, strict=True):
+        if o.u > SMALLEST_U:
+            sensitivity = -first.mass_kg * float(effect)
+            budget.append(BudgetRow(o.source, abs(sensitivity) * o.u, "B", sensitivity, o.unit))
+            off = float(o.row @ unknowns - o.value) / o.u
+            # the rest of its variance: what the others say of it
+            redundancy = 1.0 - float(o.row @ solution.covariance @ o.row) / o.u**2
+            departures[o.source] = off
+            significances[o.source] = off / math.sqrt(redundancy) if redundancy > LEAST_REDUNDANCY else 0.0
     return Calibration(
-        estimate, solution[1:5].copy(), float(solution[_ACCELERATION]), float(solution[_BIAS]), departures
+        MassEstimate("calibrated", mass, tuple(budget), int(rows.size), deviation),
+        unknowns[_GAUGES].copy(),
+        float(unknowns[_FRICTION]),
+        float(unknowns[_ACCELERATION]),
+        float(unknowns[_BIAS]),
+        departures,
+        significances,
+        LARGEST_RESIDUAL * peak,
     )
 
 
-_Observation = tuple[str, Array, float, float]
+def _plausible(noise_m_s2: float, peak_m_s2: float) -> float:
+    """Return the noise that rows are weighted with: what is too large for noise shall not excuse the sensors."""
+    return min(max(noise_m_s2, SMALLEST_SIGMA_M_S2), LARGEST_RESIDUAL * peak_m_s2)
 
 
-def _prior_observations(scales: ScaleUncertainty, u_bias_m_s2: float, camera: CameraScale | None) -> list[_Observation]:
-    """Return what is known besides the shot's rows: (name, row over the unknowns, value, standard uncertainty)."""
-    observations: list[_Observation] = []
+def _linearised(unknowns: Array, m0: float, forces: Array, released: Array, sliding: Array) -> tuple[Array, Array]:
+    """Return the modelled acceleration, shape (n_rows,), and its derivatives by the unknowns, (n_rows, 7)."""
+    mass, gain = m0 * (1.0 + unknowns[_MASS]), 1.0 + unknowns[_ACCELERATION]
+    scales = 1.0 / (1.0 + unknowns[_GAUGES])
+    force = forces[:, :3] @ scales + forces[:, 3] - unknowns[_FRICTION] * sliding
+    rigid = force / mass
+    design = np.column_stack(
+        [
+            -gain * rigid / (1.0 + unknowns[_MASS]),
+            -gain * forces[:, :3] * scales**2 / mass,
+            -gain * sliding / mass,
+            rigid,
+            released,
+        ]
+    )
+    return gain * rigid + unknowns[_BIAS] * released, design
 
-    def observe(name: str, value: float, u: float, **weights: float) -> None:
-        row = np.zeros(len(_UNKNOWNS))
-        for unknown, weight in weights.items():
-            row[_UNKNOWNS.index(unknown)] = weight
-        observations.append((name, row, value, max(u, 1e-9)))
 
-    for force, u in zip(FORCES, scales.forces, strict=True):
-        name = "packing friction" if force == "friction" else f"{force}_pressure sensitivity and area"
-        observe(name, 0.0, u, **{force: 1.0})
-    observe("recoil_acceleration sensitivity", 0.0, scales.acceleration, acceleration=1.0)
+def _observations(scales: ScaleUncertainty, u_bias_m_s2: float, camera: CameraScale | None) -> list[_Observation]:
+    """Return the calibrations, the silence before the shot and the camera as observations of the unknowns."""
+    only = np.eye(_UNKNOWNS)
+    observations = [
+        _Observation(source, only[1 + j], 0.0, max(u, SMALLEST_U), "1")
+        for j, (source, u) in enumerate(zip(GAUGES, scales.gauges, strict=True))
+    ]
+    observations.append(_Observation(FRICTION, only[_FRICTION], 0.0, max(scales.friction_n, SMALLEST_U), "N"))
+    u_acceleration = max(scales.acceleration, SMALLEST_U)
+    observations.append(_Observation(ACCELERATION, only[_ACCELERATION], 0.0, u_acceleration, "1"))
     if math.isfinite(u_bias_m_s2):
-        observe("recoil_acceleration zero", 0.0, u_bias_m_s2, bias=1.0)
+        observations.append(_Observation(ZERO, only[_BIAS], 0.0, max(u_bias_m_s2, SMALLEST_U), "m/s^2"))
     if camera is not None:
-        # gain = (1 + dc)/(1 + da) and bias = -c2/gain; the second is made independent of the first
-        u_gain = math.hypot(camera.u_gain, camera.u_rel)
-        observe("camera scale", camera.gain - 1.0, u_gain, acceleration=-1.0)
-        slope = camera.correlation * camera.u_bias_m_s2 / camera.u_gain if camera.u_gain > 0 else 0.0
-        share = (camera.u_gain / u_gain) ** 2
-        u_given = camera.u_bias_m_s2 * math.sqrt(max(1.0 - camera.correlation**2 * share, 1e-6))
-        value = -(camera.bias_m_s2 - slope * share * (camera.gain - 1.0))
-        observe("camera zero of the acceleration", value, u_given, bias=1.0, acceleration=-slope * share)
+        observations += _camera(camera)
     return observations
 
 
-def _solve(
-    design: Array, target: Array, variance: float, observations: list[_Observation]
-) -> tuple[Array, tuple[Array, Array]]:
-    """Weighted least squares; also the gain that maps errors of rows and observations to the solution."""
-    prior_rows = np.array([row / u for _, row, _, u in observations])
-    prior_values = np.array([value / u for _, _, value, u in observations])
-    sigma = math.sqrt(variance)
-    full = np.vstack([design / sigma, prior_rows])
-    values = np.concatenate([target / sigma, prior_values])
+def _camera(camera: CameraScale) -> list[_Observation]:
+    """Return the camera's two observations, made independent of one another.
+
+    With the camera's own scale error dc the fit finds ``gain = (1 + dc) / (1 + da)`` and the constant
+    ``c2 = -gain b``. Their fits' errors are correlated; the part of the second that the first tells
+    (its own error and dc together) is taken off, which leaves ``u_c2^2 (1 - r^2 share)``.
+    """
+    u_gain = max(math.hypot(camera.u_gain, camera.u_rel * camera.gain), SMALLEST_U)
+    share = (camera.u_gain / u_gain) ** 2
+    slope = camera.correlation * camera.u_bias_m_s2 * camera.u_gain / u_gain**2
+    u_given = camera.u_bias_m_s2 * math.sqrt(max(1.0 - camera.correlation**2 * share, 1e-6))
+    scale, zero = np.zeros(_UNKNOWNS), np.zeros(_UNKNOWNS)
+    scale[_ACCELERATION] = 1.0
+    zero[_BIAS], zero[_ACCELERATION] = 1.0, -slope
+    seen = 1.0 / camera.gain - 1.0
+    value = -camera.bias_m_s2 / camera.gain - slope * seen
+    return [
+        _Observation(CAMERA_SCALE, scale, seen, u_gain / camera.gain, "1"),
+        _Observation(CAMERA_ZERO, zero, value, max(u_given, SMALLEST_U), "m/s^2"),
+    ]
+
+
+def _solve(design: Array, target: Array, sigma: float, observations: list[_Observation]) -> _Solution:
+    """Solve by weighted least squares, every column scaled to one."""
+    u = np.array([o.u for o in observations])
+    full = np.vstack([design / sigma, np.array([o.row for o in observations]) / u[:, None]])
+    values = np.concatenate([target / sigma, np.array([o.value for o in observations]) / u])
     scale = np.sqrt((full**2).sum(axis=0))
     scale[scale == 0] = 1.0
     inverse = np.linalg.pinv(full / scale) / scale[:, None]
     n = design.shape[0]
-    u = np.array([u for *_, u in observations])
-    return inverse @ values, (inverse[:, :n] / sigma, inverse[:, n:] / u)
-
-
-def _merged(budget: list[BudgetRow]) -> tuple[BudgetRow, ...]:
-    return tuple(row for row in budget if row.u_kg > 0)
+    return _Solution(inverse @ values, inverse @ inverse.T, inverse[_MASS, :n] / sigma, inverse[_MASS, n:] / u)

@@ -17,6 +17,7 @@ from daq.shot import ClockAlignment, Shot
 from identification.kinematics import travel_acceleration, turning
 from identification.signals import Signals, collect_signals
 from processing.align import judge_edges, judge_motion, judge_redundant
+from processing.gaps import bridge
 from processing.motion_alignment import align_motion
 from processing.noise import noise_sigma
 from processing.redundant_alignment import align_redundant
@@ -50,7 +51,7 @@ def align_clocks(shot: Shot, rig: Rig) -> tuple[ClockAlignment, ...]:
         for source in sources:
             if isinstance(source.align, method):
                 found[source.name] = _align(shot, rig, source, found)
-    return tuple(found[s.name] for s in sources if s.name in found)
+    return tuple(found[s.name] if s.name in found else _align(shot, rig, s, found) for s in sources)
 
 
 def _align(shot: Shot, rig: Rig, source: Source, found: dict[str, ClockAlignment]) -> ClockAlignment:
@@ -58,7 +59,7 @@ def _align(shot: Shot, rig: Rig, source: Source, found: dict[str, ClockAlignment
     if isinstance(align, FixedAlignment):
         return ClockAlignment(source.name, align.offset_s, align.u_offset_s, align.drift, align.u_drift, "ok", "fixed")
     if isinstance(align, TriggerAlignment):
-        return _by_trigger(shot, source, align)
+        return _by_trigger(shot, rig, source, align)
     if isinstance(align, RedundantAlignment):
         return _by_redundant_channel(shot, rig, source, align)
     if isinstance(align, MotionAlignment):
@@ -66,13 +67,13 @@ def _align(shot: Shot, rig: Rig, source: Source, found: dict[str, ClockAlignment
     return _nothing(source.name, "none", "the rig declares no alignment")
 
 
-def _by_trigger(shot: Shot, source: Source, align: TriggerAlignment) -> ClockAlignment:
+def _by_trigger(shot: Shot, rig: Rig, source: Source, align: TriggerAlignment) -> ClockAlignment:
     own, other = shot.channels.get(align.channel), shot.by_role("trigger")
     if own is None or other is None:
         missing = align.channel if own is None else "a channel of role trigger on the reference clock"
         return _nothing(source.name, "trigger", f"{missing} is not in this shot")
     u_edge = math.hypot(_step(own), _step(other)) / math.sqrt(12.0)
-    edges = [rising_edges(c.time_base.times_s, _samples(c)) for c in (own, other)]
+    edges = [rising_edges(c.time_base.times_s - rig.channel(c.name).sensor.delay_s, _samples(c)) for c in (own, other)]
     fit = align_edges(edges[0], edges[1], u_edge_s=u_edge, drift_allowance=align.drift_allowance)
     return judge_edges(source.name, fit, u_edge_s=u_edge)
 
@@ -86,7 +87,7 @@ def _by_redundant_channel(shot: Shot, rig: Rig, source: Source, align: Redundant
         return _nothing(source.name, "redundant", f"channel {align.against} is not on the reference clock")
     base = other.time_base
     step = _step(other)
-    reference = _without_gaps(_samples(other))
+    reference = bridge(_samples(other), otherwise=0.0)
     if base.step_s is None:
         grid = base.start_s + step * np.arange(int((base.end_s - base.start_s) / step) + 1)
         reference = np.interp(grid, base.times_s, reference)
@@ -152,14 +153,6 @@ def _step(channel: Channel) -> float:
 
 def _samples(channel: Channel) -> Array:
     return np.asarray(channel.samples, dtype=np.float64)
-
-
-def _without_gaps(samples: Array) -> Array:
-    missing = np.isnan(samples)
-    if not missing.any() or missing.all():
-        return np.nan_to_num(samples)
-    present = np.flatnonzero(~missing)
-    return np.interp(np.arange(samples.size), present, samples[present])
 
 
 def _nothing(clock: str, method: str, reason: str) -> ClockAlignment:

@@ -8,7 +8,9 @@ from numpy.typing import NDArray
 from daq.errors import IdentificationError
 
 Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+
+SUSTAINED = 10
+"""Samples in a row with a driving force that count as the release."""
 
 
 def release_index(times_s: Array, net_force_n: Array, onset_s: float) -> int:
@@ -23,19 +25,27 @@ def release_index(times_s: Array, net_force_n: Array, onset_s: float) -> int:
         Breech force less brake, recuperator and friction; NaN where lost.
     onset_s : float
 
+    Returns
+    -------
+    int
+        The first of `SUSTAINED` samples in a row with a driving force; a lost sample does not drive.
+
     Raises
     ------
     IdentificationError
         If the net force never turns positive.
     """
     driving = (times_s >= onset_s - 1e-9) & (np.nan_to_num(net_force_n, nan=-1.0) > 0)
-    # a single noisy sample is not a release: ten in a row are
-    run = np.convolve(driving, np.ones(10), mode="full")[9 : 9 + driving.size]
-    sustained = np.flatnonzero(run > 9.5)
+    # a single noisy sample is not a release
+    run = np.convolve(driving, np.ones(SUSTAINED), mode="full")[SUSTAINED - 1 :]
+    sustained = np.flatnonzero(run > SUSTAINED - 0.5)
     if sustained.size == 0:
+        present = net_force_n[np.isfinite(net_force_n)]
+        largest = f"at most {present.max() / 1e3:.1f} kN" if present.size else "no sample of all three pressures"
         raise IdentificationError(
             "the force by the gauges never drives the recoiling part to the rear",
-            found=f"a largest net force of {np.nanmax(net_force_n) / 1e3:.1f} kN",
+            expected=f"a positive net force over {SUSTAINED} samples",
+            found=largest,
             remedy="check areas, units and polarities of the pressures in the rig file",
         )
     return int(sustained[0])
@@ -44,20 +54,35 @@ def release_index(times_s: Array, net_force_n: Array, onset_s: float) -> int:
 def end_of_travel(times_s: Array, velocity_m_s: Array, onset_s: float) -> float:
     """Instant at which the velocity of recoil first returns to zero after its peak.
 
-    Interpolated between samples; the record's last instant where it does not return.
-
     Parameters
     ----------
     times_s, velocity_m_s : ndarray, shape (n,)
+        Without missing samples.
     onset_s : float
+
+    Returns
+    -------
+    float
+        Interpolated between samples; the record's last instant where the velocity does not return.
+
+    Raises
+    ------
+    IdentificationError
+        If the part never moves to the rear after the onset.
     """
-    after = np.flatnonzero(times_s >= onset_s)
-    v = velocity_m_s[after]
-    peak = int(np.argmax(v))
+    first = int(np.searchsorted(times_s, onset_s))
+    v = velocity_m_s[first:]
+    peak = int(np.argmax(v)) if v.size else 0
+    if v.size == 0 or not v[peak] > 0:
+        raise IdentificationError(
+            "the recoiling part never moves to the rear after the onset of force",
+            found=f"a largest velocity of {v[peak]:.3g} m/s" if v.size else "no sample after the onset",
+            remedy="check the accelerometer's polarity and that the record goes on after the shot",
+        )
     below = np.flatnonzero(v[peak:] <= 0)
     if below.size == 0:
         return float(times_s[-1])
-    i = after[0] + peak + int(below[0])
+    i = first + peak + int(below[0])
     v0, v1 = velocity_m_s[i - 1], velocity_m_s[i]
-    share = v0 / (v0 - v1) if v0 != v1 else 0.0
+    share = v0 / (v0 - v1)
     return float(times_s[i - 1] + share * (times_s[i] - times_s[i - 1]))

@@ -17,6 +17,7 @@ from daq.shot import ClockAlignment
 from identification.signals import Signals, on_grid
 from processing.filters import LowPass
 from processing.fusion import smooth_walk
+from processing.gaps import bridge
 from processing.motion_alignment import integrate
 from rigs.mechanism import (
     Mechanism,
@@ -66,7 +67,7 @@ def turning(signals: Signals, rig: Rig) -> Turning:
     """Collect the angular motion and the carriage's specific force; gaps are bridged for these small terms."""
     mechanism = rig.mechanism
     low_pass = LowPass(min(ANGULAR_CUTOFF_HZ, 0.1 * signals.rate_hz))
-    w1, w2 = (_bridged(signals.get(role)) for role in ("carriage_rate", "tipping_rate"))
+    w1, w2 = (bridge(signals.get(role), otherwise=0.0) for role in ("carriage_rate", "tipping_rate"))
     smooth1, smooth2 = low_pass.apply(w1, signals.rate_hz), low_pass.apply(w2, signals.rate_hz)
     if "tipping_rate" not in signals.series:
         smooth2 = smooth1
@@ -78,8 +79,8 @@ def turning(signals: Signals, rig: Rig) -> Turning:
         dw1=np.gradient(smooth1, signals.step_s),
         dw2=np.gradient(smooth2, signals.step_s),
         beta=integrate(smooth2 - smooth1, signals.step_s),
-        f_x=_bridged(signals.get("carriage_acceleration_x", mechanism.g * np.sin(mechanism.phi10))),
-        f_y=_bridged(signals.get("carriage_acceleration_y", mechanism.g * np.cos(mechanism.phi10))),
+        f_x=bridge(signals.get("carriage_acceleration_x", mechanism.g * np.sin(mechanism.phi10)), otherwise=0.0),
+        f_y=bridge(signals.get("carriage_acceleration_y", mechanism.g * np.cos(mechanism.phi10)), otherwise=0.0),
         r_x=r_x,
         r_y=r_y,
     )
@@ -97,7 +98,7 @@ def travel_acceleration(signals: Signals, rig: Rig, motion: Turning) -> Array:
 
     The travel that it needs itself, in the small centripetal term, is its own double integral.
     """
-    inertial = _bridged(inertial_acceleration(signals, rig, motion))
+    inertial = bridge(inertial_acceleration(signals, rig, motion), otherwise=0.0)
     travel = np.zeros_like(inertial)
     for _ in range(2):
         acceleration = _relative(rig.mechanism, inertial, travel, motion)
@@ -168,14 +169,3 @@ def _relative(mechanism: Mechanism, inertial: Array, travel: Array, motion: Turn
         mechanism, inertial, travel, motion.w2, motion.dw2, motion.f_x, motion.f_y, motion.beta,
         w1=motion.w1, dw1=motion.dw1, r_x=motion.r_x, r_y=motion.r_y,
     )  # fmt: skip
-
-
-def _bridged(samples: Array) -> Array:
-    """Bridge lost samples linearly; used for terms whose share in the result is small, or for integrals."""
-    missing = np.isnan(samples)
-    if not missing.any():
-        return samples
-    if missing.all():
-        return np.zeros_like(samples)
-    present = np.flatnonzero(~missing)
-    return np.interp(np.arange(samples.size), present, samples[present])

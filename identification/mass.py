@@ -22,12 +22,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from daq.errors import IdentificationError
-from identification.regression import FORCES, Regression, spaced_rows
+from identification.regression import PRESSURE_ROLES, Regression, spaced_rows
 
 Array = NDArray[np.float64]
 
 RANDOM = "random errors of this shot"
 """Name of the budget row that statistics of the regression's residual give."""
+ACCELERATION = "recoil_acceleration sensitivity"
+FRICTION = "packing friction"
+GAUGES = tuple(f"{role} sensitivity and area" for role in PRESSURE_ROLES)
+"""Names of the budget rows of the sensors' scales and of the friction."""
+LEAST_ROWS = 10
+"""Fewer rows with errors of their own say nothing about those errors."""
 
 COVERAGE_FACTOR = 1.959963984540054
 """97.5 % quantile of the normal distribution."""
@@ -45,13 +51,17 @@ class BudgetRow:
     kind : str
         ``A`` by statistics of this shot, ``B`` by other knowledge (JCGM 100:2008, 4.2 and 4.3).
     sensitivity : float or None
-        Change of the mass in kg per unit of the source's relative error, where that is what it is.
+        Change of the mass in kg if the source is off by one `sensitivity_per`; None where the mass does
+        not depend on one figure.
+    sensitivity_per : str
+        ``1`` for a relative error of a scale, ``N`` for the friction, ``m/s^2`` for a zero.
     """
 
     source: str
     u_kg: float
     kind: str
     sensitivity: float | None = None
+    sensitivity_per: str = "1"
 
 
 @dataclass(frozen=True)
@@ -68,7 +78,6 @@ class MassEstimate:
         Rows with errors of their own.
     residual_m_s2 : float
         Standard deviation of the residual of the acceleration.
-    notes : tuple of str
     """
 
     method: str
@@ -76,7 +85,6 @@ class MassEstimate:
     budget: tuple[BudgetRow, ...]
     rows: int
     residual_m_s2: float
-    notes: tuple[str, ...] = ()
 
     @property
     def u_kg(self) -> float:
@@ -92,44 +100,59 @@ class MassEstimate:
 
 @dataclass(frozen=True)
 class ScaleUncertainty:
-    """Relative standard uncertainties of what the scale of the mass hangs on.
+    """Standard uncertainties of what the scale of the mass hangs on.
 
     Attributes
     ----------
     acceleration : float
-        Of the accelerometer's sensitivity.
-    forces : tuple of float
-        Of each force in the order of `FORCES`: gauge and area together; of the friction itself last.
+        Of the accelerometer's sensitivity, relative.
+    gauges : tuple of float
+        Of breech, brake and recuperator force, gauge and area together, relative.
+    friction_n : float
+        Of the packing friction, N: absolute, because a friction that is declared as zero may have one.
     """
 
     acceleration: float
-    forces: tuple[float, float, float, float]
+    gauges: tuple[float, float, float]
+    friction_n: float
 
 
 def forward_mass(regression: Regression, scales: ScaleUncertainty) -> MassEstimate:
-    """Estimate by least squares of force on acceleration."""
+    """Estimate by least squares of force on acceleration.
+
+    Raises
+    ------
+    IdentificationError
+        If the interval has too few rows, or force and acceleration have nothing in common.
+    """
     rows = _rows(regression)
-    a, parts = regression.acceleration_m_s2[rows], regression.forces_n[rows]
-    f = parts.sum(axis=1)
+    a, f = regression.acceleration_m_s2[rows], regression.force_n[rows]
     mass = float(a @ f / (a @ a))
     residual = f - mass * a
     u = _standard_error(residual, a)
-    shares = parts.T @ a / (a @ a) / mass
-    return _estimate("forward", mass, u, shares, scales, rows.size, float(np.std(residual)) / mass)
+    # m = a.F / a.a  is linear in every force
+    changes = _regressors(regression, rows).T @ a / (a @ a)
+    return _estimate("forward", mass, u, changes, scales, rows.size, _deviation(residual, 1) / mass)
 
 
 def reverse_mass(regression: Regression, scales: ScaleUncertainty) -> MassEstimate:
-    """Estimate by least squares of acceleration on force."""
+    """Estimate by least squares of acceleration on force.
+
+    Raises
+    ------
+    IdentificationError
+        If the interval has too few rows, or force and acceleration have nothing in common.
+    """
     rows = _rows(regression)
-    a, parts = regression.acceleration_m_s2[rows], regression.forces_n[rows]
-    f = parts.sum(axis=1)
+    a, f = regression.acceleration_m_s2[rows], regression.force_n[rows]
     inverse = float(a @ f / (f @ f))
     residual = a - inverse * f
     mass = 1.0 / inverse
     u = mass**2 * _standard_error(residual, f)
-    # d ln m / d ln F_j of  m = F.F / a.F
-    shares = 2 * (parts.T @ f) / (f @ f) - (parts.T @ a) / (a @ f)
-    return _estimate("reverse", mass, u, shares, scales, rows.size, float(np.std(residual)))
+    # derivatives of  m = F.F / a.F
+    columns = _regressors(regression, rows)
+    changes = mass * (2 * (columns.T @ f) / (f @ f) - (columns.T @ a) / (a @ f))
+    return _estimate("reverse", mass, u, changes, scales, rows.size, _deviation(residual, 1))
 
 
 def correlation_factor(residual: Array) -> float:
@@ -149,29 +172,40 @@ def correlation_factor(residual: Array) -> float:
 
 def _rows(regression: Regression) -> NDArray[np.int64]:
     rows = spaced_rows(regression)
-    if rows.size < 10:
+    if rows.size < LEAST_ROWS:
         raise IdentificationError(
             f"only {rows.size} independent rows in the identification interval",
-            expected="at least 10",
+            expected=f"at least {LEAST_ROWS}",
             remedy="check for lost samples, or raise the cut-off",
+        )
+    common = float(regression.acceleration_m_s2[rows] @ regression.force_n[rows])
+    if not common > 0:
+        raise IdentificationError(
+            "force and acceleration do not go together: no positive mass relates them",
+            found=f"a sum of their products of {common:.3g} N m/s^2",
+            remedy="check areas, units and polarities in the rig file",
         )
     return rows
 
 
+def _regressors(regression: Regression, rows: NDArray[np.int64]) -> Array:
+    """Return what a relative error of each gauge, and a newton of friction, add to the force; shape (n_rows, 4)."""
+    return np.column_stack([regression.forces_n[rows, :3], regression.sliding[rows]])
+
+
+def _deviation(residual: Array, parameters: int) -> float:
+    return math.sqrt(float(residual @ residual) / max(residual.size - parameters, 1))
+
+
 def _standard_error(residual: Array, regressor: Array) -> float:
-    variance = float(residual @ residual) / max(residual.size - 1, 1)
-    return math.sqrt(variance / float(regressor @ regressor)) * correlation_factor(residual)
+    return _deviation(residual, 1) / math.sqrt(float(regressor @ regressor)) * correlation_factor(residual)
 
 
 def _estimate(
-    method: str, mass: float, u_random: float, shares: Array, scales: ScaleUncertainty, rows: int, residual: float
+    method: str, mass: float, u_random: float, changes: Array, scales: ScaleUncertainty, rows: int, residual: float
 ) -> MassEstimate:
-    budget = [BudgetRow(RANDOM, u_random, "A")]
-    budget.append(BudgetRow("recoil_acceleration sensitivity", mass * scales.acceleration, "B", -mass))
-    for name, share, u in zip(FORCES, shares, scales.forces, strict=True):
-        budget.append(BudgetRow(_source(name), abs(float(share)) * u * mass, "B", float(share) * mass))
+    *gauges, friction = (float(change) for change in changes)
+    budget = [BudgetRow(RANDOM, u_random, "A"), BudgetRow(ACCELERATION, mass * scales.acceleration, "B", -mass)]
+    budget += [BudgetRow(n, abs(c) * u, "B", c) for n, c, u in zip(GAUGES, gauges, scales.gauges, strict=True)]
+    budget.append(BudgetRow(FRICTION, abs(friction) * scales.friction_n, "B", friction, "N"))
     return MassEstimate(method, mass, tuple(budget), rows, residual)
-
-
-def _source(force: str) -> str:
-    return "packing friction" if force == "friction" else f"{force}_pressure sensitivity and area"

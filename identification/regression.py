@@ -25,7 +25,7 @@ FORCES = ("breech", "brake", "recuperator", "friction")
 """Order of the force columns."""
 PRESSURE_ROLES = ("breech_pressure", "brake_pressure", "recuperator_pressure")
 AREAS = ("bore_area", "brake_area", "recuperator_area")
-"""Symbols of the areas on which they act."""
+"""Symbols of the areas on which they act, in the same order."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +43,9 @@ class Regression:
     released : ndarray, shape (n,)
         1 where the part is free to move, 0 where it is held; filtered with the rest, because it is
         the regressor of a constant error of the accelerometer.
+    sliding : ndarray, shape (n,)
+        Force of the packing friction per newton of it: -1 while the part recoils, +1 while it runs
+        back, 0 where it is held; filtered with the rest, because it is the regressor of the friction.
     trusted : ndarray of bool, shape (n,)
         False where a sample was lost or lies within the filter's reach of a lost one.
     interval_s : tuple of float
@@ -56,6 +59,7 @@ class Regression:
     acceleration_m_s2: Array
     forces_n: Array
     released: Array
+    sliding: Array
     trusted: Flags
     interval_s: tuple[float, float]
     low_pass: LowPass | None = None
@@ -86,27 +90,33 @@ class Regression:
         A column with lost samples is bridged for the filter, and everything within its reach of the
         bridge is no longer trusted.
         """
-        columns = np.column_stack([self.acceleration_m_s2, self.forces_n, self.released])
         trusted = np.ones(self.times_s.shape, dtype=bool)
         results = []
-        for column in columns.T:
+        for column in (self.acceleration_m_s2, *self.forces_n.T, self.released, self.sliding):
             result, sound = low_pass.apply_with_gaps(column, self.rate_hz)
             results.append(result)
             trusted &= sound
-        table = np.column_stack(results)
+        acceleration, *forces, released, sliding = results
         return replace(
             self,
-            acceleration_m_s2=table[:, 0],
-            forces_n=table[:, 1:5],
-            released=table[:, 5],
+            acceleration_m_s2=acceleration,
+            forces_n=np.column_stack(forces),
+            released=released,
+            sliding=sliding,
             trusted=trusted,
             low_pass=low_pass,
         )
 
     def with_acceleration(self, acceleration_m_s2: Array, trusted: Flags) -> Regression:
-        """Put another measurement of a' in its place, filtered alike by whoever made it."""
-        held = np.where(self.released > 0.5, 0.0, np.nanmean(acceleration_m_s2[self.released < 0.5]))
-        return replace(self, acceleration_m_s2=acceleration_m_s2 - held, trusted=self.trusted & trusted)
+        """Put another measurement of a' in its place, filtered alike by whoever made it.
+
+        Its level while the part is held is what the battery stop balances; it is taken off there. It is
+        found where the filter has not spread the pulse to.
+        """
+        silent = acceleration_m_s2[(np.abs(self.released) < 1e-4) & trusted]
+        held = float(np.median(silent)) if silent.size else 0.0
+        acceleration = acceleration_m_s2 - held * (1.0 - self.released)
+        return replace(self, acceleration_m_s2=acceleration, trusted=self.trusted & trusted)
 
 
 def build_regression(
@@ -128,7 +138,7 @@ def build_regression(
     Raises
     ------
     IdentificationError
-        If a pressure is missing or the part is never driven to the rear.
+        If a pressure is missing, or the part is never driven to the rear or never moves there.
     """
     missing = [role for role in PRESSURE_ROLES if role not in signals.series]
     if missing:
@@ -140,23 +150,27 @@ def build_regression(
     m, s = mechanism, signals.series
     times = signals.times_s
     end_s = end_of_travel(times, velocity_m_s, signals.onset_s)
-    direction = np.where(times <= end_s, 1.0, np.sign(velocity_m_s))
+    sliding = -np.where(times <= end_s, 1.0, np.sign(velocity_m_s))
     forces = np.column_stack(
         [
             *(
                 sign * s[role] * getattr(m, area)
                 for sign, role, area in zip((1, -1, -1), PRESSURE_ROLES, AREAS, strict=True)
             ),
-            -m.friction * direction,
+            m.friction * sliding,
         ]
     )
     release = release_index(times, np.asarray(forces.sum(axis=1)), signals.onset_s)
     released = (np.arange(times.size) >= release).astype(np.float64)
-    forces[:release] = 0.0
+    sliding[:release] = 0.0
+    # between the onset and the release a lost pressure may hide the release itself: it stays lost
+    known = np.isfinite(forces[:release]) | (times[:release, np.newaxis] < signals.onset_s)
+    forces[:release] = np.where(known, 0.0, np.nan)
     acceleration = acceleration_m_s2.copy()
     acceleration[:release] -= static_m_s2
     trusted = np.isfinite(acceleration) & np.isfinite(forces).all(axis=1)
-    return Regression(times, signals.step_s, acceleration, forces, released, trusted, (signals.onset_s, end_s))
+    interval = (signals.onset_s, end_s)
+    return Regression(times, signals.step_s, acceleration, forces, released, sliding, trusted, interval)
 
 
 def spaced_rows(regression: Regression, per_cutoff: float = 2.5) -> NDArray[np.int64]:

@@ -14,8 +14,9 @@ from daq.channel import Channel
 from daq.errors import IdentificationError
 from daq.quantity import SI_UNITS
 from daq.readers.reader import Recording
-from daq.shot import ClockAlignment, QualityCheck, Shot
-from identification.signals import find_onset, static_value
+from daq.shot import ClockAlignment, QualityCheck, Shot, Verdict
+from identification.onset import find_onset
+from identification.signals import QUIET_MARGIN_S, static_value
 from processing.quality import (
     Outcome,
     check_clipping,
@@ -28,11 +29,12 @@ from processing.quality import (
     check_zero_shift,
 )
 from rigs.assemble import range_si
-from rigs.rig import Rig
+from rigs.rig import MotionAlignment, RedundantAlignment, Rig, TriggerAlignment
 
 Array = NDArray[np.float64]
 
-QUIET_MARGIN_S = 1e-3
+LEAST_SAMPLES = 8
+"""Fewer are no record."""
 POSITIVE_PULSES = ("recoil_acceleration", "breech_pressure", "recoil_displacement")
 
 
@@ -75,9 +77,10 @@ def check_shot(
             checks.append(QualityCheck(channel.name, name, verdict, detail))
     for alignment in alignments:
         checks.append(_alignment_check(alignment))
-        checks += _zero_shift(alignment, shot)
+        checks += _zero_shift(alignment, shot, onset)
     for fault in rig.overdue(on):
-        checks.append(QualityCheck(fault.key.split("'")[1], "calibration", "warn", fault.problem))
+        name = fault.key.removeprefix("channel '").removesuffix("'.sensor.due")
+        checks.append(QualityCheck(name, "calibration", "warn", fault.problem))
     return tuple(checks)
 
 
@@ -127,8 +130,15 @@ def _channel_checks(
     samples = np.asarray(channel.samples, dtype=np.float64)
     times = channel.time_base.times_s
     unit = SI_UNITS[channel.quantity]
-    if not np.isfinite(samples).any():
-        yield "losses", ("fail", "no sample at all: check the sensor and its signal's name")
+    present = samples[np.isfinite(samples)]
+    if present.size < LEAST_SAMPLES:
+        found = f"only {present.size} samples" if present.size else "no sample at all"
+        yield "losses", ("fail", f"{found}: check the sensor and its signal's name")
+        return
+    if np.ptp(present) == 0:
+        # what nothing is made of may stand still: a temperature, a mark on the tipping part
+        verdict: Verdict = "fail" if channel.role or channel.name in _aligning(rig) else "warn"
+        yield "constant", (verdict, f"always {present[0]:.4g} {unit}: sensor not connected, or the wrong signal")
         return
     if rig.source(channel.time_base.clock).kind == "camera":
         yield "lost frames", check_lost_frames(times, samples)
@@ -155,6 +165,17 @@ def _channel_checks(
         yield "polarity", check_polarity(samples, quiet)
 
 
+def _aligning(rig: Rig) -> set[str]:
+    """Names of the channels that clocks are aligned by."""
+    names = set()
+    for source in rig.sources:
+        if isinstance(source.align, RedundantAlignment | TriggerAlignment):
+            names.add(source.align.channel)
+        if isinstance(source.align, RedundantAlignment | MotionAlignment):
+            names.add(source.align.against)
+    return names
+
+
 def _alignment_check(a: ClockAlignment) -> QualityCheck:
     if a.status == "failed":
         return QualityCheck(a.clock, "alignment", "fail", f"by {a.method}: {'; '.join(a.reasons)}")
@@ -165,15 +186,18 @@ def _alignment_check(a: ClockAlignment) -> QualityCheck:
     return QualityCheck(a.clock, "alignment", "ok", text)
 
 
-def _zero_shift(alignment: ClockAlignment, shot: Shot) -> list[QualityCheck]:
+def _zero_shift(alignment: ClockAlignment, shot: Shot, onset: float | None) -> list[QualityCheck]:
+    """Compare the accelerometer's zero during the shot, as the camera tells it, with the one before the shot."""
     details = alignment.details or {}
     accelerometer = shot.by_role("recoil_acceleration")
-    if alignment.status == "failed" or "u_bias_m_s2" not in details or accelerometer is None:
+    if alignment.status == "failed" or "u_bias_m_s2" not in details or accelerometer is None or onset is None:
         return []
-    bias = -float(details["integration_constants"][2])
-    # the silence fixes the zero only as well as its noise allows
     samples = np.asarray(accelerometer.samples, dtype=np.float64)
-    noise = float(np.nanstd(samples[: max(50, samples.size // 20)]))
-    u = math.hypot(float(details["u_bias_m_s2"]), noise / math.sqrt(max(50, samples.size // 20)))
-    verdict, detail = check_zero_shift(bias, u, float(np.nanmax(np.abs(samples))), unit="m/s^2")
+    quiet = samples[(accelerometer.time_base.times_s < onset - QUIET_MARGIN_S) & np.isfinite(samples)]
+    if quiet.size < LEAST_SAMPLES:
+        return []
+    # the fit's constant is what the accelerometer lacks; the silence fixes the zero as well as its noise allows
+    bias = -float(details["integration_constants"][2])
+    u = math.hypot(float(details["u_bias_m_s2"]), float(np.std(quiet)) / math.sqrt(quiet.size))
+    verdict, detail = check_zero_shift(bias, u, float(np.nanmax(np.abs(samples))), unit=SI_UNITS["acceleration"])
     return [QualityCheck(accelerometer.name, "zero shift", verdict, detail)]

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +19,13 @@ from numpy.typing import NDArray
 from daq.channel import Channel
 from daq.errors import IdentificationError
 from daq.shot import ClockAlignment, Shot
+from daq.timebase import TimeBase
+from identification.onset import LEAST_QUIET_SAMPLES, find_onset
+from processing.gaps import bridge
 from processing.motion_alignment import integrate
-from processing.noise import noise_sigma, robust_sigma
+from processing.noise import robust_sigma
 from rigs.mechanism import Mechanism
-from rigs.rig import Rig
+from rigs.rig import ChannelSpec, Rig
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -31,8 +34,8 @@ QUIET_MARGIN_S = 1e-3
 """Kept between the quiet part and the onset of force."""
 LEAST_QUIET_S = 5e-3
 """Below this there is not enough silence to take offsets from."""
-ONSET_SIGMA = 6.0
-"""Noise multiples that count as force."""
+LONGEST_STEP = 2.5
+"""Steps between neighbours beyond which nothing is interpolated: one lost sample is, two are not."""
 
 
 @dataclass(frozen=True)
@@ -42,9 +45,10 @@ class Offset:
     Attributes
     ----------
     value, u : float
-        In SI units of the channel; the uncertainty is the noise's over the root of the samples.
+        In SI units of the channel; the uncertainty is the noise's over the root of the samples, infinite
+        where there was no silence, and zero where nothing is known of the channel at rest.
     noise : float
-        Standard deviation per sample in the quiet part, SI.
+        Standard deviation per sample in the quiet part, SI; NaN where there was none.
     """
 
     value: float
@@ -138,7 +142,7 @@ def collect_signals(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignmen
     Raises
     ------
     IdentificationError
-        If no channel of the reference clock can carry the grid.
+        If no channel of the reference clock can carry the grid, or it shows no shot.
     """
     carrier = next(
         (c for role in GRID_ROLES if (c := shot.by_role(role)) and c.time_base.clock == shot.reference_clock), None
@@ -151,10 +155,15 @@ def collect_signals(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignmen
             remedy="declare its role in the rig file",
         )
     base = carrier.time_base
+    if base.count < LEAST_QUIET_SAMPLES:
+        raise IdentificationError(
+            f"{carrier.name} has {base.count} samples", expected="a record of the shot", remedy="check its file"
+        )
     start, step = base.start_s, base.step_s or float(np.median(np.diff(base.times_s)))
     count = base.count if base.step_s else int((base.end_s - start) / step) + 1
     grid = np.asarray(start + step * np.arange(count), dtype=np.float64)
     series: dict[str, Array] = {}
+    specs: dict[str, ChannelSpec] = {}
     for role in SERIES_ROLES:
         channel = shot.by_role(role)
         if channel is None:
@@ -162,17 +171,33 @@ def collect_signals(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignmen
         alignment = alignments.get(channel.time_base.clock)
         if channel.time_base.clock != shot.reference_clock and (alignment is None or alignment.status == "failed"):
             continue
-        series[role] = on_grid(channel, alignment, grid, rig.channel(channel.name).sensor.delay_s)
+        specs[role] = rig.channel(channel.name)
+        series[role] = on_grid(channel, alignment, grid, specs[role].sensor.delay_s)
     onset = find_onset(grid, series)
     quiet_end = max(start, onset - QUIET_MARGIN_S)
     quiet = (start, quiet_end) if quiet_end - start >= LEAST_QUIET_S else (start, start)
     offsets: dict[str, Offset] = {}
-    for role in list(series):
-        time_constant = rig.channel(_channel(shot, role).name).sensor.time_constant_s
+    silent = (grid >= quiet[0]) & (grid < quiet[1])
+    for role, spec in specs.items():
         series[role], offsets[role] = _at_rest(
-            series[role], (grid >= quiet[0]) & (grid < quiet[1]), static_value(role, rig.mechanism), time_constant, step
+            series[role], silent, static_value(role, rig.mechanism), spec.sensor.time_constant_s, step
         )
     return Signals(start, step, series, offsets, quiet, onset)
+
+
+def without_delay(channel: Channel, delay_s: float) -> Channel:
+    """Return a channel whose stamps are those of the physics, not those of the end of its chain.
+
+    Parameters
+    ----------
+    channel : Channel
+    delay_s : float
+        By which the chain delays the signal.
+    """
+    if delay_s == 0:
+        return channel
+    base = channel.time_base
+    return replace(channel, time_base=TimeBase.stamped(base.clock, base.times_s - delay_s, base.absolute_start))
 
 
 def on_grid(channel: Channel, alignment: ClockAlignment | None, grid_s: Array, delay_s: float) -> Array:
@@ -191,7 +216,7 @@ def on_grid(channel: Channel, alignment: ClockAlignment | None, grid_s: Array, d
     -------
     ndarray, shape (n,)
         Cubic interpolation between neighbours; NaN beyond the record and within gaps longer than
-        two and a half steps.
+        `LONGEST_STEP`. Samples at the grid's very instants are taken as they are, lost ones NaN.
     """
     from scipy.interpolate import CubicSpline
 
@@ -208,42 +233,10 @@ def on_grid(channel: Channel, alignment: ClockAlignment | None, grid_s: Array, d
     values = CubicSpline(t, y)(grid_s)
     step = float(np.median(np.diff(t)))
     after = np.clip(np.searchsorted(t, grid_s, side="right"), 1, t.size - 1)
-    in_gap = (t[after] - t[after - 1] > 2.5 * step) & (np.abs(grid_s - t[after - 1]) > 1e-12)
-    values[in_gap | (grid_s < t[0] - 1e-12) | (grid_s > t[-1] + 1e-12)] = np.nan
+    between = np.minimum(np.abs(grid_s - t[after - 1]), np.abs(grid_s - t[after])) > 1e-9
+    in_gap = (t[after] - t[after - 1] > LONGEST_STEP * step) & between
+    values[in_gap | (grid_s < t[0] - 1e-9) | (grid_s > t[-1] + 1e-9)] = np.nan
     return np.asarray(values)
-
-
-def find_onset(times_s: Array, series: Mapping[str, Array]) -> float:
-    """Find the first instant of force: breech pressure if it was measured, acceleration otherwise.
-
-    The first sample above a fiftieth of the peak, traced back to where the signal last lay within
-    `ONSET_SIGMA` of its noise.
-
-    Raises
-    ------
-    IdentificationError
-        If the signal never leaves its noise.
-    """
-    role = "breech_pressure" if "breech_pressure" in series else "recoil_acceleration"
-    signal = np.nan_to_num(series[role] - np.nanmedian(series[role][: max(8, series[role].size // 50)]))
-    sigma = max(noise_sigma(series[role][: max(64, series[role].size // 50)]), 1e-12)
-    peak = float(np.max(signal))
-    if peak < 20 * sigma:
-        raise IdentificationError(
-            f"{role} shows no shot: its peak is {peak / sigma:.1f} times its noise",
-            expected="at least 20 times",
-            remedy="check that the file is of this shot and the sensor was connected",
-        )
-    above = int(np.argmax(signal > max(0.02 * peak, ONSET_SIGMA * sigma)))
-    silent = np.flatnonzero(signal[: above + 1] < 3 * sigma)
-    return float(times_s[silent[-1]] if silent.size else times_s[0])
-
-
-def _channel(shot: Shot, role: str) -> Channel:
-    channel = shot.by_role(role)
-    if channel is None:
-        raise KeyError(role)
-    return channel
 
 
 def _at_rest(
@@ -252,17 +245,17 @@ def _at_rest(
     """Take a channel's offset off, and undo the droop of an AC-coupled chain.
 
     A charge amplifier's first-order high-pass ``s / (s + 1/T)`` is inverted exactly by
-    ``y + integral(y) / T`` from rest.
+    ``y + integral(y) / T`` from rest. Lost samples are bridged for the integral and stay lost.
     """
     silence = samples[quiet]
     silence = silence[np.isfinite(silence)]
-    noise = robust_sigma(silence) if silence.size else math.nan
-    if silence.size < 8 or static is None:
+    noise = robust_sigma(silence)
+    if silence.size < LEAST_QUIET_SAMPLES:
         return samples, Offset(0.0, math.inf if static is not None else 0.0, noise)
-    offset = float(np.mean(silence)) - static
-    u = float(np.std(silence)) / math.sqrt(silence.size)
-    corrected = samples - offset
+    mean = float(np.mean(silence))
     if time_constant_s is not None:
-        moving = np.nan_to_num(corrected - static)
-        corrected = corrected + integrate(moving, step_s) / time_constant_s
-    return corrected, Offset(offset, u, noise)
+        samples = samples + integrate(bridge(samples) - mean, step_s) / time_constant_s
+    if static is None:
+        return samples, Offset(0.0, 0.0, noise)
+    offset = mean - static
+    return samples - offset, Offset(offset, float(np.std(silence)) / math.sqrt(silence.size), noise)

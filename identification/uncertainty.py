@@ -7,9 +7,11 @@ offsets, the sensors' zeros, and the choice of the filter.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from daq.shot import Shot
 from identification.calibration import Calibration
@@ -31,7 +33,7 @@ def further_contributions(
     shot: Shot,
     rig: Rig,
 ) -> tuple[BudgetRow, ...]:
-    """Evaluate the clocks, the gauges' zeros and the filter.
+    """Evaluate the clocks, the gauges' zeros and the filter for the route by the accelerometer.
 
     Parameters
     ----------
@@ -48,10 +50,14 @@ def further_contributions(
     -------
     tuple of BudgetRow
     """
+    masses = [corrected_mass(filtered, calibration)]
+    if filtered.low_pass is not None:
+        others = other_cutoffs(filtered.low_pass, recorded.rate_hz)
+        masses += [corrected_mass(recorded.filtered(other), calibration) for other in others]
     return (
-        *_clocks(filtered, calibration, shot),
-        *_zeros(filtered, calibration, signals, rig),
-        _filter(recorded, filtered, calibration),
+        *clock_contributions(filtered, calibration, shot, "recoil_acceleration"),
+        *zero_contributions(filtered, calibration, signals, rig),
+        cutoff_contribution(masses),
     )
 
 
@@ -63,26 +69,54 @@ def corrected_mass(regression: Regression, calibration: Calibration) -> float:
     return float(f @ f / (a @ f))
 
 
-def _clocks(filtered: Regression, calibration: Calibration, shot: Shot) -> list[BudgetRow]:
-    """Move every force by the uncertainty of its clock; the change of the mass is the contribution."""
+def clock_contributions(
+    filtered: Regression, calibration: Calibration, shot: Shot, acceleration_role: str
+) -> list[BudgetRow]:
+    """Move all that hangs on a clock by the clock's uncertainty; the change of the mass is the contribution.
+
+    The larger change of both directions counts: what has its pulse where the others have it loses mass,
+    or gains it, either way.
+
+    Parameters
+    ----------
+    filtered : Regression
+    calibration : Calibration
+    shot : Shot
+    acceleration_role : str
+        Role of the channel that the acceleration comes from.
+    """
     mass = corrected_mass(filtered, calibration)
-    clocks = {role: c.time_base.clock for role in PRESSURE_ROLES if (c := shot.by_role(role)) is not None}
+    roles = (*PRESSURE_ROLES, acceleration_role)
+    clocks = {role: c.time_base.clock for role in roles if (c := shot.by_role(role)) is not None}
     rows = []
     for clock in sorted(set(clocks.values())):
-        alignment = shot.alignment(clock)
-        if clock == shot.reference_clock or not math.isfinite(alignment.u_offset_s):
+        u_s = shot.alignment(clock).u_offset_s
+        if clock == shot.reference_clock or not math.isfinite(u_s):
             continue
-        forces = filtered.forces_n.copy()
-        for column, role in enumerate(PRESSURE_ROLES):
-            if clocks.get(role) == clock:
-                forces[:, column] += alignment.u_offset_s * np.gradient(forces[:, column], filtered.step_s)
-        shifted = replace(filtered, forces_n=forces)
-        rows.append(BudgetRow(f"alignment of clock {clock}", abs(corrected_mass(shifted, calibration) - mass), "B"))
+        on_it = [clocks.get(role) == clock for role in roles]
+        moved = [corrected_mass(_moved(filtered, on_it, shift_s), calibration) for shift_s in (u_s, -u_s)]
+        rows.append(BudgetRow(f"alignment of clock {clock}", max(abs(m - mass) for m in moved), "B"))
     return rows
 
 
-def _zeros(filtered: Regression, calibration: Calibration, signals: Signals, rig: Rig) -> list[BudgetRow]:
-    """Move every force by the uncertainty of its gauge's zero, from the noise of the silence before the shot."""
+def _moved(regression: Regression, on_it: Sequence[bool], shift_s: float) -> Regression:
+    """Make pressures' forces, and the acceleration as the last, late by a shift where they hang on a clock."""
+
+    def late(column: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.interp(regression.times_s - shift_s, regression.times_s, column)
+
+    forces = regression.forces_n.copy()
+    for column in np.flatnonzero(on_it[:-1]):
+        forces[:, column] = late(forces[:, column])
+    acceleration = late(regression.acceleration_m_s2) if on_it[-1] else regression.acceleration_m_s2
+    return replace(regression, forces_n=forces, acceleration_m_s2=acceleration)
+
+
+def zero_contributions(filtered: Regression, calibration: Calibration, signals: Signals, rig: Rig) -> list[BudgetRow]:
+    """Move every force by the uncertainty of its gauge's zero, from the noise of the silence before the shot.
+
+    A gauge whose zero is not known at all has no row: no number could be given.
+    """
     mass = corrected_mass(filtered, calibration)
     rows = []
     for column, (role, area) in enumerate(zip(PRESSURE_ROLES, AREAS, strict=True)):
@@ -96,12 +130,12 @@ def _zeros(filtered: Regression, calibration: Calibration, signals: Signals, rig
     return rows
 
 
-def _filter(recorded: Regression, filtered: Regression, calibration: Calibration) -> BudgetRow:
-    """Half the spread over other cut-offs, as the half width of a rectangular distribution."""
-    masses = [corrected_mass(filtered, calibration)]
-    if filtered.low_pass is not None:
-        for factor in CUTOFF_FACTORS:
-            other = LowPass(factor * filtered.low_pass.cutoff_hz, filtered.low_pass.half_order)
-            if other.design_hz < 0.5 * recorded.rate_hz:
-                masses.append(corrected_mass(recorded.filtered(other), calibration))
-    return BudgetRow("low-pass cut-off", 0.5 * (max(masses) - min(masses)) / math.sqrt(3.0), "B")
+def other_cutoffs(low_pass: LowPass, rate_hz: float) -> list[LowPass]:
+    """Return the filters that might have been chosen instead, as far as the grid's rate allows them."""
+    others = [LowPass(factor * low_pass.cutoff_hz, low_pass.half_order) for factor in CUTOFF_FACTORS]
+    return [other for other in others if other.design_hz < 0.5 * rate_hz]
+
+
+def cutoff_contribution(masses_kg: Sequence[float]) -> BudgetRow:
+    """Take the masses by several cut-offs for the ends of a rectangular distribution: half width over root 3."""
+    return BudgetRow("low-pass cut-off", 0.5 * (max(masses_kg) - min(masses_kg)) / math.sqrt(3.0), "B")

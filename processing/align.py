@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from daq.shot import AlignmentStatus, ClockAlignment
-from processing.motion_alignment import MotionFit
+from processing.motion_fit import MotionFit
 from processing.redundant_alignment import RedundantFit
 from processing.trigger_alignment import EdgeFit
 
@@ -22,9 +22,19 @@ INNOVATION_LIMITS = (0.5, 1.6)
 """Mean squared normalised residual of a fit whose noise levels are right is 1."""
 GAIN_LIMIT_SIGMA = 4.0
 """How many standard uncertainties the scales of two sensors may differ by."""
+DRIFT_LIMIT_SIGMA = 5.0
+"""How many standard uncertainties the record's own drift may be off the one that the clocks' quality allows."""
+MOST_SET_ASIDE = 0.02
+"""Share of the frames that may contradict their neighbours: published tracks repeat 1.4 % in the median."""
+LOW_NOISE = "the track was smoothed or filled, or too many frames are lost to tell its noise"
 MOST_INFLATION = 300.0
 """How much the accelerometer's noise may have to be raised before the motions differ."""
 EDGE_RESIDUAL_SIGMA = 4.0
+"""How many standard uncertainties a pair of edges may lie off the line."""
+MOST_U_OFFSET_S = 2e-4
+"""Beyond this an offset is hardly known: at 10 m/s it is 2 mm of travel."""
+MOST_DRIFT = 1e-3
+"""No two quartz clocks differ by a tenth of this; a frame rate that was entered wrongly does."""
 
 
 def judge_motion(
@@ -46,15 +56,32 @@ def judge_motion(
     Returns
     -------
     ClockAlignment
+
+    Raises
+    ------
+    ValueError
+        If the noise density is not positive.
     """
+    if not noise_density > 0:
+        raise ValueError(f"noise_density must be positive, not {noise_density}")
     if isinstance(fit, str):
         return _failed(clock, "motion", fit)
-    doubts, failures = _common_doubts(fit.correlation, fit.second_peak, fit.at_search_edge)
+    if not _finite(fit.offset_s, fit.u_offset_s, fit.drift, fit.gain, fit.u_gain, fit.innovation_statistic):
+        return _failed(clock, "motion", "the fit gives no finite number: check both records for spikes")
+    doubts, failures = _common_doubts(fit)
     low, high = INNOVATION_LIMITS
     if not low <= fit.innovation_statistic <= high:
         doubts.append(
             f"residuals are {fit.innovation_statistic:.2f} times their expected variance (limits {low} to {high}): "
-            "a dropped frame, a wrong frame rate or another motion"
+            + (
+                "a dropped frame, a wrong frame rate or another motion"
+                if fit.innovation_statistic > high
+                else LOW_NOISE
+            )
+        )
+    if fit.frames_set_aside > MOST_SET_ASIDE * (fit.frames + fit.frames_set_aside):
+        doubts.append(
+            f"{fit.frames_set_aside} of {fit.frames + fit.frames_set_aside} frames contradict their neighbours"
         )
     inflation = fit.acceleration_density / noise_density
     if inflation > MOST_INFLATION:
@@ -62,13 +89,18 @@ def judge_motion(
             f"camera and accelerometer do not show the same motion: {inflation:.0f} times the accelerometer's noise "
             "would be needed to explain the difference"
         )
-    off = abs(fit.gain - 1.0) / math.hypot(u_gain, fit.u_gain)
+    off = abs(fit.gain - 1.0) / max(math.hypot(u_gain, fit.u_gain), 1e-12)
     if off > GAIN_LIMIT_SIGMA:
         failures.append(
             f"the camera's travel is {100 * (fit.gain - 1):+.2f} % off the accelerometer's, "
             f"{off:.1f} standard uncertainties: another shot's file, a wrong scale or a wrong sensitivity"
         )
-    apart = abs(fit.coarse_offset_s - fit.offset_s)
+    if not failures and abs(fit.free_drift - fit.drift) > DRIFT_LIMIT_SIGMA * fit.u_free_drift:
+        doubts.append(
+            f"the motions fit best if the camera's seconds are {100 * (fit.free_drift - fit.drift):+.3f} % longer "
+            f"(u {100 * fit.u_free_drift:.3f} %): check the frame rate"
+        )
+    apart = abs(fit.coarse_offset_s - (fit.offset_s + fit.drift * fit.origin_s))
     if apart > max(2e-3, 6 * frame_period_s):
         doubts.append(f"velocity correlation and likelihood are {1e3 * apart:.2f} ms apart")
     details = {
@@ -82,6 +114,10 @@ def judge_motion(
         "acceleration_density": fit.acceleration_density,
         "innovation_statistic": fit.innovation_statistic,
         "noise_inflation": inflation,
+        "free_drift": fit.free_drift,
+        "u_free_drift": fit.u_free_drift,
+        "frames": fit.frames,
+        "frames_set_aside": fit.frames_set_aside,
         "coarse_offset_s": fit.coarse_offset_s,
         "correlation": fit.correlation,
         "second_peak": fit.second_peak,
@@ -97,9 +133,9 @@ def judge_redundant(clock: str, fit: RedundantFit | str) -> ClockAlignment:
     """Judge an alignment by a redundant channel."""
     if isinstance(fit, str):
         return _failed(clock, "redundant", fit)
-    doubts, failures = _common_doubts(fit.correlation, fit.second_peak, fit.at_search_edge)
-    if fit.u_offset_s > 2e-4:
-        doubts.append(f"the offset is known to {1e3 * fit.u_offset_s:.2f} ms only")
+    if not _finite(fit.offset_s, fit.u_offset_s, fit.drift, fit.gain, fit.u_gain):
+        return _failed(clock, "redundant", "the fit gives no finite number: check both records for spikes")
+    doubts, failures = _common_doubts(fit)
     details = {
         "gain": fit.gain,
         "u_gain": fit.u_gain,
@@ -120,7 +156,9 @@ def judge_edges(clock: str, fit: EdgeFit | str, *, u_edge_s: float) -> ClockAlig
     if isinstance(fit, str):
         return _failed(clock, "trigger", fit)
     doubts = []
-    if fit.residual_s > EDGE_RESIDUAL_SIGMA * u_edge_s and fit.edges > 2:
+    if abs(fit.drift) > MOST_DRIFT:
+        doubts.append(_too_much_drift(fit.drift))
+    if fit.residual_s > EDGE_RESIDUAL_SIGMA * u_edge_s:
         doubts.append(f"an edge lies {1e6 * fit.residual_s:.1f} us off the line through the others")
     details = {"edges": fit.edges, "residual_s": fit.residual_s}
     return ClockAlignment(
@@ -128,16 +166,32 @@ def judge_edges(clock: str, fit: EdgeFit | str, *, u_edge_s: float) -> ClockAlig
     )
 
 
-def _common_doubts(correlation: float, second_peak: float, at_edge: bool) -> tuple[list[str], list[str]]:
+def _common_doubts(fit: MotionFit | RedundantFit) -> tuple[list[str], list[str]]:
     doubts: list[str] = []
     failures: list[str] = []
-    if correlation < LEAST_CORRELATION:
-        failures.append(f"correlation {correlation:.2f} is below {LEAST_CORRELATION}: not the same motion")
-    if correlation - second_peak < LEAST_MARGIN:
-        doubts.append(f"a second offset fits nearly as well (correlation {second_peak:.3f} against {correlation:.3f})")
-    if at_edge:
+    if fit.correlation < LEAST_CORRELATION:
+        failures.append(f"correlation {fit.correlation:.2f} is below {LEAST_CORRELATION}: not the same motion")
+    if fit.correlation - fit.second_peak < LEAST_MARGIN:
+        doubts.append(
+            f"a second offset fits nearly as well (correlation {fit.second_peak:.3f} against {fit.correlation:.3f})"
+        )
+    if fit.at_search_edge:
         doubts.append("the best offset lies at the edge of the search")
+    if fit.u_offset_s > MOST_U_OFFSET_S:
+        doubts.append(f"the offset is known to {1e3 * fit.u_offset_s:.2f} ms only")
+    if abs(fit.drift) > MOST_DRIFT:
+        doubts.append(_too_much_drift(fit.drift))
+    if not fit.converged:
+        doubts.append("the search for the offset did not settle")
     return doubts, failures
+
+
+def _too_much_drift(drift: float) -> str:
+    return f"the clocks' rates differ by {100 * drift:+.3f} %, more than clocks do: check the source's declared rate"
+
+
+def _finite(*figures: float) -> bool:
+    return all(math.isfinite(figure) for figure in figures)
 
 
 def _status(doubts: list[str], failures: list[str], method: str) -> tuple[AlignmentStatus, str, tuple[str, ...]]:

@@ -4,16 +4,19 @@ The double integral of an accelerometer's white noise is a random walk of the ve
 more: millimetres after some tenths of a second. The camera sees the motion without it, frame by frame.
 A Kalman filter of that walk over the frames, run forward, and the Rauch-Tung-Striebel smoother, run
 backward, estimate it from all frames; the walk is then added to the accelerometer's integrals, which
-keep the high rate. See Smyth and Wu (2007), Mech. Syst. Signal Process. 21(2); Rauch, Tung, Striebel
-(1965), AIAA J. 3(8).
+keep the high rate. See Smyth and Wu (2007), Mech. Syst. Signal Process. 21(2).
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from processing.outliers import isolated_outliers
+from processing.velocity_walk import WalkFilter
 
 Array = NDArray[np.float64]
 
@@ -25,9 +28,11 @@ class Walk:
     Attributes
     ----------
     times_s : ndarray, shape (n,)
+        At least two, strictly increasing.
     position, velocity : ndarray, shape (n,)
+        m and m/s.
     u_position, u_velocity : ndarray, shape (n,)
-        Standard uncertainties.
+        Standard uncertainties, given that the walk starts from zero at the first frame.
     """
 
     times_s: Array
@@ -55,12 +60,14 @@ class Walk:
 def smooth_walk(times_s: Array, residual: Array, marker_variance: float, density: float) -> Walk:
     """Estimate a random walk of the velocity from noisy positions.
 
+    Single frames that contradict their neighbours are left out, as they are when the clocks are aligned.
+
     Parameters
     ----------
     times_s : ndarray, shape (n,)
-        Increasing.
+        Strictly increasing.
     residual : ndarray, shape (n,)
-        Camera less accelerometer, NaN where a frame is lost.
+        Camera less accelerometer, m; NaN where a frame is lost.
     marker_variance : float
         Of the camera's white noise, m^2.
     density : float
@@ -73,38 +80,15 @@ def smooth_walk(times_s: Array, residual: Array, marker_variance: float, density
     Raises
     ------
     ValueError
-        If fewer than two frames are there.
+        If fewer than two frames are there, the frames do not increase, or a noise level is not positive.
     """
     seen = np.isfinite(residual)
     t, z = times_s[seen], residual[seen]
     if t.size < 2:
-        raise ValueError("fewer than two frames have a position")
-    n = t.size
-    steps = np.diff(t, prepend=t[0])
-    state = np.empty((n, 2))
-    covariance = np.empty((n, 2, 2))
-    predicted = np.empty((n, 2, 2))
-    x = np.zeros(2)
-    p = np.zeros((2, 2))
-    for i in range(n):
-        h = steps[i]
-        x = np.array([x[0] + h * x[1], x[1]])
-        p00 = p[0, 0] + h * (2 * p[0, 1] + h * p[1, 1]) + density * h**3 / 3
-        p01 = p[0, 1] + h * p[1, 1] + density * h**2 / 2
-        p11 = p[1, 1] + density * h
-        predicted[i] = (p00, p01), (p01, p11)
-        s = p00 + marker_variance
-        gain = np.array([p00 / s, p01 / s])
-        x = x + gain * (z[i] - x[0])
-        p = np.array([[(1 - gain[0]) * p00, (1 - gain[0]) * p01], [(1 - gain[0]) * p01, p11 - gain[1] * p01]])
-        state[i], covariance[i] = x, p
-    smooth, spread = state.copy(), covariance.copy()
-    for i in range(n - 2, -1, -1):
-        h = steps[i + 1]
-        forward = np.array([[1.0, h], [0.0, 1.0]])
-        back = np.linalg.solve(predicted[i + 1], forward @ covariance[i]).T
-        ahead = np.array([state[i, 0] + h * state[i, 1], state[i, 1]])
-        smooth[i] = state[i] + back @ (smooth[i + 1] - ahead)
-        spread[i] = covariance[i] + back @ (spread[i + 1] - predicted[i + 1]) @ back.T
-    deviation = np.sqrt(np.maximum(spread[:, (0, 1), (0, 1)], 0.0))
-    return Walk(t, smooth[:, 0], smooth[:, 1], deviation[:, 0], deviation[:, 1])
+        raise ValueError(f"{t.size} of {times_s.size} frames have a position; two are needed")
+    if not marker_variance > 0:
+        raise ValueError(f"marker_variance must be positive, not {marker_variance}")
+    odd = isolated_outliers(t, z, math.sqrt(marker_variance))
+    t, z = t[~odd], z[~odd]
+    states, deviations = WalkFilter.design(t, marker_variance, density).smooth(z)
+    return Walk(t, states[:, 0], states[:, 1], deviations[:, 0], deviations[:, 1])

@@ -10,7 +10,7 @@ constants and the accelerometer's bias, n is the marker's white noise and w the 
 the accelerometer's white noise: a random walk of the velocity. A Kalman filter of w turns every
 column of this linear model into independent rows (it whitens them), so that tau is found by
 weighted least squares and its uncertainty is the likelihood's own curvature. The filter does not
-depend on tau: one pass serves all candidates.
+depend on tau.
 
 The model is the multi-rate displacement-acceleration filter of Smyth and Wu (2007), Mech. Syst.
 Signal Process. 21(2), with the clock's offset as a parameter.
@@ -19,84 +19,40 @@ Signal Process. 21(2), with the clock's offset as a parameter.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from processing.correlation import coarse_lag
+from processing.correlation import CoarseLag, coarse_lag
+from processing.double_integral import DoubleIntegral, integrate
+from processing.motion_fit import MotionFit
+from processing.motion_least_squares import MotionModel, MotionSolution, gauss_newton_step, profile
 from processing.noise import noise_sigma
+from processing.outliers import isolated_outliers, stuck_repeats
+
+__all__ = ["INFLATIONS", "MotionFit", "align_motion", "integrate"]
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 INFLATIONS = (1.0, 4.0, 16.0, 64.0, 256.0, 1024.0)
 """Candidate factors on the accelerometer's noise density: ringing and mounting add to its white noise."""
-
-
-@dataclass(frozen=True, eq=False)
-class MotionFit:
-    """The outcome of aligning a displacement with an acceleration.
-
-    Attributes
-    ----------
-    offset_s, drift : float
-        ``t_ref = (1 + drift) t_cam + offset_s``.
-    u_offset_s : float
-        Standard uncertainty of the mapped time in the middle of the motion.
-    u_drift : float
-    gain, u_gain : float
-        Camera scale over accelerometer scale, and its standard uncertainty.
-    u_bias_m_s2 : float
-        Standard uncertainty of c2.
-    gain_bias_correlation : float
-        Correlation of the estimates of gain and c2.
-    integration_constants : tuple of float
-        c0 in m, c1 in m/s, c2 in m/s^2, on the *camera's* time counted from `origin_s`.
-    origin_s : float
-        Camera time that c0 to c2 count from.
-    marker_sigma_m : float
-        Noise of the marker, from its third differences.
-    acceleration_density : float
-        Noise density of the accelerometer that explains the record, (m/s^2)^2/Hz, two-sided.
-    innovation_statistic : float
-        Mean squared normalised residual; 1 if model and noise levels fit.
-    coarse_offset_s : float
-        What the velocity correlation said.
-    correlation : float
-        Its peak, 1 at the most.
-    second_peak : float
-        Highest correlation away from that peak.
-    candidates_s, log_likelihood : ndarray, shape (n_candidates,)
-        The likelihood around the offset, its maximum at 0.
-    """
-
-    offset_s: float
-    drift: float
-    u_offset_s: float
-    u_drift: float
-    gain: float
-    u_gain: float
-    u_bias_m_s2: float
-    gain_bias_correlation: float
-    integration_constants: tuple[float, float, float]
-    origin_s: float
-    marker_sigma_m: float
-    acceleration_density: float
-    innovation_statistic: float
-    coarse_offset_s: float
-    correlation: float
-    second_peak: float
-    at_search_edge: bool
-    candidates_s: Array
-    log_likelihood: Array
-
-
-def integrate(samples: Array, step_s: float) -> Array:
-    """Integrate evenly spaced samples by the trapezoidal rule from zero; shape (n,) to (n,)."""
-    total = np.empty_like(samples)
-    total[0] = 0.0
-    np.cumsum(0.5 * step_s * (samples[1:] + samples[:-1]), out=total[1:])
-    return total
+LIKELIER = 2.0
+"""By how much a further inflation must raise the log-likelihood: Akaike's criterion for one more parameter, doubled."""
+LEAST_NOISE_M = 1e-9
+"""Of a marker; no camera is better."""
+UNKNOWN_DRIFT = 0.1
+"""Prior of a drift of which nothing is known; a wrong frame rate hides in it."""
+SEARCH_STEP_S = 5e-4
+"""Of the coarse search."""
+LEAST_FRAMES = 50
+"""Below this the seven unknowns and two noise levels are not to be told from so few frames."""
+LEAST_TRAVEL_SIGMA = 20.0
+"""How many times its noise a marker must move."""
+MOST_STEPS = 20
+"""Of Gauss-Newton at one noise level; two or three are usual."""
 
 
 def align_motion(
@@ -114,13 +70,14 @@ def align_motion(
     Parameters
     ----------
     camera_times_s : ndarray, shape (n_frames,)
-        On the camera's clock, increasing.
+        On the camera's clock, strictly increasing.
     displacement_m : ndarray, shape (n_frames,)
         Lost frames NaN; they are left out, not filled.
     start_s, step_s : float
         Time base of the acceleration on the reference clock.
     acceleration_m_s2 : ndarray, shape (n_samples,)
-        Second derivative of the same motion, positive alike, bias taken off as far as known.
+        Second derivative of the same motion, positive alike, bias taken off as far as known; without
+        missing samples.
     acceleration_sigma_m_s2 : float
         Its white noise per sample.
     drift_allowance : float
@@ -130,197 +87,175 @@ def align_motion(
     -------
     MotionFit or str
         A sentence where there is no motion to align by.
+
+    Raises
+    ------
+    ValueError
+        If shapes do not fit, times do not increase, the acceleration is not finite, or its noise or step
+        is not positive.
     """
+    _check(camera_times_s, displacement_m, step_s, acceleration_m_s2, acceleration_sigma_m_s2)
     seen = np.isfinite(displacement_m)
     t, z = camera_times_s[seen], displacement_m[seen]
-    if t.size < 50:
+    if t.size < LEAST_FRAMES:
         return f"only {t.size} frames have a position"
-    marker_sigma = max(noise_sigma(displacement_m), 1e-9)
-    if np.ptp(z) < 20 * marker_sigma:
+    marker_sigma = _marker_sigma(displacement_m)
+    if acceleration_m_s2.size < 2:
+        return f"only {acceleration_m_s2.size} samples of the acceleration are there"
+    if np.ptp(z) < LEAST_TRAVEL_SIGMA * marker_sigma:
         return f"the track does not move: it spans {1e3 * np.ptp(z):.3g} mm at {1e3 * marker_sigma:.2g} mm noise"
-    velocity = integrate(acceleration_m_s2, step_s)
-    position = integrate(velocity, step_s)
-    ends = start_s, start_s + step_s * (acceleration_m_s2.size - 1)
-    lag = coarse_lag(*_camera_velocity(t, z), start_s, step_s, velocity, step_of_search_s=5e-4)
+    model = MotionModel(t, z, 0.5 * float(t[0] + t[-1]), DoubleIntegral.of(acceleration_m_s2, start_s, step_s))
+    lag = coarse_lag(*_camera_velocity(t, z), start_s, step_s, model.integral.velocity, step_of_search_s=SEARCH_STEP_S)
     if isinstance(lag, str):
         return lag
+    densities = [inflation * acceleration_sigma_m_s2**2 * step_s for inflation in INFLATIONS]
+    first = _converge(model, lag.offset_s, 0.0, marker_sigma**2, densities[0], drift_allowance)
+    if isinstance(first, str):
+        return first
+    odd = _contradicting(model, first, marker_sigma)
+    model = replace(model, times_s=t[~odd], positions_m=z[~odd])
+    best = _likeliest(model, first, marker_sigma**2, densities, drift_allowance)
+    if isinstance(best, str):
+        return best
+    free = _likeliest(model, best[0], marker_sigma**2, densities, UNKNOWN_DRIFT)
+    if isinstance(free, str):
+        return free
+    return _report(model, *best, free[0], lag, marker_sigma, int(odd.sum()))
 
-    origin = 0.5 * (t[0] + t[-1])
-    density = acceleration_sigma_m_s2**2 * step_s
 
-    def columns(offset_s: float, drift: float) -> tuple[Array, NDArray[np.bool_]]:
-        mapped = (1.0 + drift) * t + offset_s
-        inside = (mapped >= ends[0]) & (mapped <= ends[1])
-        grid = (mapped - start_s) / step_s
-        shape = _at(position, grid), _at(velocity, grid)
-        since = t - origin
-        return np.column_stack([z, shape[0], shape[1], shape[1] * t, np.ones_like(t), since, 0.5 * since**2]), inside
+def _check(times_s: Array, positions: Array, step_s: float, acceleration: Array, sigma: float) -> None:
+    if times_s.ndim != 1 or times_s.shape != positions.shape:
+        raise ValueError(f"camera times and displacements must be equally many, not {times_s.shape}, {positions.shape}")
+    if not np.all(np.diff(times_s) > 0):
+        raise ValueError("camera_times_s must increase strictly")
+    if not np.all(np.isfinite(acceleration)):
+        raise ValueError("acceleration_m_s2 must be finite; bridge lost samples first")
+    for name, value in (("step_s", step_s), ("acceleration_sigma_m_s2", sigma)):
+        if not (math.isfinite(value) and value > 0):
+            raise ValueError(f"{name} must be positive, not {value}")
 
-    best: tuple[float, float, _Solution] | None = None
-    for inflation in INFLATIONS:
-        offset, drift = (best[0], best[1]) if best else (lag.offset_s, 0.0)
-        solution = None
-        for _ in range(12):
-            table, inside = columns(offset, drift)
-            if np.count_nonzero(inside) < 50:
-                return "fewer than 50 frames fall into the recorder's record"
-            rows, log_det = whiten(t[inside], table[inside], marker_sigma**2, inflation * density)
-            solution = _solve(rows, log_det, drift, drift_allowance)
-            step = solution.offset_step_s
-            offset, drift = offset + float(np.clip(step, -2e-3, 2e-3)), drift + solution.drift_step
-            if abs(step) < 1e-9:
-                break
+
+def _marker_sigma(displacement_m: Array) -> float:
+    """Noise of a marker; positions that software held instead of measuring tell nothing of it."""
+    held = np.zeros(displacement_m.shape, dtype=bool)
+    held[1:-1] = (displacement_m[1:-1] == displacement_m[:-2]) & (displacement_m[1:-1] == displacement_m[2:])
+    sigma = noise_sigma(np.where(held, np.nan, displacement_m))
+    if not math.isfinite(sigma):
+        # never four frames in a row: the differences then reach over the lost ones
+        sigma = noise_sigma(displacement_m[np.isfinite(displacement_m)])
+    return max(sigma, LEAST_NOISE_M)
+
+
+def _converge(
+    model: MotionModel, shift_s: float, drift: float, marker_variance: float, density: float, drift_allowance: float
+) -> MotionSolution | str:
+    """Gauss-Newton at one noise level of the accelerometer."""
+    steps, last_s, previous = 0, 0.0, None
+    while True:
+        frames = np.count_nonzero(model.integral.covers(model.mapped_s(shift_s, drift)))
+        if frames < LEAST_FRAMES:
+            return f"only {frames} frames fall into the recorder's record"
+        solution = gauss_newton_step(
+            model,
+            shift_s,
+            drift,
+            marker_variance=marker_variance,
+            density=density,
+            drift_allowance=drift_allowance,
+            previous=previous,
+        )
         if solution is None:
-            continue
-        if best is None or solution.log_likelihood > best[2].log_likelihood + 2.0:
-            best = (offset, drift, solution)
-            chosen = inflation
-        else:
-            break
-    if best is None:
-        return "no offset fits"
-    offset, drift, solution = best
+            return "the motion that both records show cannot be told from an error of zero or velocity"
+        steps += 1
+        if solution.converged or steps == MOST_STEPS:
+            return solution
+        step_s = solution.shift_s - shift_s
+        # a step that takes back most of the one before has gone too far, as that one did
+        share = 0.5 if step_s * last_s < 0 and abs(step_s) > 0.5 * abs(last_s) else 1.0
+        shift_s, drift = shift_s + share * step_s, drift + share * (solution.drift - drift)
+        last_s, previous = share * step_s, solution
 
-    table, inside = columns(offset, drift)
-    middle = float(np.average(t[inside], weights=table[inside, 2] ** 2))
-    u_mapped = math.sqrt(max(solution.variance_of_mapped_time(middle), 0.0))
-    width = max(8 * u_mapped, 2e-4)
-    candidates = offset + np.linspace(-width, width, 41)
-    shapes = [columns(candidate, drift)[0][inside, 1] for candidate in candidates]
-    together = np.column_stack([table[inside][:, [0, 4, 5, 6]], *shapes])
-    curve = _profile(whiten(t[inside], together, marker_sigma**2, chosen * density)[0])
+
+def _contradicting(model: MotionModel, solution: MotionSolution, marker_sigma: float) -> Flags:
+    """Find the frames that contradict their neighbours, given the accelerometer, shape (n_frames,)."""
+    travel, _ = model.integral.at(model.mapped_s(solution.shift_s, solution.drift)[solution.inside])
+    times, positions = model.times_s[solution.inside], model.positions_m[solution.inside]
+    residual = positions - solution.gain * travel
+    stuck = stuck_repeats(positions, residual, marker_sigma)
+    spikes = isolated_outliers(times[~stuck], residual[~stuck], marker_sigma)
+    odd = np.zeros(model.times_s.shape, dtype=bool)
+    inside = np.flatnonzero(solution.inside)
+    odd[inside[stuck]] = True
+    odd[inside[~stuck][spikes]] = True
+    return odd
+
+
+def _likeliest(
+    model: MotionModel,
+    start: MotionSolution,
+    marker_variance: float,
+    densities: Sequence[float],
+    drift_allowance: float,
+) -> tuple[MotionSolution, float] | str:
+    """Solve at rising noise densities of the accelerometer until the likelihood rises no more; with the density."""
+    best: tuple[MotionSolution, float] | None = None
+    shift, drift = start.shift_s, start.drift
+    for density in densities:
+        found = _converge(model, shift, drift, marker_variance, density, drift_allowance)
+        if isinstance(found, str):
+            return found
+        if best is not None and found.log_likelihood <= best[0].log_likelihood + LIKELIER:
+            break
+        best = found, density
+        shift, drift = found.shift_s, found.drift
+    if best is None:
+        raise ValueError("there must be a noise density to try")
+    return best
+
+
+def _report(
+    model: MotionModel,
+    solution: MotionSolution,
+    density: float,
+    free: MotionSolution,
+    lag: CoarseLag,
+    marker_sigma: float,
+    frames_set_aside: int,
+) -> MotionFit:
+    """Give the fit on the clocks' own terms, with the likelihood around the offset."""
+    _, velocity = model.integral.at(model.mapped_s(solution.shift_s, solution.drift)[solution.inside])
+    since = model.times_s[solution.inside] - model.origin_s
+    u_offset = solution.u_mapped_s(float(np.average(since, weights=velocity**2)))
+    offset = solution.shift_s - solution.drift * model.origin_s
+    around = np.linspace(-1.0, 1.0, 41) * max(8 * u_offset, 2e-4)
+    curve = profile(model, solution, around)
     u_gain, u_bias = (math.sqrt(solution.covariance[i, i]) for i in (0, 5))
-    k, c0, c1, c2 = (float(c) for c in solution.coefficients)
     return MotionFit(
         offset_s=offset,
-        drift=drift,
-        u_offset_s=u_mapped,
+        drift=solution.drift,
+        u_offset_s=u_offset,
         u_drift=math.sqrt(solution.covariance[2, 2]),
-        gain=k,
+        gain=solution.gain,
         u_gain=u_gain,
         u_bias_m_s2=u_bias,
         gain_bias_correlation=float(solution.covariance[0, 5] / (u_gain * u_bias)),
-        integration_constants=(c0, c1, c2),
-        origin_s=origin,
+        integration_constants=solution.constants,
+        origin_s=model.origin_s,
         marker_sigma_m=marker_sigma,
-        acceleration_density=chosen * density,
+        acceleration_density=density,
         innovation_statistic=solution.innovation_statistic,
         coarse_offset_s=lag.offset_s,
         correlation=lag.correlation,
         second_peak=lag.second_peak,
         at_search_edge=lag.at_search_edge,
-        candidates_s=candidates,
+        candidates_s=offset + around,
         log_likelihood=curve - curve.max(),
+        free_drift=free.drift,
+        u_free_drift=math.sqrt(free.covariance[2, 2]),
+        frames=int(np.count_nonzero(solution.inside)),
+        frames_set_aside=frames_set_aside,
+        converged=solution.converged,
     )
-
-
-def whiten(times_s: Array, columns: Array, marker_variance: float, density: float) -> tuple[Array, float]:
-    """Turn columns whose errors are marker noise plus a random walk of the velocity into independent rows.
-
-    Parameters
-    ----------
-    times_s : ndarray, shape (n,)
-    columns : ndarray, shape (n, n_columns)
-    marker_variance : float
-        Of the white noise, m^2.
-    density : float
-        Of the acceleration that drives the walk, (m/s^2)^2/Hz, two-sided.
-
-    Returns
-    -------
-    rows : ndarray, shape (n, n_columns)
-        Normalised innovations of every column.
-    log_determinant : float
-        Sum of the logarithms of the innovations' variances.
-
-    Notes
-    -----
-    State [w, w'] from zero; over a step h the process noise is
-    ``density * [[h^3/3, h^2/2], [h^2/2, h]]``. All columns share the gains.
-    """
-    n = times_s.size
-    steps = np.diff(times_s, prepend=times_s[0])
-    gains = np.empty((n, 2))
-    scales = np.empty(n)
-    p00 = p01 = p11 = 0.0
-    for i, h in enumerate(steps.tolist()):
-        p00 += h * (2 * p01 + h * p11) + density * h**3 / 3
-        p01 += h * p11 + density * h**2 / 2
-        p11 += density * h
-        s = p00 + marker_variance
-        g0, g1 = p00 / s, p01 / s
-        gains[i] = g0, g1
-        scales[i] = s
-        p11 -= g1 * p01
-        p00, p01 = (1 - g0) * p00, (1 - g0) * p01
-    rows = np.empty_like(columns)
-    w = np.zeros(columns.shape[1])
-    rate = np.zeros(columns.shape[1])
-    for i in range(n):
-        w = w + steps[i] * rate
-        innovation = columns[i] - w
-        rows[i] = innovation
-        w = w + gains[i, 0] * innovation
-        rate = rate + gains[i, 1] * innovation
-    return rows / np.sqrt(scales)[:, None], float(np.log(scales).sum())
-
-
-@dataclass(frozen=True, eq=False)
-class _Solution:
-    coefficients: Array
-    offset_step_s: float
-    drift_step: float
-    covariance: Array
-    log_likelihood: float
-    innovation_statistic: float
-
-    def variance_of_mapped_time(self, camera_time_s: float) -> float:
-        pick = np.zeros(self.covariance.shape[0])
-        pick[1], pick[2] = 1.0, camera_time_s
-        return float(pick @ self.covariance @ pick)
-
-
-def _solve(rows: Array, log_determinant: float, drift: float, drift_allowance: float) -> _Solution:
-    """One Gauss-Newton step: columns z | D, V, V t, 1, t, t^2/2, with the drift's prior as a row."""
-    z, design = rows[:, 0], rows[:, 1:].copy()
-    gain = float(np.linalg.lstsq(design[:, [0, 3, 4, 5]], z, rcond=None)[0][0])
-    design[:, 1:3] *= gain
-    prior = np.zeros((1, design.shape[1]))
-    prior[0, 2] = 1.0 / max(drift_allowance, 1e-12)
-    design = np.vstack([design, prior])
-    target = np.append(z, -drift / max(drift_allowance, 1e-12))
-    scale = np.sqrt((design**2).sum(axis=0))
-    scale[scale == 0] = 1.0
-    q, r = np.linalg.qr(design / scale)
-    inverse = np.linalg.inv(r)
-    solution = inverse @ (q.T @ target) / scale
-    residual = target - design @ solution
-    n = rows.shape[0]
-    chi2 = float(residual @ residual)
-    covariance = inverse @ inverse.T / np.outer(scale, scale)
-    return _Solution(
-        coefficients=solution[[0, 3, 4, 5]],
-        offset_step_s=float(solution[1]),
-        drift_step=float(solution[2]),
-        covariance=covariance * max(1.0, chi2 / n),
-        log_likelihood=-0.5 * (chi2 + log_determinant),
-        innovation_statistic=chi2 / n,
-    )
-
-
-def _profile(rows: Array) -> Array:
-    """Log-likelihood of each candidate shape (columns 4 on), the other parameters at their best."""
-    target, nuisance, shapes = rows[:, 0], rows[:, 1:4], rows[:, 4:]
-    q, _ = np.linalg.qr(nuisance)
-    target = target - q @ (q.T @ target)
-    shapes = shapes - q @ (q.T @ shapes)
-    explained = (shapes.T @ target) ** 2 / np.einsum("ij,ij->j", shapes, shapes)
-    return np.asarray(-0.5 * (target @ target - explained))
-
-
-def _at(samples: Array, position: Array) -> Array:
-    """Evaluate at fractional sample positions; beyond the ends the end values stand in."""
-    return np.interp(position, np.arange(samples.size), samples)
 
 
 def _camera_velocity(times_s: Array, displacement_m: Array) -> tuple[Array, Array]:

@@ -1,11 +1,13 @@
 """Checks of one channel's samples: each a small function with its limit, and a verdict.
 
 Every check returns ``(verdict, detail)``; the detail gives the figure, the limit and what to do about
-it, in words for the person at the range. Limits and their sources stand in `LIMITS`.
+it, in words for the person at the range. Limits and their sources stand in `LIMITS`. The checks of a
+camera's track are `processing.track_quality`.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from types import MappingProxyType
 
@@ -13,129 +15,180 @@ import numpy as np
 from numpy.typing import NDArray
 
 from daq.shot import Verdict
-from processing.noise import robust_sigma
+from processing.gaps import longest_run
+from processing.track_quality import check_lost_frames, check_repeated_frames
+
+__all__ = [
+    "LIMITS",
+    "Outcome",
+    "check_clipping",
+    "check_flat_tops",
+    "check_losses",
+    "check_lost_frames",
+    "check_polarity",
+    "check_quiet",
+    "check_repeated_frames",
+    "check_zero_shift",
+    "worst",
+]
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 Outcome = tuple[Verdict, str]
 
 LIMITS = MappingProxyType(
     {
         "clipped_share": (0.0, 0.02),  # mass bias 1.2 % at 1.8 % clipped samples: synthetic study of recoil pulses
         "lost_share": (0.0, 0.05),
+        "longest_gap_s": (0.0, 1e-2),
         "offset_share": (0.02, 0.10),  # of the peak; an offset is corrected, a large one means a wrong zero
         "signal_to_noise_db": (30.0, 20.0),  # MIL-STD-810H, method 522.2: useful at least 20 dB above the noise
         "zero_shift_share": (0.0025, 0.05),  # 1 % of the peak costs 12 % of the velocity 85 ms later
-        "lost_frames_share": (0.02, 0.20),
-        "longest_gap_s": (2e-3, 1e-2),
     }
 )
-"""Check -> (warn beyond, fail beyond)."""
+"""Check -> (warn beyond, fail beyond); below, for the ratio of signal to noise."""
+LEAST_SILENCE = 50
+"""Samples of silence that tell offset and noise."""
+LONGEST_TOP = 4
+"""Samples in a row at one extreme value that chance does not make."""
 
 
 def check_clipping(samples: Array, low: float, high: float, *, unit: str) -> Outcome:
-    """Count samples at or beyond 0.999 of the declared range, against those where the signal moves.
+    """Count samples at or beyond an end of the declared range, against those where the signal moves.
 
     Parameters
     ----------
     samples : ndarray, shape (n,)
+        Lost samples NaN.
     low, high : float
-        Declared range, in the unit that is named.
+        Declared range, in the unit that is named. Within 0.001 of it from an end counts as clipped; an
+        end at zero is where a one-sided gauge rests, and only what lies beyond it counts.
     unit : str
 
     Returns
     -------
     verdict, detail
         The share is that of the samples above a tenth of the peak: the pulse, not the silence.
+
+    Raises
+    ------
+    ValueError
+        If the range is empty or not finite.
     """
-    present = samples[np.isfinite(samples)]
+    if not (math.isfinite(low) and math.isfinite(high) and low < high):
+        raise ValueError(f"a range needs low < high, not [{low}, {high}]")
+    present = samples[~np.isnan(samples)]
+    if present.size == 0:
+        return "fail", "no sample at all: check the sensor and its signal's name"
     margin = 0.001 * (high - low)
-    clipped = int(np.count_nonzero((present >= high - margin) | (present <= low + margin)))
+    above = present > high + margin if abs(high) <= margin else present >= high - margin
+    below = present < low - margin if abs(low) <= margin else present <= low + margin
+    clipped = int(np.count_nonzero(above | below))
+    largest = max(abs(low), abs(high))
+    peak = float(np.max(np.abs(present)))
     if clipped == 0:
-        peak = float(np.max(np.abs(present))) if present.size else 0.0
-        used = peak / max(abs(low), abs(high))
-        return "ok", f"peak uses {100 * used:.0f} % of the range [{low:g}, {high:g}] {unit}"
-    pulse = max(int(np.count_nonzero(np.abs(present) > 0.1 * np.max(np.abs(present)))), 1)
-    share = clipped / pulse
-    advice = f"raise the range beyond {1.5 * max(abs(low), abs(high)):.3g} {unit} before the next shot"
-    verdict: Verdict = "fail" if share > LIMITS["clipped_share"][1] else "warn"
-    return verdict, f"{clipped} samples, {100 * share:.1f} % of the pulse, at the end of the range; {advice}"
+        return "ok", f"peak uses {100 * peak / largest:.0f} % of the range [{low:g}, {high:g}] {unit}"
+    pulse = int(np.count_nonzero(np.abs(present) > 0.1 * peak)) if math.isfinite(peak) else clipped
+    share = clipped / max(pulse, clipped)
+    fail = LIMITS["clipped_share"][1]
+    verdict: Verdict = "fail" if share > fail else "warn"
+    return verdict, (
+        f"{clipped} samples, {100 * share:.1f} % of the pulse (limit {100 * fail:g} %), at the end of the range "
+        f"[{low:g}, {high:g}] {unit}; raise the range beyond {1.5 * largest:.3g} {unit} before the next shot"
+    )
 
 
 def check_flat_tops(samples: Array) -> Outcome:
-    """Look for runs of identical extreme values: clipping where no range was declared."""
+    """Look for runs of identical extreme values: clipping where no range was declared.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n,)
+        Lost samples NaN. An extreme near the median is where the signal rests, and a signal of two
+        values is a switch; neither is clipped.
+    """
     present = samples[np.isfinite(samples)]
-    if present.size < 2 or np.ptp(present) == 0:
-        return "fail", "the signal is constant: sensor not connected, or the wrong signal"
-    at_top = present == present.max()
-    at_bottom = present == present.min()
-    runs = max(_longest_run(at_top), _longest_run(at_bottom))
-    if runs >= 4:
-        return "warn", f"{runs} samples in a row at one extreme value look like clipping; declare the sensor's range"
-    return "ok", "no flat tops"
+    if present.size == 0:
+        return "fail", "no sample at all: check the sensor and its signal's name"
+    top, bottom, rest = float(present.max()), float(present.min()), float(np.median(present))
+    if top == bottom:
+        return "fail", f"the signal is always {top:.4g}: sensor not connected, or the wrong signal"
+    if np.all((present == top) | (present == bottom)):
+        return "ok", "a signal of two values"
+    far = 0.5 * max(top - rest, rest - bottom)
+    run = max(longest_run(present == extreme) for extreme in (top, bottom) if abs(extreme - rest) >= far)
+    if run >= LONGEST_TOP:
+        return "warn", (
+            f"{run} samples in a row at one extreme value (limit {LONGEST_TOP}) look like clipping; "
+            "declare the sensor's range"
+        )
+    return "ok", f"no flat tops: at most {run} in a row at an extreme value"
 
 
 def check_losses(samples: Array, rate_hz: float) -> Outcome:
-    """Lost samples, their share and the longest gap."""
-    lost = np.isnan(samples)
-    share = float(lost.mean()) if samples.size else 1.0
-    if share == 0:
+    """Count lost samples, and find the longest gap.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n,)
+        Lost samples NaN.
+    rate_hz : float
+        Samples per second.
+    """
+    if samples.size == 0:
+        return "fail", "no sample at all: check the sensor and its signal's name"
+    lost = ~np.isfinite(samples)
+    count = int(lost.sum())
+    if count == 0:
         return "ok", "no sample lost"
-    gap_s = _longest_run(lost) / rate_hz
-    text = f"{int(lost.sum())} of {samples.size} samples lost ({100 * share:.2f} %), longest gap {1e3 * gap_s:.2f} ms"
-    if share > LIMITS["lost_share"][1] or gap_s > LIMITS["longest_gap_s"][1]:
-        return "fail", f"{text}; check the cable and the bus load"
-    return "warn", text
+    share, gap_s = count / samples.size, longest_run(lost) / rate_hz
+    most, longest = LIMITS["lost_share"][1], LIMITS["longest_gap_s"][1]
+    text = (
+        f"{count} of {samples.size} samples lost ({100 * share:.2f} %, limit {100 * most:g} %), "
+        f"longest gap {1e3 * gap_s:.2f} ms (limit {1e3 * longest:g} ms); check the cable and the bus load"
+    )
+    return ("warn" if share <= most and gap_s <= longest else "fail"), text
 
 
-def check_lost_frames(frame_times_s: Array, positions: Array) -> Outcome:
-    """Frames without a position, and frames that are not in the file at all."""
-    period = float(np.median(np.diff(frame_times_s)))
-    expected = round((frame_times_s[-1] - frame_times_s[0]) / period) + 1
-    seen = frame_times_s[np.isfinite(positions)]
-    lost = expected - seen.size
-    share = lost / expected
-    gap_s = float(np.max(np.diff(seen))) - period if seen.size > 1 else np.inf
-    text = f"{lost} of {expected} frames lost ({100 * share:.1f} %), longest gap {1e3 * max(gap_s, 0.0):.1f} ms"
-    warn, fail = LIMITS["lost_frames_share"]
-    if share > fail:
-        return "fail", f"{text}; track the marker again or improve the light"
-    return ("warn" if share > warn or gap_s > 2 * LIMITS["longest_gap_s"][1] else "ok"), text
+def check_quiet(samples: Array, quiet: Flags, static: float | None, *, unit: str) -> Outcome:
+    """Offset and noise before the shot, against the pulse.
 
-
-def check_repeated_frames(positions: Array) -> Outcome:
-    """Exact repeats while the marker moves: duplicated pictures or a stuck feature."""
-    present = positions[np.isfinite(positions)]
-    if present.size < 3:
-        return "fail", "no positions"
-    moving = np.abs(np.gradient(present)) > 5 * robust_sigma(np.diff(present[: max(16, present.size // 20)])) + 1e-12
-    repeats = int(np.count_nonzero((np.diff(present) == 0) & moving[1:]))
-    share = repeats / max(int(moving.sum()), 1)
-    text = f"{repeats} repeated positions during the motion"
-    if share > 0.1:
-        return "fail", f"{text}, {100 * share:.0f} % of it: the feature is stuck or pictures are duplicated"
-    return ("warn" if repeats else "ok"), text
-
-
-def check_quiet(samples: Array, quiet: NDArray[np.bool_], static: float | None, *, unit: str) -> Outcome:
-    """Offset and noise before the shot, against the pulse."""
-    silence = samples[quiet]
-    silence = silence[np.isfinite(silence)]
-    if silence.size < 50:
-        return "warn", "no silence before the shot: offset and noise unknown; lengthen the pre-trigger"
-    peak = float(np.nanmax(np.abs(samples - np.mean(silence))))
+    Parameters
+    ----------
+    samples : ndarray, shape (n,)
+        Lost samples NaN.
+    quiet : ndarray of bool, shape (n,)
+        Before the shot.
+    static : float or None
+        What the sensor reads at rest if its zero is right, in the unit; None if that is not known.
+    unit : str
+    """
+    present = np.isfinite(samples)
+    silence = samples[quiet & present]
+    if silence.size < LEAST_SILENCE:
+        return "warn", (
+            f"{silence.size} samples of silence before the shot (limit {LEAST_SILENCE}): offset and noise unknown; "
+            "lengthen the pre-trigger"
+        )
+    peak = float(np.max(np.abs(samples[present] - np.mean(silence))))
     noise = float(np.std(silence))
-    ratio_db = 20 * np.log10(max(peak, 1e-300) / max(noise, 1e-300))
+    if peak == 0:
+        return "fail", f"the signal never leaves {silence[0]:.3g} {unit}: check gain and cable"
+    ratio_db = 20 * math.log10(peak / noise) if noise > 0 else math.inf
     offset = 0.0 if static is None else float(np.mean(silence)) - static
-    text = f"offset {offset:.3g} {unit}, noise {noise:.3g} {unit}, peak {ratio_db:.0f} dB above it"
+    text = f"offset {offset:.3g} {unit}, noise {noise:.3g} {unit}"
+    text += f", peak {ratio_db:.0f} dB above it" if noise > 0 else " (below the resolution)"
     warn_db, fail_db = LIMITS["signal_to_noise_db"]
+    share = abs(offset) / peak
+    warn_offset, fail_offset = LIMITS["offset_share"]
     if ratio_db < fail_db:
         return "fail", f"{text}; below {fail_db:.0f} dB: check gain and cable"
-    share = abs(offset) / max(peak, 1e-300)
-    warn_offset, fail_offset = LIMITS["offset_share"]
     if share > fail_offset:
         return "fail", f"{text}; the offset is {100 * share:.0f} % of the peak: zero the sensor"
-    if ratio_db < warn_db or share > warn_offset:
-        return "warn", text
+    if ratio_db < warn_db:
+        return "warn", f"{text}; below {warn_db:.0f} dB: a smaller range would help"
+    if share > warn_offset:
+        return "warn", f"{text}; the offset is {100 * share:.1f} % of the peak: zero the sensor before the next shot"
     return "ok", text
 
 
@@ -151,34 +204,50 @@ def check_zero_shift(bias: float, u_bias: float, peak: float, *, unit: str) -> O
         Of the acceleration.
     unit : str
     """
-    share = abs(bias) / max(peak, 1e-300)
-    sure = max(abs(bias) - 3 * u_bias, 0.0) / max(peak, 1e-300)
-    text = f"zero moved by {bias:+.3g} {unit} against the camera, {100 * share:.2f} % of the peak"
+    if not (math.isfinite(bias) and peak > 0):
+        return "warn", f"zero moved by {bias:.3g} {unit} at a peak of {peak:.3g} {unit}: check both records"
+    share = abs(bias) / peak
+    sure = max(abs(bias) - 3 * u_bias, 0.0) / peak
     warn, fail = LIMITS["zero_shift_share"]
+    text = f"zero moved by {bias:+.3g} {unit} (u {u_bias:.2g}) against the camera, {100 * share:.2f} % of the peak"
     if sure > fail:
-        return "fail", f"{text}; check its mounting and charge amplifier"
-    return ("warn" if sure > warn else "ok"), text
+        return "fail", f"{text} (limit {100 * fail:g} %); check its mounting and charge amplifier"
+    if sure > warn:
+        return "warn", f"{text} (limit {100 * warn:g} %); check its mounting and charge amplifier"
+    return "ok", text
 
 
-def check_polarity(samples: Array, quiet: NDArray[np.bool_]) -> Outcome:
-    """Whether the pulse points the declared way: the extreme of larger size must be positive."""
-    silence = samples[quiet]
-    silence = silence[np.isfinite(silence)]
-    level = float(np.median(silence)) if silence.size else 0.0
-    moved = samples[np.isfinite(samples)] - level
-    # the running mean over a thousandth of the record keeps ringing from deciding
-    width = max(1, moved.size // 200)
-    smooth = np.convolve(moved, np.ones(width) / width, mode="same")
-    if smooth.max() >= abs(smooth.min()):
-        return "ok", "pulse points the declared way"
-    return "fail", "the pulse points against the declared polarity: set `polarity = -1` or turn the sensor"
+def check_polarity(samples: Array, quiet: Flags) -> Outcome:
+    """Whether the pulse points the declared way: its first swing must be positive.
+
+    Judged by the integral, on which ringing leaves little: it must first reach half its largest size
+    upwards. An acceleration is followed by braking of the same impulse, so that extremes do not tell.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n,)
+        Lost samples NaN.
+    quiet : ndarray of bool, shape (n,)
+        Before the shot; its level counts as zero.
+    """
+    present = np.isfinite(samples)
+    silence = samples[quiet & present]
+    moved = samples[present] - (float(np.median(silence)) if silence.size else 0.0)
+    if moved.size == 0:
+        return "fail", "no sample at all: check the sensor and its signal's name"
+    # outside the motion the integral would only gather what is wrong with the level
+    motion = np.flatnonzero(np.abs(moved) >= 0.1 * np.max(np.abs(moved)))
+    swing = np.cumsum(moved[motion[0] : motion[-1] + 1])
+    first = int(np.argmax(np.abs(swing) >= 0.5 * np.max(np.abs(swing))))
+    mean = float(swing[first]) / (first + 1)
+    if mean >= 0:
+        return "ok", f"pulse points the declared way: its first swing averages {mean:+.3g}"
+    return "fail", (
+        f"the pulse points against the declared polarity, its first swing averages {mean:+.3g}: "
+        "set `polarity = -1` or turn the sensor"
+    )
 
 
 def worst(verdicts: Sequence[Verdict]) -> Verdict:
     """Return the worst of several verdicts; ``ok`` for none."""
     return "fail" if "fail" in verdicts else "warn" if "warn" in verdicts else "ok"
-
-
-def _longest_run(flags: NDArray[np.bool_]) -> int:
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], flags.view(np.int8), [0]))))
-    return int((edges[1::2] - edges[::2]).max()) if edges.size else 0

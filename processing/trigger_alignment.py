@@ -10,6 +10,13 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+HYSTERESIS = 0.25
+"""Share of a pulse's range, from either end, that the signal must reach: noise on a slow edge is one edge."""
+LEAST_SHARE_AT_LEVELS = 0.6
+"""Share of the samples within `HYSTERESIS` of either end: a pulse signal rests at its levels, noise does not."""
+LONGEST_STEP = 2.5
+"""Steps across which an edge is interpolated: over one lost sample it is, over more its instant is not known."""
+
 
 @dataclass(frozen=True)
 class EdgeFit:
@@ -18,7 +25,7 @@ class EdgeFit:
     Attributes
     ----------
     offset_s, u_offset_s, drift, u_drift : float
-        The uncertainty is that of the mapped time at the edges.
+        The uncertainty of the offset is that of the mapped time in the middle of the edges.
     edges : int
         How many pairs of edges were used.
     residual_s : float
@@ -39,22 +46,37 @@ def rising_edges(times_s: Array, samples: Array) -> Array:
     Parameters
     ----------
     times_s, samples : ndarray, shape (n,)
-        Lost samples NaN.
+        Times strictly increasing; lost samples NaN.
 
     Returns
     -------
     ndarray, shape (n_edges,)
-        Interpolated linearly between the two samples around the crossing.
+        Interpolated linearly between the two samples around the first crossing after the signal was low.
+        An edge that fell into a gap is left out, for its instant is not known; so are all if the signal
+        is noise alone.
     """
     present = np.isfinite(samples)
     t, y = times_s[present], samples[present]
-    if y.size < 2 or not np.ptp(y) > 0:
+    if y.size < 2:
         return np.empty(0)
-    low, high = np.percentile(y, 1), np.max(y)
+    low, high = float(np.min(y)), float(np.max(y))
+    if not high > low:
+        return np.empty(0)
     middle = 0.5 * (low + high)
-    at = np.flatnonzero((y[:-1] < middle) & (y[1:] >= middle))
-    share = (middle - y[at]) / (y[at + 1] - y[at])
-    return np.asarray(t[at] + share * (t[at + 1] - t[at]))
+    state = np.zeros(y.size, dtype=np.int8)
+    state[y < low + HYSTERESIS * (high - low)] = -1
+    state[y > high - HYSTERESIS * (high - low)] = 1
+    decided = np.flatnonzero(state)
+    if decided.size < LEAST_SHARE_AT_LEVELS * y.size:
+        return np.empty(0)
+    rises = np.flatnonzero((state[decided[:-1]] < 0) & (state[decided[1:]] > 0))
+    step = float(np.median(np.diff(t)))
+    edges = []
+    for before, after in zip(decided[rises], decided[rises + 1], strict=True):
+        i = before + int(np.argmax(y[before + 1 : after + 1] >= middle))
+        if t[i + 1] - t[i] <= LONGEST_STEP * step:
+            edges.append(t[i] + (middle - y[i]) / (y[i + 1] - y[i]) * (t[i + 1] - t[i]))
+    return np.array(edges, dtype=np.float64)
 
 
 def align_edges(
@@ -62,38 +84,49 @@ def align_edges(
 ) -> EdgeFit | str:
     """Relate two clocks by the same edges on both.
 
+    Weighted least squares of the differences on time, with a prior of mean 0 for the drift: two edges
+    close to one another tell the offset, not the drift.
+
     Parameters
     ----------
-    source_edges_s, reference_edges_s : ndarray
-        Equally many, in order.
+    source_edges_s, reference_edges_s : ndarray, shape (n_edges,)
+        Equally many, strictly increasing.
     u_edge_s : float
         Standard uncertainty of the difference of one pair.
     drift_allowance : float
-        Standard uncertainty of the clocks' rate ratio where one edge cannot tell it.
+        Standard uncertainty of the clocks' rate ratio before the edges are seen.
 
     Returns
     -------
     EdgeFit or str
         A sentence where the edges do not pair up.
+
+    Raises
+    ------
+    ValueError
+        If an uncertainty is not positive, or edges do not increase.
     """
+    if not (u_edge_s > 0 and drift_allowance >= 0):
+        raise ValueError(f"u_edge_s must be positive, not {u_edge_s}, drift_allowance not negative: {drift_allowance}")
     n = source_edges_s.size
     if n == 0 or reference_edges_s.size == 0:
-        return "no trigger edge was recorded"
+        where = "source" if reference_edges_s.size else "reference" if n else "source and reference"
+        return f"no trigger edge was recorded on {where}"
     if n != reference_edges_s.size:
         return f"{n} edges on the source, {reference_edges_s.size} on the reference"
+    if not (np.all(np.diff(source_edges_s) > 0) and np.all(np.diff(reference_edges_s) > 0)):
+        raise ValueError("edges must increase strictly")
     difference = reference_edges_s - source_edges_s
-    if n == 1:
-        return EdgeFit(float(difference[0]), u_edge_s, 0.0, drift_allowance, 1, 0.0)
     middle = float(source_edges_s.mean())
     since = source_edges_s - middle
-    drift = float(since @ difference / (since @ since))
+    information = float(since @ since) / u_edge_s**2 + 1.0 / max(drift_allowance, 1e-12) ** 2
+    drift = float(since @ difference) / u_edge_s**2 / information
     at_middle = float(difference.mean())
-    residual = difference - at_middle - drift * since
     return EdgeFit(
         offset_s=at_middle - drift * middle,
         u_offset_s=u_edge_s / math.sqrt(n),
         drift=drift,
-        u_drift=u_edge_s / math.sqrt(float(since @ since)),
+        u_drift=1.0 / math.sqrt(information),
         edges=n,
-        residual_s=float(np.abs(residual).max()),
+        residual_s=float(np.abs(difference - at_middle - drift * since).max()),
     )

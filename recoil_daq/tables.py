@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-import shutil
+import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -17,14 +17,16 @@ if TYPE_CHECKING:
     from rigs.twin import TwinShot
 
 STYLES = {"ok": "green", "warn": "yellow", "fail": "bold red"}
-LEAST_WIDTH = 100
+PIPED_WIDTH = 140
+"""Columns of a table that no terminal limits."""
 RANK = ("ok", "warn", "fail")
 
 
 def _console() -> Console:
     from rich.console import Console
 
-    return Console(width=max(LEAST_WIDTH, shutil.get_terminal_size((140, 40)).columns), highlight=False, emoji=False)
+    width = None if sys.stdout.isatty() else PIPED_WIDTH
+    return Console(width=width, highlight=False, emoji=False)
 
 
 def _print_table(

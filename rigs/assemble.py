@@ -78,11 +78,18 @@ def _unit_of(spec: ChannelSpec, header: SignalHeader, source: Source, path: Path
     """Return the unit of the file's numbers: as the file states it, else as the rig does; they may not contradict."""
     key = f"channel '{spec.name}'.unit"
     stated = header.unit.strip()
-    if stated in ("px", "pixel", "pixels") or (not stated and spec.unit == "px"):
-        if source.scale_mm_per_px is None:
+    in_pixels = _is_pixels(stated or spec.unit or "")
+    if stated and spec.unit is not None and in_pixels != _is_pixels(spec.unit):
+        faults.append(Fault(key, f"the rig says {spec.unit!r}, {path.name} says {stated!r} for {spec.signal!r}"))
+        return None
+    if in_pixels:
+        if spec.quantity != "displacement":
+            faults.append(Fault(key, f"{path.name} has {spec.signal!r} in pixels, which is no unit of {spec.quantity}"))
+        elif source.scale_mm_per_px is None:
             faults.append(Fault(f"source '{source.name}'.scale_mm_per_px", f"is needed: {path.name} is in pixels"))
-            return None
-        return Unit(frozenset({"displacement"}), 1e-3 * source.scale_mm_per_px)
+        else:
+            return Unit(frozenset({"displacement"}), 1e-3 * source.scale_mm_per_px)
+        return None
     spelling = stated or spec.unit
     if spelling is None:
         faults.append(Fault(key, f"is needed: {path.name} states no unit for {spec.signal!r}"))
@@ -104,6 +111,10 @@ def _unit_of(spec: ChannelSpec, header: SignalHeader, source: Source, path: Path
     return unit
 
 
+def _is_pixels(spelling: str) -> bool:
+    return spelling.strip().casefold() in ("px", "pixel", "pixels")
+
+
 def _channel(spec: ChannelSpec, recording: Recording, header: SignalHeader, unit: Unit, version: str) -> Channel:
     samples = unit.to_si(recording.read(header.name))
     history = [
@@ -121,6 +132,7 @@ def _channel(spec: ChannelSpec, recording: Recording, header: SignalHeader, unit
     if spec.polarity == -1:
         samples = -samples
         history.append(Step("turn polarity", version, {}))
+    raw = recording.raw(header.name)
     return Channel(
         name=spec.name,
         quantity=spec.quantity,
@@ -129,7 +141,8 @@ def _channel(spec: ChannelSpec, recording: Recording, header: SignalHeader, unit
         signal=spec.signal,
         role=spec.role,
         u_rel=spec.sensor.u_rel,
-        raw=recording.raw(header.name),
+        resolution=0.0 if raw is None else abs(raw.gain * unit.factor * factor),
+        raw=raw,
         history=tuple(history),
     )
 
@@ -186,7 +199,7 @@ def match_files(rig: Rig, files: Sequence[tuple[Path, str]]) -> dict[str, Path]:
         known = ", ".join(f"{s.name} ({s.kind}{f', {s.match}' if s.match else ''})" for s in rig.sources)
         if not candidates:
             raise ReadError(
-                f"a {kind or 'file that no reader recognises'} file fits no source of rig {rig.name!r}",
+                f"a {f'{kind} file' if kind else 'file that no reader recognises'} fits no source of rig {rig.name!r}",
                 path=path, expected=known, remedy="leave it out, or declare its source in the rig file",
             )  # fmt: skip
         if len(candidates) > 1:

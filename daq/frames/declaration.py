@@ -6,28 +6,24 @@ from collections.abc import Mapping
 from typing import Any
 
 from daq.errors import FramingError
-from daq.frames.checksum import CHECKSUMS
+from daq.frames.declared_commands import checksum_of, commands_of, polls_of
+from daq.frames.declared_fields import ORDERS, frame_types
 from daq.frames.declared_table import Table
-from daq.frames.framing import (
-    DEFAULT_MAX,
-    TYPE_SIZES,
-    ChecksumField,
-    DeviceTime,
-    Elements,
-    Field,
-    FrameType,
-    Framing,
-    Length,
-    PacketCounter,
-    Selector,
-)
+from daq.frames.field import TYPE_SIZES
+from daq.frames.framing import BITS_PER_BYTE, DEFAULT_MAX, DeviceTime, Framing, Length, PacketCounter
+from daq.frames.ready_made import from_ready_made
 
-_ORDERS = ("little", "big")
 _WHOLE_TYPES = ("u8", "u16", "u24", "u32")
-_BOTH = {"kind", "max", "checksum", "fields", "frames", "when", "counter", "device_time", "baudrate", "rate_hz"}
+_ALL = {"kind", "max", "checksum", "fields", "frames", "when", "only_known", "counter", "device_time"}
+_ALL |= {"baudrate", "bits_per_byte", "rate_hz", "poll", "start_commands", "stop_commands"}
+_BINARY = _ALL | {"endian", "tlv"}
 _KEYS = {
-    "sync": _BOTH | {"sync", "length", "endian", "tlv"},
-    "delimiter": _BOTH | {"delimiter", "start", "comment", "separator"},
+    "sync": _BINARY | {"timeout_s", "sync", "length", "look_ahead"},
+    "fixed": _BINARY | {"timeout_s", "length"},
+    "delimiter": _ALL | {"timeout_s", "delimiter", "start", "comment", "separator"},
+    "cobs": _BINARY | {"timeout_s"},
+    "slip": _BINARY | {"timeout_s"},
+    "idle": _BINARY | {"gap_s"},
 }
 
 
@@ -37,9 +33,23 @@ def framing_from_table(table: Mapping[str, Any]) -> Framing:
     Parameters
     ----------
     table : mapping
-        ``kind`` is ``sync`` (``sync``, ``length``) or ``delimiter`` (``delimiter``, ``start``,
-        ``comment``, ``separator``); both have ``max``, ``checksum``, ``fields`` or several ``frames`` each with
-        ``when`` and ``fields``, ``counter``, ``device_time``, ``baudrate`` and ``rate_hz``. See the README.
+        Either ``ready_made``, the name of a framing of `daq.frames.ready_made`, its parameters, and keys that
+        replace its own; or ``kind`` and what the kind needs:
+
+        ==============  ==========================================================================
+        ``sync``        ``sync`` (hexadecimal), ``length``, ``look_ahead``
+        ``fixed``       ``length = { fixed = n }``: nothing marks where a frame begins
+        ``delimiter``   lines: ``delimiter``, ``start``, ``comment``, ``separator``
+        ``cobs``        packets that a zero ends
+        ``slip``        packets that C0 ends (RFC 1055)
+        ``idle``        ``gap_s`` of silence ends a frame, by default 3.5 characters of ``baudrate``
+        ==============  ==========================================================================
+
+        ``length`` is ``{ fixed }``, ``{ at, type, endian, add }`` or ``{ at, type, endian, of = { "49" = 9 } }``.
+        For all: ``max``, ``checksum = { algo, from, order, format, mark }``, ``fields`` or several ``frames`` each
+        with ``when`` and ``fields``, ``only_known``, ``counter = { field, modulo, step }``, ``device_time =
+        { field, tick_s, modulo }``, ``baudrate``, ``bits_per_byte``, ``rate_hz``, ``timeout_s`` of silence that
+        ends a half frame, ``poll``, ``start_commands``, ``stop_commands``; for all but lines ``endian`` and ``tlv``.
 
     Returns
     -------
@@ -51,156 +61,101 @@ def framing_from_table(table: Mapping[str, Any]) -> Framing:
         With every fault of the table.
     """
     faults: list[str] = []
+    if "ready_made" in table:
+        table = from_ready_made(table, faults)
+        if not table:
+            raise _error(faults)
     kind = table.get("kind")
-    if kind not in _KEYS:
-        raise FramingError("1 fault: framing.kind: must be `sync` or `delimiter`", found=repr(kind))
+    if not isinstance(kind, str) or kind not in _KEYS:
+        faults.append(f"framing.kind: must be one of {', '.join(_KEYS)}, or `ready_made` be given; found {kind!r}")
+        raise _error(faults)
     top = Table(table, "framing", _KEYS[kind], faults)
-    endian = top.choice("endian", _ORDERS, "little") == "big"
-    length = _length(top, big_endian=endian) if kind == "sync" else Length(fixed=1)
-    maximum = top.whole("max", max(DEFAULT_MAX, length.fixed or 0), lowest=1)
-    checksum = _checksum(top, faults)
-    types = _types(top, kind, faults, big_endian=endian)
+    big_endian = top.choice("endian", ORDERS, "little") == "big"
+    length = _length(top, big_endian=big_endian) if kind in ("sync", "fixed") else Length(fixed=1)
+    baudrate, bits = top.number("baudrate", 0.0, positive=True), top.whole("bits_per_byte", BITS_PER_BYTE, 7, 13)
     framing = Framing(
         kind=kind,
-        types=types,
+        types=frame_types(top, kind, big_endian=big_endian),
         sync=top.hex_bytes("sync") if kind == "sync" else b"",
         length=length,
-        maximum=maximum,
-        checksum=checksum,
+        maximum=top.whole("max", max(DEFAULT_MAX, length.fixed or 0), lowest=1),
+        checksum=checksum_of(top, lines=kind == "delimiter"),
         delimiter=top.text("delimiter", "\n").encode(),
         start=top.text("start", "").encode(),
         comment=top.text("comment", "").encode(),
         separator=top.text("separator", ","),
-        counter=_counter(top, faults),
-        device_time=_device_time(top, faults),
-        baudrate=top.number("baudrate", 0.0, positive=True),
+        counter=_counter(top),
+        device_time=_device_time(top),
+        baudrate=baudrate,
+        bits_per_byte=bits,
         rate_hz=top.number("rate_hz", 0.0, positive=True),
+        silence_s=_gap(top, baudrate) if kind == "idle" else top.number("timeout_s", 0.0, positive=True),
+        look_ahead=top.flag("look_ahead"),
+        only_known=top.flag("only_known"),
+        poll=polls_of(top),
+        start_commands=commands_of(top, "start_commands"),
+        stop_commands=commands_of(top, "stop_commands"),
     )
     faults += _contradictions(framing)
     if faults:
-        raise FramingError(f"{len(faults)} fault{'' if len(faults) == 1 else 's'}: " + " | ".join(faults))
+        raise _error(faults)
     return framing
+
+
+def _error(faults: list[str]) -> FramingError:
+    return FramingError(f"{len(faults)} fault{'' if len(faults) == 1 else 's'}: " + " | ".join(faults))
 
 
 def _length(top: Table, *, big_endian: bool) -> Length:
     if "length" not in top.values:
         top.fault("length", 'is missing; such as { fixed = 34 } or { at = 3, type = "u8", add = 6 }')
         return Length(fixed=1)
-    table = Table(top.values["length"], "framing.length", {"fixed", "at", "type", "endian", "add"}, top.faults)
+    table = top.table("length", {"fixed", "at", "type", "endian", "add", "of"})
     if "fixed" in table.values:
         if len(table.values) > 1:
             table.fault("fixed", "excludes the other keys")
         return Length(fixed=table.whole("fixed", lowest=1))
-    order = table.choice("endian", _ORDERS, "big" if big_endian else "little")
+    if top.values.get("kind") == "fixed":
+        table.fault("fixed", "is missing: nothing marks where a frame of kind `fixed` has its length")
+        return Length(fixed=1)
+    if "add" in table.values and "of" in table.values:
+        table.fault("of", "excludes `add`")
+    type_ = table.choice("type", _WHOLE_TYPES, "u8" if "of" in table.values else None)
     return Length(
         None,
         table.whole("at"),
-        table.choice("type", _WHOLE_TYPES),
-        order == "big",
+        type_,
+        table.choice("endian", ORDERS, "big" if big_endian else "little") == "big",
         table.whole("add", 0, lowest=-65536),
+        table.whole_by_hex("of", TYPE_SIZES[type_]),
     )
 
 
-def _checksum(top: Table, faults: list[str]) -> ChecksumField | None:
-    if "checksum" not in top.values:
-        return None
-    table = Table(top.values["checksum"], "framing.checksum", {"algo", "from", "size", "order"}, faults)
-    name = table.choice("algo", ("none", *CHECKSUMS))
-    start, order = table.whole("from", 0), table.choice("order", _ORDERS, "little")
-    if name == "none":
-        return None
-    if (size := table.whole("size", CHECKSUMS[name].size)) != CHECKSUMS[name].size:
-        table.fault("size", f"{name} has {CHECKSUMS[name].size} bytes, found {size}")
-    return ChecksumField(CHECKSUMS[name], start, order == "big")
+def _gap(top: Table, baudrate: float) -> float:
+    """Silence that ends a frame: Modbus over Serial Line V1.02, 2.5.1.1, asks for 3.5 characters of 11 bits.
+
+    Above 19,200 baud it recommends 1.75 ms, because a host cannot time less.
+    """
+    if "gap_s" in top.values or not baudrate:
+        return top.number("gap_s", positive=True)
+    return 3.5 * 11 / baudrate if baudrate <= 19200 else 1.75e-3
 
 
-def _types(top: Table, kind: str, faults: list[str], *, big_endian: bool) -> tuple[FrameType, ...]:
-    if "frames" not in top.values:
-        return (_frame_type(top, "framing", kind, faults, big_endian=big_endian),)
-    for key in ("fields", "when", "tlv"):
-        if key in top.values:
-            top.fault(key, "stands in each of `frames` where there are several")
-    rows = top.values["frames"]
-    if not isinstance(rows, list | tuple) or not rows:
-        top.fault("frames", f"must be a list of tables, found {rows!r}")
-        return ()
-    types = []
-    for i, row in enumerate(rows):
-        where = f"framing.frames[{i}]"
-        known = {"when", "fields"} | ({"tlv"} if kind == "sync" else set())
-        types.append(_frame_type(Table(row, where, known, faults), where, kind, faults, big_endian=big_endian))
-    return tuple(types)
-
-
-def _frame_type(table: Table, where: str, kind: str, faults: list[str], *, big_endian: bool) -> FrameType:
-    when = _selector(table, where, kind, faults) if "when" in table.values else None
-    elements = _elements(table, where, faults) if "tlv" in table.values else None
-    rows = table.values.get("fields")
-    if not isinstance(rows, list | tuple) or not rows:
-        table.fault("fields", "must be a list of at least one field")
-        rows = []
-    fields = tuple(
-        _field(row, f"{where}.fields[{i}]", kind, faults, big_endian=big_endian, in_element=elements is not None)
-        for i, row in enumerate(rows)
-    )
-    return FrameType(fields, when, elements)
-
-
-def _field(row: Any, where: str, kind: str, faults: list[str], *, big_endian: bool, in_element: bool) -> Field:
-    known = {"name", "at", "scale", "offset", "unit"}
-    known |= {"type", "endian"} if kind == "sync" else set()
-    known |= {"id"} if in_element else set()
-    table = Table(row, where, known, faults)
-    return Field(
-        name=table.text("name"),
-        at=table.whole("at", 0 if in_element else None),
-        type=table.choice("type", tuple(TYPE_SIZES)) if kind == "sync" else "text",
-        big_endian=table.choice("endian", _ORDERS, "big" if big_endian else "little") == "big",
-        scale=table.number("scale", 1.0),
-        offset=table.number("offset", 0.0),
-        unit=table.text("unit", ""),
-        element=table.whole("id") if in_element else None,
-    )
-
-
-def _selector(table: Table, where: str, kind: str, faults: list[str]) -> Selector:
-    when = Table(table.values["when"], f"{where}.when", {"at", "equals"}, faults)
-    equals = when.values.get("equals")
-    if kind == "delimiter":
-        return Selector(when.whole("at"), when.text("equals").encode())
-    if isinstance(equals, str):
-        return Selector(when.whole("at"), when.hex_bytes("equals"))
-    if isinstance(equals, bool) or not isinstance(equals, int) or not 0 <= equals <= 255:
-        when.fault("equals", f"must be a byte from 0 to 255 or bytes in hexadecimal, found {equals!r}")
-        return Selector(0, b"\0")
-    return Selector(when.whole("at"), bytes([equals]))
-
-
-def _elements(table: Table, where: str, faults: list[str]) -> Elements:
-    known = {"from", "len", "len_includes", "id", "id_first", "endian"}
-    tlv = Table(table.values["tlv"], f"{where}.tlv", known, faults)
-    return Elements(
-        start=tlv.whole("from"),
-        length_type=tlv.choice("len", ("u8", "u16")),
-        id_type=tlv.choice("id", ("u8", "u16")),
-        length_includes=tlv.whole("len_includes", 0),
-        id_first=tlv.flag("id_first"),
-        big_endian=tlv.choice("endian", _ORDERS, "big") == "big",
-    )
-
-
-def _counter(top: Table, faults: list[str]) -> PacketCounter | None:
+def _counter(top: Table) -> PacketCounter | None:
     if "counter" not in top.values:
         return None
-    table = Table(top.values["counter"], "framing.counter", {"field", "modulo"}, faults)
-    return PacketCounter(table.text("field"), table.whole("modulo", lowest=2))
+    table = top.table("counter", {"field", "modulo", "step"})
+    modulo = table.whole("modulo", lowest=2, highest=2**62)
+    return PacketCounter(table.text("field"), modulo, table.whole("step", 1, 1, max(1, modulo // 2)))
 
 
-def _device_time(top: Table, faults: list[str]) -> DeviceTime | None:
+def _device_time(top: Table) -> DeviceTime | None:
     if "device_time" not in top.values:
         return None
-    table = Table(top.values["device_time"], "framing.device_time", {"field", "tick_s", "modulo"}, faults)
-    return DeviceTime(table.text("field"), table.number("tick_s", positive=True), table.whole("modulo", 0))
+    table = top.table("device_time", {"field", "tick_s", "modulo"})
+    return DeviceTime(
+        table.text("field"), table.number("tick_s", positive=True), table.whole("modulo", 0, highest=2**62)
+    )
 
 
 def _contradictions(framing: Framing) -> list[str]:
@@ -215,18 +170,22 @@ def _contradictions(framing: Framing) -> list[str]:
     for key, used in (("counter", framing.counter), ("device_time", framing.device_time)):
         if used is not None and used.field not in names:
             faults.append(f"framing.{key}.field: no field {used.field!r}; there are {', '.join(names)}")
-    fixed = framing.length.fixed
-    if framing.kind != "sync":
+    if framing.kind not in ("sync", "fixed"):
         return faults
-    trailer = framing.checksum.size if framing.checksum else 0
-    if fixed is not None and fixed < len(framing.sync) + trailer:
+    checksum = framing.checksum
+    for value, length in framing.length.by_value.items():
+        if not framing.length.head <= length <= framing.maximum:
+            faults.append(f"framing.length.of: {length} bytes for {value:#x} do not hold the head, or exceed `max`")
+    if (fixed := framing.length.fixed) is None:
+        return faults
+    data = fixed - framing.trailer
+    if fixed < len(framing.sync) + framing.trailer:
         faults.append(f"framing.length.fixed: {fixed} bytes do not hold the sync bytes and the checksum")
-    if fixed is not None and fixed > framing.maximum:
+    if fixed > framing.maximum:
         faults.append(f"framing.max: {framing.maximum} is less than the fixed length {fixed}")
-    if fixed is not None and framing.checksum is not None and framing.checksum.start > fixed - trailer:
-        faults.append(f"framing.checksum.from: byte {framing.checksum.start} lies behind the frame's data")
-    for frame_type in framing.types:
-        for field in frame_type.fields:
-            if fixed is not None and field.element is None and field.at + field.size > fixed - trailer:
-                faults.append(f"framing.fields {field.name!r}: its bytes from {field.at} lie behind the frame's data")
+    if checksum is not None and checksum.start > data:
+        faults.append(f"framing.checksum.from: byte {checksum.start} lies behind the frame's data")
+    for field in framing.fields:
+        if field.element is None and field.at + field.size > data:
+            faults.append(f"framing.fields {field.name!r}: its bytes from {field.at} lie behind the frame's data")
     return faults

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 from daq.errors import nearest_first
@@ -25,13 +26,41 @@ class Table:
         """Note a fault."""
         self.faults.append(f"{'.'.join(part for part in (self.where, key) if part)}: {problem}")
 
-    def whole(self, key: str, default: int | None = None, lowest: int = 0) -> int:
+    def table(self, key: str, known: set[str]) -> Table:
+        """Take a table within this one."""
+        return Table(self.values[key], f"{self.where}.{key}", known, self.faults)
+
+    def whole(self, key: str, default: int | None = None, lowest: int = 0, highest: int = 2**31 - 1) -> int:
         """Take a whole number; required if there is no default."""
         value = self.values.get(key, default)
-        if isinstance(value, bool) or not isinstance(value, int) or value < lowest:
-            self.fault(key, "is missing" if value is None else f"must be a whole number from {lowest}, found {value!r}")
+        if isinstance(value, bool) or not isinstance(value, int) or not lowest <= value <= highest:
+            too_large = isinstance(value, int) and value > highest
+            limit = f"up to {highest}" if too_large else f"from {lowest}"
+            self.fault(key, "is missing" if value is None else f"must be a whole number {limit}, found {value!r}")
             return lowest if default is None else max(default, lowest)
         return value
+
+    def whole_by_hex(self, key: str, size: int) -> Mapping[int, int]:
+        """Take a table of whole numbers by values of ``size`` bytes, written in hexadecimal; empty if missing."""
+        if key not in self.values:
+            return MappingProxyType({})
+        numbers = self.values[key]
+        found = {}
+        if not isinstance(numbers, Mapping) or not numbers:
+            self.fault(key, f'must be a table such as {{ "49" = 9 }}, found {numbers!r}')
+            return MappingProxyType({})
+        for text, number in numbers.items():
+            try:
+                value = int.from_bytes(bytes.fromhex(str(text)), "big")
+            except ValueError:
+                value = -1
+            if not 0 <= value < 256**size:
+                self.fault(key, f"{text!r} is no value of {size} bytes in hexadecimal")
+            elif isinstance(number, bool) or not isinstance(number, int) or number < 1:
+                self.fault(key, f"the length for {text!r} must be a whole number from 1, found {number!r}")
+            else:
+                found[value] = number
+        return MappingProxyType(found)
 
     def number(self, key: str, default: float | None = None, *, positive: bool = False) -> float:
         """Take a finite number; required if there is no default."""

@@ -1,73 +1,27 @@
 """The stream decoder: bytes are fed in pieces of any size, frames come out.
 
 How the stream is cut into pieces changes nothing. After a bad checksum the search goes on one byte
-further, not one frame further: the bytes that failed may hold the beginning of a good frame.
+further, not one frame further: the bytes that failed may hold the beginning of a good frame. Where a
+delimiter or a silence bounds a frame, the search goes on behind that.
+
+`FrameDecoder.next_frame` is the definition: it goes from frame to frame. `FrameDecoder.take` gives the same
+frames by blocks; while frames of equal length follow each other without a gap it checks them as rows of an
+array, and leaves everything else to `next_frame`.
 """
 
 from __future__ import annotations
 
-import math
-from dataclasses import asdict, dataclass
-from enum import Enum, auto
-from typing import Final, Literal
+from collections import deque
+from dataclasses import replace
 
-from daq.frames.framing import Field, Framing
+import numpy as np
 
+from daq.frames.acceptance import Acceptance
+from daq.frames.frame_set import Counters, Frame, FrameSet, Run, gathered
+from daq.frames.framing import Framing
+from daq.frames.search import NEED_DATA, Found, Search, search_for
 
-class _NeedData(Enum):
-    NEED_DATA = auto()
-
-
-NEED_DATA: Final = _NeedData.NEED_DATA
-"""What `FrameDecoder.next_frame` returns when the bytes so far hold no further frame."""
-
-
-@dataclass(frozen=True)
-class Frame:
-    """One frame of a stream.
-
-    Attributes
-    ----------
-    start : int
-        Byte of the stream at which it begins.
-    end : int
-        Byte of the stream behind it, its delimiter included.
-    data : bytes
-        The whole frame; of a line, the text between start and checksum or delimiter.
-    """
-
-    start: int
-    end: int
-    data: bytes
-
-
-@dataclass
-class Counters:
-    """What a decoder met.
-
-    Attributes
-    ----------
-    received : int
-        Good frames.
-    bad_checksum : int
-        Places that looked like a frame and had a wrong checksum.
-    bad_length : int
-        Places with an impossible length, overlong lines, and lines without the declared numbers.
-    skipped_bytes : int
-        Bytes outside of good frames.
-    unknown_types : int
-        Good frames that no frame type fits.
-    """
-
-    received: int = 0
-    bad_checksum: int = 0
-    bad_length: int = 0
-    skipped_bytes: int = 0
-    unknown_types: int = 0
-
-    def as_dict(self) -> dict[str, int]:
-        """Return the counts by name."""
-        return asdict(self)
+_FEWEST_ROWS, _MOST_ROWS = 16, 4096
 
 
 class FrameDecoder:
@@ -85,133 +39,136 @@ class FrameDecoder:
     def __init__(self, framing: Framing) -> None:
         self.counters = Counters()
         self._framing = framing
-        self._buffer = bytearray()
-        self._at = 0
-        self._offset = 0
+        self._acceptance = Acceptance(framing)
+        self._search: Search = search_for(framing, self._acceptance, self.counters)
+        self._buffer = self._search.buffer
+        self._breaks: deque[int] = deque()
+        self._skipped_before: int | None = None
+        self._heard_s: float | None = None
         self._closed = False
-        self._overlong = False
+        self._in_rows = framing.kind in ("sync", "fixed") and self._acceptance.by_rows
+        self._rows = _FEWEST_ROWS
+        self._length = 0
 
-    def feed(self, data: bytes) -> None:
-        """Add bytes to the stream; ValueError after `close`."""
+    def feed(self, data: bytes, host_s: float | None = None) -> None:
+        """Add the bytes of one read of the port.
+
+        Parameters
+        ----------
+        data : bytes
+            May be empty, to let time pass.
+        host_s : float or None
+            Host time of the read, counted from any start. A silence longer than `Framing.silence_s` ends
+            what came before it; the time that the bytes of this read took on the line, which the baud rate
+            tells, is no silence.
+
+        Raises
+        ------
+        ValueError
+            After `close`; without host time if frames end by silence.
+        """
         if self._closed:
             raise ValueError("the decoder is closed")
-        del self._buffer[: self._at]
-        self._at = 0
+        search = self._search
+        if host_s is None:
+            if self._framing.kind == "idle":
+                raise ValueError("frames that end by silence need the host time of each read")
+        else:
+            if self._heard_s is not None and self._framing.silence_s:
+                silence_s = host_s - self._heard_s - len(data) * self._framing.byte_s
+                if silence_s > self._framing.silence_s:
+                    self.interrupt()
+            if data or self._heard_s is None:
+                self._heard_s = host_s
+        search.drop_searched()
         self._buffer += data
+
+    def interrupt(self) -> None:
+        """Note that the stream was interrupted here: what waits for more bytes will not get them."""
+        at = self._search.offset + len(self._buffer) - self._search.at
+        if not self._breaks or self._breaks[-1] != at:
+            self._breaks.append(at)
 
     def close(self) -> None:
         """End the stream: what waits for more bytes is searched once more, then counted as skipped."""
         self._closed = True
 
-    def next_frame(self) -> Frame | Literal[_NeedData.NEED_DATA]:
+    def next_frame(self) -> Found:
         """Return the next good frame, or `NEED_DATA`."""
-        frame = self._next_binary() if self._framing.kind == "sync" else self._next_line()
-        if frame is not NEED_DATA:
-            self.counters.received += 1
-            self.counters.unknown_types += self._framing.type_of(frame.data) is None
+        while self._breaks:
+            frame = self._next_before_break()
+            if frame is not NEED_DATA:
+                return self._received(frame)
+        frame = self._search.next(len(self._buffer), ended=self._closed)
+        return frame if frame is NEED_DATA else self._received(frame)
+
+    def take(self) -> FrameSet:
+        """Return all good frames that the bytes so far hold and that were not returned before."""
+        runs: list[Run] = []
+        while True:
+            while self._in_rows and self._length and self._take_rows(runs):
+                pass
+            frame = self.next_frame()
+            if frame is NEED_DATA:
+                return gathered(runs, replace(self.counters))
+            self._length = len(frame.data)
+            runs.append(Run(frame.data, self._length, 1, frame.end))
+
+    def _received(self, frame: Frame) -> Frame:
+        self.counters.received += 1
+        if self._acceptance.selective and self._framing.type_of(frame.data) is None:
+            self.counters.unknown_types += 1
         return frame
 
-    def _skip_to(self, at: int) -> None:
-        self.counters.skipped_bytes += at - self._at
-        self._advance_to(at)
+    def _next_before_break(self) -> Found:
+        """Search up to the first break as if more bytes could come, then as if none could."""
+        search, end = self._search, self._breaks[0] - self._search.offset + self._search.at
+        if self._skipped_before is None:
+            frame = search.next(end, ended=False)
+            if frame is not NEED_DATA:
+                return frame
+            self._skipped_before = self.counters.skipped_bytes
+        frame = search.next(end, ended=True)
+        if frame is NEED_DATA:
+            if self._framing.kind != "idle" and self.counters.skipped_bytes > self._skipped_before:
+                self.counters.timed_out += 1
+            self._skipped_before = None
+            self._breaks.popleft()
+        return frame
 
-    def _advance_to(self, at: int) -> None:
-        self._offset += at - self._at
-        self._at = at
+    def _take_rows(self, runs: list[Run]) -> bool:
+        """Take the good frames at the front if they are many of one length; tell whether none was refused."""
+        search, framing, buffer, length = self._search, self._framing, self._buffer, self._length
+        if self._skipped_before is not None:
+            return False
+        end = self._breaks[0] - search.offset + search.at if self._breaks else len(buffer)
+        at, sync = search.at, framing.sync
+        behind_last = len(sync) if framing.look_ahead else 0
+        count = min((end - at - behind_last) // length, self._rows)
+        if count < _FEWEST_ROWS // 2 or not (self._begins_alike(at) and self._begins_alike(at + length)):
+            return False
+        data = bytes(buffer[at : at + count * length])
+        rows = np.frombuffer(data, dtype=np.uint8).reshape(count, length)
+        good, known = self._acceptance.good_rows(rows)
+        if sync:
+            synced = (rows[:, : len(sync)] == rows[0, : len(sync)]).all(axis=1)
+            good &= synced
+            if framing.look_ahead:
+                good[:-1] &= synced[1:]
+                good[-1] &= buffer.startswith(sync, at + count * length)
+        if framing.length.fixed is None:
+            stated = rows[:, framing.length.at : framing.length.head]
+            good &= (stated == stated[0]).all(axis=1)
+        taken = count if good.all() else int(good.argmin())
+        self._rows = min(2 * self._rows, _MOST_ROWS) if taken == count else max(self._rows // 2, _FEWEST_ROWS)
+        if taken:
+            runs.append(Run(data[: taken * length], length, taken, search.offset + length))
+            search.advance_to(at + taken * length)
+            self.counters.received += taken
+            self.counters.unknown_types += int(taken - known[:taken].sum())
+        return taken == count
 
-    def _next_binary(self) -> Frame | Literal[_NeedData.NEED_DATA]:
-        framing, buffer = self._framing, self._buffer
-        head = max(framing.length.head, len(framing.sync))
-        smallest = max(head, framing.checksum.start + framing.checksum.size if framing.checksum else 1)
-        while True:
-            at = buffer.find(framing.sync, self._at)
-            if at < 0:
-                kept = 0 if self._closed else min(len(framing.sync) - 1, len(buffer) - self._at)
-                self._skip_to(len(buffer) - kept)
-                return NEED_DATA
-            self._skip_to(at)
-            if len(buffer) - at >= head:
-                total = framing.length.of(buffer, at)
-                if not smallest <= total <= framing.maximum:
-                    self.counters.bad_length += 1
-                    self._skip_to(at + 1)
-                    continue
-                if len(buffer) - at >= total:
-                    data = bytes(buffer[at : at + total])
-                    if framing.checksum is None or framing.checksum.holds(data):
-                        start = self._offset
-                        self._advance_to(at + total)
-                        return Frame(start, self._offset, data)
-                    self.counters.bad_checksum += 1
-                    self._skip_to(at + 1)
-                    continue
-            if not self._closed:
-                return NEED_DATA
-            self._skip_to(at + 1)
-
-    def _next_line(self) -> Frame | Literal[_NeedData.NEED_DATA]:
-        framing, buffer = self._framing, self._buffer
-        while True:
-            end = buffer.find(framing.delimiter, self._at)
-            if end < 0:
-                return self._wait_for_delimiter()
-            behind = end + len(framing.delimiter)
-            line, overlong = bytes(buffer[self._at : end]), self._overlong
-            self._overlong = False
-            if overlong or len(line) > framing.maximum:
-                self.counters.bad_length += 1
-                self._skip_to(behind)
-                continue
-            begins = line.rfind(framing.start) if framing.start else 0
-            body = line[max(begins, 0) :].strip(b"\r\n")
-            if begins < 0 or not body.strip() or (framing.comment and body.startswith(framing.comment)):
-                self._skip_to(behind)
-                continue
-            data = self._checked_line(body)
-            if data is None:
-                self._skip_to(behind)
-                continue
-            self._skip_to(self._at + begins)
-            start = self._offset
-            self._advance_to(behind)
-            return Frame(start, self._offset, data)
-
-    def _wait_for_delimiter(self) -> Literal[_NeedData.NEED_DATA]:
-        """Keep what may be a line's beginning; give up a line that is too long."""
-        waiting = len(self._buffer) - self._at
-        if self._closed:
-            self._skip_to(len(self._buffer))
-        elif self._overlong or waiting > self._framing.maximum + len(self._framing.delimiter):
-            self._overlong = True
-            self._skip_to(len(self._buffer) - min(waiting, len(self._framing.delimiter) - 1))
-        return NEED_DATA
-
-    def _checked_line(self, body: bytes) -> bytes | None:
-        """Return a line without its checksum if that is right and its numbers are there."""
-        checksum = self._framing.checksum
-        if checksum is not None:
-            body, star, stated = body.rpartition(b"*")
-            try:
-                right = bool(star) and int(stated, 16) == checksum.algorithm.of(body[checksum.start :])
-            except ValueError:
-                right = False
-            if not right:
-                self.counters.bad_checksum += 1
-                return None
-        frame_type = self._framing.type_of(body)
-        if frame_type is not None and not all(
-            cell_value(body, field, self._framing.separator) is not None for field in frame_type.fields
-        ):
-            self.counters.bad_length += 1
-            return None
-        return body
-
-
-def cell_value(line: bytes, field: Field, separator: str) -> float | None:
-    """Return the finite number in a field's cell of a line, unscaled; None if there is none."""
-    cells = line.split(separator.encode())
-    try:
-        value = float(cells[field.at])
-    except (ValueError, IndexError):
-        return None
-    return value if math.isfinite(value) else None
+    def _begins_alike(self, at: int) -> bool:
+        """Tell whether what begins at a byte of the buffer looks like a frame as long as the last one."""
+        framing = self._framing
+        return self._buffer.startswith(framing.sync, at) and framing.length.of(self._buffer, at) == self._length

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.frames.decoder import cell_value
-from daq.frames.framing import TYPE_SIZES, Elements, Field, FrameType, Framing
-from daq.frames.scan import FrameSet
+from daq.frames.acceptance import cell_value
+from daq.frames.field import Elements, Field, FrameType
+from daq.frames.frame_set import FrameSet
+from daq.frames.framing import Framing
+from daq.frames.number import numbers_at
+
+Places = NDArray[np.int64]
+
+_MOST_LAYOUTS = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,27 +57,39 @@ def decode_fields(framing: Framing, frames: FrameSet) -> dict[str, FieldSeries]:
         By the field's name, in the declared order.
     """
     series: dict[str, FieldSeries] = {}
-    left = np.ones(frames.begins.size, dtype=bool)
-    for frame_type in framing.types:
-        chosen = np.flatnonzero(left & _fits(framing, frame_type, frames))
-        left[chosen] = False
+    for frame_type, chosen in zip(framing.types, _of_types(framing, frames), strict=True):
         if framing.kind == "delimiter":
-            found = _from_lines(framing, frame_type, frames, chosen)
+            series |= _from_lines(framing, frame_type, frames, chosen)
         elif frame_type.elements is not None:
-            found = _from_elements(framing, frame_type, frame_type.elements, frames, chosen)
+            series |= _from_elements(framing, frame_type, frame_type.elements, frames, chosen)
         else:
-            found = _from_places(framing, frame_type, frames, chosen)
-        series |= found
+            series |= _from_places(framing, frame_type, frames, chosen)
     return series
 
 
-def _fits(framing: Framing, frame_type: FrameType, frames: FrameSet) -> NDArray[np.bool_]:
+def _of_types(framing: Framing, frames: FrameSet) -> list[Places]:
+    """Return the numbers of the frames of each type; a frame is of the first type that fits."""
+    if framing.kind == "delimiter":
+        number = {id(frame_type): i for i, frame_type in enumerate(framing.types)}
+        found: list[list[int]] = [[] for _ in framing.types]
+        for i in range(frames.begins.size):
+            frame_type = framing.type_of(frames.frame(i))
+            if frame_type is not None:
+                found[number[id(frame_type)]].append(i)
+        return [np.array(one, dtype=np.int64) for one in found]
+    left = np.ones(frames.begins.size, dtype=bool)
+    chosen = []
+    for frame_type in framing.types:
+        fits = left & _fits(frame_type, frames)
+        left &= ~fits
+        chosen.append(np.flatnonzero(fits).astype(np.int64))
+    return chosen
+
+
+def _fits(frame_type: FrameType, frames: FrameSet) -> NDArray[np.bool_]:
     when = frame_type.when
     if when is None:
         return np.ones(frames.begins.size, dtype=bool)
-    if framing.kind == "delimiter":
-        one = Framing(framing.kind, (frame_type,), separator=framing.separator)
-        return np.array([one.type_of(frames.frame(i)) is not None for i in range(frames.begins.size)], dtype=bool)
     data = np.frombuffer(frames.buffer, dtype=np.uint8)
     fits = frames.lengths >= when.at + len(when.equals)
     for i, byte in enumerate(when.equals):
@@ -78,86 +97,71 @@ def _fits(framing: Framing, frame_type: FrameType, frames: FrameSet) -> NDArray[
     return fits
 
 
-def _from_places(
-    framing: Framing, frame_type: FrameType, frames: FrameSet, chosen: NDArray[np.intp]
-) -> dict[str, FieldSeries]:
-    trailer = framing.checksum.size if framing.checksum else 0
+def _from_places(framing: Framing, frame_type: FrameType, frames: FrameSet, chosen: Places) -> dict[str, FieldSeries]:
     series = {}
     for field in frame_type.fields:
-        held = chosen[frames.lengths[chosen] - trailer >= field.at + field.size]
-        series[field.name] = FieldSeries(
-            field, held.astype(np.int64), _numbers(frames.buffer, frames.begins[held] + field.at, field)
-        )
+        held = chosen[frames.lengths[chosen] - framing.trailer >= field.at + field.size]
+        series[field.name] = FieldSeries(field, held, numbers_at(frames.buffer, frames.begins[held] + field.at, field))
     return series
 
 
 def _from_elements(
-    framing: Framing, frame_type: FrameType, elements: Elements, frames: FrameSet, chosen: NDArray[np.intp]
+    framing: Framing, frame_type: FrameType, elements: Elements, frames: FrameSet, chosen: Places
 ) -> dict[str, FieldSeries]:
-    """Walk through the elements of each frame; an element too short for a field does not hold it."""
-    trailer = framing.checksum.size if framing.checksum else 0
-    places: dict[str, list[tuple[int, int]]] = {field.name: [] for field in frame_type.fields}
-    by_element: dict[int, list[Field]] = {}
-    for field in frame_type.fields:
-        by_element.setdefault(field.element or 0, []).append(field)
-    for i in chosen.tolist():
-        at, end = int(frames.begins[i]) + elements.start, int(frames.begins[i] + frames.lengths[i]) - trailer
-        for identifier, begin, size in _elements_between(frames.buffer, at, end, elements):
-            for field in by_element.get(identifier, ()):
-                if field.at + field.size <= size and (not places[field.name] or places[field.name][-1][0] != i):
-                    places[field.name].append((i, begin + field.at))
+    """Read fields out of elements; one too short for a field does not hold it, and of several the first counts."""
+    found: dict[str, list[tuple[Places, int]]] = {field.name: [] for field in frame_type.fields}
+    for numbers, places in _layouts(framing, frames, elements, chosen):
+        for field in frame_type.fields:
+            for identifier, at, size in places:
+                if identifier == field.element and field.at + field.size <= size:
+                    found[field.name].append((numbers, at + field.at))
+                    break
     series = {}
     for field in frame_type.fields:
-        found = np.array(places[field.name], dtype=np.int64).reshape(-1, 2)
-        series[field.name] = FieldSeries(field, found[:, 0], _numbers(frames.buffer, found[:, 1], field))
+        none = np.zeros(0, dtype=np.int64)
+        held = np.concatenate([none, *(numbers for numbers, _ in found[field.name])])
+        begins = np.concatenate([none, *(frames.begins[numbers] + at for numbers, at in found[field.name])])
+        order = np.argsort(held, kind="stable")
+        series[field.name] = FieldSeries(field, held[order], numbers_at(frames.buffer, begins[order], field))
     return series
 
 
-def _elements_between(buffer: bytes, at: int, end: int, elements: Elements) -> list[tuple[int, int, int]]:
-    """Return identifier, first byte and size of each element's data, up to the first that does not fit."""
-    order: Literal["big", "little"] = "big" if elements.big_endian else "little"
-    id_size, length_size = TYPE_SIZES[elements.id_type], TYPE_SIZES[elements.length_type]
-    found = []
-    while at + id_size + length_size <= end:
-        id_at, length_at = (at, at + id_size) if elements.id_first else (at + length_size, at)
-        identifier = int.from_bytes(buffer[id_at : id_at + id_size], order)
-        size = int.from_bytes(buffer[length_at : length_at + length_size], order) - elements.length_includes
-        at += id_size + length_size
-        if size < 0 or at + size > end:
-            break
-        found.append((identifier, at, size))
-        at += size
-    return found
+def _layouts(
+    framing: Framing, frames: FrameSet, elements: Elements, chosen: Places
+) -> Iterator[tuple[Places, list[tuple[int, int, int]]]]:
+    """Group frames whose elements stand alike, each with identifier, first byte in the frame, and size of each.
+
+    A device sends few different layouts; where there are many, each frame is one group.
+    """
+    data = np.frombuffer(frames.buffer, dtype=np.uint8)
+    left = chosen
+    for _ in range(_MOST_LAYOUTS):
+        if not left.size:
+            return
+        first, length = int(frames.begins[left[0]]), int(frames.lengths[left[0]])
+        end = length - framing.trailer
+        places = elements.places(frames.buffer[first : first + length], elements.start, end)
+        behind = places[-1][1] + places[-1][2] if places else elements.start
+        heads = [range(at - elements.head, at) for _, at, _ in places]
+        if behind + elements.head <= end:
+            heads.append(range(behind, behind + elements.head))  # of one that does not fit, and might elsewhere
+        alike = frames.lengths[left] == length
+        for at in (at for head in heads for at in head):
+            alike[alike] = data[frames.begins[left[alike]] + at] == data[first + at]
+        yield left[alike], places
+        left = left[~alike]
+    for i in range(left.size):
+        frame = frames.frame(int(left[i]))
+        yield left[i : i + 1], elements.places(frame, elements.start, len(frame) - framing.trailer)
 
 
-def _from_lines(
-    framing: Framing, frame_type: FrameType, frames: FrameSet, chosen: NDArray[np.intp]
-) -> dict[str, FieldSeries]:
-    lines = [frames.frame(i) for i in chosen.tolist()]
+def _from_lines(framing: Framing, frame_type: FrameType, frames: FrameSet, chosen: Places) -> dict[str, FieldSeries]:
+    separator = framing.separator.encode()
+    rows = [frames.frame(i).split(separator) for i in chosen.tolist()]
     return {
-        field.name: FieldSeries(
-            field,
-            chosen.astype(np.int64),
-            np.array([cell_value(line, field, framing.separator) for line in lines], dtype=np.float64),
-        )
+        field.name: FieldSeries(field, chosen, np.array([cell_value(cells, field) for cells in rows], dtype=np.float64))
         for field in frame_type.fields
     }
-
-
-def _numbers(buffer: bytes, begins: NDArray[np.int64], field: Field) -> NDArray[Any]:
-    """Read one binary number at each of some bytes of a buffer, shape (n,)."""
-    data = np.frombuffer(buffer, dtype=np.uint8)
-    rows = data[begins[:, None] + np.arange(field.size)]
-    if not field.big_endian:
-        rows = rows[:, ::-1]
-    if field.type[0] == "f":
-        return np.ascontiguousarray(rows).view(f">f{field.size}").reshape(-1).astype(np.float64)
-    value = np.zeros(begins.size, dtype=np.int64)
-    for column in rows.T:
-        value = value << 8 | column
-    if field.type[0] == "i":
-        value -= (value >> (8 * field.size - 1)) << (8 * field.size)
-    return value
 
 
 def unwrap(counts: NDArray[Any], modulo: int) -> NDArray[Any]:
@@ -184,18 +188,21 @@ def unwrap(counts: NDArray[Any], modulo: int) -> NDArray[Any]:
     return np.concatenate([np.zeros(1, dtype=counts.dtype), np.cumsum(steps)])
 
 
-def gaps(counts: NDArray[np.int64], modulo: int) -> tuple[int, int]:
+def gaps(counts: NDArray[np.int64], modulo: int, step: int = 1) -> tuple[int, int]:
     """Count the places where a packet counter misses frames, and the frames that are missing.
 
     Parameters
     ----------
     counts : ndarray of int64, shape (n,)
     modulo : int
+    step : int
+        What the counter counts from one frame to the next.
 
     Returns
     -------
     tuple of int
-        Gaps and missing frames; repeated or backward counts are gaps without missing frames.
+        Gaps and missing frames; repeated, backward and odd counts are gaps, and those of less than two steps
+        have no missing frames.
     """
     steps = np.diff(unwrap(counts, modulo))
-    return int((steps != 1).sum()), int((steps[steps > 1] - 1).sum())
+    return int((steps != step).sum()), int((steps[steps > step] // step - 1).sum())

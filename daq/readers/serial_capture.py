@@ -20,13 +20,23 @@ from daq.channel import RawCounts
 from daq.errors import CorruptFileError, FramingError, MissingChannelError, ReadError
 from daq.frames.capture_file import MAGIC, WALL_CLOCK_NS, Capture, parse_capture
 from daq.frames.declaration import framing_from_table
+from daq.frames.frame_set import FrameSet
 from daq.frames.framing import Framing
-from daq.frames.scan import FrameSet, find_frames
+from daq.frames.scan import find_frames_of_capture
 from daq.frames.values import FieldSeries, decode_fields, gaps, unwrap
 from daq.readers.reader import Declarations, SignalHeader
 from daq.readers.serial_time import back_dated, fit_host, increasing
 from daq.timebase import AbsoluteStart, TimeBase
 from daq.track import Track
+
+_LOSSES = {
+    "bad_checksum": "places looked like a frame and had a wrong checksum",
+    "bad_length": "places looked like a frame and had a wrong length or no numbers",
+    "implausible": "places looked like a frame and had a value beyond what is declared plausible",
+    "not_followed": "places looked like a frame and were not followed by the next one",
+    "unknown_types": "frames are of no declared type",
+    "timed_out": "silences ended a half frame",
+}
 
 CUT = "the file ends inside a record: it may have been cut"
 
@@ -87,7 +97,14 @@ class SerialRecording:
     def __init__(self, path: Path, capture: Capture, framing: Framing, clock: str) -> None:
         self.path = path
         self._clock = clock
-        frames = find_frames(framing, capture.stream)
+        if framing.kind == "idle" and not capture.host_ns.size:
+            raise ReadError(
+                "frames that end by silence cannot be told apart without host times",
+                path=path,
+                expected="a capture with the host's time of each read",
+                remedy="record it as a capture, or declare a `framing` of another kind",
+            )
+        frames = find_frames_of_capture(framing, capture)
         counters = frames.counters.as_dict()
         if not frames.begins.size:
             raise CorruptFileError(
@@ -133,7 +150,9 @@ class SerialRecording:
         if framing.counter is None:
             notes.append("the framing declares no packet counter: missing frames cannot be seen")
             return
-        places, missing = gaps(series[framing.counter.field].raw.astype(np.int64), framing.counter.modulo)
+        places, missing = gaps(
+            series[framing.counter.field].raw.astype(np.int64), framing.counter.modulo, framing.counter.step
+        )
         self.metadata |= {"counter_gaps": places, "missing_frames": missing}
         if places:
             notes.append(f"the packet counter has {places} gaps: {missing} frames are missing")
@@ -146,7 +165,7 @@ class SerialRecording:
             return self._device_instants(framing, capture, frames, series, notes)
         if capture.host_ns.size and framing.baudrate:
             notes.append("samples are dated by the host's reads: their instants are uncertain by its delay")
-            return back_dated(capture.host_ns, capture.ends, frames.ends, framing.baudrate)
+            return back_dated(capture.host_ns, capture.ends, frames.ends, framing.byte_s)
         if framing.rate_hz:
             return self._counted_instants(framing, frames, series, notes)
         raise ReadError(
@@ -174,7 +193,7 @@ class SerialRecording:
         if backwards:
             notes.append(f"the device's clock stood still or stepped back {backwards} times")
         if capture.host_ns.size:
-            fit = fit_host(times_s, back_dated(capture.host_ns, capture.ends, frames.ends, framing.baudrate or np.inf))
+            fit = fit_host(times_s, back_dated(capture.host_ns, capture.ends, frames.ends, framing.byte_s))
             self.metadata["host_fit"] = None if fit is None else asdict(fit)
             start = _host_start(capture)
             self.metadata["host_start"] = None if start is None else start.text + "Z"
@@ -189,7 +208,8 @@ class SerialRecording:
             return np.arange(frames.begins.size) / framing.rate_hz
         counts = series[framing.counter.field]
         times_s = np.full(frames.begins.size, np.nan)
-        times_s[counts.frames] = unwrap(counts.raw.astype(np.int64), framing.counter.modulo) / framing.rate_hz
+        numbers = unwrap(counts.raw.astype(np.int64), framing.counter.modulo) / framing.counter.step
+        times_s[counts.frames] = numbers / framing.rate_hz
         return times_s
 
     def _find(self, name: str) -> tuple[FieldSeries, NDArray[np.bool_]]:
@@ -225,10 +245,7 @@ class SerialRecording:
 def _losses(capture: Capture, counters: dict[str, int]) -> list[str]:
     """Say what of the stream became no sample."""
     notes = [CUT] if capture.cut else []
-    if counters["bad_checksum"]:
-        notes.append(f"{counters['bad_checksum']} places looked like a frame and had a wrong checksum")
-    if counters["bad_length"]:
-        notes.append(f"{counters['bad_length']} places looked like a frame and had a wrong length or no numbers")
+    notes += [f"{counters[key]} {what}" for key, what in _LOSSES.items() if counters[key]]
     if counters["skipped_bytes"]:
         notes.append(f"{counters['skipped_bytes']} of {len(capture.stream)} bytes belong to no good frame")
     return notes

@@ -7,9 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-BITS_PER_BYTE = 10
-"""On the line: a start bit, eight data bits and a stop bit."""
-
 
 @dataclass(frozen=True)
 class HostFit:
@@ -31,12 +28,12 @@ class HostFit:
 
 
 def back_dated(
-    host_ns: NDArray[np.int64], read_ends: NDArray[np.int64], frame_ends: NDArray[np.int64], baudrate: float
+    host_ns: NDArray[np.int64], read_ends: NDArray[np.int64], frame_ends: NDArray[np.int64], byte_s: float
 ) -> NDArray[np.float64]:
     """Date frames back from the reads that delivered them.
 
     A read returns many frames at one instant. A frame ended on the line before the bytes behind it,
-    each of which took ten bit times: ``t = t_read - bytes_behind * 10 / baudrate``.
+    each of which took its bits' time: ``t = t_read - bytes_behind * bits_per_byte / baudrate``.
 
     Parameters
     ----------
@@ -46,8 +43,8 @@ def back_dated(
         Byte of the stream behind each read.
     frame_ends : ndarray of int64, shape (n_frames,)
         Byte of the stream behind each frame.
-    baudrate : float
-        Bits per second; infinity to leave the frames at their read.
+    byte_s : float
+        How long a byte takes on the line; 0 to leave the frames at their read.
 
     Returns
     -------
@@ -59,7 +56,7 @@ def back_dated(
     times_s = np.full(frame_ends.size, np.nan)
     at = reads[known]
     behind = read_ends[at] - frame_ends[known]
-    times_s[known] = (host_ns[at] - host_ns[0]) / 1e9 - behind * (BITS_PER_BYTE / baudrate)
+    times_s[known] = (host_ns[at] - host_ns[0]) / 1e9 - behind * byte_s
     return times_s
 
 

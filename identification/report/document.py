@@ -68,7 +68,13 @@ def report_document(
         "identified_share": chosen.trace.share,
         "trace": {"file": TRACE_FILE, "columns": list(TRACE_COLUMNS)},
         "budget": [
-            {"source": row.source, "u_kg": row.u_kg, "type": row.kind, "sensitivity_kg": row.sensitivity}
+            {
+                "source": row.source,
+                "u_kg": row.u_kg,
+                "type": row.kind,
+                "sensitivity_kg": row.sensitivity,
+                "sensitivity_per": row.sensitivity_per if row.sensitivity is not None else None,
+            }
             for row in sorted(estimate.budget, key=lambda row: -row.u_kg)
         ],
         "alignment": [
@@ -89,7 +95,11 @@ def report_document(
         ],
         "methods": [_method(name, result, found) for name, result in found.results.items()],
         "sensors": [
-            {"source": source, "departure_sigma": departure}
+            {
+                "source": source,
+                "departure_sigma": departure,
+                "significance": found.calibration.significances[source],
+            }
             for source, departure in found.calibration.departures.items()
         ],
         "valid": found.valid,

@@ -13,7 +13,7 @@ from identification.analysis import Identification
 from identification.mass import COVERAGE_FACTOR
 from identification.regression import FORCES
 from identification.report.figure import Figure, HorizontalLine, Panel, Span, Trace
-from identification.signals import Signals, on_grid
+from identification.signals import Signals, on_grid, without_delay
 from processing.filters import LowPass
 
 Array = NDArray[np.float64]
@@ -26,10 +26,15 @@ def report_figures(shot: Shot, found: Identification) -> list[Figure]:
     The first three are those of the 2013 paper for this shot: the mass over time, the angular rates raw
     and filtered, the active force.
     """
-    figures = [_mass(found), *_angular_rates(found), _force(found), _travel(shot, found), _residuals(found)]
     camera = shot.by_role("recoil_displacement")
     alignment = None if camera is None else found.alignments.get(camera.time_base.clock)
-    if camera is not None and alignment is not None and alignment.status != "failed" and alignment.details:
+    if camera is None or alignment is None or alignment.status == "failed":
+        camera = alignment = None
+    else:
+        camera = without_delay(camera, found.camera_delay_s)
+    figures = [_mass(found), *_angular_rates(found), _force(found), _travel(found, camera, alignment)]
+    figures.append(_residuals(found))
+    if camera is not None and alignment is not None and "candidates_s" in (alignment.details or {}):
         figures.append(_motion_alignment(alignment, found, camera))
     return [*figures, _spectrum(found)]
 
@@ -147,12 +152,10 @@ def _force(found: Identification) -> Figure:
     )
 
 
-def _travel(shot: Shot, found: Identification) -> Figure:
+def _travel(found: Identification, camera: Channel | None, alignment: ClockAlignment | None) -> Figure:
     t = found.filtered.times_s
     traces = [Trace("travel, camera and accelerometers", t, 1e3 * found.travel_m, "filtered", "mm")]
-    camera = shot.by_role("recoil_displacement")
-    alignment = found.alignments.get(camera.time_base.clock) if camera is not None else None
-    if camera is not None and alignment is not None and alignment.status != "failed":
+    if camera is not None and alignment is not None:
         at = alignment.to_reference(camera.time_base.times_s)
         traces.insert(0, Trace("camera", at, 1e3 * np.asarray(camera.samples), "points", "mm"))
     velocity = Trace("velocity", t, found.velocity_m_s, "filtered", "m/s")
@@ -182,8 +185,8 @@ def _residuals(found: Identification) -> Figure:
             _interval(found),
         )
     ]
-    if inside.size > 20:
-        spread = float(np.std(inside))
+    spread = float(np.std(inside)) if inside.size > 20 else 0.0
+    if spread > 0:
         counts, edges = np.histogram(inside, bins=np.linspace(-4 * spread, 4 * spread, 41), density=True)
         middles = 0.5 * (edges[1:] + edges[:-1])
         normal = np.exp(-0.5 * (middles / spread) ** 2) / (spread * math.sqrt(2 * math.pi))

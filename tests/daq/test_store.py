@@ -494,7 +494,7 @@ except StoreError as error:
 def _run(prepare: str, path: Path) -> subprocess.CompletedProcess[str]:
     script = SCRIPT.format(prepare=textwrap.dedent(prepare))
     root = Path(__file__).resolve().parents[2]
-    return subprocess.run(  # noqa: S603  # our own interpreter and our own script
+    return subprocess.run(  # our own interpreter and our own script
         [sys.executable, "-c", script, str(path)], cwd=root, capture_output=True, text=True, check=False, timeout=60
     )
 

@@ -198,7 +198,7 @@ def test_neither_import_nor_rendering_loads_plotly_s_package_or_pandas():
     )
     command = [sys.executable, "-c", code]
     root = Path(__file__).parents[2]
-    run = subprocess.run(command, capture_output=True, text=True, check=True, cwd=root)  # noqa: S603 - our own code
+    run = subprocess.run(command, capture_output=True, text=True, check=True, cwd=root)
     assert run.stdout.split("\n")[0] == "[] False"
 
 

@@ -10,8 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from daq.frames.declaration import framing_from_table
-from daq.frames.decoder import NEED_DATA, Counters, Frame, FrameDecoder
-from daq.frames.scan import find_by_decoder, find_fixed, find_frames
+from daq.frames.decoder import FrameDecoder
+from daq.frames.frame_set import Counters, Frame
+from daq.frames.scan import find_frames
+from daq.frames.search import NEED_DATA
 from tests.builders.vendor_files import FRAMING, serial_frame, serial_frames
 
 FIXED = framing_from_table(FRAMING)
@@ -100,10 +102,11 @@ def test_splitting_lines_anywhere_changes_nothing(framing: Any, stream: bytes, c
 @settings(max_examples=300, deadline=None)
 @given(stream=SHORT_ALPHABET)
 def test_the_whole_capture_scan_equals_the_stream_decoder(framing: Any, stream: bytes) -> None:
-    fast, slow = find_fixed(framing, stream, framing.length.fixed), find_by_decoder(framing, stream)
-    assert fast.counters == slow.counters
-    assert fast.ends.tolist() == slow.ends.tolist()
-    assert [fast.frame(i) for i in range(fast.ends.size)] == [slow.frame(i) for i in range(slow.ends.size)]
+    found = find_frames(framing, stream)
+    frames, counters = decoded(framing, [stream])
+    assert found.counters == counters
+    assert found.ends.tolist() == [frame.end for frame in frames]
+    assert [found.frame(i) for i in range(found.ends.size)] == [frame.data for frame in frames]
 
 
 @settings(max_examples=150, deadline=None)

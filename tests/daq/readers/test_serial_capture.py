@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from daq.frames.capture_file import MAGIC, pack_record, parse_capture
 from daq.readers.reader import Declarations
 from daq.readers.serial_capture import SerialCaptureReader, SerialRecording
 from daq.readers.serial_time import back_dated, fit_host, increasing
+from tests.builders.serial_packets import stamped_capture, summed
 from tests.builders.shared_data import shared_file
 from tests.builders.vendor_files import FRAMING, serial_capture, serial_frame, serial_frames
 
@@ -161,7 +163,7 @@ def test_a_capture_gives_back_its_reads_up_to_any_cut(reads: list[tuple[int, byt
 
 
 def test_bytes_of_a_cut_record_have_no_host_time() -> None:
-    times_s = back_dated(np.array([10, 20]) * 10**9, np.array([5, 9]), np.array([5, 7, 12]), 10.0)
+    times_s = back_dated(np.array([10, 20]) * 10**9, np.array([5, 9]), np.array([5, 7, 12]), 1.0)
     np.testing.assert_array_equal(times_s, [0.0, 8.0, np.nan])
 
 
@@ -192,25 +194,80 @@ def test_only_later_instants_increase() -> None:
     ]
 
 
-def test_real_xbus_captures_lose_only_the_samples_of_clock_steps() -> None:
-    framing = {
-        "kind": "sync",
-        "sync": "FA FF 36",
-        "length": {"at": 3, "type": "u8", "add": 5},
-        "endian": "big",
-        "checksum": {"algo": "neg-sum8", "from": 1},
-        "tlv": {"from": 4, "id": "u16", "len": "u8", "id_first": True},
-        "fields": [
-            {"name": "counter", "id": 0x1020, "type": "u16"},
-            {"name": "time", "id": 0x1060, "type": "u32"},
-            {"name": "ax", "id": 0x4020, "type": "f32", "unit": "m/s2"},
-        ],
-        "counter": {"field": "counter", "modulo": 65536},
-        "device_time": {"field": "time", "tick_s": 1e-4, "modulo": 2**32},
-    }
-    recording = READER.open(shared_file("serial/output1.bin"), Declarations("imu", framing=framing))
+def test_a_ready_made_framing_is_enough_for_real_xbus_captures_which_lose_only_the_samples_of_clock_steps() -> None:
+    recording = READER.open(shared_file("serial/output1.bin"), Declarations("imu", framing={"ready_made": "xsens-mti"}))
     assert recording.metadata["received"] == 100
     assert recording.metadata["counter_gaps"] == 0
     kept = recording.signals[0].sample_count
     assert 80 < kept < 100
     assert any(f"{100 - kept} of 100 samples" in note for note in recording.notes)
+    counted = {"ready_made": "xsens-mti", "without": ["device_time"], "rate_hz": 100.0}
+    recording = READER.open(shared_file("serial/output1.bin"), Declarations("imu", framing=counted))
+    assert recording.signals[0].sample_count == 100
+    np.testing.assert_allclose(recording.time_base("packet_counter").times_s, np.arange(100) / 100.0)
+
+
+def keller_reply(pressure_bar: float) -> bytes:
+    return summed(b"\x01\x49" + struct.pack(">fB", pressure_bar, 0), "crc16-modbus", "big")
+
+
+def test_polled_replies_are_dated_back_from_their_reads_and_half_ones_time_out(tmp_path: Path) -> None:
+    path = tmp_path / "keller.bin"
+    replies = [keller_reply(20.0 + i) for i in range(5)]
+    reads = [(0.02 * i, reply) for i, reply in enumerate(replies)]
+    path.write_bytes(stamped_capture([*reads[:3], (0.06, replies[3][:6]), (0.6, replies[4])]))
+    recording = READER.open(path, Declarations("brake", framing={"ready_made": "keller"}))
+    assert recording.read("pressure_1").tolist() == [20.0, 21.0, 22.0, 24.0]
+    np.testing.assert_allclose(recording.time_base("pressure_1").times_s, [0.0, 0.02, 0.04, 0.6])
+    assert recording.metadata["timed_out"] == 1
+    assert "1 silences ended a half frame" in recording.notes
+    assert any(note.startswith("error: no frame that holds it") for note in recording.notes)
+
+
+MODBUS = {
+    "kind": "idle",
+    "baudrate": 19200,
+    "checksum": {"algo": "crc16-modbus"},
+    "fields": [{"name": "p", "at": 3, "type": "u16", "endian": "big", "unit": "mbar"}],
+}
+
+
+def test_frames_between_silences_need_host_times(tmp_path: Path) -> None:
+    path = tmp_path / "modbus.bin"
+    frames = [summed(b"\x01\x03\x02" + struct.pack(">H", 1000 + i), "crc16-modbus") for i in range(4)]
+    reads = [
+        (0.1 * i + 1e-3 * half, frame[half * 3 : half * 3 + 3 + half])
+        for i, frame in enumerate(frames)
+        for half in (0, 1)
+    ]
+    path.write_bytes(stamped_capture(reads))
+    recording = READER.open(path, Declarations("brake", framing=MODBUS))
+    assert recording.read("p").tolist() == [1000.0, 1001.0, 1002.0, 1003.0]
+    assert recording.metadata["skipped_bytes"] == 0
+    path.write_bytes(b"".join(frames))
+    with pytest.raises(ReadError, match="without host times") as caught:
+        READER.open(path, Declarations("brake", framing=MODBUS))
+    assert "capture" in str(caught.value.remedy)
+
+
+def test_a_counter_may_count_in_steps(tmp_path: Path) -> None:
+    frames = [serial_frame(10 * i, 1000 * i, float(i)) for i in (0, 1, 2, 5, 6)]
+    recording = opened(
+        tmp_path,
+        b"".join(frames),
+        counter={"field": "counter", "modulo": 65536, "step": 10},
+        device_time=None,
+        rate_hz=100.0,
+    )
+    assert (recording.metadata["counter_gaps"], recording.metadata["missing_frames"]) == (1, 2)
+    np.testing.assert_allclose(recording.time_base("gyro").times_s, [0.0, 0.01, 0.02, 0.05, 0.06])
+
+
+def test_implausible_frames_are_counted_and_noted(tmp_path: Path) -> None:
+    fields = [
+        {**field, **({"plausible": [-1.0, 1.0]} if field["name"] == "gyro" else {})} for field in FRAMING["fields"]
+    ]
+    frames = [serial_frame(i, 1000 * i, 50.0 if i == 7 else 0.5) for i in range(20)]
+    recording = opened(tmp_path, b"".join(frames), fields=fields)
+    assert (recording.metadata["implausible"], recording.metadata["missing_frames"]) == (1, 1)
+    assert any("a value beyond what is declared plausible" in note for note in recording.notes)

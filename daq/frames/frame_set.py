@@ -1,0 +1,132 @@
+"""Frames that were found: one, many, and what was met on the way."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Frame(NamedTuple):
+    """One frame of a stream.
+
+    Attributes
+    ----------
+    start : int
+        Byte of the stream at which it begins.
+    end : int
+        Byte of the stream behind it, its delimiter included.
+    data : bytes
+        The whole frame, decoded if it was stuffed, its checksum included; of a line, the text between start
+        and checksum or delimiter.
+    """
+
+    start: int
+    end: int
+    data: bytes
+
+
+@dataclass
+class Counters:
+    """What a decoder met.
+
+    Attributes
+    ----------
+    received : int
+        Good frames.
+    bad_checksum : int
+        Places that looked like a frame and had a wrong checksum.
+    bad_length : int
+        Places with an impossible length or coding, overlong lines, and lines without the declared numbers.
+    skipped_bytes : int
+        Bytes outside of good frames.
+    unknown_types : int
+        Frames with a right checksum that no frame type fits: good ones, or refused ones where only known
+        types are accepted.
+    implausible : int
+        Places with a right checksum and a value beyond what is declared plausible.
+    not_followed : int
+        Places with a right checksum that no sync bytes follow, where look-ahead is declared.
+    timed_out : int
+        Silences that ended a half frame.
+    """
+
+    received: int = 0
+    bad_checksum: int = 0
+    bad_length: int = 0
+    skipped_bytes: int = 0
+    unknown_types: int = 0
+    implausible: int = 0
+    not_followed: int = 0
+    timed_out: int = 0
+
+    def as_dict(self) -> dict[str, int]:
+        """Return the counts by name."""
+        return asdict(self)
+
+    def note(self, fault: str) -> None:
+        """Count a fault by its name."""
+        setattr(self, fault, getattr(self, fault) + 1)
+
+
+@dataclass(frozen=True, eq=False)
+class FrameSet:
+    """Good frames of a stream.
+
+    Attributes
+    ----------
+    buffer : bytes
+        Where their bytes are.
+    begins : ndarray of int64, shape (n_frames,)
+        Each frame's first byte in the buffer.
+    lengths : ndarray of int64, shape (n_frames,)
+        Each frame's bytes in the buffer.
+    ends : ndarray of int64, shape (n_frames,)
+        Byte of the stream behind each frame.
+    counters : Counters
+        Of the stream so far.
+    """
+
+    buffer: bytes
+    begins: NDArray[np.int64]
+    lengths: NDArray[np.int64]
+    ends: NDArray[np.int64]
+    counters: Counters
+
+    def frame(self, i: int) -> bytes:
+        """Return one frame."""
+        return self.buffer[self.begins[i] : self.begins[i] + self.lengths[i]]
+
+
+class Run(NamedTuple):
+    """Frames of equal length that follow each other without a gap: their bytes and the first one's end."""
+
+    data: bytes
+    length: int
+    frames: int
+    first_end: int
+
+
+def gathered(runs: list[Run], counters: Counters) -> FrameSet:
+    """Put runs of frames together."""
+    table = np.array([(run.length, run.frames, run.first_end) for run in runs], dtype=np.int64).reshape(-1, 3)
+    counts = table[:, 1]
+    lengths = np.repeat(table[:, 0], counts)
+    number_in_run = np.arange(lengths.size) - np.repeat(np.cumsum(counts) - counts, counts)
+    ends = np.repeat(table[:, 2], counts) + number_in_run * lengths
+    return FrameSet(b"".join([run.data for run in runs]), np.cumsum(lengths) - lengths, lengths, ends, counters)
+
+
+def joined(sets: list[FrameSet], counters: Counters) -> FrameSet:
+    """Put sets of frames together, in their order."""
+    none = np.zeros(0, dtype=np.int64)
+    shifts = np.cumsum([0, *(len(s.buffer) for s in sets)])
+    return FrameSet(
+        b"".join(s.buffer for s in sets),
+        np.concatenate([none, *(s.begins + shift for s, shift in zip(sets, shifts, strict=False))]),
+        np.concatenate([none, *(s.lengths for s in sets)]),
+        np.concatenate([none, *(s.ends for s in sets)]),
+        counters,
+    )

@@ -1,0 +1,76 @@
+"""The mass by the camera: the kinematic route of the model, which checks the route by the accelerometer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from daq.channel import Channel
+from daq.shot import ClockAlignment, Shot
+from identification.calibration import CAMERA_SCALE, Calibration
+from identification.kinematics import Turning, kinematic_acceleration
+from identification.mass import ACCELERATION, MassEstimate, ScaleUncertainty, reverse_mass
+from identification.regression import Regression
+from identification.signals import Signals
+from identification.uncertainty import clock_contributions, cutoff_contribution, other_cutoffs, zero_contributions
+from processing.filters import LowPass
+from rigs.rig import Rig
+
+LARGEST_CUTOFF_HZ = 100.0
+"""Frame noise of 0.05 mm at 6000 frames/s is 25 m/s^2 of acceleration below 300 Hz, 1.6 m/s^2 below 100 Hz."""
+
+
+def mass_by_camera(
+    recorded: Regression,
+    signals: Signals,
+    motion: Turning,
+    shot: Shot,
+    rig: Rig,
+    camera: Channel,
+    alignment: ClockAlignment,
+    low_pass: LowPass,
+    scales: ScaleUncertainty,
+    calibration: Calibration,
+) -> tuple[Regression, MassEstimate]:
+    """Estimate the mass as `reverse_mass` does, with a' from the camera's displacement.
+
+    Parameters
+    ----------
+    recorded : Regression
+        Gives the forces.
+    signals, motion, shot, rig
+        As of the route by the accelerometer.
+    camera : Channel
+        Displacement on its own clock, without the delay of its chain.
+    alignment : ClockAlignment
+        Of that clock.
+    low_pass : LowPass
+        That of the accelerometer's route. A displacement differentiated twice needs a lower cut-off,
+        `LARGEST_CUTOFF_HZ` at the most; its forces pass the same filter.
+    scales : ScaleUncertainty
+    calibration : Calibration
+        Under whose corrections the forces are moved by what is uncertain of them.
+
+    Returns
+    -------
+    Regression, MassEstimate
+
+    Raises
+    ------
+    IdentificationError
+        If too few frames are left.
+    """
+
+    def behind(filter_: LowPass) -> Regression:
+        acceleration, trusted = kinematic_acceleration(signals, rig, motion, camera, alignment, filter_)
+        return recorded.filtered(filter_).with_acceleration(acceleration, trusted)
+
+    slow = LowPass(min(low_pass.cutoff_hz, LARGEST_CUTOFF_HZ), low_pass.half_order)
+    own_scales = replace(scales, acceleration=camera.u_rel)
+    regression = behind(slow)
+    estimate = reverse_mass(regression, own_scales)
+    others = [reverse_mass(behind(other), own_scales).mass_kg for other in other_cutoffs(slow, recorded.rate_hz)]
+    budget = [replace(row, source=CAMERA_SCALE) if row.source == ACCELERATION else row for row in estimate.budget]
+    budget += clock_contributions(regression, calibration, shot, "recoil_displacement")
+    budget += zero_contributions(regression, calibration, signals, rig)
+    budget.append(cutoff_contribution([estimate.mass_kg, *others]))
+    return regression, replace(estimate, method="kinematic", budget=tuple(budget))

@@ -1,0 +1,118 @@
+"""What speaks against a shot's mass, and what its reader should know."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from daq.shot import Shot
+from identification.calibration import CAMERA_SCALE, LARGEST_RESIDUAL, Calibration
+from identification.mass import ACCELERATION, RANDOM, MassEstimate
+from identification.regression import Regression
+from identification.signals import Signals
+from identification.trace import MassTrace
+from rigs.rig import Rig
+
+LEAST_SHARE = 0.5
+"""Below this share of identified samples the trace does not describe the shot."""
+LARGEST_SIGNIFICANCE = 3.29
+"""Of a sensor's departure from its calibration; by chance one of 1000 goes beyond, as in Baarda's w-test."""
+LARGEST_ROUTE_GAP = 3.0
+"""Combined standard uncertainties by which the two routes to the acceleration may differ."""
+
+
+def reasons_against(
+    shot: Shot,
+    rig: Rig,
+    signals: Signals,
+    estimates: Mapping[str, MassEstimate],
+    trace: MassTrace,
+    calibration: Calibration,
+) -> tuple[str, ...]:
+    """Say what speaks against the result.
+
+    Parameters
+    ----------
+    shot, rig, signals
+    estimates : mapping of str to MassEstimate
+        By method.
+    trace : MassTrace
+        Of the method that was asked for.
+    calibration : Calibration
+
+    Returns
+    -------
+    tuple of str
+        One sentence each, with its limit; empty if nothing does.
+    """
+    failed = [c for c in shot.quality if c.verdict == "fail" and c.check != "alignment"]
+    reasons = [f"quality: {c.channel}: {c.detail}" for c in failed]
+    doubtful = [a for a in shot.alignments if a.status != "ok"]
+    reasons += [f"clock {a.clock}: alignment {a.status}: {'; '.join(a.reasons)}" for a in doubtful]
+    if signals.quiet_s[0] == signals.quiet_s[1]:
+        reasons.append("no silence before the shot: the zeros of the sensors, and their uncertainties, are not known")
+    recuperator = rig.by_role("recuperator_pressure")
+    if recuperator is not None and recuperator.sensor.time_constant_s is not None:
+        reasons.append(f"{recuperator.name} is AC-coupled (time_constant_s): it does not read the pressure at rest")
+    if trace.share < LEAST_SHARE:
+        reasons.append(
+            f"only {100 * trace.share:.0f} % of the interval could be identified (limit {100 * LEAST_SHARE:.0f} %)"
+        )
+    reasons += _doubted_sensors(calibration)
+    residual, limit = calibration.estimate.residual_m_s2, calibration.largest_residual_m_s2
+    if residual > limit:
+        reasons.append(
+            f"mass and forces leave {residual:.3g} m/s^2 of the acceleration unexplained, limit {limit:.3g} m/s^2 "
+            f"({100 * LARGEST_RESIDUAL:g} % of its peak): check areas, units and signals of the pressures"
+        )
+    if "kinematic" in estimates:
+        inertial, camera = estimates["reverse"], estimates["kinematic"]
+        # both routes share the forces, so only what they do not share counts
+        apart = abs(inertial.mass_kg - camera.mass_kg)
+        own = math.hypot(*(r.u_kg for e in (inertial, camera) for r in e.budget if _not_shared(r.source)))
+        if apart > LARGEST_ROUTE_GAP * own:
+            reasons.append(
+                f"the accelerometer gives {inertial.mass_kg:.1f} kg and the camera {camera.mass_kg:.1f} kg, "
+                f"{apart / own:.1f} standard uncertainties apart (limit {LARGEST_ROUTE_GAP:g})"
+            )
+    return tuple(reasons)
+
+
+def _doubted_sensors(calibration: Calibration) -> list[str]:
+    """Name the calibrations that contradict the shot, the least likely first.
+
+    One wrong sensor pulls on those that it is compared with; which of them it is the shot alone may
+    not tell, so all that are beyond the limit are named.
+    """
+    beyond = {s: w for s, w in calibration.significances.items() if abs(w) > LARGEST_SIGNIFICANCE}
+    return [
+        f"{source} contradicts the other sensors: it reads {'high' if w > 0 else 'low'} by "
+        f"{abs(calibration.departures[source]):.1f} of its standard uncertainties if they are right "
+        f"({abs(w):.1f} standard deviations, limit {LARGEST_SIGNIFICANCE:g})"
+        for source, w in sorted(beyond.items(), key=lambda item: -abs(item[1]))
+    ]
+
+
+def _not_shared(source: str) -> bool:
+    return source in (RANDOM, ACCELERATION, CAMERA_SCALE)
+
+
+def notes_on(signals: Signals, recorded: Regression, trace: MassTrace) -> tuple[str, ...]:
+    """Say what a reader should know although it does not make the result invalid.
+
+    Parameters
+    ----------
+    signals : Signals
+    recorded : Regression
+    trace : MassTrace
+        Of the method that was asked for.
+    """
+    notes = [
+        f"no usable channel of role {role}: its term in the equation of motion is taken at rest"
+        for role in ("carriage_acceleration_x", "carriage_acceleration_y", "carriage_rate", "tipping_rate")
+        if role not in signals.series
+    ]
+    if recorded.interval_s[1] >= recorded.times_s[-1]:
+        notes.append("the record ends before the recoil does: the interval ends with it")
+    notes += [f"{count} samples not identified: {reason}" for reason, count in trace.reasons.items()]
+    return tuple(notes)

@@ -1,0 +1,82 @@
+"""Lost samples: bridges across them, and what lies near them.
+
+A bridge is there for recursions and integrals that cannot leave a sample out. It is never data: what
+depends on it must be marked, left out, or be a small term.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+def bridge(samples: Array, *, otherwise: float | None = None) -> Array:
+    """Bridge lost samples by straight lines; before the first and after the last one there, its value stands.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n,)
+        Evenly spaced; lost samples NaN.
+    otherwise : float, optional
+        What stands everywhere if no sample is there at all.
+
+    Returns
+    -------
+    ndarray of float64, shape (n,)
+        A new array.
+
+    Raises
+    ------
+    ValueError
+        If no sample is there at all and `otherwise` is not given, or the samples are not one series.
+    """
+    values = np.array(samples, dtype=np.float64)
+    if values.ndim != 1:
+        raise ValueError(f"samples must be one series of shape (n,), not {values.shape}")
+    lost = np.isnan(values)
+    if not lost.any():
+        return values
+    present = np.flatnonzero(~lost)
+    if present.size == 0:
+        if otherwise is None:
+            raise ValueError(f"none of the {values.size} samples is there: nothing to bridge from")
+        return np.full_like(values, otherwise)
+    values[lost] = np.interp(np.flatnonzero(lost), present, values[present])
+    return values
+
+
+def near(flags: Flags, reach: int) -> Flags:
+    """Spread flags by a number of samples to either side.
+
+    Parameters
+    ----------
+    flags : ndarray of bool, shape (n,)
+    reach : int
+        Samples; 0 gives the flags themselves.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+        True where a flag is set at most `reach` samples away.
+
+    Raises
+    ------
+    ValueError
+        If the reach is negative.
+    """
+    if reach < 0:
+        raise ValueError(f"reach must not be negative, not {reach}")
+    count = np.concatenate([[0], np.cumsum(flags, dtype=np.int64)])
+    index = np.arange(flags.size)
+    spread: Flags = count[np.minimum(index + reach + 1, flags.size)] > count[np.maximum(index - reach, 0)]
+    return spread
+
+
+def longest_run(flags: Flags) -> int:
+    """Return the length of the longest run of set flags, shape (n,); 0 if none is set."""
+    padded = np.concatenate([[False], flags, [False]])
+    edges = np.flatnonzero(padded[1:] != padded[:-1])
+    return int((edges[1::2] - edges[::2]).max()) if edges.size else 0

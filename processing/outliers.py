@@ -1,0 +1,86 @@
+"""Single frames that cannot belong to the motion around them: a spike, a duplicated picture.
+
+What is judged is the residual against a model of the motion, so that the motion's own quick changes are
+no outliers. A step is not one either: it is a frame that is missing from the file, and must show.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+LIMIT_SIGMA = 6.0
+"""Of the difference to what the neighbours predict: one in 5e8 frames exceeds it by chance."""
+
+
+def isolated_outliers(times_s: Array, residual: Array, sigma: float) -> Flags:
+    """Find values that lie off the cubic through two neighbours on either side.
+
+    The furthest off is taken first. It counts only if its neighbours agree with one another without it.
+
+    Parameters
+    ----------
+    times_s, residual : ndarray, shape (n,)
+        Times strictly increasing; no value missing.
+    sigma : float
+        White noise of the residual.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+        The first and the last two are never judged.
+    """
+    out = np.zeros(residual.size, dtype=bool)
+    suspects = _off(times_s, residual, sigma)
+    while suspects.size and np.max(suspects) > LIMIT_SIGMA:
+        i = 2 + int(np.argmax(suspects))
+        around = np.delete(np.arange(max(i - 4, 0), min(i + 5, residual.size)), i - max(i - 4, 0))
+        around = around[~out[around]]
+        without = _off(times_s[around], residual[around], sigma)
+        out[i] = not without.size or float(without.max()) <= max(LIMIT_SIGMA, 0.25 * float(suspects[i - 2]))
+        # what this one, or the step that it stands beside, says of its neighbours is settled by it
+        suspects[max(i - 4, 0) : i + 1] = 0.0
+    return out
+
+
+def stuck_repeats(positions: Array, residual: Array, sigma: float) -> Flags:
+    """Find exact repeats of the position before, where the model says that it has moved on.
+
+    Parameters
+    ----------
+    positions, residual : ndarray, shape (n,)
+        What was recorded, and its difference to the model.
+    sigma : float
+        White noise of the positions.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+    """
+    index = np.arange(positions.size)
+    fresh = np.concatenate([[True], np.diff(positions) != 0])
+    first = np.maximum.accumulate(np.where(fresh, index, 0))
+    moved = np.abs(residual - residual[first]) > LIMIT_SIGMA * sigma
+    return np.asarray(~fresh & moved)
+
+
+def _off(times_s: Array, values: Array, sigma: float) -> Array:
+    """How many standard deviations each value is off the cubic through its four neighbours, shape (n - 4,)."""
+    n = values.size
+    if n < 5:
+        return np.empty(0)
+    at = times_s[2 : n - 2]
+    neighbours = [0, 1, 3, 4]
+    predicted, variance = np.zeros(n - 4), np.ones(n - 4)
+    for j in neighbours:
+        weight = np.ones(n - 4)
+        for k in neighbours:
+            if k != j:
+                others, own = times_s[k : n - 4 + k], times_s[j : n - 4 + j]
+                weight *= (at - others) / (own - others)
+        predicted += weight * values[j : n - 4 + j]
+        variance += weight**2
+    return np.asarray(np.abs(values[2 : n - 2] - predicted) / (sigma * np.sqrt(variance)))

@@ -1,0 +1,152 @@
+"""A random walk of the velocity, seen through noisy positions: what an accelerometer's white noise integrates to.
+
+State ``[w, w']`` from zero at the first instant. Over a step h the walk's covariance grows by
+``density * [[h^3/3, h^2/2], [h^2/2, h]]`` (Bar-Shalom, Li, Kirubarajan 2001, Estimation with
+Applications to Tracking and Navigation, section 6.2.2, continuous white noise acceleration); a
+position with white noise then corrects it (Kalman 1960, J. Basic Eng. 82(1)). Gains and variances depend on
+the instants and on the two noise levels alone, so that one pass serves any number of series.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class WalkFilter:
+    """Gains and variances of the Kalman filter of a walk, at given instants.
+
+    Attributes
+    ----------
+    steps_s : ndarray, shape (n,)
+        Time since the instant before; 0 for the first.
+    gains : ndarray, shape (n, 2)
+        Of position and velocity, per metre of innovation.
+    variances : ndarray, shape (n,)
+        Of the innovations, m^2.
+    predicted, corrected : ndarray, shape (n, 3)
+        Covariance of the state before and after each position is used: ww, ww', w'w'.
+    """
+
+    steps_s: Array
+    gains: Array
+    variances: Array
+    predicted: Array
+    corrected: Array
+
+    @classmethod
+    def design(cls, times_s: Array, marker_variance: float, density: float) -> WalkFilter:
+        """Find gains and variances.
+
+        Parameters
+        ----------
+        times_s : ndarray, shape (n,)
+            Strictly increasing, n at least 1.
+        marker_variance : float
+            Of the positions' white noise, m^2.
+        density : float
+            Of the acceleration that drives the walk, (m/s^2)^2/Hz, two-sided.
+
+        Raises
+        ------
+        ValueError
+            If there are no instants, they do not increase, or a noise level is not positive and finite.
+        """
+        if times_s.size == 0:
+            raise ValueError("there are no instants")
+        steps = np.diff(times_s, prepend=times_s[0])
+        if not np.all(steps[1:] > 0):
+            raise ValueError("times_s must increase strictly")
+        for name, value in (("marker_variance", marker_variance), ("density", density)):
+            if not (math.isfinite(value) and value > 0):
+                raise ValueError(f"{name} must be positive, not {value}")
+        rows = []
+        p00 = p01 = p11 = 0.0
+        for h in steps.tolist():
+            p00 += h * (2 * p01 + h * p11) + density * h**3 / 3
+            p01 += h * p11 + density * h**2 / 2
+            p11 += density * h
+            s = p00 + marker_variance
+            g0, g1 = p00 / s, p01 / s
+            # marker_variance / s is 1 - g0 without the cancellation where the walk outgrows the marker's noise
+            left = marker_variance / s
+            q00, q01, q11 = left * p00, left * p01, p11 - g1 * p01
+            rows.append((g0, g1, s, p00, p01, p11, q00, q01, q11))
+            p00, p01, p11 = q00, q01, q11
+        table = np.array(rows)
+        return cls(steps, table[:, 0:2], table[:, 2], table[:, 3:6], table[:, 6:9])
+
+    @property
+    def log_determinant(self) -> float:
+        """Sum of the logarithms of the innovations' variances."""
+        return float(np.log(self.variances).sum())
+
+    def whiten(self, columns: Array) -> Array:
+        """Turn columns whose errors are marker noise plus a walk into independent rows of unit variance.
+
+        Parameters
+        ----------
+        columns : ndarray, shape (n, n_columns)
+
+        Returns
+        -------
+        ndarray, shape (n, n_columns)
+            Normalised innovations of every column.
+        """
+        from scipy.linalg.lapack import dtbtrs
+
+        n = self.steps_s.size
+        h, (g0, g1) = self.steps_s[1:], self.gains[:-1].T
+        # predicted states in a row, w_0 w'_0 w_1 w'_1 ...: each pair from the pair before and the column's value
+        band = np.zeros((4, 2 * n))
+        band[0] = 1.0
+        band[2, 0:-2:2] = -(1.0 - g0 - h * g1)
+        band[1, 1:-2:2] = -h
+        band[3, 0:-2:2] = g1
+        band[2, 1:-2:2] = -1.0
+        driven = np.zeros((2 * n, columns.shape[1]))
+        driven[2::2] = (g0 + h * g1)[:, None] * columns[:-1]
+        driven[3::2] = g1[:, None] * columns[:-1]
+        states, _ = dtbtrs(band, driven, uplo="L", diag="U")
+        return np.asarray((columns - states[0::2]) / np.sqrt(self.variances)[:, None])
+
+    def smooth(self, positions: Array) -> tuple[Array, Array]:
+        """Estimate the walk at every instant from the positions at all of them.
+
+        The backward pass is that of Rauch, Tung and Striebel (1965), AIAA J. 3(8).
+
+        Parameters
+        ----------
+        positions : ndarray, shape (n,)
+
+        Returns
+        -------
+        states : ndarray, shape (n, 2)
+            w in m and w' in m/s.
+        deviations : ndarray, shape (n, 2)
+            Their standard uncertainties.
+        """
+        n = positions.size
+        before, after = np.empty((n, 2)), np.empty((n, 2))
+        x = np.zeros(2)
+        for i, h in enumerate(self.steps_s.tolist()):
+            before[i] = x[0] + h * x[1], x[1]
+            after[i] = x = before[i] + self.gains[i] * (positions[i] - before[i, 0])
+        predicted, corrected = _matrices(self.predicted), _matrices(self.corrected)
+        states, spread = after.copy(), corrected.copy()
+        for i in range(n - 2, -1, -1):
+            forward = np.array([[1.0, self.steps_s[i + 1]], [0.0, 1.0]])
+            back = np.linalg.solve(predicted[i + 1], forward @ corrected[i]).T
+            states[i] = after[i] + back @ (states[i + 1] - before[i + 1])
+            spread[i] = corrected[i] + back @ (spread[i + 1] - predicted[i + 1]) @ back.T
+        return states, np.sqrt(np.maximum(spread[:, (0, 1), (0, 1)], 0.0))
+
+
+def _matrices(entries: Array) -> Array:
+    return entries[:, (0, 1, 1, 2)].reshape(-1, 2, 2)

@@ -1,0 +1,133 @@
+"""Frames per second of the streaming framer, on frames of 40 bytes that come in reads of 4 kB."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from time import process_time
+from typing import Any
+
+import numpy as np
+import pytest
+
+from daq.frames.checksum import CHECKSUMS
+from daq.frames.declaration import framing_from_table
+from daq.frames.decoder import FrameDecoder
+from daq.frames.framing import Framing
+from daq.frames.search import NEED_DATA
+from tests.builders.serial_packets import cobs, slip
+
+FRAMES, FRAME_BYTES, READ_BYTES = 50_000, 40, 4096
+TARGET_PER_S = 200_000
+
+# processor time: what else the machine does is no part of the rate
+pytestmark = pytest.mark.benchmark(timer=process_time)
+
+SYNC: dict[str, Any] = {"kind": "sync", "sync": "75 65"}
+FIELDS = [{"name": "a", "at": 4, "type": "u32"}]
+
+
+@pytest.fixture(autouse=True)
+def _only_when_asked_for(request):
+    if not request.config.getoption("benchmark_enable"):
+        pytest.skip("a benchmark: ask for it with --benchmark-enable")
+
+
+def framing_of(algorithm: str, **keys: Any) -> Framing:
+    checksum = {"algo": algorithm, "order": "big"}
+    return framing_from_table({**SYNC, "checksum": checksum, "fields": FIELDS, **keys})
+
+
+def sound_frames(framing: Framing, size: int = FRAME_BYTES) -> list[bytes]:
+    """Frames with a length byte and random content; the checksum of each is right."""
+    rng = np.random.default_rng(4)
+    bodies = rng.bytes(FRAMES * size)
+    assert framing.checksum is not None
+    payload = size - 4 - framing.checksum.size
+    heads = b"\x75\x65\x80" + bytes([payload])
+    return [
+        body + framing.checksum.of(body)
+        for body in (heads + bodies[i * size : i * size + payload] for i in range(FRAMES))
+    ]
+
+
+def taken(framing: Framing, stream: bytes) -> int:
+    decoder = FrameDecoder(framing)
+    count = 0
+    for at in range(0, len(stream), READ_BYTES):
+        decoder.feed(stream[at : at + READ_BYTES])
+        count += decoder.take().begins.size
+    return count
+
+
+def one_by_one(framing: Framing, stream: bytes) -> int:
+    decoder = FrameDecoder(framing)
+    count = 0
+    for at in range(0, len(stream), READ_BYTES):
+        decoder.feed(stream[at : at + READ_BYTES])
+        while decoder.next_frame() is not NEED_DATA:
+            count += 1
+    return count
+
+
+def frames_per_s(
+    benchmark: Any, capsys: Any, what: str, work: Callable[[Framing, bytes], int], *arguments: Any
+) -> float:
+    count = benchmark.pedantic(work, arguments, rounds=3, warmup_rounds=1)
+    rate = count / benchmark.stats.stats.median
+    with capsys.disabled():
+        print(f"\n{what}: {count} frames, {rate / 1e3:.0f} thousand per second")
+    return rate
+
+
+@pytest.mark.parametrize("algorithm", CHECKSUMS)
+@pytest.mark.parametrize("length", [{"fixed": FRAME_BYTES}, {"at": 3, "type": "u8"}], ids=["fixed", "length field"])
+def test_blocks_of_sound_frames(benchmark, capsys, algorithm, length):
+    add = 4 + CHECKSUMS[algorithm].size
+    framing = framing_of(algorithm, length=length if "fixed" in length else {**length, "add": add})
+    stream = b"".join(sound_frames(framing))
+    rate = frames_per_s(
+        benchmark,
+        capsys,
+        f"{algorithm}, {'fixed length' if 'fixed' in length else 'length field'}, blocks",
+        taken,
+        framing,
+        stream,
+    )
+    assert taken(framing, stream) == FRAMES
+    assert rate > TARGET_PER_S
+
+
+def test_blocks_of_which_one_frame_in_a_hundred_lost_a_byte(benchmark, capsys):
+    framing = framing_of("crc16-ccitt-false", length={"at": 3, "type": "u8", "add": 6})
+    frames = sound_frames(framing)
+    frames[::100] = [frame[:20] + frame[21:] for frame in frames[::100]]
+    stream = b"".join(frames)
+    rate = frames_per_s(benchmark, capsys, "one frame in a hundred damaged, blocks", taken, framing, stream)
+    assert taken(framing, stream) == one_by_one(framing, stream)
+    assert rate > TARGET_PER_S
+
+
+def test_plausible_values_and_look_ahead_in_blocks(benchmark, capsys):
+    fields = [{"name": "a", "at": 4, "type": "u32", "plausible": [0, 2**32]}]
+    framing = framing_of("sum8", length={"fixed": FRAME_BYTES}, fields=fields, look_ahead=True)
+    stream = b"".join(sound_frames(framing))
+    rate = frames_per_s(benchmark, capsys, "sum8, plausible values and look-ahead, blocks", taken, framing, stream)
+    assert rate > TARGET_PER_S
+
+
+@pytest.mark.parametrize("kind", ["one by one", "cobs", "slip", "alternating lengths"])
+def test_what_goes_frame_by_frame_is_reported(benchmark, capsys, kind):
+    framing = framing_of("crc16-ccitt-false", length={"at": 3, "type": "u8", "add": 6})
+    frames = sound_frames(framing)
+    if kind == "alternating lengths":
+        frames[::2] = sound_frames(framing, FRAME_BYTES + 2)[::2]
+    if kind in ("cobs", "slip"):
+        frames = [cobs(frame) if kind == "cobs" else slip(frame) for frame in frames]
+        checksum = {"algo": "crc16-ccitt-false", "order": "big"}
+        framing = framing_from_table({"kind": kind, "checksum": checksum, "fields": FIELDS})
+    stream = b"".join(frames)
+    work = one_by_one if kind == "one by one" else taken
+    assert work(framing, stream) >= FRAMES - 1
+    rate = frames_per_s(benchmark, capsys, f"crc16-ccitt-false, {kind}", work, framing, stream)
+    # a full line at 4 MBd carries 10,000 of them
+    assert rate > 50_000

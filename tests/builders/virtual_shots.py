@@ -1,0 +1,67 @@
+"""Shots of the virtual rig, simulated and ingested once per test session."""
+
+from __future__ import annotations
+
+import datetime as dt
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from daq.shot import Shot
+from identification.analysis import Identification, Options, identify_shot
+from recoil_daq.ingest import ingest_files
+from rigs.rig import Rig, find_rig, parse_rig
+from rigs.twin import simulate_shot
+
+SHORTER = {"sample_rate_hz": 25e3, "duration_s": 0.35}
+
+
+@dataclass(frozen=True, eq=False)
+class VirtualShot:
+    """A simulated shot as the shot file would have it, its rig, and what its files hide."""
+
+    rig: Rig
+    shot: Shot
+    truth: Mapping[str, Any]
+
+
+def with_twin(name: str, **settings: float | bool) -> Rig:
+    """Load a bundled rig with other settings of its virtual rig."""
+    path = find_rig(name)
+    head, _, tail = path.read_text(encoding="utf-8").partition("[twin]\n")
+    lines = {line.partition("=")[0].strip(): line for line in tail.splitlines() if "=" in line}
+    lines |= {key: f"{key} = {str(value).lower()}" for key, value in settings.items()}
+    return parse_rig("\n".join([f"{head}[twin]", *lines.values(), ""]), path)
+
+
+@cache
+def virtual_shot(name: str = "field-2013", seed: int = 3, **settings: float | bool) -> VirtualShot:
+    """Simulate and ingest a shot of a bundled rig, in a shorter record than the rig's own; a few seconds, once."""
+    rig = with_twin(name, **SHORTER | settings)
+    with tempfile.TemporaryDirectory() as folder:
+        simulated = simulate_shot(rig, Path(folder) / "files", seed=seed, shot="s1")
+        ingested = ingest_files(rig, simulated.files, shot="s1", out=Path(folder) / "shots", on=dt.date(2026, 6, 1))
+    return VirtualShot(rig, ingested.shot, simulated.truth)
+
+
+@cache
+def identified(name: str = "field-2013", seed: int = 3) -> Identification:
+    """Identify the mass of a virtual shot by the default options, once."""
+    virtual = virtual_shot(name, seed)
+    return identify_shot(virtual.shot, virtual.rig, Options())
+
+
+def with_channels(shot: Shot, **samples: np.ndarray) -> Shot:
+    """Put other samples into channels of a shot."""
+    channels = {n: replace(c, samples=samples[n]) if n in samples else c for n, c in shot.channels.items()}
+    return replace(shot, channels=channels)
+
+
+def without_channels(shot: Shot, *names: str) -> Shot:
+    """Leave channels out of a shot."""
+    return replace(shot, channels={n: c for n, c in shot.channels.items() if n not in names})

@@ -1,0 +1,152 @@
+from __future__ import annotations
+
+import csv
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from daq.shot import InputFile
+from identification.analysis import Options, identify_shot
+from identification.report.document import TRACE_COLUMNS, report_document, write_document, write_trace
+from tests.builders.bench_shots import bench_rig, bench_shot
+from tests.builders.virtual_shots import identified, virtual_shot
+
+SHOT_FILE = InputFile("s1.h5", "ab" * 32, 123, "", "shot file")
+FIXED_KEYS = {
+    "schema": str,
+    "shot": str,
+    "rig": str,
+    "mass": {"value": float, "u": float, "U95": [float, float], "unit": str, "specification": float, "method": str},
+    "rpe_percent": {"value": float, "U95": [float, float]},
+    "interval_s": [float, float],
+    "window_s": float,
+    "identified_share": float,
+    "trace": {"file": str, "columns": list},
+    "budget": [{"source": str, "u_kg": float}],
+    "alignment": [
+        {"clock": str, "offset_s": float, "u_offset_s": float, "drift": float, "u_drift": float, "status": str}
+    ],
+    "quality": [{"channel": str, "check": str, "verdict": str, "detail": str}],
+    "valid": bool,
+    "reasons": list,
+    "provenance": {"version": str, "inputs": [{"file": str, "sha256": str}], "parameters": dict},
+}
+
+
+def document(**changes):
+    return report_document(
+        virtual_shot("mixed").shot, identified("mixed"), version="1.2.3", shot_file=SHOT_FILE, **changes
+    )
+
+
+def assert_has(value, shape, place="report"):
+    """Compare a value with a sketch of it: types, one element for a list of any length, keys that must be there."""
+    if isinstance(shape, dict):
+        assert shape.keys() <= value.keys(), place
+        for key, inner in shape.items():
+            assert_has(value[key], inner, f"{place}.{key}")
+    elif isinstance(shape, list):
+        assert isinstance(value, list), place
+        assert value, place
+        inners = shape if len(shape) > 1 else shape * len(value)
+        for k, (item, inner) in enumerate(zip(value, inners, strict=True)):
+            assert_has(item, inner, f"{place}[{k}]")
+    else:
+        assert type(value) is shape, (place, value)
+
+
+def test_the_document_has_every_fixed_key_in_its_type():
+    assert_has(document(), FIXED_KEYS)
+
+
+def test_it_is_strict_json_and_comes_back_as_it_was(tmp_path):
+    written = document()
+    path = write_document(tmp_path, written)
+    assert json.loads(path.read_text(encoding="utf-8"), parse_constant=pytest.fail) == written
+
+
+def test_its_numbers_are_those_that_were_found():
+    found, report = identified("mixed"), document()
+    estimate = found.chosen.estimate
+    assert report["schema"] == "recoil-daq/report/1"
+    assert report["mass"]["value"] == estimate.mass_kg
+    assert report["mass"]["U95"] == list(estimate.interval_kg)
+    assert report["mass"]["U95"][0] < report["mass"]["value"] < report["mass"]["U95"][1]
+    assert report["rpe_percent"]["U95"][0] <= report["rpe_percent"]["value"] <= report["rpe_percent"]["U95"][1]
+    assert report["interval_s"] == list(found.filtered.interval_s)
+    assert report["E_n"] == found.normalised_error
+    assert math.sqrt(sum(row["u_kg"] ** 2 for row in report["budget"])) == pytest.approx(report["mass"]["u"])
+    assert [a["clock"] for a in report["alignment"]] == ["can", "imu", "camera"]
+    assert [m["name"] for m in report["methods"]] == list(found.results)
+    assert all(m["note"] for m in report["methods"])
+
+
+def test_the_budget_is_sorted_and_says_what_a_sensitivity_is_per():
+    budget = document()["budget"]
+    assert [row["u_kg"] for row in budget] == sorted((row["u_kg"] for row in budget), reverse=True)
+    per = {row["source"]: row["sensitivity_per"] for row in budget}
+    assert per["packing friction"] == "N"
+    assert per["recoil_acceleration zero"] == "m/s^2"
+    assert per["breech_pressure sensitivity and area"] == "1"
+    assert per["alignment of clock can"] is None
+
+
+def test_every_sensor_is_listed_with_its_departure_and_how_significant_it_is():
+    calibration = identified("mixed").calibration
+    sensors = {s["source"]: s for s in document()["sensors"]}
+    assert sensors.keys() == calibration.departures.keys()
+    for source, sensor in sensors.items():
+        assert sensor["departure_sigma"] == calibration.departures[source]
+        assert sensor["significance"] == calibration.significances[source]
+
+
+def test_the_inputs_are_the_shot_file_and_what_it_was_made_from():
+    inputs = document()["provenance"]["inputs"]
+    assert inputs[0] == {"file": "s1.h5", "sha256": "ab" * 32, "size": 123, "source": "", "reader": "shot file"}
+    assert [i["source"] for i in inputs[1:]] == ["dewetron", "can", "imu", "camera"]
+
+
+def test_a_truth_gives_the_error_and_none_leaves_it_out():
+    report = document(truth={"m3": 780.0})
+    error = 100 * (report["mass"]["value"] / 780.0 - 1)
+    assert report["truth"] == {"mass_kg": 780.0, "error_percent": pytest.approx(error)}
+    assert "truth" not in document()
+    assert "truth" not in document(truth={"seed": 1})
+
+
+def test_numbers_that_are_not_finite_are_null(tmp_path):
+    found = identified("mixed")
+    failed = {c: replace(a, status="failed", u_offset_s=math.inf) for c, a in found.alignments.items()}
+    nothing = replace(found.chosen, rpe_percent=math.nan, rpe_interval_percent=(math.nan, math.nan))
+    found = replace(found, alignments=failed, results={**found.results, "calibrated": nothing})
+    report = report_document(virtual_shot("mixed").shot, found, version="1", shot_file=SHOT_FILE)
+    assert [a["u_offset_s"] for a in report["alignment"]] == [None] * 3
+    assert report["rpe_percent"] == {"value": None, "U95": [None, None]}
+    json.loads(write_document(tmp_path, report).read_text(encoding="utf-8"), parse_constant=pytest.fail)
+
+
+def test_a_shot_of_one_clock_has_a_document_too():
+    found = identify_shot(bench_shot(), bench_rig(), Options())
+    report = report_document(bench_shot(), found, version="1", shot_file=SHOT_FILE)
+    assert report["alignment"] == []
+    assert len(report["notes"]) == 4
+    json.dumps(report, allow_nan=False)
+
+
+def test_the_trace_is_a_table_of_the_interval_with_blanks_where_nothing_was_identified(tmp_path):
+    result = identified("mixed").chosen
+    holes = result.trace.identified.copy()
+    holes[10:20] = False
+    result = replace(result, trace=replace(result.trace, identified=holes))
+    with write_trace(tmp_path, result).open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert tuple(rows[0]) == TRACE_COLUMNS
+    assert len(rows) == result.trace.times_s.size
+    np.testing.assert_allclose([float(r["time_s"]) for r in rows], result.trace.times_s, atol=1e-8)
+    assert [r["identified"] == "1" for r in rows] == holes.tolist()
+    assert all(r["mass_kg"] == r["u_kg"] == "" for r, whole in zip(rows, holes, strict=True) if not whole)
+    seen = [float(r["mass_kg"]) for r, whole in zip(rows, holes, strict=True) if whole]
+    np.testing.assert_allclose(seen, result.trace.mass_kg[holes], atol=1e-6)

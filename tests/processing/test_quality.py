@@ -1,0 +1,238 @@
+import math
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from processing.quality import (
+    check_clipping,
+    check_flat_tops,
+    check_losses,
+    check_polarity,
+    check_quiet,
+    check_zero_shift,
+    worst,
+)
+
+RATE_HZ = 20_000.0
+COUNT = 4000
+QUIET = np.arange(COUNT) < 800
+
+
+def pulse(height: float = 100.0, noise: float = 0.1, level: float = 0.0, seed: int = 1) -> np.ndarray:
+    """Give 40 ms of silence, a pulse of 10 ms, and silence again."""
+    shape = np.zeros(COUNT)
+    shape[1000:1200] = np.sin(np.pi * np.arange(200) / 200) ** 2
+    return level + height * shape + noise * np.random.default_rng(seed).standard_normal(COUNT)
+
+
+def clipped(samples: np.ndarray, at: float) -> np.ndarray:
+    return np.minimum(samples, at)
+
+
+def test_a_pulse_within_the_range_is_ok_and_says_how_much_of_it_it_uses():
+    assert check_clipping(pulse(), -200.0, 200.0, unit="m/s^2") == (
+        "ok",
+        "peak uses 50 % of the range [-200, 200] m/s^2",
+    )
+
+
+def test_one_sample_at_the_end_of_the_range_is_a_warning():
+    samples = pulse()
+    samples[1100] = 200.0
+    verdict, detail = check_clipping(samples, -200.0, 200.0, unit="m/s^2")
+    assert verdict == "warn"
+    assert detail.startswith("1 samples, ")
+    assert "raise the range beyond 300 m/s^2" in detail
+
+
+def test_a_clipped_pulse_fails():
+    verdict, detail = check_clipping(clipped(pulse(), 80.0), -80.0, 80.0, unit="Pa")
+    assert verdict == "fail"
+    assert "% of the pulse (limit 2 %)" in detail
+    assert "raise the range beyond 120 Pa before the next shot" in detail
+
+
+def test_the_lower_end_counts_too():
+    assert check_clipping(-clipped(pulse(), 80.0), -80.0, 80.0, unit="Pa")[0] == "fail"
+
+
+def test_a_one_sided_gauge_rests_at_the_end_of_its_range():
+    assert check_clipping(pulse(noise=0.01), 0.0, 200.0, unit="Pa")[0] == "ok"
+    assert check_clipping(pulse(level=-5.0), 0.0, 200.0, unit="Pa")[0] == "fail"
+    assert check_clipping(clipped(pulse(), 80.0), 0.0, 80.0, unit="Pa")[0] == "fail"
+
+
+def test_lost_samples_are_not_clipped():
+    samples = pulse()
+    samples[1100:1120] = np.nan
+    assert check_clipping(samples, -200.0, 200.0, unit="Pa")[0] == "ok"
+
+
+def test_an_infinite_sample_is_clipped():
+    samples = pulse()
+    samples[1100] = math.inf
+    assert check_clipping(samples, -200.0, 200.0, unit="Pa")[0] == "fail"
+
+
+@pytest.mark.parametrize("samples", [np.empty(0), np.full(9, np.nan)])
+def test_without_samples_every_check_of_a_channel_fails(samples):
+    quiet = np.ones(samples.size, dtype=bool)
+    for verdict, detail in (
+        check_clipping(samples, -1.0, 1.0, unit="Pa"),
+        check_flat_tops(samples),
+        check_losses(samples, RATE_HZ),
+        check_polarity(samples, quiet),
+    ):
+        assert verdict == "fail"
+        assert "check" in detail
+    assert check_quiet(samples, quiet, 0.0, unit="Pa")[0] == "warn"
+
+
+@pytest.mark.parametrize(("low", "high"), [(1.0, 1.0), (2.0, 1.0), (math.nan, 1.0), (0.0, math.inf)])
+def test_a_range_that_is_none_is_refused(low, high):
+    with pytest.raises(ValueError, match="a range needs low < high"):
+        check_clipping(pulse(), low, high, unit="Pa")
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.floats(20.0, 99.0), st.integers(0, 2**32 - 1))
+def test_the_more_is_clipped_the_worse_the_verdict(level, seed):
+    order = ["ok", "warn", "fail"]
+    samples = pulse(seed=seed)
+    harder = check_clipping(clipped(samples, level), -level, level, unit="Pa")[0]
+    softer = check_clipping(clipped(samples, level + 1), -level - 1, level + 1, unit="Pa")[0]
+    assert order.index(harder) >= order.index(softer)
+
+
+def test_flat_tops_are_seen_without_a_range():
+    assert check_flat_tops(pulse())[0] == "ok"
+    verdict, detail = check_flat_tops(clipped(pulse(), 80.0))
+    assert verdict == "warn"
+    assert "declare the sensor's range" in detail
+    assert int(detail.split()[0]) > 20
+    assert check_flat_tops(-clipped(pulse(), 80.0))[0] == "warn"
+
+
+def test_rest_on_a_coarse_scale_is_no_flat_top():
+    coarse = np.round(pulse(noise=0.0) / 7.0) * 7.0
+    coarse[1100] += 7.0
+    assert check_flat_tops(coarse)[0] == "ok"
+
+
+def test_a_switch_is_no_clipped_signal():
+    assert check_flat_tops(np.where(QUIET, 0.0, 5.0)) == ("ok", "a signal of two values")
+
+
+def test_a_constant_fails():
+    verdict, detail = check_flat_tops(np.full(100, 2.5))
+    assert verdict == "fail"
+    assert "always 2.5: sensor not connected" in detail
+
+
+def test_losses_are_counted():
+    samples = pulse()
+    assert check_losses(samples, RATE_HZ) == ("ok", "no sample lost")
+    samples[[5, 90, 91]] = np.nan
+    verdict, detail = check_losses(samples, RATE_HZ)
+    assert verdict == "warn"
+    assert "3 of 4000 samples lost (0.07 %, limit 5 %), longest gap 0.10 ms (limit 10 ms)" in detail
+    assert "check the cable and the bus load" in detail
+
+
+def test_many_losses_or_a_long_gap_fail():
+    scattered, gap = pulse(), pulse()
+    scattered[::10] = np.nan
+    gap[100:320] = np.nan
+    assert check_losses(gap[:300], RATE_HZ)[0] == "fail"
+    for samples in (scattered, np.tile(gap, 2)):
+        verdict, detail = check_losses(samples, RATE_HZ)
+        assert verdict == "fail"
+        assert "check the cable" in detail
+
+
+def test_silence_before_the_shot_is_measured():
+    verdict, detail = check_quiet(pulse(level=0.5), QUIET, 0.0, unit="Pa")
+    assert verdict == "ok"
+    assert re.match(r"offset 0\.(49|50)\d* Pa, noise 0\.(09|10)\d* Pa", detail)
+    assert "peak 60 dB above it" in detail
+
+
+@pytest.mark.parametrize(
+    ("samples", "verdict", "advice"),
+    [
+        (pulse(noise=20.0), "fail", "below 20 dB: check gain and cable"),
+        (pulse(noise=6.0), "warn", "below 30 dB: a smaller range would help"),
+        (pulse(level=50.0), "fail", "the offset is 50 % of the peak: zero the sensor"),
+        (pulse(level=5.0), "warn", "zero the sensor before the next shot"),
+        (np.full(COUNT, 3.0), "fail", "never leaves 3 Pa: check gain and cable"),
+    ],
+)
+def test_noise_and_offsets_are_judged_with_advice(samples, verdict, advice):
+    found, detail = check_quiet(samples, QUIET, 0.0, unit="Pa")
+    assert found == verdict
+    assert advice in detail
+
+
+def test_without_a_known_rest_there_is_no_offset():
+    assert check_quiet(pulse(level=50.0), QUIET, None, unit="Pa")[0] == "ok"
+
+
+def test_silence_below_the_resolution_is_no_fault():
+    verdict, detail = check_quiet(pulse(noise=0.0), QUIET, 0.0, unit="Pa")
+    assert verdict == "ok"
+    assert "below the resolution" in detail
+
+
+def test_too_little_silence_is_a_warning():
+    verdict, detail = check_quiet(pulse(), np.arange(COUNT) < 49, 0.0, unit="Pa")
+    assert verdict == "warn"
+    assert "49 samples of silence before the shot (limit 50)" in detail
+    assert "lengthen the pre-trigger" in detail
+
+
+@pytest.mark.parametrize(
+    ("bias", "u_bias", "verdict"),
+    [(1.0, 0.1, "ok"), (10.0, 0.1, "warn"), (10.0, 5.0, "ok"), (-200.0, 1.0, "fail"), (-200.0, 60.0, "warn")],
+)
+def test_a_zero_that_moved_is_judged_by_what_is_sure(bias, u_bias, verdict):
+    found, detail = check_zero_shift(bias, u_bias, 2500.0, unit="m/s^2")
+    assert found == verdict
+    assert f"zero moved by {bias:+.3g} m/s^2" in detail
+    assert ("check its mounting and charge amplifier" in detail) == (verdict != "ok")
+
+
+@pytest.mark.parametrize(("bias", "peak"), [(math.nan, 2500.0), (1.0, 0.0), (1.0, math.nan)])
+def test_a_zero_shift_that_is_no_number_is_not_ok(bias, peak):
+    assert check_zero_shift(bias, 0.1, peak, unit="m/s^2")[0] == "warn"
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(0, 2**32 - 1), st.floats(-1e3, 1e3), st.integers(1, 40))
+def test_the_polarity_is_that_of_the_pulse_at_any_level_in_any_record(seed, level, times_longer):
+    samples = np.concatenate([pulse(seed=seed), np.zeros(COUNT * (times_longer - 1))]) + level
+    quiet = np.arange(samples.size) < 800
+    assert check_polarity(samples, quiet)[0] == "ok"
+    verdict, detail = check_polarity(-samples, quiet)
+    assert verdict == "fail"
+    assert "set `polarity = -1` or turn the sensor" in detail
+
+
+def test_ringing_does_not_decide_the_polarity():
+    samples = pulse()
+    samples[1000:1400] -= 300 * np.exp(-np.arange(400) / 10) * np.sin(2 * np.pi * 3000 * np.arange(400) / RATE_HZ)
+    samples[1200:3000] -= 15.0
+    assert samples.min() < -samples.max()
+    assert check_polarity(samples, QUIET)[0] == "ok"
+
+
+def test_without_silence_the_level_is_zero():
+    assert check_polarity(pulse(), np.zeros(COUNT, dtype=bool))[0] == "ok"
+
+
+def test_the_worst_verdict_wins():
+    assert worst([]) == "ok"
+    assert worst(["ok", "warn", "ok"]) == "warn"
+    assert worst(["warn", "fail", "ok"]) == "fail"
