@@ -55,7 +55,7 @@ __all__ = [
 
 SCHEMA = "recoil-daq/rig/1"
 
-_TOP_LEVEL_KEYS = ("schema", "name", "reference_clock", "mechanism", "source", "channel", "trigger", "twin")
+_TOP_LEVEL_KEYS = ("schema", "name", "reference_clock", "mechanism", "source", "channel", "twin")
 
 
 @dataclass(frozen=True)
@@ -77,8 +77,6 @@ class Rig:
         Text of every CAN database that a source names, by the name it uses.
     twin : mapping
         The table ``[twin]`` of a virtual rig, as read; empty if there is none.
-    trigger : mapping
-        The table ``[trigger]`` of live acquisition, as read; empty if there is none.
     """
 
     name: str
@@ -90,7 +88,6 @@ class Rig:
     path: Path
     databases: Mapping[str, str] = field(default_factory=dict)
     twin: Mapping[str, Any] = field(default_factory=dict)
-    trigger: Mapping[str, Any] = field(default_factory=dict)
 
     def source(self, name: str) -> Source:
         """Return a source by its name; KeyError if there is none."""
@@ -210,9 +207,8 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None)
     for key in ("name", "reference_clock"):
         if not isinstance(tables.get(key), str) or not tables[key]:
             faults.append(Fault(key, "must be a text" if key in tables else "is missing"))
-    faults += [
-        Fault(key, "must be a table") for key in ("trigger", "twin") if not isinstance(tables.get(key, {}), dict)
-    ]
+    if not isinstance(tables.get("twin", {}), dict):
+        faults.append(Fault("twin", "must be a table"))
     mechanism = checked_mechanism(tables.get("mechanism"), faults)
     sources = validated_rows(tables, "source", Source, faults)
     channels = validated_rows(tables, "channel", ChannelSpec, faults)
@@ -231,7 +227,6 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None)
         path=path,
         databases=texts,
         twin=tables.get("twin", {}),
-        trigger=tables.get("trigger", {}),
     )
 
 
