@@ -156,7 +156,7 @@ def normalise_unit(spelling: str) -> str:
         ``m/s²``, ``m/s2``, ``m/s**2`` and ``m/(s^2)`` all give ``m/s^2``; ``µ`` and ``μ`` give ``u``.
     """
     text = spelling.strip().replace("²", "^2").replace("**", "^").replace("·", "*")
-    text = text.replace("µ", "u").replace("μ", "u").replace("(", "").replace(")", "").replace(" ", "")
+    text = "".join(text.replace("µ", "u").replace("μ", "u").replace("(", "").replace(")", "").split())
     if text.endswith(("/s2", "/m2", "/cm2", "/mm2")):
         text = f"{text[:-1]}^2"
     if text in UNITS:

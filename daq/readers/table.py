@@ -9,6 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from daq.errors import ReadError, UnknownFormatError
+from daq.readers.can_capture import CanCaptureReader
 from daq.readers.can_log import AscReader, BlfReader, CandumpReader
 from daq.readers.dewesoft_text import DewesoftTextReader
 from daq.readers.proanalyst_text import ProAnalystTextReader
@@ -21,6 +22,7 @@ READERS: tuple[Reader, ...] = (
     AscReader(),
     BlfReader(),
     CandumpReader(),
+    CanCaptureReader(),
     SerialCaptureReader(),
 )
 """Every reader, in the order in which they are listed to users."""

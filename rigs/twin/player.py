@@ -46,7 +46,7 @@ class TwinPlayer:
     transports : mapping of str to str, optional
         By source; else the rig's ``device = { virtual = "..." }``, else the first of `TRANSPORTS`.
     faults : mapping of str to Faults, optional
-        By source.
+        By source; else the rig's ``device = { virtual = "...", faults = { ... } }``, see `Faults.from_table`.
     seed : int
         Of the quiet frames and of the faults.
 
@@ -88,7 +88,7 @@ class TwinPlayer:
         self._plays: dict[str, SourcePlay] = {}
         for i, source in enumerate(sources):
             chosen = (transports or {}).get(source.name) or _declared(source)
-            fault = (faults or {}).get(source.name, Faults())
+            fault = (faults or {}).get(source.name) or _declared_faults(source)
             steps = fault.clock_steps
             transport = _transport(source, chosen)
             items: Iterator[CanItem] | Iterator[SerialItem]
@@ -192,6 +192,13 @@ def is_virtual(source: Source) -> bool:
 
 def _declared(source: Source) -> str:
     return str((source.device or {}).get("virtual", TRANSPORTS[source.kind][0]))
+
+
+def _declared_faults(source: Source) -> Faults:
+    try:
+        return Faults.from_table((source.device or {}).get("faults", {}))
+    except ValueError as error:
+        raise ValueError(f"source '{source.name}'.device.faults: {error}") from error
 
 
 def _transport(source: Source, chosen: str) -> VirtualBus | PseudoTerminal:

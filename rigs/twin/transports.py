@@ -26,7 +26,7 @@ _GROUP = "239.74.163.2"
 
 _DRAIN_LIMIT_S = 0.25
 _LOOK_S = 0.05
-_PATIENCE_S = 1.0
+_PATIENCE_S = 3.0
 
 
 class Transport(Protocol):
@@ -115,7 +115,7 @@ class PseudoTerminal:
     """A serial port without hardware, under a link that stays the same when it is plugged in again.
 
     A pseudo-terminal holds a few kilobytes and then makes the sender wait, where a real port would lose bytes; here
-    too they are lost if nobody reads for a second.
+    too they are lost if nobody reads for three seconds.
     """
 
     def __init__(self, name: str) -> None:

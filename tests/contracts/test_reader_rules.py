@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from daq.readers.reader import Declarations
 from daq.readers.table import READERS
+from tests.builders import can_captures
 from tests.builders import vendor_files as build
 from tests.contracts import reader_rules as rules
 from tests.contracts.reader_rules import Case
@@ -81,6 +82,14 @@ CASES = (
     Case("asc", BY_NAME["Vector ASC log"], build.asc_log(build.can_entries()), CAN, CAN_MAGNITUDES),
     Case("blf", BY_NAME["Vector BLF log"], build.blf_log(build.can_entries()), CAN, CAN_MAGNITUDES),
     Case("candump", BY_NAME["candump log"], build.candump_log(build.can_entries()), CAN, CAN_MAGNITUDES, at_line_end),
+    Case(
+        "can-capture",
+        BY_NAME["CAN capture"],
+        can_captures.can_capture(can_captures.can_records(build.can_entries())),
+        CAN,
+        CAN_MAGNITUDES,
+        can_captures.at_record_end,
+    ),
     Case(
         "serial",
         BY_NAME["serial capture"],

@@ -1,0 +1,94 @@
+"""From the rig's ``device`` table to an open device."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from daq.devices.can_device import CanDevice
+from daq.devices.device import CAN, SERIAL, Device, StreamCheck
+from daq.devices.serial_commands import SerialCommands
+from daq.devices.serial_device import SerialDevice
+from daq.devices.stream_check import FramingCheck, can_counter_check
+from daq.errors import DeviceError
+from daq.frames.framing import Framing
+
+_EXAMPLES = {
+    CAN: '{ interface = "socketcan", channel = "can0" }',
+    SERIAL: '{ port = "/dev/ttyUSB0", baudrate = 921600 }',
+}
+
+
+def make_device(
+    source: str,
+    kind: str,
+    table: Mapping[str, Any] | None,
+    *,
+    framing: Framing | None = None,
+    database: str | None = None,
+    check: StreamCheck | None = None,
+) -> Device:
+    """Make the device of a source without opening it; parameters and errors as of `open_device`."""
+    if kind not in _EXAMPLES:
+        raise DeviceError(
+            f"source '{source}': a {kind} source cannot be read live",
+            expected="a source of kind can or serial",
+            remedy="hand its file over after the shot",
+        )
+    if not table:
+        raise DeviceError(
+            f"source '{source}': the rig declares no device",
+            remedy=f"write such as `device = {_EXAMPLES[kind]}` in its table",
+        )
+    if kind == CAN:
+        options = dict(table)
+        counters = options.pop("counters", None)
+        if counters and database is not None and check is None:
+            names = [counters] if isinstance(counters, str) else list(counters)
+            check = can_counter_check(source, names, database, Path(f"source {source}"))
+        return CanDevice(source, options, check=check)
+    if framing is None:
+        return SerialDevice(source, table, check=check)
+    return SerialDevice(source, table, commands=SerialCommands.of(framing), check=check or FramingCheck(framing))
+
+
+def open_device(
+    source: str,
+    kind: str,
+    table: Mapping[str, Any] | None,
+    *,
+    framing: Framing | None = None,
+    database: str | None = None,
+    check: StreamCheck | None = None,
+) -> Device:
+    """Open the device of a source.
+
+    Parameters
+    ----------
+    source : str
+        Its name.
+    kind : str
+        Its kind: ``can`` or ``serial``.
+    table : mapping or None
+        Its ``device`` table. Of a bus, the key ``counters`` names signals, such as ``Message.Signal``, that count
+        messages; everything else goes to python-can.
+    framing : Framing, optional
+        Of a serial source: its commands are sent, and its frames are counted.
+    database : str, optional
+        Of a bus: the text of its database, in which ``counters`` are found.
+    check : StreamCheck, optional
+        Looks at the blocks in place of the one that framing or counters would give.
+
+    Returns
+    -------
+    Device
+
+    Raises
+    ------
+    DeviceError
+        In one line: what is wrong (unknown interface, missing port, permission, in use), and what to do.
+    """
+    device = make_device(source, kind, table, framing=framing, database=database, check=check)
+    device.open()
+    return device

@@ -1,0 +1,167 @@
+"""Blocks, events, the host's two clocks, the kernel's counts, and the captures that blocks become."""
+
+from __future__ import annotations
+
+import errno
+import os
+import socket
+import struct
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from daq.devices.back_off import LONGEST_PAUSE_S, BackOff
+from daq.devices.capture_bytes import capture_bytes, capture_header
+from daq.devices.device import CAN, EVENT, SERIAL, Anchor, Block, anchor, event_block, event_of
+from daq.devices.kernel_drops import (
+    GrowingCount,
+    LineErrors,
+    dropped_by_can_link,
+    dropped_by_udp_socket,
+    line_errors,
+    line_errors_of,
+)
+from daq.devices.open_fault import error_number, open_fault
+from daq.frames import can_capture_file
+from daq.frames.capture_file import parse_capture
+from tests.builders import can_captures
+from tests.builders import vendor_files as build
+
+
+def test_an_event_survives_as_bytes_in_one_line() -> None:
+    block = event_block("bus", 5, "lost", "über\nUSB")
+    assert block.kind == EVENT
+    assert event_of(block).name == "lost"
+    assert event_of(block).detail == "über USB"
+    with pytest.raises(ValueError, match="records no event"):
+        event_of(Block("bus", 5, b"x", CAN))
+    with pytest.raises(ValueError, match="records no event"):
+        event_of(Block("bus", 5, b"[1]", EVENT))
+
+
+def test_the_anchor_relates_both_clocks_closely() -> None:
+    one = anchor()
+    assert 0 <= one.within_ns < 1_000_000
+    assert abs(one.wall_of(time.monotonic_ns()) - time.time_ns()) < 50_000_000
+    assert Anchor(1000, 400, 1).wall_of(450) == 1050
+
+
+def test_blocks_become_captures_that_the_readers_understand() -> None:
+    anchored = Anchor(1_700_000_000_000_000_000, 1_000, 10)
+    reads = [Block("imu", 1_000 + n, bytes([n] * n), SERIAL) for n in range(1, 5)]
+    told = event_block("imu", 1_003, "lost", "gone")
+    content = capture_header(SERIAL, anchored)
+    content += b"".join(capture_bytes(SERIAL, block, anchored) for block in [*reads, told])
+    parsed = parse_capture(content)
+    assert parsed.stream == b"".join(block.payload for block in reads)
+    np.testing.assert_array_equal(parsed.host_ns, anchored.wall_ns + np.arange(1, 5))
+
+    records = can_captures.can_records(build.can_entries(4))
+    bus = [
+        Block("bus", 1, b"".join(records[:3]), CAN),
+        event_block("bus", 2, "lost", "gone"),
+        Block("bus", 3, records[3], CAN),
+    ]
+    content = capture_header(CAN, anchored) + b"".join(capture_bytes(CAN, block, anchored) for block in bus)
+    found = can_capture_file.parse_capture(content).records
+    assert found["flags"].tolist()[0] == can_capture_file.ANCHOR
+    assert can_capture_file.text_of(found[4]) == "lost: gone"
+    assert found[5].tobytes() == records[3]
+    with pytest.raises(ValueError, match="has no capture"):
+        capture_header("camera", anchored)
+    with pytest.raises(ValueError, match="has no capture"):
+        capture_bytes("camera", reads[0], anchored)
+
+
+def test_the_drops_of_a_can_link_are_summed(tmp_path: Path) -> None:
+    folder = tmp_path / "can0" / "statistics"
+    folder.mkdir(parents=True)
+    for i, name in enumerate(("rx_dropped", "rx_over_errors", "rx_fifo_errors", "rx_missed_errors")):
+        (folder / name).write_text(f"{10**i}\n")
+    assert dropped_by_can_link("can0", tmp_path) == 1111
+    (folder / "rx_dropped").write_text("none")
+    assert dropped_by_can_link("can0", tmp_path) is None
+    assert dropped_by_can_link("can1", tmp_path) is None
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="/proc is Linux's")
+def test_the_drops_of_a_udp_socket_are_counted() -> None:
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
+    ):
+        receiver.bind(("127.0.0.1", 0))
+        receiver.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        before = dropped_by_udp_socket(receiver.fileno())
+        assert before == 0
+        for _ in range(300):
+            sender.sendto(bytes(500), receiver.getsockname())
+        held = 0
+        receiver.setblocking(False)
+        while True:
+            try:
+                receiver.recv(1000)
+            except BlockingIOError:
+                break
+            held += 1
+        assert dropped_by_udp_socket(receiver.fileno()) == 300 - held > 0
+        assert dropped_by_udp_socket(receiver.fileno(), (Path("/nowhere"),)) is None
+    assert dropped_by_udp_socket(10**6) is None
+
+
+def test_the_kernels_answer_on_a_serial_port_is_read_as_linux_lays_it_out() -> None:
+    # cts dsr rng dcd rx tx frame overrun parity brk buf_overrun, then reserved
+    answer = struct.pack("20i", 0, 0, 0, 0, 900, 0, 3, 20, 4, 7, 100, *[0] * 9)
+    assert line_errors_of(answer) == LineErrors(damaged=7, dropped=120)
+    with Path(os.devnull).open("rb") as file:
+        assert line_errors(file.fileno()) is None
+
+
+def test_what_a_count_grew_by_is_summed_over_all_openings() -> None:
+    count = GrowingCount()
+    count.see(None)
+    assert count.total is None
+    for look in (100, 100, 103):
+        count.see(look)
+    assert count.total == 3
+    count.restart()
+    for look in (50, 54, 2):  # the last one of a system that began anew
+        count.see(look)
+    assert count.total == 7
+
+
+def test_the_systems_number_is_found_through_any_wrapping() -> None:
+    outer = RuntimeError("driver failed")
+    outer.__cause__ = OSError(errno.EACCES, "Permission denied")
+    assert error_number(outer) == errno.EACCES
+    fault = open_fault("bus", "slcan COM3", outer)
+    assert "permission is missing" in str(fault)
+    assert error_number(ValueError("[Errno 19] No such device")) == errno.ENODEV
+    windows = "could not open port 'COM9': FileNotFoundError(2, 'The system cannot find the file specified.', None, 2)"
+    assert error_number(ValueError(windows)) == errno.ENOENT
+    assert (
+        error_number(ValueError("could not open port 'COM9': PermissionError(13, 'Access is denied.')")) == errno.EBUSY
+    )
+    assert error_number(ValueError("odd")) is None
+    assert "the driver says: odd" in str(open_fault("bus", "pcan 1", ValueError("odd\n")))
+    assert "found /dev/ttyUSB1, /dev/ttyS0" in str(
+        open_fault("imu", "/dev/ttyUSB0", FileNotFoundError(2, "x"), available=["/dev/ttyS0", "/dev/ttyUSB1"])
+    )
+
+
+def test_pauses_between_tries_grow_to_a_limit() -> None:
+    pauses = BackOff()
+    pauses.lost()
+    assert not pauses.wait(0.0)
+    assert pauses.wait(1.0)
+    for _ in range(40):
+        pauses.failed()
+    before = time.monotonic()
+    assert not pauses.wait(0.02)
+    assert time.monotonic() - before < 0.5
+    assert pauses.wait(LONGEST_PAUSE_S + 0.1)
+    assert 0.5 < time.monotonic() - before < 2.0
+    assert pauses.tries == 2

@@ -1,0 +1,148 @@
+"""The thread that reads a device: nothing is left behind, and no failure is silent."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+
+import can
+import pytest
+
+from daq.devices.device import SERIAL, Block, Counters, Device, event_block
+from daq.devices.opening import open_device
+from daq.devices.reader_thread import DeviceReader
+
+
+class Scripted:
+    """A device that gives numbered blocks, some of them only when it is closed."""
+
+    name = "scripted"
+    kind = SERIAL
+    counters = Counters()
+
+    def __init__(self, blocks: int, held: int = 0, fails_at: int | None = None) -> None:
+        self._left, self._held, self._fails_at = blocks, held, fails_at
+        self._given = 0
+        self.closed = 0
+
+    def open(self) -> None: ...
+
+    def _next(self) -> Block:
+        self._given += 1
+        return Block(self.name, time.monotonic_ns(), str(self._given - 1).encode(), SERIAL)
+
+    def read(self, timeout_s: float) -> Block | None:
+        if self._fails_at is not None and self._given == self._fails_at:
+            raise RuntimeError("the driver broke")
+        if self._given < self._left:
+            return self._next()
+        time.sleep(min(timeout_s, 0.01))
+        return None
+
+    def close(self) -> tuple[Block, ...]:
+        self.closed += 1
+        if self.closed > 1:
+            return ()
+        rest = tuple(self._next() for _ in range(self._held))
+        return (*rest, event_block(self.name, time.monotonic_ns(), "closed", ""))
+
+
+def numbers(blocks: list[Block]) -> list[int]:
+    return [int(block.payload) for block in blocks if block.kind == SERIAL]
+
+
+def wait_for(condition, limit_s: float = 5.0) -> None:
+    ends = time.monotonic() + limit_s
+    while not condition() and time.monotonic() < ends:
+        time.sleep(0.005)
+    assert condition()
+
+
+def test_stopping_hands_on_everything_that_the_device_still_holds() -> None:
+    device: Device = Scripted(50, held=30)
+    blocks: list[Block] = []
+    reader = DeviceReader(device, blocks.append)
+    reader.start()
+    wait_for(lambda: len(blocks) >= 50)
+    assert reader.health.alive
+    reader.stop()
+    assert numbers(blocks) == list(range(80))
+    health = reader.health
+    assert (health.alive, health.error, health.undelivered, health.blocks) == (False, None, 0, 81)
+    assert health.payload_bytes == sum(len(block.payload) for block in blocks)
+    assert health.data_age_s is not None
+    reader.stop()
+    assert device.closed == 1
+
+
+def test_a_bus_that_was_fed_before_the_stop_is_read_empty() -> None:
+    channel = f"reader-{os.getpid()}"
+    with can.Bus(interface="virtual", channel=channel, ignore_config=True) as sender:
+        device = open_device("bus", "can", {"interface": "virtual", "channel": channel})
+        with DeviceReader(device, lambda _: time.sleep(0.001)):
+            for n in range(5000):
+                sender.send(can.Message(arbitration_id=n % 2000, is_extended_id=False, data=bytes(8)))
+    assert device.counters.received == 5000
+
+
+def test_a_sink_that_fails_stops_the_reading_and_is_seen() -> None:
+    device = Scripted(1000, held=5)
+    blocks: list[Block] = []
+
+    def sink(block: Block) -> None:
+        if len(blocks) == 10:
+            raise OSError(28, "No space left on device")
+        blocks.append(block)
+
+    reader = DeviceReader(device, sink)
+    reader.start()
+    wait_for(lambda: not reader.health.alive)
+    assert isinstance(reader.error, OSError)
+    assert device.closed == 1
+    assert numbers(blocks) == list(range(10))
+    # the one that failed, five that the device held, and the event of its closing
+    assert reader.health.undelivered == 7
+    reader.stop()
+
+
+def test_a_sink_that_fails_at_the_very_end_is_seen_too() -> None:
+    def sink(block: Block) -> None:
+        if block.payload == b"5":
+            raise ValueError("no")
+
+    reader = DeviceReader(Scripted(3, held=4), sink)
+    reader.start()
+    wait_for(lambda: reader.health.blocks == 3)
+    reader.stop()
+    assert isinstance(reader.error, ValueError)
+    assert reader.health.undelivered == 3
+
+
+def test_a_device_that_fails_is_seen_and_closed() -> None:
+    device = Scripted(1000, fails_at=7)
+    blocks: list[Block] = []
+    reader = DeviceReader(device, blocks.append)
+    reader.start()
+    wait_for(lambda: not reader.health.alive)
+    assert isinstance(reader.error, RuntimeError)
+    assert numbers(blocks) == list(range(7))
+    assert device.closed == 1
+
+
+def test_a_sink_that_hangs_is_reported_by_stop() -> None:
+    release = threading.Event()
+    reader = DeviceReader(Scripted(5), lambda _: release.wait(10))
+    reader.start()
+    with pytest.raises(TimeoutError, match="'scripted' does not end"):
+        reader.stop(timeout_s=0.1)
+    release.set()
+    reader.stop()
+    assert reader.health.longest_sink_s > 0.05
+
+
+def test_a_reader_that_was_never_started_closes_its_device_when_stopped() -> None:
+    device = Scripted(0, held=2)
+    blocks: list[Block] = []
+    DeviceReader(device, blocks.append).stop()
+    assert numbers(blocks) == [0, 1]
