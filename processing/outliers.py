@@ -14,12 +14,17 @@ Flags = NDArray[np.bool_]
 
 LIMIT_SIGMA = 6.0
 """Of the difference to what the neighbours predict: one in 5e8 frames exceeds it by chance."""
+NOISE_SIGMA = 4.0
+"""What noise alone leaves among a dozen values."""
+MOST_LEFT = 0.2
+"""Share of the largest departure that may be left without a spike; beside a step much of it is."""
 
 
 def isolated_outliers(times_s: Array, residual: Array, sigma: float) -> Flags:
     """Find values that lie off the cubic through two neighbours on either side.
 
-    The furthest off is taken first. It counts only if its neighbours agree with one another without it.
+    The furthest off is looked at first, and those beside it, for beside a gap a spike is told from its
+    neighbour only by trying. One counts if the others agree with one another without it.
 
     Parameters
     ----------
@@ -37,12 +42,14 @@ def isolated_outliers(times_s: Array, residual: Array, sigma: float) -> Flags:
     suspects = _off(times_s, residual, sigma)
     while suspects.size and np.max(suspects) > LIMIT_SIGMA:
         i = 2 + int(np.argmax(suspects))
-        around = np.delete(np.arange(max(i - 4, 0), min(i + 5, residual.size)), i - max(i - 4, 0))
+        around = np.arange(max(i - 6, 0), min(i + 7, residual.size))
         around = around[~out[around]]
-        without = _off(times_s[around], residual[around], sigma)
-        out[i] = not without.size or float(without.max()) <= max(LIMIT_SIGMA, 0.25 * float(suspects[i - 2]))
+        candidates = [c for c in range(max(i - 2, 2), min(i + 3, residual.size - 2)) if not out[c]]
+        left = [_worst(times_s, residual, sigma, around[around != c]) for c in candidates]
+        best = int(np.argmin(left))
+        out[candidates[best]] = left[best] <= max(NOISE_SIGMA, MOST_LEFT * float(suspects[i - 2]))
         # what this one, or the step that it stands beside, says of its neighbours is settled by it
-        suspects[max(i - 4, 0) : i + 1] = 0.0
+        suspects[max(i - 6, 0) : i + 3] = 0.0
     return out
 
 
@@ -65,6 +72,11 @@ def stuck_repeats(positions: Array, residual: Array, sigma: float) -> Flags:
     first = np.maximum.accumulate(np.where(fresh, index, 0))
     moved = np.abs(residual - residual[first]) > LIMIT_SIGMA * sigma
     return np.asarray(~fresh & moved)
+
+
+def _worst(times_s: Array, values: Array, sigma: float, at: NDArray[np.int64]) -> float:
+    off = _off(times_s[at], values[at], sigma)
+    return float(off.max()) if off.size else 0.0
 
 
 def _off(times_s: Array, values: Array, sigma: float) -> Array:

@@ -134,7 +134,7 @@ def test_beyond_the_reach_less_than_a_hundredth_of_a_lasting_disturbance_is_left
 @given(st.floats(1.0, 500.0), st.integers(1, 8))
 def test_far_below_nyquist_the_reach_is_that_of_the_prototype(cutoff_hz, half_order):
     low_pass = LowPass(cutoff_hz, half_order)
-    assert low_pass.reach_samples(RATE_HZ) == pytest.approx(low_pass.reach_s * RATE_HZ, rel=0.03, abs=1)
+    assert low_pass.reach_samples(RATE_HZ) == pytest.approx(low_pass.reach_s * RATE_HZ, rel=0.05, abs=1)
 
 
 def test_a_record_shorter_than_the_reach_is_judged_sample_by_sample():

@@ -22,7 +22,7 @@ def test_noise_has_no_outliers(seed):
 
 
 @settings(deadline=None, max_examples=40)
-@given(st.integers(0, 2**32 - 1), st.integers(2, 397), st.sampled_from([-1, 1]), st.floats(1e-3, 1.0))
+@given(st.integers(0, 2**32 - 1), st.integers(2, 397), st.sampled_from([-1, 1]), st.floats(2e-3, 1.0))
 def test_a_spike_is_found_and_nothing_beside_it(seed, at, sign, height):
     times, values = residual(seed)
     values[at] += sign * height

@@ -18,9 +18,10 @@ def test_stamps_with_jitter_and_losses_come_to_lie_on_their_line(start_s, step_s
     line, scatter_s = even_stamps(stamps)
     assert line.shape == stamps.shape
     assert np.all(np.diff(line) > 0)
-    assert scatter_s <= 0.1 * step_s + 1e-9
     assert np.std(stamps - line) == pytest.approx(scatter_s, abs=1e-12)
+    # of a few stamps most steps may be double ones
     if index.size > 50:
+        assert scatter_s <= 0.1 * step_s + 1e-9
         assert np.allclose(line, true, rtol=0, atol=0.06 * step_s)
         assert np.allclose(np.diff(line) / np.diff(index), (line[-1] - line[0]) / (index[-1] - index[0]), rtol=1e-6)
 

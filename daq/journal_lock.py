@@ -1,0 +1,76 @@
+"""The lock that a journal's writer holds, so that nobody recovers or removes a journal that still grows.
+
+The operating system gives the lock back when its holder ends, however it ends.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+NAME = "writer.lock"
+
+
+class JournalLock:
+    """Exclusive lock on a journal's folder; held from making it to `release`.
+
+    Parameters
+    ----------
+    folder : Path
+
+    Raises
+    ------
+    BlockingIOError
+        If another writer holds it.
+    OSError
+        If the lock file cannot be made.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._path = folder / NAME
+        self._descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o644)
+        try:
+            _lock(self._descriptor)
+        except OSError as error:
+            os.close(self._descriptor)
+            raise BlockingIOError(*error.args) from error
+
+    def release(self) -> None:
+        """Give the lock back and remove its file."""
+        if sys.platform == "win32":
+            # An open file cannot be removed there
+            os.close(self._descriptor)
+            self._path.unlink(missing_ok=True)
+        else:
+            # Closed first, the file could be another writer's by the time it is removed
+            self._path.unlink(missing_ok=True)
+            os.close(self._descriptor)
+
+
+def is_being_written(folder: Path) -> bool:
+    """Tell whether a writer, in this process or another, holds the journal's lock."""
+    try:
+        descriptor = os.open(folder / NAME, os.O_RDWR)
+    except FileNotFoundError:
+        return False
+    try:
+        _lock(descriptor)
+    except OSError:
+        return True
+    finally:
+        os.close(descriptor)
+    return False
+
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _lock(descriptor: int) -> None:
+        msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+
+else:
+    import fcntl
+
+    def _lock(descriptor: int) -> None:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)

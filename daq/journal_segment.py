@@ -1,0 +1,131 @@
+"""One segment file of a journal while it is written."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+
+_ZEROS = bytes(1 << 20)
+
+# What a file system without the call answers; the others are real failures
+_NOT_SUPPORTED = (errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL)
+
+
+class WritingSegment:
+    """A segment whose space is reserved and whose header is on the disk.
+
+    The file has its full size from the start, all zeros behind the header. Where the system has no
+    ``posix_fallocate`` the zeros are written; on a file system that copies on write neither is a promise.
+
+    Parameters
+    ----------
+    path : Path
+        A file that is not there yet.
+    header : bytes
+    size : int
+        Bytes to reserve, the header among them.
+
+    Attributes
+    ----------
+    newest_ns : int
+        Latest host time of its records.
+
+    Raises
+    ------
+    OSError
+        If it cannot be made or the disk has no room; nothing is left of it then.
+    """
+
+    def __init__(self, path: Path, header: bytes, size: int) -> None:
+        self.path = path
+        self.size = size
+        self.length = 0
+        self.newest_ns = -(1 << 63)
+        flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+        self._descriptor = os.open(path, flags, 0o644)
+        try:
+            _reserve(self._descriptor, size)
+            self.write(header)
+            os.fsync(self._descriptor)
+        except OSError:
+            self.discard()
+            raise
+
+    @property
+    def room(self) -> int:
+        """Bytes that still fit."""
+        return self.size - self.length
+
+    def write(self, *parts: bytes | memoryview) -> None:
+        """Write the parts behind what is there, all of them or raise OSError."""
+        _write_all(self._descriptor, parts)
+        self.length += sum(len(part) for part in parts)
+
+    def sync(self) -> None:
+        """Force what is written to the disk."""
+        _sync_data(self._descriptor)
+
+    def finish(self) -> None:
+        """Cut off the space that was not used, force the rest to the disk and close."""
+        try:
+            # Not `length`, which lags behind if the write was interrupted
+            os.ftruncate(self._descriptor, os.lseek(self._descriptor, 0, os.SEEK_CUR))
+            os.fsync(self._descriptor)
+        finally:
+            os.close(self._descriptor)
+
+    def discard(self) -> None:
+        """Close and remove."""
+        os.close(self._descriptor)
+        self.path.unlink(missing_ok=True)
+
+
+def sync_folder(folder: Path) -> None:
+    """Force a folder's entries to the disk, where the system has that."""
+    if not hasattr(os, "O_DIRECTORY"):
+        return
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _reserve(descriptor: int, size: int) -> None:
+    if hasattr(os, "posix_fallocate"):
+        try:
+            os.posix_fallocate(descriptor, 0, size)
+        except OSError as error:
+            if error.errno not in _NOT_SUPPORTED:
+                raise
+        else:
+            return
+    left = size
+    while left > 0:
+        _write_all(descriptor, (memoryview(_ZEROS)[:left],))
+        left -= min(left, len(_ZEROS))
+    os.lseek(descriptor, 0, os.SEEK_SET)
+
+
+def _write_all(descriptor: int, parts: tuple[bytes | memoryview, ...]) -> None:
+    if hasattr(os, "writev"):
+        written = os.writev(descriptor, parts)
+        if written == sum(len(part) for part in parts):
+            return
+        rest = memoryview(b"".join(parts))[written:]
+    else:
+        # One call, so that a process that is killed leaves at most one record in part
+        rest = memoryview(b"".join(parts))
+    while rest:
+        written = os.write(descriptor, rest)
+        if written <= 0:
+            raise OSError(errno.EIO, "the system took no bytes")
+        rest = rest[written:]
+
+
+def _sync_data(descriptor: int) -> None:
+    if hasattr(os, "fdatasync"):
+        os.fdatasync(descriptor)
+    else:
+        os.fsync(descriptor)

@@ -1,0 +1,52 @@
+"""What a trigger decided, and why something was none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+HOLDOFF = "within the holdoff of the last trigger"
+WITHIN_POST = "within the post time of the last trigger"
+NOT_ARMED = "not armed"
+BEYOND_AT_ARM = "beyond the level without having been below the rearm level since arming"
+TOO_LATE = "its channel lagged: a later trigger was decided before"
+NO_MANUAL = "manual triggers are switched off"
+
+MANUAL = -1
+"""Place of a manual trigger, which belongs to no condition and no sample."""
+
+Outcome = Literal["trigger", "extension", "suppressed"]
+
+
+@dataclass(frozen=True)
+class Decision:
+    """A trigger, or why something was none.
+
+    Attributes
+    ----------
+    time_s : float
+        Instant of the sample that decided.
+    outcome : str
+        ``trigger``: a shot begins; ``extension``: the post time starts anew; ``suppressed``.
+    reason : str
+        Why it was suppressed, else empty.
+    channel : str
+        Empty if manual.
+    condition : int
+        Place of the condition in its trigger; `MANUAL` if manual.
+    index : int
+        Number of the sample in its channel, from 0 with the first that was fed; `MANUAL` if manual.
+    value : float or None
+        What was compared with the level: the sample, or its rate of change per second; None if manual.
+    crossing_s : float
+        Where the straight line from the sample before crosses the level or border of an edge or window; else `time_s`.
+    """
+
+    time_s: float
+    outcome: Outcome
+    reason: str
+    channel: str
+    condition: int
+    index: int
+    value: float | None
+    crossing_s: float
