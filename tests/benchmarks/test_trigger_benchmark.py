@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from daq.trigger import Trigger, TriggerDetector
-from daq.trigger_condition import Condition, Edge, PulseWidth, RateOfChange, Window
+from daq.trigger.condition import Condition, Edge, PulseWidth, RateOfChange, Window
 
 N_SAMPLES = 20_000_000
 BLOCK = 16_384

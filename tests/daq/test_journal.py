@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 
 from daq.errors import StoreError
 from daq.journal import JournalWriter, find_journals, read_journal, remove_journal
-from daq.journal_layout import RECORD_OVERHEAD, segment_paths
+from daq.journal.layout import RECORD_OVERHEAD, segment_paths
 from tests.builders.killed_journal import kill_a_writer, random_delays_s
 
 SESSION = {

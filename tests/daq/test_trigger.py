@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from daq.errors import RigError
-from daq.shot_window import ShotCutter
 from daq.trigger import Decision, Trigger, TriggerDetector, find_triggers
-from daq.trigger_condition import Edge, PulseWidth, RateOfChange, Window
-from daq.trigger_decision import BEYOND_AT_ARM, HOLDOFF, NO_MANUAL, NOT_ARMED, TOO_LATE, WITHIN_POST
-from daq.trigger_table import trigger_faults, trigger_from_table
+from daq.trigger.condition import Edge, PulseWidth, RateOfChange, Window
+from daq.trigger.decision import BEYOND_AT_ARM, HOLDOFF, NO_MANUAL, NOT_ARMED, TOO_LATE, WITHIN_POST
+from daq.trigger.shot_window import ShotCutter
+from daq.trigger.table import trigger_faults, trigger_from_table
 
 NAN = math.nan
 

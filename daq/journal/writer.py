@@ -1,7 +1,7 @@
 """The journal: everything that arrives is written here first, and survives a crash.
 
 A journal is a folder of segment files with records of length, source, host time and CRC; the bytes
-are described in `daq.journal_layout`. It is only ever appended to. A process that is killed loses nothing
+are described in `daq.journal.layout`. It is only ever appended to. A process that is killed loses nothing
 that `JournalWriter.append` took; a loss of power loses at most what came after the last synchronisation. It is
 read back with `read_journal` and removed once the shot file that was made of it is verified.
 """
@@ -21,23 +21,13 @@ from types import TracebackType
 from typing import Any
 
 from daq.errors import StoreError
-from daq.journal_folder import Journal, find_journals, read_journal, remove_journal
-from daq.journal_layout import CRC, RECORD_HEAD, RECORD_OVERHEAD, crc_seed, pack_header
-from daq.journal_records import JournalCounters, JournalRecord
-from daq.journal_reserve import SegmentReserve
-from daq.journal_segment import sync_folder
-from daq.journal_sync import SegmentSync
+from daq.journal.layout import CRC, RECORD_HEAD, RECORD_OVERHEAD, crc_seed, pack_header
+from daq.journal.records import JournalCounters
+from daq.journal.reserve import SegmentReserve
+from daq.journal.segment import sync_folder
+from daq.journal.sync import SegmentSync
 
-__all__ = [
-    "SEGMENT_BYTES",
-    "Journal",
-    "JournalCounters",
-    "JournalRecord",
-    "JournalWriter",
-    "find_journals",
-    "read_journal",
-    "remove_journal",
-]
+__all__ = ["SEGMENT_BYTES", "JournalWriter"]
 
 SEGMENT_BYTES = 64 << 20
 """Size of a segment unless told otherwise."""

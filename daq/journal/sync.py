@@ -7,7 +7,7 @@ import time
 from collections import deque
 
 from daq.errors import StoreError
-from daq.journal_segment import WritingSegment
+from daq.journal.segment import WritingSegment
 
 
 class SegmentSync:

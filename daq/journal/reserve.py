@@ -9,9 +9,9 @@ from collections import deque
 from pathlib import Path
 
 from daq.errors import StoreError
-from daq.journal_layout import segment_name, segment_paths
-from daq.journal_lock import JournalLock
-from daq.journal_segment import WritingSegment, sync_folder
+from daq.journal.layout import segment_name, segment_paths
+from daq.journal.lock import JournalLock
+from daq.journal.segment import WritingSegment, sync_folder
 
 
 class SegmentReserve:

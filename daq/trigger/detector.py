@@ -1,8 +1,8 @@
 """The trigger: when a shot begins, decided from samples, live or recorded, by the same rules.
 
 `TriggerDetector` takes blocks of samples and gives decisions; it knows no device, thread or file. How the samples
-are cut into blocks changes no decision. What the conditions are is in `daq.trigger_condition`, which part of the
-data a shot is in `daq.shot_window`, and how a rig file declares a trigger in `daq.trigger_table`.
+are cut into blocks changes no decision. What the conditions are is in `daq.trigger.condition`, which part of the
+data a shot is in `daq.trigger.shot_window`, and how a rig file declares a trigger in `daq.trigger.table`.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from daq.trigger_condition import Condition
-from daq.trigger_decision import (
+from daq.trigger.condition import Condition
+from daq.trigger.decision import (
     BEYOND_AT_ARM,
     HOLDOFF,
     MANUAL,
@@ -28,9 +28,9 @@ from daq.trigger_decision import (
     Decision,
     Outcome,
 )
-from daq.trigger_state import ConditionState, Event, Turn
+from daq.trigger.state import ConditionState, Event, Turn
 
-__all__ = ["Condition", "Decision", "Trigger", "TriggerDetector", "find_triggers"]
+__all__ = ["Trigger", "TriggerDetector", "find_triggers"]
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from daq.errors import StoreError
-from daq.journal_layout import SegmentHeader, header_size_stated, parse_header, segment_paths
-from daq.journal_lock import NAME as LOCK_NAME
-from daq.journal_lock import is_being_written
-from daq.journal_records import JournalRecord, Segment, scan_segment, survey_segment
+from daq.journal.layout import SegmentHeader, header_size_stated, parse_header, segment_paths
+from daq.journal.lock import NAME as LOCK_NAME
+from daq.journal.lock import is_being_written
+from daq.journal.records import JournalRecord, Segment, scan_segment, survey_segment
 
 _FIRST_BYTES = 64
 

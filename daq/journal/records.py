@@ -1,7 +1,7 @@
 """The records of one segment of a journal, read back after a clean end or after a crash, and their counts.
 
 A segment is taken up to its first record that is not whole and right; what lies behind is counted, never
-returned. The layout is described in `daq.journal_layout`.
+returned. The layout is described in `daq.journal.layout`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import IO
 
 from daq.errors import StoreError
-from daq.journal_layout import CRC, RECORD_HEAD, RECORD_OVERHEAD, SegmentHeader
+from daq.journal.layout import CRC, RECORD_HEAD, RECORD_OVERHEAD, SegmentHeader
 
 _BLOCK_BYTES = 1 << 20
 

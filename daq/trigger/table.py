@@ -29,8 +29,8 @@ from pathlib import Path
 from typing import Any
 
 from daq.errors import Fault, RigError, nearest_first
-from daq.trigger import Trigger
-from daq.trigger_condition import Condition, Edge, PulseWidth, RateOfChange, Window
+from daq.trigger.condition import Condition, Edge, PulseWidth, RateOfChange, Window
+from daq.trigger.detector import Trigger
 
 _KINDS: Mapping[str, type[Condition]] = {"edge": Edge, "window": Window, "slope": RateOfChange, "width": PulseWidth}
 

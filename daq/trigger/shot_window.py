@@ -6,7 +6,8 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from daq.trigger import Decision, Trigger
+from daq.trigger.decision import Decision
+from daq.trigger.detector import Trigger
 
 
 @dataclass(frozen=True)

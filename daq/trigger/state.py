@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.trigger_condition import Condition, Edge, PulseWidth, RateOfChange, Window
+from daq.trigger.condition import Condition, Edge, PulseWidth, RateOfChange, Window
 
 Floats = NDArray[np.float64]
 
