@@ -1,6 +1,6 @@
 """The shot file: one firing in one HDF5 file, written whole or not at all.
 
-Where each value stands in the file is described in `daq.shot_layout`. A shot file is made in
+Where each value stands in the file is described in `daq.store.layout`. A shot file is made in
 memory, written under a temporary name beside its own, forced to the disk, read back, compared with
 the shot bit for bit, and only then renamed. A reader never meets half a file under the final name.
 """
@@ -16,9 +16,9 @@ from typing import Any
 
 from daq.errors import StoreError
 from daq.shot import Shot
-from daq.shot_difference import first_difference
-from daq.shot_layout import SCHEMA, read_layout, write_layout
-from daq.shot_summary import summarise_layout
+from daq.store.difference import first_difference
+from daq.store.layout import SCHEMA, read_layout, write_layout
+from daq.store.summary import summarise_layout
 
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 """First bytes of an HDF5 file (HDF5 File Format Specification, superblock)."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from daq.channel_layout import signals_of, time_groups
-from daq.shot_layout import ENTRY_NAMES, SCHEMA, read_alignments, read_inputs, read_quality
-from daq.shot_table import read_text
+from daq.store.channel_layout import signals_of, time_groups
+from daq.store.layout import ENTRY_NAMES, SCHEMA, read_alignments, read_inputs, read_quality
+from daq.store.table import read_text
 
 
 def summarise_layout(file: Any) -> dict[str, Any]:

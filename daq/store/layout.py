@@ -37,9 +37,9 @@ from typing import Any
 import numpy as np
 
 from daq.channel import Step
-from daq.channel_layout import read_channels, write_channels
 from daq.shot import ClockAlignment, InputFile, QualityCheck, Shot
-from daq.shot_table import json_text, new_group, read_table, read_text, tree_names, write_table, write_text
+from daq.store.channel_layout import read_channels, write_channels
+from daq.store.table import json_text, new_group, read_table, read_text, tree_names, write_table, write_text
 
 SCHEMA = "recoil-daq/shot/1"
 PROGRAM = "recoil-daq"

@@ -1,6 +1,6 @@
 """Channels inside a shot file: one group per time base, and the raw counts beside them.
 
-The tree is described in `daq.shot_layout`.
+The tree is described in `daq.store.layout`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from daq.channel import Channel, RawCounts, Step
 from daq.shot import Shot
-from daq.shot_table import new_group, read_table, tree_names
+from daq.store.table import new_group, read_table, tree_names
 from daq.timebase import AbsoluteStart, TimeBase
 
 CHUNK_SAMPLES = 32768

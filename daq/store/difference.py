@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from daq.channel import Channel
 from daq.shot import ClockAlignment, Shot
-from daq.shot_table import json_text
+from daq.store.table import json_text
 
 
 def first_difference(one: Shot, other: Shot) -> str | None:
