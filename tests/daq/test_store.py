@@ -20,12 +20,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
-import daq.store.shot_file
 from daq.channel import Channel, RawCounts, Step
 from daq.errors import StoreError
 from daq.quantity import SI_UNITS
 from daq.shot import ClockAlignment, InputFile, QualityCheck, Shot
-from daq.store import read_shot, shot_summary, write_shot
+from daq.store import read_shot, shot_file, shot_summary, write_shot
 from daq.store.difference import first_difference
 from daq.timebase import AbsoluteStart, TimeBase
 from tests.builders.shots import make_shot, recorder_channel
@@ -392,13 +391,13 @@ def test_a_file_that_appears_meanwhile_is_not_overwritten(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hard_links: bool
 ) -> None:
     path = tmp_path / "s.h5"
-    verify = daq.store.shot_file._verify
+    verify = shot_file._verify
 
     def verify_while_another_writes(*args: Any) -> None:
         verify(*args)
         path.write_text("someone else's")
 
-    monkeypatch.setattr(daq.store.shot_file, "_verify", verify_while_another_writes)
+    monkeypatch.setattr(shot_file, "_verify", verify_while_another_writes)
     if not hard_links:
         monkeypatch.setattr(Path, "hardlink_to", _refuse)
     with pytest.raises(StoreError, match="exists already"):
@@ -439,7 +438,7 @@ def test_an_interrupt_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.
     def interrupt(*_args: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(daq.store.shot_file, "_verify", interrupt)
+    monkeypatch.setattr(shot_file, "_verify", interrupt)
     with pytest.raises(KeyboardInterrupt):
         write_shot(make_shot(), tmp_path / "s.h5")
     assert list(tmp_path.iterdir()) == []
@@ -451,18 +450,16 @@ def test_a_disk_that_changes_the_last_bit_of_a_sample_is_found_out_before_the_re
     path = tmp_path / "s.h5"
     before = make_shot()
     write_shot(before, path)
-    write = daq.store.shot_file._write_durably
+    write = shot_file._write_durably
 
     def write_badly(_image: bytes, target: Path) -> None:
         shot = make_shot()
         samples = shot.channels["p_breech"].samples.copy()
         samples[100] = np.nextafter(samples[100], np.inf)
         changed = replace(shot.channels["p_breech"], samples=samples)
-        write(
-            daq.store.shot_file._image(replace(shot, channels={**shot.channels, "p_breech": changed}), target), target
-        )
+        write(shot_file._image(replace(shot, channels={**shot.channels, "p_breech": changed}), target), target)
 
-    monkeypatch.setattr(daq.store.shot_file, "_write_durably", write_badly)
+    monkeypatch.setattr(shot_file, "_write_durably", write_badly)
     with pytest.raises(StoreError, match="samples of channel 'p_breech'"):
         write_shot(before, path, overwrite=True)
     assert_same_shot(read_shot(path), before)
@@ -470,10 +467,8 @@ def test_a_disk_that_changes_the_last_bit_of_a_sample_is_found_out_before_the_re
 
 
 def test_a_disk_that_keeps_half_is_found_out_before_the_rename(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    write = daq.store.shot_file._write_durably
-    monkeypatch.setattr(
-        daq.store.shot_file, "_write_durably", lambda image, path: write(image[: len(image) // 2], path)
-    )
+    write = shot_file._write_durably
+    monkeypatch.setattr(shot_file, "_write_durably", lambda image, path: write(image[: len(image) // 2], path))
     with pytest.raises(StoreError, match="does not read back") as caught:
         write_shot(make_shot(), tmp_path / "s.h5")
     assert caught.value.path == tmp_path / "s.h5"
