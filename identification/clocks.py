@@ -16,7 +16,7 @@ from daq.errors import IdentificationError
 from daq.shot import ClockAlignment, Shot
 from identification.kinematics import travel_acceleration, turning
 from identification.signals import Signals, collect_signals
-from processing.align import judge_edges, judge_motion, judge_redundant
+from processing.align import failed_alignment, judge_edges, judge_motion, judge_redundant
 from processing.gaps import bridge
 from processing.motion_alignment import align_motion
 from processing.noise import noise_sigma
@@ -64,14 +64,14 @@ def _align(shot: Shot, rig: Rig, source: Source, found: dict[str, ClockAlignment
         return _by_redundant_channel(shot, rig, source, align)
     if isinstance(align, MotionAlignment):
         return _by_motion(shot, rig, source, align, found)
-    return _nothing(source.name, "none", "the rig declares no alignment")
+    return failed_alignment(source.name, "none", "the rig declares no alignment")
 
 
 def _by_trigger(shot: Shot, rig: Rig, source: Source, align: TriggerAlignment) -> ClockAlignment:
     own, other = shot.channels.get(align.channel), shot.by_role("trigger")
     if own is None or other is None:
         missing = align.channel if own is None else "a channel of role trigger on the reference clock"
-        return _nothing(source.name, "trigger", f"{missing} is not in this shot")
+        return failed_alignment(source.name, "trigger", f"{missing} is not in this shot")
     u_edge = math.hypot(_step(own), _step(other)) / math.sqrt(12.0)
     edges = [rising_edges(c.time_base.times_s - rig.channel(c.name).sensor.delay_s, _samples(c)) for c in (own, other)]
     fit = align_edges(edges[0], edges[1], u_edge_s=u_edge, drift_allowance=align.drift_allowance)
@@ -82,9 +82,9 @@ def _by_redundant_channel(shot: Shot, rig: Rig, source: Source, align: Redundant
     own, other = shot.channels.get(align.channel), shot.channels.get(align.against)
     if own is None or other is None:
         missing = align.channel if own is None else align.against
-        return _nothing(source.name, "redundant", f"channel {missing} is not in this shot")
+        return failed_alignment(source.name, "redundant", f"channel {missing} is not in this shot")
     if other.time_base.clock != shot.reference_clock:
-        return _nothing(source.name, "redundant", f"channel {align.against} is not on the reference clock")
+        return failed_alignment(source.name, "redundant", f"channel {align.against} is not on the reference clock")
     base = other.time_base
     step = _step(other)
     reference = bridge(_samples(other), otherwise=0.0)
@@ -111,13 +111,15 @@ def _by_motion(
     other = shot.channels.get(align.against)
     if own is None or other is None:
         missing = "a displacement channel of this source" if own is None else f"channel {align.against}"
-        return _nothing(source.name, "motion", f"{missing} is not in this shot")
+        return failed_alignment(source.name, "motion", f"{missing} is not in this shot")
     if other.role != "recoil_acceleration":
-        return _nothing(source.name, "motion", f"channel {align.against} must have the role recoil_acceleration")
+        return failed_alignment(
+            source.name, "motion", f"channel {align.against} must have the role recoil_acceleration"
+        )
     try:
         signals = collect_signals(shot, rig, found)
     except IdentificationError as error:
-        return _nothing(source.name, "motion", str(error))
+        return failed_alignment(source.name, "motion", str(error))
     acceleration = travel_acceleration(signals, rig, turning(signals, rig))
     sigma = _silent_noise(signals, acceleration)
     # the pulse's silence fixes the zero; what is left of it is the fit's own unknown
@@ -153,7 +155,3 @@ def _step(channel: Channel) -> float:
 
 def _samples(channel: Channel) -> Array:
     return np.asarray(channel.samples, dtype=np.float64)
-
-
-def _nothing(clock: str, method: str, reason: str) -> ClockAlignment:
-    return ClockAlignment(clock, 0.0, math.inf, 0.0, math.inf, "failed", method, (reason,))

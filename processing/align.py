@@ -65,9 +65,9 @@ def judge_motion(
     if not noise_density > 0:
         raise ValueError(f"noise_density must be positive, not {noise_density}")
     if isinstance(fit, str):
-        return _failed(clock, "motion", fit)
+        return failed_alignment(clock, "motion", fit)
     if not _finite(fit.offset_s, fit.u_offset_s, fit.drift, fit.gain, fit.u_gain, fit.innovation_statistic):
-        return _failed(clock, "motion", "the fit gives no finite number: check both records for spikes")
+        return failed_alignment(clock, "motion", "the fit gives no finite number: check both records for spikes")
     doubts, failures = _common_doubts(fit)
     low, high = INNOVATION_LIMITS
     if not low <= fit.innovation_statistic <= high:
@@ -132,9 +132,9 @@ def judge_motion(
 def judge_redundant(clock: str, fit: RedundantFit | str) -> ClockAlignment:
     """Judge an alignment by a redundant channel."""
     if isinstance(fit, str):
-        return _failed(clock, "redundant", fit)
+        return failed_alignment(clock, "redundant", fit)
     if not _finite(fit.offset_s, fit.u_offset_s, fit.drift, fit.gain, fit.u_gain):
-        return _failed(clock, "redundant", "the fit gives no finite number: check both records for spikes")
+        return failed_alignment(clock, "redundant", "the fit gives no finite number: check both records for spikes")
     doubts, failures = _common_doubts(fit)
     details = {
         "gain": fit.gain,
@@ -154,7 +154,7 @@ def judge_redundant(clock: str, fit: RedundantFit | str) -> ClockAlignment:
 def judge_edges(clock: str, fit: EdgeFit | str, *, u_edge_s: float) -> ClockAlignment:
     """Judge an alignment by trigger edges."""
     if isinstance(fit, str):
-        return _failed(clock, "trigger", fit)
+        return failed_alignment(clock, "trigger", fit)
     doubts = []
     if abs(fit.drift) > MOST_DRIFT:
         doubts.append(_too_much_drift(fit.drift))
@@ -199,5 +199,6 @@ def _status(doubts: list[str], failures: list[str], method: str) -> tuple[Alignm
     return status, method, (*failures, *doubts)
 
 
-def _failed(clock: str, method: str, reason: str) -> ClockAlignment:
+def failed_alignment(clock: str, method: str, reason: str) -> ClockAlignment:
+    """Return the alignment of a clock that could not be related to the reference, with the reason."""
     return ClockAlignment(clock, 0.0, math.inf, 0.0, math.inf, "failed", method, (reason,))
