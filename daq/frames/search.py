@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from enum import Enum, auto
 from typing import Final, Literal, Protocol
 
@@ -21,7 +22,7 @@ NEED_DATA: Final = _NeedData.NEED_DATA
 Found = Frame | Literal[_NeedData.NEED_DATA]
 
 
-class Search:
+class Search(ABC):
     """The bytes of a stream that are not searched yet, and where in the stream they are.
 
     Parameters
@@ -48,9 +49,9 @@ class Search:
         self._acceptance = acceptance
         self._counters = counters
 
+    @abstractmethod
     def next(self, end: int, *, ended: bool) -> Found:
         """Return the next good frame before byte ``end`` of the buffer, behind which nothing comes if ``ended``."""
-        raise NotImplementedError
 
     def drop_searched(self) -> None:
         """Forget the bytes that are searched."""

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from fractions import Fraction
 from time import process_time
 
 import numpy as np
 import pytest
 
 from identification.limited_memory import LimitedMemory, limited_memory_least_squares
+from tests.builders.window_oracles import direct_qr, exact, relative_error
 
 WINDOW = 200
 
@@ -34,35 +34,6 @@ def shots_then_silence(n_samples: int, n_parameters: int = 5) -> tuple[np.ndarra
     return regressors, regressors @ parameters + 0.01 * amplitude * rng.standard_normal(n_samples), loud
 
 
-def direct_qr(regressors: np.ndarray, response: np.ndarray) -> np.ndarray:
-    """Factorise the rows of every window anew, by LAPACK, a few thousand windows at a time."""
-    rows = np.column_stack([regressors, response])
-    windows = np.lib.stride_tricks.sliding_window_view(rows, WINDOW, axis=0).swapaxes(1, 2)
-    estimates = np.full(regressors.shape, np.nan)
-    for start in range(0, len(windows), 5_000):
-        triangle = np.linalg.qr(windows[start : start + 5_000], mode="r")
-        last = start + WINDOW - 1
-        estimates[last : last + len(triangle)] = np.linalg.solve(triangle[:, :-1, :-1], triangle[:, :-1, -1:])[..., 0]
-    return estimates
-
-
-def exact(regressors: np.ndarray, response: np.ndarray) -> np.ndarray:
-    """Solve the normal equations of one window in rational numbers."""
-    rows = [[Fraction(value) for value in row] for row in np.column_stack([regressors, response]).tolist()]
-    n = regressors.shape[1]
-    table = [[sum((row[i] * row[j] for row in rows), Fraction(0)) for j in range(n + 1)] for i in range(n)]
-    for i in range(n):
-        table[i] = [value / table[i][i] for value in table[i]]
-        for k in range(n):
-            if k != i:
-                table[k] = [a - table[k][i] * b for a, b in zip(table[k], table[i], strict=True)]
-    return np.array([float(row[-1]) for row in table])
-
-
-def relative_error(estimates: np.ndarray, truth: np.ndarray) -> np.ndarray:
-    return np.abs(estimates - truth).max(axis=1) / np.abs(truth).max(axis=1)
-
-
 def nothing_large_to_subtract(loud: np.ndarray) -> np.ndarray:
     """Where the last two windows are alike, so that a scheme restarted once per window has lost nothing."""
     recent = np.lib.stride_tricks.sliding_window_view(loud, 2 * WINDOW)
@@ -79,7 +50,7 @@ def test_a_million_windows_equal_their_own_factorisation_and_statsmodels(benchma
     )
     full = slice(WINDOW - 1, None)
     start = process_time()
-    truth = direct_qr(regressors, response)
+    truth = direct_qr(regressors, response, WINDOW)
     direct_s = process_time() - start
     error = relative_error(estimates.parameters[full], truth[full])
     start = process_time()

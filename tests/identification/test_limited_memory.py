@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import tracemalloc
-from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -18,6 +17,7 @@ from identification.limited_memory import (
     least_squares,
     limited_memory_least_squares,
 )
+from tests.builders.window_oracles import direct_qr, exact, relative_error
 
 FIELDS = tuple(WindowedEstimates.__dataclass_fields__)
 
@@ -33,35 +33,6 @@ def shot_then_silence(n_samples: int, n_parameters: int = 5, seed: int = 1) -> t
     regressors = (np.sqrt(0.9995) * shared + np.sqrt(0.0005) * own) * amplitude[:, np.newaxis]
     parameters = np.array([1.0, -2.0, 3.0, 0.5, -1.0])[:n_parameters]
     return regressors, regressors @ parameters + 0.01 * amplitude * rng.standard_normal(n_samples)
-
-
-def direct_qr(regressors: np.ndarray, response: np.ndarray, window: int) -> np.ndarray:
-    """Factorise the rows of every window anew, by LAPACK."""
-    rows = np.column_stack([regressors, response])
-    windows = np.lib.stride_tricks.sliding_window_view(rows, window, axis=0).swapaxes(1, 2)
-    estimates = np.full(regressors.shape, np.nan)
-    for start in range(0, len(windows), 5000):
-        triangle = np.linalg.qr(windows[start : start + 5000], mode="r")
-        last = start + window - 1
-        estimates[last : last + len(triangle)] = np.linalg.solve(triangle[:, :-1, :-1], triangle[:, :-1, -1:])[..., 0]
-    return estimates
-
-
-def exact(regressors: np.ndarray, response: np.ndarray) -> np.ndarray:
-    """Solve the normal equations of one window in rational numbers."""
-    rows = [[Fraction(value) for value in row] for row in np.column_stack([regressors, response]).tolist()]
-    n = regressors.shape[1]
-    table = [[sum((row[i] * row[j] for row in rows), Fraction(0)) for j in range(n + 1)] for i in range(n)]
-    for i in range(n):
-        table[i] = [value / table[i][i] for value in table[i]]
-        for k in range(n):
-            if k != i:
-                table[k] = [a - table[k][i] * b for a, b in zip(table[k], table[i], strict=True)]
-    return np.array([float(row[-1]) for row in table])
-
-
-def relative_error(estimates: np.ndarray, truth: np.ndarray) -> np.ndarray:
-    return np.abs(estimates - truth).max(axis=1) / np.abs(truth).max(axis=1)
 
 
 def white_record(seed: int, n_samples: int, n_parameters: int) -> tuple[np.ndarray, np.ndarray]:
