@@ -18,8 +18,10 @@ from typing import Any
 
 from daq.errors import Fault, ReadError, RigError
 from daq.readers.reader import Declarations
+from daq.trigger.detector import Trigger
+from daq.trigger.table import trigger_from_table
 from rigs.mechanism import Mechanism
-from rigs.rig_faults import checked_mechanism, faults_of_channels, faults_of_sources
+from rigs.rig_faults import checked_mechanism, faults_of_channels, faults_of_sources, faults_of_trigger
 from rigs.rig_tables import (
     ROLES,
     Alignment,
@@ -32,7 +34,7 @@ from rigs.rig_tables import (
     SourceKind,
     TriggerAlignment,
 )
-from rigs.rig_validation import unknown_keys, validated_rows
+from rigs.rig_validation import names_in, unknown_keys, validated_rows
 
 __all__ = [
     "ROLES",
@@ -55,7 +57,7 @@ __all__ = [
 
 SCHEMA = "recoil-daq/rig/1"
 
-_TOP_LEVEL_KEYS = ("schema", "name", "reference_clock", "mechanism", "source", "channel", "twin")
+_TOP_LEVEL_KEYS = ("schema", "name", "reference_clock", "mechanism", "source", "channel", "trigger", "twin")
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,8 @@ class Rig:
     path : Path
     databases : mapping of str to str
         Text of every CAN database that a source names, by the name it uses.
+    trigger : Trigger or None
+        When a live shot begins, and how much is kept around it.
     twin : mapping
         The table ``[twin]`` of a virtual rig, as read; empty if there is none.
     """
@@ -87,6 +91,7 @@ class Rig:
     text: str
     path: Path
     databases: Mapping[str, str] = field(default_factory=dict)
+    trigger: Trigger | None = None
     twin: Mapping[str, Any] = field(default_factory=dict)
 
     def source(self, name: str) -> Source:
@@ -116,6 +121,7 @@ class Rig:
         return Declarations(
             clock=source.name,
             database=None if source.database is None else self.databases[source.database],
+            counters=source.counters or (),
             framing=source.framing,
             frame_rate_hz=source.frame_rate,
             scale_mm_per_px=source.scale_mm_per_px,
@@ -214,6 +220,7 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None)
     channels = validated_rows(tables, "channel", ChannelSpec, faults)
     faults += faults_of_sources(sources, channels, tables)
     faults += faults_of_channels(channels, sources, tables)
+    faults += faults_of_trigger(tables, channels, sources)
     texts = _databases([s for _, s in sources], path, databases, faults)
     if faults or mechanism is None:
         raise RigError(path, faults)
@@ -226,8 +233,15 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None)
         text=text,
         path=path,
         databases=texts,
+        trigger=_trigger(tables, path),
         twin=tables.get("twin", {}),
     )
+
+
+def _trigger(tables: Mapping[str, Any], path: Path) -> Trigger | None:
+    if "trigger" not in tables:
+        return None
+    return trigger_from_table(tables["trigger"], names_in(tables, "channel"), path)
 
 
 def _databases(

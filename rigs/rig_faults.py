@@ -10,8 +10,10 @@ from typing import Any
 from daq.errors import Fault, FramingError, nearest_first
 from daq.frames.declaration import framing_from_table
 from daq.quantity import SI_UNITS, UNITS, find_unit, normalise_unit
+from daq.trigger.table import trigger_faults
 from rigs.mechanism import Mechanism
 from rigs.rig_tables import (
+    LIVE_KINDS,
     ROLES,
     ChannelSpec,
     MotionAlignment,
@@ -145,6 +147,29 @@ def _faults_of_alignment(
     triggered = any(c.source == reference and c.role == "trigger" for c in channels)
     if isinstance(align, TriggerAlignment) and complete and not triggered:
         faults.append(Fault(where, f"no channel of the reference clock {reference!r} has the role `trigger`"))
+    return faults
+
+
+def faults_of_trigger(
+    tables: Mapping[str, Any], channels: Sequence[tuple[str, ChannelSpec]], sources: Sequence[tuple[str, Source]]
+) -> list[Fault]:
+    """Check the table ``[trigger]``: its own keys, and that its channels belong to sources that are read live."""
+    table = tables.get("trigger")
+    if table is None:
+        return []
+    if not isinstance(table, dict):
+        return [Fault("trigger", "must be a table")]
+    faults = list(trigger_faults(table, names_in(tables, "channel")))
+    if faults:
+        return faults
+    kinds = {source.name: source.kind for _, source in sources}
+    source_of = {channel.name: channel.source for _, channel in channels}
+    for key in (key for key in ("any", "all") if key in table):
+        for i, row in enumerate(table[key]):
+            kind = kinds.get(source_of.get(row["channel"], ""))
+            if kind is not None and kind not in LIVE_KINDS:
+                problem = f"{row['channel']!r} is of a {kind} source, which cannot be read live"
+                faults.append(Fault(f"trigger.{key}[{i}].channel", f"{problem}; take a channel of a bus or port"))
     return faults
 
 

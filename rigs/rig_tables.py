@@ -86,9 +86,19 @@ Alignment = Annotated[
 
 
 KIND_OF_KEY = MappingProxyType(
-    {"database": "can", "framing": "serial", "frame_rate": "camera", "scale_mm_per_px": "camera"}
+    {
+        "database": "can",
+        "counters": "can",
+        "framing": "serial",
+        "frame_rate": "camera",
+        "scale_mm_per_px": "camera",
+    }
 )
 """Key of a source -> the one kind that has it."""
+
+
+LIVE_KINDS = ("can", "serial")
+"""Kinds of source that can be read live."""
 
 
 class Source(Table):
@@ -98,6 +108,7 @@ class Source(Table):
     kind: SourceKind
     match: str | None = None
     database: str | None = None
+    counters: Annotated[tuple[Text, ...], Field(strict=False)] | None = None
     framing: dict[str, Any] | None = None
     frame_rate: Positive | None = None
     scale_mm_per_px: Positive | None = None
@@ -111,6 +122,8 @@ class Source(Table):
             for key, kind in KIND_OF_KEY.items()
             if self.kind != kind and getattr(self, key) is not None
         ]
+        if self.device is not None and self.kind not in LIVE_KINDS:
+            faults.append(f"a {self.kind} source has no `device`: its files are handed over after the shot")
         if self.kind == "can" and self.database is None:
             faults.append('a can source needs `database = "<file>.dbc"`')
         if self.kind == "serial" and self.framing is None:

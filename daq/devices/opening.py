@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ def make_device(
     *,
     framing: Framing | None = None,
     database: str | None = None,
+    counters: Sequence[str] = (),
     check: StreamCheck | None = None,
 ) -> Device:
     """Make the device of a source without opening it; parameters and errors as of `open_device`."""
@@ -42,12 +43,9 @@ def make_device(
             remedy=f"write such as `device = {_EXAMPLES[kind]}` in its table",
         )
     if kind == CAN:
-        options = dict(table)
-        counters = options.pop("counters", None)
         if counters and database is not None and check is None:
-            names = [counters] if isinstance(counters, str) else list(counters)
-            check = can_counter_check(source, names, database, Path(f"source {source}"))
-        return CanDevice(source, options, check=check)
+            check = can_counter_check(source, counters, database, Path(f"source {source}"))
+        return CanDevice(source, table, check=check)
     if framing is None:
         return SerialDevice(source, table, check=check)
     return SerialDevice(source, table, commands=SerialCommands.of(framing), check=check or FramingCheck(framing))
@@ -60,6 +58,7 @@ def open_device(
     *,
     framing: Framing | None = None,
     database: str | None = None,
+    counters: Sequence[str] = (),
     check: StreamCheck | None = None,
 ) -> Device:
     """Open the device of a source.
@@ -71,12 +70,13 @@ def open_device(
     kind : str
         Its kind: ``can`` or ``serial``.
     table : mapping or None
-        Its ``device`` table. Of a bus, the key ``counters`` names signals, such as ``Message.Signal``, that count
-        messages; everything else goes to python-can.
+        Its ``device`` table. Of a bus, everything in it goes to python-can.
     framing : Framing, optional
         Of a serial source: its commands are sent, and its frames are counted.
     database : str, optional
-        Of a bus: the text of its database, in which ``counters`` are found.
+        Of a bus: the text of its database, in which `counters` are found.
+    counters : sequence of str
+        Of a bus: signals, such as ``Message.Signal``, that count the messages they are in.
     check : StreamCheck, optional
         Looks at the blocks in place of the one that framing or counters would give.
 
@@ -89,6 +89,6 @@ def open_device(
     DeviceError
         In one line: what is wrong (unknown interface, missing port, permission, in use), and what to do.
     """
-    device = make_device(source, kind, table, framing=framing, database=database, check=check)
+    device = make_device(source, kind, table, framing=framing, database=database, counters=counters, check=check)
     device.open()
     return device

@@ -175,11 +175,13 @@ def can_counter_check(source: str, names: Sequence[str], database: str, path: Pa
             raise DeviceError(
                 f"source '{source}': the database has no signal {name!r}",
                 found=", ".join(nearest_first(name, tuple(known))[:5]),
-                remedy="correct `device.counters` in the rig file, nearest names first",
+                remedy="correct `counters` of the source in the rig file, nearest names first",
             )
         message, signal = known[name]
         layout = layout_of(signal)
         if layout is None or layout.kind == "float":
-            raise DeviceError(f"source '{source}': {name} is no whole number", remedy="correct `device.counters`")
+            raise DeviceError(
+                f"source '{source}': {name} is no whole number", remedy="correct `counters` of the source"
+            )
         counters[(message.frame_id & ~EXTENDED, bool(message.is_extended_frame))] = replace(layout)
     return CanCounterCheck(counters)

@@ -64,6 +64,8 @@ class Declarations:
         Name of the source, which names its clock.
     database : str or None
         Text of the CAN database (DBC) of a ``can`` source.
+    counters : tuple of str
+        Signals of a ``can`` source, such as ``Message.Signal``, that count the messages they are in.
     framing : mapping or None
         Declared framing of a ``serial`` source.
     frame_rate_hz : float or None
@@ -74,6 +76,7 @@ class Declarations:
 
     clock: str
     database: str | None = None
+    counters: tuple[str, ...] = ()
     framing: Mapping[str, Any] | None = None
     frame_rate_hz: float | None = None
     scale_mm_per_px: float | None = None

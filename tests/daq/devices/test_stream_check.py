@@ -83,10 +83,10 @@ def test_gaps_of_a_message_counter_are_counted_over_its_wrap(lost: set[int], siz
 
 
 def test_a_counter_that_is_not_in_the_database_is_refused() -> None:
-    table = {"interface": "virtual", "channel": "x", "counters": ["NODE.m"]}
+    table = {"interface": "virtual", "channel": "x"}
     with pytest.raises(DeviceError, match=r"no signal 'NODE.m'; found NODE.n"):
-        make_device("bus", "can", table, database=DBC)
-    device = make_device("bus", "can", {**table, "counters": "NODE.n"}, database=DBC)
+        make_device("bus", "can", table, database=DBC, counters=["NODE.m"])
+    device = make_device("bus", "can", table, database=DBC, counters=["NODE.n"])
     assert device.counters.counter_gaps == 0
     without = make_device("bus", "can", table)
     assert without.counters.counter_gaps is None
