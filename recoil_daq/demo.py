@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from daq.errors import StoreError
 from recoil_daq.identify import Reported, identify_file
 from recoil_daq.ingest import Ingested, ingest_files
+from recoil_daq.live import run_live
+from recoil_daq.live_shot import Display, LiveOptions, LiveOutcome
 from rigs.rig import load_rig
 from rigs.twin import TwinShot, simulate_shot
+from rigs.twin.range_day import RangeDay
 
 DEMO_RIG = "mixed"
 DEMO_SHOT = "0001"
+LIVE_DEMO_SHOTS = 3
 Progress = Callable[[str], None]
 
 
@@ -71,3 +77,64 @@ def run_demo(
         ingested.path, out=out / "reports", truth=simulated.truth, overwrite=overwrite, progress=progress
     )
     return Demonstration(simulated, ingested, report)
+
+
+@dataclass(frozen=True)
+class LiveDemonstration:
+    """What a demonstrated range day made.
+
+    Attributes
+    ----------
+    outcome : LiveOutcome
+    reports : tuple of Reported
+        One per shot that has a shot file.
+    played : dict
+        What the virtual devices truly sent; see `rigs.twin.player.TwinPlayer.truth`.
+    """
+
+    outcome: LiveOutcome
+    reports: tuple[Reported, ...]
+    played: dict[str, Any]
+
+    @property
+    def valid(self) -> bool:
+        """Whether every shot is usable, and every mass valid."""
+        return self.outcome.usable and all(report.document["valid"] for report in self.reports)
+
+
+def run_live_demo(out: Path, display: Display, *, seed: int = 1, overwrite: bool = False) -> LiveDemonstration:
+    """Run a range day of three shots with virtual devices, and identify the mass of each.
+
+    Parameters
+    ----------
+    out : Path
+        Gets ``live`` with shot files, captures and dropped files, and ``reports``.
+    display : Display
+    seed : int
+    overwrite : bool
+        Remove an earlier range day there.
+
+    Raises
+    ------
+    StoreError
+        If the folder holds an earlier range day.
+    DeviceError
+        If this computer has no pseudo-terminals.
+    """
+    folder = out / "live"
+    if folder.exists():
+        if not overwrite:
+            raise StoreError("an earlier range day is here", path=folder, remedy="give another --out, or --overwrite")
+        shutil.rmtree(folder)
+    days: list[RangeDay] = []
+    options = LiveOptions(out=folder, shots=LIVE_DEMO_SHOTS)
+    outcome = run_live(load_rig(DEMO_RIG), options, display, play={"seed": seed}, watch_day=days.append)
+    reports = []
+    for shot in outcome.shots:
+        if shot.document is None:
+            continue
+        display.notice(f"identify shot {shot.name}")
+        truth = next(s.truth for s in days[0].shots if s.folder.name == shot.name)
+        path = Path(shot.document["file"])
+        reports.append(identify_file(path, out=out / "reports", truth=truth, overwrite=True))
+    return LiveDemonstration(outcome, tuple(reports), days[0].player.truth())

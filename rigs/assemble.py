@@ -54,7 +54,7 @@ def assemble_channels(rig: Rig, recordings: Mapping[str, Recording], version: st
         if recording is None:
             continue
         header = _find_signal(recording, spec.signal)
-        unit = _unit_of(spec, header, rig.source(spec.source), recording.path, faults)
+        unit = unit_of(spec, header, rig.source(spec.source), recording.path, faults)
         if unit is not None:
             units[spec.name] = unit
             found.append((spec, recording, header))
@@ -74,7 +74,7 @@ def _find_signal(recording: Recording, name: str) -> SignalHeader:
     raise ReadError(f"signal {name!r} is not listed", path=recording.path)
 
 
-def _unit_of(spec: ChannelSpec, header: SignalHeader, source: Source, path: Path, faults: list[Fault]) -> Unit | None:
+def unit_of(spec: ChannelSpec, header: SignalHeader, source: Source, path: Path, faults: list[Fault]) -> Unit | None:
     """Return the unit of the file's numbers: as the file states it, else as the rig does; they may not contradict."""
     key = f"channel '{spec.name}'.unit"
     stated = header.unit.strip()

@@ -1,0 +1,150 @@
+"""Out of the journal: the captures of one span of time, complete and verified, or not there."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO
+
+from daq.capture.session_record import LiveRecord
+from daq.devices.capture_bytes import capture_bytes, capture_header
+from daq.devices.device import CAN, EVENT, DeviceEvent, event_of
+from daq.errors import StoreError
+from daq.journal.folder import Journal
+from daq.journal.segment import sync_folder
+
+SUFFIX = {CAN: ".rdcc", "serial": ".rdsc"}
+"""Ending of a capture, by kind of source."""
+
+BLOCK_NS = 20_000_000
+"""A block is dated by its end and holds up to 10 ms: so much behind the span still belongs to it."""
+
+
+@dataclass
+class Cut:
+    """What one source has in a span.
+
+    Attributes
+    ----------
+    file : Path or None
+        Its capture; None if there is no data.
+    blocks, bytes : int
+        Of data.
+    events : list of (host_ns, DeviceEvent)
+    """
+
+    file: Path | None = None
+    blocks: int = 0
+    bytes: int = 0
+    events: list[tuple[int, DeviceEvent]] = field(default_factory=list)
+
+
+def write_captures(
+    journal: Journal,
+    session: LiveRecord,
+    folder: Path,
+    prefix: str,
+    start_ns: int | None,
+    stop_ns: int | None,
+    also: Callable[[Path, Mapping[str, Cut]], None] = lambda _folder, _cuts: None,
+) -> dict[str, Cut]:
+    """Write the captures of all sources for a span of time.
+
+    Everything is written into a folder under a temporary name, forced to the disk, read back and compared, and
+    then the folder gets its name.
+
+    Parameters
+    ----------
+    journal : Journal
+        May still be written; what was appended before the call counts.
+    session : LiveRecord
+    folder : Path
+        To be made.
+    prefix : str
+        Of the files' names, which end with the source's.
+    start_ns, stop_ns : int or None
+        Host time; None for no limit.
+    also : callable
+        Writes what else belongs into the folder, before it gets its name.
+
+    Returns
+    -------
+    dict of str to Cut
+        By source.
+
+    Raises
+    ------
+    StoreError
+        If the folder exists, cannot be written, or does not read back as it was written. Nothing is left then.
+    """
+    if folder.exists():
+        raise StoreError("the captures of this shot exist already", path=folder, remedy="move them elsewhere")
+    temporary = folder.with_name(f".{folder.name}.partial")
+    try:
+        shutil.rmtree(temporary, ignore_errors=True)
+        temporary.mkdir(parents=True)
+        cuts = _write(journal, session, temporary, prefix, start_ns, stop_ns)
+        also(temporary, cuts)
+        temporary.rename(folder)
+        sync_folder(folder.parent)
+    except OSError as error:
+        raise StoreError(
+            f"cannot be written: {error.strerror or error}", path=folder, remedy="make room; the journal still has it"
+        ) from error
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+    for cut in cuts.values():
+        cut.file = None if cut.file is None else folder / cut.file.name
+    return cuts
+
+
+def _write(
+    journal: Journal, session: LiveRecord, folder: Path, prefix: str, start_ns: int | None, stop_ns: int | None
+) -> dict[str, Cut]:
+    cuts = {source.name: Cut() for source in session.sources}
+    streams: dict[str, IO[bytes]] = {}
+    digests = {}
+    until_ns = None if stop_ns is None else stop_ns + BLOCK_NS
+    try:
+        for number, source in enumerate(session.sources):
+            for record in journal.records(number, start_ns, until_ns):
+                block, cut = session.block(record), cuts[source.name]
+                if block.kind == EVENT:
+                    cut.events.append((block.host_ns, event_of(block)))
+                else:
+                    cut.blocks += 1
+                    cut.bytes += len(block.payload)
+                    if cut.file is None:
+                        cut.file = folder / f"{prefix}_{source.name}{SUFFIX[source.kind]}"
+                        streams[source.name] = cut.file.open("xb")
+                        digests[source.name] = hashlib.sha256()
+                        _put(streams, digests, source.name, capture_header(source.kind, session.anchor))
+                if cut.file is not None:
+                    _put(streams, digests, source.name, capture_bytes(source.kind, block, session.anchor))
+        for stream in streams.values():
+            stream.flush()
+            os.fsync(stream.fileno())
+    finally:
+        for stream in streams.values():
+            stream.close()
+    for name, digest in digests.items():
+        _verify(cuts[name].file, digest.hexdigest())
+    return cuts
+
+
+def _put(streams: Mapping[str, IO[bytes]], digests: Mapping[str, hashlib._Hash], name: str, data: bytes) -> None:
+    streams[name].write(data)
+    digests[name].update(data)
+
+
+def _verify(path: Path | None, digest: str) -> None:
+    if path is None:
+        return
+    with path.open("rb") as stream:
+        found = hashlib.file_digest(stream, "sha256").hexdigest()
+    if found != digest:
+        raise StoreError("does not read back as it was written", path=path, remedy="check the disk")

@@ -1,0 +1,390 @@
+"""The running acquisition: one thread per device, the journal, and one thread that watches for shots.
+
+A reading thread appends every block to the journal before anything else looks at it, and then puts it into a queue. The
+watching thread takes it from there, so that whatever takes long (a trigger on many channels, a screen, the conversion
+of the last shot) delays the trigger's decision and loses nothing. If it falls behind by more than `QUEUE_BYTES`, blocks
+are recorded without being looked at, and counted.
+"""
+
+from __future__ import annotations
+
+import queue
+import shutil
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from daq.acquisition import Acquisition, write_acquisition
+from daq.capture.cut import Cut, write_captures
+from daq.capture.engine import CaptureEngine
+from daq.capture.live_source import LiveSource
+from daq.capture.session_record import (
+    CLOSED,
+    DECISION,
+    KINDS,
+    OPERATOR,
+    SHOT,
+    CompleteShot,
+    LiveRecord,
+    pack_decision,
+    pack_shot,
+)
+from daq.capture.shot_record import CounterSpan, acquisition_of
+from daq.capture.status import ChannelStatus, LiveStatus, SourceStatus, State
+from daq.devices.device import Block, Counters, Device
+from daq.devices.reader_thread import DeviceReader
+from daq.errors import DeviceError, RecoilDaqError
+from daq.journal import JournalWriter, read_journal, remove_journal
+from daq.trigger import Decision, Edge, ShotWindow, Trigger
+
+QUEUE_BYTES = 128 << 20
+"""Most bytes that wait to be looked at."""
+
+SEGMENT_BYTES = 16 << 20
+_WAIT_S = 0.05
+_COUNT_EVERY_S = 0.25
+_RATE_OVER_S = 2.0
+_RELEASE_EVERY_S = 1.0
+
+
+@dataclass(frozen=True)
+class CapturedShot:
+    """A shot that is cut out of the journal.
+
+    Attributes
+    ----------
+    name : str
+    folder : Path
+        Of its captures.
+    files : tuple of Path
+        The captures, and the record of the acquisition.
+    acquisition : Acquisition
+    """
+
+    name: str
+    folder: Path
+    files: tuple[Path, ...]
+    acquisition: Acquisition
+
+
+class LiveSession:
+    """Acquires from open devices until it is stopped.
+
+    Parameters
+    ----------
+    record : LiveRecord
+    sources : sequence of LiveSource
+    devices : mapping of str to Device
+        Open, one per source.
+    trigger : Trigger
+    folder : Path
+        Of the journal.
+    reserve_bytes : int
+        Space that must be there.
+    notice : callable
+        Told every decision of the trigger, in the watching thread.
+
+    Raises
+    ------
+    StoreError
+        If the journal cannot be made: no room, no permission.
+    RecoilDaqError
+        If a channel's signal is not in its source.
+    """
+
+    def __init__(
+        self,
+        record: LiveRecord,
+        sources: Sequence[LiveSource],
+        devices: Mapping[str, Device],
+        trigger: Trigger,
+        folder: Path,
+        *,
+        reserve_bytes: int,
+        notice: Callable[[Decision], None] = lambda _: None,
+    ) -> None:
+        self.record = record
+        self.trigger = trigger
+        self._sources = {source.name: source for source in sources}
+        self._notice = notice
+        self._engine = CaptureEngine(sources, trigger)
+        self._journal = JournalWriter(folder, record.to_json(), reserve_bytes, segment_bytes=SEGMENT_BYTES)
+        self._queue: queue.SimpleQueue[Block | Callable[[], None]] = queue.SimpleQueue()
+        self._waiting_bytes = self._unseen_bytes = 0
+        self._lock = threading.Lock()
+        self._holding: dict[int, float] = {}
+        self._windows: queue.SimpleQueue[ShotWindow] = queue.SimpleQueue()
+        self._numbers = {source.name: i for i, source in enumerate(record.sources)}
+        self._readers = {name: DeviceReader(device, self._sink) for name, device in devices.items()}
+        self._counted: deque[tuple[float, dict[str, Counters]]] = deque()
+        self._watcher = threading.Thread(target=self._watch, name="watch for shots", daemon=True)
+        self._stopping = threading.Event()
+        self._error: BaseException | None = None
+        self._shots = 0
+        self._began_s = time.monotonic()
+        self._released_s = 0.0
+
+    def start(self) -> None:
+        """Begin to read and to journal; not armed yet."""
+        self._watcher.start()
+        for reader in self._readers.values():
+            reader.start()
+
+    def arm(self) -> None:
+        """Let triggers count from now on."""
+        now_s = time.monotonic()
+        self._queue.put(lambda: self._engine.arm(now_s))
+
+    def disarm(self) -> None:
+        """Let nothing trigger until armed again."""
+        self._queue.put(self._engine.disarm)
+
+    def fire(self) -> None:
+        """Trigger by hand, now."""
+        now_s = time.monotonic()
+        self._queue.put(lambda: self._engine.fire(now_s))
+
+    def next_window(self, timeout_s: float) -> ShotWindow | None:
+        """Return the next shot that is complete, or None if there is none in time.
+
+        Its data stays in the journal until it is given back with `release`.
+        """
+        try:
+            return self._windows.get(timeout=timeout_s)
+        except queue.Empty:
+            return None
+
+    def cut(self, name: str, window: ShotWindow, folder: Path) -> CapturedShot:
+        """Write a shot's captures and the record of its acquisition.
+
+        Parameters
+        ----------
+        name : str
+            Identifier of the shot.
+        window : ShotWindow
+            Of `next_window`.
+        folder : Path
+            To be made.
+
+        Raises
+        ------
+        StoreError
+            If they cannot be written; the journal still has it.
+        """
+        self._append(SHOT, window.trigger_s, pack_shot(CompleteShot(name, window.trigger_s)))
+        self._journal.sync()
+        journal = read_journal(self._journal.folder)
+        start_ns, stop_ns = round(window.start_s * 1e9), round(window.stop_s * 1e9)
+        record_name = f"{name}_acquisition.json"
+        made: list[Acquisition] = []
+
+        def also(into: Path, cuts: Mapping[str, Cut]) -> None:
+            made.append(
+                acquisition_of(
+                    name, self.record, self.trigger, window, cuts, self._counter_spans(window),
+                    unseen_bytes=self._unseen_bytes,
+                )
+            )  # fmt: skip
+            write_acquisition(made[0], into / record_name)
+
+        cuts = write_captures(journal, self.record, folder, name, start_ns, stop_ns, also)
+        files = tuple(cut.file for cut in cuts.values() if cut.file is not None)
+        return CapturedShot(name, folder, (*files, folder / record_name), made[0])
+
+    def release(self, window: ShotWindow) -> None:
+        """Give a shot's data in the journal back: its shot file is verified."""
+        with self._lock:
+            self._holding.pop(round(window.trigger_s * 1e9), None)
+
+    @property
+    def idle(self) -> bool:
+        """Whether no shot is open and nothing waits to be looked at."""
+        return self._queue.empty() and not self._engine.recording and self._windows.empty()
+
+    @property
+    def journal_folder(self) -> Path:
+        """Where the journal stands."""
+        return self._journal.folder
+
+    @property
+    def error(self) -> RecoilDaqError | None:
+        """Why it cannot go on: a device's reader or the watching thread has ended by itself."""
+        failures = [self._error, *(reader.error for reader in self._readers.values())]
+        for failure in failures:
+            if isinstance(failure, RecoilDaqError):
+                return failure
+            if failure is not None:
+                return DeviceError(f"acquisition has ended by itself: {type(failure).__name__}: {failure}")
+        return None
+
+    @property
+    def status(self) -> LiveStatus:
+        """How it is doing now."""
+        journal = self._journal.counters
+        return LiveStatus(
+            state=self._state,
+            sources=tuple(self._source_status(name) for name in self._readers),
+            channels=tuple(
+                ChannelStatus(c.name, s.name, c.unit, self._engine.level(c.name), c.range, self._triggers_at(c.name))
+                for s in self._sources.values()
+                for c in s.channels
+            ),
+            shots=self._shots,
+            armed_s=time.monotonic() - self._began_s,
+            disk_free_bytes=_free_bytes(self._journal.folder) + journal.reserved_bytes,
+            journal_bytes=journal.bytes,
+            unsynced_s=journal.unsynced_s,
+            unseen_bytes=self._unseen_bytes,
+        )
+
+    def stop(self) -> None:
+        """End in order: read what waits, close the devices, complete open shots with what there is.
+
+        The windows of shots that were open are to be had from `next_window` afterwards. Further calls do nothing.
+
+        Raises
+        ------
+        StoreError
+            If the journal cannot be forced to the disk.
+        """
+        if self._stopping.is_set():
+            return
+        for reader in self._readers.values():
+            reader.stop()
+        self._stopping.set()
+        if self._watcher.ident is not None:
+            self._watcher.join()
+
+    def close(self, *, complete: bool) -> None:
+        """Close the journal, and remove it if all that was wanted of it is in verified shot files.
+
+        Parameters
+        ----------
+        complete : bool
+        """
+        self.stop()
+        try:
+            if self._error is None:
+                self._append(CLOSED, time.monotonic(), b"{}")
+        finally:
+            self._journal.close()
+        if complete and self.error is None:
+            remove_journal(self._journal.folder)
+
+    def _sink(self, block: Block) -> None:
+        """Keep a block, in its reader's thread."""
+        self._journal.append(self._numbers[block.source], KINDS.index(block.kind), block.host_ns, block.payload)
+        size = len(block.payload)
+        with self._lock:
+            seen = self._waiting_bytes + size <= QUEUE_BYTES
+            if seen:
+                self._waiting_bytes += size
+            else:
+                self._unseen_bytes += size
+        if seen:
+            self._queue.put(block)
+        else:
+            empty = replace(block, payload=b"")
+            self._queue.put(lambda: self._engine.take_unseen(empty))
+
+    def _watch(self) -> None:
+        try:
+            while not self._stopping.is_set() or not self._queue.empty():
+                self._take_next()
+                self._look(time.monotonic())
+            self._engine.finish()
+            self._look(float("inf"))
+        except BaseException as error:
+            self._error = error
+
+    def _take_next(self) -> None:
+        try:
+            item = self._queue.get(timeout=_WAIT_S)
+        except queue.Empty:
+            return
+        if not isinstance(item, Block):
+            item()
+            return
+        with self._lock:
+            self._waiting_bytes -= len(item.payload)
+        self._engine.take(item)
+
+    def _look(self, now_s: float) -> None:
+        """Record decisions, hand on complete shots, count, and give back what nobody needs."""
+        for decision in self._engine.news():
+            self._append(DECISION, decision.time_s, pack_decision(decision))
+            self._shots += decision.outcome == "trigger"
+            self._notice(decision)
+        self._count(min(now_s, time.monotonic()))
+        # how far the queue is behind is no reason to give a source up
+        for window in self._engine.ready(now_s if self._queue.empty() else -float("inf")):
+            with self._lock:
+                self._holding[round(window.trigger_s * 1e9)] = window.start_s
+            self._windows.put(window)
+        if now_s - self._released_s >= _RELEASE_EVERY_S:
+            self._released_s = now_s
+            self._release()
+
+    def _release(self) -> None:
+        with self._lock:
+            from_s = min([self._engine.needed_from_s, *self._holding.values()])
+        if from_s > 0:
+            self._journal.release_before(int(from_s * 1e9))
+
+    def _append(self, kind: int, time_s: float, payload: bytes) -> None:
+        self._journal.append(OPERATOR, kind, round(time_s * 1e9), payload)
+
+    def _count(self, now_s: float) -> None:
+        if self._counted and now_s - self._counted[-1][0] < _COUNT_EVERY_S:
+            return
+        self._counted.append((now_s, {name: reader.device.counters for name, reader in self._readers.items()}))
+        with self._lock:
+            from_s = min([self._engine.needed_from_s, now_s - _RATE_OVER_S, *self._holding.values()])
+        while len(self._counted) > 2 and self._counted[1][0] < from_s:
+            self._counted.popleft()
+
+    def _counter_spans(self, window: ShotWindow) -> dict[str, CounterSpan]:
+        snapshots = list(self._counted)
+        now = {name: reader.device.counters for name, reader in self._readers.items()}
+        before = max(
+            (one for one in snapshots if one[0] <= window.start_s), key=lambda one: one[0], default=snapshots[0]
+        )
+        after = min((one for one in snapshots if one[0] >= window.stop_s), key=lambda one: one[0], default=(0.0, now))
+        return {name: CounterSpan(before[0], before[1][name], after[1][name]) for name in self._readers}
+
+    @property
+    def _state(self) -> State:
+        if self._stopping.is_set() or self._error is not None:
+            return "stopped"
+        if self._engine.recording:
+            return "recording"
+        return "armed" if self._engine.armed else "disarmed"
+
+    def _source_status(self, name: str) -> SourceStatus:
+        reader = self._readers[name]
+        health, counters = reader.health, reader.device.counters
+        kind = reader.device.kind
+        snapshots = list(self._counted)
+        rate = 0.0
+        if snapshots and (past := [one for one in snapshots if time.monotonic() - one[0] <= _RATE_OVER_S]):
+            time_s, counted = past[0]
+            passed_s = time.monotonic() - time_s
+            rate = (counters.received - counted[name].received) / passed_s if passed_s > 0.1 else 0.0
+        error = "" if reader.error is None else str(reader.error)
+        return SourceStatus(name, kind, rate, health.data_age_s, counters, error)
+
+    def _triggers_at(self, channel: str) -> float | None:
+        for condition in self.trigger.conditions:
+            if condition.channel == channel and isinstance(condition, Edge):
+                return condition.level
+        return None
+
+
+def _free_bytes(folder: Path) -> int:
+    try:
+        return shutil.disk_usage(folder).free
+    except OSError:
+        return 0

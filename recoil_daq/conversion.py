@@ -1,0 +1,75 @@
+"""The conversion of a shot's files in a process of its own, so that it never keeps the reading threads waiting."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import IO, Any
+
+_BELOW_NORMAL = 10
+
+
+class Conversion:
+    """One run of ``recoil-daq ingest`` beside the acquisition.
+
+    Parameters
+    ----------
+    rig : Path
+    files : sequence of Path
+    shot : str
+    out : Path
+    """
+
+    def __init__(self, rig: Path, files: Sequence[Path], shot: str, out: Path) -> None:
+        command = [
+            sys.executable, "-m", "recoil_daq.cli", "ingest", str(rig), *map(str, files),
+            "--shot", shot, "--out", str(out), "--json",
+        ]  # fmt: skip
+        # a group of its own: Ctrl-C ends the acquisition in order, and lets the last shot be converted
+        apart: dict[str, Any] = {"creationflags": 0x00000200 | 0x00004000} if os.name == "nt" else {"process_group": 0}
+        # files, not pipes: nobody has to read along while it runs
+        self._out: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed when it is read
+        self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed when it is read
+        self._process = subprocess.Popen(  # noqa: S603 - this program itself, without a shell
+            command, stdin=subprocess.DEVNULL, stdout=self._out, stderr=self._errors, **apart
+        )
+        if os.name != "nt":
+            os.setpriority(os.PRIO_PROCESS, self._process.pid, _BELOW_NORMAL)
+
+    def result(self, timeout_s: float | None = 0.0) -> tuple[int, dict[str, Any]] | None:
+        """Return its exit code and document, or None if it is not done in time.
+
+        Parameters
+        ----------
+        timeout_s : float or None
+            None to wait for its end.
+        """
+        try:
+            code = self._process.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            return None
+        out, errors = self._text(self._out), self._text(self._errors)
+        try:
+            document = json.loads(out)
+        except ValueError:
+            said = errors.strip().splitlines()
+            document = {"message": said[-1] if said else f"the conversion ended with code {code}"}
+        return code, document if isinstance(document, dict) else {"message": str(document)}
+
+    def end(self) -> None:
+        """End it at once."""
+        self._process.kill()
+        self._process.wait()
+        self._out.close()
+        self._errors.close()
+
+    @staticmethod
+    def _text(stream: IO[bytes]) -> str:
+        with stream:
+            stream.seek(0)
+            return stream.read().decode(errors="replace")

@@ -1,0 +1,100 @@
+"""Files that other instruments drop into a folder: each is told once, when it has stopped growing."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from daq.errors import ReadError
+
+SETTLE_S = 1.0
+"""A file whose size and time of change stay the same for so long is complete, as far as a watcher can tell."""
+
+
+@dataclass(frozen=True)
+class DroppedFile:
+    """A file that has stopped growing.
+
+    Attributes
+    ----------
+    path : Path
+    seen_s : float
+        The host's monotonic clock when it was first seen.
+    """
+
+    path: Path
+    seen_s: float
+
+
+@dataclass
+class _Growing:
+    seen_s: float
+    size: int
+    changed_ns: int
+    steady_since_s: float
+
+
+class FolderWatch:
+    """Watches one folder, not those in it.
+
+    What lies there already when the watch begins is left alone. Hidden files and empty ones are not told.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if it is missing.
+    settle_s : float
+
+    Raises
+    ------
+    ReadError
+        If it is no folder, or cannot be made or read.
+    """
+
+    def __init__(self, folder: Path, *, settle_s: float = SETTLE_S) -> None:
+        self.folder = folder
+        self._settle_s = settle_s
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._known = {path.name: path.stat().st_mtime_ns for path in folder.iterdir()}
+        except OSError as error:
+            raise ReadError(
+                f"cannot be watched: {error.strerror or error}", path=folder, expected="a folder"
+            ) from error
+        self._growing: dict[str, _Growing] = {}
+
+    def poll(self, now_s: float | None = None) -> tuple[DroppedFile, ...]:
+        """Look at the folder once, and return the files that are complete since the last look.
+
+        Parameters
+        ----------
+        now_s : float, optional
+            The host's monotonic clock; read if left out.
+        """
+        now_s = time.monotonic() if now_s is None else now_s
+        complete = []
+        for path in self._listed():
+            try:
+                stat = path.stat()
+            except OSError:
+                continue  # gone again, or renamed: seen under its new name next time
+            if path.name.startswith(".") or not stat.st_size or not path.is_file():
+                continue
+            if self._known.get(path.name) == stat.st_mtime_ns:
+                continue
+            growing = self._growing.get(path.name)
+            if growing is None or (growing.size, growing.changed_ns) != (stat.st_size, stat.st_mtime_ns):
+                seen_s = now_s if growing is None else growing.seen_s
+                self._growing[path.name] = _Growing(seen_s, stat.st_size, stat.st_mtime_ns, now_s)
+            elif now_s - growing.steady_since_s >= self._settle_s:
+                self._known[path.name] = stat.st_mtime_ns
+                del self._growing[path.name]
+                complete.append(DroppedFile(path, growing.seen_s))
+        return tuple(complete)
+
+    def _listed(self) -> list[Path]:
+        try:
+            return sorted(self.folder.iterdir())
+        except OSError:
+            return []  # a network folder that is away for a moment

@@ -1,0 +1,103 @@
+"""Armed acquisition at the range, with devices or with a virtual rig that plays itself."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+
+from daq.errors import RecoilDaqError
+from daq.journal import find_journals
+from recoil_daq.live_range import LiveRange
+from recoil_daq.live_shot import Display, LiveOptions, LiveOutcome, free_number
+from recoil_daq.recover import recover_journal
+from rigs.rig import Rig
+from rigs.twin.range_day import RangeDay, is_virtual_rig
+
+VIRTUAL_SHOTS = 3
+"""A virtual rig fires so many shots unless told otherwise."""
+
+
+def run_live(
+    rig: Rig,
+    options: LiveOptions,
+    display: Display,
+    *,
+    play: Mapping[str, Any] | None = None,
+    watch_day: Callable[[RangeDay], None] = lambda _: None,
+) -> LiveOutcome:
+    """Arm the devices of a rig, and make a shot file of every shot.
+
+    Parameters
+    ----------
+    rig : Rig
+        If its devices are virtual, they are played here, and the files of its other sources are dropped into
+        the watched folder, which is ``OUT/incoming`` unless it is given.
+    options : LiveOptions
+    display : Display
+    play : mapping, optional
+        Keywords of `RangeDay` for a virtual rig.
+    watch_day : callable
+        Told the virtual day once it is simulated.
+
+    Returns
+    -------
+    LiveOutcome
+
+    Raises
+    ------
+    RigError
+        If the rig declares no trigger, or is at fault.
+    DeviceError
+        If a device cannot be opened, or no source has one.
+    ReadError, StoreError
+        If a folder cannot be used, or the disk has not enough room.
+    """
+    _recover(options, display)
+    first = options.first or free_number(options.out)
+    with _terminated_as_interrupted():
+        if not is_virtual_rig(rig):
+            return LiveRange(rig, replace(options, first=first), display).run()
+        shots = options.shots or VIRTUAL_SHOTS
+        watch = options.watch or options.out / "incoming"
+        display.notice(f"virtual rig: simulating {shots} shots")
+        with RangeDay(rig, shots, watch, first=first, **(play or {})) as day:
+            watch_day(day)
+            chosen = replace(options, first=first, shots=shots, watch=watch)
+            return LiveRange(rig, chosen, display, devices=day.devices, over=lambda: day.over).run(day.start)
+
+
+def _recover(options: LiveOptions, display: Display) -> None:
+    """Recover what a crash left over before anything new is recorded."""
+    for journal in find_journals(options.out / "journal"):
+        display.notice(f"a journal was left over: recovering {journal}")
+        try:
+            done = recover_journal(journal, options.out)
+        except RecoilDaqError as error:
+            display.notice(f"it is left as it is: {error}")
+            continue
+        for shot in done.shots:
+            what = "shot file written" if shot.ingested is not None else f"captures in {shot.folder}"
+            display.notice(f"shot {shot.name} recovered: {what}")
+        if done.everything is not None:
+            display.notice(f"everything that it held is in {done.everything}")
+
+
+@contextmanager
+def _terminated_as_interrupted() -> Iterator[None]:
+    """Let a request to terminate end the session in the same order as Ctrl-C."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -1,0 +1,169 @@
+"""A shot of a live session, from its trigger to its verdict, and how the session shows itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, Protocol
+
+from daq.acquisition import Acquisition
+from daq.capture.status import LiveStatus
+from daq.errors import RecoilDaqError
+from daq.trigger import ShotWindow
+
+FILES_WITHIN_S = 120.0
+"""Files of other instruments are waited for so long after a shot, before it is converted without them."""
+
+ShotState = Literal["cutting", "waiting", "converting", "usable", "not usable", "failed", "incomplete"]
+"""``waiting`` for other instruments' files; ``incomplete``: they never came; ``failed``: no shot file was made."""
+
+
+@dataclass(eq=False)
+class LiveShot:
+    """One shot as it stands.
+
+    Attributes
+    ----------
+    name : str
+    window : ShotWindow or None
+        None if it comes from a journal that was left over.
+    state : str
+    captured : Path or None
+        Folder of its captures; None until they are written.
+    acquisition : Acquisition or None
+    files : dict of str to Path
+        By source: captures, and what was dropped into the watched folder.
+    wanted : set of str
+        Sources whose files it waits for.
+    complete_s : float
+        Host time at which its captures were complete.
+    document : mapping or None
+        What ``ingest --json`` prints of it.
+    problem : str
+        Why it failed or is incomplete, in one line.
+    """
+
+    name: str
+    window: ShotWindow | None = None
+    state: ShotState = "cutting"
+    captured: Path | None = None
+    acquisition: Acquisition | None = None
+    files: dict[str, Path] = field(default_factory=dict)
+    wanted: set[str] = field(default_factory=set)
+    complete_s: float = 0.0
+    document: Mapping[str, Any] | None = None
+    problem: str = ""
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Sources whose files have not come."""
+        return tuple(sorted(self.wanted - set(self.files)))
+
+    @property
+    def settled(self) -> bool:
+        """Whether nothing more will happen to it."""
+        return self.state in ("usable", "not usable", "failed", "incomplete")
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it in JSON types."""
+        return {
+            "shot": self.name,
+            "state": self.state,
+            "problem": self.problem,
+            "captures": None if self.captured is None else str(self.captured),
+            "files": {source: str(path) for source, path in self.files.items()},
+            "missing": list(self.missing),
+            "acquisition": None if self.acquisition is None else self.acquisition.to_json(),
+            "ingest": self.document,
+        }
+
+
+@dataclass(frozen=True)
+class LiveOptions:
+    """How a live session is run.
+
+    Attributes
+    ----------
+    out : Path
+        Folder of the shot files; captures and journals stand in it, in ``captures`` and ``journal``.
+    shots : int or None
+        End after so many; None for no end.
+    first : int or None
+        Number of the first shot; the next free one if None.
+    watch : Path or None
+        Folder into which other instruments drop their files.
+    files_within_s : float
+        As `FILES_WITHIN_S`.
+    """
+
+    out: Path = Path("shots")
+    shots: int | None = None
+    first: int | None = None
+    watch: Path | None = None
+    files_within_s: float = FILES_WITHIN_S
+
+
+@dataclass
+class LiveOutcome:
+    """What a live session made.
+
+    Attributes
+    ----------
+    rig : str
+    shots : list of LiveShot
+    journal : Path or None
+        The journal, if it was kept: something of it is in no shot file.
+    interrupted : bool
+        By Ctrl-C.
+    error : RecoilDaqError or None
+        Why it ended by itself.
+    """
+
+    rig: str
+    shots: list[LiveShot] = field(default_factory=list)
+    journal: Path | None = None
+    interrupted: bool = False
+    error: RecoilDaqError | None = None
+
+    @property
+    def usable(self) -> bool:
+        """Whether every shot is."""
+        return all(shot.state == "usable" for shot in self.shots)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it in JSON types, with its schema."""
+        return {
+            "schema": "recoil-daq/live-session/1",
+            "rig": self.rig,
+            "shots": [shot.to_json() for shot in self.shots],
+            "journal": None if self.journal is None else str(self.journal),
+            "interrupted": self.interrupted,
+            "error": None if self.error is None else str(self.error),
+        }
+
+
+class Display(Protocol):
+    """Where a live session shows itself."""
+
+    def show(self, status: LiveStatus, shots: Sequence[LiveShot]) -> None:
+        """Show how it is doing; called about ten times per second."""
+        ...
+
+    def notice(self, text: str) -> None:
+        """Say in one line what happened."""
+        ...
+
+    def verdict(self, document: Mapping[str, Any]) -> None:
+        """Show the verdict on a shot: what ``ingest --json`` prints."""
+        ...
+
+    def key(self) -> str:
+        """Return the key that was pressed since the last call, in lower case; empty if none."""
+        ...
+
+
+def free_number(out: Path) -> int:
+    """Return the lowest number from which on no shot in a folder is numbered."""
+    names = [path.stem for path in out.glob("*.h5")] + [path.name for path in (out / "captures").glob("*")]
+    return 1 + max((int(name) for name in names if name.isdigit()), default=0)

@@ -1,0 +1,183 @@
+"""What the commands of live acquisition print: aligned tables for people, one document for programs."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from recoil_daq.engineering import engineering
+from recoil_daq.tables import print_table, say
+
+if TYPE_CHECKING:
+    from recoil_daq.demo import LiveDemonstration
+    from recoil_daq.device_check import ChannelHeard
+    from recoil_daq.live_shot import Display, LiveOutcome, LiveShot
+    from recoil_daq.recover import Recovered
+    from rigs.rig import Rig
+
+
+@contextmanager
+def live_display(rig_name: str, *, plain: bool, as_json: bool) -> Iterator[Display]:
+    """Show a live session on the armed screen where there is a terminal, else as plain lines.
+
+    With ``as_json`` stdout is kept for the document, and the lines go to stderr.
+    """
+    if plain or as_json or not sys.stdout.isatty():
+        from recoil_daq.plain_log import PlainLog
+
+        with PlainLog(sys.stderr if as_json else sys.stdout) as log:
+            yield log
+        return
+    from recoil_daq.armed_screen import ArmedScreen
+
+    with ArmedScreen(rig_name) as screen:
+        yield screen
+
+
+def print_outcome(done: LiveOutcome) -> None:
+    """Print a row per shot of a live session, and what of it is in no shot file."""
+    rows = [(s.name, _fired(s), s.state, _lost(s), str(s.captured or ""), s.problem or _reasons(s)) for s in done.shots]
+    columns = ("shot", "fired, UTC", "state", "frames lost", "captures", "why")
+    print_table(f"Live session on rig {done.rig}: {len(done.shots)} shots", columns, rows, numeric=(3,))
+    if done.journal is not None:
+        say(f"the journal is kept, since not all of it is in a shot file: `recoil-daq recover {done.journal}`")
+
+
+def _fired(shot: LiveShot) -> str:
+    return "" if shot.acquisition is None else shot.acquisition.trigger_utc[:23].replace("T", " ")
+
+
+def _reasons(shot: LiveShot) -> str:
+    return "" if shot.document is None else "; ".join(shot.document["reasons"])
+
+
+def _lost(shot: LiveShot) -> str:
+    if shot.document is None:
+        return ""
+    missing = [q["detail"] for q in shot.document["quality"] if q["check"] == "missing frames"]
+    counts = [int(first) for detail in missing if (first := detail.split(" ", 1)[0]).isdigit()]
+    return str(sum(counts)) if missing else ""
+
+
+def recovered_document(done: Sequence[Recovered]) -> dict[str, Any]:
+    """Build the document of ``recover --json``."""
+    return {
+        "schema": "recoil-daq/recover/1",
+        "journals": [
+            {
+                "journal": str(one.journal),
+                "rig": one.rig.name,
+                "records": one.records,
+                "lost_records": one.lost_records,
+                "cut_bytes": one.cut_bytes,
+                "in_order": one.in_order,
+                "everything": None if one.everything is None else str(one.everything),
+                "removed": one.removed,
+                "shots": [
+                    {
+                        "shot": s.name,
+                        "captures": [str(file) for file in s.files],
+                        "was_there": s.was_there,
+                        "shot_file": None if s.ingested is None else str(s.ingested.path),
+                        "missing": list(s.missing),
+                    }
+                    for s in one.shots
+                ],
+            }
+            for one in done
+        ],
+    }
+
+
+def print_recovered(folder: Path, done: Sequence[Recovered]) -> None:
+    """Print what was in each journal, and what is to be done with it."""
+    if not done:
+        say(f"no journal was left over in {folder}")
+    for one in done:
+        rows = [
+            (
+                s.name,
+                "there already" if s.was_there else "recovered",
+                "" if s.ingested is None else str(s.ingested.path),
+                ", ".join(s.missing),
+                str(s.folder),
+            )
+            for s in one.shots
+        ]
+        print_table(
+            f"Journal {one.journal.name} of rig {one.rig.name}: {one.records} records, {one.lost_records} lost",
+            ("shot", "captures", "shot file", "files missing", "folder"),
+            rows,
+        )
+        if one.everything is not None:
+            say(f"everything that was recorded is in {one.everything}")
+        for s in one.shots:
+            if s.ingested is None and s.missing:
+                say(f"finish shot {s.name} with `recoil-daq ingest {one.rig.path} {s.folder}/* FILES`")
+        say("the journal is removed: all of it is in these captures, read back and compared" if one.removed else
+            "the journal is kept")  # fmt: skip
+
+
+def device_document(rig: Rig, heard: Sequence[ChannelHeard]) -> dict[str, Any]:
+    """Build the document of ``check --devices --json``."""
+    return {
+        "schema": "recoil-daq/check-devices/1",
+        "rig": rig.name,
+        "file": str(rig.path),
+        "channels": [asdict(one) for one in heard],
+    }
+
+
+def print_devices(rig: Rig, heard: Sequence[ChannelHeard]) -> None:
+    """Print a row per channel: rate, where it rests, noise, and what to do next."""
+    rows = [
+        (
+            one.channel or "(device)",
+            one.source,
+            f"{one.rate_hz:.0f}",
+            engineering(one.mean, one.unit),
+            engineering(one.noise, one.unit),
+            one.verdict,
+            one.finding,
+        )
+        for one in heard
+    ]
+    columns = ("channel", "source", "rate, Hz", "rests at", "noise", "verdict", "finding")
+    print_table(f"Devices of rig {rig.name}", columns, rows, numeric=(2, 3, 4))
+
+
+def live_demo_document(done: LiveDemonstration) -> dict[str, Any]:
+    """Build the document of ``demo --live --json``."""
+    return {
+        "schema": "recoil-daq/live-demo/1",
+        "session": done.outcome.to_json(),
+        "played": done.played,
+        "reports": [{"folder": str(r.folder), **r.document} for r in done.reports],
+    }
+
+
+def print_live_demo(done: LiveDemonstration) -> None:
+    """Print the session, and each shot's mass beside the truth."""
+    print_outcome(done.outcome)
+    rows = []
+    for report in done.reports:
+        d, truth = report.document, report.document["truth"]
+        low, high = d["mass"]["U95"]
+        rows.append(
+            (
+                d["shot"],
+                f"{d['mass']['value']:.2f}",
+                f"[{low:.2f}, {high:.2f}]",
+                f"{truth['mass_kg']:.2f}",
+                f"{truth['error_percent']:+.2f}",
+                f"{d['rpe_percent']['value']:.2f}",
+                "VALID" if d["valid"] else "NOT VALID",
+                str(report.folder / "report.html"),
+            )
+        )
+    columns = ("shot", "mass, kg", "95 % interval, kg", "truth, kg", "off by, %", "RPE, %", "", "report")
+    print_table("Identified masses", columns, rows, numeric=(1, 2, 3, 4, 5))
