@@ -206,7 +206,7 @@ def _from_json(kind: Any, value: Any, where: str) -> Any:
             return None
         return _from_json(next(one for one in arguments if one is not type(None)), value, where)
     if origin is tuple:
-        if not isinstance(value, list):
+        if not isinstance(value, list | tuple):
             raise ValueError(f"{where} must be a list")
         return tuple(_from_json(arguments[0], item, f"{where}[{i}]") for i, item in enumerate(value))
     if isinstance(kind, type) and hasattr(kind, "__dataclass_fields__"):

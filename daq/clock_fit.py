@@ -21,13 +21,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.clock_breaks import FEWEST, find_breaks, join_parts
+from daq.clock_breaks import FEWEST, find_breaks, join_parts, keep_order, step_by_count
+from daq.clock_edge import RESOLUTION_S, Side, lower_points, side_of, slope_between
 
 Instants = NDArray[np.int64]
 Seconds = NDArray[np.float64]
@@ -38,13 +40,11 @@ SMALLEST_STEP_S = 2e-3
 LARGEST_DRIFT = 0.01
 """No clock drifts so much against another; what looks like it is a host that was late."""
 
-_POINTS = 96
-"""Lower points over the whole record."""
 _MEDIAN_LOSS = math.sqrt(math.pi / 2)
 _MAD_TO_SIGMA = 1.482602218505602
-_AGREEING_WIDTHS = 4.0
-"""A third of normal errors lies within 0.86 sigma: what is four times that away is no error of the same kind."""
-_RESOLUTION_S = 1e-9
+_AGREEING_SIGMAS = 4.0
+_AGREEING_DELAYS = 3.0
+"""Host and packet counter tell the same size of a step if they differ by no more sigmas, or typical delays."""
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,8 @@ class ClockFit:
     def device_instants_ns(self, device_ns: Instants, host_ns: Instants) -> Instants:
         """Return when the fitted frames were, on the device's clock as it was before its first step.
 
-        Steps are taken out. A wrong stamp is replaced by the line's value at the host's, less the typical delay.
+        Steps are taken out. A wrong stamp is replaced by the line's value at the host's, less the typical delay,
+        or spread evenly between its neighbours where that would put it out of order.
 
         Parameters
         ----------
@@ -127,19 +128,27 @@ class ClockFit:
         """
         instants = device_ns.astype(np.int64, copy=True)
         for step in self.steps:
-            instants[step.index :] -= _whole_ns(np.float64(step.step_s))
+            instants[step.index :] -= whole_ns(np.float64(step.step_s))
         wrong = np.array(self.wrong_stamps, dtype=np.intp)
         on_line_s = (host_ns[wrong] - self.host_zero_ns) / 1e9 - self.offset_s - self.typical_delay_s
-        instants[wrong] = self.device_zero_ns + _whole_ns(on_line_s / (1.0 + self.drift))
-        return instants
+        instants[wrong] = self.device_zero_ns + whole_ns(on_line_s / (1.0 + self.drift))
+        return keep_order(instants, wrong)
 
     def host_s(self, device_ns: Instants) -> Seconds:
         """Return the host's time of instants of the device's clock without steps, s from `host_zero_ns`."""
         return self.offset_s + (1.0 + self.drift) * ((device_ns - self.device_zero_ns) / 1e9)
 
+    def to_json(self) -> dict[str, Any]:
+        """Return it in JSON types: of the wrong stamps their number, and None for an infinite uncertainty."""
+        values = asdict(self)
+        values["steps"] = list(values["steps"])
+        values["wrong_stamps"] = len(self.wrong_stamps)
+        values["u_drift"] = self.u_drift if math.isfinite(self.u_drift) else None
+        return values
 
-def _whole_ns(times_s: Seconds | np.float64) -> Instants:
-    """Round to nanoseconds, within what int64 holds: a damaged file can hold stamps of any distance."""
+
+def whole_ns(times_s: Seconds | np.float64) -> Instants:
+    """Round seconds to nanoseconds, within what int64 holds: a damaged file can hold stamps of any distance."""
     return np.asarray(np.round(np.clip(times_s * 1e9, -(2.0**62), 2.0**62)), dtype=np.int64)
 
 
@@ -183,13 +192,13 @@ def fit_clock(
     y = (host_ns - host_ns[0]) / 1e9
     candidates = {*find_breaks(x, y, counts, smallest_step_s).tolist(), *breaks}
     parts, wrong = join_parts(x, y - x, sorted(candidates), smallest_step_s)
-    lowest = [_lower_points(y - x, part, _share(part.size, x.size)) for part in parts]
-    drift, seen = _slope(x, y - x, lowest, largest_drift)
+    lowest = [lower_points(y - x, part) for part in parts]
+    drift, seen = slope_between(x, y - x, lowest, largest_drift)
     flat = y - x - drift * x
-    sides = [_side(part, points, flat) for part, points in zip(parts, lowest, strict=True)]
+    sides = [side_of(part, points, flat) for part, points in zip(parts, lowest, strict=True)]
     residuals = np.concatenate([flat[side.points] - side.level_s for side in sides])
     delays = np.concatenate([flat[side.frames] - side.level_s for side in sides])
-    scatter_s = max(_MAD_TO_SIGMA * float(np.median(np.abs(residuals))), _RESOLUTION_S)
+    scatter_s = max(_MAD_TO_SIGMA * float(np.median(np.abs(residuals))), RESOLUTION_S)
     spread_s = math.sqrt(sum(float(((x[side.points] - x[side.points].mean()) ** 2).sum()) for side in sides))
     u_drift = _MEDIAN_LOSS * scatter_s / spread_s if seen and spread_s > 0 else math.inf
     first = sides[0].points
@@ -202,7 +211,9 @@ def fit_clock(
         u_offset_s=math.hypot(u_level_s, u_lever_s),
         drift=drift,
         u_drift=u_drift,
-        steps=_found_steps(x, sides, drift, u_drift, scatter_s, (device_ns, host_ns)),
+        steps=_found_steps(
+            x, sides, (drift, u_drift), (scatter_s, float(np.median(delays))), (device_ns, host_ns), counts
+        ),
         wrong_stamps=tuple(wrong.tolist()),
         order_faults=None if counts is None else int((np.diff(counts) <= 0).sum()),
         typical_delay_s=float(np.median(delays)),
@@ -212,78 +223,40 @@ def fit_clock(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Side:
-    """The frames between two steps, the lower points that agree, and where their lower edge lies."""
-
-    frames: NDArray[np.intp]
-    points: NDArray[np.intp]
-    level_s: float
-
-
-def _side(frames: NDArray[np.intp], lowest: NDArray[np.intp], flat: Seconds) -> _Side:
-    points = lowest[_agreeing(flat[lowest])]
-    return _Side(frames, points, float(np.median(flat[points])))
-
-
-def _share(size: int, whole: int) -> int:
-    """Return how many lower points a side of a size gets."""
-    return int(np.clip(round(_POINTS * size / whole), 1 if size < 2 * FEWEST else 2, max(size // FEWEST, 1)))
-
-
-def _lower_points(r: Seconds, side: NDArray[np.intp], count: int) -> NDArray[np.intp]:
-    """Return the lowest frame of each of some runs of frames of one side."""
-    return np.array([run[np.argmin(r[run])] for run in np.array_split(side, count)], dtype=np.intp)
-
-
-def _agreeing(values: Seconds) -> NDArray[np.bool_]:
-    """Tell which values lie about the shortest interval that holds a third of them; the others were late."""
-    ordered = np.sort(values)
-    third = max(math.ceil(values.size / 3), 2)
-    if ordered.size <= third:
-        return np.ones(values.size, dtype=bool)
-    widths = ordered[third - 1 :] - ordered[: ordered.size - third + 1]
-    at = int(np.argmin(widths))
-    width_s = max(float(widths[at]), _RESOLUTION_S)
-    middle = (ordered[at] + ordered[at + third - 1]) / 2
-    return np.asarray(np.abs(values - middle) <= _AGREEING_WIDTHS * width_s)
-
-
-def _slope(x: Seconds, r: Seconds, points: Sequence[NDArray[np.intp]], largest_drift: float) -> tuple[float, bool]:
-    """Return the weighted median of the slopes between points of the same side, and whether there is any."""
-    slopes, weights = [], []
-    for p in points:
-        one, other = np.triu_indices(p.size, k=1)
-        dx = x[p][other] - x[p][one]
-        apart = dx > 0
-        between = (r[p][other] - r[p][one])[apart] / dx[apart]
-        possible = np.abs(between) <= largest_drift
-        slopes.append(between[possible])
-        weights.append(dx[apart][possible])
-    slope, weight = np.concatenate(slopes), np.concatenate(weights)
-    if not slope.size:
-        return 0.0, False
-    order = np.argsort(slope)
-    reached = np.cumsum(weight[order])
-    return float(slope[order][np.searchsorted(reached, reached[-1] / 2)]), True
-
-
 def _found_steps(
     x: Seconds,
-    sides: Sequence[_Side],
-    drift: float,
-    u_drift: float,
-    scatter_s: float,
+    sides: Sequence[Side],
+    slope: tuple[float, float],
+    lateness_s: tuple[float, float],
     stamps: tuple[Instants, Instants],
+    counts: Instants | None,
 ) -> tuple[FoundStep, ...]:
-    """Return the steps between neighbouring sides."""
+    """Return the steps between neighbouring sides.
+
+    Their size is what the host tells; where the packet counter tells the same and better, what the
+    counter tells. No step is larger than what keeps the frames on both sides of it in order.
+    """
+    (drift, u_drift), (scatter_s, delay_s) = slope, lateness_s
     found = []
     for before, after in pairwise(sides):
-        at = int(after.frames[0])
+        last, at = int(before.frames[-1]), int(after.frames[0])
         # Behind a step forward the differences are less by (1 + drift) times the step
         step_s = (before.level_s - after.level_s) / (1.0 + drift)
         u_levels_s = _MEDIAN_LOSS * scatter_s * math.sqrt(1 / before.points.size + 1 / after.points.size)
         apart_s = float(x[after.points].mean() - x[before.points].mean()) - step_s
         u_step_s = math.hypot(u_levels_s, apart_s * u_drift if math.isfinite(u_drift) else 0.0)
+        if min(before.points.size, after.points.size) < FEWEST:
+            # So short a side can be late as a whole, by all of a read, which its scatter does not tell
+            u_step_s = math.hypot(u_step_s, delay_s)
+        counted = None if counts is None else step_by_count(x, counts, last, at)
+        if (
+            counted is not None
+            and counted[1] < u_step_s
+            and abs(counted[0] - step_s) <= max(_AGREEING_SIGMAS * u_step_s, _AGREEING_DELAYS * delay_s)
+        ):
+            step_s, u_step_s = counted
+        most_s = float(x[at] - x[last]) - (at - last + 1) * RESOLUTION_S
+        if step_s > most_s:
+            step_s, u_step_s = most_s, max(u_step_s, step_s - most_s)
         found.append(FoundStep(at, int(stamps[0][at]), int(stamps[1][at]), step_s, u_step_s))
     return tuple(found)

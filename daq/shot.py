@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from daq.acquisition import Acquisition
 from daq.channel import Channel, Step
 
 if TYPE_CHECKING:
@@ -32,9 +33,9 @@ class InputFile:
     size : int
         Bytes.
     source : str
-        Name of the rig's source that it was matched to.
+        Name of the rig's source that it was matched to; empty for the record of the acquisition.
     reader : str
-        Name of the reader that read it.
+        Name of the reader that read it; ``acquisition`` for that record.
     """
 
     name: str
@@ -131,6 +132,10 @@ class Shot:
     history : tuple of Step
     databases : mapping of str to str
         Text of every file that the rig names (CAN databases), by file name.
+    acquisition : Acquisition or None
+        How it was acquired live; None if nothing tells.
+    clock_fits : mapping of str to mapping
+        By source, how its device's clock relates to the host's, as `daq.clock_fit.ClockFit.to_json`; JSON types.
 
     Raises
     ------
@@ -149,6 +154,8 @@ class Shot:
     started: str = ""
     history: tuple[Step, ...] = ()
     databases: Mapping[str, str] | None = None
+    acquisition: Acquisition | None = None
+    clock_fits: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for key, channel in self.channels.items():

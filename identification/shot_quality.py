@@ -15,6 +15,7 @@ from daq.errors import IdentificationError
 from daq.quantity import SI_UNITS
 from daq.readers.reader import Recording
 from daq.shot import ClockAlignment, QualityCheck, Shot, Verdict
+from identification.acquisition_quality import check_acquisition, check_clock_fits
 from identification.onset import find_onset
 from identification.signals import QUIET_MARGIN_S, static_value
 from processing.quality import (
@@ -45,7 +46,7 @@ def check_shot(
     recordings: Mapping[str, Recording],
     on: dt.date,
 ) -> tuple[QualityCheck, ...]:
-    """Check all channels and clocks of a shot.
+    """Check all channels and clocks of a shot, and what its acquisition lost.
 
     Parameters
     ----------
@@ -70,6 +71,9 @@ def check_shot(
         if source.name in recordings:
             checks += _file_checks(source.name, recordings[source.name])
     checks += _file_names(recordings)
+    essential = {c.source for c in rig.channels if c.role}
+    checks += check_acquisition(shot.acquisition, recordings, essential)
+    checks += check_clock_fits(shot.clock_fits)
     by_clock = {a.clock: a for a in alignments}
     onset = _onset(shot, checks)
     for channel in shot.channels.values():

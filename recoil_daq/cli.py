@@ -55,14 +55,37 @@ def _root(
     """From a test-fired recoiling mechanism's recordings to its recoiling mass, with its uncertainty."""
 
 
-@app.command(epilog="Example: recoil-daq ingest rig.toml daq.csv camera.csv --shot 0001")
+@app.command(
+    epilog="Example: recoil-daq ingest rig.toml daq.csv camera.csv --shot 0001, or at the range "
+    "recoil-daq ingest rig.toml --live --watch incoming"
+)
 def ingest(
     rig: RigArgument,
-    files: Annotated[list[Path], typer.Argument(help="One shot's recorded files, in any order.", show_default=False)],
-    shot: Annotated[
-        str | None, typer.Option(help="Identifier of the shot.", show_default="name of the reference file")
+    files: Annotated[
+        list[Path] | None, typer.Argument(help="One shot's recorded files, in any order.", show_default=False)
     ] = None,
-    out: Annotated[Path, typer.Option(help="Folder of the shot file.")] = Path("shots"),
+    shot: Annotated[
+        str | None,
+        typer.Option(
+            help="Identifier of the shot; with --live the number of the first.",
+            show_default="name of the reference file, or the next number",
+        ),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder of the shot files.")] = Path("shots"),
+    live: Annotated[
+        bool, typer.Option("--live", help="Armed acquisition from the rig's devices, shot after shot.")
+    ] = False,
+    shots: Annotated[
+        int | None, typer.Option(min=1, help="With --live: end after so many shots.", show_default="no end")
+    ] = None,
+    watch: Annotated[
+        Path | None,
+        typer.Option(help="With --live: folder into which other instruments drop their files.", show_default=False),
+    ] = None,
+    files_within_s: Annotated[
+        float, typer.Option(min=0.0, help="With --live: wait so long for those files after a shot, seconds.")
+    ] = 120.0,
+    no_screen: Annotated[bool, typer.Option("--no-screen", help="With --live: print plain lines, for a log.")] = False,
     overwrite: OverwriteOption = False,
     accept_incomplete: Annotated[
         bool, typer.Option("--accept-incomplete", help="Take what is there of a file that was cut off.")
@@ -70,7 +93,20 @@ def ingest(
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """Turn one shot's recorded files into a verified shot file and say whether it is usable."""
+    """Turn one shot's recorded files, or a live shot, into a verified shot file and say whether it is usable."""
+    if live:
+        if files:
+            raise typer.BadParameter("give either FILES or --live")
+        if overwrite or accept_incomplete:
+            raise typer.BadParameter("--overwrite and --accept-incomplete go with FILES, not with --live")
+        if shot is not None and not shot.isdigit():
+            raise typer.BadParameter("with --live, --shot is the number of the first shot")
+        _live(rig, out, None if shot is None else int(shot), shots, watch, files_within_s, no_screen, json, debug)
+        return
+    if not files:
+        raise typer.BadParameter("give one shot's FILES, or --live")
+    if shots is not None or watch is not None or no_screen:
+        raise typer.BadParameter("--shots, --watch and --no-screen go with --live")
     with Session(json, debug) as session:
         from recoil_daq.ingest import ingest_files
         from recoil_daq.tables import print_verdict, verdict_document
@@ -81,7 +117,52 @@ def ingest(
                 load_rig(rig), files, shot=shot, out=out, overwrite=overwrite,
                 accept_incomplete=accept_incomplete, progress=progress,
             )  # fmt: skip
-        session.finish(verdict_document(done), lambda: print_verdict(done), OK if done.shot.usable else NOT_VALID)
+        document = verdict_document(done)
+        session.finish(document, lambda: print_verdict(document), OK if done.shot.usable else NOT_VALID)
+
+
+def _live(
+    rig: str, out: Path, first: int | None, shots: int | None, watch: Path | None, files_within_s: float,
+    no_screen: bool, json: bool, debug: bool,
+) -> None:  # fmt: skip
+    with Session(json, debug) as session:
+        from recoil_daq.live import run_live
+        from recoil_daq.live_shot import LiveOptions
+        from recoil_daq.live_tables import live_display, print_outcome
+        from rigs.rig import load_rig
+
+        loaded = load_rig(rig)
+        options = LiveOptions(out, shots, first, watch, files_within_s)
+        with live_display(loaded.name, plain=no_screen, as_json=json) as display:
+            done = run_live(loaded, options, display)
+        if done.error is not None and not json:
+            print_outcome(done)
+        if done.error is not None:
+            raise done.error
+        code = INTERRUPTED if done.interrupted else OK if done.usable else NOT_VALID
+        session.finish(done.to_json(), lambda: print_outcome(done), code)
+
+
+@app.command(epilog="Example: recoil-daq recover shots")
+def recover(
+    folder: Annotated[
+        Path, typer.Argument(help="A journal that was left over, or a folder of shots.", show_default=False)
+    ],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder that gets what is recovered.", show_default="where the session wrote")
+    ] = None,
+    keep: Annotated[bool, typer.Option("--keep", help="Keep the journal when all of it is recovered.")] = False,
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Recover what a live acquisition recorded before it crashed or lost its power."""
+    with Session(json, debug) as session:
+        from recoil_daq.live_tables import print_recovered, recovered_document
+        from recoil_daq.recover import recover_folder
+
+        with session.steps("recover") as progress:
+            done = recover_folder(folder, out, keep=keep, progress=progress)
+        session.finish(recovered_document(done), lambda: print_recovered(folder, done), OK)
 
 
 @app.command(epilog="Example: recoil-daq identify shots/0001.h5 --out reports")
@@ -139,11 +220,18 @@ def simulate(
 def demo(
     out: Annotated[Path, typer.Option(help="Folder of everything that the demonstration writes.")] = Path("demo"),
     seed: Annotated[int, typer.Option(min=0, help="Of the simulated shot.")] = 1,
+    live: Annotated[
+        bool, typer.Option("--live", help="A range day of three shots with virtual devices, in real time.")
+    ] = False,
+    no_screen: Annotated[bool, typer.Option("--no-screen", help="With --live: print plain lines.")] = False,
     overwrite: OverwriteOption = False,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
     """Simulate a shot on the rig `mixed`, ingest its four files, identify its mass, and compare with the truth."""
+    if live:
+        _demo_live(out, seed, no_screen, overwrite, json, debug)
+        return
     with Session(json, debug) as session:
         from recoil_daq.demo import run_demo
         from recoil_daq.tables import demo_document, print_demo
@@ -155,9 +243,29 @@ def demo(
         )
 
 
-@app.command(epilog="Example: recoil-daq check rig.toml")
-def check(rig: RigArgument, json: JsonOption = False, debug: DebugOption = False) -> None:
-    """Report every fault of a rig file, and every calibration that is overdue."""
+def _demo_live(out: Path, seed: int, no_screen: bool, overwrite: bool, json: bool, debug: bool) -> None:
+    with Session(json, debug) as session:
+        from recoil_daq.demo import run_live_demo
+        from recoil_daq.live_tables import live_demo_document, live_display, print_live_demo
+
+        with live_display("mixed", plain=no_screen, as_json=json) as display:
+            done = run_live_demo(out, display, seed=seed, overwrite=overwrite)
+        if done.outcome.error is not None:
+            raise done.outcome.error
+        code = INTERRUPTED if done.outcome.interrupted else OK if done.valid else NOT_VALID
+        session.finish(live_demo_document(done), lambda: print_live_demo(done), code)
+
+
+@app.command(epilog="Example: recoil-daq check rig.toml --devices")
+def check(
+    rig: RigArgument,
+    devices: Annotated[
+        bool, typer.Option("--devices", help="Open each device, listen, and judge each channel.")
+    ] = False,
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Report every fault of a rig file, of calibrations, and of devices."""
     with Session(json, debug) as session:
         import datetime as dt
 
@@ -169,6 +277,16 @@ def check(rig: RigArgument, json: JsonOption = False, debug: DebugOption = False
         overdue = loaded.overdue(dt.date.today())
         if overdue:
             raise RigError(loaded.path, overdue)
+        if devices:
+            from recoil_daq.device_check import check_devices
+            from recoil_daq.live_tables import device_document, print_devices
+
+            with session.steps("listen") as progress:
+                heard = check_devices(loaded, progress=progress)
+            sound = all(one.verdict != "fail" for one in heard)
+            session.finish(
+                device_document(loaded, heard), lambda: print_devices(loaded, heard), OK if sound else NOT_VALID
+            )
         session.finish(rig_document(loaded), lambda: print_rig(loaded), OK)
 
 

@@ -54,12 +54,11 @@ def shot_of(file: DroppedFile, source: str, shots: Sequence[LiveShot]) -> LiveSh
     if len(named) == 1:
         if named[0] in waiting:
             return named[0]
-        if not waiting:
-            raise ReadError(
-                f"by its name it belongs to shot {named[0].name}, which has a file of {source} or waits no longer",
-                path=file.path,
-                remedy="ingest that shot again with it, by hand",
-            )
+        raise ReadError(
+            f"by its name it belongs to shot {named[0].name}, which has a file of {source} or waits no longer",
+            path=file.path,
+            remedy="ingest that shot again with it, by hand",
+        )
     if not waiting:
         return None
     if len(waiting) > 1:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from daq.acquisition import Acquisition, is_acquisition, read_acquisition
 from daq.channel import Step
 from daq.errors import CorruptFileError, ReadError, StoreError, UnknownFormatError
 from daq.readers.reader import Reader, Recording
@@ -55,9 +56,11 @@ def ingest_files(
     ----------
     rig : Rig
     files : sequence of path
-        One per source of the rig, in any order; recognised by their content.
+        One per source of the rig, in any order; recognised by their content. The record of the acquisition that
+        a live shot leaves beside its captures may be among them.
     shot : str, optional
-        Identifier of the shot; the name of the reference clock's file without ending if left out.
+        Identifier of the shot; that of the acquisition, or the name of the reference clock's file without
+        ending, if left out.
     out : path
         Folder of the shot file.
     overwrite : bool
@@ -79,8 +82,11 @@ def ingest_files(
         If the data or the rig are at fault; nothing is written then.
     """
     progress("recognise")
-    paths = [Path(f) for f in files]
-    readers = {path: _reader_of(path, rig) for path in paths}
+    given = [Path(f) for f in files]
+    record = _acquisition_among(given)
+    acquisition = None if record is None else _acquisition_of(record, rig)
+    paths = [path for path in given if path != record]
+    readers = {path: reader_of(path, rig) for path in paths}
     matched = match_files(rig, [(path, readers[path].kind) for path in paths])
     if rig.reference_clock not in matched:
         raise ReadError(
@@ -89,7 +95,8 @@ def ingest_files(
             found=", ".join(f"{p.name} ({readers[p].name})" for p in paths) or "no files",
             remedy="add its file: all other clocks are aligned to it",
         )
-    name = shot if shot is not None else matched[rig.reference_clock].stem
+    own_name = matched[rig.reference_clock].stem if acquisition is None else acquisition.shot
+    name = own_name if shot is None else shot
     if not re.fullmatch(r"[\w.+-]+", name) or name.startswith("."):
         raise StoreError(
             f"{name!r} is no shot identifier", expected="letters, digits, `_`, `-`, `+` and `.`", remedy="choose --shot"
@@ -115,12 +122,14 @@ def ingest_files(
         rig_text=rig.text,
         reference_clock=rig.reference_clock,
         channels=channels,
-        inputs=tuple(
-            InputFile(path.name, _sha256(path), path.stat().st_size, source, recordings[source].reader)
-            for source, path in matched.items()
+        inputs=(
+            *(_input_file(path, source, recordings[source].reader) for source, path in matched.items()),
+            *([] if record is None else [_input_file(record, "", "acquisition")]),
         ),
         started="" if start is None else start.text,
         databases=rig.databases,
+        acquisition=acquisition,
+        clock_fits={s: fit for s, r in recordings.items() if (fit := r.metadata.get("clock_fit")) is not None},
     )
     progress("align")
     alignments = align_clocks(assembled, rig)
@@ -132,7 +141,40 @@ def ingest_files(
     return Ingested(finished, target)
 
 
-def _reader_of(path: Path, rig: Rig) -> Reader:
+def _acquisition_among(paths: Sequence[Path]) -> Path | None:
+    """Return the one record of an acquisition among some files, or None."""
+    records = [path for path in paths if is_acquisition(path)]
+    if len(records) > 1:
+        raise ReadError(
+            "more than one record of an acquisition among the files",
+            path=records[1],
+            expected="the files of one shot",
+            found=", ".join(path.name for path in records),
+            remedy="give the one that belongs to the captures",
+        )
+    return records[0] if records else None
+
+
+def _acquisition_of(path: Path, rig: Rig) -> Acquisition:
+    """Read the record of an acquisition, which must be of the rig."""
+    acquisition = read_acquisition(path)
+    if acquisition.rig != rig.name:
+        raise ReadError(
+            "the shot was acquired on another rig",
+            path=path,
+            place="rig",
+            expected=repr(rig.name),
+            found=repr(acquisition.rig),
+            remedy="name the rig that it was acquired on, or leave this file out",
+        )
+    return acquisition
+
+
+def _input_file(path: Path, source: str, reader: str) -> InputFile:
+    return InputFile(path.name, _sha256(path), path.stat().st_size, source, reader)
+
+
+def reader_of(path: Path, rig: Rig) -> Reader:
     """Return the reader that claims a file; raw serial bytes are known by their source's pattern alone."""
     try:
         return recognise(path)

@@ -12,12 +12,12 @@ import queue
 import shutil
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from daq.acquisition import Acquisition, write_acquisition
+from daq.capture.counter_history import CounterHistory
 from daq.capture.cut import Cut, write_captures
 from daq.capture.engine import CaptureEngine
 from daq.capture.live_source import LiveSource
@@ -32,9 +32,9 @@ from daq.capture.session_record import (
     pack_decision,
     pack_shot,
 )
-from daq.capture.shot_record import CounterSpan, acquisition_of
+from daq.capture.shot_record import acquisition_of
 from daq.capture.status import ChannelStatus, LiveStatus, SourceStatus, State
-from daq.devices.device import Block, Counters, Device
+from daq.devices.device import Block, Device
 from daq.devices.reader_thread import DeviceReader
 from daq.errors import DeviceError, RecoilDaqError
 from daq.journal import JournalWriter, read_journal, remove_journal
@@ -45,8 +45,6 @@ QUEUE_BYTES = 128 << 20
 
 SEGMENT_BYTES = 16 << 20
 _WAIT_S = 0.05
-_COUNT_EVERY_S = 0.25
-_RATE_OVER_S = 2.0
 _RELEASE_EVERY_S = 1.0
 
 
@@ -119,7 +117,7 @@ class LiveSession:
         self._windows: queue.SimpleQueue[ShotWindow] = queue.SimpleQueue()
         self._numbers = {source.name: i for i, source in enumerate(record.sources)}
         self._readers = {name: DeviceReader(device, self._sink) for name, device in devices.items()}
-        self._counted: deque[tuple[float, dict[str, Counters]]] = deque()
+        self._history = CounterHistory(devices)
         self._watcher = threading.Thread(target=self._watch, name="watch for shots", daemon=True)
         self._stopping = threading.Event()
         self._error: BaseException | None = None
@@ -184,7 +182,7 @@ class LiveSession:
         def also(into: Path, cuts: Mapping[str, Cut]) -> None:
             made.append(
                 acquisition_of(
-                    name, self.record, self.trigger, window, cuts, self._counter_spans(window),
+                    name, self.record, self.trigger, window, cuts, self._history.spans(window.start_s, window.stop_s),
                     unseen_bytes=self._unseen_bytes,
                 )
             )  # fmt: skip
@@ -318,7 +316,7 @@ class LiveSession:
             self._append(DECISION, decision.time_s, pack_decision(decision))
             self._shots += decision.outcome == "trigger"
             self._notice(decision)
-        self._count(min(now_s, time.monotonic()))
+        self._history.count(self._needed_from_s)
         # how far the queue is behind is no reason to give a source up
         for window in self._engine.ready(now_s if self._queue.empty() else -float("inf")):
             with self._lock:
@@ -328,32 +326,19 @@ class LiveSession:
             self._released_s = now_s
             self._release()
 
-    def _release(self) -> None:
+    @property
+    def _needed_from_s(self) -> float:
+        """The instant before which neither an open shot nor one that is being converted needs anything."""
         with self._lock:
-            from_s = min([self._engine.needed_from_s, *self._holding.values()])
+            return min([self._engine.needed_from_s, *self._holding.values()])
+
+    def _release(self) -> None:
+        from_s = self._needed_from_s
         if from_s > 0:
             self._journal.release_before(int(from_s * 1e9))
 
     def _append(self, kind: int, time_s: float, payload: bytes) -> None:
         self._journal.append(OPERATOR, kind, round(time_s * 1e9), payload)
-
-    def _count(self, now_s: float) -> None:
-        if self._counted and now_s - self._counted[-1][0] < _COUNT_EVERY_S:
-            return
-        self._counted.append((now_s, {name: reader.device.counters for name, reader in self._readers.items()}))
-        with self._lock:
-            from_s = min([self._engine.needed_from_s, now_s - _RATE_OVER_S, *self._holding.values()])
-        while len(self._counted) > 2 and self._counted[1][0] < from_s:
-            self._counted.popleft()
-
-    def _counter_spans(self, window: ShotWindow) -> dict[str, CounterSpan]:
-        snapshots = list(self._counted)
-        now = {name: reader.device.counters for name, reader in self._readers.items()}
-        before = max(
-            (one for one in snapshots if one[0] <= window.start_s), key=lambda one: one[0], default=snapshots[0]
-        )
-        after = min((one for one in snapshots if one[0] >= window.stop_s), key=lambda one: one[0], default=(0.0, now))
-        return {name: CounterSpan(before[0], before[1][name], after[1][name]) for name in self._readers}
 
     @property
     def _state(self) -> State:
@@ -366,15 +351,8 @@ class LiveSession:
     def _source_status(self, name: str) -> SourceStatus:
         reader = self._readers[name]
         health, counters = reader.health, reader.device.counters
-        kind = reader.device.kind
-        snapshots = list(self._counted)
-        rate = 0.0
-        if snapshots and (past := [one for one in snapshots if time.monotonic() - one[0] <= _RATE_OVER_S]):
-            time_s, counted = past[0]
-            passed_s = time.monotonic() - time_s
-            rate = (counters.received - counted[name].received) / passed_s if passed_s > 0.1 else 0.0
         error = "" if reader.error is None else str(reader.error)
-        return SourceStatus(name, kind, rate, health.data_age_s, counters, error)
+        return SourceStatus(name, reader.device.kind, self._history.rate_hz(name), health.data_age_s, counters, error)
 
     def _triggers_at(self, channel: str) -> float | None:
         for condition in self.trigger.conditions:

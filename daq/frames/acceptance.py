@@ -13,6 +13,10 @@ from daq.frames.number import number_at, numbers_of
 
 Rows = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
+Places = NDArray[np.int64]
+
+FEWEST_ROWS = 12
+"""Fewer frames are judged one by one: arrays gain nothing on them."""
 
 
 class Acceptance:
@@ -33,6 +37,7 @@ class Acceptance:
     def __init__(self, framing: Framing) -> None:
         self._framing = framing
         self._checksum = framing.checksum
+        self._separator = framing.separator.encode()
         self.selective = all(frame_type.when is not None for frame_type in framing.types)
         checked = [t for t in framing.types if any(field.checked for field in t.fields)]
         self._checks_values = bool(checked)
@@ -78,15 +83,19 @@ class Acceptance:
         frame_type = self._framing.type_of(body)
         if frame_type is None:
             return body, "unknown_types" if self._framing.only_known else None
-        cells = body.split(self._framing.separator.encode())
-        fault = None
-        for field in frame_type.fields:
-            value = cell_value(cells, field)
-            if value is None:
-                return body, "bad_length"
+        cells = body.split(self._separator)
+        try:
+            values = [float(cells[field.at]) for field in frame_type.fields]
+        except (ValueError, IndexError):
+            return body, "bad_length"
+        if not all(map(math.isfinite, values)) or (
+            b"_" in body and any(b"_" in cells[field.at] for field in frame_type.fields)
+        ):
+            return body, "bad_length"
+        for field, value in zip(frame_type.fields, values, strict=True) if self._checks_values else ():
             if not field.accepts(value):
-                fault = "implausible"
-        return body, fault
+                return body, "implausible"
+        return body, None
 
     def good_rows(self, rows: Rows) -> tuple[Mask, Mask]:
         """Tell which frames of equal length are good, and which are of a known type.
@@ -114,6 +123,37 @@ class Acceptance:
             good &= ~left
         return good, ~left
 
+    def good_frames(self, data: bytes, lengths: Places) -> tuple[Mask, Mask]:
+        """Tell which frames of any lengths are good, and which of these are of a known type.
+
+        Parameters
+        ----------
+        data : bytes
+            The frames one after the other.
+        lengths : ndarray of int64, shape (n_frames,)
+
+        Returns
+        -------
+        good, known : ndarray of bool, shape (n_frames,)
+        """
+        count = len(lengths)
+        if count >= FEWEST_ROWS and (lengths == lengths[0]).all():
+            return self.good_rows(np.frombuffer(data, dtype=np.uint8).reshape(count, int(lengths[0])))
+        good, known = np.ones(count, dtype=bool), np.ones(count, dtype=bool)
+        begins = np.cumsum(lengths) - lengths
+        for length in set(lengths.tolist()):
+            alike = np.flatnonzero(lengths == length)
+            if alike.size >= FEWEST_ROWS:
+                # overlapping rows, one from each byte on: taking some of them copies whole frames
+                rows = np.ndarray((len(data) - length + 1, length), dtype=np.uint8, buffer=data, strides=(1, 1))
+                good[alike], known[alike] = self.good_rows(rows[begins[alike]])
+                continue
+            for i, begin in zip(alike.tolist(), begins[alike].tolist(), strict=True):
+                frame = data[begin : begin + length]
+                good[i] = self.fault_of(frame) is None
+                known[i] = not self.selective or self._framing.type_of(frame) is not None
+        return good, known
+
     def _right_checksums(self, rows: Rows) -> Mask:
         checksum = self._checksum
         covered = rows.shape[1] - self._framing.trailer
@@ -121,10 +161,8 @@ class Acceptance:
             return np.zeros(len(rows), dtype=bool)
         if checksum.hexadecimal or checksum.mark:
             return np.array([checksum.holds(row.tobytes()) for row in rows], dtype=bool)
-        tail = rows[:, covered:] if checksum.big_endian else rows[:, : covered - rows.shape[1] - 1 : -1]
-        stated = np.zeros(len(rows), dtype=np.int64)
-        for column in tail.T:
-            stated = stated << 8 | column
+        shifts = np.arange(0, 8 * checksum.size, 8)
+        stated = rows[:, covered:] @ (1 << (shifts[::-1] if checksum.big_endian else shifts))
         return np.asarray(checksum.algorithm.of_rows(rows[:, checksum.start : covered]) == stated)
 
 

@@ -11,8 +11,9 @@ import binascii
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, reduce
 from itertools import accumulate
+from operator import xor
 from types import MappingProxyType
 
 import numpy as np
@@ -20,6 +21,9 @@ from numpy.typing import NDArray
 
 Rows = NDArray[np.uint8]
 Sums = NDArray[np.int64]
+
+_SHORT = 150
+"""So many bytes are combined by an array as quickly as one after the other."""
 
 
 @dataclass(frozen=True)
@@ -129,6 +133,8 @@ def _by_place(crc: Crc, count: int) -> tuple[Sums, Sums]:
 
 
 def _xor8(data: bytes) -> int:
+    if len(data) < _SHORT:
+        return reduce(xor, data, 0)
     return int(np.bitwise_xor.reduce(np.frombuffer(data, dtype=np.uint8), initial=0))
 
 

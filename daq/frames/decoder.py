@@ -5,8 +5,7 @@ further, not one frame further: the bytes that failed may hold the beginning of 
 delimiter or a silence bounds a frame, the search goes on behind that.
 
 `FrameDecoder.next_frame` is the definition: it goes from frame to frame. `FrameDecoder.take` gives the same
-frames by blocks; while frames of equal length follow each other without a gap it checks them as rows of an
-array, and leaves everything else to `next_frame`.
+frames by blocks where the bytes hold many (`daq.frames.block`), and leaves everything else to `next_frame`.
 """
 
 from __future__ import annotations
@@ -14,14 +13,11 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import replace
 
-import numpy as np
-
 from daq.frames.acceptance import Acceptance
-from daq.frames.frame_set import Counters, Frame, FrameSet, Run, gathered
+from daq.frames.block import block_for
+from daq.frames.frame_set import Counters, Frame, FrameCollection, FrameSet
 from daq.frames.framing import Framing
 from daq.frames.search import NEED_DATA, Found, Search, search_for
-
-_FEWEST_ROWS, _MOST_ROWS = 16, 4096
 
 
 class FrameDecoder:
@@ -46,9 +42,7 @@ class FrameDecoder:
         self._skipped_before: int | None = None
         self._heard_s: float | None = None
         self._closed = False
-        self._in_rows = framing.kind in ("sync", "fixed") and self._acceptance.by_rows
-        self._rows = _FEWEST_ROWS
-        self._length = 0
+        self._block = block_for(self._search, framing, self._acceptance, self.counters)
 
     def feed(self, data: bytes, host_s: float | None = None) -> None:
         """Add the bytes of one read of the port.
@@ -104,15 +98,20 @@ class FrameDecoder:
 
     def take(self) -> FrameSet:
         """Return all good frames that the bytes so far hold and that were not returned before."""
-        runs: list[Run] = []
+        frames = FrameCollection()
         while True:
-            while self._in_rows and self._length and self._take_rows(runs):
+            while self._take_block(frames):
                 pass
             frame = self.next_frame()
             if frame is NEED_DATA:
-                return gathered(runs, replace(self.counters))
-            self._length = len(frame.data)
-            runs.append(Run(frame.data, self._length, 1, frame.end))
+                return frames.together(replace(self.counters))
+            frames.add(frame)
+
+    def _take_block(self, frames: FrameCollection) -> bool:
+        """Take many frames at the front if there are; tell whether there may be more."""
+        if self._block is None or self._skipped_before is not None:
+            return False
+        return self._block.take(self._break() if self._breaks else len(self._buffer), frames)
 
     def _received(self, frame: Frame) -> Frame:
         self.counters.received += 1
@@ -120,9 +119,13 @@ class FrameDecoder:
             self.counters.unknown_types += 1
         return frame
 
+    def _break(self) -> int:
+        """Return the byte of the buffer before which the stream was interrupted first."""
+        return self._breaks[0] - self._search.offset + self._search.at
+
     def _next_before_break(self) -> Found:
         """Search up to the first break as if more bytes could come, then as if none could."""
-        search, end = self._search, self._breaks[0] - self._search.offset + self._search.at
+        search, end = self._search, self._break()
         if self._skipped_before is None:
             frame = search.next(end, ended=False)
             if frame is not NEED_DATA:
@@ -135,40 +138,3 @@ class FrameDecoder:
             self._skipped_before = None
             self._breaks.popleft()
         return frame
-
-    def _take_rows(self, runs: list[Run]) -> bool:
-        """Take the good frames at the front if they are many of one length; tell whether none was refused."""
-        search, framing, buffer, length = self._search, self._framing, self._buffer, self._length
-        if self._skipped_before is not None:
-            return False
-        end = self._breaks[0] - search.offset + search.at if self._breaks else len(buffer)
-        at, sync = search.at, framing.sync
-        behind_last = len(sync) if framing.look_ahead else 0
-        count = min((end - at - behind_last) // length, self._rows)
-        if count < _FEWEST_ROWS // 2 or not (self._begins_alike(at) and self._begins_alike(at + length)):
-            return False
-        data = bytes(buffer[at : at + count * length])
-        rows = np.frombuffer(data, dtype=np.uint8).reshape(count, length)
-        good, known = self._acceptance.good_rows(rows)
-        if sync:
-            synced = (rows[:, : len(sync)] == rows[0, : len(sync)]).all(axis=1)
-            good &= synced
-            if framing.look_ahead:
-                good[:-1] &= synced[1:]
-                good[-1] &= buffer.startswith(sync, at + count * length)
-        if framing.length.fixed is None:
-            stated = rows[:, framing.length.at : framing.length.head]
-            good &= (stated == stated[0]).all(axis=1)
-        taken = count if good.all() else int(good.argmin())
-        self._rows = min(2 * self._rows, _MOST_ROWS) if taken == count else max(self._rows // 2, _FEWEST_ROWS)
-        if taken:
-            runs.append(Run(data[: taken * length], length, taken, search.offset + length))
-            search.advance_to(at + taken * length)
-            self.counters.received += taken
-            self.counters.unknown_types += int(taken - known[:taken].sum())
-        return taken == count
-
-    def _begins_alike(self, at: int) -> bool:
-        """Tell whether what begins at a byte of the buffer looks like a frame as long as the last one."""
-        framing = self._framing
-        return self._buffer.startswith(framing.sync, at) and framing.length.of(self._buffer, at) == self._length

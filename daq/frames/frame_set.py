@@ -100,23 +100,39 @@ class FrameSet:
         return self.buffer[self.begins[i] : self.begins[i] + self.lengths[i]]
 
 
-class Run(NamedTuple):
-    """Frames of equal length that follow each other without a gap: their bytes and the first one's end."""
+class FrameCollection:
+    """Good frames in the order of the stream, until they are put together."""
 
-    data: bytes
-    length: int
-    frames: int
-    first_end: int
+    def __init__(self) -> None:
+        self._pieces: list[bytes] = []
+        self._lengths: list[NDArray[np.int64]] = []
+        self._ends: list[NDArray[np.int64]] = []
+        self._single: list[Frame] = []
 
+    def add(self, frame: Frame) -> None:
+        """Add one frame."""
+        self._single.append(frame)
 
-def gathered(runs: list[Run], counters: Counters) -> FrameSet:
-    """Put runs of frames together."""
-    table = np.array([(run.length, run.frames, run.first_end) for run in runs], dtype=np.int64).reshape(-1, 3)
-    counts = table[:, 1]
-    lengths = np.repeat(table[:, 0], counts)
-    number_in_run = np.arange(lengths.size) - np.repeat(np.cumsum(counts) - counts, counts)
-    ends = np.repeat(table[:, 2], counts) + number_in_run * lengths
-    return FrameSet(b"".join([run.data for run in runs]), np.cumsum(lengths) - lengths, lengths, ends, counters)
+    def add_block(self, data: bytes, lengths: NDArray[np.int64], ends: NDArray[np.int64]) -> None:
+        """Add many frames: their bytes without anything between them, and each one's length and end."""
+        self._close_singles()
+        self._pieces.append(data)
+        self._lengths.append(lengths)
+        self._ends.append(ends)
+
+    def together(self, counters: Counters) -> FrameSet:
+        """Return the frames as one set."""
+        self._close_singles()
+        none = np.zeros(0, dtype=np.int64)
+        lengths, ends = np.concatenate([none, *self._lengths]), np.concatenate([none, *self._ends])
+        return FrameSet(b"".join(self._pieces), np.cumsum(lengths) - lengths, lengths, ends, counters)
+
+    def _close_singles(self) -> None:
+        if self._single:
+            self._pieces += [frame.data for frame in self._single]
+            self._lengths.append(np.array([len(frame.data) for frame in self._single], dtype=np.int64))
+            self._ends.append(np.array([frame.end for frame in self._single], dtype=np.int64))
+            self._single.clear()
 
 
 def joined(sets: list[FrameSet], counters: Counters) -> FrameSet:

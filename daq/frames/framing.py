@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from dataclasses import field as dataclass_field
 from functools import cached_property
 from types import MappingProxyType
+from typing import Literal
 
 from daq.frames.checksum import Checksum
 from daq.frames.field import TYPE_SIZES, Field, FrameType
@@ -53,8 +54,12 @@ class Length:
         if self.fixed is not None:
             return self.fixed
         place = start + self.at
-        value = int.from_bytes(head[place : place + TYPE_SIZES[self.type]], "big" if self.big_endian else "little")
+        value = int.from_bytes(head[place : start + self.head], self._order)
         return self.by_value.get(value, 0) if self.by_value else value + self.add
+
+    @cached_property
+    def _order(self) -> Literal["big", "little"]:
+        return "big" if self.big_endian else "little"
 
 
 @dataclass(frozen=True)

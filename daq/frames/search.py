@@ -70,13 +70,19 @@ class Search(ABC):
 
 
 class SyncSearch(Search):
-    """Frames that begin with sync bytes, or anywhere, and whose length is known from their head."""
+    """Frames that begin with sync bytes, or anywhere, and whose length is known from their head.
+
+    Attributes
+    ----------
+    smallest : int
+        Least length that a frame can have.
+    """
 
     def __init__(self, framing: Framing, acceptance: Acceptance, counters: Counters) -> None:
         super().__init__(framing, acceptance, counters)
         self._head = max(framing.length.head, len(framing.sync))
         checksum = framing.checksum
-        self._smallest = max(self._head, checksum.start + checksum.size if checksum else 1)
+        self.smallest = max(self._head, checksum.start + checksum.size if checksum else 1)
 
     def next(self, end: int, *, ended: bool) -> Found:
         """Return the next good frame."""
@@ -92,7 +98,7 @@ class SyncSearch(Search):
             fault = None
             if end - at >= self._head:
                 total = framing.length.of(buffer, at)
-                if not self._smallest <= total <= framing.maximum:
+                if not self.smallest <= total <= framing.maximum:
                     fault = "bad_length"
                 elif end - at >= total:
                     data = bytes(buffer[at : at + total])
@@ -115,13 +121,22 @@ class SyncSearch(Search):
 
 
 class _Delimited(Search):
-    """What ends with a delimiter: everything before it that is too long is given up while it comes."""
+    """What ends with a delimiter: everything before it that is too long is given up while it comes.
+
+    Attributes
+    ----------
+    delimiter : bytes
+    longest : int
+        Most bytes before a delimiter.
+    overlong : bool
+        Whether the beginning of what comes was given up.
+    """
 
     def __init__(self, framing: Framing, acceptance: Acceptance, counters: Counters) -> None:
         super().__init__(framing, acceptance, counters)
-        self._delimiter = framing.delimiter
-        self._longest = framing.maximum
-        self._overlong = False
+        self.delimiter = framing.delimiter
+        self.longest = framing.maximum
+        self.overlong = False
 
     def _refuse(self, behind: int, fault: str | None) -> None:
         if fault is not None:
@@ -131,14 +146,14 @@ class _Delimited(Search):
     def _piece(self, end: int, *, ended: bool) -> tuple[bytes, int] | None:
         """Return what stands before the next delimiter, and the byte behind that; None without delimiter."""
         while True:
-            found = self.buffer.find(self._delimiter, self.at, end)
+            found = self.buffer.find(self.delimiter, self.at, end)
             if found < 0:
                 self._wait_for_delimiter(end, ended=ended)
                 return None
-            behind = found + len(self._delimiter)
-            piece, overlong = bytes(self.buffer[self.at : found]), self._overlong
-            self._overlong = False
-            if not overlong and len(piece) <= self._longest:
+            behind = found + len(self.delimiter)
+            piece, overlong = bytes(self.buffer[self.at : found]), self.overlong
+            self.overlong = False
+            if not overlong and len(piece) <= self.longest:
                 return piece, behind
             self._refuse(behind, "bad_length")
 
@@ -146,11 +161,11 @@ class _Delimited(Search):
         """Keep what may be the beginning of a line or packet; give up one that is too long."""
         waiting = end - self.at
         if ended:
-            self._overlong = False
+            self.overlong = False
             self.skip_to(end)
-        elif self._overlong or waiting > self._longest + len(self._delimiter):
-            self._overlong = True
-            self.skip_to(end - min(waiting, len(self._delimiter) - 1))
+        elif self.overlong or waiting > self.longest + len(self.delimiter):
+            self.overlong = True
+            self.skip_to(end - min(waiting, len(self.delimiter) - 1))
 
 
 class LineSearch(_Delimited):
@@ -183,23 +198,23 @@ class PacketSearch(_Delimited):
     def __init__(self, framing: Framing, acceptance: Acceptance, counters: Counters) -> None:
         super().__init__(framing, acceptance, counters)
         self._decode = decode_cobs if framing.kind == "cobs" else decode_slip
-        self._delimiter = COBS_DELIMITER if framing.kind == "cobs" else SLIP_DELIMITER
-        self._longest = longest_packet(framing.kind, framing.maximum)
+        self.delimiter = COBS_DELIMITER if framing.kind == "cobs" else SLIP_DELIMITER
+        self.longest = longest_packet(framing.kind, framing.maximum)
 
     def next(self, end: int, *, ended: bool) -> Found:
         """Return the next good packet, decoded."""
         while True:
             begin = self.at
-            if not self._overlong and self.buffer.startswith(self._delimiter, begin, end):
+            if not self.overlong and self.buffer.startswith(self.delimiter, begin, end):
                 begin += 1
-            if begin > self.at and self.buffer.startswith(self._delimiter, begin, end):
+            if begin > self.at and self.buffer.startswith(self.delimiter, begin, end):
                 self.skip_to(begin)
                 continue
-            found = self.buffer.find(self._delimiter, begin, end)
+            found = self.buffer.find(self.delimiter, begin, end)
             if found < 0:
                 self._wait_for_delimiter(end, ended=ended)
                 return NEED_DATA
-            overlong, self._overlong = self._overlong or found - begin > self._longest, False
+            overlong, self.overlong = self.overlong or found - begin > self.longest, False
             data = None if overlong else self._decode(bytes(self.buffer[begin:found]))
             if data is None or len(data) > self._framing.maximum:
                 self._refuse(found + 1, "bad_length")

@@ -8,7 +8,6 @@ taken out as far as the host's stamps show them; else by the host's clock.
 from __future__ import annotations
 
 import datetime as dt
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ from daq.errors import CorruptFileError, ReadError
 from daq.frames import can_capture_file as capture
 from daq.readers.can_frames import EXTENDED, ID_MASK, CanFrames, CanLog
 from daq.readers.can_recording import CanRecording, declared_database
+from daq.readers.clock_notes import notes_of_clock
 from daq.readers.reader import Declarations
 from daq.timebase import AbsoluteStart
 
@@ -52,7 +52,7 @@ class CanCaptureReader:
                 place="byte 0",
                 expected=capture.MAGIC.decode().strip(),
             ) from error
-        return CanCaptureRecording(path, content, database, declared.clock)
+        return CanCaptureRecording(path, content, database, declared)
 
 
 class CanCaptureRecording(CanRecording):
@@ -63,7 +63,7 @@ class CanCaptureRecording(CanRecording):
     path : Path
     content : CanCapture
     database : cantools.database.can.Database
-    clock : str
+    declared : Declarations
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class CanCaptureRecording(CanRecording):
         How they relate; None if the interface gave no stamps of its own.
     """
 
-    def __init__(self, path: Path, content: capture.CanCapture, database: Any, clock: str) -> None:
+    def __init__(self, path: Path, content: capture.CanCapture, database: Any, declared: Declarations) -> None:
         records = content.records
         flags = records["flags"]
         sound = (records["length"] <= capture.LONGEST) & (flags & ~np.uint16(capture.KNOWN_FLAGS) == 0)
@@ -95,7 +95,7 @@ class CanCaptureRecording(CanRecording):
             "dated_by": "host" if self.clock_fit is None else "interface",
             "device_time_of_first_frame_ns": int(self.device_ns[0]) if frames.size else None,
             "host_time_of_first_frame_ns": int(self.host_ns[0]) if frames.size else None,
-            "clock_fit": None if self.clock_fit is None else _as_json(self.clock_fit),
+            "clock_fit": None if self.clock_fit is None else self.clock_fit.to_json(),
             "events": [{"host_ns": int(event["host_ns"]), "text": capture.text_of(event)} for event in events[:_SHOWN]],
             "error_frame_times": [
                 {"host_ns": int(one["host_ns"]), "class": int(one["id"])} for one in error_frames[:_SHOWN]
@@ -116,7 +116,7 @@ class CanCaptureRecording(CanRecording):
             CUT if content.cut else "",
             metadata,
         )
-        super().__init__(path, CanCaptureReader.name, log, database, clock)
+        super().__init__(path, CanCaptureReader.name, log, database, declared)
 
 
 def _fit(frames: NDArray[np.void], events: NDArray[np.void]) -> ClockFit | None:
@@ -170,23 +170,4 @@ def _losses(metadata: dict[str, Any], fit: ClockFit | None, events: NDArray[np.v
     if fit is None:
         notes.append("samples are dated by the host's clock: their instants are uncertain by its delay")
         return notes
-    for step in fit.steps:
-        at_s = (step.host_ns - fit.host_zero_ns) / 1e9
-        notes.append(
-            f"the interface's clock stepped by {step.step_s:+.6f} s at {at_s:.3f} s:"
-            f" taken out, uncertain by {step.u_step_s:.1g} s"
-        )
-    if fit.wrong_stamps:
-        notes.append(
-            f"{len(fit.wrong_stamps)} stamps of the interface do not fit its clock: those frames are dated by the host"
-        )
-    return notes
-
-
-def _as_json(fit: ClockFit) -> dict[str, Any]:
-    values = asdict(fit)
-    values["steps"] = list(values["steps"])
-    values["wrong_stamps"] = len(fit.wrong_stamps)
-    # JSON has no infinity
-    values["u_drift"] = fit.u_drift if np.isfinite(fit.u_drift) else None
-    return values
+    return notes + notes_of_clock(fit, "interface")

@@ -19,7 +19,7 @@ from daq.readers.text_file import decode_head, read_text
 
 def _open(path: Path, declared: Declarations, name: str, read: Callable[[Path], CanLog]) -> CanRecording:
     database = declared_database(declared, path)
-    return CanRecording(path, name, read(path), database, declared.clock)
+    return CanRecording(path, name, read(path), database, declared)
 
 
 class AscReader:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from daq.channel import RawCounts
 from daq.errors import CorruptFileError, MissingChannelError, ReadError
+from daq.readers.can_counters import count_messages, counts_as_json, declared_counters
 from daq.readers.can_decoding import SignalLayout, present
 from daq.readers.can_frames import EXTENDED, CanLog
 from daq.readers.can_messages import Messages, load_database, messages_of, unknown_identifiers
@@ -52,16 +53,25 @@ class CanRecording:
     reader : str
     log : CanLog
     database : cantools.database.can.Database
-    clock : str
+    declared : Declarations
+        Its clock, and its counters: gaps and missing messages of each are counted (`MessageCount`).
+
+    Raises
+    ------
+    CorruptFileError
+        If the log has no data frames.
+    ReadError
+        If a counter that is declared is none of the database.
     """
 
-    def __init__(self, path: Path, reader: str, log: CanLog, database: Any, clock: str) -> None:
+    def __init__(self, path: Path, reader: str, log: CanLog, database: Any, declared: Declarations) -> None:
         self.path = path
         self.reader = reader
         self.absolute_start: AbsoluteStart | None = log.absolute_start
         self.incomplete = log.incomplete
-        self._clock = clock
+        self._clock = declared.clock
         notes = list(log.notes)
+        counters = declared_counters(declared.counters, database, path)
         if not log.frames.key.size:
             raise CorruptFileError(
                 "the log has no data frames",
@@ -81,6 +91,8 @@ class CanRecording:
                 headers += self._add(messages_of(message, log.frames, chosen, notes), notes)
             else:
                 absent.append(message.name)
+        counts = [count_messages(counter, log.frames) for counter in counters]
+        notes += [note for count in counts for note in count.notes()]
         unknown = unknown_identifiers(log.frames.key, known)
         if unknown:
             shown = ", ".join(f"{n} x{count}" for n, count in list(unknown.items())[:8])
@@ -91,7 +103,12 @@ class CanRecording:
             notes.append(f"messages of the database that the log does not hold: {shown}")
         self.signals = tuple(headers)
         self.notes = tuple(notes)
-        self.metadata = {**log.metadata, "unknown_identifiers": unknown, "absent_messages": absent}
+        self.metadata = {
+            **log.metadata,
+            "unknown_identifiers": unknown,
+            "absent_messages": absent,
+            **counts_as_json(counts),
+        }
 
     def _add(self, messages: Messages, notes: list[str]) -> list[SignalHeader]:
         headers = []

@@ -3,13 +3,13 @@
 The capture holds every byte and the host's time of each read (`daq.frames.capture_file`). Samples are
 dated by the device's own clock where its frames carry one, counted from the first frame; else by
 the host's reads, dated back; else by a declared rate. Device clocks have been seen to step while the
-packet counter ran on, so the counter says what is missing, and the clock never sorts anything.
+packet counter ran on, so the counter says what is missing, and the clock never sorts anything; where the
+host stamped the reads, such steps are found, told and taken out (`daq.clock_fit`).
 """
 
 from __future__ import annotations
 
 import datetime as dt
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +23,11 @@ from daq.frames.declaration import framing_from_table
 from daq.frames.frame_set import FrameSet
 from daq.frames.framing import Framing
 from daq.frames.scan import find_frames_of_capture
-from daq.frames.values import FieldSeries, decode_fields, gaps, unwrap
+from daq.frames.values import FieldSeries, decode_fields, unwrap
+from daq.readers.clock_notes import notes_of_clock, notes_of_jumps
+from daq.readers.counter_gaps import find_gaps
 from daq.readers.reader import Declarations, SignalHeader
-from daq.readers.serial_time import back_dated, fit_host, increasing
+from daq.readers.serial_time import back_dated, increasing, without_steps
 from daq.timebase import AbsoluteStart, TimeBase
 from daq.track import Track
 
@@ -117,8 +119,12 @@ class SerialRecording:
         notes = _losses(capture, counters)
         self.incomplete = CUT if capture.cut else ""
         self.metadata: dict[str, Any] = {**counters, "bytes": len(capture.stream), "reads": int(capture.host_ns.size)}
-        self._count_gaps(framing, series, notes)
+        self.metadata["skipped_at_ends"] = min(
+            int(frames.ends[0] - frames.lengths[0]) + len(capture.stream) - int(frames.ends[-1]),
+            counters["skipped_bytes"],
+        )
         times_s = self._instants(framing, capture, frames, series, notes)
+        self._count_gaps(framing, series, times_s, notes)
         self.absolute_start = (
             _host_start(capture) if framing.device_time is None and framing.baudrate and capture.host_ns.size else None
         )
@@ -146,16 +152,26 @@ class SerialRecording:
         self.signals = tuple(headers)
         self.notes = tuple(notes)
 
-    def _count_gaps(self, framing: Framing, series: dict[str, FieldSeries], notes: list[str]) -> None:
+    def _count_gaps(
+        self, framing: Framing, series: dict[str, FieldSeries], times_s: NDArray[np.float64], notes: list[str]
+    ) -> None:
         if framing.counter is None:
             notes.append("the framing declares no packet counter: missing frames cannot be seen")
             return
-        places, missing = gaps(
-            series[framing.counter.field].raw.astype(np.int64), framing.counter.modulo, framing.counter.step
+        counter = series[framing.counter.field]
+        found = find_gaps(
+            counter.raw.astype(np.int64), times_s[counter.frames], framing.counter.modulo, framing.counter.step
         )
-        self.metadata |= {"counter_gaps": places, "missing_frames": missing}
-        if places:
-            notes.append(f"the packet counter has {places} gaps: {missing} frames are missing")
+        self.metadata |= {
+            "counted_frames": found.counted,
+            "counter_gaps": found.places,
+            "missing_frames": found.missing,
+            "unsized_gaps": found.unsized,
+            "longest_gap_frames": found.longest,
+            "longest_gap_s": found.longest_s,
+        }
+        if found.places:
+            notes.append(f"the packet counter has {found.places} gaps: {found.missing} frames are missing")
 
     def _instants(
         self, framing: Framing, capture: Capture, frames: FrameSet, series: dict[str, FieldSeries], notes: list[str]
@@ -187,16 +203,22 @@ class SerialRecording:
                 remedy="compare `device_time` in `framing` with the device's manual",
             )
         ticks = series[clock.field]
-        times_s[ticks.frames] = unwrap(ticks.raw, clock.modulo) * clock.tick_s
+        ticks_s = unwrap(ticks.raw, clock.modulo) * clock.tick_s
+        counts = _counts_of(framing, series, ticks.frames)
         self.metadata["device_time_of_first_frame_s"] = float(ticks.raw[0]) * clock.tick_s
-        backwards = int((np.diff(times_s[ticks.frames]) <= 0).sum())
-        if backwards:
-            notes.append(f"the device's clock stood still or stepped back {backwards} times")
         if capture.host_ns.size:
-            fit = fit_host(times_s, back_dated(capture.host_ns, capture.ends, frames.ends, framing.byte_s))
-            self.metadata["host_fit"] = None if fit is None else asdict(fit)
+            host_s = back_dated(capture.host_ns, capture.ends, frames.ends[ticks.frames], framing.byte_s)
+            ticks_s, fit = without_steps(ticks_s, host_s, int(capture.host_ns[0]), counts)
+            self.metadata["clock_fit"] = None if fit is None else fit.to_json()
+            notes += [] if fit is None else notes_of_clock(fit, "device")
             start = _host_start(capture)
             self.metadata["host_start"] = None if start is None else start.text + "Z"
+        elif counts is not None:
+            notes += notes_of_jumps(ticks_s, counts)
+        backwards = int((np.diff(ticks_s) <= 0).sum())
+        if backwards:
+            notes.append(f"the device's clock stood still or stepped back {backwards} times")
+        times_s[ticks.frames] = ticks_s
         return times_s
 
     def _counted_instants(
@@ -240,6 +262,17 @@ class SerialRecording:
     def tracks(self) -> tuple[Track, ...]:
         """Return nothing: this is no camera."""
         return ()
+
+
+def _counts_of(framing: Framing, series: dict[str, FieldSeries], wanted: NDArray[np.int64]) -> NDArray[np.int64] | None:
+    """Return the unwrapped packet counter of some frames; None if not every one of them holds it."""
+    if framing.counter is None:
+        return None
+    counter = series[framing.counter.field]
+    if not np.isin(wanted, counter.frames).all():
+        return None
+    counts: NDArray[np.int64] = unwrap(counter.raw.astype(np.int64), framing.counter.modulo)
+    return counts[np.searchsorted(counter.frames, wanted)]
 
 
 def _losses(capture: Capture, counters: dict[str, int]) -> list[str]:

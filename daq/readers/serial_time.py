@@ -2,29 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
-
-@dataclass(frozen=True)
-class HostFit:
-    """How the host's clock relates to the device's: ``host = (1 + drift) * device + offset_s``.
-
-    Attributes
-    ----------
-    offset_s : float
-        Host time of device time zero, counted from the host's first read.
-    drift : float
-    typical_delay_s, largest_delay_s : float
-        Median and maximum of how much later than the line the reads came.
-    """
-
-    offset_s: float
-    drift: float
-    typical_delay_s: float
-    largest_delay_s: float
+from daq.clock_fit import ClockFit, fit_clock, whole_ns
 
 
 def back_dated(
@@ -60,45 +41,45 @@ def back_dated(
     return times_s
 
 
-def fit_host(device_s: NDArray[np.float64], host_s: NDArray[np.float64]) -> HostFit | None:
-    """Fit the line below all host times: a read is late, never early.
-
-    Of all lines that no point lies below, the one with the least sum of distances is an edge of the
-    lower convex hull, the one over the mean of the device times.
+def without_steps(
+    device_s: NDArray[np.float64],
+    host_s: NDArray[np.float64],
+    host_zero_ns: int,
+    counts: NDArray[np.int64] | None,
+) -> tuple[NDArray[np.float64], ClockFit | None]:
+    """Compare the device's clock with the host's, and take its steps and wrong stamps out.
 
     Parameters
     ----------
-    device_s, host_s : ndarray of float64, shape (n_frames,)
+    device_s : ndarray of float64, shape (n_frames,)
+        Stamps of the device in the order of the frames.
+    host_s : ndarray of float64, shape (n_frames,)
+        The host's, as `back_dated` gives them; frames without either are not compared.
+    host_zero_ns : int
+        The host's clock at its time zero.
+    counts : ndarray of int64, shape (n_frames,), or None
+        The frames' packet counter, unwrapped.
 
     Returns
     -------
-    HostFit or None
-        None below two different device times.
+    instants : ndarray of float64, shape (n_frames,)
+        s from the first frame, exactly the device's where nothing had to be taken out.
+    fit : ClockFit or None
+        None below two frames with both stamps.
     """
-    usable = np.isfinite(device_s) & np.isfinite(host_s)
-    x, y = device_s[usable], host_s[usable]
-    order = np.lexsort((y, x))
-    x, y = x[order], y[order]
-    first = np.r_[True, np.diff(x) > 0] if x.size else np.zeros(0, dtype=bool)
-    x, y = x[first], y[first]
-    if x.size < 2:
-        return None
-    hull: list[int] = []
-    for i in range(x.size):
-        while len(hull) > 1:
-            a, b = hull[-2], hull[-1]
-            if (y[b] - y[a]) * (x[i] - x[a]) >= (y[i] - y[a]) * (x[b] - x[a]):
-                hull.pop()
-            else:
-                break
-        hull.append(i)
-    middle = device_s[usable].mean()
-    edge = int(np.clip(np.searchsorted(x[hull], middle), 1, len(hull) - 1))
-    a, b = hull[edge - 1], hull[edge]
-    slope = float((y[b] - y[a]) / (x[b] - x[a]))
-    offset_s = float(y[a] - slope * x[a])
-    delays = host_s[usable] - slope * device_s[usable] - offset_s
-    return HostFit(offset_s, slope - 1.0, float(np.median(delays)), float(delays.max()))
+    compared = np.flatnonzero(np.isfinite(device_s) & np.isfinite(host_s))
+    device_ns = whole_ns(device_s[compared])
+    host_ns = host_zero_ns + whole_ns(host_s[compared])
+    fit = fit_clock(device_ns, host_ns, counts=None if counts is None else counts[compared])
+    if fit is None or not (fit.steps or fit.wrong_stamps):
+        return device_s, fit
+    shift_ns = np.zeros(device_s.size, dtype=np.int64)
+    for step in fit.steps:
+        # Frames that the host did not stamp are on the side of the last one that it did
+        shift_ns[compared[step.index] :] -= whole_ns(np.float64(step.step_s))
+    shift_ns[compared] = fit.device_instants_ns(device_ns, host_ns) - device_ns
+    instants = device_s + shift_ns / 1e9
+    return instants - instants[0], fit
 
 
 def increasing(times_s: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -22,9 +22,16 @@ CHUNK_SAMPLES = 32768
 
 
 def time_groups(entry: Any, reserved: Collection[str]) -> list[tuple[str, Any]]:
-    """Names and groups of the time bases in ``/entry``, in the order they were written."""
-    groups = [(name, entry[name]) for name in entry if name not in reserved]
+    """Names and groups of the time bases in ``/entry``, in the order they were written.
+
+    A file of before a name was reserved may have a clock of that name: NXdata are the clocks' alone.
+    """
+    groups = [(name, entry[name]) for name in entry if name not in reserved or _is_data(entry[name])]
     return sorted(groups, key=lambda named: int(named[1].attrs["order"]))
+
+
+def _is_data(item: Any) -> bool:
+    return bool(item.attrs.get("NX_class") == "NXdata")
 
 
 def signals_of(group: Any) -> list[tuple[str, Any]]:

@@ -14,11 +14,13 @@ from daq.store.table import json_text
 
 def first_difference(one: Shot, other: Shot) -> str | None:
     """Name the first value in which two shots differ, samples compared bit for bit; None if there is none."""
-    for name in ("name", "rig_name", "rig_text", "reference_clock", "inputs", "quality", "started"):
+    for name in ("name", "rig_name", "rig_text", "reference_clock", "inputs", "quality", "started", "acquisition"):
         if getattr(one, name) != getattr(other, name):
             return name
     if (one.databases is None) != (other.databases is None) or dict(one.databases or {}) != dict(other.databases or {}):
         return "databases"
+    if _clock_fits(one) != _clock_fits(other):
+        return "clock_fits"
     if _history(one) != _history(other):
         return "history"
     if [_alignment(a) for a in one.alignments] != [_alignment(a) for a in other.alignments]:
@@ -59,6 +61,10 @@ def _same_bits(one: NDArray[Any], other: NDArray[Any]) -> bool:
 
 def _history(value: Shot | Channel) -> list[tuple[str, str, str]]:
     return [(step.what, step.version, json_text(step.parameters)) for step in value.history]
+
+
+def _clock_fits(shot: Shot) -> list[tuple[str, str]]:
+    return [(clock, json_text(fit)) for clock, fit in shot.clock_fits.items()]
 
 
 def _alignment(alignment: ClockAlignment) -> tuple[Any, ...]:

@@ -13,6 +13,8 @@
         inputs                 one row per file: name, sha256, size, source, reader
         alignment/<clock>      offset_s, u_offset_s, drift, u_drift, status, method, reasons, details
         quality                one row per check: channel, check, verdict, detail
+        acquisition            NXnote: how it was acquired live, JSON; absent if nothing tells
+        clock_fits/<source>    NXnote: how a device's clock relates to the host's, JSON; absent if there is none
         history/step_<k>       NXprocess: program, version, sequence_index, what, parameters
         history/channels       one row per step of one channel
 
@@ -36,6 +38,7 @@ from typing import Any
 
 import numpy as np
 
+from daq.acquisition import Acquisition
 from daq.channel import Step
 from daq.shot import ClockAlignment, InputFile, QualityCheck, Shot
 from daq.store.channel_layout import read_channels, write_channels
@@ -46,6 +49,7 @@ PROGRAM = "recoil-daq"
 
 ENTRY_NAMES = frozenset(
     {"entry_identifier", "title", "start_time", "raw", "rig", "inputs", "alignment", "quality", "history"}
+    | {"acquisition", "clock_fits"}
 )
 """Names in ``/entry`` that no clock's group may have."""
 
@@ -56,7 +60,7 @@ def write_layout(file: Any, shot: Shot) -> None:
     Raises
     ------
     TypeError
-        If a history parameter or an alignment detail is not of a JSON type.
+        If a history parameter, an alignment detail or a clock fit is not of a JSON type.
     """
     file.attrs["NX_class"] = "NXroot"
     file.attrs["default"] = "entry"
@@ -85,6 +89,7 @@ def write_layout(file: Any, shot: Shot) -> None:
         {key: [getattr(check, key) for check in shot.quality] for key in ("channel", "check", "verdict", "detail")},
     )
     _write_history(entry, shot)
+    _write_acquisition(entry, shot)
     file.flush()
     file.attrs["complete"] = 1
 
@@ -119,7 +124,27 @@ def read_layout(file: Any) -> Shot:
             Step(read_text(s, "what"), read_text(s, "version"), json.loads(read_text(s, "parameters"))) for s in steps
         ),
         databases=databases,
+        acquisition=read_acquisition_of(entry),
+        clock_fits=read_clock_fits(entry),
     )
+
+
+def read_acquisition_of(entry: Any) -> Acquisition | None:
+    """Read how the shot was acquired live; None if the file does not tell."""
+    note = _own(entry, "acquisition")
+    return None if note is None else Acquisition.from_json(json.loads(read_text(note, "data")))
+
+
+def read_clock_fits(entry: Any) -> dict[str, Any]:
+    """Read how the devices' clocks relate to the host's, by source."""
+    notes = sorted((_own(entry, "clock_fits") or {}).values(), key=lambda note: int(note.attrs["order"]))
+    return {read_text(note, "clock"): json.loads(read_text(note, "data")) for note in notes}
+
+
+def _own(entry: Any, name: str) -> Any | None:
+    """Return a group that files of before do not have; a clock of the same name is another one."""
+    group = entry.get(name)
+    return None if group is None or group.attrs.get("NX_class") == "NXdata" else group
 
 
 def read_inputs(entry: Any) -> tuple[InputFile, ...]:
@@ -205,3 +230,22 @@ def _write_history(entry: Any, shot: Shot) -> None:
         new_group(history, "channels", "NXcollection"),
         {column: [row[i] for row in rows] for i, column in enumerate(columns)},
     )
+
+
+def _write_acquisition(entry: Any, shot: Shot) -> None:
+    if shot.acquisition is not None:
+        _write_json(new_group(entry, "acquisition", "NXnote"), shot.acquisition.to_json())
+    if not shot.clock_fits:
+        return
+    group = new_group(entry, "clock_fits", "NXcollection")
+    names = tree_names(shot.clock_fits, ())
+    for order, (name, (clock, fit)) in enumerate(zip(names, shot.clock_fits.items(), strict=True)):
+        note = new_group(group, name, "NXnote")
+        note.attrs["order"] = order
+        write_text(note, "clock", clock)
+        _write_json(note, fit)
+
+
+def _write_json(note: Any, value: Any) -> None:
+    write_text(note, "type", "application/json")
+    write_text(note, "data", json_text(value))

@@ -41,7 +41,7 @@ def write_shot(shot: Shot, path: Path, *, overwrite: bool = False) -> None:
         If the file exists and may not be replaced, cannot be written, or does not read back as
         it was written. Nothing of it is left then.
     TypeError
-        If a history parameter or an alignment detail is not of a JSON type.
+        If a history parameter, an alignment detail or a clock fit is not of a JSON type.
     """
     path = Path(path)
     if not overwrite and os.path.lexists(path):
@@ -91,8 +91,8 @@ def shot_summary(path: Path) -> dict[str, Any]:
     dict
         JSON types only: ``shot``, ``rig``, ``started`` (None if unknown), ``reference_clock``, ``usable``,
         ``reasons``, and lists of ``channels`` (name, quantity, unit, role, clock, signal, count, lost,
-        rate_hz, start_s, end_s, u_rel), ``alignments``, ``quality`` and ``inputs``. A number that is
-        not finite is None.
+        rate_hz, start_s, end_s, u_rel), ``alignments``, ``quality`` and ``inputs``; ``acquisition`` (None if the
+        shot was not acquired live) and ``clock_fits`` (by source). A number that is not finite is None.
 
     Raises
     ------

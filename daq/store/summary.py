@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import math
 from typing import Any
 
 from daq.store.channel_layout import signals_of, time_groups
-from daq.store.layout import ENTRY_NAMES, SCHEMA, read_alignments, read_inputs, read_quality
-from daq.store.table import read_text
+from daq.store.layout import (
+    ENTRY_NAMES,
+    SCHEMA,
+    read_acquisition_of,
+    read_alignments,
+    read_clock_fits,
+    read_inputs,
+    read_quality,
+)
+from daq.store.table import json_text, read_text
 
 
 def summarise_layout(file: Any) -> dict[str, Any]:
@@ -25,6 +34,7 @@ def summarise_layout(file: Any) -> dict[str, Any]:
         for _, signal in signals_of(group)
     ]
     quality = read_quality(entry)
+    acquisition = read_acquisition_of(entry)
     failed = [check for check in quality if check.verdict == "fail"]
     return {
         "schema": SCHEMA,
@@ -55,6 +65,8 @@ def summarise_layout(file: Any) -> dict[str, Any]:
             {"file": i.name, "sha256": i.sha256, "size": i.size, "source": i.source, "reader": i.reader}
             for i in read_inputs(entry)
         ],
+        "acquisition": None if acquisition is None else json.loads(json_text(acquisition.to_json())),
+        "clock_fits": _json_numbers(read_clock_fits(entry)),
     }
 
 
@@ -77,3 +89,12 @@ def _channel_summary(signal: Any, time: Any, count: int) -> dict[str, Any]:
 
 def _json_number(value: Any) -> float | None:
     return float(value) if math.isfinite(value) else None
+
+
+def _json_numbers(value: Any) -> Any:
+    """Return JSON types with None for every number that is not finite."""
+    if isinstance(value, dict):
+        return {key: _json_numbers(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_json_numbers(item) for item in value]
+    return _json_number(value) if isinstance(value, float) else value

@@ -3,15 +3,61 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from daq.acquisition import AcquiredEvent, AcquiredSource, Acquisition, TriggerDecision
 from daq.channel import Channel, RawCounts, Step
 from daq.shot import ClockAlignment, InputFile, QualityCheck, Shot
 from daq.timebase import AbsoluteStart, TimeBase
 
 RIG_TEXT = 'schema = "recoil-daq/rig/1"\nname = "bench"  # Prüfstand, µ = 0,1\n'
+
+
+CLOCK_FIT = {
+    "device_zero_ns": 40_000_000_000,
+    "host_zero_ns": 5_000_000_000_000,
+    "offset_s": 3e-4,
+    "u_offset_s": 2.5e-6,
+    "drift": -1.25e-5,
+    "u_drift": 4e-7,
+    "steps": [{"index": 90, "device_ns": 1, "host_ns": 5_001_250_000_000, "step_s": 0.5, "u_step_s": 3e-5}],
+    "wrong_stamps": 0,
+    "order_faults": None,
+    "typical_delay_s": 2e-4,
+    "largest_delay_s": 1.5e-2,
+    "scatter_s": 1e-6,
+    "frames": 1200,
+}
+"""How a device's clock went, with one step."""
+
+
+def acquired_source(name: str, kind: str, file: str, **changes: Any) -> AcquiredSource:
+    """Make the record of a source that delivered everything and met nothing."""
+    sound = AcquiredSource(name, kind, file, 150, 60_000, 0.5, False, 0, 0, 0, None, 4, -2.0, ())
+    return replace(sound, **changes)
+
+
+def make_acquisition(shot: str = "0007", rig: str = "bench", **changes: Any) -> Acquisition:
+    """Make the record of a shot with a bus and a port, of 0.5 s before and 1 s behind the trigger."""
+    sound = Acquisition(
+        shot=shot,
+        rig=rig,
+        trigger_ns=5_000_500_000_000,
+        trigger_utc="2026-03-01T09:15:00.750000",
+        pre_s=0.5,
+        post_s=1.0,
+        pre_actual_s=0.5,
+        duration_s=1.5,
+        decisions=(TriggerDecision(0.0, "trigger", "", "p_brake", 2.5e6),),
+        sources=(
+            acquired_source("can", "can", f"{shot}_can.rdcc"),
+            acquired_source("imu", "serial", f"{shot}_imu.rdsc", events=(AcquiredEvent(-2.0, "opened", "Größe µ"),)),
+        ),
+    )
+    return replace(sound, **changes)
 
 
 def recorder_channel(
@@ -105,6 +151,8 @@ def make_shot(count: int = 400, frames: int = 60) -> Shot:
             Step("align", "0.1.0", {"drift_allowance": 5e-5}),
         ),
         databases={"rig.dbc": 'VERSION ""\r\n', "empty.dbc": ""},
+        acquisition=make_acquisition(),
+        clock_fits={"can": CLOCK_FIT, "imu": {**CLOCK_FIT, "u_drift": None, "steps": []}},
     )
 
 

@@ -61,6 +61,16 @@ def test_results_are_a_new_shot_with_one_more_line_of_history() -> None:
     assert new.channels is old.channels
 
 
+def test_a_shot_is_recorded_unless_something_tells_that_it_was_acquired_live() -> None:
+    plain = Shot("1", "rig", "", "daq", {})
+    assert plain.acquisition is None
+    assert plain.clock_fits == {}
+    live = make_shot()
+    assert live.acquisition is not None
+    assert live.with_results((), (), Step("check", "0")).acquisition is live.acquisition
+    assert live.with_results((), (), Step("check", "0")).clock_fits is live.clock_fits
+
+
 def test_a_channel_under_another_name_is_refused() -> None:
     shot = make_shot()
     with pytest.raises(ValueError, match="'acc_recoil' stands under the name 'a'"):

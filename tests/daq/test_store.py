@@ -20,14 +20,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
+from daq.acquisition import AcquiredEvent, AcquiredSource, Acquisition, TriggerDecision
 from daq.channel import Channel, RawCounts, Step
 from daq.errors import StoreError
 from daq.quantity import SI_UNITS
 from daq.shot import ClockAlignment, InputFile, QualityCheck, Shot
-from daq.store import read_shot, shot_file, shot_summary, write_shot
+from daq.store import layout, read_shot, shot_file, shot_summary, write_shot
 from daq.store.difference import first_difference
 from daq.timebase import AbsoluteStart, TimeBase
-from tests.builders.shots import make_shot, recorder_channel
+from tests.builders.shots import CLOCK_FIT, make_acquisition, make_shot, recorder_channel
 
 ENGINES = ("h5netcdf", "netcdf4")
 
@@ -48,6 +49,8 @@ def assert_same_shot(one: Shot, other: Shot) -> None:
     for name in ("name", "rig_name", "rig_text", "reference_clock", "quality", "inputs", "started", "history"):
         assert getattr(one, name) == getattr(other, name), name
     assert one.databases == other.databases
+    assert one.acquisition == other.acquisition
+    assert list(one.clock_fits.items()) == list(other.clock_fits.items())
     assert repr(one.alignments) == repr(other.alignments)  # repr, because NaN does not equal itself
     assert list(one.channels) == list(other.channels)
     for a, b in zip(one.channels.values(), other.channels.values(), strict=True):
@@ -111,6 +114,22 @@ def channels(draw: st.DrawFn, name: str, time_base: TimeBase) -> Channel:
     )
 
 
+numbers = st.integers(0, 2**60)
+seconds = st.floats(-1e6, 1e6, allow_subnormal=False)
+events = st.lists(st.builds(AcquiredEvent, seconds, texts, texts), max_size=2).map(tuple)
+decisions = st.lists(st.builds(TriggerDecision, seconds, texts, texts, texts, st.none() | seconds), max_size=2)
+acquired_sources = st.builds(
+    AcquiredSource,
+    *(texts, texts, texts, numbers, numbers, st.none() | seconds, st.booleans(), numbers, numbers, numbers),
+    *(st.none() | numbers, numbers, seconds, events),
+)
+acquisitions = st.builds(
+    Acquisition,
+    *(texts, texts, numbers, texts, seconds, seconds, seconds, seconds, decisions.map(tuple)),
+    *(st.lists(acquired_sources, max_size=2).map(tuple), numbers, numbers, st.booleans()),
+)
+
+
 @st.composite
 def shots(draw: st.DrawFn) -> Shot:
     bases = draw(st.lists(time_bases(), min_size=1, max_size=3))
@@ -150,6 +169,8 @@ def shots(draw: st.DrawFn) -> Shot:
         started=draw(texts),
         history=draw(histories),
         databases=draw(st.none() | st.dictionaries(texts, texts, max_size=2)),
+        acquisition=draw(st.none() | acquisitions),
+        clock_fits=draw(st.dictionaries(names, st.dictionaries(texts, json_values, max_size=3), max_size=2)),
     )
 
 
@@ -208,6 +229,58 @@ def test_a_text_that_hdf5_cannot_hold_is_refused_in_one_line(tmp_path: Path) -> 
         write_shot(replace(make_shot(), rig_text="a\0b"), tmp_path / "s.h5")
     assert "\n" not in str(caught.value)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_of_before_there_were_acquisitions_opens(tmp_path: Path) -> None:
+    path = tmp_path / "old.h5"
+    recorded = replace(make_shot(), acquisition=None, clock_fits={})
+    write_shot(recorded, path)
+    with h5py.File(path) as file:
+        assert not {"acquisition", "clock_fits"} & set(file["entry"])
+    assert_same_shot(read_shot(path), recorded)
+    assert (shot_summary(path)["acquisition"], shot_summary(path)["clock_fits"]) == (None, {})
+
+
+@pytest.mark.parametrize("name", ["acquisition", "clock_fits"])
+def test_a_file_of_before_may_have_a_clock_of_a_name_that_is_taken_now(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    base = TimeBase.uniform(name, 0.0, 1e-3, 5)
+    old = Shot("1", "r", "", name, {"f": recorder_channel("f", "force", base)})
+    with monkeypatch.context() as patch:
+        patch.setattr(layout, "ENTRY_NAMES", layout.ENTRY_NAMES - {"acquisition", "clock_fits"})
+        write_shot(old, tmp_path / "old.h5")
+    with h5py.File(tmp_path / "old.h5") as file:
+        assert name in file["entry"]
+    assert_same_shot(read_shot(tmp_path / "old.h5"), old)
+    assert [c["name"] for c in shot_summary(tmp_path / "old.h5")["channels"]] == ["f"]
+    new = replace(old, acquisition=make_acquisition(), clock_fits={name: CLOCK_FIT})
+    write_shot(new, tmp_path / "new.h5")
+    assert_same_shot(read_shot(tmp_path / "new.h5"), new)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"acquisition": None}, "acquisition"),
+        ({"acquisition": make_acquisition(unseen_bytes=1)}, "acquisition"),
+        ({"clock_fits": {"can": CLOCK_FIT}}, "clock_fits"),
+        ({"clock_fits": {"imu": CLOCK_FIT, "can": CLOCK_FIT}}, "clock_fits"),
+    ],
+)
+def test_shots_that_were_acquired_otherwise_differ(change: dict[str, Any], says: str) -> None:
+    shot = replace(make_shot(), clock_fits={"can": CLOCK_FIT, "imu": CLOCK_FIT})
+    assert first_difference(shot, shot) is None
+    assert first_difference(shot, replace(shot, **change)) == says
+
+
+def test_a_damaged_record_of_the_acquisition_is_a_damaged_file(written: Path) -> None:
+    with h5py.File(written, "a") as file:
+        note = file["entry/acquisition"]
+        del note["data"]
+        note.create_dataset("data", data='{"schema": "other"}', dtype=h5py.string_dtype())
+    with pytest.raises(StoreError, match="is damaged: schema must be"):
+        read_shot(written)
 
 
 # What other readers see
@@ -356,6 +429,9 @@ def test_the_summary_says_what_is_in_the_file_in_json_types(written: Path) -> No
     }
     assert [a["u_offset_s"] for a in summary["alignments"]] == [1.5e-5, 1e-4, None]
     assert summary["inputs"][1]["file"] == "Schuß 7.txt"
+    assert summary["acquisition"] == json.loads(json.dumps(make_acquisition().to_json()))
+    assert list(summary["clock_fits"]) == ["can", "imu"]
+    assert summary["clock_fits"]["can"]["steps"][0]["step_s"] == 0.5
 
 
 def test_the_summary_reads_no_samples(written: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -339,7 +339,7 @@ def test_faults_are_read_from_a_table_and_checked() -> None:
 
 def test_a_rig_says_which_sources_are_played_and_with_what_faults(rig: Rig, shots: list[TwinShot]) -> None:
     def with_device(table: str) -> Rig:
-        text = rig.text.replace('database = "mixed.dbc"', f'database = "mixed.dbc"\ndevice = {table}', 1)
+        text = rig.text.replace('device = { virtual = "virtual" }', f"device = {table}", 1)
         return parse_rig(text, rig.path, rig.databases)
 
     played = with_device('{ virtual = "slcan", faults = { lost_frames = 0.25 } }')

@@ -35,6 +35,14 @@ OVERLAPPING = [
     {"when": {"at": 2, "equals": 1}, "fields": [{"name": "a", "at": 3, "type": "u8"}]},
     {"when": {"at": 3, "equals": 9}, "fields": [{"name": "b", "at": 2, "type": "u8", "plausible": [2, 3]}]},
 ]
+FRAME_TYPES_OF_PACKETS = [
+    {"when": {"at": 0, "equals": 1}, "fields": [{"name": "a", "at": 1, "type": "u8", "plausible": [0, 2]}]},
+    {"when": {"at": 0, "equals": 2}},
+]
+TYPES_BEHIND_LENGTH = [
+    {"when": {"at": 3, "equals": 1}, "fields": [{"name": "a", "at": 4, "type": "u8", "plausible": [0, 2]}]},
+    {"when": {"at": 3, "equals": 2}},
+]
 ELEMENT = {"name": "a", "id": 1, "type": "u8", "plausible": [0, 2]}
 
 # a framing, and bytes that it takes for frames or nearly so
@@ -80,6 +88,18 @@ EXAMPLES: dict[str, tuple[Framing, list[bytes]]] = {
         [summed(b"\1\1"), summed(b"\1\2"), summed(b"\3\4")],
     ),
     "no sync and no checksum": (declared(kind="fixed", length={"fixed": 3}), [b"\1\2\3"]),
+    "length field of two bytes": (
+        declared(**SYNC, length={"at": 2, "type": "u16", "endian": "big", "add": 5}, max=12),
+        [summed(b"\1\2\0\1\1"), summed(b"\1\2\0\2\1\1"), summed(b"\1\2\0\0"), b"\1\2\0\1\1\xff"],
+    ),
+    "known types of any length": (
+        framing_from_table({**LENGTH, "only_known": True, "frames": TYPES_BEHIND_LENGTH}),
+        [summed(b"\1\2\2\1\1"), summed(b"\1\2\3\1\2\x09"), summed(b"\1\2\2\1\x09"), summed(b"\1\2\1\5"), b"\1\2"],
+    ),
+    "any types of any length": (
+        framing_from_table({**LENGTH, "frames": TYPES_BEHIND_LENGTH}),
+        [summed(b"\1\2\2\1\1"), summed(b"\1\2\1\2"), summed(b"\1\2\1\3"), summed(b"\1\2\2\1\x09")],
+    ),
     "lines": (
         declared(
             kind="delimiter",
@@ -100,8 +120,16 @@ EXAMPLES: dict[str, tuple[Framing, list[bytes]]] = {
         declared(kind="slip", max=4, checksum={"algo": "sum8"}),
         [slip(summed(b"\xc0\xdb")), slip(summed(b"\1\2"), both_ends=True), b"\xc0", b"\xdb\1\xc0", b"\xdb\xdc" * 5],
     ),
+    "cobs without a checksum": (
+        framing_from_table({"kind": "cobs", "max": 4, "frames": FRAME_TYPES_OF_PACKETS}),
+        [cobs(b"\1\2"), cobs(b"\2"), cobs(b"\3\0"), cobs(b"\1\5"), cobs(b""), b"\0", b"\2\0"],
+    ),
+    "slip of known types": (
+        framing_from_table({"kind": "slip", "max": 4, "only_known": True, "frames": FRAME_TYPES_OF_PACKETS}),
+        [slip(b"\1\2"), slip(b"\2\xdb"), slip(b"\3\xc0", both_ends=True), slip(b"\1\5"), b"\xc0", b"\2\xdb\xc0"],
+    ),
 }
-PARTS = st.sampled_from(["frame", "run", "noise", "cut"])
+PARTS = st.sampled_from(["frame", "run", "mixed run", "noise", "cut"])
 
 
 @st.composite
@@ -112,7 +140,9 @@ def streams(draw: st.DrawFn, frames: list[bytes]) -> bytes:
     for kind in draw(st.lists(PARTS, max_size=8)):
         frame = draw(st.sampled_from(frames))
         if kind == "run":
-            parts.append(frame * draw(st.integers(8, 60)))
+            parts.append(frame * draw(st.integers(8, 90)))
+        elif kind == "mixed run":
+            parts.append(b"".join(draw(st.lists(st.sampled_from(frames), min_size=1, max_size=3))) * 30)
         elif kind == "noise":
             parts.append(bytes(draw(st.lists(alphabet, max_size=12))))
         elif kind == "cut":

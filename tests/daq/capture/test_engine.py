@@ -1,0 +1,140 @@
+"""The engine turns blocks into decisions and windows of shots."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from daq.capture.engine import PATIENCE_S, CaptureEngine, replayed
+from daq.devices.device import Block
+from daq.trigger import Edge, Trigger
+from tests.builders.live_sources import bus, can_block, can_record, port, serial_block, serial_frame
+
+TRIGGER = Trigger((Edge("pressure", 50e3, 20e3),), pre_s=0.2, post_s=0.3)
+
+
+def blocks(until_s: float, pulse_s: float = math.inf) -> list[Block]:
+    """Both sources every 10 ms; the pressure is 100 kPa for 20 ms from a time on."""
+    made = []
+    for k in range(round(until_s * 100)):
+        t = 10.0 + 0.01 * k
+        pressure = 100.0 if 0 <= t - 10.0 - pulse_s < 0.02 else 0.0
+        made += [can_block(t, can_record(t, pressure)), serial_block(t, serial_frame(k, 1.0))]
+    return made
+
+
+def test_a_pulse_gives_a_window_with_its_pre_and_post_time() -> None:
+    engine = CaptureEngine([bus(), port()], TRIGGER)
+    engine.arm(-math.inf)
+    windows = []
+    for block in blocks(2.0, pulse_s=1.0):
+        engine.take(block)
+        windows += engine.ready(block.host_ns / 1e9)
+    (window,) = windows
+    assert (window.start_s, window.trigger_s, window.stop_s) == pytest.approx((10.8, 11.0, 11.3))
+    assert window.pre_actual_s == pytest.approx(0.2)
+    assert window.late_sources == ()
+    (decision,) = engine.news()
+    assert (decision.outcome, decision.channel, decision.value) == ("trigger", "pressure", 100e3)
+    assert engine.news() == ()
+
+
+def test_nothing_triggers_before_it_is_armed_or_when_it_is_disarmed() -> None:
+    engine = CaptureEngine([bus(), port()], TRIGGER)
+    for block in blocks(1.0, pulse_s=0.5):
+        engine.take(block)
+    engine.arm(11.0)
+    engine.disarm()
+    for block in blocks(2.0, pulse_s=1.5)[200:]:
+        engine.take(block)
+    assert engine.ready(math.inf) == ()
+    assert not engine.armed
+
+
+def test_a_shot_soon_after_the_start_has_less_pre_time_and_says_so() -> None:
+    engine = CaptureEngine([bus(), port()], TRIGGER)
+    engine.arm(-math.inf)
+    for block in blocks(1.0, pulse_s=0.05):
+        engine.take(block)
+    (window,) = engine.ready(11.0)
+    assert window.pre_actual_s == pytest.approx(0.05)
+    assert window.start_s == pytest.approx(10.0)
+
+
+def test_a_source_that_falls_silent_is_waited_for_and_then_named() -> None:
+    engine = CaptureEngine([bus(), port()], TRIGGER)
+    engine.arm(-math.inf)
+    for block in blocks(2.0, pulse_s=1.0):
+        if block.source == "bus" or block.host_ns < 11.1e9:
+            engine.take(block)
+    assert engine.recording
+    assert engine.ready(11.3 + PATIENCE_S - 0.01) == ()
+    (window,) = engine.ready(11.3 + PATIENCE_S)
+    assert window.late_sources == ("port",)
+
+
+def test_a_manual_trigger_takes_a_shot() -> None:
+    engine = CaptureEngine([bus(), port()], TRIGGER)
+    engine.arm(-math.inf)
+    for block in blocks(1.0):
+        engine.take(block)
+    engine.fire(10.5)
+    (window,) = engine.ready(11.0)
+    assert window.trigger_s == 10.5
+    assert window.decisions[0].channel == ""
+
+
+def test_what_is_still_needed_never_runs_past_the_start_of_an_open_shot() -> None:
+    engine = CaptureEngine([bus(), port()], TRIGGER)
+    engine.arm(-math.inf)
+    for block in blocks(3.0, pulse_s=1.0):
+        engine.take(block)
+    assert engine.needed_from_s == pytest.approx(10.8)
+    engine.ready(13.0)
+    assert engine.needed_from_s == pytest.approx(12.99 - 1.0 - 0.2)
+
+
+def test_levels_show_the_last_second_of_every_channel() -> None:
+    engine = CaptureEngine([bus(), port()], TRIGGER)
+    assert engine.level("pressure") is None
+    for block in blocks(2.5, pulse_s=2.0):
+        engine.take(block)
+    pressure, rate = engine.level("pressure"), engine.level("rate")
+    assert pressure is not None
+    assert (pressure.last, pressure.low, pressure.high) == (0.0, 0.0, 100e3)
+    assert rate is not None
+    assert rate.last == -1.0
+
+
+def test_blocks_that_were_not_looked_at_count_as_delivered() -> None:
+    engine = CaptureEngine([bus(), port()], TRIGGER)
+    engine.arm(-math.inf)
+    for block in blocks(2.0, pulse_s=1.0):
+        if block.host_ns > 11.15e9:
+            engine.take_unseen(block)
+        else:
+            engine.take(block)
+    (window,) = engine.ready(12.0)
+    assert window.late_sources == ()
+
+
+def test_recorded_decisions_give_the_same_window_again() -> None:
+    engine = CaptureEngine([bus(), port()], TRIGGER)
+    engine.arm(-math.inf)
+    for block in blocks(2.0, pulse_s=1.0):
+        engine.take(block)
+    (window,) = engine.ready(math.inf)
+    held = {"bus": [(10.0, 11.99)], "port": [(10.0, 11.99)]}
+    assert replayed(held, TRIGGER, engine.news()) == (window,)
+
+
+def test_a_shot_that_a_crash_cut_short_ends_where_the_data_does() -> None:
+    engine = CaptureEngine([bus(), port()], TRIGGER)
+    engine.arm(-math.inf)
+    for block in blocks(1.1, pulse_s=1.0):
+        engine.take(block)
+    held = {"bus": [(10.0, 11.09)], "port": []}
+    (window,) = replayed(held, TRIGGER, engine.news())
+    assert window.trigger_s == pytest.approx(11.0)
+    assert window.late_sources == ("bus", "port")

@@ -1,0 +1,68 @@
+"""Channels of live sources are decoded as they pass, in SI, dated by the host."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from daq.capture.live_source import signals_of
+from daq.devices.device import event_block
+from daq.errors import MissingChannelError
+from daq.frames.can_capture_file import ERROR, REMOTE
+from tests.builders.live_sources import bus, can_block, can_record, port, serial_block, serial_frame
+
+
+def test_a_signal_of_a_bus_comes_in_si_with_each_frames_own_time() -> None:
+    source = bus()
+    block = can_block(5.0, can_record(4.990, 10.0), can_record(4.995, -20.5))
+    (samples,) = signals_of(source, source.channels).feed(block)
+    assert samples.channel == "pressure"
+    assert samples.values == pytest.approx([10e3, -20.5e3])
+    assert samples.times_s == pytest.approx([4.990, 4.995])
+
+
+def test_error_and_remote_frames_and_events_are_no_samples() -> None:
+    source = bus()
+    signals = signals_of(source, source.channels)
+    assert signals.feed(can_block(1.0, can_record(1.0, 1.0, flags=ERROR), can_record(1.0, 1.0, flags=REMOTE))) == []
+    assert signals.feed(event_block("bus", 10**9, "lost", "gone")) == []
+
+
+def test_a_field_of_a_port_is_dated_back_to_its_place_on_the_line() -> None:
+    source = port()
+    stream = b"".join(serial_frame(i, 0.5 * i) for i in range(4))
+    signals = signals_of(source, source.channels)
+    assert signals.feed(serial_block(1.0, stream[:5])) == []
+    (samples,) = signals.feed(serial_block(2.0, stream[5:]))
+    assert samples.values == pytest.approx([0.0, -0.5, -1.0, -1.5])
+    assert np.diff(samples.times_s) == pytest.approx(8 * 10 / 921600)
+    assert samples.times_s[-1] == pytest.approx(2.0)
+
+
+def test_times_never_run_backwards_however_reads_are_cut() -> None:
+    source = port()
+    signals = signals_of(source, source.channels)
+    stream = b"".join(serial_frame(i, 0.0) for i in range(100))
+    times = [
+        s.times_s
+        for at in range(0, len(stream), 50)
+        for s in signals.feed(serial_block(1.0 + at * 1e-6, stream[at : at + 50]))
+    ]
+    assert (np.diff(np.concatenate(times)) >= 0).all()
+    assert np.concatenate(times).size == 100
+
+
+def test_a_half_frame_before_an_interruption_is_not_completed_by_what_follows() -> None:
+    source = port()
+    signals = signals_of(source, source.channels)
+    frame = serial_frame(1, 3.0)
+    signals.feed(serial_block(1.0, frame[:4]))
+    signals.skip()
+    found = signals.feed(serial_block(1.1, frame[4:] + serial_frame(2, 4.0)))
+    assert [v for s in found for v in s.values] == [-4.0]
+
+
+@pytest.mark.parametrize("source", [bus(signal="NODE.q"), port(signal="v")])
+def test_a_signal_that_is_not_there_is_refused_with_the_names_that_are(source) -> None:
+    with pytest.raises(MissingChannelError, match=r"NODE\.p|w"):
+        signals_of(source, source.channels)

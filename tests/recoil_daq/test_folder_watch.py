@@ -1,0 +1,75 @@
+"""Dropped files are told once, when they have stopped growing."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from daq.errors import ReadError
+from recoil_daq.folder_watch import FolderWatch
+
+
+def names(watch: FolderWatch, now_s: float) -> list[str]:
+    return [file.path.name for file in watch.poll(now_s)]
+
+
+def test_a_file_is_told_once_and_only_after_it_has_stopped_growing(tmp_path: Path) -> None:
+    watch = FolderWatch(tmp_path, settle_s=1.0)
+    file = tmp_path / "0001.csv"
+    file.write_bytes(b"a")
+    assert names(watch, 0.0) == []
+    assert names(watch, 0.9) == []
+    file.write_bytes(b"ab")
+    assert names(watch, 1.0) == []
+    assert names(watch, 1.9) == []
+    (dropped,) = watch.poll(2.0)
+    assert (dropped.path, dropped.seen_s) == (file, 0.0)
+    assert names(watch, 9.0) == []
+
+
+def test_what_lay_there_before_is_left_alone_until_it_changes(tmp_path: Path) -> None:
+    old = tmp_path / "old.csv"
+    old.write_bytes(b"old")
+    watch = FolderWatch(tmp_path)
+    assert names(watch, 0.0) == names(watch, 5.0) == []
+    old.write_bytes(b"new")
+    os.utime(old, ns=(1, 2))
+    assert names(watch, 6.0) == []
+    assert names(watch, 7.5) == ["old.csv"]
+
+
+def test_empty_files_hidden_files_and_folders_are_not_told(tmp_path: Path) -> None:
+    watch = FolderWatch(tmp_path)
+    (tmp_path / "empty.csv").touch()
+    (tmp_path / ".part").write_bytes(b"x")
+    (tmp_path / "folder").mkdir()
+    assert names(watch, 0.0) == names(watch, 5.0) == []
+
+
+def test_a_file_that_is_renamed_when_it_is_done_is_told_under_its_last_name(tmp_path: Path) -> None:
+    watch = FolderWatch(tmp_path)
+    (tmp_path / "x.tmp").write_bytes(b"x")
+    assert names(watch, 0.0) == []
+    (tmp_path / "x.tmp").rename(tmp_path / "x.csv")
+    assert names(watch, 0.5) == []
+    assert names(watch, 1.6) == ["x.csv"]
+
+
+def test_a_folder_that_is_away_for_a_moment_ends_nothing(tmp_path: Path) -> None:
+    folder = tmp_path / "in"
+    watch = FolderWatch(folder)
+    (folder / "a.csv").write_bytes(b"a")
+    assert names(watch, 0.0) == []
+    folder.rename(tmp_path / "away")
+    assert names(watch, 0.5) == []
+    (tmp_path / "away").rename(folder)
+    assert names(watch, 1.5) == ["a.csv"]
+
+
+def test_what_is_no_folder_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.touch()
+    with pytest.raises(ReadError, match="cannot be watched"):
+        FolderWatch(file)
