@@ -15,7 +15,7 @@ def engineering(value: float | None, unit: str, digits: int = 3) -> str:
     value : float or None
         None, and what is not finite, gives a dash.
     unit : str
-        Of SI. A unit that begins with a power or none at all takes no prefix.
+        Of SI. One with a power in it takes no prefix, nor does none at all.
     digits : int
     """
     if value is None or not math.isfinite(value):
@@ -23,8 +23,8 @@ def engineering(value: float | None, unit: str, digits: int = 3) -> str:
     if value == 0:
         return f"0 {unit}".strip()
     exponent = math.floor(math.log10(abs(value)) / 3)
-    if not unit[:1].isalpha() or "2" in unit.split("/", maxsplit=1)[0]:
-        return f"{value:.{digits}g} {unit}".strip()
+    if not unit[:1].isalpha() or "2" in unit or "^" in unit:
+        return f"{value:#.{digits}g} {unit}".strip().replace(". ", " ")
     exponent = min(max(exponent, -3), 3)
     scaled = float(f"{value / 10.0 ** (3 * exponent):.{digits}g}")
     if abs(scaled) >= 1000 and exponent < 3:

@@ -22,16 +22,22 @@ PIPED_WIDTH = 140
 RANK = ("ok", "warn", "fail")
 
 
-def _console() -> Console:
+def output_console() -> Console:
+    """Return the console of stdout, as wide as the terminal, or `PIPED_WIDTH` without one."""
     from rich.console import Console
 
     width = None if sys.stdout.isatty() else PIPED_WIDTH
     return Console(width=width, highlight=False, emoji=False)
 
 
-def _print_table(
-    title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], numeric: Sequence[int] = ()
+def print_table(
+    title: str,
+    columns: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    numeric: Sequence[int] = (),
+    console: Console | None = None,
 ) -> None:
+    """Print a table on stdout; cells that are a verdict are coloured, columns of numbers stand to the right."""
     from rich.markup import escape
     from rich.table import Table
 
@@ -41,7 +47,12 @@ def _print_table(
     for row in rows:
         cells = [escape(cell) for cell in row]
         table.add_row(*(f"[{STYLES[c]}]{c}[/]" if c in STYLES else c for c in cells))
-    _console().print(table)
+    (console or output_console()).print(table)
+
+
+def say(text: str) -> None:
+    """Print one line on stdout as it is."""
+    output_console().print(text, markup=False, soft_wrap=True)
 
 
 def verdict_document(done: Ingested) -> dict[str, Any]:
@@ -86,44 +97,57 @@ def verdict_document(done: Ingested) -> dict[str, Any]:
     }
 
 
-def print_verdict(done: Ingested) -> None:
-    """Print a row per channel and clock with its worst finding, and one line that says usable or not."""
-    shot = done.shot
+def print_verdict(document: Mapping[str, Any], console: Console | None = None) -> None:
+    """Print a row per channel and clock with its worst finding, and one line that says usable or not.
+
+    Parameters
+    ----------
+    document : mapping
+        Of `verdict_document`.
+    console : Console, optional
+        That of stdout if left out.
+    """
+    console = console or output_console()
+    quality = document["quality"]
+    known = {channel["name"] for channel in document["channels"]}
     rows = []
-    for c in shot.channels.values():
-        verdict, detail = _worst(shot.quality, c.name)
-        rows.append((c.name, c.time_base.clock, f"{c.time_base.rate_hz:.0f}", str(c.time_base.count), verdict, detail))
-    for name in dict.fromkeys(check.channel for check in shot.quality if check.channel not in shot.channels):
-        verdict, detail = _worst(shot.quality, name)
-        rows.append((name, "", "", "", verdict, detail))
-    _print_table(
-        f"Shot {shot.name} on rig {shot.rig_name}",
+    for c in document["channels"]:
+        rate = "" if c["rate_hz"] is None else f"{c['rate_hz']:.0f}"
+        rows.append((c["name"], c["clock"], rate, str(c["samples"]), *_worst(quality, c["name"])))
+    others = dict.fromkeys(check["channel"] for check in quality if check["channel"] not in known)
+    rows += [(name, "", "", "", *_worst(quality, name)) for name in others]
+    print_table(
+        f"Shot {document['shot']} on rig {document['rig']}",
         ("channel or clock", "clock", "rate, Hz", "samples", "verdict", "finding"),
         rows,
         numeric=(2, 3),
+        console=console,
     )
-    console = _console()
-    if shot.usable:
-        warned = sum(check.verdict == "warn" for check in shot.quality)
-        extra = f", {warned} warning{'' if warned == 1 else 's'}" if warned else ""
-        console.print(f"[bold green]USABLE[/]{extra}", end=" ")
+    from rich.text import Text
+
+    # one line in one piece: a live region would swallow what does not end a line
+    if document["usable"]:
+        warned = sum(check["verdict"] == "warn" for check in quality)
+        line = Text("USABLE", style="bold green")
+        line.append(f", {warned} warning{'' if warned == 1 else 's'}" if warned else "", style="default not bold")
     else:
-        console.print("[bold red]NOT USABLE[/]:", end=" ")
-        console.print("; ".join(shot.reasons), markup=False, soft_wrap=True)
-    console.print(f"-> {done.path}", markup=False, soft_wrap=True)
+        line = Text("NOT USABLE", style="bold red")
+        line.append(f": {'; '.join(document['reasons'])}\n", style="default not bold")
+    line.append(f"{' ' if document['usable'] else ''}-> {document['file']}", style="default not bold")
+    console.print(line, soft_wrap=True)
 
 
-def _worst(quality: Sequence[Any], channel: str) -> tuple[str, str]:
+def _worst(quality: Sequence[Mapping[str, str]], channel: str) -> tuple[str, str]:
     """Worst verdict of a channel, with what was found: the faults, or the checks that it passed."""
-    checks = [c for c in quality if c.channel == channel]
+    checks = [c for c in quality if c["channel"] == channel]
     if not checks:
         return "ok", ""
-    verdict = max((c.verdict for c in checks), key=RANK.index)
-    found = [c for c in checks if c.verdict == verdict]
+    verdict = max((c["verdict"] for c in checks), key=RANK.index)
+    found = [c for c in checks if c["verdict"] == verdict]
     if verdict == "ok":
-        clock = next((c for c in checks if c.check == "alignment"), None)
-        return verdict, clock.detail if clock else ", ".join(dict.fromkeys(c.check for c in checks))
-    return verdict, "; ".join(f"{c.check}: {c.detail}" for c in found)
+        clock = next((c for c in checks if c["check"] == "alignment"), None)
+        return verdict, clock["detail"] if clock else ", ".join(dict.fromkeys(c["check"] for c in checks))
+    return verdict, "; ".join(f"{c['check']}: {c['detail']}" for c in found)
 
 
 def reports_document(reports: Sequence[Reported]) -> dict[str, Any]:
@@ -137,7 +161,7 @@ def reports_document(reports: Sequence[Reported]) -> dict[str, Any]:
 def print_report(report: Reported) -> None:
     """Print one shot's mass, its methods, and what speaks against it."""
     d = report.document
-    _print_table(
+    print_table(
         f"Shot {d['shot']} on rig {d['rig']}: specification {d['mass']['specification']:g} kg",
         ("method", "mass, kg", "u, kg", "deviation, %", "RPE, %", "identified, %", "how"),
         [
@@ -154,7 +178,7 @@ def print_report(report: Reported) -> None:
         ],
         numeric=(1, 2, 3, 4, 5),
     )
-    console = _console()
+    console = output_console()
     low, high = d["mass"]["U95"]
     rpe = d["rpe_percent"]
     console.print(
@@ -181,7 +205,7 @@ def simulated_document(done: Sequence[TwinShot]) -> dict[str, Any]:
 def print_simulated(done: Sequence[TwinShot]) -> None:
     """Print where each shot's files are, and its true mass."""
     rows = [(s.folder.name, f"{s.truth['m3']:g}", " ".join(f.name for f in s.files), str(s.folder)) for s in done]
-    _print_table("Simulated shots", ("shot", "true mass, kg", "files", "folder"), rows, numeric=(1,))
+    print_table("Simulated shots", ("shot", "true mass, kg", "files", "folder"), rows, numeric=(1,))
 
 
 def demo_document(done: Demonstration) -> dict[str, Any]:
@@ -198,12 +222,12 @@ def demo_document(done: Demonstration) -> dict[str, Any]:
 
 def print_demo(done: Demonstration) -> None:
     """Print the verdict on the shot, the methods, and the mass beside the truth."""
-    print_verdict(done.ingested)
+    print_verdict(verdict_document(done.ingested))
     print_report(done.report)
     truth = done.report.document["truth"]
     paper = next(m for m in done.report.document["methods"] if m["name"] == "paper")
     against = 100 * (paper["mass_kg"] / truth["mass_kg"] - 1)
-    _console().print(
+    output_console().print(
         f"truth {truth['mass_kg']:.2f} kg: this report is off by {truth['error_percent']:+.2f} %, "
         f"the published method by {against:+.2f} %",
         markup=False,
@@ -231,7 +255,7 @@ def print_rig(rig: Rig) -> None:
         )
         for c in rig.channels
     ]  # fmt: skip
-    _print_table(
+    print_table(
         f"Rig {rig.name}: no fault",
         ("channel", "source", "signal", "unit", "role", "u, %", "calibration due"),
         rows,
@@ -248,13 +272,13 @@ def print_summary(summary: Mapping[str, Any]) -> None:
         )
         for c in summary["channels"]
     ]  # fmt: skip
-    _print_table(
+    print_table(
         f"Shot {summary['shot']} on rig {summary['rig']}",
         ("channel", "clock", "unit", "rate, Hz", "samples", "lost", "role"),
         rows,
         numeric=(3, 4, 5),
     )
-    _print_table(
+    print_table(
         "Clocks",
         ("clock", "offset, ms", "u, us", "drift, ppm", "status", "method"),
         [
@@ -267,9 +291,9 @@ def print_summary(summary: Mapping[str, Any]) -> None:
         numeric=(1, 2, 3),
     )  # fmt: skip
     files = [(str(f["file"]), str(f["source"]), str(f["reader"]), str(f["sha256"])[:16]) for f in summary["inputs"]]
-    _print_table("Files", ("file", "source", "reader", "sha256"), files)
+    print_table("Files", ("file", "source", "reader", "sha256"), files)
     word = "usable" if summary["usable"] else "not usable"
-    _console().print(word, markup=False)
+    output_console().print(word, markup=False)
 
 
 def _scaled(value: float | None, factor: float) -> float | None:

@@ -15,7 +15,7 @@ SLIP_DELIMITER = b"\xc0"
 _ESCAPE = b"\xdb"
 _ESCAPED_DELIMITER, _ESCAPED_ESCAPE = 0xDC, 0xDD
 
-_FEWEST_AT_ONCE = 16
+_FEWEST_AT_ONCE = 6
 """From so many packets on, following their codes with arrays is quicker than one after the other."""
 
 

@@ -80,14 +80,13 @@ def play(rig: Rig, shots: list[TwinShot], **options: Any) -> Recorded:
         for name, table in player.devices.items():
             source = rig.source(name)
             blocks[name] = []
-            if source.kind == "can":
-                table = {**table, "counters": [COUNTER]}  # noqa: PLW2901 - as a rig would declare it
             devices[name] = open_device(
                 name,
                 source.kind,
                 table,
                 framing=None if source.framing is None else framing_from_table(source.framing),
                 database=rig.databases.get(str(source.database)),
+                counters=source.counters or (),
             )
             readers.append(DeviceReader(devices[name], blocks[name].append))
             readers[-1].start()
@@ -344,7 +343,8 @@ def test_a_rig_says_which_sources_are_played_and_with_what_faults(rig: Rig, shot
 
     played = with_device('{ virtual = "slcan", faults = { lost_frames = 0.25 } }')
     assert is_virtual(played.source("can"))
-    assert not is_virtual(played.source("imu"))
+    assert is_virtual(played.source("imu"))
+    assert not is_virtual(with_device('{ interface = "socketcan", channel = "can0" }').source("can"))
     player = TwinPlayer(played, shots)
     assert player.devices["can"]["interface"] == "slcan"
     assert player.truth()["sources"]["can"]["faults"]["lost_frames"] == 0.25

@@ -172,6 +172,14 @@ def test_lines_are_checked_for_start_checksum_numbers_and_length() -> None:
     assert counters.skipped_bytes == len(stream) - 9
 
 
+@pytest.mark.parametrize("cell", [b"1_0", b"nan", b"inf", b"1e999", b"", b"0x1", b"1,2"])
+def test_a_cell_that_is_no_finite_decimal_number_is_none(cell: bytes) -> None:
+    frames, counters = decoded(PLAIN_LINES, [cell + b"\n7\n"])
+    good = [b"1,2"] if cell == b"1,2" else []
+    assert [frame.data for frame in frames] == [*good, b"7"]
+    assert counters.bad_length == (cell not in (b"", b"1,2"))
+
+
 def xor(data: bytes) -> int:
     return int(np.bitwise_xor.reduce(np.frombuffer(data, dtype=np.uint8)))
 

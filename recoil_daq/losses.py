@@ -1,0 +1,26 @@
+"""What a device lost, in words."""
+
+from __future__ import annotations
+
+from daq.devices.device import Counters
+
+NONE = "none"
+
+_WORDS = (
+    ("counter_gaps", "gap", "gaps"),
+    ("kernel_drops", "dropped by the kernel", "dropped by the kernel"),
+    ("bad", "damaged", "damaged"),
+    ("skipped_bytes", "byte skipped", "bytes skipped"),
+    ("reopened", "reconnect", "reconnects"),
+    ("error_frames", "error frame", "error frames"),
+)
+
+
+def losses_of(counters: Counters) -> str:
+    """Name everything that is not zero, the worst first; `NONE` if all is."""
+    found = []
+    for name, one, many in _WORDS:
+        count = getattr(counters, name)
+        if count:
+            found.append(f"{count} {one if count == 1 else many}")
+    return ", ".join(found) or NONE

@@ -1,0 +1,31 @@
+"""Statuses of a live session as the displays get them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from daq.capture.engine import Level
+from daq.capture.status import ChannelStatus, LiveStatus, SourceStatus
+from daq.devices.device import Counters
+
+CAN = SourceStatus("can", "can", 8000.0, 0.01, Counters(received=80_000, counter_gaps=0, queue_high_water=41), "")
+IMU = SourceStatus("imu", "serial", 34_000.0, 0.02, Counters(received=340_000, counter_gaps=0, skipped_bytes=0), "")
+BRAKE = ChannelStatus("p_brake", "can", "Pa", Level(1.52e6, 1.4e6, 1.6e6), (0.0, 16e6), 8e6)
+RATE = ChannelStatus("gyro_carriage", "imu", "rad/s", Level(0.0, -0.001, 0.002), (-1.0, 1.0), None)
+SILENT = ChannelStatus("gyro_tipping", "imu", "rad/s", None, (-1.0, 1.0), None)
+
+
+def status(**changes: Any) -> LiveStatus:
+    made = LiveStatus(
+        state="armed",
+        sources=(CAN, IMU),
+        channels=(BRAKE, RATE, SILENT),
+        shots=2,
+        armed_s=3725.0,
+        disk_free_bytes=83_200_000_000,
+        journal_bytes=1_000_000,
+        unsynced_s=0.1,
+        unseen_bytes=0,
+    )
+    return replace(made, **changes)

@@ -1,0 +1,64 @@
+"""`check --devices` says of each channel what is heard, and of each device what is wrong."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from daq.capture.live_source import LiveChannel
+from daq.devices.device import Counters
+from recoil_daq.device_check import _judge, check_devices
+from rigs.rig import load_rig, parse_rig
+from tests.builders.live_sources import bus, port
+
+NOISE = np.random.default_rng(1).normal(0.0, 0.01, 2000)
+CHANNEL = LiveChannel("rate", "w", 1.0, 0.0, "rad/s", (-1.0, 1.0))
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no pseudo-terminals for the virtual port")
+def test_a_sound_rig_is_heard_at_its_rates() -> None:
+    heard = {one.channel: one for one in check_devices(load_rig("mixed"), listen_s=1.0)}
+    assert {one.verdict for one in heard.values()} == {"ok"}
+    assert heard["p_brake"].rate_hz == pytest.approx(2000, rel=0.05)
+    assert heard["gyro_carriage"].rate_hz == pytest.approx(1000, rel=0.05)
+    assert heard["p_recuperator"].mean == pytest.approx(1.65e6, rel=0.05)
+    assert heard["gyro_carriage"].noise == pytest.approx(1e-3, rel=0.5)
+
+
+def test_a_device_that_is_not_there_is_said_and_the_others_are_heard(tmp_path: Path) -> None:
+    rig = load_rig("mixed")
+    text = rig.text.replace('device = { virtual = "pty" }', f'device = {{ port = "{tmp_path}/none", baudrate = 9600 }}')
+    text = text.replace('device = { virtual = "virtual" }', 'device = { interface = "virtual", channel = "quiet" }')
+    heard = check_devices(parse_rig(text, rig.path, rig.databases), listen_s=0.3)
+    imu = next(one for one in heard if one.source == "imu")
+    assert imu.verdict == "fail"
+    assert "none" in imu.finding
+    silent = [one for one in heard if one.source == "can"]
+    assert {one.channel for one in silent} == {"p_brake", "p_recuperator", "acc_recoil_can"}
+    assert all(one.verdict == "fail" and "the device is silent" in one.finding for one in silent)
+
+
+@pytest.mark.parametrize(
+    ("values", "verdict", "says"),
+    [
+        (NOISE, "ok", "noise is 0.5"),
+        (NOISE + 3.0, "fail", "outside of its range"),
+        (NOISE + 0.97, "warn", "at the end of its range"),
+        (np.zeros(100), "warn", "always 0 rad/s"),
+        (np.full(100, np.nan), "fail", "no numbers"),
+        (NOISE[:3], "fail", "check the framing and the baud rate; 7 bytes belong to no frame"),
+    ],
+)
+def test_each_finding_says_what_to_do(values, verdict, says) -> None:
+    found = _judge(port(), CHANNEL, values, True, Counters(skipped_bytes=7))
+    assert found[0] == verdict
+    assert says in found[1]
+
+
+def test_a_bus_without_the_message_and_losses_are_said() -> None:
+    assert "no message holds w" in _judge(bus(), CHANNEL, NOISE[:0], True, Counters())[1]
+    found = _judge(bus(), CHANNEL, NOISE, True, Counters(counter_gaps=2, error_frames=1))
+    assert found == ("warn", "2 counter gaps, 1 error frames: check the cable and the bus load")
