@@ -85,7 +85,7 @@ class Recovered:
 
 
 def recover_folder(
-    folder: Path, out: Path | None, *, keep: bool, progress: Progress = lambda _: None
+    folder: Path, out: Path | None, *, keep: bool = False, progress: Progress = lambda _: None
 ) -> list[Recovered]:
     """Recover every journal in a folder or below it that nobody writes.
 
@@ -127,7 +127,8 @@ def recover_journal(folder: Path, out: Path, *, keep: bool = False, progress: Pr
     windows = replayed(_held(journal, record), rig.trigger, decisions)
     shots = []
     for window in windows:
-        name = next((s.shot for s in known if abs(s.trigger_s - window.trigger_s) < 1e-6), "") or _free_name(out)
+        given = (s.shot for s in known if abs(s.trigger_s - window.trigger_s) < 1e-6)
+        name = next(given, "") or _name_before(out, window) or _free_name(out)
         progress(f"shot {name}")
         shots.append(_recover_shot(journal, record, rig, rig.trigger, name, window, out))
     everything = None
@@ -161,6 +162,14 @@ def _held(journal: Journal, record: LiveRecord) -> dict[str, list[tuple[float, f
         times = [r.host_ns for r in journal.records(number) if record.block(r).kind != EVENT]
         held[source.name] = [(times[0] / 1e9, times[-1] / 1e9)] if times else []
     return held
+
+
+def _name_before(out: Path, window: ShotWindow) -> str:
+    """Return the name under which an earlier recovery wrote this very shot; empty if none did."""
+    for folder in sorted((out / "captures").glob("*")):
+        if _captured_before(folder, folder.name, round(window.trigger_s * 1e9)) is not None:
+            return folder.name
+    return ""
 
 
 def _free_name(out: Path) -> str:

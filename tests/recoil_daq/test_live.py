@@ -18,6 +18,7 @@ from daq.acquisition import Acquisition
 from daq.capture.status import LiveStatus
 from daq.errors import DeviceError, RigError
 from daq.store import read_shot
+from daq.trigger import find_triggers
 from recoil_daq.live import run_live
 from recoil_daq.live_shot import LiveOptions, LiveOutcome, LiveShot
 from rigs.rig import Rig, load_rig, parse_rig
@@ -89,6 +90,8 @@ def test_two_shots_are_triggered_cut_matched_with_their_files_and_converted(tmp_
     assert [shot.state for shot in outcome.shots] == ["usable", "usable"]
     assert outcome.journal is None
     assert not list((tmp_path / "journal").iterdir())
+    trigger = load_rig("mixed").trigger
+    assert trigger is not None
     for name in ("0001", "0002"):
         shot = read_shot(tmp_path / f"{name}.h5")
         assert isinstance(shot.acquisition, Acquisition)
@@ -96,6 +99,10 @@ def test_two_shots_are_triggered_cut_matched_with_their_files_and_converted(tmp_
         assert shot.acquisition.pre_actual_s == pytest.approx(0.3, abs=0.02)
         assert set(shot.clock_fits) == {"can", "imu"}
         assert {one.status for one in shot.alignments} == {"ok"}
+        brake = shot.channels["p_brake"]
+        offline = find_triggers(trigger, {"p_brake": (brake.time_base.times_s, brake.samples)})
+        assert [d.outcome for d in offline] == [d.outcome for d in shot.acquisition.decisions]
+        assert [d.value for d in offline] == pytest.approx([d.value for d in shot.acquisition.decisions])
     assert display.last is not None
     received = {source.name: source.counters.received for source in display.last.sources}
     assert received == {"can": truth["can"]["sent"], "imu": truth["imu"]["bytes_sent"]}
@@ -104,7 +111,7 @@ def test_two_shots_are_triggered_cut_matched_with_their_files_and_converted(tmp_
 
 def test_every_lost_frame_is_counted_and_the_shot_says_so(tmp_path: Path) -> None:
     rig = load_rig("mixed")
-    whole = rig.text.replace("pre_s = 0.3 ", "pre_s = 9.0 ").replace("post_s = 0.7 ", "post_s = 1.2 ")
+    whole = rig.text.replace("pre_s = 0.3 ", "pre_s = 9.0 ").replace("post_s = 0.7 ", "post_s = 4.0 ")
     (tmp_path / "mixed.dbc").write_text(rig.databases["mixed.dbc"])
     (tmp_path / "rig.toml").write_text(whole)
     display = Watched()
