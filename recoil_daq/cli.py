@@ -299,10 +299,16 @@ def show(
     """Print what is in a shot file."""
     with Session(json, debug) as session:
         from daq.store import shot_summary
+        from recoil_daq.live_tables import print_acquisition
         from recoil_daq.tables import print_summary
 
         summary = shot_summary(shot)
-        session.finish(summary, lambda: print_summary(summary), OK)
+
+        def print_all() -> None:
+            print_summary(summary)
+            print_acquisition(summary)
+
+        session.finish(summary, print_all, OK)
 
 
 def main() -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import datetime as dt
+import json
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -26,6 +28,7 @@ RESERVE_S = 60.0
 """Space is reserved for so much recording beside a shot."""
 
 LOOK_S = 0.1
+SHOW_EVERY_S = 0.2
 _UNMATCHED_S = 10.0
 
 
@@ -131,6 +134,7 @@ class LiveRange:
 
     def _session(self, devices: Mapping[str, Device]) -> LiveSession:
         now = anchor()
+        self._outcome.armed_utc = dt.datetime.fromtimestamp(now.wall_ns / 1e9, dt.UTC).isoformat()
         record = LiveRecord(
             rig_name=self._rig.name,
             rig_text=self._rig.text,
@@ -152,9 +156,11 @@ class LiveRange:
 
     def _go_on(self, session: LiveSession) -> None:
         """Look after everything until it is time to end."""
-        limit, done = self._options.shots, False
+        limit, done, shown_s = self._options.shots, False, 0.0
         while True:
-            self._display.show(session.status, self._shots)
+            if time.monotonic() - shown_s >= SHOW_EVERY_S:
+                shown_s = time.monotonic()
+                self._display.show(session.status, self._shots)
             self._outcome.error = session.error
             if self._outcome.error is not None or self._pressed(session):
                 return
@@ -187,6 +193,18 @@ class LiveRange:
             session.close(complete=all(shot.document is not None for shot in self._shots))
             if session.journal_folder.exists():
                 self._outcome.journal = session.journal_folder
+            self._write_log(session.journal_folder.name)
+
+    def _write_log(self, name: str) -> None:
+        """Keep what the session decided and made: the journal, which has it too, is removed."""
+        path = self._options.out / "sessions" / f"{name}.json"
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(json.dumps(self._outcome.to_json(), indent=1), encoding="utf-8")
+        except OSError as error:
+            self._display.notice(f"the session's log cannot be written to {path}: {error.strerror or error}")
+        else:
+            self._outcome.log = path
 
     def _pressed(self, session: LiveSession) -> bool:
         """Do what a key says; tell whether it is to end."""
@@ -202,6 +220,7 @@ class LiveRange:
         return key == "q"
 
     def _decided(self, decision: Decision) -> None:
+        self._outcome.decisions.append(decision)
         what = decision.outcome if not decision.reason else f"{decision.outcome}: {decision.reason}"
         where = f"{decision.channel} at {decision.value:.4g}" if decision.value is not None else "by hand"
         self._display.notice(f"{what} ({where})")

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
 from daq.acquisition import Acquisition
 from daq.capture.status import LiveStatus
 from daq.errors import RecoilDaqError
-from daq.trigger import ShotWindow
+from daq.trigger import Decision, ShotWindow
 
 FILES_WITHIN_S = 120.0
 """Files of other instruments are waited for so long after a shot, before it is converted without them."""
@@ -118,6 +118,12 @@ class LiveOutcome:
         By Ctrl-C.
     error : RecoilDaqError or None
         Why it ended by itself.
+    decisions : list of Decision
+        All of the trigger's, those that belong to no shot among them.
+    armed_utc : str
+        When it was armed, ISO 8601, UTC.
+    log : Path or None
+        Where all this was written.
     """
 
     rig: str
@@ -125,6 +131,9 @@ class LiveOutcome:
     journal: Path | None = None
     interrupted: bool = False
     error: RecoilDaqError | None = None
+    decisions: list[Decision] = field(default_factory=list)
+    armed_utc: str = ""
+    log: Path | None = None
 
     @property
     def usable(self) -> bool:
@@ -136,10 +145,12 @@ class LiveOutcome:
         return {
             "schema": "recoil-daq/live-session/1",
             "rig": self.rig,
+            "armed_utc": self.armed_utc,
             "shots": [shot.to_json() for shot in self.shots],
             "journal": None if self.journal is None else str(self.journal),
             "interrupted": self.interrupted,
             "error": None if self.error is None else str(self.error),
+            "decisions": [asdict(decision) for decision in self.decisions],
         }
 
 
@@ -147,7 +158,7 @@ class Display(Protocol):
     """Where a live session shows itself."""
 
     def show(self, status: LiveStatus, shots: Sequence[LiveShot]) -> None:
-        """Show how it is doing; called about ten times per second."""
+        """Show how it is doing; called about five times per second."""
         ...
 
     def notice(self, text: str) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -61,6 +61,49 @@ def _lost(shot: LiveShot) -> str:
     missing = [q["detail"] for q in shot.document["quality"] if q["check"] == "missing frames"]
     counts = [int(first) for detail in missing if (first := detail.split(" ", 1)[0]).isdigit()]
     return str(sum(counts)) if missing else ""
+
+
+def print_acquisition(summary: Mapping[str, Any]) -> None:
+    """Print how a shot file's shot was acquired: its trigger's decisions, devices and clocks; nothing if from files."""
+    fits = summary["clock_fits"]
+    if fits:
+        rows = [
+            (
+                name,
+                f"{1e6 * fit['drift']:+.1f}",
+                "-" if fit["u_drift"] is None else f"{1e6 * fit['u_drift']:.1f}",
+                f"{1e6 * fit['u_offset_s']:.1f}",
+                ", ".join(f"{step['step_s']:+.6f}" for step in fit["steps"]) or "none",
+                f"{1e3 * fit['typical_delay_s']:.2f}",
+                f"{1e3 * fit['largest_delay_s']:.2f}",
+            )
+            for name, fit in fits.items()
+        ]
+        columns = ("clock", "drift, ppm", "u, ppm", "u offset, us", "steps, s", "host late, ms", "at most, ms")
+        print_table("Devices' clocks against the host's", columns, rows, numeric=(1, 2, 3, 5, 6))
+    acquisition = summary["acquisition"]
+    if acquisition is None:
+        return
+    decisions = [
+        (
+            f"{1e3 * d['time_s']:+.2f}",
+            d["outcome"],
+            d["channel"] or "by hand",
+            "" if d["value"] is None else f"{d['value']:.5g}",
+            d["reason"],
+        )
+        for d in acquisition["decisions"]
+    ]
+    utc, pre_s = acquisition["trigger_utc"].replace("T", " "), acquisition["pre_actual_s"]
+    title = f"Triggered {utc} UTC, with {pre_s:.3f} s before it"
+    print_table(title, ("time, ms", "decision", "channel", "value", "why not"), decisions, numeric=(0, 3))
+    events = [
+        (s["name"], f"{1e3 * event['time_s']:+.1f}", event["name"], event["detail"])
+        for s in acquisition["sources"]
+        for event in s["events"]
+    ]
+    if events:
+        print_table("What happened to the devices", ("source", "time, ms", "event", "detail"), events, numeric=(1,))
 
 
 def recovered_document(done: Sequence[Recovered]) -> dict[str, Any]:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import datetime as dt
+import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Mapping, Sequence
 from types import TracebackType
 from typing import Any, TextIO
@@ -17,9 +19,19 @@ STATUS_EVERY_S = 10.0
 CHANGE_AFTER_S = 1.0
 """A change of the trigger's state or of the losses is told at once, but not more often than this."""
 
+SILENT_AFTER_S = 3.0
+"""That a source has been silent for so long is told at once, as a loss is."""
+
+UNSYNCED_S = 0.5
+"""Data that is older than this should be on the disk: twice the time between two syncs of the journal."""
+
 
 class PlainLog:
     """Writes lines, each with its time in UTC, and flushes every one.
+
+    Only the thread that made it writes. A notice of another thread is kept, with its time, until that one comes by:
+    a reader of the log that does not read must not halt the watch for the trigger. A log that cannot be written ends
+    no session either; stderr says so, once.
 
     Parameters
     ----------
@@ -28,9 +40,11 @@ class PlainLog:
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
-        self._lock = threading.Lock()
+        self._writer = threading.get_ident()
+        self._waiting: deque[str] = deque()
+        self._failed = False
         self._told_s = -STATUS_EVERY_S
-        self._told: tuple[str, ...] = ()
+        self._told: tuple[object, ...] = ()
 
     def __enter__(self) -> PlainLog:
         return self
@@ -38,12 +52,13 @@ class PlainLog:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._stream.flush()
+        self._write("")
 
     def show(self, status: LiveStatus, shots: Sequence[LiveShot]) -> None:
         """Write how it is doing, every ten seconds and when the state or the losses change."""
+        self._write("")
         now_s = time.monotonic()
-        telling = (status.state, *(losses_of(s.counters) + s.error for s in status.sources))
+        telling = (status.state, *((losses_of(s.counters), s.error, _silent(s)) for s in status.sources))
         due = STATUS_EVERY_S if telling == self._told else CHANGE_AFTER_S
         if now_s - self._told_s < due:
             return
@@ -52,13 +67,15 @@ class PlainLog:
         parts = [status.state, *(_source(s) for s in status.sources)]
         parts.append(f"shots {status.shots}" + (f", {waiting} not finished" if waiting else ""))
         parts.append(f"disk {status.disk_free_bytes / 1e9:.1f} GB free")
+        if status.unsynced_s > UNSYNCED_S:
+            parts.append(f"unsynced {status.unsynced_s:.1f} s")
         if status.unseen_bytes:
             parts.append(f"the trigger fell behind by {status.unseen_bytes} bytes")
-        self._line(" | ".join(parts))
+        self._write(_stamped(" | ".join(parts)))
 
     def notice(self, text: str) -> None:
         """Write what happened."""
-        self._line(text)
+        self._write(_stamped(text))
 
     def verdict(self, document: Mapping[str, Any]) -> None:
         """Write the verdict on a shot."""
@@ -66,19 +83,41 @@ class PlainLog:
 
         from recoil_daq.tables import PIPED_WIDTH, print_verdict
 
-        with self._lock:
-            print_verdict(document, Console(file=self._stream, width=PIPED_WIDTH, highlight=False, emoji=False))
-            self._stream.flush()
+        width = None if self._stream.isatty() else PIPED_WIDTH
+        console = Console(file=self._stream, width=width, highlight=False, emoji=False)
+        with console.capture() as captured:
+            print_verdict(document, console)
+        self._write(captured.get())
 
     def key(self) -> str:
         """Return nothing: a log has no keys."""
         return ""
 
-    def _line(self, text: str) -> None:
-        now = dt.datetime.now(dt.UTC).isoformat(sep=" ", timespec="milliseconds").removesuffix("+00:00")
-        with self._lock:
-            self._stream.write(f"{now}Z  {' '.join(text.split())}\n")
-            self._stream.flush()
+    def _write(self, text: str) -> None:
+        """Write whole lines, after those that wait; or let them wait."""
+        if text:
+            self._waiting.append(text)
+        if threading.get_ident() != self._writer:
+            return
+        encoding = getattr(self._stream, "encoding", None) or "utf-8"
+        try:
+            while self._waiting:
+                # a file's name may hold what the stream cannot write
+                self._stream.write(self._waiting.popleft().encode(encoding, "backslashreplace").decode(encoding))
+                self._stream.flush()
+        except OSError as error:
+            if not self._failed and self._stream is not sys.stderr:
+                print(f"the log cannot be written: {error.strerror or error}; the session goes on", file=sys.stderr)
+            self._failed = True
+
+
+def _stamped(text: str) -> str:
+    now = dt.datetime.now(dt.UTC).isoformat(sep=" ", timespec="milliseconds").removesuffix("+00:00")
+    return f"{now}Z  {' '.join(text.split())}\n"
+
+
+def _silent(source: SourceStatus) -> bool:
+    return source.age_s is None or source.age_s > SILENT_AFTER_S
 
 
 def _source(source: SourceStatus) -> str:

@@ -41,13 +41,15 @@ def print_table(
     from rich.markup import escape
     from rich.table import Table
 
-    table = Table(title=escape(title), title_justify="left", box=None, pad_edge=False, header_style="bold")
+    table = Table(box=None, pad_edge=False, header_style="bold")
     for i, column in enumerate(columns):
         table.add_column(column, justify="right" if i in numeric else "left", no_wrap=i < len(columns) - 1)
     for row in rows:
         cells = [escape(cell) for cell in row]
         table.add_row(*(f"[{STYLES[c]}]{c}[/]" if c in STYLES else c for c in cells))
-    (console or output_console()).print(table)
+    console = console or output_console()
+    console.print(title, style="italic", markup=False, soft_wrap=True)
+    console.print(table)
 
 
 def say(text: str) -> None:

@@ -198,6 +198,7 @@ class SerialSignals:
                 raise MissingChannelError(channel.signal, tuple(sorted(known)), path=path)
         self._framing = framing
         self._channels = tuple(channels)
+        self._fields = frozenset(channel.signal for channel in channels)
         self._decoder = FrameDecoder(framing)
         self._fed = 0
         self._latest_s = -np.inf
@@ -214,7 +215,7 @@ class SerialSignals:
         frames = self._decoder.take()
         if not frames.begins.size:
             return []
-        series = decode_fields(self._framing, frames)
+        series = decode_fields(self._framing, frames, self._fields)
         # a frame ended on the line before the bytes that came behind it in the same read
         times_s = host_s - (self._fed - frames.ends).astype(np.float64) * self._framing.byte_s
         times_s = np.clip(np.maximum.accumulate(times_s), self._latest_s, host_s)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -79,6 +80,34 @@ def event_of(block: Block) -> DeviceEvent:
         return DeviceEvent(str(content["event"]), str(content["detail"]))
     except (ValueError, KeyError, TypeError) as error:
         raise ValueError(f"this block records no event: {block.payload[:80]!r}") from error
+
+
+def joined(blocks: Sequence[Block]) -> list[Block]:
+    """Join the blocks of data of each source, up to its next event; each takes the time of its last part.
+
+    Parameters
+    ----------
+    blocks : sequence of Block
+        In the order in which they came. Sources stay apart; among them the order is lost.
+    """
+    parts: dict[str, list[Block]] = {}
+    made: list[Block] = []
+
+    def close(source: str) -> None:
+        waiting = parts.pop(source, [])
+        if waiting:
+            payload = b"".join(part.payload for part in waiting)
+            made.append(Block(source, waiting[-1].host_ns, payload, waiting[-1].kind))
+
+    for block in blocks:
+        if block.kind == EVENT:
+            close(block.source)
+            made.append(block)
+        else:
+            parts.setdefault(block.source, []).append(block)
+    for source in tuple(parts):
+        close(source)
+    return made
 
 
 @dataclass(frozen=True)

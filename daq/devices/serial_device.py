@@ -28,6 +28,9 @@ _PIECE = 2048
 _MOST = 1 << 16
 """Most bytes in a block."""
 _WRITE_TIMEOUT_S = 1.0
+_REST_S = 0.002
+"""A port that never falls silent is read this often at most: what comes meanwhile waits in the kernel's buffer, and
+fewer, larger reads leave the processor to the other sources."""
 _GRACE_S = 0.03
 """What was sent before the closing is read for so long: an adapter may hold bytes back for 16 ms."""
 
@@ -75,6 +78,7 @@ class SerialDevice:
         self._wanted = False
         self._back_off = BackOff()
         self._ahead: deque[Block] = deque()
+        self._taken_s = 0.0
         self._received = self._reopened = self._high_water = self._unanswered_told = 0
         self._damaged, self._dropped = GrowingCount(), GrowingCount()
 
@@ -191,6 +195,8 @@ class SerialDevice:
         """Wait for the first byte and take everything that waits."""
         if self._ahead:
             return None
+        if (rest_s := self._taken_s + _REST_S - time.monotonic()) > 0:
+            time.sleep(rest_s)
         ends = time.monotonic() + timeout_s
         pieces: list[bytes] = []
         lost: Exception | None = None
@@ -206,6 +212,7 @@ class SerialDevice:
         except Exception as error:  # pyserial raises OSError, on some systems termios.error, at times TypeError
             lost = error
         host_ns = time.monotonic_ns()
+        self._taken_s = host_ns / 1e9
         self._tell_unanswered(host_ns)
         block = None
         if pieces:

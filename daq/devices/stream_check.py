@@ -94,7 +94,7 @@ class FramingCheck:
             counter = self._framing.counter
             if counter is None or not frames.begins.size:
                 return
-            counts = decode_fields(self._framing, frames)[counter.field].raw.astype(np.int64)
+            counts = decode_fields(self._framing, frames, (counter.field,))[counter.field].raw.astype(np.int64)
             if not counts.size:
                 return
             steps = np.diff(counts, prepend=counts[0] - counter.step if self._last is None else self._last)

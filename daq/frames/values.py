@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -43,13 +43,15 @@ class FieldSeries:
         return self.raw.astype(np.float64) * self.field.scale + self.field.offset
 
 
-def decode_fields(framing: Framing, frames: FrameSet) -> dict[str, FieldSeries]:
-    """Decode every field of every frame.
+def decode_fields(framing: Framing, frames: FrameSet, only: Collection[str] | None = None) -> dict[str, FieldSeries]:
+    """Decode the fields of every frame.
 
     Parameters
     ----------
     framing : Framing
     frames : FrameSet
+    only : collection of str, optional
+        Names of the fields that are wanted; all if left out.
 
     Returns
     -------
@@ -57,7 +59,10 @@ def decode_fields(framing: Framing, frames: FrameSet) -> dict[str, FieldSeries]:
         By the field's name, in the declared order.
     """
     series: dict[str, FieldSeries] = {}
-    for frame_type, chosen in zip(framing.types, _of_types(framing, frames), strict=True):
+    for whole, chosen in zip(framing.types, _of_types(framing, frames), strict=True):
+        frame_type = whole
+        if only is not None:
+            frame_type = replace(whole, fields=tuple(field for field in whole.fields if field.name in only))
         if framing.kind == "delimiter":
             series |= _from_lines(framing, frame_type, frames, chosen)
         elif frame_type.elements is not None:

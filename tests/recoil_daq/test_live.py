@@ -5,6 +5,7 @@ The virtual rig plays in real time, so each test takes some seconds.
 
 from __future__ import annotations
 
+import json
 import os
 import time
 from collections.abc import Mapping, Sequence
@@ -17,10 +18,11 @@ import pytest
 from daq.acquisition import Acquisition
 from daq.capture.status import LiveStatus
 from daq.errors import DeviceError, RigError
-from daq.store import read_shot
+from daq.store import read_shot, shot_summary
 from daq.trigger import find_triggers
 from recoil_daq.live import run_live
 from recoil_daq.live_shot import LiveOptions, LiveOutcome, LiveShot
+from recoil_daq.live_tables import print_acquisition
 from rigs.rig import Rig, load_rig, parse_rig
 from rigs.twin.faults import ClockStep, Faults, Interval
 from rigs.twin.range_day import RangeDay
@@ -89,6 +91,10 @@ def test_two_shots_are_triggered_cut_matched_with_their_files_and_converted(tmp_
     assert outcome.error is None
     assert [shot.state for shot in outcome.shots] == ["usable", "usable"]
     assert outcome.journal is None
+    assert outcome.log is not None
+    log = json.loads(outcome.log.read_text())
+    assert [d["outcome"] for d in log["decisions"]] == ["trigger", "trigger"]
+    assert [shot["shot"] for shot in log["shots"]] == ["0001", "0002"]
     assert not list((tmp_path / "journal").iterdir())
     trigger = load_rig("mixed").trigger
     assert trigger is not None
@@ -146,7 +152,9 @@ def test_a_device_that_is_unplugged_in_the_middle_of_a_shot_costs_its_own_frames
     assert display.found("missing frames", "can")[0][0] == "ok"
 
 
-def test_clocks_that_step_within_a_shot_are_found_taken_out_and_aligned(tmp_path: Path) -> None:
+def test_clocks_that_step_within_a_shot_are_found_taken_out_and_aligned(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     display = Watched()
     faults = {
         "imu": Faults(clock_steps=(ClockStep(RECORD_BEGINS_S + 0.25, 0.5),)),
@@ -158,6 +166,11 @@ def test_clocks_that_step_within_a_shot_are_found_taken_out_and_aligned(tmp_path
     assert [step["step_s"] for step in fits["imu"]["steps"]] == pytest.approx([0.5], abs=1e-3)
     assert [step["step_s"] for step in fits["can"]["steps"]] == pytest.approx([-0.25], abs=1e-3)
     assert display.found("clock steps", "imu")[0][0] == "warn"
+    print_acquisition(shot_summary(tmp_path / "0001.h5"))
+    told = capsys.readouterr().out
+    assert "+0.5" in told
+    assert "-0.2" in told
+    assert "trigger" in told
 
 
 def test_a_consumer_that_stalls_for_two_seconds_loses_nothing(tmp_path: Path) -> None:
