@@ -95,7 +95,13 @@ class ConditionState:
             times_s, values, indices = _without_lost(times_s, values, None)
             highest = float(values.max(initial=-math.inf))
         if self._rates is not None:
-            values = self._rates.feed(times_s, values.astype(np.float64, copy=False))
+            exact_values: Floats = values.astype(np.float64, copy=False)
+            if len(values):
+                bounds = self._condition.bounds(*self._rates.bounds(times_s, exact_values))
+                if self._is_quiet(*bounds, float(times_s[-1])):
+                    self._rates.keep(times_s, exact_values)
+                    return []
+            values = self._rates.feed(times_s, exact_values)
             highest = float(values.max(initial=-math.inf))
             if math.isnan(highest):
                 times_s, values, indices = _without_lost(times_s, values, indices)
@@ -196,12 +202,50 @@ class _Pulse:
         return [(at, Turn.MOMENT)] if long_enough and end_s - self._start_s < self._shorter_s else []
 
 
+_ROUNDING = 1.0 + 1e-12
+"""Bounds are wider by this than the rates that they bound: both are rounded."""
+
+
 class _Rates:
     """Takes the rate of change of a signal over a time."""
 
     def __init__(self, over_s: float) -> None:
         self._over_s = over_s
         self._times_s, self._values = np.zeros(0), np.zeros(0)
+
+    def bounds(self, times_s: Floats, values: Floats) -> tuple[float, float]:
+        """Return two numbers between which all rates of the next samples are; infinite where that is not clear at once.
+
+        A rate over a time is taken over that time or more, so it cannot exceed the signal's span divided by it.
+        """
+        if not self._values.size or not self._values.size + len(values) > 1:
+            return -math.inf, math.inf
+        past = float(self._values[-1])
+        if self._over_s:
+            low = min(float(values.min()), float(self._values.min()))
+            high = max(float(values.max()), float(self._values.max()))
+            limit = _ROUNDING * (high - low) / self._over_s
+            return -limit, limit
+        shortest_s = min(float(times_s[0] - self._times_s[-1]), float(np.diff(times_s).min(initial=math.inf)))
+        if not shortest_s > 0:
+            return -math.inf, math.inf
+        steps = np.diff(values)
+        first = float(values[0]) - past
+        low = min(first, float(steps.min(initial=0.0)), 0.0)
+        high = max(first, float(steps.max(initial=0.0)), 0.0)
+        return _ROUNDING * low / shortest_s, _ROUNDING * high / shortest_s
+
+    def keep(self, times_s: Floats, values: Floats) -> None:
+        """Take the next samples without their rates; there is at least one."""
+        since_s = times_s[-1] - self._over_s
+        at = int(np.searchsorted(times_s, since_s, side="right")) - 1
+        if at >= 0:
+            self._times_s, self._values = times_s[at:].copy(), values[at:].copy()
+            return
+        times = np.concatenate((self._times_s, times_s))
+        first = max(int(np.searchsorted(times, since_s, side="right")) - 1, 0)
+        self._values = np.concatenate((self._values, values))[first:]
+        self._times_s = times[first:]
 
     def feed(self, times_s: Floats, values: Floats) -> Floats:
         """Return the rate at each of the next samples, shape (n_samples,); NaN where there is none yet."""

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from daq.errors import RigError
-from daq.trigger import Decision, Trigger, TriggerDetector, find_triggers
+from daq.trigger import Decision, Trigger, TriggerDetector, find_triggers, state
 from daq.trigger.condition import Edge, PulseWidth, RateOfChange, Window
 from daq.trigger.decision import BEYOND_AT_ARM, HOLDOFF, NO_MANUAL, NOT_ARMED, TOO_LATE, WITHIN_POST
 from daq.trigger.shot_window import ShotCutter
@@ -754,3 +754,30 @@ def test_blocks_that_cannot_be_are_refused_and_change_nothing(channel, times_s, 
 def test_a_manual_trigger_needs_a_time():
     with pytest.raises(ValueError, match="time_s"):
         TriggerDetector(Trigger(()), []).fire_manually(NAN)
+
+
+@given(
+    values=st.lists(st.one_of(st.floats(-20, 20), st.just(math.nan)), min_size=1, max_size=60),
+    steps_s=st.lists(st.sampled_from([0.0, 0.05, 0.1, 0.3]), min_size=60, max_size=60),
+    over_s=st.sampled_from([0.0, 0.1, 0.25]),
+    falling=st.booleans(),
+    size=st.integers(1, 20),
+)
+@settings(max_examples=150, deadline=None)
+def test_the_quick_look_at_a_slope_changes_no_decision(values, steps_s, over_s, falling, size):
+    level, rearm, slope = (-40.0, -10.0, "falling") if falling else (40.0, 10.0, "rising")
+    condition = RateOfChange("a", level, rearm, slope, over_s=over_s)
+    times_s = np.cumsum(steps_s)[: len(values)]
+
+    def decisions() -> list[Decision]:
+        detector = TriggerDetector(Trigger((condition,), post_s=0.01), ["a"])
+        detector.arm(-math.inf)
+        made = []
+        for at in range(0, len(values), size):
+            made += detector.feed("a", times_s[at : at + size], values[at : at + size])
+        return made + detector.finish()
+
+    quick = decisions()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(state._Rates, "bounds", lambda *_: (-math.inf, math.inf))
+        assert quick == decisions()
