@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime as dt
 import sys
 import threading
@@ -107,7 +108,8 @@ class PlainLog:
                 self._stream.flush()
         except OSError as error:
             if not self._failed and self._stream is not sys.stderr:
-                print(f"the log cannot be written: {error.strerror or error}; the session goes on", file=sys.stderr)
+                with contextlib.suppress(OSError):
+                    print(f"the log cannot be written: {error.strerror or error}; the session goes on", file=sys.stderr)
             self._failed = True
 
 

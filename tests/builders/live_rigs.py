@@ -1,31 +1,40 @@
 """Rig files with real transports (pseudo-terminals, a multicast bus), and the process that acquires from them.
 
-The playing test and the acquiring process are two processes, so that one can be killed and the other knows what it sent.
+The test that plays and the process that acquires are two: one can be killed while the other knows what it sent.
 """
 
 from __future__ import annotations
 
 import json
-import os
+import re
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from typer.testing import CliRunner
+
+from daq.acquisition import read_acquisition
+from recoil_daq.cli import app
 from rigs.twin.transports import MulticastBus
+from tests.builders.port_player import BusPlayer, PortPlayer, Tally, tally
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 
 LEVEL_M_S2 = 50.0
 """The trigger's level, on the acceleration that the first port delivers."""
 
-_SMALL_SEGMENTS = (
-    "import daq.capture.live_session as session; session.SEGMENT_BYTES = {size}; import recoil_daq.cli as cli; cli.main()"
-)
+_SMALL_SEGMENTS = """
+import daq.capture.live_session, recoil_daq.cli
+daq.capture.live_session.SEGMENT_BYTES = {size}
+recoil_daq.cli.main()
+"""
 
 
 def multicast_device() -> dict[str, Any]:
@@ -163,10 +172,6 @@ class LiveProcess:
         first = segment.stat().st_mtime_ns
         self.wait_for("growing journal", lambda: segment.stat().st_mtime_ns > first)
 
-    def captured(self) -> list[str]:
-        """Return the shots whose captures are written."""
-        return sorted(p.name for p in (self.out / "captures").glob("*") if not p.name.startswith("."))
-
     def kill(self) -> int:
         """Kill it at once; return the host's monotonic time of the moment before, ns."""
         before_ns = time.monotonic_ns()
@@ -184,9 +189,139 @@ class LiveProcess:
 
 
 def run_recover(*words: object) -> dict[str, Any]:
-    """Run `recoil-daq recover ... --json` and return its document."""
-    command = [sys.executable, "-m", "recoil_daq.cli", "recover", *map(str, words), "--json"]
-    done = subprocess.run(command, capture_output=True, cwd=REPOSITORY, check=False)
-    assert done.returncode == 0, f"recover ended with {done.returncode}: {os.fsdecode(done.stderr)}"
+    """Run `recoil-daq recover ... --json` in this process and return its document."""
+    done = CliRunner().invoke(app, ["recover", *map(str, words), "--json"])
+    assert done.exit_code == 0, done.output
     document: dict[str, Any] = json.loads(done.stdout)
     return document
+
+
+PRE_S, POST_S = 0.1, 0.6
+GRACE_NS = 250_000_000
+"""What was sent so long before a kill must be there."""
+
+AT_THE_TRIGGER_NS = 20_000_000
+"""By so much the trigger's instant may lie before the return of the write of its frame."""
+
+
+@dataclass(frozen=True, eq=False)
+class Armed:
+    """An acquisition that records what is played to it.
+
+    Attributes
+    ----------
+    process : LiveProcess
+    rig, out : Path
+    journal : Path
+    port : PortPlayer
+    bus : BusPlayer
+    post_s : float
+    """
+
+    process: LiveProcess
+    rig: Path
+    out: Path
+    journal: Path
+    port: PortPlayer
+    bus: BusPlayer
+    post_s: float
+
+    def cutting(self) -> bool:
+        """Tell whether captures are being written."""
+        return any((self.out / "captures").glob(".*.partial"))
+
+
+@contextmanager
+def armed(folder: Path, *, out: Path | None = None, post_s: float = POST_S) -> Iterator[Armed]:
+    """Start an acquisition of a port and a bus with 1,000 frames/s each, and play to it from the moment it is open."""
+    folder.mkdir(exist_ok=True)
+    out = folder / "out" if out is None else out
+    bus, port = BusPlayer(device := multicast_device()), PortPlayer("port")
+    rig = write_live_rig(folder, [port.path], device, pre_s=PRE_S, post_s=post_s)
+    try:
+        with LiveProcess(rig, out, folder / "log.txt") as process:
+            journal = process.journal()
+            with bus, port:
+                process.recording(journal)
+                time.sleep(0.3)  # the first pulse has its pre-time, and the trigger is armed
+                yield Armed(process, rig, out, journal, port, bus, post_s)
+    finally:
+        port.stop()
+        bus.stop()
+
+
+@dataclass(frozen=True)
+class Killed:
+    """What a recovery found after a kill.
+
+    Attributes
+    ----------
+    port, bus : Tally
+    shots_due, shots_found, shots_wrong : int
+        Triggered early enough before the kill; of these, recovered; recovered without a pulse or with data missing.
+    shots_told, shots : int
+        Triggers that the session had told of; shots recovered.
+    document : mapping
+        Of `recoil-daq recover --json`.
+    """
+
+    port: Tally
+    bus: Tally
+    shots_due: int
+    shots_found: int
+    shots_wrong: int
+    shots_told: int
+    shots: int
+    document: Mapping[str, Any]
+
+    @property
+    def sound(self) -> bool:
+        """Whether nothing is lost, wrong or doubled."""
+        shots = self.shots_found == self.shots_due and not self.shots_wrong and self.shots >= self.shots_told
+        return self.port.sound and self.bus.sound and shots
+
+
+def kill_and_recover(one: Armed) -> Killed:
+    """Kill an acquisition, recover its journal, and compare all that comes back with all that was sent."""
+    killed_ns = one.process.kill()
+    one.port.stop()
+    one.bus.stop()
+    return recovered(one, killed_ns, run_recover(one.out))
+
+
+def recovered(one: Armed, killed_ns: int, document: Mapping[str, Any]) -> Killed:
+    """Compare what was recovered, in the document's first journal, with what was sent."""
+    journal = document["journals"][0]
+    deadline_ns = killed_ns - GRACE_NS
+    folder = Path(journal["everything"])
+    port = tally(one.port, *one.port.numbers(folder / f"{folder.name}_imu.rdsc"), deadline_ns)
+    bus = tally(one.bus, *one.bus.numbers(folder / f"{folder.name}_can.rdcc"), deadline_ns)
+    pulses = {pulse: one.port.returned_ns[pulse] for pulse in one.port.pulses if pulse < len(one.port.returned_ns)}
+    found, wrong = set(), 0
+    for shot in journal["shots"]:
+        files = [Path(path) for path in shot["captures"]]
+        record = read_acquisition(next(path for path in files if path.suffix == ".json"))
+        own = [p for p, ns in pulses.items() if -AT_THE_TRIGGER_NS <= record.trigger_ns - ns <= GRACE_NS]
+        if len(own) != 1 or own[0] in found or not _holds(one, record.trigger_ns, files, deadline_ns):
+            wrong += 1
+        found |= set(own)
+    due = {pulse for pulse, ns in pulses.items() if ns < deadline_ns}
+    told = len(re.findall(r"  trigger \(imu_acc_x at ", one.process.said))
+    return Killed(port, bus, len(due), len(due & found), wrong, told, len(journal["shots"]), document)
+
+
+def _holds(one: Armed, trigger_ns: int, files: Sequence[Path], deadline_ns: int) -> bool:
+    """Tell whether a shot's captures have what was sent from its trigger to just before its end, in order.
+
+    The host dates what it reads when it reads it, on a busy machine late: both ends of a shot are off by that.
+    """
+    stop_ns = min(trigger_ns + round(one.post_s * 1e9) - GRACE_NS, deadline_ns)
+    for player, ending in ((one.port, "_imu.rdsc"), (one.bus, "_can.rdcc")):
+        path = next((path for path in files if path.name.endswith(ending)), None)
+        if path is None:
+            return False
+        numbers, _ = player.numbers(path)
+        first, last = player.sent_before(trigger_ns), player.sent_before(stop_ns) - 1
+        if not numbers.size or (numbers[1:] - numbers[:-1] != 1).any() or numbers[0] > first or numbers[-1] < last:
+            return False
+    return True

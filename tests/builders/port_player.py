@@ -1,7 +1,7 @@
 """Numbered frames that are played into a pseudo-terminal or onto a bus, and what of them was found afterwards.
 
-What a frame holds follows from its number and from the pulses that were fired, so that every byte that comes back can be
-compared, and the instant at which the write of each returned is kept: all processes of this computer share that clock.
+What a frame holds follows from its number and from the pulses that were fired, so that every byte that comes back can
+be compared. The instant at which the write of each returned is kept, on the clock that all processes share.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import time
 from array import array
 from binascii import crc_hqx
 from bisect import bisect_right
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -87,11 +87,15 @@ class Player:
     ) -> None:
         self.stop()
 
-    def stop(self) -> None:
-        """End; what is being sent may be cut off."""
+    def end(self) -> None:
+        """Send nothing more, once what is being sent is taken."""
         self._stopping.set()
         if self._thread.ident is not None:
             self._thread.join()
+
+    def stop(self) -> None:
+        """End for good."""
+        self.end()
 
     def sent_before(self, time_ns: int) -> int:
         """Return how many frames had been sent before an instant."""
@@ -138,7 +142,7 @@ class PortPlayer(Player):
         self.pulses: list[int] = []
 
     def stop(self) -> None:
-        """End, and take the port away."""
+        """End at once, which may cut off what is being sent, and take the port away."""
         self._port.abort()
         super().stop()
         self._port.close()
@@ -159,34 +163,38 @@ class PortPlayer(Player):
         pulsing = pulse >= 0 and number - self.pulses[pulse] < PULSE_FRAMES
         return serial_frame(number, PULSE_M_S2 if pulsing else REST_M_S2)
 
-    def tally(self, capture: Path | None, deadline_ns: int) -> Tally:
-        """Compare a serial capture with what was sent."""
-        stream = b"" if capture is None else capture_file.parse_capture(capture.read_bytes()).stream
-        return self.tally_stream(stream, deadline_ns)
+    def numbers(self, capture: Path) -> tuple[NDArray[np.int64], int]:
+        """Find the frames of a serial capture, as `numbers_in`."""
+        return self.numbers_in(capture_file.parse_capture(capture.read_bytes()).stream)
 
-    def tally_stream(self, stream: bytes, deadline_ns: int) -> Tally:
-        """Compare what a port delivered with what was sent."""
-        numbers, wrong = [], 0
+    def numbers_in(self, stream: bytes) -> tuple[NDArray[np.int64], int]:
+        """Find the frames in a stream that are as they were sent.
+
+        Returns
+        -------
+        numbers : ndarray of int64, shape (n_frames,)
+            In the order of the stream.
+        outside : int
+            Bytes that belong to none of them, but for a frame that is cut off at the end.
+        """
+        numbers, outside, following = [], 0, 0
         at, size = 0, len(stream)
         while at < size:
-            frame = stream[at : at + FRAME_BYTES]
-            expected = self.frame(numbers[-1] + 1 if numbers else 0)
-            if frame == expected:
-                numbers.append(numbers[-1] + 1 if numbers else 0)
+            frame, expected = stream[at : at + FRAME_BYTES], self.frame(following)
+            if frame == expected or self._is_of(frame):
+                following = int.from_bytes(frame[-6:-2], "little") + 1
+                numbers.append(following - 1)
                 at += FRAME_BYTES
             elif len(frame) < FRAME_BYTES and expected.startswith(frame):
-                break  # the frame that was on its way
-            elif len(frame) == FRAME_BYTES and self._is_of(frame):
-                numbers.append(struct.unpack_from("<I", frame, FRAME_BYTES - 6)[0])
-                at += FRAME_BYTES
+                break
             else:
-                wrong += 1
+                outside += 1
                 at += 1
-        return _tally(self, np.array(numbers, dtype=np.int64), wrong, deadline_ns)
+        return np.array(numbers, dtype=np.int64), outside
 
     def _is_of(self, frame: bytes) -> bool:
-        number = int(struct.unpack_from("<I", frame, FRAME_BYTES - 6)[0])
-        return number < self.begun and frame == self.frame(number)
+        number = int.from_bytes(frame[-6:-2], "little")
+        return len(frame) == FRAME_BYTES and number < self.begun and frame == self.frame(number)
 
     def _write(self, first: int, count: int) -> bool:
         if self._fire.is_set():
@@ -217,26 +225,29 @@ class BusPlayer(Player):
         super().stop()
         self._bus.shutdown()
 
-    def tally(self, capture: Path | None, deadline_ns: int) -> Tally:
-        """Compare a capture of the bus with what was sent."""
-        records = [] if capture is None else [can_capture_file.parse_capture(capture.read_bytes()).records]
-        return self.tally_records(records, deadline_ns)
+    def numbers(self, capture: Path) -> tuple[NDArray[np.int64], int]:
+        """Find the messages of a capture of the bus, as `numbers_in`."""
+        return self.numbers_in(can_capture_file.parse_capture(capture.read_bytes()).records)
 
-    def tally_records(self, pieces: Iterable[NDArray[np.void]], deadline_ns: int) -> Tally:
-        """Compare records of the bus with what was sent."""
-        numbers, wrong = [], 0
-        for records in pieces:
-            plain = records[records["flags"] & (can_capture_file.EVENT | can_capture_file.ANCHOR) == 0]
-            octets = np.ascontiguousarray(plain["data"][:, :8])
-            found = octets[:, :4].copy().view("<u4").ravel().astype(np.int64)
-            right = np.zeros_like(octets)
-            right[:, :4] = octets[:, :4]
-            right[:, 6] = found & 0xFF
-            sound = (octets == right).all(axis=1) & (found < self.begun)
-            sound &= (plain["id"] == MESSAGE) & (plain["length"] == 8) & (plain["data"][:, 8:] == 0).all(axis=1)
-            wrong += int((~sound).sum())
-            numbers.append(found[sound])
-        return _tally(self, np.concatenate(numbers) if numbers else np.zeros(0, dtype=np.int64), wrong, deadline_ns)
+    def numbers_in(self, records: NDArray[np.void]) -> tuple[NDArray[np.int64], int]:
+        """Find the messages that are as they were sent.
+
+        Returns
+        -------
+        numbers : ndarray of int64, shape (n_messages,)
+            In the order of the records.
+        wrong : int
+            Frames that are none of them.
+        """
+        plain = records[records["flags"] & (can_capture_file.EVENT | can_capture_file.ANCHOR) == 0]
+        octets = plain["data"].copy()
+        numbers = octets[:, :4].copy().view("<u4").ravel().astype(np.int64)
+        right = np.zeros_like(octets)
+        right[:, :4] = octets[:, :4]
+        right[:, 6] = numbers & 0xFF
+        sound = (octets == right).all(axis=1) & (numbers < self.begun)
+        sound &= (plain["id"] == MESSAGE) & (plain["length"] == 8)
+        return numbers[sound], int((~sound).sum())
 
     def _put(self, first: int, count: int) -> bool:
         for number in range(first, first + count):
@@ -287,7 +298,8 @@ class Tally:
 NOTHING = Tally(0, 0, 0, 0, 0, 0, 0)
 
 
-def _tally(player: Player, numbers: NDArray[np.int64], wrong: int, deadline_ns: int) -> Tally:
+def tally(player: Player, numbers: NDArray[np.int64], wrong: int, deadline_ns: int) -> Tally:
+    """Count what was found of the frames that a player sent, and must be there if sent before a deadline."""
     unique = np.unique(numbers)
     due = player.sent_before(deadline_ns)
     return Tally(

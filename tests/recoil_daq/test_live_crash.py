@@ -1,0 +1,195 @@
+"""An armed acquisition that is killed, ended or runs out of disk: what was captured is there, and recovers.
+
+Every process here is the real command; it is played to over a pseudo-terminal and a multicast bus from this process.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from daq.acquisition import read_acquisition
+from daq.capture.session_record import operator_records
+from daq.journal import find_journals, read_journal
+from recoil_daq.cli import app
+from tests.builders.live_rigs import (
+    AT_THE_TRIGGER_NS,
+    GRACE_NS,
+    PRE_S,
+    Armed,
+    LiveProcess,
+    armed,
+    kill_and_recover,
+    recovered,
+    run_recover,
+    write_live_rig,
+)
+from tests.builders.port_player import FRAME_BYTES, PortPlayer
+
+pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs pseudo-terminals and SIGKILL")
+
+
+CHOICE = random.Random()  # noqa: S311 - a test's choice of moments, no secret; different ones at every run
+
+
+def while_armed(_: Armed) -> None:
+    time.sleep(CHOICE.uniform(0.2, 0.6))
+
+
+def within_a_shot(one: Armed) -> None:
+    one.port.fire()
+    time.sleep(CHOICE.uniform(0.3, 0.5))
+
+
+def while_cutting(one: Armed) -> None:
+    one.port.fire()
+    one.process.wait_for("captures being written", one.cutting)
+
+
+@pytest.mark.parametrize(("moment", "shots"), [(while_armed, 0), (within_a_shot, 1), (while_cutting, 1)])
+def test_a_kill_loses_nothing_that_was_sent_a_quarter_of_a_second_before(tmp_path, moment, shots):
+    with armed(tmp_path / "live") as one:
+        moment(one)
+        done = kill_and_recover(one)
+    assert done.port.sound, done.port
+    assert done.bus.sound, done.bus
+    assert min(done.port.found, done.bus.found) > 300
+    assert (done.shots_due, done.shots_found, done.shots_wrong, done.shots) == (shots, shots, 0, shots), done.document
+    assert done.shots_told <= shots
+    (journal,) = done.document["journals"]
+    assert (journal["removed"], journal["in_order"], journal["lost_records"]) == (True, False, 0)
+    assert not one.journal.exists()
+    assert not list((one.out / "captures").glob(".*")), "something half-written was left behind"
+    assert run_recover(one.out)["journals"] == []
+
+
+def test_a_new_session_recovers_what_a_killed_one_left_over(tmp_path):
+    with armed(tmp_path / "killed") as one:
+        within_a_shot(one)
+        killed_ns = one.process.kill()
+    with armed(tmp_path / "next", out=one.out) as following:
+        assert following.journal != one.journal
+        assert not one.journal.exists()
+        assert find_journals(one.out) == ()  # that of the running session is no leftover
+        assert following.process.end(signal.SIGINT) == 130
+    assert f"recovering {one.journal}" in following.process.said
+    shot = one.out / "captures" / "0001"
+    everything = one.out / "recovered" / one.journal.name
+    document = {"journals": [{"everything": everything, "shots": [{"captures": list(shot.iterdir())}]}]}
+    done = recovered(one, killed_ns, document)
+    assert done.sound, done
+    assert done.shots_found == 1
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_ends_a_session_in_order(tmp_path, number):
+    with armed(tmp_path / "live", post_s=30.0) as one:
+        pulse = one.port.fire()
+        time.sleep(0.4)
+        signalled_ns = time.monotonic_ns()
+        assert one.process.end(number) == 130, one.process.said
+    (record,) = (one.out / "captures" / "0001").glob("*_acquisition.json")
+    acquisition = read_acquisition(record)
+    for source, player in (("imu", one.port), ("can", one.bus)):
+        name = next(s.file for s in acquisition.sources if s.name == source)
+        numbers, _ = player.numbers(record.parent / name)
+        assert (numbers[1:] - numbers[:-1] == 1).all()
+        assert numbers[-1] >= player.sent_before(signalled_ns) - 1, "what waited in the device was not read"
+    assert one.port.numbers(record.parent / "0001_imu.rdsc")[0][0] < pulse
+    journal = read_journal(one.journal)
+    _, shots, in_order = operator_records(journal)
+    assert in_order
+    assert [shot.shot for shot in shots] == ["0001"]
+    assert (journal.cut_bytes, journal.lost_records) == (0, 0)
+    (found,) = run_recover(one.out)["journals"]
+    assert (found["in_order"], found["everything"], found["removed"]) == (True, None, True)
+    assert [shot["was_there"] for shot in found["shots"]] == [True]
+
+
+def test_leaving_at_once_keeps_the_journal_of_an_open_shot(tmp_path):
+    with armed(tmp_path / "live", post_s=30.0) as one:
+        one.port.fire()
+        time.sleep(0.4)
+        signalled_ns = time.monotonic_ns()
+        one.process.process.send_signal(signal.SIGINT)
+        time.sleep(0.05)
+        assert one.process.end(signal.SIGINT) == 130, one.process.said
+    run_recover(one.out)
+    records = list((one.out / "captures").glob("*/*_acquisition.json"))
+    assert len(records) == 1, f"the shot is gone:\n{one.process.said}"
+    numbers, _ = one.port.numbers(records[0].with_name("0001_imu.rdsc"))
+    assert (numbers[1:] - numbers[:-1] == 1).all()
+    assert numbers[-1] >= one.port.sent_before(signalled_ns - GRACE_NS) - 1
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A disk of 4 MB."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mount, umount = shutil.which("mount"), shutil.which("umount")
+    if mount is None or umount is None or os.geteuid() != 0:
+        pytest.skip("a disk that is really full needs a small file system of its own, and only root may mount one")
+    done = subprocess.run([mount, "-t", "tmpfs", "-o", "size=4m", "tmpfs", str(disk)], capture_output=True, check=False)
+    if done.returncode:
+        pytest.skip(f"this system lets even root mount no small file system: {os.fsdecode(done.stderr).strip()}")
+    try:
+        yield disk
+    finally:
+        subprocess.run([umount, str(disk)], check=True)
+
+
+def test_a_disk_without_room_is_refused_when_arming(tmp_path, small_disk):
+    port = PortPlayer("port")
+    rig = write_live_rig(tmp_path, [port.path])
+    with LiveProcess(rig, small_disk / "out", tmp_path / "log.txt") as process:
+        assert process.process.wait(20.0) == 3, process.said
+    port.stop()
+    assert "the disk has not enough room for the journal" in process.said
+    assert list(small_disk.iterdir()) == []
+
+
+def test_a_disk_that_fills_up_ends_the_session_at_once_and_all_before_is_intact(tmp_path, small_disk):
+    out = small_disk / "out"
+    port = PortPlayer("port", 20_000.0, most=50)
+    rig = write_live_rig(tmp_path, [port.path], pre_s=PRE_S, post_s=60.0, baudrate=9600)
+    with LiveProcess(rig, out, tmp_path / "log.txt", segment_bytes=1 << 18) as process:
+        folder = process.journal()
+        with port:
+            process.recording(folder)
+            time.sleep(0.3)
+            pulse = port.fire()  # of a shot that is open nothing is released: its room runs out
+            filler = small_disk / "another program's file"
+            with filler.open("wb") as stream:
+                os.posix_fallocate(stream.fileno(), 0, shutil.disk_usage(small_disk).free)
+            assert process.process.wait(30.0) == 3, process.said
+            ended_ns = time.monotonic_ns()
+    assert "the journal cannot be written: No space left on device" in process.said
+    left = read_journal(folder)
+    last_ns = max(segment.newest_ns for segment in left.segments)
+    assert (left.cut_bytes, left.lost_records) == (0, 0)
+    assert ended_ns - last_ns < 5e9, "it went on without a journal"
+
+    refused = CliRunner().invoke(app, ["recover", str(out)])
+    assert refused.exit_code == 3, refused.output
+    assert "No space left on device" in refused.output
+    assert not list((out / "captures").glob("*")), "half a capture was left behind"
+    (journal,) = run_recover(out, "--out", tmp_path / "elsewhere")["journals"]
+    assert (journal["records"], journal["removed"]) == (left.count, True)
+    (shot,) = journal["shots"]
+    capture = next(Path(path) for path in shot["captures"] if path.endswith(".rdsc"))
+    numbers, _ = port.numbers(capture)
+    assert (numbers[1:] - numbers[:-1] == 1).all()
+    assert numbers[0] <= port.sent_before(port.returned_ns[pulse] - round(PRE_S * 1e9) + AT_THE_TRIGGER_NS)
+    assert numbers[-1] >= port.sent_before(last_ns - GRACE_NS) - 1
+    assert numbers.size * FRAME_BYTES > 1 << 17, "the space that was reserved was not used"
