@@ -161,7 +161,11 @@ def recover(
         from recoil_daq.recover import recover_folder
 
         with session.steps("recover") as progress:
-            done = recover_folder(folder, out, keep=keep, progress=progress)
+            done, failed = recover_folder(folder, out, keep=keep, progress=progress)
+        if failed and not json:
+            print_recovered(folder, done)
+        if failed:
+            raise failed[0]
         session.finish(recovered_document(done), lambda: print_recovered(folder, done), OK)
 
 

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import signal
-import threading
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -58,16 +55,15 @@ def run_live(
     """
     _recover(options, display)
     first = options.first or free_number(options.out)
-    with _terminated_as_interrupted():
-        if not is_virtual_rig(rig):
-            return LiveRange(rig, replace(options, first=first), display).run()
-        shots = options.shots or VIRTUAL_SHOTS
-        watch = options.watch or options.out / "incoming"
-        display.notice(f"virtual rig: simulating {shots} shots")
-        with RangeDay(rig, shots, watch, first=first, **(play or {})) as day:
-            watch_day(day)
-            chosen = replace(options, first=first, shots=shots, watch=watch)
-            return LiveRange(rig, chosen, display, devices=day.devices, over=lambda: day.over).run(day.start)
+    if not is_virtual_rig(rig):
+        return LiveRange(rig, replace(options, first=first), display).run()
+    shots = options.shots or VIRTUAL_SHOTS
+    watch = options.watch or options.out / "incoming"
+    display.notice(f"virtual rig: simulating {shots} shots")
+    with RangeDay(rig, shots, watch, first=first, **(play or {})) as day:
+        watch_day(day)
+        chosen = replace(options, first=first, shots=shots, watch=watch)
+        return LiveRange(rig, chosen, display, devices=day.devices, over=lambda: day.over).run(day.start)
 
 
 def _recover(options: LiveOptions, display: Display) -> None:
@@ -84,20 +80,3 @@ def _recover(options: LiveOptions, display: Display) -> None:
             display.notice(f"shot {shot.name} recovered: {what}")
         if done.everything is not None:
             display.notice(f"everything that it held is in {done.everything}")
-
-
-@contextmanager
-def _terminated_as_interrupted() -> Iterator[None]:
-    """Let a request to terminate end the session in the same order as Ctrl-C."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def interrupt(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

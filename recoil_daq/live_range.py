@@ -20,6 +20,7 @@ from daq.trigger import Decision, ShotWindow, Trigger
 from recoil_daq.conversion import Conversion
 from recoil_daq.file_match import shot_of, source_of
 from recoil_daq.folder_watch import DroppedFile, FolderWatch
+from recoil_daq.interruption import Interruption
 from recoil_daq.live_shot import Display, LiveOptions, LiveOutcome, LiveShot
 from rigs.live_sources import live_sources
 from rigs.rig import Rig
@@ -97,6 +98,7 @@ class LiveRange:
         self._cutting: dict[str, Future[CapturedShot]] = {}
         self._unmatched: list[tuple[DroppedFile, str]] = []
         self._conversion: tuple[LiveShot, Conversion] | None = None
+        self._interruption = Interruption()
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="cut")
 
     @property
@@ -120,16 +122,15 @@ class LiveRange:
         """
         with opened(self._sources) as devices:
             session = self._session(devices)
-            try:
-                session.start()
-                session.arm()
-                started()
-                self._go_on(session)
-            except KeyboardInterrupt:
-                self._outcome.interrupted = True
-                self._display.notice("interrupted: completing what was captured; Ctrl-C again to leave at once")
-            finally:
-                self._end(session)
+            with self._interruption:
+                try:
+                    session.start()
+                    session.arm()
+                    started()
+                    self._go_on(session)
+                finally:
+                    self._end(session)
+            self._outcome.interrupted = self._interruption.asked
         return self._outcome
 
     def _session(self, devices: Mapping[str, Device]) -> LiveSession:
@@ -162,6 +163,9 @@ class LiveRange:
                 shown_s = time.monotonic()
                 self._display.show(session.status, self._shots)
             self._outcome.error = session.error
+            if self._interruption.asked:
+                self._display.notice("interrupted: completing what was captured; Ctrl-C again to leave at once")
+                return
             if self._outcome.error is not None or self._pressed(session):
                 return
             self._look(session, LOOK_S)
@@ -177,23 +181,28 @@ class LiveRange:
             session.stop()
             while (window := session.next_window(0.0)) is not None:
                 self._begin(session, window)
-            while any(shot.state in ("cutting", "converting") for shot in self._shots):
+            while any(s.state in ("cutting", "converting") for s in self._shots) and not self._interruption.urged:
                 self._look(session, 0.02)
                 self._display.show(session.status, self._shots)
             for shot in self._shots:
                 if shot.state == "waiting":
                     self._give_up(shot)
-        except KeyboardInterrupt:
-            self._outcome.interrupted = True
         finally:
             self._pool.shutdown(wait=False, cancel_futures=True)
             if self._conversion is not None:
                 self._conversion[1].end()
-            self._outcome.error = self._outcome.error or session.error
-            session.close(complete=all(shot.document is not None for shot in self._shots))
-            if session.journal_folder.exists():
-                self._outcome.journal = session.journal_folder
+            self._close(session)
             self._write_log(session.journal_folder.name)
+
+    def _close(self, session: LiveSession) -> None:
+        """Close the journal; it goes if all that was captured is in shot files."""
+        try:
+            session.close(complete=all(shot.document is not None for shot in self._shots))
+        except RecoilDaqError as error:
+            self._outcome.error = self._outcome.error or error
+        self._outcome.error = self._outcome.error or session.error
+        if session.journal_folder.exists():
+            self._outcome.journal = session.journal_folder
 
     def _write_log(self, name: str) -> None:
         """Keep what the session decided and made: the journal, which has it too, is removed."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -14,10 +15,11 @@ from daq.capture.engine import replayed
 from daq.capture.session_record import LiveRecord, live_record_of, operator_records
 from daq.capture.shot_record import acquisition_of
 from daq.devices.device import EVENT
-from daq.errors import CorruptFileError, ReadError, StoreError
+from daq.errors import CorruptFileError, ReadError, RecoilDaqError, StoreError
 from daq.journal import Journal, find_journals, read_journal
 from daq.trigger import Decision, ShotWindow, Trigger
 from recoil_daq.ingest import Ingested, ingest_files
+from recoil_daq.live_shot import free_number
 from rigs.rig import Rig, parse_rig
 
 Progress = Callable[[str], None]
@@ -86,7 +88,7 @@ class Recovered:
 
 def recover_folder(
     folder: Path, out: Path | None, *, keep: bool = False, progress: Progress = lambda _: None
-) -> list[Recovered]:
+) -> tuple[list[Recovered], list[RecoilDaqError]]:
     """Recover every journal in a folder or below it that nobody writes.
 
     Parameters
@@ -100,23 +102,39 @@ def recover_folder(
     progress : callable
         Told the name of each step.
 
+    Returns
+    -------
+    done : list of Recovered
+    failed : list of RecoilDaqError
+        Why others could not be: they are left as they were.
+
     Raises
     ------
     ReadError
         If there is no such folder.
-    StoreError, RigError
-        If a journal cannot be read or its captures cannot be written; it is left as it was.
     """
     if not folder.is_dir():
         raise ReadError("no such folder", path=folder, expected="a journal, or a folder with journals in it")
-    return [
-        recover_journal(journal, _out_of(journal) if out is None else out, keep=keep, progress=progress)
-        for journal in find_journals(folder)
-    ]
+    done: list[Recovered] = []
+    failed: list[RecoilDaqError] = []
+    for journal in find_journals(folder):
+        try:
+            done.append(
+                recover_journal(journal, _out_of(journal) if out is None else out, keep=keep, progress=progress)
+            )
+        except RecoilDaqError as error:
+            failed.append(error)
+    return done, failed
 
 
 def recover_journal(folder: Path, out: Path, *, keep: bool = False, progress: Progress = lambda _: None) -> Recovered:
-    """Recover one journal; parameters and errors as of `recover_folder`."""
+    """Recover one journal; parameters as of `recover_folder`.
+
+    Raises
+    ------
+    StoreError, RigError, ReadError
+        If it cannot be read, or its captures cannot be written; it is left as it was.
+    """
     progress(f"read {folder.name}")
     journal = read_journal(folder)
     record = live_record_of(journal)
@@ -128,8 +146,11 @@ def recover_journal(folder: Path, out: Path, *, keep: bool = False, progress: Pr
     shots = []
     for window in windows:
         given = (s.shot for s in known if abs(s.trigger_s - window.trigger_s) < 1e-6)
-        name = next(given, "") or _name_before(out, window) or _free_name(out)
+        name = next(given, "") or _name_before(out, window) or f"{free_number(out):04d}"
         progress(f"shot {name}")
+        # what a cut had written that the crash interrupted
+        shutil.rmtree(out / "captures" / f".{name}.cut", ignore_errors=True)
+        shutil.rmtree(out / "captures" / f"..{name}.cut.partial", ignore_errors=True)
         shots.append(_recover_shot(journal, record, rig, rig.trigger, name, window, out))
     everything = None
     if not in_order:
@@ -170,14 +191,6 @@ def _name_before(out: Path, window: ShotWindow) -> str:
         if _captured_before(folder, folder.name, round(window.trigger_s * 1e9)) is not None:
             return folder.name
     return ""
-
-
-def _free_name(out: Path) -> str:
-    taken = {path.stem for path in out.glob("*.h5")} | {path.name for path in (out / "captures").glob("*")}
-    number = 1
-    while f"{number:04d}" in taken:
-        number += 1
-    return f"{number:04d}"
 
 
 def _recover_shot(

@@ -20,8 +20,9 @@ from daq.journal.segment import sync_folder
 SUFFIX = {CAN: ".rdcc", "serial": ".rdsc"}
 """Ending of a capture, by kind of source."""
 
-BLOCK_NS = 20_000_000
-"""A block is dated by its end and holds up to 10 ms: so much behind the span still belongs to it."""
+BEHIND_NS = 250_000_000
+"""A block is dated by when it was read. A thread that reads may be late by so much, so this much behind the span is
+cut with it."""
 
 
 @dataclass
@@ -102,13 +103,24 @@ def write_captures(
     return cuts
 
 
+def take_name(temporary: Path, folder: Path) -> None:
+    """Give a folder that is complete its name; StoreError if that is taken, or the system refuses."""
+    try:
+        if folder.exists():
+            raise StoreError("the captures of this shot exist already", path=folder, remedy="move them elsewhere")
+        temporary.rename(folder)
+        sync_folder(folder.parent)
+    except OSError as error:
+        raise StoreError(f"cannot be named: {error.strerror or error}", path=folder) from error
+
+
 def _write(
     journal: Journal, session: LiveRecord, folder: Path, prefix: str, start_ns: int | None, stop_ns: int | None
 ) -> dict[str, Cut]:
     cuts = {source.name: Cut() for source in session.sources}
     streams: dict[str, IO[bytes]] = {}
     digests = {}
-    until_ns = None if stop_ns is None else stop_ns + BLOCK_NS
+    until_ns = None if stop_ns is None else stop_ns + BEHIND_NS
     try:
         for number, source in enumerate(session.sources):
             for record in journal.records(number, start_ns, until_ns):

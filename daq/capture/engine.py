@@ -20,6 +20,9 @@ LAG_S = 1.0
 PATIENCE_S = 2.0
 """How long after a shot's end a source that is silent or gone is waited for."""
 
+SETTLE_S = 0.25
+"""A thread that reads may be late by so much: what was sent within a shot and read so long after it belongs to it."""
+
 LEVEL_SPAN_S = 1.0
 """The screen shows where a channel was within so long."""
 
@@ -113,14 +116,14 @@ class CaptureEngine:
         if block.kind == EVENT:
             return
         self._show(samples, latest_s)
-        self._cutter.advance(block.source, self._oldest_s.setdefault(block.source, latest_s), latest_s)
+        self._delivered(block.source, latest_s)
 
     def take_unseen(self, block: Block) -> None:
         """Note that a block was recorded without a look at its samples."""
         latest_s = block.host_ns / 1e9
         self._looks[block.source].skip()
         if block.kind != EVENT:
-            self._cutter.advance(block.source, self._oldest_s.setdefault(block.source, latest_s), latest_s)
+            self._delivered(block.source, latest_s)
 
     def ready(self, now_s: float) -> tuple[ShotWindow, ...]:
         """Return the shots that are complete at a time of the host's clock, each once; infinity closes all."""
@@ -134,6 +137,10 @@ class CaptureEngine:
         """Return the decisions since the last call."""
         news, self._news = tuple(self._news), []
         return news
+
+    def _delivered(self, source: str, latest_s: float) -> None:
+        oldest_s = self._oldest_s.setdefault(source, latest_s)
+        self._cutter.advance(source, oldest_s, latest_s - SETTLE_S)
 
     def _note(self, decisions: Sequence[Decision]) -> None:
         self._cutter.note(decisions)

@@ -19,7 +19,8 @@ from pathlib import Path
 
 from daq.acquisition import Acquisition, write_acquisition
 from daq.capture.counter_history import CounterHistory
-from daq.capture.cut import Cut, write_captures
+from daq.capture.cut import take_name
+from daq.capture.cut_process import cut_apart
 from daq.capture.engine import CaptureEngine
 from daq.capture.live_source import LiveSource
 from daq.capture.session_record import (
@@ -38,7 +39,7 @@ from daq.capture.status import ChannelStatus, LiveStatus, SourceStatus, State
 from daq.devices.device import Block, Device, joined
 from daq.devices.reader_thread import DeviceReader
 from daq.errors import DeviceError, RecoilDaqError
-from daq.journal import JournalWriter, read_journal, remove_journal
+from daq.journal import JournalWriter, remove_journal
 from daq.trigger import Decision, Edge, ShotWindow, Trigger
 
 QUEUE_BYTES = 128 << 20
@@ -183,23 +184,18 @@ class LiveSession:
         """
         self._append(SHOT, window.trigger_s, pack_shot(CompleteShot(name, window.trigger_s)))
         self._journal.sync()
-        journal = read_journal(self._journal.folder)
         start_ns, stop_ns = round(window.start_s * 1e9), round(window.stop_s * 1e9)
+        cut_into = folder.with_name(f".{name}.cut")
+        cuts = cut_apart(self._journal.folder, cut_into, name, start_ns, stop_ns)
+        acquisition = acquisition_of(
+            name, self.record, self.trigger, window, cuts, self._history.spans(window.start_s, window.stop_s),
+            unseen_bytes=self._unseen_bytes,
+        )  # fmt: skip
         record_name = f"{name}_acquisition.json"
-        made: list[Acquisition] = []
-
-        def also(into: Path, cuts: Mapping[str, Cut]) -> None:
-            made.append(
-                acquisition_of(
-                    name, self.record, self.trigger, window, cuts, self._history.spans(window.start_s, window.stop_s),
-                    unseen_bytes=self._unseen_bytes,
-                )
-            )  # fmt: skip
-            write_acquisition(made[0], into / record_name)
-
-        cuts = write_captures(journal, self.record, folder, name, start_ns, stop_ns, also)
-        files = tuple(cut.file for cut in cuts.values() if cut.file is not None)
-        return CapturedShot(name, folder, (*files, folder / record_name), made[0])
+        write_acquisition(acquisition, cut_into / record_name)
+        take_name(cut_into, folder)
+        files = tuple(folder / cut.file.name for cut in cuts.values() if cut.file is not None)
+        return CapturedShot(name, folder, (*files, folder / record_name), acquisition)
 
     def release(self, window: ShotWindow) -> None:
         """Give a shot's data in the journal back: its shot file is verified."""
@@ -257,8 +253,6 @@ class LiveSession:
         StoreError
             If the journal cannot be forced to the disk.
         """
-        if self._stopping.is_set():
-            return
         for reader in self._readers.values():
             reader.stop()
         self._stopping.set()
@@ -279,7 +273,7 @@ class LiveSession:
                 self._append(CLOSED, time.monotonic(), b"{}")
         finally:
             self._journal.close()
-        if complete and self.error is None:
+        if complete and self.error is None and not self._holding:
             remove_journal(self._journal.folder)
 
     def _sink(self, block: Block) -> None:

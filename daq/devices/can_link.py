@@ -6,13 +6,17 @@ import contextlib
 import os
 import socket
 import stat
+import sys
 from typing import Any
 
 from daq.devices.kernel_drops import dropped_by_can_link, dropped_by_udp_socket
 from daq.frames import can_capture_file as capture
 
-RECEIVE_BUFFER = 4 << 20
-"""Bytes asked for as a socket's queue: the kernel's default holds a few hundred frames."""
+RECEIVE_BUFFER = 16 << 20
+"""Bytes asked for as a socket's queue: the kernel's default holds a few hundred frames, this some seconds."""
+
+_FORCED = 33
+"""SO_RCVBUFFORCE of Linux (asm-generic/socket.h): beyond the system's limit, for who may."""
 
 
 def enlarge_queue(bus: Any) -> None:
@@ -23,6 +27,8 @@ def enlarge_queue(bus: Any) -> None:
             # a second handle of the same socket: python-can's own is private
             with socket.socket(fileno=os.dup(descriptor)) as twin:
                 twin.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+                if sys.platform == "linux":
+                    twin.setsockopt(socket.SOL_SOCKET, _FORCED, RECEIVE_BUFFER)
 
 
 def kernel_drops(bus: Any, interface: str, channel: str) -> int | None:

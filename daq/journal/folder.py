@@ -17,6 +17,9 @@ from daq.journal.lock import NAME as LOCK_NAME
 from daq.journal.lock import is_being_written
 from daq.journal.records import JournalRecord, Segment, scan_segment, survey_segment
 
+OUT_OF_ORDER_NS = 10_000_000_000
+"""Records of several threads are written nearly in the order of their host times: never further apart than this."""
+
 _FIRST_BYTES = 64
 
 
@@ -109,12 +112,15 @@ class Journal:
         remove_journal(self.folder)
 
 
-def read_journal(folder: Path) -> Journal:
+def read_journal(folder: Path, start_ns: int | None = None, stop_ns: int | None = None) -> Journal:
     """Open a journal and count what is whole in it.
 
     Parameters
     ----------
     folder : Path
+    start_ns, stop_ns : int or None
+        Leave out segments that cannot hold records of this span of host time: those that begin more than
+        `OUT_OF_ORDER_NS` after it, and those whose next one begins as long before it.
 
     Returns
     -------
@@ -134,7 +140,7 @@ def read_journal(folder: Path) -> Journal:
         header = _one_header(folder, headers)
         segments: list[Segment] = []
         following = 0
-        for path in paths.values():
+        for path in _within(list(paths.values()), header, start_ns, stop_ns):
             segment = survey_segment(path, header, following)
             segments.append(segment)
             following = segment.last_sequence + 1 if segment.count else following
@@ -182,6 +188,23 @@ def remove_journal(folder: Path) -> None:
             folder.rmdir()
     except OSError as error:
         raise StoreError(f"cannot be removed: {error.strerror or error}", path=folder) from error
+
+
+def _within(paths: list[Path], header: SegmentHeader, start_ns: int | None, stop_ns: int | None) -> list[Path]:
+    """Return the segments that can hold records of a span; one whose beginning cannot be read is among them."""
+    if start_ns is None and stop_ns is None:
+        return paths
+    begins = []
+    for path in paths:
+        first = next(scan_segment(path, header.size, header.seed, 0), None)
+        begins.append(None if first is None else first.host_ns)
+    chosen = []
+    for path, begin_ns, next_ns in zip(paths, begins, [*begins[1:], None], strict=True):
+        late = stop_ns is not None and begin_ns is not None and begin_ns > stop_ns + OUT_OF_ORDER_NS
+        early = start_ns is not None and next_ns is not None and next_ns < start_ns - OUT_OF_ORDER_NS
+        if not late and not early:
+            chosen.append(path)
+    return chosen
 
 
 def _read_header(path: Path) -> SegmentHeader | None:

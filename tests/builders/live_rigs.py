@@ -228,7 +228,7 @@ class Armed:
 
     def cutting(self) -> bool:
         """Tell whether captures are being written."""
-        return any((self.out / "captures").glob(".*.partial"))
+        return any((self.out / "captures").glob(".*.cut*"))
 
 
 @contextmanager

@@ -135,7 +135,7 @@ def test_every_lost_frame_is_counted_and_the_shot_says_so(tmp_path: Path) -> Non
     assert 0 < int(can[1].split()[0]) <= numbered
     assert outcome.shots[0].acquisition is not None
     assert outcome.shots[0].acquisition.pre_actual_s < 9.0
-    assert display.found("pre-time", "can")[0][0] == "warn"
+    assert display.found("pre-time", "shot")[0][0] == "warn"
 
 
 def test_a_device_that_is_unplugged_in_the_middle_of_a_shot_costs_its_own_frames_alone(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from daq.capture.engine import PATIENCE_S, CaptureEngine, replayed
+from daq.capture.engine import PATIENCE_S, SETTLE_S, CaptureEngine, replayed
 from daq.devices.device import Block
 from daq.trigger import Edge, Trigger
 from tests.builders.live_sources import bus, can_block, can_record, port, serial_block, serial_frame
@@ -77,7 +77,7 @@ def test_a_source_that_falls_silent_is_waited_for_and_then_named() -> None:
 def test_a_manual_trigger_takes_a_shot() -> None:
     engine = CaptureEngine([bus(), port()], TRIGGER)
     engine.arm(-math.inf)
-    for block in blocks(1.0):
+    for block in blocks(1.5):
         engine.take(block)
     engine.fire(10.5)
     (window,) = engine.ready(11.0)
@@ -92,7 +92,7 @@ def test_what_is_still_needed_never_runs_past_the_start_of_an_open_shot() -> Non
         engine.take(block)
     assert engine.needed_from_s == pytest.approx(10.8)
     engine.ready(13.0)
-    assert engine.needed_from_s == pytest.approx(12.99 - 1.0 - 0.2)
+    assert engine.needed_from_s == pytest.approx(12.99 - SETTLE_S - 1.0 - 0.2)
 
 
 def test_levels_show_the_last_second_of_every_channel() -> None:

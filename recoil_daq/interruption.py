@@ -1,0 +1,48 @@
+"""Ctrl-C, and the system's request to terminate, as something to be asked for, not as an exception in the middle."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from types import FrameType, TracebackType
+from typing import Any
+
+
+class Interruption:
+    """While it is entered, such a signal is noted; it ends nothing by itself.
+
+    Attributes
+    ----------
+    count : int
+        How often it came.
+    """
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._before: dict[int, Any] = {}
+
+    def __enter__(self) -> Interruption:
+        if threading.current_thread() is threading.main_thread():
+            for number in (signal.SIGINT, signal.SIGTERM):
+                self._before[number] = signal.signal(number, self._note)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+        self._before = {}
+
+    @property
+    def asked(self) -> bool:
+        """Whether the work is to be completed and ended."""
+        return self.count > 0
+
+    @property
+    def urged(self) -> bool:
+        """Whether it is to be ended without waiting for anything that can be made up for later."""
+        return self.count > 1
+
+    def _note(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002 - a signal's handler gets both
+        self.count += 1
