@@ -1,0 +1,43 @@
+"""Ctrl-C is noted while it is asked for, and is what it was before and afterwards."""
+
+from __future__ import annotations
+
+import signal
+import threading
+
+import pytest
+
+from recoil_daq.interruption import Interruption
+
+
+def test_signals_are_counted_and_raise_nothing() -> None:
+    with Interruption() as interruption:
+        assert not interruption.asked
+        signal.raise_signal(signal.SIGINT)
+        assert interruption.asked
+        assert not interruption.urged
+        signal.raise_signal(signal.SIGTERM)
+        assert interruption.urged
+
+
+def test_afterwards_ctrl_c_is_an_exception_again() -> None:
+    before = signal.getsignal(signal.SIGINT)
+    with Interruption():
+        assert signal.getsignal(signal.SIGINT) != before
+    assert signal.getsignal(signal.SIGINT) == before
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
+
+
+def test_in_another_thread_no_handler_is_touched() -> None:
+    before = signal.getsignal(signal.SIGINT)
+    seen = []
+
+    def enter() -> None:
+        with Interruption() as interruption:
+            seen.append((signal.getsignal(signal.SIGINT) == before, interruption.asked))
+
+    thread = threading.Thread(target=enter)
+    thread.start()
+    thread.join()
+    assert seen == [(True, False)]
