@@ -91,6 +91,7 @@ class ArmedScreen:
         self._writer = threading.get_ident()
         self._waiting: deque[str] = deque()
         self._notices: deque[str] = deque(maxlen=_NOTICES)
+        self._width = 0
         self._widths: dict[tuple[str, str], int] = {}
         self._drawn_s = -math.inf
         self._errors: str | None = None
@@ -154,6 +155,9 @@ class ArmedScreen:
         from rich.console import Group
 
         width, height = self._console.size
+        if width != self._width:
+            self._width = width
+            self._widths.clear()
         height -= 1  # where the cursor goes at the end, so that all of the picture can be taken away
         lines = [*self._head(status, width), *self._sources(status.sources, width)]
         recent = [_shot(shot) for shot in shots[-_SHOTS:]]
@@ -222,7 +226,9 @@ class ArmedScreen:
             lines = list(told[i].wrap(self._console, max(room, 1), no_wrap=False))
             if len(lines) > LOSSES_LINES:
                 del lines[LOSSES_LINES:]
-                lines[-1].append(" …").truncate(room, overflow="ellipsis")
+                lines[-1].rstrip()
+                lines[-1].append(" …")
+                lines[-1].truncate(room, overflow="ellipsis")
             return lines
 
         return self._table(columns, rows, width, ("losses", needs, losses))
@@ -233,8 +239,8 @@ class ArmedScreen:
         ordered = sorted(status.channels, key=lambda channel: channel.triggers_at is None)
         shown = ordered if len(ordered) < most else ordered[: max(most - 2, 0)]
         columns = (
-            _Column("channel", most=NAME_WIDTH), _Column("source", leaves=3, most=NAME_WIDTH), _Column("now", right=True),
-            _Column("within 1 s", leaves=1), _Column("triggers at", leaves=2, right=True),
+            _Column("channel", most=NAME_WIDTH), _Column("source", leaves=3, most=NAME_WIDTH),
+            _Column("now", right=True), _Column("within 1 s", leaves=1), _Column("triggers at", leaves=2, right=True),
         )  # fmt: skip
         rows = []
         for channel in shown:

@@ -1,0 +1,273 @@
+"""What an engineer at the range sees on the armed screen, whatever the terminal's size."""
+
+from __future__ import annotations
+
+import io
+import math
+import os
+import re
+import sys
+import threading
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rich.console import Console
+
+from daq.capture.engine import Level
+from daq.devices.device import Counters
+from recoil_daq import armed_screen
+from recoil_daq.armed_screen import METER_CELLS, STATE_STYLES, ArmedScreen, meter
+from recoil_daq.live_shot import LiveShot
+from tests.builders.live_status import BRAKE, CAN, IMU, RATE, SILENT, status
+
+EVERYTHING = Counters(
+    counter_gaps=3, kernel_drops=12, bad=1, skipped_bytes=40, reopened=2, error_frames=7, queue_high_water=99
+)
+ERASED = "\x1b[1A\x1b[2K"
+DOCUMENT = {
+    "shot": "0001", "rig": "mixed", "file": "shots/0001.h5", "usable": True, "reasons": [], "quality": [],
+    "channels": [{"name": "p_brake", "clock": "can", "rate_hz": 2000.0, "samples": 4000}],
+}  # fmt: skip
+
+
+def made(width: int = 80, height: int = 24, **options) -> ArmedScreen:
+    options = {"file": io.StringIO(), "color_system": None, **options}
+    return ArmedScreen("mixed", Console(width=width, height=height, highlight=False, emoji=False, **options))
+
+
+def lines_of(screen: ArmedScreen, shots=(), **changes) -> list[str]:
+    with screen._console.capture() as captured:
+        screen._console.print(screen.picture(status(**changes), shots))
+    return captured.get().splitlines()
+
+
+def line_of(lines: list[str], word: str) -> str:
+    return next(line for line in lines if line.startswith(word))
+
+
+@pytest.mark.parametrize(
+    ("state", "colour"), [("armed", "green"), ("recording", "red"), ("disarmed", "yellow"), ("stopped", None)]
+)
+def test_the_first_line_is_the_state_across_the_screen_in_its_colour(state: str, colour: str | None) -> None:
+    screen = made()
+    first = screen.picture(status(state=state), []).renderables[0]
+    assert first.plain.startswith(f"   {state.upper()}   rig mixed")
+    assert first.cell_len == 80
+    assert first.style == STATE_STYLES[state]
+    assert "reverse" in first.style
+    assert colour is None or colour in first.style
+
+
+@pytest.mark.parametrize("width", [60, 80, 120])
+def test_ages_rates_and_warnings_are_never_cut(width: int) -> None:
+    sources = (replace(CAN, counters=EVERYTHING), replace(IMU, age_s=None, error="the adapter is gone " * 9))
+    lines = lines_of(made(width), sources=sources, unsynced_s=2.44, unseen_bytes=7700, journal_bytes=36_000_000_000)
+    text = " ".join(lines)
+    for seen in ("disk 83.2 GB (2.4 h)", "unsynced 2.4 s", "trigger behind by 7700 bytes"):
+        assert seen in text
+    assert re.search(r"8000 frames/s +0\.01 s", line_of(lines, "can"))
+    assert re.search(r"34\.0 kB/s +never", line_of(lines, "imu"))
+    assert max(map(len, lines)) <= width
+
+
+def test_all_losses_are_named_on_eighty_columns() -> None:
+    sources = (replace(CAN, counters=replace(EVERYTHING, skipped_bytes=0)), IMU)
+    lines = lines_of(made(), sources=sources)
+    at = lines.index(line_of(lines, "can"))
+    told = " ".join(line[lines[at].index("3 gaps") :].strip() for line in lines[at : at + 2])
+    assert told == "3 gaps, 12 dropped by the kernel, 1 damaged, 2 reconnects, 7 error frames"
+    assert line_of(lines, "imu").endswith("none")
+
+
+def test_an_error_does_not_hide_what_was_lost() -> None:
+    gone = replace(CAN, error="unplugged", counters=Counters(counter_gaps=1))
+    assert "unplugged; 1 gap" in line_of(lines_of(made(), sources=(gone, IMU)), "can")
+
+
+def test_no_losses_are_green_only_where_something_was_received() -> None:
+    screen = made(color_system="standard", force_terminal=True)
+    heard, never = (
+        line_of(
+            [re.sub("^(\x1b\\[0m)*", "", line) for line in lines_of(screen, sources=(replace(CAN, age_s=age),))], "can"
+        )
+        for age in (0.01, None)
+    )
+    assert "\x1b[32mnone" in heard
+    assert "\x1b[32mnone" not in never
+    assert "\x1b[1;31m" in never[: never.index("never")]
+    assert "\x1b[1;31m" not in heard
+
+
+@pytest.mark.parametrize(("disk", "written", "text"), [(2_000_000_000, 0, "disk 2.0 GB  "), (9 * 10**8, 0, "disk 0.9 GB  "),
+                                                       (36 * 10**8, 3725 * 10**6, "disk 3.6 GB (60 min)"),
+                                                       (36 * 10**8, 3725 * 10**6 * 8, "disk 3.6 GB (8 min)")])  # fmt: skip
+def test_a_disk_that_is_nearly_full_is_a_warning(disk: int, written: int, text: str) -> None:
+    first = made(120).picture(status(disk_free_bytes=disk, journal_bytes=written), []).renderables[0]
+    assert text in first.plain
+    little = disk < 10**9 or "(8 min)" in text
+    assert little == any(span.style == armed_screen.WARNING for span in first.spans)
+
+
+@pytest.mark.parametrize("width", [60, 80, 120])
+def test_the_trigger_is_marked_in_the_level_and_comes_first(width: int) -> None:
+    others = tuple(replace(RATE, name=f"rate_{i}") for i in range(3))
+    lines = lines_of(made(width), channels=(*others, BRAKE))
+    brake = line_of(lines, "p_brake")
+    assert brake.endswith("·█▒·······┃·········")
+    assert lines.index(brake) < lines.index(line_of(lines, "rate_0"))
+    assert "1.52 MPa" in brake
+    assert ("1.40 .. 1.60 MPa" in brake) == (width == 80)
+    assert ("1.40 MPa .. 1.60 MPa" in brake) == (width == 120)
+
+
+def test_a_channel_whose_source_is_silent_shows_no_old_value() -> None:
+    silent = line_of(lines_of(made(), sources=(replace(CAN, age_s=1.2), IMU)), "p_brake")
+    assert "silent" in silent
+    assert "1.52" not in silent
+    assert "█" not in silent
+
+
+def test_without_a_range_there_is_no_level_and_outside_of_it_is_red() -> None:
+    assert meter(replace(BRAKE, range=None)) == ""
+    above = replace(BRAKE, level=Level(17e6, 15e6, 17e6))
+    assert meter(above).endswith("▒█")
+    screen = made(color_system="standard", force_terminal=True)
+    assert "\x1b[1;31m█" in "".join(lines_of(screen, channels=(above,)))
+    assert "\x1b[1;36m█" in "".join(lines_of(screen, channels=(BRAKE,)))
+
+
+numbers = st.floats(allow_nan=True, allow_infinity=True)
+
+
+@given(numbers, numbers, numbers, st.one_of(st.none(), numbers.filter(math.isfinite)))
+def test_the_level_is_drawn_or_left_out_for_whatever_a_sensor_sends(last, low, high, trigger) -> None:
+    drawn = meter(replace(BRAKE, level=Level(last, low, high), triggers_at=trigger))
+    if all(map(math.isfinite, (last, low, high))):
+        assert len(drawn) == METER_CELLS
+        assert drawn.count("█") == 1
+    else:
+        assert drawn == ""
+
+
+def test_channels_that_do_not_fit_are_counted_and_the_silent_among_them_named() -> None:
+    many = tuple(replace(RATE, name=f"rate_{i}") for i in range(30))
+    lines = lines_of(made(), channels=(*many, SILENT, BRAKE))
+    shown = [line for line in lines if line.startswith(("rate_", "p_brake", "gyro"))]
+    assert f"+{32 - len(shown)} more, 1 of them silent" in lines
+    assert shown[0].startswith("p_brake")
+    assert len(shown) > 10
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    st.integers(40, 140), st.integers(16, 50), st.integers(1, 30), st.integers(0, 9), st.integers(0, 9), st.booleans()
+)
+def test_no_picture_is_wider_than_the_terminal_or_fills_its_last_line(
+    width: int, height: int, channels: int, shots: int, notices: int, lossy: bool
+) -> None:
+    screen = made(width, height)
+    for i in range(notices):
+        screen.notice(f"notice {i} " + "of some length " * 9)
+    sources = (replace(CAN, counters=EVERYTHING if lossy else CAN.counters), IMU)
+    many = tuple(replace(RATE, name=f"a_channel_with_quite_a_long_name_{i}") for i in range(channels))
+    waiting = [LiveShot(f"{i:04d}", state="waiting", wanted={"camera", "dewetron"}) for i in range(shots)]
+    lines = lines_of(screen, waiting, sources=sources, channels=many)
+    assert max(map(len, lines)) <= width
+    assert len(lines) < height
+    assert "no keys here" in lines[-1]
+    if shots and height >= 24:
+        assert any(f"shot {shots - 1:04d}" in line for line in lines)
+
+
+def test_the_last_shots_and_notices_are_listed() -> None:
+    screen = made(120, 40)
+    for i in range(8):
+        screen.notice(f"notice {i}")
+    shots = [LiveShot(f"{i:04d}", state="waiting", wanted={"camera", "dewetron"}) for i in range(9)]
+    text = "\n".join(lines_of(screen, shots))
+    assert re.findall(r"shot (\d+)  waiting for files of camera, dewetron", text) == [f"{i:04d}" for i in range(3, 9)]
+    assert re.findall(r"\d\d:\d\d:\d\dZ  notice (\d)", text) == ["3", "4", "5", "6", "7"]
+
+
+def test_columns_keep_their_place_when_numbers_get_shorter() -> None:
+    screen = made()
+    wide = replace(BRAKE, level=Level(-1.52e5, -1.4e5, -1.6e5))
+    first = line_of(lines_of(screen, channels=(wide,)), "channel")
+    assert line_of(lines_of(screen, channels=(replace(BRAKE, level=Level(0.0, 0.0, 0.0)),)), "channel") == first
+
+
+def test_names_are_shown_as_they_are() -> None:
+    odd = replace(BRAKE, name="p[red]_[/]", source="can[0]")
+    lines = lines_of(made(), channels=(odd,), sources=(replace(CAN, name="can[0]"),))
+    assert line_of(lines, "p[red]_[/]")
+    assert line_of(lines, "can[0]")
+
+
+def test_a_terminal_of_another_encoding_gets_what_it_can_show() -> None:
+    raw = io.BytesIO()
+    file = io.TextIOWrapper(raw, encoding="ascii")
+    with made(file=file, force_terminal=True) as screen:
+        screen.notice("left alone: \udcff中.csv")
+        screen.show(status(), [])
+    assert file.errors == "strict"
+    file.flush()
+    assert b"left alone: ??.csv" in raw.getvalue()
+    assert b".#=.......|........." in raw.getvalue()
+
+
+def test_notices_and_verdicts_stay_when_the_screen_is_taken_away() -> None:
+    file = io.StringIO()
+    command = "finish it with `recoil-daq ingest rigs/mixed.toml shots/captures/0002/* FILES --out shots`"
+    with made(file=file, force_terminal=True) as screen:
+        screen.show(status(), [])
+        screen.notice(command)
+        screen.verdict(DOCUMENT)
+        drawn = len(lines_of(screen)) - 1  # a line more than on the terminal, where the last has no end
+    text = file.getvalue()
+    assert command in text  # in one piece, to be copied
+    assert "USABLE -> shots/0001.h5" in text
+    assert text.endswith("\x1b[?25h" + text.rsplit("\x1b[?25h", 1)[1])
+    assert text.rsplit("USABLE -> ", 1)[1].count(ERASED) >= drawn
+    assert text.count("\x1b[?25l") == text.count("\x1b[?25h") == 1
+
+
+def test_it_draws_five_times_per_second_at_most(monkeypatch) -> None:
+    now_s = 100.0
+    monkeypatch.setattr(armed_screen.time, "monotonic", lambda: now_s)
+    file = io.StringIO()
+    with made(file=file, force_terminal=True) as screen:
+        for tenth in range(21):
+            now_s = 100.0 + tenth / 10 + 1e-6 * tenth
+            screen.show(status(), [])
+    assert file.getvalue().count("rig mixed") == 11
+
+
+def test_a_notice_of_another_thread_waits_for_the_next_picture() -> None:
+    file = io.StringIO()
+    with made(file=file, force_terminal=True) as screen:
+        thread = threading.Thread(target=screen.notice, args=("trigger (p_brake)",))
+        thread.start()
+        thread.join()
+        assert "trigger (p_brake)" not in file.getvalue()
+        screen.show(status(), [])
+        assert file.getvalue().count("trigger (p_brake)") == 2  # above the picture and in it
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no pseudo-terminals")
+def test_keys_are_offered_and_read_where_there_is_a_terminal(monkeypatch) -> None:
+    import termios
+
+    master, slave = os.openpty()
+    before = termios.tcgetattr(slave)
+    with os.fdopen(slave, "r") as terminal:
+        monkeypatch.setattr(sys, "stdin", terminal)
+        with pytest.raises(ZeroDivisionError), made(force_terminal=True) as screen:
+            assert lines_of(screen)[-1].strip().endswith("a arm  d disarm  t trigger  q quit")
+            os.write(master, b"D")
+            assert screen.key() == "d"
+            raise ZeroDivisionError
+        assert termios.tcgetattr(slave) == before
+        assert "no keys here: Ctrl-C quits" in lines_of(screen)[-1]
+    os.close(master)

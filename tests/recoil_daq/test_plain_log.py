@@ -1,0 +1,156 @@
+"""A live session as lines: what is told, when, and what a log that cannot be written does."""
+
+from __future__ import annotations
+
+import io
+import re
+import threading
+from dataclasses import replace
+
+import pytest
+from rich.console import Console
+
+from daq.devices.device import Counters
+from recoil_daq import plain_log
+from recoil_daq.plain_log import PlainLog
+from recoil_daq.tables import PIPED_WIDTH, print_verdict
+from tests.builders.live_status import CAN, IMU, status
+
+STAMP = r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{3}Z  "
+DOCUMENT = {
+    "shot": "0001", "rig": "mixed", "file": "shots/0001.h5", "usable": False, "reasons": ["p_brake is clipped"],
+    "channels": [{"name": "p_brake", "clock": "can", "rate_hz": 2000.0, "samples": 4000}],
+    "quality": [{"channel": "p_brake", "check": "range", "verdict": "fail", "detail": "31 samples at 16 MPa"}],
+}  # fmt: skip
+
+
+class Clock:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now_s = 3.0
+        monkeypatch.setattr(plain_log.time, "monotonic", lambda: self.now_s)
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    return Clock(monkeypatch)
+
+
+def test_every_line_has_its_time_in_utc() -> None:
+    stream = io.StringIO()
+    log = PlainLog(stream)
+    log.show(status(), [])
+    log.notice("trigger")
+    lines = stream.getvalue().splitlines()
+    assert len(lines) == 2
+    assert all(re.match(STAMP, line) for line in lines)
+
+
+def test_without_a_change_it_tells_every_ten_seconds(clock: Clock) -> None:
+    stream = io.StringIO()
+    log = PlainLog(stream)
+    for tenths in range(305):
+        clock.now_s = 3.0 + tenths / 10
+        log.show(status(), [])
+    assert len(stream.getvalue().splitlines()) == 4
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"state": "recording"}, "recording | can"),
+        ({"sources": (replace(CAN, counters=Counters(counter_gaps=2)), IMU)}, "losses 2 gaps | imu"),
+        ({"sources": (CAN, replace(IMU, age_s=3.2))}, "imu 34.0 kB/s, age 3.20 s"),
+        ({"sources": (CAN, replace(IMU, error="unplugged"))}, "losses none, STOPPED: unplugged"),
+    ],
+)
+def test_a_change_is_told_at_once_but_once_per_second(clock: Clock, changes, told: str) -> None:
+    stream = io.StringIO()
+    log = PlainLog(stream)
+    log.show(status(), [])
+    clock.now_s += 0.5
+    log.show(status(**changes), [])
+    assert len(stream.getvalue().splitlines()) == 1
+    clock.now_s += 0.5
+    log.show(status(**changes), [])
+    assert told in stream.getvalue().splitlines()[1]
+    clock.now_s += 5
+    log.show(status(), [])
+    assert len(stream.getvalue().splitlines()) == 3
+
+
+def test_a_source_that_was_never_heard_and_data_that_waits_are_named() -> None:
+    stream = io.StringIO()
+    never = replace(IMU, age_s=None, rate_hz=0.0)
+    PlainLog(stream).show(status(sources=(never,), unsynced_s=2.4, unseen_bytes=77), [])
+    assert "imu 0.0 kB/s, never heard" in stream.getvalue()
+    assert "unsynced 2.4 s | the trigger fell behind by 77 bytes" in stream.getvalue()
+
+
+def test_the_verdict_is_the_table_of_the_ingest_command() -> None:
+    stream, expected = io.StringIO(), io.StringIO()
+    PlainLog(stream).verdict(DOCUMENT)
+    print_verdict(DOCUMENT, Console(file=expected, width=PIPED_WIDTH, highlight=False, emoji=False))
+    assert stream.getvalue() == expected.getvalue()
+    assert "range: 31 samples at 16 MPa" in stream.getvalue()
+    assert "NOT USABLE: p_brake is clipped" in stream.getvalue()
+
+
+def test_a_notice_of_another_thread_does_not_wait_for_the_reader_of_the_log() -> None:
+    stream = io.StringIO()
+    with PlainLog(stream) as log:
+        thread = threading.Thread(target=log.notice, args=("trigger",))
+        thread.start()
+        thread.join()
+        assert stream.getvalue() == ""
+        log.notice("shot 0001 captured")
+        thread = threading.Thread(target=log.notice, args=("refused",))
+        thread.start()
+        thread.join()
+    assert [line[26:] for line in stream.getvalue().splitlines()] == ["trigger", "shot 0001 captured", "refused"]
+
+
+class Pipe(io.RawIOBase):
+    """Takes no more than a number of writes, and remembers them."""
+
+    def __init__(self, writes: int) -> None:
+        self.left = writes
+        self.written: list[bytes] = []
+
+    def writable(self) -> bool:
+        return True
+
+    def write(self, data) -> int:
+        if not self.left:
+            raise BrokenPipeError(32, "Broken pipe")
+        self.left -= 1
+        self.written.append(bytes(data))
+        return len(data)
+
+
+def test_every_line_is_flushed_at_once() -> None:
+    pipe = Pipe(2)
+    log = PlainLog(io.TextIOWrapper(io.BufferedWriter(pipe), encoding="utf-8"))
+    log.notice("one")
+    assert pipe.written[0].endswith(b"one\n")
+    log.notice("two")
+    assert pipe.written[1].endswith(b"two\n")
+
+
+def test_a_log_that_cannot_be_written_ends_no_session_and_says_so_once(capsys) -> None:
+    pipe = Pipe(1)
+    stream = io.TextIOWrapper(io.BufferedWriter(pipe), encoding="utf-8")
+    with PlainLog(stream) as log:
+        for text in ("one", "two", "three"):
+            log.notice(text)
+        log.show(status(), [])
+        log.verdict(DOCUMENT)
+    assert len(pipe.written) == 1
+    assert capsys.readouterr().err == "the log cannot be written: Broken pipe; the session goes on\n"
+    pipe.left = 100  # else the stream would complain when it is closed
+
+
+def test_a_name_that_the_stream_cannot_write_is_written_in_escapes() -> None:
+    pipe = Pipe(5)
+    log = PlainLog(io.TextIOWrapper(io.BufferedWriter(pipe), encoding="latin-1"))
+    log.notice("left alone: \udcff 中 µ.csv")
+    assert pipe.written[0].endswith(b"left alone: \\udcff \\u4e2d \xb5.csv\n")
