@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import datetime as dt
+import io
 import sys
 import threading
 import time
@@ -84,11 +85,13 @@ class PlainLog:
 
         from recoil_daq.tables import PIPED_WIDTH, print_verdict
 
-        width = None if self._stream.isatty() else PIPED_WIDTH
-        console = Console(file=self._stream, width=width, highlight=False, emoji=False)
-        with console.capture() as captured:
-            print_verdict(document, console)
-        self._write(captured.get())
+        on_terminal = self._stream.isatty() or None
+        width = None if on_terminal else PIPED_WIDTH
+        table = io.StringIO()  # written on a broken pipe, rich would end the program
+        print_verdict(
+            document, Console(file=table, force_terminal=on_terminal, width=width, highlight=False, emoji=False)
+        )
+        self._write(table.getvalue())
 
     def key(self) -> str:
         """Return nothing: a log has no keys."""

@@ -21,6 +21,7 @@ from daq.capture.session_record import live_record_of
 from daq.devices.device import EVENT
 from daq.frames.can_capture_file import parse_records
 from daq.journal import Journal, read_journal
+from tests.builders import live_rigs
 from tests.builders.live_rigs import LiveProcess, armed, kill_and_recover, multicast_device, write_live_rig
 from tests.builders.port_player import FRAME_BYTES, NOTHING, BusPlayer, Player, PortPlayer, Tally, tally
 
@@ -39,9 +40,10 @@ pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="ne
 
 
 @pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
+def _only_when_asked_for(request, monkeypatch):
     if not request.config.getoption("benchmark_enable"):
         pytest.skip("a benchmark of minutes: ask for it with --benchmark-enable")
+    monkeypatch.setattr(live_rigs, "GRACE_NS", 250_000_000)
 
 
 def test_fifty_kills_lose_nothing_that_was_sent_a_quarter_of_a_second_before(tmp_path, capsys):
