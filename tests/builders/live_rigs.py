@@ -305,11 +305,11 @@ def recovered(one: Armed, killed_ns: int, document: Mapping[str, Any]) -> Killed
     for shot in journal["shots"]:
         files = [Path(path) for path in shot["captures"]]
         record = read_acquisition(next(path for path in files if path.suffix == ".json"))
-        own = [p for p, ns in pulses.items() if -AT_THE_TRIGGER_NS <= record.trigger_ns - ns <= GRACE_NS]
+        own = [p for p, ns in pulses.items() if ns - AT_THE_TRIGGER_NS <= record.trigger_ns][-1:]
         if len(own) != 1 or own[0] in found or not _holds(one, record.trigger_ns, files, deadline_ns):
             wrong += 1
         found |= set(own)
-    due = {pulse for pulse, ns in pulses.items() if ns < deadline_ns}
+    due = {pulse for pulse, ns in pulses.items() if ns < killed_ns - SHOT_END_NS}
     told = len(re.findall(r"  trigger \(imu_acc_x at ", one.process.said))
     return Killed(port, bus, len(due), len(due & found), wrong, told, len(journal["shots"]), document)
 
