@@ -11,9 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.capture.live_source import LiveChannel, LiveSource, signals_of
+from daq.capture.live_source import LiveChannel, LiveSource, open_source, signals_of
 from daq.devices.device import CAN, EVENT, Block, Counters
-from daq.devices.opening import open_device
 from daq.devices.reader_thread import DeviceReader
 from daq.errors import RecoilDaqError
 from daq.shot import Verdict
@@ -105,9 +104,7 @@ def _listen(
         for s in sources:
             progress(f"open {s.name}")
             try:
-                device = open_device(
-                    s.name, s.kind, s.device, framing=s.framing, database=s.database, counters=s.counters
-                )
+                device = open_source(s)
             except RecoilDaqError as error:
                 heard.append(ChannelHeard(s.name, "", "", 0.0, None, None, "fail", str(error)))
                 continue

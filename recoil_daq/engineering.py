@@ -24,7 +24,7 @@ def engineering(value: float | None, unit: str, digits: int = 3) -> str:
         return f"0 {unit}".strip()
     exponent = math.floor(math.log10(abs(value)) / 3)
     if not unit[:1].isalpha() or "2" in unit or "^" in unit:
-        return f"{value:#.{digits}g} {unit}".strip().replace(". ", " ")
+        return f"{_plain(value, digits)} {unit}".strip()
     exponent = min(max(exponent, -3), 3)
     scaled = float(f"{value / 10.0 ** (3 * exponent):.{digits}g}")
     if abs(scaled) >= 1000 and exponent < 3:
@@ -32,3 +32,11 @@ def engineering(value: float | None, unit: str, digits: int = 3) -> str:
         scaled = float(f"{value / 10.0 ** (3 * exponent):.{digits}g}")
     decimals = max(digits - 1 - math.floor(math.log10(abs(scaled))), 0)
     return f"{scaled:.{decimals}f} {_PREFIXES[exponent]}{unit}"
+
+
+def _plain(value: float, digits: int) -> str:
+    """Write digits without an exponent, as long as that is no longer than with one."""
+    if 1e-3 <= abs(value) < 1e6:
+        rounded = float(f"{value:.{digits}g}")
+        return f"{rounded:.{max(digits - 1 - math.floor(math.log10(abs(rounded))), 0)}f}"
+    return f"{value:.{digits - 1}e}"

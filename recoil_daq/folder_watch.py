@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass
 from pathlib import Path
 
 from daq.errors import ReadError
+
+LOOK_EVERY_S = 0.5
+"""The folder is read so often: it may lie on a network, and hold a day's files."""
 
 SETTLE_S = 1.0
 """A file whose size and time of change stay the same for so long is complete, as far as a watcher can tell."""
@@ -63,9 +67,10 @@ class FolderWatch:
                 f"cannot be watched: {error.strerror or error}", path=folder, expected="a folder"
             ) from error
         self._growing: dict[str, _Growing] = {}
+        self._looked_s = -math.inf
 
     def poll(self, now_s: float | None = None) -> tuple[DroppedFile, ...]:
-        """Look at the folder once, and return the files that are complete since the last look.
+        """Return the files that are complete since the last look; a call soon after it does not look again.
 
         Parameters
         ----------
@@ -73,7 +78,10 @@ class FolderWatch:
             The host's monotonic clock; read if left out.
         """
         now_s = time.monotonic() if now_s is None else now_s
-        complete = []
+        complete: list[DroppedFile] = []
+        if now_s - self._looked_s < LOOK_EVERY_S:
+            return ()
+        self._looked_s = now_s
         for path in self._listed():
             try:
                 stat = path.stat()

@@ -76,7 +76,7 @@ def _recover(options: LiveOptions, display: Display) -> None:
             display.notice(f"it is left as it is: {error}")
             continue
         for shot in done.shots:
-            what = "shot file written" if shot.ingested is not None else f"captures in {shot.folder}"
+            what = "shot file written" if shot.shot_file is not None else f"captures in {shot.folder}"
             display.notice(f"shot {shot.name} recovered: {what}")
         if done.everything is not None:
             display.notice(f"everything that it held is in {done.everything}")

@@ -11,10 +11,9 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
 from daq.capture.live_session import CapturedShot, LiveSession
-from daq.capture.live_source import LiveSource
+from daq.capture.live_source import LiveSource, open_source
 from daq.capture.session_record import LiveRecord, RecordedSource, reserve_bytes, session_folder
 from daq.devices.device import Device, anchor
-from daq.devices.opening import open_device
 from daq.errors import Fault, ReadError, RecoilDaqError, RigError
 from daq.trigger import Decision, ShotWindow, Trigger
 from recoil_daq.conversion import Conversion
@@ -46,10 +45,8 @@ def opened(sources: Sequence[LiveSource]) -> Iterator[dict[str, Device]]:
     """Open the devices of some sources; all are closed if one cannot be, and at the end."""
     devices: dict[str, Device] = {}
     try:
-        for s in sources:
-            devices[s.name] = open_device(
-                s.name, s.kind, s.device, framing=s.framing, database=s.database, counters=s.counters
-            )
+        for source in sources:
+            devices[source.name] = open_source(source)
         yield devices
     finally:
         for device in devices.values():
@@ -224,7 +221,7 @@ class LiveRange:
         elif key == "d":
             session.disarm()
             self._display.notice("disarmed: nothing will trigger")
-        elif key in ("t", " "):
+        elif key == "t":
             session.fire()
         return key == "q"
 

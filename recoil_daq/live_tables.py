@@ -40,9 +40,11 @@ def live_display(rig_name: str, *, plain: bool, as_json: bool) -> Iterator[Displ
 
 def print_outcome(done: LiveOutcome) -> None:
     """Print a row per shot of a live session, and what of it is in no shot file."""
-    rows = [(s.name, _fired(s), s.state, _lost(s), str(s.captured or ""), s.problem or _reasons(s)) for s in done.shots]
-    columns = ("shot", "fired, UTC", "state", "frames lost", "captures", "why")
-    print_table(f"Live session on rig {done.rig}: {len(done.shots)} shots", columns, rows, numeric=(3,))
+    rows = [
+        (s.name, _fired(s), s.state, _losses(s), str(s.captured or ""), s.problem or _reasons(s)) for s in done.shots
+    ]
+    columns = ("shot", "fired, UTC", "state", "losses", "captures", "why")
+    print_table(f"Live session on rig {done.rig}: {len(done.shots)} shots", columns, rows)
     if done.journal is not None:
         say(f"the journal is kept, since not all of it is in a shot file: `recoil-daq recover {done.journal}`")
 
@@ -55,12 +57,13 @@ def _reasons(shot: LiveShot) -> str:
     return "" if shot.document is None else "; ".join(shot.document["reasons"])
 
 
-def _lost(shot: LiveShot) -> str:
+def _losses(shot: LiveShot) -> str:
+    """Return what the quality checks say of frames that are missing, source by source."""
     if shot.document is None:
         return ""
-    missing = [q["detail"] for q in shot.document["quality"] if q["check"] == "missing frames"]
-    counts = [int(first) for detail in missing if (first := detail.split(" ", 1)[0]).isdigit()]
-    return str(sum(counts)) if missing else ""
+    checks = [q for q in shot.document["quality"] if q["check"] == "missing frames"]
+    found = "; ".join(f"{q['channel']}: {q['detail']}" for q in checks if q["verdict"] != "ok")
+    return found or ("none" if checks else "not counted")
 
 
 def print_acquisition(summary: Mapping[str, Any]) -> None:
@@ -125,7 +128,7 @@ def recovered_document(done: Sequence[Recovered]) -> dict[str, Any]:
                         "shot": s.name,
                         "captures": [str(file) for file in s.files],
                         "was_there": s.was_there,
-                        "shot_file": None if s.ingested is None else str(s.ingested.path),
+                        "shot_file": None if s.shot_file is None else str(s.shot_file),
                         "missing": list(s.missing),
                     }
                     for s in one.shots
@@ -145,7 +148,7 @@ def print_recovered(folder: Path, done: Sequence[Recovered]) -> None:
             (
                 s.name,
                 "there already" if s.was_there else "recovered",
-                "" if s.ingested is None else str(s.ingested.path),
+                str(s.shot_file or ""),
                 ", ".join(s.missing),
                 str(s.folder),
             )
@@ -159,7 +162,7 @@ def print_recovered(folder: Path, done: Sequence[Recovered]) -> None:
         if one.everything is not None:
             say(f"everything that was recorded is in {one.everything}")
         for s in one.shots:
-            if s.ingested is None and s.missing:
+            if s.shot_file is None and s.missing:
                 say(f"finish shot {s.name} with `recoil-daq ingest {one.rig.path} {s.folder}/* FILES`")
         say("the journal is removed: all of it is in these captures, read back and compared" if one.removed else
             "the journal is kept")  # fmt: skip

@@ -18,7 +18,7 @@ from daq.devices.device import EVENT
 from daq.errors import CorruptFileError, ReadError, RecoilDaqError, StoreError
 from daq.journal import Journal, find_journals, read_journal
 from daq.trigger import Decision, ShotWindow, Trigger
-from recoil_daq.ingest import Ingested, ingest_files
+from recoil_daq.ingest import ingest_files
 from recoil_daq.live_shot import free_number
 from rigs.rig import Rig, parse_rig
 
@@ -38,17 +38,17 @@ class RecoveredShot:
         Its captures and the record of its acquisition.
     was_there : bool
         Whether they were written before the crash.
-    ingested : Ingested or None
-        Its shot file, if no other instrument's file is missing.
+    shot_file : Path or None
+        Written now or before; None if another instrument's file is missing.
     missing : tuple of str
-        Sources whose files must be added to make a shot file.
+        Sources that were not recorded live, whose files must be added to make a shot file.
     """
 
     name: str
     folder: Path
     files: tuple[Path, ...]
     was_there: bool
-    ingested: Ingested | None
+    shot_file: Path | None
     missing: tuple[str, ...]
 
 
@@ -219,11 +219,12 @@ def _recover_shot(
     present = [source for source in acquisition.sources if source.file]
     files = (*(folder / source.file for source in present), folder / f"{name}_acquisition.json")
     has = {source.name for source in present}
-    missing = tuple(s.name for s in rig.sources if rig.channels_of(s.name) and s.kind not in ("can", "serial"))
-    ingested = None
-    if not missing and rig.reference_clock in has and not (out / f"{name}.h5").exists():
-        ingested = ingest_files(rig, files, shot=name, out=out)
-    return RecoveredShot(name, folder, files, was_there, ingested, missing)
+    live = {source.name for source in record.sources}
+    missing = tuple(s.name for s in rig.sources if rig.channels_of(s.name) and s.name not in live)
+    shot_file = out / f"{name}.h5" if (out / f"{name}.h5").exists() else None
+    if shot_file is None and not missing and rig.reference_clock in has:
+        shot_file = ingest_files(rig, files, shot=name, out=out).path
+    return RecoveredShot(name, folder, files, was_there, shot_file, missing)
 
 
 def _captured_before(folder: Path, name: str, trigger_ns: int) -> Acquisition | None:

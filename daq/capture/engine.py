@@ -87,9 +87,9 @@ class CaptureEngine:
         """The instant of the host's clock before which nothing is needed any more."""
         return self._cutter.needed_from_s
 
-    def level(self, channel: str) -> Level | None:
+    def level(self, channel: str, now_s: float) -> Level | None:
         """Return where a channel was within the last second; None if nothing of it came."""
-        spans = list(self._levels[channel])
+        spans = [span for span in tuple(self._levels[channel]) if now_s - span[0] <= LEVEL_SPAN_S]
         if not spans:
             return None
         lows, highs = [level.low for _, level in spans], [level.high for _, level in spans]

@@ -227,16 +227,19 @@ class LiveSession:
     def status(self) -> LiveStatus:
         """How it is doing now."""
         journal = self._journal.counters
+        now_s = time.monotonic()
         return LiveStatus(
             state=self._state,
             sources=tuple(self._source_status(name) for name in self._readers),
             channels=tuple(
-                ChannelStatus(c.name, s.name, c.unit, self._engine.level(c.name), c.range, self._triggers_at(c.name))
+                ChannelStatus(
+                    c.name, s.name, c.unit, self._engine.level(c.name, now_s), c.range, self._triggers_at(c.name)
+                )
                 for s in self._sources.values()
                 for c in s.channels
             ),
             shots=self._shots,
-            armed_s=time.monotonic() - self._began_s,
+            armed_s=now_s - self._began_s,
             disk_free_bytes=_free_bytes(self._journal.folder) + journal.reserved_bytes,
             journal_bytes=journal.bytes,
             unsynced_s=journal.unsynced_s,

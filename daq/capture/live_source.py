@@ -10,7 +10,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.devices.device import CAN, EVENT, SERIAL, Block, event_of
+from daq.devices.device import CAN, EVENT, SERIAL, Block, Device, event_of
+from daq.devices.opening import open_device
 from daq.errors import MissingChannelError
 from daq.frames import can_capture_file as capture
 from daq.frames.decoder import FrameDecoder
@@ -76,6 +77,14 @@ class LiveSource:
     database: str | None = None
     counters: tuple[str, ...] = ()
     path: Path = Path("rig.toml")
+
+
+def open_source(source: LiveSource) -> Device:
+    """Open the device of a source; DeviceError, in one line, if that cannot be done."""
+    return open_device(
+        source.name, source.kind, source.device,
+        framing=source.framing, database=source.database, counters=source.counters,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,7 +30,30 @@ def make_device(
     counters: Sequence[str] = (),
     check: StreamCheck | None = None,
 ) -> Device:
-    """Make the device of a source without opening it; parameters and errors as of `open_device`."""
+    """Make the device of a source, which is then to be opened.
+
+    Parameters
+    ----------
+    source : str
+        Its name.
+    kind : str
+        Its kind: ``can`` or ``serial``.
+    table : mapping or None
+        Its ``device`` table. Of a bus, everything in it goes to python-can.
+    framing : Framing, optional
+        Of a serial source: its commands are sent, and its frames are counted.
+    database : str, optional
+        Of a bus: the text of its database, in which `counters` are found.
+    counters : sequence of str
+        Of a bus: signals, such as ``Message.Signal``, that count the messages they are in.
+    check : StreamCheck, optional
+        Looks at the blocks in place of the one that framing or counters would give.
+
+    Raises
+    ------
+    DeviceError
+        If the kind cannot be read live, or the table says nothing or something unknown.
+    """
     if kind not in _EXAMPLES:
         raise DeviceError(
             f"source '{source}': a {kind} source cannot be read live",
@@ -51,44 +74,14 @@ def make_device(
     return SerialDevice(source, table, commands=SerialCommands.of(framing), check=check or FramingCheck(framing))
 
 
-def open_device(
-    source: str,
-    kind: str,
-    table: Mapping[str, Any] | None,
-    *,
-    framing: Framing | None = None,
-    database: str | None = None,
-    counters: Sequence[str] = (),
-    check: StreamCheck | None = None,
-) -> Device:
-    """Open the device of a source.
-
-    Parameters
-    ----------
-    source : str
-        Its name.
-    kind : str
-        Its kind: ``can`` or ``serial``.
-    table : mapping or None
-        Its ``device`` table. Of a bus, everything in it goes to python-can.
-    framing : Framing, optional
-        Of a serial source: its commands are sent, and its frames are counted.
-    database : str, optional
-        Of a bus: the text of its database, in which `counters` are found.
-    counters : sequence of str
-        Of a bus: signals, such as ``Message.Signal``, that count the messages they are in.
-    check : StreamCheck, optional
-        Looks at the blocks in place of the one that framing or counters would give.
-
-    Returns
-    -------
-    Device
+def open_device(source: str, kind: str, table: Mapping[str, Any] | None, **options: Any) -> Device:
+    """Open the device of a source; parameters as of `make_device`.
 
     Raises
     ------
     DeviceError
         In one line: what is wrong (unknown interface, missing port, permission, in use), and what to do.
     """
-    device = make_device(source, kind, table, framing=framing, database=database, counters=counters, check=check)
+    device = make_device(source, kind, table, **options)
     device.open()
     return device

@@ -22,11 +22,20 @@ def test_a_file_is_told_once_and_only_after_it_has_stopped_growing(tmp_path: Pat
     assert names(watch, 0.0) == []
     assert names(watch, 0.9) == []
     file.write_bytes(b"ab")
-    assert names(watch, 1.0) == []
-    assert names(watch, 1.9) == []
-    (dropped,) = watch.poll(2.0)
+    assert names(watch, 1.5) == []
+    assert names(watch, 2.1) == []
+    (dropped,) = watch.poll(2.6)
     assert (dropped.path, dropped.seen_s) == (file, 0.0)
     assert names(watch, 9.0) == []
+
+
+def test_a_look_soon_after_the_last_one_does_not_read_the_folder(tmp_path: Path) -> None:
+    watch = FolderWatch(tmp_path, settle_s=0.0)
+    assert names(watch, 0.0) == []
+    (tmp_path / "x.csv").write_bytes(b"x")
+    assert names(watch, 0.1) == []
+    assert names(watch, 0.5) == []  # seen for the first time: an earlier look would tell it now
+    assert names(watch, 1.0) == ["x.csv"]
 
 
 def test_what_lay_there_before_is_left_alone_until_it_changes(tmp_path: Path) -> None:

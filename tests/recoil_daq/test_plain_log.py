@@ -12,6 +12,7 @@ from rich.console import Console
 
 from daq.devices.device import Counters
 from recoil_daq import plain_log
+from recoil_daq.live_shot import LiveShot
 from recoil_daq.plain_log import PlainLog
 from recoil_daq.tables import PIPED_WIDTH, print_verdict
 from tests.builders.live_status import CAN, IMU, status
@@ -154,3 +155,21 @@ def test_a_name_that_the_stream_cannot_write_is_written_in_escapes() -> None:
     log = PlainLog(io.TextIOWrapper(io.BufferedWriter(pipe), encoding="latin-1"))
     log.notice("left alone: \udcff 中 µ.csv")
     assert pipe.written[0].endswith(b"left alone: \\udcff \\u4e2d \xb5.csv\n")
+
+
+def test_the_log_tells_changes_at_once_and_repeats_itself_seldom() -> None:
+    stream = io.StringIO()
+    with PlainLog(stream) as log:
+        log.show(status(), [LiveShot("0002", state="waiting")])
+        log.show(status(), [LiveShot("0002", state="waiting")])
+        log.notice("trigger\n(by hand)")
+    first, second = stream.getvalue().splitlines()
+    assert "armed | can 8000 frames/s, age 0.01 s, losses none | imu 34.0 kB/s" in first
+    assert "shots 2, 1 not finished | disk 83.2 GB free" in first
+    assert second[10] == " "
+    assert second[23] == "Z"
+    assert second.endswith("trigger (by hand)")
+
+
+def test_the_log_has_no_keys() -> None:
+    assert PlainLog(io.StringIO()).key() == ""

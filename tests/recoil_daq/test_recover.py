@@ -25,6 +25,7 @@ from daq.errors import ReadError, StoreError
 from daq.frames import capture_file
 from daq.journal import JournalWriter
 from daq.trigger import Decision
+from recoil_daq.live_tables import print_recovered
 from recoil_daq.recover import recover_folder, recover_journal
 from rigs.rig import load_rig
 from tests.builders.live_sources import ANCHOR
@@ -83,7 +84,7 @@ def test_a_shot_under_way_is_cut_from_its_recorded_trigger(tmp_path: Path) -> No
     first, second = done.shots
     assert [first.name, second.name] == ["0001", "0002"]
     assert first.missing == ("dewetron", "camera")
-    assert first.ingested is None
+    assert first.shot_file is None
     times = times_in(first.folder / "0001_imu.rdsc")
     assert times[0] == pytest.approx(11.7)
     assert times[-1] == pytest.approx(12.94, abs=0.011)
@@ -97,6 +98,18 @@ def test_a_shot_keeps_the_name_that_the_session_gave_it(tmp_path: Path) -> None:
     leave_journal(tmp_path, triggers_s=(12.0,), known=(CompleteShot("0042", 12.0),))
     ((done,), _) = recover_folder(tmp_path, None)
     assert [shot.name for shot in done.shots] == ["0042"]
+
+
+def test_a_shot_whose_shot_file_is_there_is_not_asked_to_be_finished(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    leave_journal(tmp_path, triggers_s=(12.0,), known=(CompleteShot("0001", 12.0),))
+    (tmp_path / "0001.h5").write_bytes(b"of the session")
+    ((done,), _) = recover_folder(tmp_path, None)
+    (shot,) = done.shots
+    assert shot.shot_file == tmp_path / "0001.h5"
+    print_recovered(tmp_path, [done])
+    assert "finish shot" not in capsys.readouterr().out
 
 
 def test_captures_that_were_written_before_are_left_as_they_are(tmp_path: Path) -> None:

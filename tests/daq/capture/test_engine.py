@@ -97,14 +97,15 @@ def test_what_is_still_needed_never_runs_past_the_start_of_an_open_shot() -> Non
 
 def test_levels_show_the_last_second_of_every_channel() -> None:
     engine = CaptureEngine([bus(), port()], TRIGGER)
-    assert engine.level("pressure") is None
+    assert engine.level("pressure", 12.5) is None
     for block in blocks(2.5, pulse_s=2.0):
         engine.take(block)
-    pressure, rate = engine.level("pressure"), engine.level("rate")
+    pressure, rate = engine.level("pressure", 12.5), engine.level("rate", 12.5)
     assert pressure is not None
     assert (pressure.last, pressure.low, pressure.high) == (0.0, 0.0, 100e3)
     assert rate is not None
     assert rate.last == -1.0
+    assert engine.level("pressure", 14.0) is None
 
 
 def test_blocks_that_were_not_looked_at_count_as_delivered() -> None:

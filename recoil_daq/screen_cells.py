@@ -1,0 +1,102 @@
+"""Single cells of the armed screen: a level, an age, losses, a shot."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from daq.capture.engine import Level
+from daq.capture.status import ChannelStatus, LiveStatus, SourceStatus
+from recoil_daq.engineering import engineering
+from recoil_daq.live_shot import LiveShot
+from recoil_daq.losses import NONE, NOT_COUNTED, losses_of
+from recoil_daq.screen_table import line_of
+
+if TYPE_CHECKING:
+    from rich.text import Text
+
+OLD_S = 1.0
+"""A source of which nothing came for so long is shown in red, and its channels as silent."""
+
+LITTLE_DISK_S, LITTLE_DISK_BYTES = 600.0, 1e9
+METER_CELLS, METER_CELLS_AT_LEAST = 20, 8
+SHOT_STYLES = {"usable": "green", "not usable": "bold red", "failed": "bold red", "incomplete": "yellow"}
+
+
+def meter(channel: ChannelStatus, cells: int = METER_CELLS) -> str:
+    """Draw the span of the last second over the sensor's range, with the trigger's level in it."""
+    level = channel.level
+    if channel.range is None or level is None or cells < METER_CELLS_AT_LEAST:
+        return ""
+    low, high = channel.range
+    if not (low < high and all(map(math.isfinite, (low, high, level.low, level.high, level.last)))):
+        return ""
+
+    def cell(value: float) -> int:
+        return int(min(max((value - low) / (high - low), 0.0) * cells, cells - 1))
+
+    first, last, now = cell(level.low), cell(level.high), cell(level.last)
+    drawn = ["█" if i == now else "▒" if first <= i <= last else "·" for i in range(cells)]
+    if channel.triggers_at is not None and (at := cell(channel.triggers_at)) != now:
+        drawn[at] = "┃"
+    return "".join(drawn)
+
+
+def is_outside(channel: ChannelStatus) -> bool:
+    """Tell whether a channel left its sensor's range within the last second."""
+    if channel.range is None or channel.level is None:
+        return False
+    return channel.level.low < channel.range[0] or channel.level.high > channel.range[1]
+
+
+def span_of(level: Level, unit: str, *, whole: bool) -> str:
+    """Write both ends of a span; with ``whole`` each has its unit."""
+    low, high = engineering(level.low, unit), engineering(level.high, unit)
+    if not whole and low.partition(" ")[2] == high.partition(" ")[2]:
+        low = low.partition(" ")[0]
+    return f"{low} .. {high}"
+
+
+def is_old(source: SourceStatus) -> bool:
+    """Tell whether nothing came of a source for so long that something is wrong."""
+    return source.age_s is None or source.age_s > OLD_S
+
+
+def age_of(source: SourceStatus) -> Text:
+    """Write how old the last data of a source is."""
+    if source.age_s is None:
+        return line_of("never", "bold red")
+    text = f"{source.age_s:.2f} s" if source.age_s < 60 else f"{source.age_s / 60:.0f} min"
+    return line_of(text, "bold red" if is_old(source) else "")
+
+
+def losses_cell(source: SourceStatus) -> Text:
+    """Write what a source lost, after the error that ended it."""
+    losses = losses_of(source.counters)
+    if source.error:
+        text = line_of(" ".join(source.error.split()), "bold red")
+        return text if losses in (NONE, NOT_COUNTED) else text.append(f"; {losses}", "yellow not bold")
+    if losses == NOT_COUNTED:
+        return line_of(losses)
+    if losses == NONE:
+        return line_of(losses, "" if source.age_s is None else "green")
+    return line_of(losses, "bold yellow")
+
+
+def disk_left(status: LiveStatus) -> tuple[str, bool]:
+    """Return the room on the disk, the time until it is full where that is near, and whether it is little."""
+    text = f"{status.disk_free_bytes / 1e9:.1f} GB"
+    rate = status.journal_bytes / status.armed_s if status.armed_s > 5 else 0.0
+    left_s = status.disk_free_bytes / rate if rate > 0 else math.inf
+    if left_s < 86_400:
+        text += f" ({left_s / 3600:.1f} h)" if left_s >= 3600 else f" ({left_s / 60:.0f} min)"
+    return text, left_s < LITTLE_DISK_S or status.disk_free_bytes < LITTLE_DISK_BYTES
+
+
+def shot_line(shot: LiveShot) -> Text:
+    """Write how far a shot is, what it waits for, and what speaks against it."""
+    text = line_of(f"shot {shot.name}  ").append(shot.state, SHOT_STYLES.get(shot.state, "cyan"))
+    if shot.state == "waiting" and shot.missing:
+        text.append(f" for files of {', '.join(shot.missing)}")
+    reasons = shot.problem or ("; ".join(shot.document["reasons"]) if shot.document else "")
+    return text.append(f": {' '.join(reasons.split())}") if reasons else text
