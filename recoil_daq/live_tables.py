@@ -40,11 +40,15 @@ def live_display(rig_name: str, *, plain: bool, as_json: bool) -> Iterator[Displ
 
 def print_outcome(done: LiveOutcome) -> None:
     """Print a row per shot of a live session, and what of it is in no shot file."""
-    rows = [
-        (s.name, _fired(s), s.state, _losses(s), str(s.captured or ""), s.problem or _reasons(s)) for s in done.shots
-    ]
-    columns = ("shot", "fired, UTC", "state", "losses", "captures", "why")
-    print_table(f"Live session on rig {done.rig}: {len(done.shots)} shots", columns, rows)
+    rows = [(s.name, _fired(s), s.state, s.problem or _reasons(s)) for s in done.shots]
+    print_table(
+        f"Live session on rig {done.rig}: {len(done.shots)} shots", ("shot", "fired, UTC", "state", "why"), rows
+    )
+    for shot in done.shots:
+        if losses := _losses(shot):
+            say(f"shot {shot.name} is not whole: {losses}")
+        if shot.captured is not None:
+            say(f"shot {shot.name} is captured in {shot.captured}")
     if done.journal is not None:
         say(f"the journal is kept, since not all of it is in a shot file: `recoil-daq recover {done.journal}`")
 
@@ -59,11 +63,8 @@ def _reasons(shot: LiveShot) -> str:
 
 def _losses(shot: LiveShot) -> str:
     """Return what the quality checks say of frames that are missing, source by source."""
-    if shot.document is None:
-        return ""
-    checks = [q for q in shot.document["quality"] if q["check"] == "missing frames"]
-    found = "; ".join(f"{q['channel']}: {q['detail']}" for q in checks if q["verdict"] != "ok")
-    return found or ("none" if checks else "not counted")
+    checks = [] if shot.document is None else [q for q in shot.document["quality"] if q["check"] == "missing frames"]
+    return "; ".join(f"{q['channel']}: {q['detail']}" for q in checks if q["verdict"] != "ok")
 
 
 def print_acquisition(summary: Mapping[str, Any]) -> None:
