@@ -98,6 +98,11 @@ class TwinSettings(BaseModel):
     """Standard deviation of the constant offset, share of full scale."""
     zero_shift: float = 0.0
     """Step of the offset at the shot, share of full scale."""
+    hum: NotNegative = 0.0
+    """Amplitude of the mains' hum, share of full scale."""
+    hum_hz: Positive = 50.0
+    skew_s: dict[str, float] = Field(default_factory=dict)
+    """Channel -> by how much it is sampled late, within one recorder."""
     bits: Annotated[int, Field(ge=0, le=32)] = 16
     """Of the converters over the sensors' ranges; 0 for none."""
 
@@ -114,6 +119,8 @@ class TwinSettings(BaseModel):
     """Frames that are not in the file."""
     camera_repeated: Count = 1
     """Frames that repeat the picture before them."""
+    camera_dropped: Count = 0
+    """Frames that are not in the file although its numbers and times go on as if they were."""
 
     can_format: Literal["blf", "asc"] = "blf"
     can_rate_hz: Positive = 2000.0
@@ -200,6 +207,10 @@ def _faults_of_measures(rig: Rig, settings: TwinSettings) -> list[Fault]:
             )
         elif ROLES[role] != quantities[name]:
             faults.append(Fault(f"twin.measures.{name}", f"{role} is no {quantities[name]}"))
+    for name in settings.skew_s:
+        if name not in quantities:
+            nearest = nearest_first(name, sorted(quantities))[0]
+            faults.append(Fault(f"twin.skew_s.{name}", f"no such channel; did you mean `{nearest}`?"))
     for name, role in roles.items():
         if not role:
             faults.append(Fault(f"twin.measures.{name}", "say which role's quantity this channel measures"))

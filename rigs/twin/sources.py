@@ -109,6 +109,7 @@ class Scene:
         rng = generator(self.seed, "channel", spec.name)
         role = self.roles[spec.name]
         motion, times = self.motion, self.motion.times_s
+        at_s = at_s - self.settings.skew_s.get(spec.name, 0.0)
         feels = truth(role, self.mechanism, motion, spec.sensor.position)
         if role == "trigger":
             stored = np.interp(at_s, times, feels)
@@ -119,9 +120,21 @@ class Scene:
             stored = sample(chain(feels, float(times[1]), spec.sensor), times, at_s, spec.sensor)
         after_shot = at_s >= motion.t_fire_s
         full_range = _range_in_file(spec)
-        stored, errors = digitise(to_file(stored, spec), full_range, spec.sensor.u_rel, self.settings, rng, after_shot)
+        stored = to_file(stored, spec)
+        if self.settings.hum > 0:
+            stored = stored + self._hum(spec, stored, at_s)
+        stored, errors = digitise(stored, full_range, spec.sensor.u_rel, self.settings, rng, after_shot)
         self.gains[spec.name], self.offsets[spec.name] = errors.gain, errors.offset
         return stored
+
+    def _hum(self, spec: ChannelSpec, stored: Array, at_s: Array) -> Array:
+        """Return the mains' hum on a channel, in the file's unit; each channel catches it in a phase of its own."""
+        full_range = _range_in_file(spec)
+        full_scale = float(np.abs(stored if full_range is None else full_range).max())
+        phase = generator(self.seed, "hum", spec.name).uniform(0.0, 2 * np.pi)
+        return np.asarray(
+            self.settings.hum * full_scale * np.sin(2 * np.pi * self.settings.hum_hz * at_s + phase), dtype=np.float64
+        )
 
     def _ringing_peak(self, role: str, spec: ChannelSpec, feels: Array) -> float:
         """Return the peak of the stress waves on a channel, SI."""
@@ -261,12 +274,17 @@ def camera_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile
     for place in positions.values():
         place[repeated] = place[repeated - 1]
     kept = np.setdiff1d(np.arange(count), missing)
-    content = track_text(kept, rate, {k: v[kept] for k, v in positions.items()}, np.isin(kept, lost), unit)
+    # a camera that drops a picture without knowing it numbers the next one in its place
+    dropped = np.sort(generator(scene.seed, "dropped frames").choice(kept[2:-2], s.camera_dropped, replace=False))
+    seen = np.setdiff1d(kept, dropped)
+    numbers = seen - np.searchsorted(dropped, seen)
+    content = track_text(numbers, rate, {k: v[seen] for k, v in positions.items()}, np.isin(seen, lost), unit)
     hidden = {
         **clock_truth(clock),
         "lost_frames": np.sort(lost).tolist(),
         "missing_frames": np.sort(missing).tolist(),
         "repeated_frames": np.sort(repeated).tolist(),
+        "dropped_frames": dropped.tolist(),
     }
     return SourceFile(source.name, file_name(scene, source, ".csv", faults), content, hidden)
 

@@ -140,6 +140,44 @@ def test_the_tracks_have_lost_missing_and_repeated_frames_where_the_truth_says(m
     assert b",-1,-1,-1,-1\r\n" in file_of(mixed, "camera.csv").read_bytes()
 
 
+def test_a_dropped_frame_leaves_no_gap_in_the_numbers_and_makes_what_follows_early(mixed: TwinShot, tmp_path) -> None:
+    rig = variant("mixed", FAST + "camera_dropped = 1\ncamera_missing = 0")
+    shot = simulate_shot(rig, tmp_path / "dropped", seed=11, shot="0042")
+    (dropped,) = shot.truth["sources"]["camera"]["dropped_frames"]
+    table = pd.read_csv(file_of(shot, "camera.csv"))
+    frames = table["Frame"].to_numpy()
+    assert frames.tolist() == list(range(frames.size))
+    motion = scene_of_mixed().motion
+    seen = ~np.isin(frames + (frames >= dropped), shot.truth["lost_frames"])
+    at = times_of(shot, "camera", (frames + (frames >= dropped)) / 6000.0)
+    true = np.interp(at, motion.times_s, motion.q[:, 4]) * shot.truth["gains"]["x_camera"]
+    error = (table["Feature #1 - X (mm)"].to_numpy() * 1e-3 - true)[seen]
+    assert np.median(np.abs(error)) < 5e-5
+    assert np.count_nonzero(np.abs(error) > 4e-4) <= 1  # but for the repeated picture
+
+
+def test_a_channel_that_is_sampled_late_repeats_the_others_motion_later() -> None:
+    scene = scene_of_mixed()
+    late = draw_scene(variant("mixed", FAST + "skew_s = { acc_recoil = 1e-3 }\nnoise = 0.0"), 11, "0042")
+    still = draw_scene(variant("mixed", FAST + "noise = 0.0"), 11, "0042")
+    spec = scene.rig.channel("acc_recoil")
+    at = np.arange(0.04, 0.2, 5e-5)
+    np.testing.assert_allclose(late.samples(spec, at), still.samples(spec, at - 1e-3), atol=1e-9)
+
+
+def test_hum_is_a_line_at_the_mains_frequency_and_nothing_else() -> None:
+    quiet = draw_scene(variant("mixed", FAST + "noise = 0.0\nbits = 0"), 11, "0042")
+    humming = draw_scene(variant("mixed", FAST + "noise = 0.0\nbits = 0\nhum = 0.001"), 11, "0042")
+    spec = quiet.rig.channel("acc_recoil")
+    at = np.arange(0.0, 0.3, 5e-5)
+    hum = humming.samples(spec, at) - quiet.samples(spec, at)
+    spectrum = np.abs(np.fft.rfft(hum)) * 2 / hum.size
+    frequency = np.fft.rfftfreq(hum.size, 5e-5)
+    assert frequency[np.argmax(spectrum)] == pytest.approx(50.0)
+    assert spectrum.max() == pytest.approx(0.001 * 5000.0, rel=0.02)
+    assert np.sort(spectrum)[-2] < 0.01 * spectrum.max()
+
+
 def test_the_tracks_follow_the_true_travel_on_the_true_clock(mixed: TwinShot) -> None:
     motion = scene_of_mixed().motion
     table = pd.read_csv(file_of(mixed, "camera.csv"))
@@ -314,6 +352,7 @@ def test_a_folder_that_cannot_be_made_is_reported(tmp_path: Path) -> None:
         ('measures = { nobody = "breech_pressure" }', "twin.measures.nobody: no such channel"),
         ('measures = { acc_recoil = "brech_pressure" }', "did you mean `breech_pressure`"),
         ('measures = { acc_recoil = "breech_pressure" }', "breech_pressure is no acceleration"),
+        ("skew_s = { acc_recol = 1e-4 }", "twin.skew_s.acc_recol: no such channel; did you mean `acc_recoil`?"),
     ],
 )
 def test_faults_of_the_twin_table_are_reported_with_their_keys(tmp_path: Path, twin: str, key: str) -> None:
