@@ -140,7 +140,7 @@ def test_the_tracks_have_lost_missing_and_repeated_frames_where_the_truth_says(m
     assert b",-1,-1,-1,-1\r\n" in file_of(mixed, "camera.csv").read_bytes()
 
 
-def test_a_dropped_frame_leaves_no_gap_in_the_numbers_and_makes_what_follows_early(mixed: TwinShot, tmp_path) -> None:
+def test_a_dropped_frame_leaves_no_gap_in_the_numbers_and_makes_what_follows_early(tmp_path: Path) -> None:
     rig = variant("mixed", FAST + "camera_dropped = 1\ncamera_missing = 0")
     shot = simulate_shot(rig, tmp_path / "dropped", seed=11, shot="0042")
     (dropped,) = shot.truth["sources"]["camera"]["dropped_frames"]
