@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from daq.channel import Channel
 from daq.errors import IdentificationError
 from daq.shot import ClockAlignment, Shot
-from identification.calibration import Calibration, CameraScale, calibrated_mass
+from identification.calibration import Calibration, CameraScale
 from identification.camera_route import mass_by_camera
 from identification.kinematics import inertial_acceleration, travel_acceleration, travel_and_velocity, turning
 from identification.mass import RANDOM, MassEstimate, ScaleUncertainty, forward_mass, reverse_mass
@@ -23,7 +23,11 @@ from identification.signals import Signals, collect_signals, static_value, witho
 from identification.trace import LARGEST_RELATIVE_U, MassTrace, mass_trace
 from identification.uncertainty import further_contributions
 from identification.verdict import notes_on, reasons_against
+from identification.zero_shift import Filmed, ZeroShift, calibrated_with_zero_shift
+from processing.double_integral import DoubleIntegral
 from processing.filters import LowPass
+from processing.motion_alignment import INFLATIONS
+from processing.scale_and_zero import filmed_motion
 from rigs.rig import Rig
 
 Array = NDArray[np.float64]
@@ -97,6 +101,8 @@ class Identification:
     results : mapping of str to Result
         By method, the inertial route; ``kinematic`` is the reverse estimate by the camera's route.
     calibration : Calibration
+    zero_shift : ZeroShift
+        Of the recoiling part's accelerometer.
     signals : Signals
     recorded, filtered : Regression
         Both sides of the equation of motion as recorded, and behind the low-pass.
@@ -117,6 +123,7 @@ class Identification:
     u_specification_kg: float
     results: Mapping[str, Result]
     calibration: Calibration
+    zero_shift: ZeroShift
     signals: Signals
     recorded: Regression
     filtered: Regression
@@ -184,14 +191,21 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
     if camera is not None:
         camera = without_delay(camera, delay_s)
     camera_clock = None if camera is None else alignments.get(camera.time_base.clock)
-    travel, velocity = travel_and_velocity(signals, travel_acceleration(signals, rig, motion), camera, camera_clock)
+    acceleration = travel_acceleration(signals, rig, motion)
+    travel, velocity = travel_and_velocity(signals, acceleration, camera, camera_clock)
     static = static_value("recoil_acceleration", rig.mechanism) or 0.0
     recorded = build_regression(signals, rig.mechanism, inertial_acceleration(signals, rig, motion), velocity, static)
     low_pass = LowPass(_cutoff(options, shot))
-    filtered = recorded.filtered(low_pass)
     scales = scale_uncertainty(rig)
     offset = signals.offsets["recoil_acceleration"]
-    calibration = calibrated_mass(filtered, scales, offset.u, camera_scale(camera, camera_clock))
+    filtered, calibration, zero_shift = calibrated_with_zero_shift(
+        recorded,
+        low_pass,
+        scales,
+        offset.u,
+        camera_scale(camera, camera_clock),
+        filmed(signals, acceleration, camera, camera_clock),
+    )
     further = further_contributions(recorded, filtered, calibration, signals, shot, rig)
     estimates = {
         "calibrated": calibration.estimate,
@@ -219,6 +233,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         u_specification_kg=rig.mechanism.u.get("m3", 0.0),
         results=results,
         calibration=calibration,
+        zero_shift=zero_shift,
         signals=signals,
         recorded=recorded,
         filtered=filtered,
@@ -227,8 +242,8 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         travel_m=travel,
         velocity_m_s=velocity,
         alignments=alignments,
-        reasons=reasons_against(shot, rig, signals, estimates, trace, calibration),
-        notes=(*notes_on(signals, recorded, trace), *notes),
+        reasons=reasons_against(shot, rig, signals, estimates, trace, calibration, zero_shift),
+        notes=(*notes_on(signals, recorded, trace, zero_shift), *notes),
     )
 
 
@@ -259,8 +274,41 @@ def camera_scale(camera: Channel | None, alignment: ClockAlignment | None) -> Ca
     d = alignment.details
     if "u_bias_m_s2" not in d:
         return None
-    bias = float(d["integration_constants"][2])
-    return CameraScale(d["gain"], d["u_gain"], bias, d["u_bias_m_s2"], d["gain_bias_correlation"], camera.u_rel)
+    constant = float(d["integration_constants"][2])
+    return CameraScale.of_constant(
+        d["gain"], d["u_gain"], constant, d["u_bias_m_s2"], d["gain_bias_correlation"], camera.u_rel
+    )
+
+
+def filmed(
+    signals: Signals, acceleration_m_s2: Array, camera: Channel | None, alignment: ClockAlignment | None
+) -> Filmed | None:
+    """Return the motion as camera and accelerometers recorded it; None where `camera_scale` has none.
+
+    Parameters
+    ----------
+    signals : Signals
+    acceleration_m_s2 : ndarray, shape (n,)
+        Second derivative of the travel by the accelerometers, on the grid.
+    camera : Channel or None
+        Displacement, without the delay of its chain.
+    alignment : ClockAlignment or None
+    """
+    if camera is None or alignment is None or camera_scale(camera, alignment) is None or not alignment.details:
+        return None
+    d = alignment.details
+    integral = DoubleIntegral.of(acceleration_m_s2, signals.start_s, signals.step_s)
+    motion = filmed_motion(
+        alignment.to_reference(camera.time_base.times_s),
+        np.asarray(camera.samples, dtype=np.float64),
+        integral,
+        gain=d["gain"],
+        marker_sigma_m=d["marker_sigma_m"],
+        u_offset_s=alignment.u_offset_s,
+        u_bias_m_s2=math.inf,  # the silence has its say where the mass is found
+    )
+    quietest = d["acceleration_density"] / d["noise_inflation"]
+    return Filmed(motion, tuple(quietest * inflation for inflation in INFLATIONS), camera.u_rel)
 
 
 def _cutoff(options: Options, shot: Shot) -> float:

@@ -12,7 +12,9 @@ The accelerometer reads ``a = (1 + da) a' + b`` while the part is free, gauge j 
 
     a = (1 + da) [sum_j F_j / (1 + dj) + (R - df) s] / (m0 (1 + dm)) + b,        m = m0 (1 + dm),
 
-with the friction's direction s and a first estimate m0. It is solved by Gauss and Newton's iteration.
+with the friction's direction s and a first estimate m0. Where the zero shifted at the shot, columns of
+the shapes that a shift may have are added, each with a coefficient that nothing restricts. It is solved by
+Gauss and Newton's iteration.
 """
 
 from __future__ import annotations
@@ -42,6 +44,7 @@ Array = NDArray[np.float64]
 ZERO = "recoil_acceleration zero"
 CAMERA_SCALE = "camera scale"
 CAMERA_ZERO = "camera zero of the acceleration"
+CAMERA_SHIFT = "camera shift of the acceleration's zero"
 """Names of the further budget rows."""
 
 _MASS, _GAUGES, _FRICTION, _ACCELERATION, _BIAS = 0, slice(1, 4), 4, 5, 6
@@ -57,29 +60,47 @@ LEAST_REDUNDANCY = 1e-6
 """Below this share of its variance the other data say nothing about an observation."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CameraScale:
     """What the camera says of the accelerometer.
 
     Attributes
     ----------
-    gain, u_gain : float
-        Camera's scale over the accelerometer's, from the fit of the displacement.
-    bias_m_s2, u_bias_m_s2 : float
-        Constant acceleration that the accelerometer lacks, in the camera's scale, and its standard
-        uncertainty from the fit.
-    correlation : float
-        Of these two estimates.
+    gain : float
+        Camera's scale over the accelerometer's.
+    zeros_m_s2 : ndarray, shape (1 + n_shifts,)
+        By how much the accelerometer reads too high throughout, and the size of each shape in which its zero
+        shifted, in its own scale.
+    covariance : ndarray, shape (2 + n_shifts, 2 + n_shifts)
+        Of these estimates, the gain's first, by the fit of the displacement alone.
     u_rel : float
         Relative standard uncertainty of the camera's own scale.
     """
 
     gain: float
-    u_gain: float
-    bias_m_s2: float
-    u_bias_m_s2: float
-    correlation: float
+    zeros_m_s2: Array
+    covariance: Array
     u_rel: float
+
+    @classmethod
+    def of_constant(
+        cls, gain: float, u_gain: float, constant_m_s2: float, u_constant_m_s2: float, correlation: float, u_rel: float
+    ) -> CameraScale:
+        """Take gain and constant of an alignment by motion: the constant is the gain times what the zero lacks.
+
+        Parameters
+        ----------
+        gain, u_gain : float
+        constant_m_s2, u_constant_m_s2 : float
+            Constant acceleration in the camera's scale that the accelerometer lacks.
+        correlation : float
+            Of these two estimates.
+        u_rel : float
+        """
+        own = correlation * u_gain * u_constant_m_s2
+        change = np.array([[1.0, 0.0], [constant_m_s2 / gain**2, -1.0 / gain]])
+        covariance = change @ np.array([[u_gain**2, own], [own, u_constant_m_s2**2]]) @ change.T
+        return cls(gain, np.array([-constant_m_s2 / gain]), covariance, u_rel)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +118,8 @@ class Calibration:
         Relative error of the accelerometer's sensitivity.
     bias_m_s2 : float
         Error of its zero.
+    shifts_m_s2, u_shifts_m_s2 : ndarray, shape (n_shifts,)
+        Size of each shape of the regression's `shifts`, and its standard uncertainty.
     departures : dict of str to float
         By how many of its standard uncertainties each sensor is off; those known exactly are left out.
     significances : dict of str to float
@@ -105,6 +128,10 @@ class Calibration:
         can tell little of a sensor; 0 where it can tell nothing.
     largest_residual_m_s2 : float
         `LARGEST_RESIDUAL` of this shot's acceleration; a residual beyond it is no noise.
+    noise_m_s2 : float
+        Standard deviation of the residual, widened by its correlation.
+    misfit : float
+        What was minimised: squares of residuals over the noise, and of departures over their uncertainties.
     """
 
     estimate: MassEstimate
@@ -112,13 +139,20 @@ class Calibration:
     friction_error_n: float
     acceleration_error: float
     bias_m_s2: float
+    shifts_m_s2: Array
+    u_shifts_m_s2: Array
     departures: dict[str, float]
     significances: dict[str, float]
     largest_residual_m_s2: float
+    noise_m_s2: float
+    misfit: float
 
     def correct(self, regression: Regression) -> tuple[Array, Array]:
         """Return a' and F' with the sensors' errors taken off, shape (n,) each."""
-        a = (regression.acceleration_m_s2 - self.bias_m_s2 * regression.released) / (1.0 + self.acceleration_error)
+        zero = self.bias_m_s2 * regression.released
+        if regression.shifts is not None:
+            zero = zero + regression.shifts @ self.shifts_m_s2
+        a = (regression.acceleration_m_s2 - zero) / (1.0 + self.acceleration_error)
         gauges = regression.forces_n[:, :3] @ (1.0 / (1.0 + self.gauge_errors))
         return a, np.asarray(gauges + regression.forces_n[:, 3] - self.friction_error_n * regression.sliding)
 
@@ -148,7 +182,12 @@ class _Solution(NamedTuple):
 
 
 def calibrated_mass(
-    regression: Regression, scales: ScaleUncertainty, u_bias_m_s2: float, camera: CameraScale | None
+    regression: Regression,
+    scales: ScaleUncertainty,
+    u_bias_m_s2: float,
+    camera: CameraScale | None,
+    *,
+    noise_m_s2: float | None = None,
 ) -> Calibration:
     """Estimate the mass with the sensors' scales as restricted unknowns.
 
@@ -161,6 +200,8 @@ def calibrated_mass(
         Standard uncertainty of the accelerometer's zero from the silence before the shot; infinite if
         there was none.
     camera : CameraScale or None
+    noise_m_s2 : float, optional
+        Of a row; found from the residuals if left out.
 
     Returns
     -------
@@ -175,27 +216,30 @@ def calibrated_mass(
     rows = spaced_rows(regression)
     a, forces = regression.acceleration_m_s2[rows], regression.forces_n[rows]
     released, sliding = regression.released[rows], regression.sliding[rows]
-    observations = _observations(scales, u_bias_m_s2, camera)
+    shifts = np.zeros((rows.size, 0)) if regression.shifts is None else regression.shifts[rows]
+    observations = _observations(scales, u_bias_m_s2, camera, shifts.shape[1])
     peak = float(np.max(np.abs(a)))
-    sigma = _plausible(first.residual_m_s2, peak)
-    unknowns = np.zeros(_UNKNOWNS)
+    sigma = _plausible(first.residual_m_s2 if noise_m_s2 is None else noise_m_s2, peak)
+    unknowns = np.zeros(_UNKNOWNS + shifts.shape[1])
     for _ in range(50):
-        model, design = _linearised(unknowns, first.mass_kg, forces, released, sliding)
+        model, design = _linearised(unknowns, first.mass_kg, forces, released, sliding, shifts)
         target = a - model + design @ unknowns
         solution = _solve(design, target, sigma, observations)
         residual = target - design @ solution.unknowns
         moved = float(np.max(np.abs(design @ (solution.unknowns - unknowns))))
-        # of the unknowns the mass is not restricted and the zero hardly
-        deviation = math.sqrt(float(residual @ residual) / (rows.size - 2))
+        # of the unknowns the mass and the shifts are not restricted and the zero hardly
+        deviation = math.sqrt(float(residual @ residual) / max(rows.size - 2 - shifts.shape[1], 1))
         noise = deviation * correlation_factor(residual)
-        before, sigma = sigma, _plausible(noise, peak)
+        before, sigma = sigma, _plausible(noise if noise_m_s2 is None else noise_m_s2, peak)
         unknowns = solution.unknowns
         if moved < 1e-9 * peak and abs(sigma / before - 1.0) < 1e-6:
             break
     mass = first.mass_kg * (1.0 + float(unknowns[_MASS]))
     budget = [BudgetRow(RANDOM, first.mass_kg * noise * float(np.linalg.norm(solution.by_rows)), "A")]
+    misfit = float(residual @ residual) / sigma**2
     departures, significances = {}, {}
     for o, effect in zip(observations, solution.by_observations, strict=True):
+        misfit += (float(o.row @ unknowns - o.value) / o.u) ** 2
         if o.u > SMALLEST_U:
             sensitivity = -first.mass_kg * float(effect)
             budget.append(BudgetRow(o.source, abs(sensitivity) * o.u, "B", sensitivity, o.unit))
@@ -210,9 +254,13 @@ def calibrated_mass(
         float(unknowns[_FRICTION]),
         float(unknowns[_ACCELERATION]),
         float(unknowns[_BIAS]),
+        unknowns[_UNKNOWNS:].copy(),
+        np.sqrt(np.diag(solution.covariance)[_UNKNOWNS:]),
         departures,
         significances,
         LARGEST_RESIDUAL * peak,
+        noise,
+        misfit,
     )
 
 
@@ -221,8 +269,10 @@ def _plausible(noise_m_s2: float, peak_m_s2: float) -> float:
     return min(max(noise_m_s2, SMALLEST_SIGMA_M_S2), LARGEST_RESIDUAL * peak_m_s2)
 
 
-def _linearised(unknowns: Array, m0: float, forces: Array, released: Array, sliding: Array) -> tuple[Array, Array]:
-    """Return the modelled acceleration, shape (n_rows,), and its derivatives by the unknowns, (n_rows, 7)."""
+def _linearised(
+    unknowns: Array, m0: float, forces: Array, released: Array, sliding: Array, shifts: Array
+) -> tuple[Array, Array]:
+    """Return the modelled acceleration, shape (n_rows,), and its derivatives by the unknowns, (n_rows, n_unknowns)."""
     mass, gain = m0 * (1.0 + unknowns[_MASS]), 1.0 + unknowns[_ACCELERATION]
     scales = 1.0 / (1.0 + unknowns[_GAUGES])
     force = forces[:, :3] @ scales + forces[:, 3] - unknowns[_FRICTION] * sliding
@@ -234,14 +284,17 @@ def _linearised(unknowns: Array, m0: float, forces: Array, released: Array, slid
             -gain * sliding / mass,
             rigid,
             released,
+            shifts,
         ]
     )
-    return gain * rigid + unknowns[_BIAS] * released, design
+    return gain * rigid + unknowns[_BIAS] * released + shifts @ unknowns[_UNKNOWNS:], design
 
 
-def _observations(scales: ScaleUncertainty, u_bias_m_s2: float, camera: CameraScale | None) -> list[_Observation]:
+def _observations(
+    scales: ScaleUncertainty, u_bias_m_s2: float, camera: CameraScale | None, shifts: int
+) -> list[_Observation]:
     """Return the calibrations, the silence before the shot and the camera as observations of the unknowns."""
-    only = np.eye(_UNKNOWNS)
+    only = np.eye(_UNKNOWNS + shifts)
     observations = [
         _Observation(source, only[1 + j], 0.0, max(u, SMALLEST_U), "1")
         for j, (source, u) in enumerate(zip(GAUGES, scales.gauges, strict=True))
@@ -252,30 +305,34 @@ def _observations(scales: ScaleUncertainty, u_bias_m_s2: float, camera: CameraSc
     if math.isfinite(u_bias_m_s2):
         observations.append(_Observation(ZERO, only[_BIAS], 0.0, max(u_bias_m_s2, SMALLEST_U), "m/s^2"))
     if camera is not None:
-        observations += _camera(camera)
+        observations += _camera(camera, shifts)
     return observations
 
 
-def _camera(camera: CameraScale) -> list[_Observation]:
-    """Return the camera's two observations, made independent of one another.
+def _camera(camera: CameraScale, shifts: int) -> list[_Observation]:
+    """Return the camera's observations, made independent of one another.
 
-    With the camera's own scale error dc the fit finds ``gain = (1 + dc) / (1 + da)`` and the constant
-    ``c2 = -gain b``. Their fits' errors are correlated; the part of the second that the first tells
-    (its own error and dc together) is taken off, which leaves ``u_c2^2 (1 - r^2 share)``.
+    With the camera's own scale error dc the fit finds ``gain = (1 + dc) / (1 + da)``, so that ``1 / gain - 1``
+    is da less dc. The errors of the fit's estimates are correlated; from each observation the part is taken off
+    that those before it tell of it.
     """
-    u_gain = max(math.hypot(camera.u_gain, camera.u_rel * camera.gain), SMALLEST_U)
-    share = (camera.u_gain / u_gain) ** 2
-    slope = camera.correlation * camera.u_bias_m_s2 * camera.u_gain / u_gain**2
-    u_given = camera.u_bias_m_s2 * math.sqrt(max(1.0 - camera.correlation**2 * share, 1e-6))
-    scale, zero = np.zeros(_UNKNOWNS), np.zeros(_UNKNOWNS)
-    scale[_ACCELERATION] = 1.0
-    zero[_BIAS], zero[_ACCELERATION] = 1.0, -slope
-    seen = 1.0 / camera.gain - 1.0
-    value = -camera.bias_m_s2 / camera.gain - slope * seen
-    return [
-        _Observation(CAMERA_SCALE, scale, seen, u_gain / camera.gain, "1"),
-        _Observation(CAMERA_ZERO, zero, value, max(u_given, SMALLEST_U), "m/s^2"),
-    ]
+    values = np.append(1.0 / camera.gain - 1.0, camera.zeros_m_s2)
+    covariance = np.array(camera.covariance)
+    covariance[0, 0] += (camera.u_rel * camera.gain) ** 2
+    covariance[0] /= -(camera.gain**2)
+    covariance[:, 0] /= -(camera.gain**2)
+    seen = np.zeros((values.size, _UNKNOWNS + shifts))
+    seen[0, _ACCELERATION] = seen[1, _BIAS] = 1.0
+    for j in range(2, values.size):
+        seen[j, _UNKNOWNS + j - 2] = 1.0
+    observations = []
+    for i in range(values.size):
+        told = np.linalg.lstsq(covariance[:i, :i], covariance[:i, i], rcond=None)[0] if i else np.zeros(0)
+        variance = max(float(covariance[i, i] - told @ covariance[:i, i]), 1e-6 * float(covariance[i, i]))
+        name = (CAMERA_SCALE, CAMERA_ZERO)[i] if i < 2 else f"{CAMERA_SHIFT} {i - 1}"
+        row, value = seen[i] - told @ seen[:i], float(values[i] - told @ values[:i])
+        observations.append(_Observation(name, row, value, max(math.sqrt(variance), SMALLEST_U), "m/s^2" if i else "1"))
+    return observations
 
 
 def _solve(design: Array, target: Array, sigma: float, observations: list[_Observation]) -> _Solution:

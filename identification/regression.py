@@ -52,6 +52,9 @@ class Regression:
         From the onset of force to the end of recoil travel.
     low_pass : LowPass or None
         The filter that both sides have passed; None for recorded signals.
+    shifts : ndarray, shape (n, n_shifts), or None
+        Shapes that a shift of the accelerometer's zero at the shot may have, see
+        `identification.zero_shift`; filtered with the rest.
     """
 
     times_s: Array
@@ -63,6 +66,7 @@ class Regression:
     trusted: Flags
     interval_s: tuple[float, float]
     low_pass: LowPass | None = None
+    shifts: Array | None = None
 
     @property
     def rate_hz(self) -> float:
@@ -92,11 +96,13 @@ class Regression:
         """
         trusted = np.ones(self.times_s.shape, dtype=bool)
         results = []
-        for column in (self.acceleration_m_s2, *self.forces_n.T, self.released, self.sliding):
+        shifts = () if self.shifts is None else self.shifts.T
+        for column in (self.acceleration_m_s2, *self.forces_n.T, self.released, self.sliding, *shifts):
             result, sound = low_pass.apply_with_gaps(column, self.rate_hz)
             results.append(result)
             trusted &= sound
-        acceleration, *forces, released, sliding = results
+        acceleration, *forces = results[: 1 + len(FORCES)]
+        released, sliding, *shifted = results[1 + len(FORCES) :]
         return replace(
             self,
             acceleration_m_s2=acceleration,
@@ -105,6 +111,7 @@ class Regression:
             sliding=sliding,
             trusted=trusted,
             low_pass=low_pass,
+            shifts=None if self.shifts is None else np.column_stack(shifted),
         )
 
     def with_acceleration(self, acceleration_m_s2: Array, trusted: Flags) -> Regression:

@@ -11,6 +11,7 @@ from identification.mass import ACCELERATION, RANDOM, MassEstimate
 from identification.regression import Regression
 from identification.signals import Signals
 from identification.trace import MassTrace
+from identification.zero_shift import ZeroShift
 from rigs.rig import Rig
 
 LEAST_SHARE = 0.5
@@ -28,6 +29,7 @@ def reasons_against(
     estimates: Mapping[str, MassEstimate],
     trace: MassTrace,
     calibration: Calibration,
+    shift: ZeroShift,
 ) -> tuple[str, ...]:
     """Say what speaks against the result.
 
@@ -39,6 +41,8 @@ def reasons_against(
     trace : MassTrace
         Of the method that was asked for.
     calibration : Calibration
+    shift : ZeroShift
+        Of the recoiling part's accelerometer.
 
     Returns
     -------
@@ -59,6 +63,11 @@ def reasons_against(
             f"only {100 * trace.share:.0f} % of the interval could be identified (limit {100 * LEAST_SHARE:.0f} %)"
         )
     reasons += _doubted_sensors(calibration)
+    if shift.demanded and not shift.confirmed:
+        reasons.append(
+            f"either the accelerometer's zero shifted at the shot {shift}, or a gauge is off: without a camera that is "
+            "aligned the shot cannot tell"
+        )
     residual, limit = calibration.estimate.residual_m_s2, calibration.largest_residual_m_s2
     if residual > limit:
         reasons.append(
@@ -97,7 +106,7 @@ def _not_shared(source: str) -> bool:
     return source in (RANDOM, ACCELERATION, CAMERA_SCALE)
 
 
-def notes_on(signals: Signals, recorded: Regression, trace: MassTrace) -> tuple[str, ...]:
+def notes_on(signals: Signals, recorded: Regression, trace: MassTrace, shift: ZeroShift) -> tuple[str, ...]:
     """Say what a reader should know although it does not make the result invalid.
 
     Parameters
@@ -106,6 +115,8 @@ def notes_on(signals: Signals, recorded: Regression, trace: MassTrace) -> tuple[
     recorded : Regression
     trace : MassTrace
         Of the method that was asked for.
+    shift : ZeroShift
+        Of the recoiling part's accelerometer.
     """
     notes = [
         f"no usable channel of role {role}: its term in the equation of motion is taken at rest"
@@ -115,4 +126,9 @@ def notes_on(signals: Signals, recorded: Regression, trace: MassTrace) -> tuple[
     if recorded.interval_s[1] >= recorded.times_s[-1]:
         notes.append("the record ends before the recoil does: the interval ends with it")
     notes += [f"{count} samples not identified: {reason}" for reason, count in trace.reasons.items()]
+    if shift.demanded and shift.confirmed:
+        notes.append(
+            f"the accelerometer's zero shifted at the shot {shift}, as force and camera tell: it is taken off, at the "
+            "cost of a wider interval; check its mounting and charge amplifier"
+        )
     return tuple(notes)

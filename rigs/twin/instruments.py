@@ -180,7 +180,7 @@ def digitise(
     u_rel: float,
     settings: TwinSettings,
     rng: np.random.Generator,
-    after_shot: NDArray[np.bool_],
+    zero_shift: Array,
 ) -> tuple[Array, Errors]:
     """Return what the recorder stores of true values: gain error, offset, zero shift, noise, clipping, steps.
 
@@ -195,15 +195,15 @@ def digitise(
     settings : TwinSettings
     rng : numpy.random.Generator
         Of this channel.
-    after_shot : ndarray of bool, shape (n,)
-        Samples that a zero shift has struck.
+    zero_shift : ndarray, shape (n,)
+        By how much the zero has shifted, share of full scale.
     """
     low, high = full_range if full_range is not None else (-np.inf, np.inf)
     full_scale = max(abs(low), abs(high)) if full_range is not None else float(np.abs(values).max())
     scale, offset = rng.normal(0.0, 1.0, 2) * (u_rel, settings.bias * full_scale)
     errors = Errors(1.0 + float(scale) if settings.gain_errors else 1.0, float(offset))
     noise = settings.noise * full_scale * rng.normal(0.0, 1.0, values.shape)
-    stored = errors.gain * values + errors.offset + settings.zero_shift * full_scale * after_shot + noise
+    stored = errors.gain * values + errors.offset + full_scale * zero_shift + noise
     stored = np.clip(stored, low, high)
     if settings.bits and full_range is not None:
         count = (high - low) / 2**settings.bits

@@ -97,7 +97,10 @@ class TwinSettings(BaseModel):
     bias: NotNegative = 0.0005
     """Standard deviation of the constant offset, share of full scale."""
     zero_shift: float = 0.0
-    """Step of the offset at the shot, share of full scale."""
+    """Step of the recoil accelerometer's offset at the shot, share of full scale; those on the carriage, which the
+    shock reaches by ``ringing_carriage``, shift by that part of it."""
+    zero_shift_pressure: float = 0.0
+    """Step of the pressure gauges' offset at the shot, share of full scale."""
     hum: NotNegative = 0.0
     """Amplitude of the mains' hum, share of full scale."""
     hum_hz: Positive = 50.0

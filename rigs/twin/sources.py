@@ -123,9 +123,18 @@ class Scene:
         stored = to_file(stored, spec)
         if self.settings.hum > 0:
             stored = stored + self._hum(spec, stored, at_s)
-        stored, errors = digitise(stored, full_range, spec.sensor.u_rel, self.settings, rng, after_shot)
+        shift = self._zero_shift(role) * after_shot
+        stored, errors = digitise(stored, full_range, spec.sensor.u_rel, self.settings, rng, shift)
         self.gains[spec.name], self.offsets[spec.name] = errors.gain, errors.offset
         return stored
+
+    def _zero_shift(self, role: str) -> float:
+        """Return by how much a sensor's zero shifts at the shot, share of full scale."""
+        if role == "recoil_acceleration":
+            return self.settings.zero_shift
+        if role.endswith(("_acceleration_x", "_acceleration_y")):
+            return self.settings.zero_shift * self.settings.ringing_carriage
+        return self.settings.zero_shift_pressure if role.endswith("_pressure") else 0.0
 
     def _hum(self, spec: ChannelSpec, stored: Array, at_s: Array) -> Array:
         """Return the mains' hum on a channel, in the file's unit; each channel catches it in a phase of its own."""

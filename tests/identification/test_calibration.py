@@ -1,13 +1,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import astuple, dataclass, replace
 from functools import cache
 
 import numpy as np
 import pytest
 
-from identification.calibration import CAMERA_SCALE, CAMERA_ZERO, ZERO, Calibration, CameraScale, calibrated_mass
+from identification import calibration
+from identification.calibration import CAMERA_SCALE, CAMERA_ZERO, ZERO, Calibration, CameraScale
 from identification.mass import (
     ACCELERATION,
     FRICTION,
@@ -23,7 +24,30 @@ from tests.builders.bench_shots import MASS_KG, bench_regression
 
 SCALES = ScaleUncertainty(0.005, (0.006, 0.004, 0.004), 150.0)
 U_BIAS = 0.2
-CAMERA = CameraScale(gain=1.0, u_gain=0.0006, bias_m_s2=0.0, u_bias_m_s2=0.3, correlation=-0.6, u_rel=0.001)
+
+
+@dataclass(frozen=True)
+class Camera:
+    """What a camera's alignment finds, as `CameraScale.of_constant` takes it."""
+
+    gain: float = 1.0
+    u_gain: float = 0.0006
+    bias_m_s2: float = 0.0
+    u_bias_m_s2: float = 0.3
+    correlation: float = -0.6
+    u_rel: float = 0.001
+
+    def __call__(self) -> CameraScale:
+        return CameraScale.of_constant(*astuple(self))
+
+
+CAMERA = Camera()
+
+
+def calibrated_mass(
+    regression: Regression, scales: ScaleUncertainty, u_bias: float, camera: Camera | None
+) -> Calibration:
+    return calibration.calibrated_mass(regression, scales, u_bias, None if camera is None else camera())
 
 
 @cache
@@ -138,7 +162,7 @@ def test_large_errors_are_taken_exactly_not_to_first_order():
     errors = {"gauges": (0.04, -0.03, 0.02), "friction_n": 300.0, "acceleration": 0.03, "bias_m_s2": 2.0}
     # the friction and the scales relative to one another are free, the accelerometer is known by the camera
     wide = ScaleUncertainty(0.5, (0.5, 0.5, 0.5), 1e4)
-    camera = CameraScale(1.0 / 1.03, 1e-6, -2.0 / 1.03, 1e-5, 0.0, 1e-6)
+    camera = Camera(1.0 / 1.03, 1e-6, -2.0 / 1.03, 1e-5, 0.0, 1e-6)
     tight = replace(wide, gauges=(1e-7, 0.5, 0.5))
     found = calibrated_mass(measured(**errors | {"gauges": (0.0, -0.03, 0.02)}), tight, math.inf, camera)
     assert found.estimate.mass_kg == pytest.approx(MASS_KG, rel=1e-5)
@@ -151,8 +175,10 @@ def test_large_errors_are_taken_exactly_not_to_first_order():
 def test_corrections_undo_the_errors_of_the_sensors():
     errors = {"gauges": (0.03, -0.02, 0.01), "friction_n": 200.0, "acceleration": 0.02, "bias_m_s2": 3.0}
     estimate = MassEstimate("calibrated", MASS_KG, (), 10, 0.0)
-    calibration = Calibration(estimate, np.array(errors["gauges"]), 200.0, 0.02, 3.0, {}, {}, 1.0)
-    a, force = calibration.correct(measured(**errors))
+    found = Calibration(
+        estimate, np.array(errors["gauges"]), 200.0, 0.02, 3.0, np.zeros(0), np.zeros(0), {}, {}, 1.0, 1.0, 0.0
+    )
+    a, force = found.correct(measured(**errors))
     np.testing.assert_allclose(a, exact().acceleration_m_s2, atol=1e-9)
     np.testing.assert_allclose(force, exact().force_n, atol=1e-6)
 

@@ -26,7 +26,8 @@ U_CLOCK_S = 2e-4
 def calibration(**errors: float) -> Calibration:
     estimate = MassEstimate("calibrated", MASS_KG, (), 10, 0.0)
     gauges = np.array([errors.get("breech", 0.0), 0.0, 0.0])
-    return Calibration(estimate, gauges, 0.0, errors.get("acceleration", 0.0), 0.0, {}, {}, 1.0)
+    none = np.zeros(0)
+    return Calibration(estimate, gauges, 0.0, errors.get("acceleration", 0.0), 0.0, none, none, {}, {}, 1.0, 1.0, 0.0)
 
 
 def on_a_bus(*names: str) -> Shot:

@@ -121,9 +121,7 @@ def test_a_filtered_chain_is_3_db_down_at_its_cut_off() -> None:
 @given(seed=st.integers(0, 1000), bits=st.integers(4, 16), size=st.floats(0.1, 50.0))
 def test_digitised_values_lie_within_the_range_and_on_the_converters_steps(seed: int, bits: int, size: float) -> None:
     values = np.linspace(-size, size, 501)
-    stored, _ = digitise(
-        values, (-4.0, 12.0), 0.01, TwinSettings(bits=bits), generator(seed), np.zeros(501, dtype=bool)
-    )
+    stored, _ = digitise(values, (-4.0, 12.0), 0.01, TwinSettings(bits=bits), generator(seed), np.zeros(501))
     counts = (stored + 4.0) / (16.0 / 2**bits)
     np.testing.assert_allclose(counts, np.round(counts), atol=1e-9)
     assert stored.min() >= -4.0
@@ -132,7 +130,7 @@ def test_digitised_values_lie_within_the_range_and_on_the_converters_steps(seed:
 
 def test_gain_errors_scatter_as_the_sensor_declares_and_can_be_switched_off() -> None:
     one, zero = (-1.0, 1.0), np.zeros(2)
-    never = np.zeros(2, dtype=bool)
+    never = np.zeros(2)
     drawn = [digitise(zero, one, 0.02, TwinSettings(), generator(i), never)[1].gain for i in range(400)]
     assert np.mean(drawn) == pytest.approx(1.0, abs=3 * 0.02 / 20)
     assert np.std(drawn) == pytest.approx(0.02, rel=0.15)
@@ -141,9 +139,9 @@ def test_gain_errors_scatter_as_the_sensor_declares_and_can_be_switched_off() ->
 
 
 def test_a_zero_shift_strikes_only_the_samples_after_the_shot() -> None:
-    settings_ = TwinSettings(zero_shift=0.1, noise=0.0, bias=0.0, bits=0)
-    after = np.array([False, False, True, True])
-    stored, _ = digitise(np.zeros(4), (-5.0, 5.0), 0.01, settings_, generator(1), after)
+    settings_ = TwinSettings(noise=0.0, bias=0.0, bits=0)
+    shift = 0.1 * np.array([0.0, 0.0, 1.0, 1.0])
+    stored, _ = digitise(np.zeros(4), (-5.0, 5.0), 0.01, settings_, generator(1), shift)
     np.testing.assert_allclose(stored, [0.0, 0.0, 0.5, 0.5])
 
 

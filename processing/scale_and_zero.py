@@ -1,0 +1,199 @@
+"""Scale and zero of an accelerometer as a camera that saw the same motion tells them.
+
+With the clocks aligned, the camera's positions are linear in what is not known:
+
+    z_i = k [D(t_i) + V(t_i) tau - b t_i^2/2 - sum_j s_j S_j(t_i)] + c0 + c1 t_i + w_i + n_i,
+
+with D and V the double and single integral of what the accelerometer reads, tau what is left of the clocks'
+offset, b its zero's error throughout, S_j the double integral of a shape in which the zero may have shifted, n
+the marker's white noise and w the walk that the accelerometer's noise integrates to, which is whitened
+as when the clocks are aligned (`processing.motion_alignment`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from processing.double_integral import DoubleIntegral
+from processing.outliers import isolated_outliers, stuck_repeats
+from processing.velocity_walk import WalkFilter
+
+Array = NDArray[np.float64]
+
+LEAST_FRAMES = 50
+"""Below this scale, zero and shifts are not to be told from so few frames."""
+LEAST_INDEPENDENCE = 1e-9
+"""Smallest sine of the angle between a column and the others."""
+
+
+@dataclass(frozen=True, eq=False)
+class ScaleAndZero:
+    """What the camera says.
+
+    Attributes
+    ----------
+    gain : float
+        k, camera's scale over the accelerometer's.
+    bias_m_s2 : float
+        b, in the accelerometer's scale.
+    shifts_m_s2 : ndarray, shape (n_shifts,)
+        s_j.
+    covariance : ndarray, shape (2 + n_shifts, 2 + n_shifts)
+        Of gain, bias and shifts; never less than the residuals call for.
+    density : float
+        Of the accelerometer's noise that the positions were whitened with, (m/s^2)^2/Hz, two-sided.
+    misfit : float
+        Sum of the squared whitened residuals and the logarithm of the noise's determinant: twice the negative
+        log-likelihood up to a constant.
+    innovation_statistic : float
+        Mean squared whitened residual; 1 if model and noise levels fit.
+    """
+
+    gain: float
+    bias_m_s2: float
+    shifts_m_s2: Array
+    covariance: Array
+    density: float
+    misfit: float
+    innovation_statistic: float
+
+
+@dataclass(frozen=True, eq=False)
+class FilmedMotion:
+    """A motion that a camera filmed and an accelerometer felt, on one clock.
+
+    Attributes
+    ----------
+    times_s, positions_m : ndarray, shape (n_frames,)
+        Frames with a position, on the accelerometer's clock, within its record.
+    integral : DoubleIntegral
+        Of what the accelerometer reads.
+    marker_variance : float
+        Of the camera's white noise, m^2.
+    u_offset_s : float
+        Standard uncertainty of the clocks' offset.
+    u_bias_m_s2 : float
+        Standard uncertainty of the accelerometer's zero from the silence before the motion; infinite if
+        there was none.
+    """
+
+    times_s: Array
+    positions_m: Array
+    integral: DoubleIntegral
+    marker_variance: float
+    u_offset_s: float
+    u_bias_m_s2: float
+
+    def solve(self, shapes: Array, density: float) -> ScaleAndZero | None:
+        """Find scale, zero and shifts.
+
+        Parameters
+        ----------
+        shapes : ndarray, shape (n_samples, n_shifts)
+            In which the zero may have shifted, at the accelerometer's samples; n_shifts may be 0.
+        density : float
+            Of the accelerometer's noise, (m/s^2)^2/Hz, two-sided.
+
+        Returns
+        -------
+        ScaleAndZero or None
+            None where too few frames are there or the columns are not independent.
+        """
+        t = self.times_s
+        if t.size < LEAST_FRAMES:
+            return None
+        walk = WalkFilter.design(t, self.marker_variance, density)
+        travel, velocity = self.integral.at(t)
+        start_s, step_s = self.integral.start_s, self.integral.step_s
+        since = t - start_s
+        shifted = [DoubleIntegral.of(shape, start_s, step_s).at(t)[0] for shape in shapes.T]
+        columns = np.column_stack([self.positions_m, travel, -0.5 * since**2, *(-s for s in shifted), velocity,
+                                   np.ones_like(t), since])  # fmt: skip
+        rows = walk.whiten(columns)
+        target, design = rows[:, 0], rows[:, 1:]
+        n_shifts = shapes.shape[1]
+        gain = float(np.linalg.lstsq(design, target, rcond=None)[0][0])
+        # the offset and the zero before the motion are known already, each as well as it is
+        prior = np.zeros((2, design.shape[1]))
+        prior[0, 2 + n_shifts] = 1.0 / max(abs(gain) * self.u_offset_s, 1e-12)
+        prior[1, 1] = 1.0 / max(abs(gain) * self.u_bias_m_s2, 1e-12)
+        full, values = np.vstack([design, prior]), np.append(target, [0.0, 0.0])
+        scale = np.sqrt((full**2).sum(axis=0))
+        if not np.all(scale > 0):
+            return None
+        q, r = np.linalg.qr(full / scale)
+        if not np.abs(np.diag(r)).min() > LEAST_INDEPENDENCE:
+            return None
+        inverse = np.linalg.inv(r)
+        solution = inverse @ (q.T @ values) / scale
+        residual = values - full @ solution
+        chi2 = float(residual @ residual)
+        statistic = float(residual[:-2] @ residual[:-2]) / t.size
+        wanted = slice(0, 2 + n_shifts)
+        covariance = (inverse @ inverse.T / np.outer(scale, scale))[wanted, wanted] * max(1.0, statistic)
+        gain, products = float(solution[0]), solution[1 : 2 + n_shifts]
+        # the columns' coefficients are gain times zero: derivatives of zero = product / gain
+        change = np.eye(2 + n_shifts)
+        change[1:, 0] = -products / gain**2
+        change[range(1, 2 + n_shifts), range(1, 2 + n_shifts)] = 1.0 / gain
+        zeros = products / gain
+        return ScaleAndZero(
+            gain=gain,
+            bias_m_s2=float(zeros[0]),
+            shifts_m_s2=np.asarray(zeros[1:]),
+            covariance=change @ covariance @ change.T,
+            density=density,
+            misfit=chi2 + walk.log_determinant,
+            innovation_statistic=statistic,
+        )
+
+    def likeliest(self, shapes: Array, densities: Sequence[float]) -> ScaleAndZero | None:
+        """Solve at several noise densities, and return the likeliest solution; parameters as of `solve`."""
+        found = [one for density in densities if (one := self.solve(shapes, density)) is not None]
+        return min(found, key=lambda one: one.misfit, default=None)
+
+
+def filmed_motion(
+    frame_times_s: Array,
+    positions_m: Array,
+    integral: DoubleIntegral,
+    *,
+    gain: float,
+    marker_sigma_m: float,
+    u_offset_s: float,
+    u_bias_m_s2: float,
+) -> FilmedMotion:
+    """Take the frames that have a position, lie within the accelerometer's record and agree with their neighbours.
+
+    Parameters
+    ----------
+    frame_times_s, positions_m : ndarray, shape (n,)
+        On the accelerometer's clock, strictly increasing; lost frames NaN.
+    integral : DoubleIntegral
+    gain : float
+        Camera's scale over the accelerometer's, roughly.
+    marker_sigma_m : float
+    u_offset_s, u_bias_m_s2 : float
+        As of `FilmedMotion`.
+
+    Raises
+    ------
+    ValueError
+        If shapes do not fit, or the marker's noise is not positive.
+    """
+    if frame_times_s.shape != positions_m.shape:
+        raise ValueError(f"times and positions must be equally many, not {frame_times_s.shape}, {positions_m.shape}")
+    if not (math.isfinite(marker_sigma_m) and marker_sigma_m > 0):
+        raise ValueError(f"marker_sigma_m must be positive, not {marker_sigma_m}")
+    seen = np.isfinite(positions_m) & integral.covers(frame_times_s)
+    t, z = frame_times_s[seen], positions_m[seen]
+    residual = z - gain * integral.at(t)[0]
+    stuck = stuck_repeats(z, residual, marker_sigma_m)
+    t, z, residual = t[~stuck], z[~stuck], residual[~stuck]
+    odd = isolated_outliers(t, residual, marker_sigma_m)
+    return FilmedMotion(t[~odd], z[~odd], integral, marker_sigma_m**2, u_offset_s, u_bias_m_s2)

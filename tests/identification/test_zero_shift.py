@@ -1,0 +1,80 @@
+"""A zero that shifts at the shot is found with the force, and only where the shot demands it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.mass import ScaleUncertainty
+from identification.regression import Regression
+from identification.zero_shift import MARGIN, ZeroShift, calibrated_with_zero_shift
+from processing.filters import LowPass
+from tests.builders.bench_shots import MASS_KG, bench_regression
+
+SCALES = ScaleUncertainty(0.005, (0.005, 0.004, 0.004), 150.0)
+U_BIAS = 0.1
+LOW_PASS = LowPass(300.0)
+
+
+def measured(seed: int, *, step: float = 0.0, decaying: float = 0.0, tau_s: float = 0.02) -> Regression:
+    """The bench shot as an accelerometer with noise reads it whose zero shifts."""
+    truth = bench_regression()
+    rng = np.random.default_rng(seed)
+    since = np.maximum(truth.times_s - truth.times_s[int(np.argmax(truth.released > 0.5))], 0.0)
+    shift = (step + decaying * np.exp(-since / tau_s)) * truth.released
+    a = truth.force_n / MASS_KG + shift + rng.normal(0.0, 20.0, truth.times_s.size)
+    forces = truth.forces_n.copy()
+    forces[:, :3] *= 1.0 + rng.normal(0.0, 1.0, 3) * SCALES.gauges
+    return replace(truth, acceleration_m_s2=a, forces_n=forces)
+
+
+def found(regression: Regression, u_bias: float = U_BIAS) -> tuple[Regression, float, float, ZeroShift]:
+    filtered, calibration, shift = calibrated_with_zero_shift(regression, LOW_PASS, SCALES, u_bias, None)
+    return filtered, calibration.estimate.mass_kg, calibration.estimate.u_kg, shift
+
+
+def test_without_a_shift_none_is_demanded() -> None:
+    demanded = sum(found(measured(seed))[3].demanded for seed in range(40))
+    assert demanded <= 2
+
+
+@pytest.mark.parametrize("step", [-15.0, 25.0])
+def test_a_step_is_found_and_the_mass_is_right_all_the_same(step: float) -> None:
+    for seed in range(5):
+        filtered, mass, u, shift = found(measured(seed, step=step))
+        assert shift.demanded
+        assert filtered.shifts is not None
+        assert abs(mass - MASS_KG) < 3 * u
+        assert u < 0.02 * MASS_KG
+
+
+def test_a_shift_that_decays_is_found_with_its_size_and_time() -> None:
+    _, mass, u, shift = found(measured(1, decaying=60.0, tau_s=0.02))
+    assert shift.demanded
+    assert shift.time_constant_s in (0.01, 0.02, 0.05)
+    assert shift.decaying_m_s2 == pytest.approx(60.0, rel=0.3)
+    assert abs(mass - MASS_KG) < 3 * u
+
+
+def test_corrected_both_sides_agree_where_the_shift_was() -> None:
+    regression = measured(2, step=25.0)
+    filtered, calibration, _ = calibrated_with_zero_shift(regression, LOW_PASS, SCALES, U_BIAS, None)
+    a, force = calibration.correct(filtered)
+    late = filtered.used & (filtered.times_s > filtered.interval_s[0] + 0.03)
+    assert abs(np.mean(a[late] - force[late] / calibration.estimate.mass_kg)) < 0.5
+
+
+def test_a_shift_costs_certainty() -> None:
+    _, _, without, _ = found(measured(3))
+    _, _, with_shift, _ = found(measured(3, step=25.0))
+    assert with_shift > without
+
+
+def test_without_a_silence_no_shift_is_told_from_a_zero_that_was_never_known() -> None:
+    filtered, _, _, shift = found(measured(4, step=25.0), u_bias=math.inf)
+    assert filtered.shifts is None
+    assert shift == ZeroShift()
+    assert not ZeroShift(criterion=MARGIN).demanded
