@@ -61,7 +61,7 @@ class ClockAlignment:
     status : str
         ``ok``, ``ambiguous`` or ``failed``.
     method : str
-        ``motion``, ``redundant``, ``fixed`` or ``reference``.
+        ``motion``, ``redundant``, ``trigger``, ``exposure``, ``fixed`` or ``reference``.
     reasons : tuple of str
         Why it is not ``ok``.
     details : dict

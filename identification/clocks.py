@@ -7,26 +7,29 @@ uses the carriage's motion, which may have been recorded on another clock.
 from __future__ import annotations
 
 import math
-
-import numpy as np
-from numpy.typing import NDArray
+from collections.abc import Mapping
 
 from daq.channel import Channel
-from daq.errors import IdentificationError
 from daq.shot import ClockAlignment, Shot
-from identification.kinematics import travel_acceleration, turning
-from identification.signals import Signals, collect_signals
-from processing.align import failed_alignment, judge_edges, judge_motion, judge_redundant
-from processing.gaps import bridge
-from processing.motion_alignment import align_motion
-from processing.noise import noise_sigma
-from processing.redundant_alignment import align_redundant
+from identification.instants import Instants, instants
+from identification.motion_clocks import align_by_comparison, align_by_motion, evenly, samples_of
+from processing.align import failed_alignment, judge_edges
+from processing.alignment_budget import with_second_opinion, with_uncertainty
 from processing.trigger_alignment import align_edges, rising_edges
-from rigs.rig import FixedAlignment, MotionAlignment, RedundantAlignment, Rig, Source, TriggerAlignment
+from rigs.rig import (
+    ExposureAlignment,
+    FixedAlignment,
+    MotionAlignment,
+    RedundantAlignment,
+    Rig,
+    Source,
+    TriggerAlignment,
+)
 
-Array = NDArray[np.float64]
+_ORDER = (FixedAlignment, TriggerAlignment, RedundantAlignment, MotionAlignment, ExposureAlignment)
 
-_ORDER = (FixedAlignment, TriggerAlignment, RedundantAlignment, MotionAlignment)
+EXPANDED = 3.0
+"""Standard uncertainties of the motion's offset within which a pulse is looked for."""
 
 
 def align_clocks(shot: Shot, rig: Rig) -> tuple[ClockAlignment, ...]:
@@ -42,7 +45,8 @@ def align_clocks(shot: Shot, rig: Rig) -> tuple[ClockAlignment, ...]:
     -------
     tuple of ClockAlignment
         One per source other than the reference that the shot has channels of, in the rig's order. What
-        cannot be aligned has status ``failed`` and says why.
+        cannot be aligned has status ``failed`` and says why. They map instants as `identification.instants` gives
+        them: of the physics, on the source's even beat. Details list the delays that were taken off.
     """
     recorded = {c.time_base.clock for c in shot.channels.values()}
     sources = [s for s in rig.sources if s.name != rig.reference_clock and s.name in recorded]
@@ -54,16 +58,18 @@ def align_clocks(shot: Shot, rig: Rig) -> tuple[ClockAlignment, ...]:
     return tuple(found[s.name] if s.name in found else _align(shot, rig, s, found) for s in sources)
 
 
-def _align(shot: Shot, rig: Rig, source: Source, found: dict[str, ClockAlignment]) -> ClockAlignment:
+def _align(shot: Shot, rig: Rig, source: Source, found: Mapping[str, ClockAlignment]) -> ClockAlignment:
     align = source.align
     if isinstance(align, FixedAlignment):
         return ClockAlignment(source.name, align.offset_s, align.u_offset_s, align.drift, align.u_drift, "ok", "fixed")
     if isinstance(align, TriggerAlignment):
         return _by_trigger(shot, rig, source, align)
+    if isinstance(align, ExposureAlignment):
+        return _by_exposure(shot, rig, source, align, found)
     if isinstance(align, RedundantAlignment):
         return _by_redundant_channel(shot, rig, source, align)
     if isinstance(align, MotionAlignment):
-        return _by_motion(shot, rig, source, align, found)
+        return align_by_motion(shot, rig, source, align.against, align.drift_allowance, found)
     return failed_alignment(source.name, "none", "the rig declares no alignment")
 
 
@@ -72,10 +78,42 @@ def _by_trigger(shot: Shot, rig: Rig, source: Source, align: TriggerAlignment) -
     if own is None or other is None:
         missing = align.channel if own is None else "a channel of role trigger on the reference clock"
         return failed_alignment(source.name, "trigger", f"{missing} is not in this shot")
-    u_edge = math.hypot(_step(own), _step(other)) / math.sqrt(12.0)
-    edges = [rising_edges(c.time_base.times_s - rig.channel(c.name).sensor.delay_s, _samples(c)) for c in (own, other)]
-    fit = align_edges(edges[0], edges[1], u_edge_s=u_edge, drift_allowance=align.drift_allowance)
-    return judge_edges(source.name, fit, u_edge_s=u_edge)
+    one, two = instants(own, shot, rig), instants(other, shot, rig)
+    u_edge = math.hypot(1.0 / own.time_base.rate_hz, 1.0 / other.time_base.rate_hz) / math.sqrt(12.0)
+    fit = align_edges(
+        rising_edges(one.times_s, samples_of(own)),
+        rising_edges(two.times_s, samples_of(other)),
+        u_edge_s=u_edge,
+        drift_allowance=align.drift_allowance,
+    )
+    found = judge_edges(source.name, fit, u_edge_s=u_edge)
+    return with_uncertainty(found, _u_of(found, one, two), **_listed((own, one), (other, two)))
+
+
+def _by_exposure(
+    shot: Shot, rig: Rig, source: Source, align: ExposureAlignment, found: Mapping[str, ClockAlignment]
+) -> ClockAlignment:
+    own = next((c for c in shot.channels.values() if c.time_base.clock == source.name), None)
+    other = shot.channels.get(align.channel)
+    if own is None or other is None:
+        missing = "a channel of this source" if own is None else f"channel {align.channel}"
+        return failed_alignment(source.name, "exposure", f"{missing} is not in this shot")
+    frames, pulses = instants(own, shot, rig), instants(other, shot, rig)
+    # a pulse rises where the exposure starts; a moving mark's picture is where the mark was in the middle of it
+    edges_s = rising_edges(pulses.times_s, samples_of(other)) + 0.5 * (source.exposure_s or 0.0)
+    middle_s = 0.5 * float(frames.times_s[0] + frames.times_s[-1])
+    near, motion = None, None
+    if align.against is not None:
+        motion = align_by_motion(shot, rig, source, align.against, align.drift_allowance, found)
+        if motion.status != "failed":
+            within = max(0.5 / own.time_base.rate_hz, EXPANDED * motion.u_offset_s)
+            near = motion.to_reference(middle_s) - middle_s, within
+    u_edge = 1.0 / other.time_base.rate_hz / math.sqrt(12.0)
+    fit = align_edges(frames.times_s, edges_s, u_edge_s=u_edge, drift_allowance=align.drift_allowance, near_s=near)
+    judged = judge_edges(source.name, fit, u_edge_s=u_edge, method="exposure")
+    # what the camera's stamps mean is in the offset, whatever it is: its delays are none of the uncertainty
+    judged = with_uncertainty(judged, _u_of(judged, pulses), **_listed((own, frames), (other, pulses)))
+    return judged if motion is None else with_second_opinion(judged, motion, middle_s)
 
 
 def _by_redundant_channel(shot: Shot, rig: Rig, source: Source, align: RedundantAlignment) -> ClockAlignment:
@@ -85,73 +123,19 @@ def _by_redundant_channel(shot: Shot, rig: Rig, source: Source, align: Redundant
         return failed_alignment(source.name, "redundant", f"channel {missing} is not in this shot")
     if other.time_base.clock != shot.reference_clock:
         return failed_alignment(source.name, "redundant", f"channel {align.against} is not on the reference clock")
-    base = other.time_base
-    step = _step(other)
-    reference = bridge(_samples(other), otherwise=0.0)
-    if base.step_s is None:
-        grid = base.start_s + step * np.arange(int((base.end_s - base.start_s) / step) + 1)
-        reference = np.interp(grid, base.times_s, reference)
-    fit = align_redundant(
-        own.time_base.times_s - rig.channel(own.name).sensor.delay_s,
-        _samples(own),
-        base.start_s - rig.channel(other.name).sensor.delay_s,
-        step,
-        reference,
-        drift_allowance=align.drift_allowance,
-    )
-    return judge_redundant(source.name, fit)
-
-
-def _by_motion(
-    shot: Shot, rig: Rig, source: Source, align: MotionAlignment, found: dict[str, ClockAlignment]
-) -> ClockAlignment:
-    own = next(
-        (c for c in shot.channels.values() if c.time_base.clock == source.name and c.quantity == "displacement"), None
-    )
-    other = shot.channels.get(align.against)
-    if own is None or other is None:
-        missing = "a displacement channel of this source" if own is None else f"channel {align.against}"
-        return failed_alignment(source.name, "motion", f"{missing} is not in this shot")
-    if other.role != "recoil_acceleration":
-        return failed_alignment(
-            source.name, "motion", f"channel {align.against} must have the role recoil_acceleration"
-        )
-    try:
-        signals = collect_signals(shot, rig, found)
-    except IdentificationError as error:
-        return failed_alignment(source.name, "motion", str(error))
-    acceleration = travel_acceleration(signals, rig, turning(signals, rig))
-    sigma = _silent_noise(signals, acceleration)
-    # the pulse's silence fixes the zero; what is left of it is the fit's own unknown
-    fit = align_motion(
-        own.time_base.times_s - rig.channel(own.name).sensor.delay_s,
-        _samples(own),
-        signals.start_s,
-        signals.step_s,
-        acceleration,
-        acceleration_sigma_m_s2=sigma,
-        drift_allowance=align.drift_allowance,
-    )
-    return judge_motion(
-        source.name,
-        fit,
-        u_gain=math.hypot(own.u_rel, other.u_rel),
-        noise_density=sigma**2 * signals.step_s,
-        frame_period_s=_step(own),
+    reference = evenly(shot, rig, other)
+    return align_by_comparison(
+        shot, rig, own, other, reference, method="redundant", drift_allowance=align.drift_allowance
     )
 
 
-def _silent_noise(signals: Signals, acceleration: Array) -> float:
-    times = signals.times_s
-    silent = acceleration[(times >= signals.quiet_s[0]) & (times < signals.quiet_s[1])]
-    if silent.size >= 50:
-        return max(float(np.std(silent)), 1e-6)
-    return max(noise_sigma(acceleration), 1e-6)
+def _u_of(found: ClockAlignment, *sides: Instants) -> float:
+    return math.hypot(found.u_offset_s, *(side.u_s for side in sides))
 
 
-def _step(channel: Channel) -> float:
-    return 1.0 / channel.time_base.rate_hz
-
-
-def _samples(channel: Channel) -> Array:
-    return np.asarray(channel.samples, dtype=np.float64)
+def _listed(*sides: tuple[Channel, Instants]) -> dict[str, object]:
+    """List the delays of both sides, and how the source's beat was found."""
+    return {
+        "delays": [part for channel, side in sides for part in side.delay.to_json(channel.name)],
+        "stamps": sides[0][1].stamps_to_json(),
+    }

@@ -20,6 +20,7 @@ from daq.channel import Channel
 from daq.errors import IdentificationError
 from daq.shot import ClockAlignment, Shot
 from daq.timebase import TimeBase
+from identification.instants import instants
 from identification.onset import LEAST_QUIET_SAMPLES, find_onset
 from processing.gaps import bridge
 from processing.motion_alignment import integrate
@@ -172,7 +173,7 @@ def collect_signals(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignmen
         if channel.time_base.clock != shot.reference_clock and (alignment is None or alignment.status == "failed"):
             continue
         specs[role] = rig.channel(channel.name)
-        series[role] = on_grid(channel, alignment, grid, specs[role].sensor.delay_s)
+        series[role] = on_grid(at_instants(channel, shot, rig), alignment, grid)
     onset = find_onset(grid, series)
     quiet_end = max(start, onset - QUIET_MARGIN_S)
     quiet = (start, quiet_end) if quiet_end - start >= LEAST_QUIET_S else (start, start)
@@ -185,22 +186,22 @@ def collect_signals(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignmen
     return Signals(start, step, series, offsets, quiet, onset)
 
 
-def without_delay(channel: Channel, delay_s: float) -> Channel:
-    """Return a channel whose stamps are those of the physics, not those of the end of its chain.
+def at_instants(channel: Channel, shot: Shot, rig: Rig) -> Channel:
+    """Return a channel whose stamps are those of the physics, see `identification.instants`.
 
     Parameters
     ----------
     channel : Channel
-    delay_s : float
-        By which the chain delays the signal.
+    shot : Shot
+    rig : Rig
     """
-    if delay_s == 0:
+    base, found = channel.time_base, instants(channel, shot, rig)
+    if not found.stamps.even and found.delay.delay_s == 0:
         return channel
-    base = channel.time_base
-    return replace(channel, time_base=TimeBase.stamped(base.clock, base.times_s - delay_s, base.absolute_start))
+    return replace(channel, time_base=TimeBase.stamped(base.clock, found.times_s, base.absolute_start))
 
 
-def on_grid(channel: Channel, alignment: ClockAlignment | None, grid_s: Array, delay_s: float) -> Array:
+def on_grid(channel: Channel, alignment: ClockAlignment | None, grid_s: Array) -> Array:
     """Evaluate a channel at instants of the reference clock.
 
     Parameters
@@ -209,8 +210,6 @@ def on_grid(channel: Channel, alignment: ClockAlignment | None, grid_s: Array, d
     alignment : ClockAlignment or None
         None for a channel of the reference clock.
     grid_s : ndarray, shape (n,)
-    delay_s : float
-        By which the chain delays the signal; the stamps are later than the physics by it.
 
     Returns
     -------
@@ -220,7 +219,7 @@ def on_grid(channel: Channel, alignment: ClockAlignment | None, grid_s: Array, d
     """
     from scipy.interpolate import CubicSpline
 
-    times = channel.time_base.times_s - delay_s
+    times = channel.time_base.times_s
     if alignment is not None:
         times = alignment.to_reference(times)
     samples = np.asarray(channel.samples, dtype=np.float64)

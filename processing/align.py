@@ -8,6 +8,7 @@ The estimators are `processing.motion_alignment`, `processing.redundant_alignmen
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 
 from daq.shot import AlignmentStatus, ClockAlignment
 from processing.motion_fit import MotionFit
@@ -22,8 +23,10 @@ INNOVATION_LIMITS = (0.5, 1.6)
 """Mean squared normalised residual of a fit whose noise levels are right is 1."""
 GAIN_LIMIT_SIGMA = 4.0
 """How many standard uncertainties the scales of two sensors may differ by."""
-DRIFT_LIMIT_SIGMA = 5.0
-"""How many standard uncertainties the record's own drift may be off the one that the clocks' quality allows."""
+DRIFT_LIMIT_SIGMA = 3.5
+"""How many standard uncertainties the record's own drift may be off zero, that of the clocks' quality among them."""
+VELOCITY_LIMIT_SIGMA = 3.0
+"""How many combined standard uncertainties velocities and likelihood may differ by."""
 MOST_SET_ASIDE = 0.02
 """Share of the frames that may contradict their neighbours: published tracks repeat 1.4 % in the median."""
 LOW_NOISE = "the track was smoothed or filled, or too many frames are lost to tell its noise"
@@ -31,6 +34,10 @@ MOST_INFLATION = 300.0
 """How much the accelerometer's noise may have to be raised before the motions differ."""
 EDGE_RESIDUAL_SIGMA = 4.0
 """How many standard uncertainties a pair of edges may lie off the line."""
+MOST_UNPAIRED = 0.1
+"""Edges without a counterpart over pairs, beyond which the two trains may not be the same."""
+MOST_LISTED = 50
+"""Instants of edges that are listed one by one."""
 MOST_U_OFFSET_S = 2e-4
 """Beyond this an offset is hardly known: at 10 m/s it is 2 mm of travel."""
 MOST_DRIFT = 1e-3
@@ -56,6 +63,9 @@ def judge_motion(
     Returns
     -------
     ClockAlignment
+        Where the film is wrong from some frame on (`processing.frame_fault`) it is ``ambiguous`` and of the
+        file as it is; the details hold the places, and the offset of a corrected film. ``drift_told_from`` is the
+        drift beyond which the record would have told a wrong frame rate.
 
     Raises
     ------
@@ -68,41 +78,51 @@ def judge_motion(
         return failed_alignment(clock, "motion", fit)
     if not _finite(fit.offset_s, fit.u_offset_s, fit.drift, fit.gain, fit.u_gain, fit.innovation_statistic):
         return failed_alignment(clock, "motion", "the fit gives no finite number: check both records for spikes")
-    doubts, failures = _common_doubts(fit)
+    # what a missing frame or a jump does to the fit is said by itself; the rest is judged without it
+    sound = fit.corrected or fit
+    doubts, failures = _common_doubts(sound)
+    doubts = [*(str(fault) for fault in fit.frame_faults), *doubts]
     low, high = INNOVATION_LIMITS
-    if not low <= fit.innovation_statistic <= high:
+    if not low <= sound.innovation_statistic <= high:
         doubts.append(
-            f"residuals are {fit.innovation_statistic:.2f} times their expected variance (limits {low} to {high}): "
+            f"residuals are {sound.innovation_statistic:.2f} times their expected variance (limits {low} to {high}): "
             + (
                 "a dropped frame, a wrong frame rate or another motion"
-                if fit.innovation_statistic > high
+                if sound.innovation_statistic > high
                 else LOW_NOISE
             )
         )
-    if fit.frames_set_aside > MOST_SET_ASIDE * (fit.frames + fit.frames_set_aside):
+    if sound.frames_set_aside > MOST_SET_ASIDE * (sound.frames + sound.frames_set_aside):
         doubts.append(
-            f"{fit.frames_set_aside} of {fit.frames + fit.frames_set_aside} frames contradict their neighbours"
+            f"{sound.frames_set_aside} of {sound.frames + sound.frames_set_aside} frames contradict their neighbours"
         )
-    inflation = fit.acceleration_density / noise_density
+    inflation = sound.acceleration_density / noise_density
     if inflation > MOST_INFLATION:
         failures.append(
             f"camera and accelerometer do not show the same motion: {inflation:.0f} times the accelerometer's noise "
             "would be needed to explain the difference"
         )
-    off = abs(fit.gain - 1.0) / max(math.hypot(u_gain, fit.u_gain), 1e-12)
+    off = abs(sound.gain - 1.0) / max(math.hypot(u_gain, sound.u_gain), 1e-12)
     if off > GAIN_LIMIT_SIGMA:
         failures.append(
-            f"the camera's travel is {100 * (fit.gain - 1):+.2f} % off the accelerometer's, "
+            f"the camera's travel is {100 * (sound.gain - 1):+.2f} % off the accelerometer's, "
             f"{off:.1f} standard uncertainties: another shot's file, a wrong scale or a wrong sensitivity"
         )
-    if not failures and abs(fit.free_drift - fit.drift) > DRIFT_LIMIT_SIGMA * fit.u_free_drift:
+    if not failures and abs(sound.drift) <= MOST_DRIFT and sound.drift_departure > DRIFT_LIMIT_SIGMA:
         doubts.append(
-            f"the motions fit best if the camera's seconds are {100 * (fit.free_drift - fit.drift):+.3f} % longer "
-            f"(u {100 * fit.u_free_drift:.3f} %): check the frame rate"
+            f"the motions fit best if the camera's seconds are {100 * sound.free_drift:+.3f} % longer "
+            f"(u {100 * sound.u_free_drift:.3f} %): check the frame rate"
         )
-    apart = abs(fit.coarse_offset_s - (fit.offset_s + fit.drift * fit.origin_s))
+    apart = abs(sound.coarse_offset_s - (sound.offset_s + sound.drift * sound.origin_s))
     if apart > max(2e-3, 6 * frame_period_s):
         doubts.append(f"velocity correlation and likelihood are {1e3 * apart:.2f} ms apart")
+    by_velocity_s = sound.velocity_offset_s - sound.offset_s
+    combined = abs(by_velocity_s) / math.hypot(sound.u_velocity_offset_s, sound.u_offset_s)
+    if combined > VELOCITY_LIMIT_SIGMA:
+        doubts.append(
+            f"velocities alone give an offset {1e6 * by_velocity_s:+.0f} us from the likelihood's, "
+            f"{combined:.1f} combined standard uncertainties"
+        )
     details = {
         "gain": fit.gain,
         "u_gain": fit.u_gain,
@@ -123,18 +143,31 @@ def judge_motion(
         "second_peak": fit.second_peak,
         "candidates_s": fit.candidates_s.tolist(),
         "log_likelihood": fit.log_likelihood.tolist(),
+        "drift_allowance": fit.drift_allowance,
+        "drift_earned": fit.drift_earned,
+        "drift_departure": sound.drift_departure,
+        "drift_told_from": DRIFT_LIMIT_SIGMA * math.hypot(sound.u_free_drift, sound.drift_allowance),
+        "frame_faults": [asdict(fault) for fault in fit.frame_faults],
     }
+    if math.isfinite(sound.u_velocity_offset_s):
+        details |= {"velocity_apart_s": by_velocity_s, "u_velocity_offset_s": sound.u_velocity_offset_s}
+    if fit.corrected is not None:
+        details |= {
+            "corrected_offset_s": fit.corrected.offset_s,
+            "u_corrected_offset_s": fit.corrected.u_offset_s,
+            "corrected_drift": fit.corrected.drift,
+        }
     return ClockAlignment(
         clock, fit.offset_s, fit.u_offset_s, fit.drift, fit.u_drift, *_status(doubts, failures, "motion"), details
     )
 
 
-def judge_redundant(clock: str, fit: RedundantFit | str) -> ClockAlignment:
-    """Judge an alignment by a redundant channel."""
+def judge_redundant(clock: str, fit: RedundantFit | str, *, method: str = "redundant") -> ClockAlignment:
+    """Judge an alignment by a channel that repeats another, or its integral or derivative (method ``motion``)."""
     if isinstance(fit, str):
-        return failed_alignment(clock, "redundant", fit)
+        return failed_alignment(clock, method, fit)
     if not _finite(fit.offset_s, fit.u_offset_s, fit.drift, fit.gain, fit.u_gain):
-        return failed_alignment(clock, "redundant", "the fit gives no finite number: check both records for spikes")
+        return failed_alignment(clock, method, "the fit gives no finite number: check both records for spikes")
     doubts, failures = _common_doubts(fit)
     details = {
         "gain": fit.gain,
@@ -143,26 +176,62 @@ def judge_redundant(clock: str, fit: RedundantFit | str) -> ClockAlignment:
         "correlation": fit.correlation,
         "second_peak": fit.second_peak,
         "cutoff_hz": fit.cutoff_hz,
-        "stamp_scatter_s": fit.stamp_scatter_s,
         "residual_share": fit.residual_share,
+        "u_alias_s": fit.u_alias_s,
+        "rows": fit.rows,
     }
     return ClockAlignment(
-        clock, fit.offset_s, fit.u_offset_s, fit.drift, fit.u_drift, *_status(doubts, failures, "redundant"), details
+        clock, fit.offset_s, fit.u_offset_s, fit.drift, fit.u_drift, *_status(doubts, failures, method), details
     )
 
 
-def judge_edges(clock: str, fit: EdgeFit | str, *, u_edge_s: float) -> ClockAlignment:
-    """Judge an alignment by trigger edges."""
+def judge_edges(clock: str, fit: EdgeFit | str, *, u_edge_s: float, method: str = "trigger") -> ClockAlignment:
+    """Judge an alignment by edges: triggers, or the pulses of a camera's exposures (method ``exposure``).
+
+    Parameters
+    ----------
+    clock : str
+    fit : EdgeFit or str
+        A sentence if there was nothing to align by.
+    u_edge_s : float
+        Standard uncertainty of one pair.
+    method : str
+
+    Returns
+    -------
+    ClockAlignment
+        Its details tell where an edge has no counterpart, on its own clock.
+    """
     if isinstance(fit, str):
-        return failed_alignment(clock, "trigger", fit)
+        return failed_alignment(clock, method, fit)
     doubts = []
     if abs(fit.drift) > MOST_DRIFT:
         doubts.append(_too_much_drift(fit.drift))
-    if fit.residual_s > EDGE_RESIDUAL_SIGMA * u_edge_s:
+    # the largest of many residuals is larger than one
+    if fit.residual_s > u_edge_s * math.sqrt(EDGE_RESIDUAL_SIGMA**2 + 2.0 * math.log(fit.edges)):
         doubts.append(f"an edge lies {1e6 * fit.residual_s:.1f} us off the line through the others")
-    details = {"edges": fit.edges, "residual_s": fit.residual_s}
+    counts = f"{fit.all_source} edges on the source, {fit.all_reference} on the reference"
+    if fit.rivals:
+        doubts.append(f"{fit.rivals} other offsets pair the edges as well: {counts}")
+    alone = fit.set_aside + len(fit.unpaired_source) + len(fit.unpaired_reference)
+    if alone > MOST_UNPAIRED * fit.edges:
+        doubts.append(f"{alone} edges between the first and the last pair have no counterpart: {counts}")
+    if fit.u_offset_s > MOST_U_OFFSET_S:
+        doubts.append(hardly_known(fit.u_offset_s))
+    details = {
+        "edges": fit.edges,
+        "residual_s": fit.residual_s,
+        "set_aside": fit.set_aside,
+        "rivals": fit.rivals,
+        "all_source": fit.all_source,
+        "all_reference": fit.all_reference,
+        "unpaired_source": len(fit.unpaired_source),
+        "unpaired_reference": len(fit.unpaired_reference),
+        "unpaired_source_s": list(fit.unpaired_source[:MOST_LISTED]),
+        "unpaired_reference_s": list(fit.unpaired_reference[:MOST_LISTED]),
+    }
     return ClockAlignment(
-        clock, fit.offset_s, fit.u_offset_s, fit.drift, fit.u_drift, *_status(doubts, [], "trigger"), details
+        clock, fit.offset_s, fit.u_offset_s, fit.drift, fit.u_drift, *_status(doubts, [], method), details
     )
 
 
@@ -178,7 +247,7 @@ def _common_doubts(fit: MotionFit | RedundantFit) -> tuple[list[str], list[str]]
     if fit.at_search_edge:
         doubts.append("the best offset lies at the edge of the search")
     if fit.u_offset_s > MOST_U_OFFSET_S:
-        doubts.append(f"the offset is known to {1e3 * fit.u_offset_s:.2f} ms only")
+        doubts.append(hardly_known(fit.u_offset_s))
     if abs(fit.drift) > MOST_DRIFT:
         doubts.append(_too_much_drift(fit.drift))
     if not fit.converged:
@@ -188,6 +257,11 @@ def _common_doubts(fit: MotionFit | RedundantFit) -> tuple[list[str], list[str]]
 
 def _too_much_drift(drift: float) -> str:
     return f"the clocks' rates differ by {100 * drift:+.3f} %, more than clocks do: check the source's declared rate"
+
+
+def hardly_known(u_offset_s: float) -> str:
+    """Say that an offset is hardly known."""
+    return f"the offset is known to {1e3 * u_offset_s:.2f} ms only"
 
 
 def _finite(*figures: float) -> bool:

@@ -19,7 +19,6 @@ Signal Process. 21(2), with the clock's offset as a parameter.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -27,10 +26,14 @@ from numpy.typing import NDArray
 
 from processing.correlation import CoarseLag, coarse_lag
 from processing.double_integral import DoubleIntegral, integrate
+from processing.dropped_frames import find_frame_faults
+from processing.frame_fault import FrameFault, correct_times
 from processing.motion_fit import MotionFit
-from processing.motion_least_squares import MotionModel, MotionSolution, gauss_newton_step, profile
+from processing.motion_least_squares import MotionModel, MotionSolution, profile
+from processing.motion_solver import LEAST_FRAMES, MotionSolver
 from processing.noise import noise_sigma
 from processing.outliers import isolated_outliers, stuck_repeats
+from processing.velocity_lag import camera_velocity, velocity_shift
 
 __all__ = ["INFLATIONS", "MotionFit", "align_motion", "integrate"]
 
@@ -39,20 +42,14 @@ Flags = NDArray[np.bool_]
 
 INFLATIONS = (1.0, 4.0, 16.0, 64.0, 256.0, 1024.0)
 """Candidate factors on the accelerometer's noise density: ringing and mounting add to its white noise."""
-LIKELIER = 2.0
-"""By how much a further inflation must raise the log-likelihood: Akaike's criterion for one more parameter, doubled."""
 LEAST_NOISE_M = 1e-9
 """Of a marker; no camera is better."""
 UNKNOWN_DRIFT = 0.1
 """Prior of a drift of which nothing is known; a wrong frame rate hides in it."""
 SEARCH_STEP_S = 5e-4
 """Of the coarse search."""
-LEAST_FRAMES = 50
-"""Below this the seven unknowns and two noise levels are not to be told from so few frames."""
 LEAST_TRAVEL_SIGMA = 20.0
 """How many times its noise a marker must move."""
-MOST_STEPS = 20
-"""Of Gauss-Newton at one noise level; two or three are usual."""
 
 
 def align_motion(
@@ -95,32 +92,61 @@ def align_motion(
         is not positive.
     """
     _check(camera_times_s, displacement_m, step_s, acceleration_m_s2, acceleration_sigma_m_s2)
-    seen = np.isfinite(displacement_m)
-    t, z = camera_times_s[seen], displacement_m[seen]
-    if t.size < LEAST_FRAMES:
-        return f"only {t.size} frames have a position"
-    marker_sigma = _marker_sigma(displacement_m)
     if acceleration_m_s2.size < 2:
         return f"only {acceleration_m_s2.size} samples of the acceleration are there"
+    integral = DoubleIntegral.of(acceleration_m_s2, start_s, step_s)
+    density = acceleration_sigma_m_s2**2 * step_s
+    fit, faults = _fit(camera_times_s, displacement_m, integral, density, drift_allowance)
+    if isinstance(fit, str) or not faults:
+        return fit
+    times, real = correct_times(camera_times_s, faults)
+    positions = np.where(real, displacement_m, np.nan)
+    for fault in faults:
+        positions[fault.index :] -= fault.jump_m
+    corrected, _ = _fit(times, positions, integral, density, drift_allowance)
+    return replace(fit, frame_faults=faults, corrected=None if isinstance(corrected, str) else corrected)
+
+
+def _fit(
+    times_s: Array, displacement_m: Array, integral: DoubleIntegral, density: float, drift_allowance: float
+) -> tuple[MotionFit | str, tuple[FrameFault, ...]]:
+    """Fit a record with the times given, and tell where those are wrong by a frame."""
+    seen = np.isfinite(displacement_m)
+    t, z = times_s[seen], displacement_m[seen]
+    if t.size < LEAST_FRAMES:
+        return f"only {t.size} frames have a position", ()
+    marker_sigma = _marker_sigma(displacement_m)
     if np.ptp(z) < LEAST_TRAVEL_SIGMA * marker_sigma:
-        return f"the track does not move: it spans {1e3 * np.ptp(z):.3g} mm at {1e3 * marker_sigma:.2g} mm noise"
-    model = MotionModel(t, z, 0.5 * float(t[0] + t[-1]), DoubleIntegral.of(acceleration_m_s2, start_s, step_s))
-    lag = coarse_lag(*_camera_velocity(t, z), start_s, step_s, model.integral.velocity, step_of_search_s=SEARCH_STEP_S)
+        return f"the track does not move: it spans {1e3 * np.ptp(z):.3g} mm at {1e3 * marker_sigma:.2g} mm noise", ()
+    model = MotionModel(t, z, 0.5 * float(t[0] + t[-1]), integral)
+    lag = coarse_lag(
+        *camera_velocity(t, z), integral.start_s, integral.step_s, integral.velocity, step_of_search_s=SEARCH_STEP_S
+    )
     if isinstance(lag, str):
-        return lag
-    densities = [inflation * acceleration_sigma_m_s2**2 * step_s for inflation in INFLATIONS]
-    first = _converge(model, lag.offset_s, 0.0, marker_sigma**2, densities[0], drift_allowance)
+        return lag, ()
+    solver = MotionSolver(marker_sigma**2, [inflation * density for inflation in INFLATIONS])
+    first = solver.converge(model, lag.offset_s, 0.0, density, drift_allowance)
     if isinstance(first, str):
-        return first
+        return first, ()
     odd = _contradicting(model, first, marker_sigma)
     model = replace(model, times_s=t[~odd], positions_m=z[~odd])
-    best = _likeliest(model, first, marker_sigma**2, densities, drift_allowance)
+    best = solver.likeliest(model, first.shift_s, first.drift, drift_allowance)
     if isinstance(best, str):
-        return best
-    free = _likeliest(model, best[0], marker_sigma**2, densities, UNKNOWN_DRIFT)
+        return best, ()
+    free = solver.likeliest(model, best[0].shift_s, best[0].drift, UNKNOWN_DRIFT)
     if isinstance(free, str):
-        return free
-    return _report(model, *best, free[0], lag, marker_sigma, int(odd.sum()))
+        return free, ()
+    faults = find_frame_faults(
+        model,
+        best[0],
+        solver,
+        rows=np.flatnonzero(seen)[~odd],
+        repeated=np.append(False, np.diff(displacement_m) == 0),
+        period_s=float(np.median(np.diff(times_s))),
+        drift_allowance=drift_allowance,
+    )
+    fit = _report(model, *best, free[0], lag, marker_sigma, int(odd.sum()), drift_allowance)
+    return fit, faults
 
 
 def _check(times_s: Array, positions: Array, step_s: float, acceleration: Array, sigma: float) -> None:
@@ -146,36 +172,6 @@ def _marker_sigma(displacement_m: Array) -> float:
     return max(sigma, LEAST_NOISE_M)
 
 
-def _converge(
-    model: MotionModel, shift_s: float, drift: float, marker_variance: float, density: float, drift_allowance: float
-) -> MotionSolution | str:
-    """Gauss-Newton at one noise level of the accelerometer."""
-    steps, last_s, previous = 0, 0.0, None
-    while True:
-        frames = np.count_nonzero(model.integral.covers(model.mapped_s(shift_s, drift)))
-        if frames < LEAST_FRAMES:
-            return f"only {frames} frames fall into the recorder's record"
-        solution = gauss_newton_step(
-            model,
-            shift_s,
-            drift,
-            marker_variance=marker_variance,
-            density=density,
-            drift_allowance=drift_allowance,
-            previous=previous,
-        )
-        if solution is None:
-            return "the motion that both records show cannot be told from an error of zero or velocity"
-        steps += 1
-        if solution.converged or steps == MOST_STEPS:
-            return solution
-        step_s = solution.shift_s - shift_s
-        # a step that takes back most of the one before has gone too far, as that one did
-        share = 0.5 if step_s * last_s < 0 and abs(step_s) > 0.5 * abs(last_s) else 1.0
-        shift_s, drift = shift_s + share * step_s, drift + share * (solution.drift - drift)
-        last_s, previous = share * step_s, solution
-
-
 def _contradicting(model: MotionModel, solution: MotionSolution, marker_sigma: float) -> Flags:
     """Find the frames that contradict their neighbours, given the accelerometer, shape (n_frames,)."""
     travel, _ = model.integral.at(model.mapped_s(solution.shift_s, solution.drift)[solution.inside])
@@ -190,29 +186,6 @@ def _contradicting(model: MotionModel, solution: MotionSolution, marker_sigma: f
     return odd
 
 
-def _likeliest(
-    model: MotionModel,
-    start: MotionSolution,
-    marker_variance: float,
-    densities: Sequence[float],
-    drift_allowance: float,
-) -> tuple[MotionSolution, float] | str:
-    """Solve at rising noise densities of the accelerometer until the likelihood rises no more; with the density."""
-    best: tuple[MotionSolution, float] | None = None
-    shift, drift = start.shift_s, start.drift
-    for density in densities:
-        found = _converge(model, shift, drift, marker_variance, density, drift_allowance)
-        if isinstance(found, str):
-            return found
-        if best is not None and found.log_likelihood <= best[0].log_likelihood + LIKELIER:
-            break
-        best = found, density
-        shift, drift = found.shift_s, found.drift
-    if best is None:
-        raise ValueError("there must be a noise density to try")
-    return best
-
-
 def _report(
     model: MotionModel,
     solution: MotionSolution,
@@ -221,11 +194,24 @@ def _report(
     lag: CoarseLag,
     marker_sigma: float,
     frames_set_aside: int,
+    drift_allowance: float,
 ) -> MotionFit:
     """Give the fit on the clocks' own terms, with the likelihood around the offset."""
     _, velocity = model.integral.at(model.mapped_s(solution.shift_s, solution.drift)[solution.inside])
     since = model.times_s[solution.inside] - model.origin_s
-    u_offset = solution.u_mapped_s(float(np.average(since, weights=velocity**2)))
+    # what the accelerometer's bias adds is no motion
+    _, rate, curvature = solution.constants
+    middle = float(np.average(since, weights=(solution.gain * velocity + rate + curvature * since) ** 2))
+    u_offset = solution.u_mapped_s(middle)
+    by_velocity, u_by_velocity = velocity_shift(
+        model,
+        solution.shift_s,
+        solution.drift,
+        marker_variance=marker_sigma**2,
+        density=density,
+        u_drift=math.sqrt(solution.covariance[2, 2]),
+        since_s=middle,
+    )
     offset = solution.shift_s - solution.drift * model.origin_s
     around = np.linspace(-1.0, 1.0, 41) * max(8 * u_offset, 2e-4)
     curve = profile(model, solution, around)
@@ -255,12 +241,7 @@ def _report(
         frames=int(np.count_nonzero(solution.inside)),
         frames_set_aside=frames_set_aside,
         converged=solution.converged,
+        drift_allowance=drift_allowance,
+        velocity_offset_s=by_velocity - solution.drift * model.origin_s,
+        u_velocity_offset_s=u_by_velocity,
     )
-
-
-def _camera_velocity(times_s: Array, displacement_m: Array) -> tuple[Array, Array]:
-    """Velocity over spans of about 4 ms, at their middles: coarse, but free of the frame noise."""
-    span = max(1, round(4e-3 / float(np.median(np.diff(times_s)))))
-    dt = times_s[span:] - times_s[:-span]
-    velocity = (displacement_m[span:] - displacement_m[:-span]) / dt
-    return 0.5 * (times_s[span:] + times_s[:-span]), velocity

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from processing.frame_fault import FrameFault
 
 Array = NDArray[np.float64]
 
@@ -53,6 +56,16 @@ class MotionFit:
         How many frames were used, and how many were not because they contradict their neighbours.
     converged : bool
         Whether the last step towards the offset was negligible.
+    drift_allowance : float
+        Standard uncertainty of the drift before the record was seen.
+    velocity_offset_s, u_velocity_offset_s : float
+        What velocities alone say of the offset, the drift being the same, and the standard uncertainty of the
+        mapped time in the middle of the motion by them; NaN and infinity where they say nothing.
+    frame_faults : tuple of FrameFault
+        Places from which on the file's times are wrong by a frame period, or its positions by a jump; the other
+        figures are those of the file as it is.
+    corrected : MotionFit or None
+        The fit to the times that `processing.frame_fault.correct_times` gives, and without the jump.
     """
 
     offset_s: float
@@ -79,3 +92,24 @@ class MotionFit:
     frames: int
     frames_set_aside: int
     converged: bool
+    drift_allowance: float = 5e-5
+    velocity_offset_s: float = math.nan
+    u_velocity_offset_s: float = math.inf
+    frame_faults: tuple[FrameFault, ...] = ()
+    corrected: MotionFit | None = None
+
+    @property
+    def drift_earned(self) -> bool:
+        """Whether the record knows the drift better than the clocks' quality does.
+
+        If not, the prior holds it near zero within its allowance, which `u_drift` and `u_offset_s` contain.
+        """
+        return self.u_free_drift < self.drift_allowance
+
+    @property
+    def drift_departure(self) -> float:
+        """Standard uncertainties between the drift that the record would choose and the one expected, zero.
+
+        Its square is the likelihood ratio of a drift that is free and one that the allowance holds, twice.
+        """
+        return abs(self.free_drift) / math.hypot(self.u_free_drift, self.drift_allowance)

@@ -78,6 +78,10 @@ class MotionSolution:
     walk : WalkFilter
     converged : bool
         Whether the step was negligible.
+    residual : ndarray, shape (n_inside + 1,)
+        What the columns leave of the whitened positions; the last one is the drift's prior.
+    basis : ndarray, shape (n_inside + 1, 6)
+        Orthonormal columns that span the whitened model.
     """
 
     shift_s: float
@@ -90,6 +94,8 @@ class MotionSolution:
     inside: Flags
     walk: WalkFilter
     converged: bool
+    residual: Array
+    basis: Array
 
     def u_mapped_s(self, since_s: float) -> float:
         """Return the standard uncertainty of the mapped time at a camera time counted from the origin."""
@@ -171,6 +177,8 @@ def gauss_newton_step(
         inside=inside,
         walk=walk,
         converged=abs(step) < max(NEGLIGIBLE_STEP * math.sqrt(covariance[1, 1]), 1e-10),
+        residual=residual,
+        basis=q,
     )
 
 

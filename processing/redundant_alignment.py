@@ -1,56 +1,39 @@
 """A bus's clock from a channel that repeats a channel of the reference recorder.
 
 Both signals are low-passed alike, so that neither the slower sampling nor stress waves that only one
-of the sensors felt decide; then ``y_i = g r((1 + gamma) t_i + tau) + c`` is solved for tau by
-Gauss-Newton. The uncertainty has three parts:
+of the sensors felt decide; `processing.lag_fit` then finds the lag, and what its uncertainty is made of.
 
-- the curvature with the residual's variance, as if the residual were noise;
-- the sandwich covariance of Newey and West (1987), Econometrica 55(3), with the residuals where they
-  occur and correlated as they are: what two sensors do not have in common is largest in the motion;
-- the scatter of the source's stamps about even steps: a bus delays frames by a varying wait, and the
-  mean of that wait cannot be told from the clock's offset.
+A bus's stamps should lie on an even line (`processing.stamps`). The alignment is then that of this line: the
+wait by which the bus delays the aligning channel's frames is in the offset, whatever it is, and what else comes
+the same way has it too. A frame of another message has a wait of its own.
+
+A slow source folds ringing above half its sampling rate down into the motion's band, where nothing tells it from
+motion. How far that pulls the offset is found by letting the ringing that the reference felt come to the source's
+samples as well (`processing.aliasing`).
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from processing.aliasing import folded_samples, usual_filter
+from processing.analog_filter import AnalogLowPass
 from processing.correlation import coarse_lag
 from processing.filters import LowPass
 from processing.gaps import near
-from processing.stamps import even_stamps
-
-__all__ = ["RedundantFit", "align_redundant", "even_stamps"]
-
-if TYPE_CHECKING:
-    from scipy.interpolate import PPoly
+from processing.lag_fit import GRID_PER_PERIOD, LagRows, solve_lag
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 LEAST_SAMPLES = 50
 """Below this, on either side, two records are not compared."""
-LEAST_ROWS = 20
-"""Below this the records hardly overlap."""
-STRIDE = 4
-"""Of the grid of ten points per period of the cut-off: rows 2.5 times per period."""
 LONGEST_GAP = 0.5
 """Periods of the cut-off beyond which nothing is interpolated: two samples per period are the least that tell it."""
-LONGEST_STEP_S = 5e-3
-"""By which the offset may move at once."""
-MOST_STEPS = 20
-"""Of Gauss-Newton; three or four are usual."""
-NEGLIGIBLE_STEP = 1e-2
-"""Share of the offset's uncertainty below which a step is no step."""
-MOST_CONDITION = 1e8
-"""Of the scaled columns; more and they are not independent."""
-CORRELATED_ROWS = 6
-"""Over how many rows, about two periods of the cut-off, residuals are taken to be correlated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +46,8 @@ class RedundantFit:
         ``t_ref = (1 + drift) t_source + offset_s``.
     u_offset_s : float
         Standard uncertainty of the mapped time in the middle of the motion.
+    u_alias_s : float
+        Its part that is due to ringing above half the source's sampling rate.
     u_drift : float
     gain, u_gain : float
         Source over reference.
@@ -71,10 +56,10 @@ class RedundantFit:
     at_search_edge : bool
     cutoff_hz : float
         -3 dB point of the low-pass that both signals passed.
-    stamp_scatter_s : float
-        Standard deviation of the source's stamps about even steps.
     residual_share : float
         Root mean square of the residual over that of the source's signal.
+    rows : float
+        How many rows tell the offset.
     converged : bool
         Whether the last step towards the offset was negligible.
     """
@@ -82,6 +67,7 @@ class RedundantFit:
     offset_s: float
     drift: float
     u_offset_s: float
+    u_alias_s: float
     u_drift: float
     gain: float
     u_gain: float
@@ -90,8 +76,8 @@ class RedundantFit:
     second_peak: float
     at_search_edge: bool
     cutoff_hz: float
-    stamp_scatter_s: float
     residual_share: float
+    rows: float
     converged: bool = True
 
 
@@ -104,6 +90,8 @@ def align_redundant(
     *,
     drift_allowance: float,
     cutoff_hz: float | None = None,
+    derivative: bool = False,
+    source_filter: AnalogLowPass | None = None,
 ) -> RedundantFit | str:
     """Find the offset and drift between a source's clock and the reference's.
 
@@ -119,6 +107,10 @@ def align_redundant(
         Standard uncertainty of the clocks' rate ratio before this record is seen.
     cutoff_hz : float, optional
         -3 dB point of the common low-pass; 0.15 of the slower rate, 300 Hz at most, if left out.
+    derivative : bool
+        Whether it is the source's derivative that repeats the reference.
+    source_filter : AnalogLowPass, optional
+        The source's anti-alias filter; a gentle one near half its sampling rate if left out.
 
     Returns
     -------
@@ -140,146 +132,58 @@ def align_redundant(
     t, y = source_times_s[present], source[present]
     if min(t.size, reference.size) < LEAST_SAMPLES:
         return f"only {min(t.size, reference.size)} samples are there to align by"
-    t, scatter_s = even_stamps(t)
     rate_hz = 1.0 / float(np.median(np.diff(t)))
     low_pass = LowPass(cutoff_hz if cutoff_hz is not None else min(300.0, 0.15 * rate_hz, 0.15 / step_s))
-    grid_step = 1.0 / (10 * low_pass.cutoff_hz)
-    grid, smooth, trusted = _smoothed(t, y, low_pass, grid_step)
+    grid_step = 1.0 / (GRID_PER_PERIOD * low_pass.cutoff_hz)
+    grid, smooth, trusted = _smoothed(t, y, low_pass, grid_step, derivative=derivative)
     target = low_pass.apply(reference, 1.0 / step_s)
     lag = coarse_lag(grid, smooth, start_s, step_s, target, step_of_search_s=grid_step)
     if isinstance(lag, str):
         return lag
-    rows = _Rows.of(grid, smooth, trusted, target, start_s, step_s, low_pass.reach_s)
-    steps, shift, drift = 0, lag.offset_s, 0.0
-    while True:
-        step = _gauss_newton_step(rows, shift, drift, drift_allowance)
-        if isinstance(step, str):
-            return step
-        steps += 1
-        shift, drift = step.shift_s, step.drift
-        if step.converged or steps == MOST_STEPS:
-            break
+    rows = LagRows.of(grid, smooth, trusted, start_s, step_s, target, None, low_pass)
+    found = solve_lag(rows, lag.offset_s, drift_allowance=drift_allowance)
+    if isinstance(found, str):
+        return found
+    mapped = t + found.shift_s + found.drift * (t - rows.origin_s)
+    anti_alias = source_filter or usual_filter(rate_hz)
+    pulls = []
+    for alias in folded_samples(mapped, start_s, step_s, reference, anti_alias, integral=derivative):
+        _, folded, _ = _smoothed(t, alias, low_pass, grid_step, derivative=derivative)
+        pulls.append(float(found.influence @ np.interp(rows.times_s[found.inside], grid, folded)))
+    # each band is there twice, a quarter of a period apart
+    u_alias = abs(found.gain) * math.sqrt(0.5 * sum(pull**2 for pull in pulls))
     return RedundantFit(
-        offset_s=shift - drift * rows.origin_s,
-        drift=drift,
-        u_offset_s=math.hypot(step.u_mapped_s, scatter_s),
-        u_drift=min(math.sqrt(float(step.covariance[2, 2])), drift_allowance),
-        gain=step.gain,
-        u_gain=math.sqrt(float(step.covariance[0, 0])),
+        offset_s=found.shift_s - found.drift * rows.origin_s,
+        drift=found.drift,
+        u_offset_s=math.hypot(found.u_shift_s, u_alias),
+        u_alias_s=u_alias,
+        u_drift=found.u_drift,
+        gain=found.gain,
+        u_gain=found.u_gain,
         coarse_offset_s=lag.offset_s,
         correlation=lag.correlation,
         second_peak=lag.second_peak,
         at_search_edge=lag.at_search_edge,
         cutoff_hz=low_pass.cutoff_hz,
-        stamp_scatter_s=scatter_s,
-        residual_share=step.residual_share,
-        converged=step.converged,
+        residual_share=found.residual_share,
+        rows=found.rows,
+        converged=found.converged,
     )
 
 
-def _smoothed(times_s: Array, samples: Array, low_pass: LowPass, grid_step_s: float) -> tuple[Array, Array, Flags]:
-    """Low-pass samples on an even grid; false where a gap of the source is in the filter's reach."""
+def _smoothed(
+    times_s: Array, samples: Array, low_pass: LowPass, grid_step_s: float, *, derivative: bool
+) -> tuple[Array, Array, Flags]:
+    """Low-pass samples or their derivative on an even grid; false where a gap is in the filter's reach."""
     from scipy.interpolate import CubicSpline
 
     grid = np.arange(times_s[0], times_s[-1], grid_step_s)
     after = np.clip(np.searchsorted(times_s, grid, side="right"), 1, times_s.size - 1)
     gap = times_s[after] - times_s[after - 1] > LONGEST_GAP / low_pass.cutoff_hz
     # a cubic swings out of a long gap; a straight line does not
-    values = np.where(gap, np.interp(grid, times_s, samples), CubicSpline(times_s, samples)(grid))
+    spline, line = CubicSpline(times_s, samples), np.interp(grid, times_s, samples)
+    if derivative:
+        spline, line = spline.derivative(), np.gradient(line, grid_step_s)
+    values = np.where(gap, line, spline(grid))
     trusted = ~near(gap, math.ceil(low_pass.reach_s / grid_step_s))
     return grid, low_pass.apply(values, 1.0 / grid_step_s), trusted
-
-
-@dataclass(frozen=True, eq=False)
-class _Rows:
-    """Both low-passed signals, about as many rows of the source's as carry information of their own.
-
-    The clocks map by ``t_ref = t + shift + drift (t - origin)``: shift and drift are nearly independent
-    wherever the source's clock has its zero.
-    """
-
-    times_s: Array
-    values: Array
-    origin_s: float
-    curve: PPoly
-    slope: PPoly
-    first_s: float
-    last_s: float
-
-    @classmethod
-    def of(
-        cls, grid: Array, smooth: Array, trusted: Flags, target: Array, start_s: float, step_s: float, reach_s: float
-    ) -> _Rows:
-        from scipy.interpolate import CubicSpline
-
-        curve = CubicSpline(start_s + step_s * np.arange(target.size), target)
-        end_s = start_s + step_s * (target.size - 1)
-        at = np.arange(0, grid.size, STRIDE)
-        at = at[trusted[at]]
-        origin = 0.5 * float(grid[0] + grid[-1])
-        return cls(grid[at], smooth[at], origin, curve, curve.derivative(), start_s + reach_s, end_s - reach_s)
-
-
-@dataclass(frozen=True, eq=False)
-class _Step:
-    """Gain, shift, drift and constant behind one step; `covariance` is in that order."""
-
-    shift_s: float
-    drift: float
-    gain: float
-    covariance: Array
-    u_mapped_s: float
-    residual_share: float
-    converged: bool
-
-
-def _gauss_newton_step(rows: _Rows, shift_s: float, drift: float, drift_allowance: float) -> _Step | str:
-    mapped = rows.times_s + shift_s + drift * (rows.times_s - rows.origin_s)
-    inside = (mapped > rows.first_s) & (mapped < rows.last_s)
-    if np.count_nonzero(inside) < LEAST_ROWS:
-        return "the two records hardly overlap"
-    since, values = rows.times_s[inside] - rows.origin_s, rows.values[inside]
-    model, rate = rows.curve(mapped[inside]), rows.slope(mapped[inside])
-    gain = float(np.linalg.lstsq(np.column_stack([model, np.ones_like(model)]), values, rcond=None)[0][0])
-    design = np.column_stack([model, gain * rate, gain * rate * since, np.ones_like(model)])
-    variance = _residual_variance(design, values)
-    prior = np.array([0.0, 0.0, math.sqrt(variance) / max(drift_allowance, 1e-12), 0.0])
-    full, target = np.vstack([design, prior]), np.append(values, -prior[2] * drift)
-    scale = np.sqrt((full**2).sum(axis=0))
-    if not np.all(scale > 0) or np.linalg.cond(full / scale) > MOST_CONDITION:
-        return "what both records show does not tell one offset from another"
-    bread = np.linalg.inv((full / scale).T @ (full / scale)) / np.outer(scale, scale)
-    solution = bread @ (full.T @ target)
-    residual = values - design @ solution
-    leverage = np.einsum("ij,jk,ik->i", design, bread, design)
-    # a row that bends the fit to itself hides its own error: MacKinnon and White (1985), J. Econometrics 29(3), HC2
-    scores = _scores(design, residual / np.sqrt(np.maximum(1.0 - leverage, 0.05)), prior, variance)
-    covariance = bread @ scores @ bread + bread * variance
-    pick = np.array([0.0, 1.0, float(np.average(since, weights=rate**2)), 0.0])
-    step = float(np.clip(solution[1], -LONGEST_STEP_S, LONGEST_STEP_S))
-    return _Step(
-        shift_s=shift_s + step,
-        drift=drift + float(solution[2]),
-        gain=float(solution[0]),
-        covariance=covariance,
-        u_mapped_s=math.sqrt(float(pick @ covariance @ pick)),
-        residual_share=float(np.std(residual) / max(float(np.std(values)), 1e-300)),
-        converged=abs(step) < max(NEGLIGIBLE_STEP * math.sqrt(float(covariance[1, 1])), 1e-10),
-    )
-
-
-def _residual_variance(design: Array, target: Array) -> float:
-    solution, *_ = np.linalg.lstsq(design, target, rcond=None)
-    residual = target - design @ solution
-    return float(max(residual @ residual / max(target.size - design.shape[1], 1), 1e-300))
-
-
-def _scores(design: Array, residual: Array, prior: Array, variance: float) -> Array:
-    """Covariance of the sum of ``design * residual``, correlated over `CORRELATED_ROWS`, and of the prior's row."""
-    products = design * residual[:, None]
-    total = products.T @ products
-    for lag in range(1, CORRELATED_ROWS + 1):
-        weight = 1.0 - lag / (CORRELATED_ROWS + 1)
-        cross = products[lag:].T @ products[:-lag]
-        total += weight * (cross + cross.T)
-    return np.asarray(total + variance * np.outer(prior, prior), dtype=np.float64)

@@ -101,20 +101,81 @@ class WalkFilter:
         """
         from scipy.linalg.lapack import dtbtrs
 
-        n = self.steps_s.size
         h, (g0, g1) = self.steps_s[1:], self.gains[:-1].T
-        # predicted states in a row, w_0 w'_0 w_1 w'_1 ...: each pair from the pair before and the column's value
-        band = np.zeros((4, 2 * n))
+        driven = np.zeros((2 * self.steps_s.size, columns.shape[1]))
+        driven[2::2] = (g0 + h * g1)[:, None] * columns[:-1]
+        driven[3::2] = g1[:, None] * columns[:-1]
+        states, _ = dtbtrs(self._recursion(), driven, uplo="L", diag="U")
+        return np.asarray((columns - states[0::2]) / np.sqrt(self.variances)[:, None])
+
+    def whiten_transposed(self, rows: Array) -> Array:
+        """Apply the transpose of `whiten`: its product with a column is that of the rows with the whitened column.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (n, n_columns)
+
+        Returns
+        -------
+        ndarray, shape (n, n_columns)
+        """
+        from scipy.linalg.lapack import dtbtrs
+
+        h, (g0, g1) = self.steps_s[1:], self.gains[:-1].T
+        normalised = rows / np.sqrt(self.variances)[:, None]
+        seen = np.zeros((2 * self.steps_s.size, rows.shape[1]))
+        seen[0::2] = normalised
+        back, _ = dtbtrs(self._recursion(), seen, uplo="L", trans="T", diag="U")
+        normalised[:-1] -= (g0 + h * g1)[:, None] * back[2::2] + g1[:, None] * back[3::2]
+        return np.asarray(normalised)
+
+    def tail_energies(self, column: Array) -> Array:
+        """Squared length of a whitened column of which only the part from each instant on is there.
+
+        The sum of squared innovations from an instant on is a quadratic form of the state there,
+        ``s' P s + 2 b' s + c``, found backwards as the cost of a linear-quadratic problem is; the state
+        before a tail is zero, so c is what is asked for.
+
+        Parameters
+        ----------
+        column : ndarray, shape (n,)
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            At i, the energy of the column with zeros before i.
+        """
+        n = self.steps_s.size
+        steps_after = np.append(self.steps_s[1:], 0.0).tolist()
+        gains, weights, values = self.gains.tolist(), (1.0 / self.variances).tolist(), column.tolist()
+        energies = [0.0] * n
+        p00 = p01 = p11 = b0 = b1 = c = 0.0
+        for i in range(n - 1, -1, -1):
+            h, (g0, g1), weight, d = steps_after[i], gains[i], weights[i], values[i]
+            # the state behind: [[1 - g0 - h g1, h], [-g1, 1]] s + [g0 + h g1, g1] d
+            drive = g0 + h * g1
+            keep = 1.0 - drive
+            u0, u1 = p00 * drive + p01 * g1, p01 * drive + p11 * g1
+            c += d * (d * (weight + drive * u0 + g1 * u1) + 2.0 * (b0 * drive + b1 * g1))
+            v0, v1 = d * u0 + b0, d * u1 + b1
+            b0, b1 = keep * v0 - g1 * v1 - weight * d, h * v0 + v1
+            w0, w1 = p00 * keep - p01 * g1, p01 * keep - p11 * g1
+            p11 += h * (2.0 * p01 + h * p00)
+            p01 = h * w0 + w1
+            p00 = keep * w0 - g1 * w1 + weight
+            energies[i] = c
+        return np.array(energies)
+
+    def _recursion(self) -> Array:
+        """Lower band of the recursion of the predicted states ``w_0 w'_0 w_1 w'_1 ...``, each from the pair before."""
+        h, (g0, g1) = self.steps_s[1:], self.gains[:-1].T
+        band = np.zeros((4, 2 * self.steps_s.size))
         band[0] = 1.0
         band[2, 0:-2:2] = -(1.0 - g0 - h * g1)
         band[1, 1:-2:2] = -h
         band[3, 0:-2:2] = g1
         band[2, 1:-2:2] = -1.0
-        driven = np.zeros((2 * n, columns.shape[1]))
-        driven[2::2] = (g0 + h * g1)[:, None] * columns[:-1]
-        driven[3::2] = g1[:, None] * columns[:-1]
-        states, _ = dtbtrs(band, driven, uplo="L", diag="U")
-        return np.asarray((columns - states[0::2]) / np.sqrt(self.variances)[:, None])
+        return band
 
     def smooth(self, positions: Array) -> tuple[Array, Array]:
         """Estimate the walk at every instant from the positions at all of them.

@@ -21,11 +21,14 @@ from daq.readers.reader import Declarations
 from daq.trigger.detector import Trigger
 from daq.trigger.table import trigger_from_table
 from rigs.mechanism import Mechanism
+from rigs.rig_alignments import motion_channels
 from rigs.rig_faults import checked_mechanism, faults_of_channels, faults_of_sources, faults_of_trigger
 from rigs.rig_tables import (
+    MOTIONS,
     ROLES,
     Alignment,
     ChannelSpec,
+    ExposureAlignment,
     FixedAlignment,
     MotionAlignment,
     RedundantAlignment,
@@ -37,10 +40,12 @@ from rigs.rig_tables import (
 from rigs.rig_validation import names_in, unknown_keys, validated_rows
 
 __all__ = [
+    "MOTIONS",
     "ROLES",
     "SCHEMA",
     "Alignment",
     "ChannelSpec",
+    "ExposureAlignment",
     "FixedAlignment",
     "MotionAlignment",
     "RedundantAlignment",
@@ -115,6 +120,13 @@ class Rig:
     def channels_of(self, source: str) -> tuple[ChannelSpec, ...]:
         """Return the channels of one source, in the file's order."""
         return tuple(c for c in self.channels if c.source == source)
+
+    def motion_channel(self, source: Source) -> ChannelSpec | None:
+        """Return the channel of a source whose motion its alignment compares; None if it is not aligned by motion."""
+        if not isinstance(source.align, MotionAlignment | ExposureAlignment) or source.align.against is None:
+            return None
+        wanted = source.align.channel if isinstance(source.align, MotionAlignment) else None
+        return next(iter(motion_channels(source.name, wanted, source.align.against, self.channels)), None)
 
     def declarations(self, source: Source) -> Declarations:
         """Return what the rig declares about a source because its files do not carry it."""

@@ -12,15 +12,8 @@ from daq.frames.declaration import framing_from_table
 from daq.quantity import SI_UNITS, UNITS, find_unit, normalise_unit
 from daq.trigger.table import trigger_faults
 from rigs.mechanism import Mechanism
-from rigs.rig_tables import (
-    LIVE_KINDS,
-    ROLES,
-    ChannelSpec,
-    MotionAlignment,
-    RedundantAlignment,
-    Source,
-    TriggerAlignment,
-)
+from rigs.rig_alignments import faults_of_alignment
+from rigs.rig_tables import LIVE_KINDS, ROLES, ChannelSpec, Source
 from rigs.rig_validation import did_you_mean, names_in, unknown_keys
 
 PLAUSIBLE_UP_TO = MappingProxyType(
@@ -94,10 +87,10 @@ def faults_of_sources(
             if source.align is not None:
                 faults.append(Fault(f"{where}.align", "the reference clock is not aligned to anything; leave it out"))
         elif source.align is None:
-            remedy = 'declare `align = { method = "motion" | "redundant" | "trigger" | "fixed", ... }`'
+            remedy = 'declare `align = { method = "motion" | "redundant" | "trigger" | "exposure" | "fixed", ... }`'
             faults.append(Fault(f"{where}.align", f"is missing; {remedy}"))
         else:
-            faults += _faults_of_alignment(f"{where}.align", source, known_reference, [c for _, c in channels], tables)
+            faults += faults_of_alignment(f"{where}.align", source, known_reference, [c for _, c in channels], tables)
     return faults
 
 
@@ -110,44 +103,6 @@ def _faults_of_framing(where: str, source: Source) -> list[Fault]:
     except FramingError as error:
         return [Fault(where, str(error))]
     return []
-
-
-def _faults_of_alignment(
-    where: str, source: Source, reference: str, channels: Sequence[ChannelSpec], tables: Mapping[str, Any]
-) -> list[Fault]:
-    align, faults = source.align, []
-    names = names_in(tables, "channel")
-    clocks = set(names_in(tables, "source"))
-    by_name = {channel.name: channel for channel in channels}
-    # A faulty channel is not judged twice: what it might have been is unknown
-    rows = tables.get("channel")
-    complete = isinstance(rows, list) and len(channels) == len(rows)
-
-    def check(key: str, name: str, clock: str, whose: str) -> ChannelSpec | None:
-        if name not in names:
-            faults.append(Fault(f"{where}.{key}", f"{name!r} is no channel; {did_you_mean(name, names)}"))
-        elif name in by_name and by_name[name].source in clocks - {clock}:
-            faults.append(Fault(f"{where}.{key}", f"{name!r} must be a channel of {whose}"))
-        return by_name.get(name)
-
-    against = own = None
-    if isinstance(align, MotionAlignment | RedundantAlignment):
-        against = check("against", align.against, reference, f"the reference clock {reference!r}")
-    if isinstance(align, RedundantAlignment | TriggerAlignment):
-        own = check("channel", align.channel, source.name, "this source")
-    if isinstance(align, RedundantAlignment) and own and against and own.quantity != against.quantity:
-        faults.append(Fault(where, f"a channel of {own.quantity} does not repeat one of {against.quantity}"))
-    if isinstance(align, MotionAlignment):
-        if against and against.quantity != "acceleration":
-            faults.append(
-                Fault(f"{where}.against", f"{against.name!r} must be an acceleration, found {against.quantity}")
-            )
-        if complete and not any(c.source == source.name and c.quantity == "displacement" for c in channels):
-            faults.append(Fault(where, "motion needs a displacement channel of this source"))
-    triggered = any(c.source == reference and c.role == "trigger" for c in channels)
-    if isinstance(align, TriggerAlignment) and complete and not triggered:
-        faults.append(Fault(where, f"no channel of the reference clock {reference!r} has the role `trigger`"))
-    return faults
 
 
 def faults_of_trigger(

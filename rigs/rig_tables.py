@@ -46,10 +46,14 @@ class Table(BaseModel):
 
 
 class MotionAlignment(Table):
-    """Align a camera's track by the motion that an accelerometer measured as well."""
+    """Align a source by a motion that the reference clock has in another quantity, see `MOTIONS`.
+
+    ``channel`` is the source's; without it its travel, or its one channel that ``against`` can be compared with.
+    """
 
     method: Literal["motion"]
     against: Text
+    channel: Text | None = None
     drift_allowance: NotNegative = 5e-5
 
 
@@ -70,6 +74,19 @@ class TriggerAlignment(Table):
     drift_allowance: NotNegative = 5e-5
 
 
+class ExposureAlignment(Table):
+    """Align a camera by the pulses of its exposures, which ``channel`` of the reference clock recorded.
+
+    A pulse rises where an exposure starts. Where the recorder has more pulses than the film has frames, ``against``,
+    the recoiling part's accelerometer, tells which pulse is which frame's.
+    """
+
+    method: Literal["exposure"]
+    channel: Text
+    against: Text | None = None
+    drift_allowance: NotNegative = 5e-5
+
+
 class FixedAlignment(Table):
     """Take the offset as known: ``t_ref = (1 + drift) * t_source + offset_s``."""
 
@@ -81,8 +98,24 @@ class FixedAlignment(Table):
 
 
 Alignment = Annotated[
-    MotionAlignment | RedundantAlignment | TriggerAlignment | FixedAlignment, Field(discriminator="method")
+    MotionAlignment | RedundantAlignment | TriggerAlignment | ExposureAlignment | FixedAlignment,
+    Field(discriminator="method"),
 ]
+
+MOTIONS = MappingProxyType(
+    {
+        "displacement": ("acceleration", "velocity"),
+        "velocity": ("acceleration", "displacement"),
+        "acceleration": ("velocity",),
+        "angular_rate": ("angular_acceleration",),
+        "angular_acceleration": ("angular_rate",),
+    }
+)
+"""Quantity of a source's channel -> quantities that the same motion may have on the reference clock.
+
+They are one integral apart, or two where the travel is the source's. A travel on the reference clock is not
+differentiated twice: what noise that leaves tells no offset.
+"""
 
 
 KIND_OF_KEY = MappingProxyType(
@@ -92,6 +125,8 @@ KIND_OF_KEY = MappingProxyType(
         "framing": "serial",
         "frame_rate": "camera",
         "scale_mm_per_px": "camera",
+        "exposure_s": "camera",
+        "exposure_stamp": "camera",
     }
 )
 """Key of a source -> the one kind that has it."""
@@ -112,6 +147,8 @@ class Source(Table):
     framing: dict[str, Any] | None = None
     frame_rate: Positive | None = None
     scale_mm_per_px: Positive | None = None
+    exposure_s: Positive | None = None
+    exposure_stamp: Literal["start", "middle", "end"] | None = None
     device: dict[str, Any] | None = None
     align: Alignment | None = None
 
@@ -122,6 +159,12 @@ class Source(Table):
             for key, kind in KIND_OF_KEY.items()
             if self.kind != kind and getattr(self, key) is not None
         ]
+        if self.exposure_stamp is not None and self.exposure_s is None:
+            faults.append("`exposure_stamp` needs `exposure_s`")
+        if self.frame_rate is not None and self.exposure_s is not None and self.exposure_s * self.frame_rate > 1.0:
+            faults.append(f"`exposure_s` is longer than a frame, {1.0 / self.frame_rate:.4g} s")
+        if isinstance(self.align, ExposureAlignment) and self.kind != "camera":
+            faults.append(f"a {self.kind} source has no exposures to be aligned by")
         if self.device is not None and self.kind not in LIVE_KINDS:
             faults.append(f"a {self.kind} source has no `device`: its files are handed over after the shot")
         if self.kind == "can" and self.database is None:
@@ -134,7 +177,12 @@ class Source(Table):
 
 
 class Sensor(Table):
-    """One sensor, its calibration and its chain. Positions in metres, in its body's axes."""
+    """One sensor, its calibration and its chain. Positions in metres, in its body's axes.
+
+    ``delay_s`` is the delay of the whole chain behind the sensor, its anti-alias filter included; without it that of
+    ``filter_hz`` counts, by ``filter_type`` and ``filter_order``. ``resonance_hz`` and ``resonance_damping`` are those
+    of the sensor on its mount, and come on top.
+    """
 
     model: str = ""
     serial: str = ""
@@ -147,7 +195,12 @@ class Sensor(Table):
     amplifier: Positive = 1.0
     time_constant_s: Positive | None = None
     filter_hz: Positive | None = None
+    filter_type: Literal["bessel", "butterworth"] | None = None
+    filter_order: Annotated[int, Field(ge=1, le=25)] | None = None
     delay_s: NotNegative = 0.0
+    u_delay_s: NotNegative | None = None
+    resonance_hz: Positive | None = None
+    resonance_damping: NotNegative | None = None
     position: Pair = (0.0, 0.0)
 
     @model_validator(mode="after")
@@ -157,6 +210,12 @@ class Sensor(Table):
             faults.append("`range` must be [lowest, highest]")
         if (self.sensitivity is None) != (self.sensitivity_unit is None):
             faults.append("`sensitivity` and `sensitivity_unit` go together")
+        if self.filter_hz is None and (self.filter_type is not None or self.filter_order is not None):
+            faults.append("`filter_type` and `filter_order` need `filter_hz`")
+        if self.filter_type is None and self.filter_order is not None:
+            faults.append("`filter_order` needs `filter_type`")
+        if (self.resonance_hz is None) != (self.resonance_damping is None):
+            faults.append("`resonance_hz` and `resonance_damping` go together")
         if self.calibrated is not None and self.due is not None and self.due < self.calibrated:
             faults.append("`due` lies before `calibrated`")
         if faults:

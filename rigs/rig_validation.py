@@ -12,6 +12,7 @@ from pydantic_core import ErrorDetails
 
 from daq.errors import Fault, nearest_first
 from rigs.rig_tables import (
+    ExposureAlignment,
     FixedAlignment,
     MotionAlignment,
     RedundantAlignment,
@@ -23,7 +24,13 @@ from rigs.rig_tables import (
 Row = TypeVar("Row", bound=Table)
 
 ALIGNMENTS: Mapping[str, type[Table]] = MappingProxyType(
-    {"motion": MotionAlignment, "redundant": RedundantAlignment, "trigger": TriggerAlignment, "fixed": FixedAlignment}
+    {
+        "motion": MotionAlignment,
+        "redundant": RedundantAlignment,
+        "trigger": TriggerAlignment,
+        "exposure": ExposureAlignment,
+        "fixed": FixedAlignment,
+    }
 )
 """Method of an alignment -> its table."""
 

@@ -22,6 +22,9 @@ from rigs.twin.settings import TwinSettings
 
 Array = NDArray[np.float64]
 
+MIDDLE_AFTER_STAMP = {"start": 0.5, "middle": 0.0, "end": -0.5}
+"""How far behind a frame's stamp the middle of its exposure is, in exposures."""
+
 
 @dataclass(frozen=True)
 class Clock:
@@ -255,6 +258,9 @@ def camera_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile
     rate = float(source.frame_rate or 0.0)
     times = scene.instants(clock, rate)
     at = clock.to_reference(times)
+    if source.exposure_s is not None:
+        # a moving mark's picture has its centre where the mark was in the middle of the exposure
+        at = at + MIDDLE_AFTER_STAMP[source.exposure_stamp or "start"] * source.exposure_s
     count = len(times)
     unit, positions = "mm", {}
     for spec in (c for c in scene.rig.channels if c.source == source.name):

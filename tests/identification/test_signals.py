@@ -13,7 +13,7 @@ from daq.errors import IdentificationError
 from daq.shot import ClockAlignment
 from daq.timebase import TimeBase
 from identification.onset import find_onset
-from identification.signals import collect_signals, on_grid, static_value, without_delay
+from identification.signals import at_instants, collect_signals, on_grid, static_value
 from tests.builders.bench_shots import ELEVATION_RAD, FIRE_S, bench_motion, bench_rig, bench_shot, bench_signals
 from tests.builders.virtual_shots import virtual_shot
 
@@ -31,19 +31,18 @@ def aligned(offset_s: float, drift: float = 0.0) -> ClockAlignment:
 # ---- on_grid
 
 
-@given(offset=st.floats(-0.05, 0.05), drift=st.floats(-1e-3, 1e-3), delay=st.floats(0.0, 2e-3))
+@given(offset=st.floats(-0.05, 0.05), drift=st.floats(-1e-3, 1e-3))
 @settings(max_examples=30, deadline=None)
-def test_a_channel_on_the_grid_is_the_signal_at_the_time_of_the_physics(offset, drift, delay):
+def test_a_channel_on_the_grid_is_the_signal_at_the_time_on_the_reference_clock(offset, drift):
     stamps = np.arange(-0.1, 0.35, 4e-4)
-    physics = (1 + drift) * (stamps - delay) + offset
-    samples = np.sin(40 * physics)
-    values = on_grid(channel(stamps, samples), aligned(offset, drift), GRID, delay)
+    samples = np.sin(40 * ((1 + drift) * stamps + offset))
+    values = on_grid(channel(stamps, samples), aligned(offset, drift), GRID)
     np.testing.assert_allclose(values, np.sin(40 * GRID), atol=1e-6)
 
 
 def test_beyond_the_record_there_is_nothing():
     stamps = np.arange(0.02, 0.1, 1e-3) + 1e-4
-    values = on_grid(channel(stamps, np.ones(stamps.size)), None, GRID, 0.0)
+    values = on_grid(channel(stamps, np.ones(stamps.size)), None, GRID)
     assert np.isnan(values[stamps[0] > GRID]).all()
     assert np.isnan(values[stamps[-1] < GRID]).all()
     assert np.isfinite(values[(stamps[0] < GRID) & (stamps[-1] > GRID)]).all()
@@ -54,7 +53,7 @@ def test_one_lost_sample_is_interpolated_and_a_longer_gap_is_not():
     samples = np.cos(20 * stamps)
     samples[50] = np.nan
     samples[100:104] = np.nan
-    values = on_grid(channel(stamps, samples), None, GRID, 0.0)
+    values = on_grid(channel(stamps, samples), None, GRID)
     missing = np.flatnonzero(np.isnan(values[1:]))
     assert (GRID[missing + 1] > stamps[99]).all()
     assert (GRID[missing + 1] < stamps[104]).all()
@@ -65,19 +64,21 @@ def test_one_lost_sample_is_interpolated_and_a_longer_gap_is_not():
 def test_samples_at_the_grids_instants_are_taken_as_they_are_with_their_losses():
     samples = np.linspace(0.0, 1.0, GRID.size)
     samples[7] = np.nan
-    np.testing.assert_array_equal(on_grid(channel(GRID, samples), None, GRID, 0.0), samples)
+    np.testing.assert_array_equal(on_grid(channel(GRID, samples), None, GRID), samples)
 
 
 def test_a_channel_with_hardly_a_sample_gives_nothing_at_all():
     samples = np.full(100, np.nan)
     samples[[3, 50]] = 1.0
-    assert np.isnan(on_grid(channel(1e-3 * np.arange(100) + 2e-4, samples), None, GRID, 0.0)).all()
+    assert np.isnan(on_grid(channel(1e-3 * np.arange(100) + 2e-4, samples), None, GRID)).all()
 
 
 def test_a_delay_is_taken_off_the_stamps_and_no_delay_changes_nothing():
-    late = channel(GRID, GRID)
-    assert without_delay(late, 0.0) is late
-    np.testing.assert_allclose(without_delay(late, 5e-4).time_base.times_s, GRID - 5e-4, rtol=0, atol=1e-15)
+    shot, rig = bench_shot(), bench_rig(acc="delay_s = 5e-4")
+    late, prompt = shot.channels["acc"], shot.channels["p_brake"]
+    assert at_instants(prompt, shot, rig) is prompt
+    moved = at_instants(late, shot, rig).time_base.times_s
+    np.testing.assert_allclose(moved, late.time_base.times_s - 5e-4, rtol=0, atol=1e-15)
 
 
 # ---- static values and offsets

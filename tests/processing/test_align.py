@@ -7,6 +7,7 @@ import pytest
 
 from daq.shot import ClockAlignment
 from processing.align import judge_edges, judge_motion, judge_redundant
+from processing.frame_fault import FrameFault
 from processing.motion_fit import MotionFit
 from processing.redundant_alignment import RedundantFit
 from processing.trigger_alignment import EdgeFit
@@ -37,6 +38,7 @@ MOTION = MotionFit(
     frames_set_aside=2,
     converged=True,
 )
+FAULT = FrameFault(1234, 1230, 1236, 0.20567, 1, 1 / 6000, 90.0)
 REDUNDANT = RedundantFit(
     offset_s=0.04,
     drift=0.0,
@@ -49,8 +51,9 @@ REDUNDANT = RedundantFit(
     second_peak=0.3,
     at_search_edge=False,
     cutoff_hz=150.0,
-    stamp_scatter_s=1e-5,
     residual_share=0.05,
+    rows=12.0,
+    u_alias_s=2e-6,
 )
 EDGES = EdgeFit(offset_s=3.0, u_offset_s=1e-5, drift=1e-6, u_drift=5e-5, edges=4, residual_s=2e-5)
 
@@ -95,6 +98,11 @@ def test_details_are_json(verdict):
         ({"free_drift": 0.01}, "check the frame rate"),
         ({"frames_set_aside": 50}, "50 of 1550 frames contradict their neighbours"),
         ({"coarse_offset_s": 0.06}, "velocity correlation and likelihood are 10.00 ms apart"),
+        (
+            {"velocity_offset_s": 0.05004, "u_velocity_offset_s": 1e-5},
+            "velocities alone give an offset +40 us from the likelihood's, 3.7 combined standard uncertainties",
+        ),
+        ({"frame_faults": (FAULT,)}, "one frame is missing near frame 1234 (t = 0.2057 s; 95 %: 1230 to 1236"),
     ],
 )
 def test_what_allows_doubt_is_ambiguous(changes, reason):
@@ -121,6 +129,35 @@ def test_what_cannot_be_one_motion_is_failed(changes, reason):
     verdict = motion_verdict(**changes)
     assert verdict.status == "failed"
     assert reason in verdict.reasons[0]
+
+
+def test_velocities_that_agree_within_their_uncertainty_are_no_doubt():
+    verdict = motion_verdict(velocity_offset_s=0.05002, u_velocity_offset_s=1e-5)
+    assert verdict.status == "ok"
+    assert verdict.details["velocity_apart_s"] == pytest.approx(2e-5)
+
+
+def test_a_film_with_a_missing_frame_is_judged_by_the_corrected_one_and_keeps_its_own_figures():
+    broken = {"innovation_statistic": 3.0, "acceleration_density": 1.25, "frame_faults": (FAULT,)}
+    verdict = motion_verdict(**broken, corrected=replace(MOTION, offset_s=0.05003))
+    assert verdict.status == "ambiguous"
+    assert verdict.reasons == (str(FAULT),)
+    assert verdict.offset_s == 0.05
+    assert verdict.details["corrected_offset_s"] == 0.05003
+    assert verdict.details["frame_faults"][0]["index"] == 1234
+    assert json.loads(json.dumps(verdict.details, allow_nan=False)) == verdict.details
+    assert motion_verdict(**broken, corrected=replace(MOTION, gain=1.2)).status == "failed"
+    assert motion_verdict(**broken).status == "failed"
+
+
+def test_what_the_record_could_tell_of_the_drift_is_stated():
+    details = motion_verdict().details
+    assert not details["drift_earned"]
+    assert details["drift_told_from"] == pytest.approx(3.5 * math.hypot(3e-4, 5e-5))
+    assert details["drift_departure"] == pytest.approx(2e-4 / math.hypot(3e-4, 5e-5))
+    assert motion_verdict(u_free_drift=1e-5, free_drift=1e-5).details["drift_earned"]
+    # the clocks' own allowance is among the uncertainties: a drift within it is none to doubt
+    assert motion_verdict(u_free_drift=1e-6, free_drift=1e-4).status == "ok"
 
 
 @pytest.mark.parametrize("name", ["offset_s", "u_offset_s", "drift", "gain", "u_gain", "innovation_statistic"])

@@ -28,6 +28,17 @@ def test_whitened_rows_are_those_of_the_dense_covariance():
     assert walk.log_determinant == pytest.approx(2 * np.log(np.diag(factor)).sum(), rel=1e-12)
 
 
+def test_the_transpose_is_the_transpose_and_tails_have_their_energy():
+    rng = np.random.default_rng(3)
+    walk = WalkFilter.design(uneven_times(60), MARKER_VARIANCE, DENSITY)
+    matrix = walk.whiten(np.eye(60))
+    rows = rng.standard_normal((60, 3))
+    assert np.allclose(walk.whiten_transposed(rows), matrix.T @ rows, rtol=1e-9, atol=1e-9 * np.abs(matrix).max())
+    column = rng.standard_normal(60)
+    tails = np.tril(np.ones((60, 60))) * column[:, None]
+    assert np.allclose(walk.tail_energies(column), ((matrix @ tails) ** 2).sum(axis=0), rtol=1e-9)
+
+
 def test_smoothing_is_the_conditional_mean_of_the_dense_gaussian_process():
     times = uneven_times(60)
     positions = 1e-4 * np.random.default_rng(2).standard_normal(60)

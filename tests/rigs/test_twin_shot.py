@@ -156,6 +156,22 @@ def test_a_dropped_frame_leaves_no_gap_in_the_numbers_and_makes_what_follows_ear
     assert np.count_nonzero(np.abs(error) > 4e-4) <= 1  # but for the repeated picture
 
 
+@pytest.mark.parametrize(("stamp", "share"), [("start", 0.5), ("middle", 0.0), ("end", -0.5)])
+def test_a_frames_picture_is_that_of_the_middle_of_its_exposure(mixed: TwinShot, tmp_path: Path, stamp, share) -> None:
+    declared = f'frame_rate = 6000.0\nexposure_s = 1e-4\nexposure_stamp = "{stamp}"'
+    rig = variant("mixed", FAST, **{"frame_rate = 6000.0": declared})
+    shot = simulate_shot(rig, tmp_path / stamp, seed=11, shot="0042")
+    sharp, blurred = (pd.read_csv(file_of(s, "camera.csv")) for s in (mixed, shot))
+    x = "Feature #1 - X (mm)"
+    seen = (sharp[x] != -1).to_numpy()
+    motion = scene_of_mixed().motion
+    at = times_of(mixed, "camera", sharp["Frame"].to_numpy() / 6000.0)
+    speed = np.interp(at, motion.times_s, motion.qd[:, 4]) * 1e3
+    moved = (blurred[x] - sharp[x]).to_numpy()
+    late = float((moved * speed)[seen].sum() / (speed**2)[seen].sum())
+    assert late == pytest.approx(share * 1e-4, abs=2e-6)
+
+
 def test_a_channel_that_is_sampled_late_repeats_the_others_motion_later() -> None:
     scene = scene_of_mixed()
     late = draw_scene(variant("mixed", FAST + "skew_s = { acc_recoil = 1e-3 }\nnoise = 0.0"), 11, "0042")

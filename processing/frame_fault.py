@@ -1,0 +1,90 @@
+"""What can be wrong with a film from one frame on, and the times that its frames were taken at."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class FrameFault:
+    """A place from which on the file's times are wrong by one frame period, or its positions by a jump.
+
+    Attributes
+    ----------
+    index : int
+        First frame of the file, counted from 0, that is wrong; a repeated picture is that frame itself.
+    first, last : int
+        Range of such frames that holds the true one with a probability of `CREDIBLE`.
+    time_s : float
+        Time that the file gives for it, on the camera's clock.
+    missing : int
+        1 for a picture that is missing, -1 for one that was written twice, 0 for a jump of the track.
+    period_s : float
+        By which the later times are early (late).
+    log_likelihood_gain : float
+        By how much the correction raises the log-likelihood.
+    jump_m : float
+        By which the later positions are too large.
+    """
+
+    index: int
+    first: int
+    last: int
+    time_s: float
+    missing: int
+    period_s: float
+    log_likelihood_gain: float
+    jump_m: float = 0.0
+
+    def __str__(self) -> str:
+        """Say it in a sentence."""
+        within = f"{self.first} to {self.last}" if self.last > self.first else f"{self.index}"
+        where = f"near frame {self.index} (t = {self.time_s:.4f} s; 95 %: {within}, counted from 0)"
+        if self.missing == 0:
+            return f"the track jumps by {1e3 * self.jump_m:+.3g} mm {where}"
+        what, late = (
+            ("one frame is missing", "early") if self.missing > 0 else ("one picture was written twice", "late")
+        )
+        return f"{what} {where}: all later times are {1e6 * self.period_s:.1f} us {late}"
+
+
+def correct_times(times_s: Array, faults: Sequence[FrameFault]) -> tuple[Array, Flags]:
+    """Give frames the times that they were taken at.
+
+    Parameters
+    ----------
+    times_s : ndarray, shape (n_frames,)
+        As in the file.
+    faults : sequence of FrameFault
+        Jumps of the track change no time.
+
+    Returns
+    -------
+    corrected_s : ndarray, shape (n_frames,)
+        On the same clock, strictly increasing.
+    real : ndarray of bool, shape (n_frames,)
+        False for pictures written twice, which have no time of their own: half way between two frames stands
+        in its place, and their positions are to be left out.
+
+    Raises
+    ------
+    ValueError
+        If a fault lies outside the record.
+    """
+    corrected, real = np.array(times_s, dtype=np.float64), np.ones(times_s.shape, dtype=bool)
+    for fault in faults:
+        if not 0 < fault.index < times_s.size:
+            raise ValueError(f"frame {fault.index} is none of the {times_s.size} frames behind the first one")
+        corrected[fault.index :] += fault.missing * fault.period_s
+        if fault.missing < 0:
+            real[fault.index] = False
+    own = np.flatnonzero(real)
+    corrected[~real] = np.interp(np.flatnonzero(~real), own, corrected[own])
+    return corrected, real

@@ -1,0 +1,33 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from processing.channel_skew import Skew, measure_skew
+from tests.builders.virtual_shots import VirtualShot, virtual_shot
+
+
+def net_force_and_acceleration(virtual: VirtualShot) -> tuple[np.ndarray, np.ndarray, float]:
+    mechanism = virtual.rig.mechanism
+
+    def of(role: str) -> np.ndarray:
+        channel = virtual.shot.by_role(role)
+        assert channel is not None
+        return np.asarray(channel.samples, dtype=np.float64)
+
+    net = mechanism.bore_area * of("breech_pressure") - mechanism.brake_area * of("brake_pressure")
+    net = net - mechanism.recuperator_area * of("recuperator_pressure")
+    acceleration = virtual.shot.by_role("recoil_acceleration")
+    assert acceleration is not None
+    return net, of("recoil_acceleration"), acceleration.time_base.rate_hz
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+@pytest.mark.parametrize("skew_s", [0.0, 1e-4])
+def test_the_accelerometer_is_as_much_later_than_the_net_force_as_the_recorder_made_it(seed, skew_s):
+    settings = {"skew_s": f"{{ acc_recoil = {skew_s} }}"} if skew_s else {}
+    net, acceleration, rate_hz = net_force_and_acceleration(virtual_shot(seed=seed, **settings))
+    found = measure_skew(net, acceleration, rate_hz, 300.0)
+    assert isinstance(found, Skew), found
+    assert abs(found.skew_s - skew_s) < found.u_s < 2e-5
+    assert found.significant == (skew_s > 0)

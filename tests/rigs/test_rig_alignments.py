@@ -1,0 +1,179 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from daq.errors import RigError
+from rigs.rig import ExposureAlignment, MotionAlignment, Rig, parse_rig
+
+HEAD = """\
+schema = "recoil-daq/rig/1"
+name = "bench"
+reference_clock = "daq"
+[mechanism]
+m3 = 782
+XA = 2.05
+YA = 0.95
+b = 0.85
+d = 0.04
+phi10 = 0.02
+phi20 = 0.17
+bore_area = 0.00883
+brake_area = 0.0056
+recuperator_area = 0.0078
+friction = 1500.0
+[[source]]
+name = "daq"
+kind = "dewetron"
+"""
+
+
+def channel(name: str, source: str, quantity: str, role: str = "", sensor: str = "") -> str:
+    text = (
+        f'[[channel]]\nname = "{name}"\nsource = "{source}"\nsignal = "s"\nquantity = "{quantity}"\nrole = "{role}"\n'
+    )
+    return text + (f"sensor = {{ {sensor} }}\n" if sensor else "")
+
+
+ACC = channel("acc", "daq", "acceleration", "recoil_acceleration")
+TURN = channel("turn", "daq", "angular_acceleration", "tipping_angular_acceleration")
+SYNC = channel("sync", "daq", "voltage")
+
+
+def source(align: str, kind: str = "dewetron", more: str = "") -> str:
+    return f'[[source]]\nname = "other"\nkind = "{kind}"\nalign = {{ {align} }}\n{more}'
+
+
+def rig(*tables: str) -> Rig:
+    return parse_rig(HEAD + "".join(tables), Path("bench.toml"))
+
+
+def fault(*tables: str) -> str:
+    with pytest.raises(RigError) as caught:
+        rig(*tables)
+    assert len(caught.value.faults) == 1, caught.value.faults
+    return str(caught.value.faults[0])
+
+
+@pytest.mark.parametrize(
+    ("quantity", "against"),
+    [("velocity", "acc"), ("displacement", "acc"), ("angular_rate", "turn")],
+)
+def test_a_source_is_aligned_by_a_motion_in_another_quantity(quantity, against):
+    sound = rig(source(f'method = "motion", against = "{against}"'), ACC, TURN, channel("own", "other", quantity))
+    assert isinstance(sound.source("other").align, MotionAlignment)
+    found = sound.motion_channel(sound.source("other"))
+    assert found is not None
+    assert found.name == "own"
+
+
+def test_the_channel_of_a_motion_may_be_named():
+    two = channel("one", "other", "velocity") + channel("two", "other", "velocity")
+    named = rig(source('method = "motion", against = "acc", channel = "two"'), ACC, two)
+    found = named.motion_channel(named.source("other"))
+    assert found is not None
+    assert found.name == "two"
+    told = fault(source('method = "motion", against = "acc"'), ACC, two)
+    assert "source[1] 'other'.align.channel: is needed: one, two may all be meant" in told
+
+
+@pytest.mark.parametrize(
+    ("own", "align", "told"),
+    [
+        (
+            channel("own", "other", "acceleration"),
+            'method = "motion", against = "acc", channel = "own"',
+            "'own' repeats 'acc': the method for one and the same quantity is `redundant`",
+        ),
+        (
+            channel("own", "other", "angular_rate"),
+            'method = "motion", against = "acc", channel = "own"',
+            "a channel of angular_rate is not the motion of one of acceleration",
+        ),
+        (
+            channel("own", "other", "angular_rate", "carriage_rate"),
+            'method = "motion", against = "turn"',
+            "'own' is of the carriage part, 'turn' of the tipping part",
+        ),
+        (
+            channel("own", "other", "temperature"),
+            'method = "motion", against = "acc"',
+            "motion needs a displacement or velocity channel of this source",
+        ),
+        (channel("own", "other", "velocity"), 'method = "motion", against = "sync"', "of a motion, found voltage"),
+        (
+            channel("own", "other", "velocity"),
+            'method = "exposure", channel = "sync"',
+            "a dewetron source has no exposures to be aligned by",
+        ),
+    ],
+)  # fmt: skip
+def test_a_motion_that_cannot_be_compared_is_refused_with_the_reason(own, align, told):
+    assert told in fault(source(align), ACC, TURN, SYNC, own)
+
+
+CAMERA = "frame_rate = 2000.0\n"
+TRAVEL = channel("x", "other", "displacement", "recoil_displacement")
+
+
+def test_a_camera_is_aligned_by_the_pulses_of_its_exposures():
+    align = 'method = "exposure", channel = "sync", against = "acc"'
+    sound = rig(source(align, "camera", CAMERA + 'exposure_s = 1e-4\nexposure_stamp = "start"\n'), ACC, SYNC, TRAVEL)
+    camera = sound.source("other")
+    assert isinstance(camera.align, ExposureAlignment)
+    assert (camera.align.channel, camera.align.against) == ("sync", "acc")
+    assert (camera.exposure_s, camera.exposure_stamp) == (1e-4, "start")
+    found = sound.motion_channel(camera)
+    assert found is not None
+    assert found.name == "x"
+
+
+@pytest.mark.parametrize(
+    ("align", "more", "told"),
+    [
+        ('method = "exposure", channel = "acc"', "", "'acc' must be a voltage, found acceleration"),
+        ('method = "exposure", channel = "x"', "", "'x' must be a channel of the reference clock 'daq'"),
+        ('method = "exposure", channel = "sink"', "", "did you mean 'sync'?"),
+        ('method = "exposure", channel = "sync", against = "sync"', "", "must be an acceleration, found voltage"),
+        ('method = "exposure", channel = "sync"', 'exposure_stamp = "start"\n', "`exposure_stamp` needs `exposure_s`"),
+        ('method = "exposure", channel = "sync"', "exposure_s = 6e-4\n", "longer than a frame, 0.0005 s"),
+    ],
+)  # fmt: skip
+def test_what_a_train_of_exposures_cannot_be_is_refused(align, more, told):
+    assert told in fault(source(align, "camera", CAMERA + more), ACC, SYNC, TRAVEL)
+
+
+def test_an_exposure_is_a_cameras():
+    told = fault(source('method = "fixed", offset_s = 0.0', "dewetron", "exposure_s = 1e-4\n"), ACC)
+    assert "a dewetron source has no `exposure_s`, only a camera source has" in told
+
+
+@pytest.mark.parametrize(
+    ("sensor", "told"),
+    [
+        ('filter_type = "bessel"', "`filter_type` and `filter_order` need `filter_hz`"),
+        ("filter_hz = 100.0, filter_order = 4", "`filter_order` needs `filter_type`"),
+        ("resonance_hz = 900.0", "`resonance_hz` and `resonance_damping` go together"),
+        ("u_delay_s = -1e-6", "must be greater than or equal to 0"),
+        ('filter_hz = 100.0, filter_type = "elliptic"', "must be 'bessel' or 'butterworth'"),
+    ],
+)
+def test_delays_that_contradict_themselves_are_refused(sensor, told):
+    assert told in fault(channel("acc", "daq", "acceleration", "recoil_acceleration", sensor))
+
+
+def test_delays_of_a_chain_are_declared_with_their_sensor():
+    sound = rig(
+        channel(
+            "acc",
+            "daq",
+            "acceleration",
+            "recoil_acceleration",
+            'filter_hz = 1e4, filter_type = "bessel", filter_order = 8, u_delay_s = 1e-6, '
+            "resonance_hz = 900.0, resonance_damping = 0.03",
+        )
+    )
+    sensor = sound.channel("acc").sensor
+    assert (sensor.filter_type, sensor.filter_order, sensor.u_delay_s) == ("bessel", 8, 1e-6)
+    assert (sensor.resonance_hz, sensor.resonance_damping) == (900.0, 0.03)
