@@ -1,0 +1,88 @@
+"""What several shots of one rig tell together: one cut-off for all of them, and whether they repeat."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from daq.shot import Verdict
+from daq.store import read_shot
+from identification.filter_choice import campaign_choice, force_spectra
+from identification.preparation import prepare
+from processing.cutoff import CutoffChoice
+from processing.repeatability import ShotPeaks, check_repeat_peaks
+from processing.spectral_gap import ShotSpectrum
+from rigs.rig import parse_rig
+
+Progress = Callable[[str], None]
+
+LEAST_SHOTS = 2
+"""One shot is no campaign."""
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """Shots that share a rig.
+
+    Attributes
+    ----------
+    cutoffs : mapping of str to CutoffChoice
+        By the rig's name, where the rig has at least two shots with a spectrum.
+    rigs : mapping of Path to str
+        Rig of each shot file.
+    """
+
+    cutoffs: Mapping[str, CutoffChoice]
+    rigs: Mapping[Path, str]
+
+    def cutoff_of(self, path: Path) -> CutoffChoice | None:
+        """Return the cut-off for a shot file; None where it has to find its own."""
+        return self.cutoffs.get(self.rigs.get(path, ""))
+
+
+def survey(paths: Sequence[Path], *, progress: Progress = lambda _: None) -> Campaign:
+    """Look through several shot files and choose one cut-off for each rig.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+    progress : callable
+        Told each shot's name.
+
+    Raises
+    ------
+    StoreError, RigError, IdentificationError
+        If a shot file cannot be read, or nothing can be identified from it.
+    """
+    spectra: dict[str, list[Mapping[str, ShotSpectrum]]] = {}
+    rigs: dict[Path, str] = {}
+    for path in paths:
+        progress(path.name)
+        shot = read_shot(path)
+        rigs[path] = shot.rig_name
+        rig = parse_rig(shot.rig_text, path, shot.databases)
+        spectra.setdefault(shot.rig_name, []).append(force_spectra(prepare(shot, rig).recorded))
+    chosen = {name: campaign_choice(shots) for name, shots in spectra.items() if len(shots) >= LEAST_SHOTS}
+    return Campaign({name: choice for name, choice in chosen.items() if choice is not None}, rigs)
+
+
+def repeatability(documents: Sequence[Mapping[str, Any]]) -> dict[str, tuple[Verdict, str]]:
+    """Judge, for each rig, whether the rigid body's peak repeats from shot to shot.
+
+    Parameters
+    ----------
+    documents : sequence of mapping
+        Reports, of one charge on each rig.
+
+    Returns
+    -------
+    dict of str to (verdict, detail)
+        By the rig's name, where it has at least two shots.
+    """
+    peaks: dict[str, list[ShotPeaks]] = {}
+    for d in documents:
+        figures = d["peak_acceleration"]
+        peaks.setdefault(d["rig"], []).append(ShotPeaks(d["shot"], figures["recorded_m_s2"], figures["filtered_m_s2"]))
+    return {rig: check_repeat_peaks(shots) for rig, shots in peaks.items() if len(shots) >= LEAST_SHOTS}

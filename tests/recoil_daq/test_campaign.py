@@ -1,0 +1,66 @@
+"""Several shots of one rig: one cut-off for all of them, and a word on whether they repeat."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from daq.store import write_shot
+from recoil_daq.campaign import Campaign, repeatability, survey
+from tests.builders.virtual_shots import virtual_shot
+
+
+@pytest.fixture(scope="module")
+def shots(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    folder = tmp_path_factory.mktemp("campaign")
+    paths = []
+    for seed in (3, 4, 5):
+        path = folder / f"{seed:04d}.h5"
+        write_shot(virtual_shot(seed=seed).shot, path)
+        paths.append(path)
+    return paths
+
+
+def test_shots_of_one_rig_are_given_one_cutoff(shots: list[Path]) -> None:
+    named: list[str] = []
+    campaign = survey(shots, progress=named.append)
+    assert named == [path.name for path in shots]
+    choices = [campaign.cutoff_of(path) for path in shots]
+    assert choices[0] is not None
+    assert choices[0].cutoff_hz is not None
+    assert all(choice is choices[0] for choice in choices)
+
+
+def test_one_shot_is_no_campaign(shots: list[Path]) -> None:
+    assert survey(shots[:1]).cutoffs == {}
+    assert Campaign({}, {}).cutoff_of(shots[0]) is None
+
+
+def test_identify_takes_one_cutoff_for_all_shots_and_says_whether_they_repeat(run, shots: list[Path], tmp_path) -> None:
+    result = run("identify", *shots, "--out", tmp_path, "--overwrite", "--json")
+    document = json.loads(result.stdout)
+    filters = [report["filter"] for report in document["reports"]]
+    assert len({f["cutoff_hz"] for f in filters}) == 1
+    assert {f["basis"] for f in filters} == {"campaign"}
+    (repeats,) = document["repeatability"]
+    assert repeats["rig"] == "field-2013"
+    assert repeats["verdict"] == "ok"
+    assert "over 3 shots" in repeats["detail"]
+
+
+def test_a_shot_whose_peak_is_off_is_named() -> None:
+    documents = [
+        {"rig": "r", "shot": name, "peak_acceleration": {"recorded_m_s2": raw, "filtered_m_s2": peak}}
+        for name, raw, peak in (
+            ("1", 2500.0, 1000.0),
+            ("2", 2900.0, 1010.0),
+            ("3", 2700.0, 990.0),
+            ("4", 2800.0, 1300.0),
+        )
+    ]
+    verdict, detail = repeatability(documents)["r"]
+    assert verdict == "warn"
+    assert "shot 4" in detail
+    assert repeatability(documents[:1]) == {}
