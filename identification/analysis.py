@@ -13,29 +13,28 @@ from numpy.typing import NDArray
 from daq.channel import Channel
 from daq.errors import IdentificationError
 from daq.shot import ClockAlignment, Shot
-from identification.calibration import Calibration, CameraScale
+from identification.calibration import Calibration
 from identification.camera_route import mass_by_camera
-from identification.kinematics import inertial_acceleration, travel_acceleration, travel_and_velocity, turning
+from identification.filter_choice import FilterChoice, choose_filter
 from identification.mass import RANDOM, MassEstimate, ScaleUncertainty, forward_mass, reverse_mass
-from identification.regression import Regression, build_regression
+from identification.preparation import camera_scale, filmed, prepare
+from identification.regression import Regression
 from identification.rpe import relative_percentage_error, rpe_interval
-from identification.signals import Signals, collect_signals, static_value, without_delay
+from identification.signals import Signals
+from identification.stress_waves import StressWaves, find_stress_waves
 from identification.trace import LARGEST_RELATIVE_U, MassTrace, mass_trace
 from identification.uncertainty import further_contributions
 from identification.verdict import notes_on, reasons_against
-from identification.zero_shift import Filmed, ZeroShift, calibrated_with_zero_shift
-from processing.double_integral import DoubleIntegral
-from processing.filters import LowPass
-from processing.motion_alignment import INFLATIONS
-from processing.scale_and_zero import filmed_motion
+from identification.zero_shift import ZeroShift, calibrated_with_zero_shift
+from processing.cutoff import CutoffChoice
+from processing.fusion import FusedMotion
+from processing.repeatability import ShotPeaks, shot_peaks
 from rigs.rig import Rig
 
 Array = NDArray[np.float64]
 Method = Literal["calibrated", "reverse", "forward", "paper"]
 METHODS: tuple[Method, ...] = ("calibrated", "reverse", "forward", "paper")
 
-DEFAULT_CUTOFF_HZ = 300.0
-"""Stress waves of gun-size mechanisms ring above 900 Hz, the recoil pulse has little above 300 Hz."""
 DEFAULT_WINDOW_S = 0.02
 
 
@@ -48,9 +47,11 @@ class Options:
     method : str
         One of `METHODS`; it gives the mass and the trace of the report. All are computed.
     cutoff_hz : float or None
-        -3 dB point of the zero-phase low-pass of both sides; None for the default.
+        -3 dB point of the zero-phase low-pass of both sides; None to choose it from the data.
     window_s : float
         Memory of the trace.
+    campaign : CutoffChoice or None
+        The cut-off chosen for several shots, this one among them.
 
     Raises
     ------
@@ -61,6 +62,7 @@ class Options:
     method: Method = "calibrated"
     cutoff_hz: float | None = None
     window_s: float = DEFAULT_WINDOW_S
+    campaign: CutoffChoice | None = None
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
@@ -101,16 +103,24 @@ class Identification:
     results : mapping of str to Result
         By method, the inertial route; ``kinematic`` is the reverse estimate by the camera's route.
     calibration : Calibration
+    filter_choice : FilterChoice
+        The low-pass, and why that one.
     zero_shift : ZeroShift
         Of the recoiling part's accelerometer.
+    stress_waves : tuple of StressWaves
+        By channel.
+    peaks : ShotPeaks
+        Of the recoil acceleration, recorded and filtered.
     signals : Signals
     recorded, filtered : Regression
         Both sides of the equation of motion as recorded, and behind the low-pass.
     kinematic : Regression or None
         With a' by the camera.
-    camera_delay_s : float
-        By which the stamps of the camera's displacement are later than the motion; 0 without a camera.
+    camera : Channel or None
+        Displacement on its own clock, without the delay of its chain.
     travel_m, velocity_m_s : ndarray, shape (n,)
+    fused : FusedMotion or None
+        Camera and accelerometers together, with their standard uncertainties.
     alignments : mapping of str to ClockAlignment
     reasons : tuple of str
         Why the result is not valid; empty if it is.
@@ -123,14 +133,18 @@ class Identification:
     u_specification_kg: float
     results: Mapping[str, Result]
     calibration: Calibration
+    filter_choice: FilterChoice
     zero_shift: ZeroShift
+    stress_waves: tuple[StressWaves, ...]
+    peaks: ShotPeaks
     signals: Signals
     recorded: Regression
     filtered: Regression
     kinematic: Regression | None
-    camera_delay_s: float
+    camera: Channel | None
     travel_m: Array
     velocity_m_s: Array
+    fused: FusedMotion | None
     alignments: Mapping[str, ClockAlignment]
     reasons: tuple[str, ...]
     notes: tuple[str, ...] = field(default=())
@@ -175,27 +189,11 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
     IdentificationError
         If no number can be given at all; a doubtful number is a result with reasons.
     """
-    alignments = {a.clock: a for a in shot.alignments}
-    if shot.by_role("recoil_acceleration") is None:
-        raise IdentificationError(
-            "no channel of role recoil_acceleration",
-            found=", ".join(c.role for c in shot.channels.values() if c.role) or "no roles",
-            remedy="declare its role in the rig file",
-        )
-    signals = collect_signals(shot, rig, alignments)
-    if "recoil_acceleration" not in signals.series:
-        raise IdentificationError("the recoiling part's accelerometer is on a clock that could not be aligned")
-    motion = turning(signals, rig)
-    camera = shot.by_role("recoil_displacement")
-    delay_s = 0.0 if camera is None else rig.channel(camera.name).sensor.delay_s
-    if camera is not None:
-        camera = without_delay(camera, delay_s)
-    camera_clock = None if camera is None else alignments.get(camera.time_base.clock)
-    acceleration = travel_acceleration(signals, rig, motion)
-    travel, velocity = travel_and_velocity(signals, acceleration, camera, camera_clock)
-    static = static_value("recoil_acceleration", rig.mechanism) or 0.0
-    recorded = build_regression(signals, rig.mechanism, inertial_acceleration(signals, rig, motion), velocity, static)
-    low_pass = LowPass(_cutoff(options, shot))
+    prepared = prepare(shot, rig)
+    signals, recorded = prepared.signals, prepared.recorded
+    camera, camera_clock = prepared.camera, prepared.camera_clock
+    choice = choose_filter(recorded, shot, given_hz=options.cutoff_hz, campaign=options.campaign)
+    low_pass = choice.low_pass
     scales = scale_uncertainty(rig)
     offset = signals.offsets["recoil_acceleration"]
     filtered, calibration, zero_shift = calibrated_with_zero_shift(
@@ -204,7 +202,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         scales,
         offset.u,
         camera_scale(camera, camera_clock),
-        filmed(signals, acceleration, camera, camera_clock),
+        filmed(signals, prepared.acceleration_m_s2, camera, camera_clock),
     )
     further = further_contributions(recorded, filtered, calibration, signals, shot, rig)
     estimates = {
@@ -219,7 +217,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
     if camera is not None and camera_clock is not None and camera_clock.status != "failed":
         try:
             regressions["kinematic"], estimates["kinematic"] = mass_by_camera(
-                recorded, signals, motion, shot, rig, camera, camera_clock, low_pass, scales, calibration
+                recorded, signals, prepared.motion, shot, rig, camera, camera_clock, low_pass, scales, calibration
             )
         except IdentificationError as error:
             notes = (f"no mass by the camera: {error}",)
@@ -233,15 +231,19 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         u_specification_kg=rig.mechanism.u.get("m3", 0.0),
         results=results,
         calibration=calibration,
+        filter_choice=choice,
         zero_shift=zero_shift,
+        stress_waves=find_stress_waves(shot, signals, choice),
+        peaks=shot_peaks(shot.name, recorded.acceleration_m_s2, recorded.rate_hz, low_pass),
         signals=signals,
         recorded=recorded,
         filtered=filtered,
         kinematic=regressions.get("kinematic"),
-        camera_delay_s=delay_s,
-        travel_m=travel,
-        velocity_m_s=velocity,
-        alignments=alignments,
+        camera=camera,
+        travel_m=prepared.travel_m,
+        velocity_m_s=prepared.velocity_m_s,
+        fused=prepared.fused,
+        alignments=prepared.alignments,
         reasons=reasons_against(shot, rig, signals, estimates, trace, calibration, zero_shift),
         notes=(*notes_on(signals, recorded, trace, zero_shift), *notes),
     )
@@ -265,62 +267,6 @@ def scale_uncertainty(rig: Rig) -> ScaleUncertainty:
         ),
         m.u.get("friction", 0.0),
     )
-
-
-def camera_scale(camera: Channel | None, alignment: ClockAlignment | None) -> CameraScale | None:
-    """Return what the camera says of the accelerometer; None unless it was aligned by motion without doubt."""
-    if camera is None or alignment is None or alignment.status != "ok" or not alignment.details:
-        return None
-    d = alignment.details
-    if "u_bias_m_s2" not in d:
-        return None
-    constant = float(d["integration_constants"][2])
-    return CameraScale.of_constant(
-        d["gain"], d["u_gain"], constant, d["u_bias_m_s2"], d["gain_bias_correlation"], camera.u_rel
-    )
-
-
-def filmed(
-    signals: Signals, acceleration_m_s2: Array, camera: Channel | None, alignment: ClockAlignment | None
-) -> Filmed | None:
-    """Return the motion as camera and accelerometers recorded it; None where `camera_scale` has none.
-
-    Parameters
-    ----------
-    signals : Signals
-    acceleration_m_s2 : ndarray, shape (n,)
-        Second derivative of the travel by the accelerometers, on the grid.
-    camera : Channel or None
-        Displacement, without the delay of its chain.
-    alignment : ClockAlignment or None
-    """
-    if camera is None or alignment is None or camera_scale(camera, alignment) is None or not alignment.details:
-        return None
-    d = alignment.details
-    integral = DoubleIntegral.of(acceleration_m_s2, signals.start_s, signals.step_s)
-    motion = filmed_motion(
-        alignment.to_reference(camera.time_base.times_s),
-        np.asarray(camera.samples, dtype=np.float64),
-        integral,
-        gain=d["gain"],
-        marker_sigma_m=d["marker_sigma_m"],
-        u_offset_s=alignment.u_offset_s,
-        u_bias_m_s2=math.inf,  # the silence has its say where the mass is found
-    )
-    quietest = d["acceleration_density"] / d["noise_inflation"]
-    return Filmed(motion, tuple(quietest * inflation for inflation in INFLATIONS), camera.u_rel)
-
-
-def _cutoff(options: Options, shot: Shot) -> float:
-    """Return the cut-off asked for, or the default, lowered where a slowly sampled force could not follow it."""
-    if options.cutoff_hz is not None:
-        return options.cutoff_hz
-    rates = [
-        c.time_base.rate_hz
-        for c in shot.channels.values()
-        if c.role in ("recoil_acceleration", "breech_pressure", "brake_pressure", "recuperator_pressure")
-    ]
-    return min([DEFAULT_CUTOFF_HZ, *(0.2 * rate for rate in rates if math.isfinite(rate))])
 
 
 def _result(

@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 from daq.channel import Channel
 from daq.shot import ClockAlignment
 from identification.signals import Signals, on_grid
+from processing.derivative import second_derivative
 from processing.filters import LowPass
-from processing.fusion import smooth_walk
+from processing.fusion import FusedMotion, fuse
 from processing.gaps import bridge
-from processing.motion_alignment import integrate
+from processing.motion_alignment import INFLATIONS, integrate
+from processing.noise import noise_sigma
 from rigs.mechanism import (
     Mechanism,
     relative_acceleration,
@@ -32,6 +34,10 @@ Flags = NDArray[np.bool_]
 
 ANGULAR_CUTOFF_HZ = 150.0
 """Low-pass of the angular rates before they are differentiated for the lever arms, which are small terms."""
+LEAST_SILENT_SAMPLES = 50
+"""Of the accelerometer before the shot, to tell its noise."""
+LEAST_NOISE_M_S2 = 1e-6
+"""Of an accelerometer; none is better."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,9 +133,9 @@ def kinematic_acceleration(
     trusted : ndarray of bool, shape (n,)
         False near lost frames and beyond the track's ends.
     """
-    raw = on_grid(camera, alignment, signals.times_s, 0.0)
+    raw = on_grid(camera, alignment, signals.times_s)
     travel, trusted = low_pass.apply_with_gaps(raw, signals.rate_hz)
-    ddx = np.gradient(np.gradient(travel, signals.step_s), signals.step_s)
+    ddx = second_derivative(travel, signals.step_s)
     smooth = [low_pass.apply(f, signals.rate_hz) for f in (motion.f_x, motion.f_y)]
     acceleration = specific_acceleration_kinematic(
         rig.mechanism, ddx, travel, motion.w2, motion.dw2, smooth[0], smooth[1], motion.beta,
@@ -138,30 +144,66 @@ def kinematic_acceleration(
     return acceleration, trusted
 
 
-def travel_and_velocity(
-    signals: Signals, acceleration: Array, camera: Channel | None, alignment: ClockAlignment | None
-) -> tuple[Array, Array]:
-    """Travel and velocity of recoil on the grid, m and m/s, shape (n,) each.
+def travel_and_velocity(fused: FusedMotion | None, acceleration: Array, step_s: float) -> tuple[Array, Array]:
+    """Return travel and velocity of recoil on the grid, m and m/s, shape (n,) each.
 
-    The accelerometers' integrals; where a camera was aligned by motion, in its scale, with its
-    integration constants, and with what the accelerometers' noise did to the integrals taken off.
+    Those of `fused_motion`; the accelerometers' integrals where there is none.
     """
-    velocity = integrate(acceleration, signals.step_s)
-    travel = integrate(velocity, signals.step_s)
-    details = None if alignment is None or alignment.status == "failed" else alignment.details
-    if camera is None or alignment is None or not details or "integration_constants" not in details:
-        return travel, velocity
-    c0, c1, c2 = details["integration_constants"]
-    t = alignment.to_source(signals.times_s) - details["origin_s"]
-    travel = details["gain"] * travel + c0 + c1 * t + 0.5 * c2 * t**2
-    velocity = details["gain"] * velocity + c1 + c2 * t
-    frames = alignment.to_reference(camera.time_base.times_s)
+    if fused is not None:
+        return fused.position_m, fused.velocity_m_s
+    velocity = integrate(acceleration, step_s)
+    return integrate(velocity, step_s), velocity
+
+
+def fused_motion(
+    signals: Signals, acceleration: Array, camera: Channel | None, alignment: ClockAlignment | None
+) -> FusedMotion | None:
+    """Fuse the camera's displacement with the accelerometers' on the grid, in the camera's scale.
+
+    Parameters
+    ----------
+    signals : Signals
+    acceleration : ndarray, shape (n,)
+        Second derivative of the travel by the accelerometers; lost samples bridged.
+    camera : Channel or None
+        Displacement, without the delay of its chain.
+    alignment : ClockAlignment or None
+        Of its clock. The noise levels are those that an alignment by motion found; otherwise they are told
+        from the track's third differences, and from the silence before the shot and the likelihood.
+
+    Returns
+    -------
+    FusedMotion or None
+        None where there is no camera, its clock could not be aligned, or it saw too little of the motion.
+    """
+    if camera is None or alignment is None or alignment.status == "failed":
+        return None
+    details = alignment.details or {}
     seen = np.asarray(camera.samples, dtype=np.float64)
-    inside = (frames >= signals.times_s[0]) & (frames <= signals.times_s[-1])
-    residual = np.where(inside, seen - np.interp(frames, signals.times_s, travel), np.nan)
-    walk = smooth_walk(frames, residual, details["marker_sigma_m"] ** 2, details["acceleration_density"])
-    drifted, rate = walk.at(signals.times_s)
-    return travel + drifted, velocity + rate
+    sigma = float(details.get("marker_sigma_m", noise_sigma(seen)))
+    density = details.get("acceleration_density") or _likely_densities(signals, acceleration)
+    if not sigma > 0:
+        return None
+    fused = fuse(
+        alignment.to_reference(camera.time_base.times_s),
+        seen,
+        signals.start_s,
+        signals.step_s,
+        acceleration,
+        marker_sigma_m=sigma,
+        acceleration_density=density,
+        u_offset_s=alignment.u_offset_s,
+        u_drift=alignment.u_drift,
+        bridged=np.isnan(signals.series["recoil_acceleration"]),
+    )
+    return None if isinstance(fused, str) else fused
+
+
+def _likely_densities(signals: Signals, acceleration: Array) -> list[float]:
+    times = signals.times_s
+    silent = acceleration[(times >= signals.quiet_s[0]) & (times < signals.quiet_s[1])]
+    sigma = float(np.std(silent)) if silent.size >= LEAST_SILENT_SAMPLES else noise_sigma(acceleration)
+    return [inflation * max(sigma, LEAST_NOISE_M_S2) ** 2 * signals.step_s for inflation in INFLATIONS]
 
 
 def _relative(mechanism: Mechanism, inertial: Array, travel: Array, motion: Turning) -> Array:

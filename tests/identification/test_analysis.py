@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from daq.errors import IdentificationError
-from identification.analysis import METHODS, Identification, Options, camera_scale, identify_shot, scale_uncertainty
+from identification.analysis import METHODS, Identification, Options, identify_shot, scale_uncertainty
+from identification.preparation import camera_scale
 from identification.clocks import align_clocks
 from rigs.rig import Rig, parse_rig
 from tests.builders.bench_shots import MASS_KG, bench_motion, bench_rig, bench_shot
@@ -299,9 +300,8 @@ def test_options_that_make_no_sense_are_the_callers_mistake(options, message):
         Options(**options)
 
 
-def test_the_default_cutoff_follows_the_slowest_force():
+def test_the_cutoff_by_the_spectra_is_lowered_for_the_slowest_force():
     virtual = virtual_shot("mixed")
-    assert identified("mixed").filtered.low_pass.cutoff_hz == 300.0
     thin = virtual.shot.channels["p_brake"]
     base = replace(thin.time_base, stamps_s=thin.time_base.times_s[::4].copy(), count=thin.samples[::4].size)
     slow = replace(thin, samples=thin.samples[::4], time_base=base, raw=None)
@@ -309,4 +309,5 @@ def test_the_default_cutoff_follows_the_slowest_force():
         replace(virtual.shot, channels={**virtual.shot.channels, "p_brake": slow}), virtual.rig, Options()
     )
     assert found.filtered.low_pass.cutoff_hz == pytest.approx(0.2 * slow.time_base.rate_hz)
+    assert found.filter_choice.basis == "shot"
     assert identify_shot(virtual.shot, virtual.rig, Options(cutoff_hz=150.0)).filtered.low_pass.cutoff_hz == 150.0

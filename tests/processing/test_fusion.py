@@ -1,131 +1,257 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from processing.fusion import Walk, smooth_walk
+from processing.fusion import FusedMotion, fuse
+from processing.gaps import bridge
+from tests.builders.sharp_recoil import ONSET_S, Recorded, motion, record_recoil
 
-SIGMA, DENSITY = 5e-5, 1.25e-3
-
-
-def walk_sample(seed: int, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Draw a walk's position and velocity at the instants, exactly in distribution, from rest at the first."""
-    rng = np.random.default_rng(seed)
-    states = np.zeros((times.size, 2))
-    for i, h in enumerate(np.diff(times), 1):
-        growth = np.linalg.cholesky(DENSITY * np.array([[h**3 / 3, h**2 / 2], [h**2 / 2, h]]))
-        states[i] = [states[i - 1, 0] + h * states[i - 1, 1], states[i - 1, 1]] + growth @ rng.standard_normal(2)
-    return states[:, 0], states[:, 1]
+SIGMA, ACCELERATION_SIGMA = 5e-5, 5.0
+ROWS = ((2000.0, 5e-5, 5.0), (1000.0, 2e-4, 20.0), (500.0, 5e-4, 20.0))
+"""Frame rate in Hz, noise of the marker in m and of the accelerometer in m/s^2."""
 
 
-def test_smoothing_solves_the_dense_least_squares_problem():
-    times = np.cumsum(np.random.default_rng(0).uniform(3e-4, 1e-3, 25))
-    residual = SIGMA * np.random.default_rng(1).standard_normal(25)
-    walk = smooth_walk(times, residual, SIGMA**2, DENSITY)
-    # unknowns: every state behind the first; rows: every step of the walk and every position, of unit variance
-    rows, target = [], []
-    for i, h in enumerate(np.diff(times), 1):
-        whiten = np.linalg.inv(np.linalg.cholesky(DENSITY * np.array([[h**3 / 3, h**2 / 2], [h**2 / 2, h]])))
-        block = np.zeros((2, 50))
-        block[:, 2 * i : 2 * i + 2] = whiten
-        block[:, 2 * i - 2 : 2 * i] = -whiten @ np.array([[1.0, h], [0.0, 1.0]])
-        rows.append(block)
-        target += [0.0, 0.0]
-    for i, z in enumerate(residual):
-        row = np.zeros((1, 50))
-        row[0, 2 * i] = 1 / SIGMA
-        rows.append(row)
-        target.append(z / SIGMA)
-    design = np.vstack(rows)[:, 2:]
-    scale = np.sqrt((design**2).sum(axis=0))
-    q, r = np.linalg.qr(design / scale)
-    states = np.linalg.solve(r, q.T @ np.array(target)) / scale
-    deviations = np.sqrt((np.linalg.inv(r) ** 2).sum(axis=1)) / scale
-    for found, expected in (
-        (walk.position, np.append(0.0, states[0::2])),
-        (walk.velocity, np.append(0.0, states[1::2])),
-        (walk.u_position, np.append(0.0, deviations[0::2])),
-        (walk.u_velocity, np.append(0.0, deviations[1::2])),
-    ):
-        assert np.allclose(found, expected, rtol=0, atol=1e-8 * np.abs(expected).max())
+def fused(
+    recorded: Recorded, sigma=SIGMA, acceleration_sigma=ACCELERATION_SIGMA, shift_s=0.0, **options
+) -> FusedMotion:
+    result = fuse(
+        recorded.frame_times_s + shift_s,
+        recorded.displacement_m,
+        0.0,
+        recorded.step_s,
+        recorded.acceleration_m_s2,
+        marker_sigma_m=sigma,
+        acceleration_density=acceleration_sigma**2 * recorded.step_s,
+        **options,
+    )
+    assert isinstance(result, FusedMotion)
+    return result
 
 
-def test_its_uncertainty_is_that_of_its_errors():
-    times = np.arange(400) / 2000
-    errors, rates = [], []
-    for seed in range(40):
-        position, velocity = walk_sample(seed, times)
-        noise = SIGMA * np.random.default_rng(1000 + seed).standard_normal(times.size)
-        walk = smooth_walk(times, position + noise, SIGMA**2, DENSITY)
-        errors.append((walk.position - position)[20:] / walk.u_position[20:])
-        rates.append((walk.velocity - velocity)[20:] / walk.u_velocity[20:])
-    assert 0.9 < np.std(errors) < 1.1
-    assert 0.9 < np.std(rates) < 1.1
-
-
-def test_lost_frames_are_left_out():
-    times = np.arange(100) / 2000
-    residual = SIGMA * np.random.default_rng(3).standard_normal(100)
-    seen = np.ones(100, dtype=bool)
-    seen[[0, 17, 18, 19, 99]] = False
-    lossy = smooth_walk(times, np.where(seen, residual, np.nan), SIGMA**2, DENSITY)
-    kept = smooth_walk(times[seen], residual[seen], SIGMA**2, DENSITY)
-    assert np.array_equal(lossy.times_s, times[seen])
-    assert np.array_equal(lossy.position, kept.position)
-
-
-def test_a_single_frame_that_contradicts_its_neighbours_is_left_out():
-    times = np.arange(100) / 2000
-    residual = SIGMA * np.random.default_rng(3).standard_normal(100)
-    spiked = residual.copy()
-    spiked[40] += 0.012
-    residual[40] = np.nan
-    assert np.array_equal(
-        smooth_walk(times, spiked, SIGMA**2, DENSITY).position, smooth_walk(times, residual, SIGMA**2, DENSITY).position
+def record(seed: int, row: tuple[float, float, float] = ROWS[0], **options) -> Recorded:
+    rate, sigma, acceleration_sigma = row
+    return record_recoil(
+        seed, frame_rate_hz=rate, marker_sigma_m=sigma, acceleration_sigma_m_s2=acceleration_sigma, **options
     )
 
 
-@pytest.mark.parametrize("seen", [0, 1])
-def test_fewer_than_two_frames_are_refused(seen):
-    residual = np.full(5, np.nan)
-    residual[:seen] = 0.0
-    with pytest.raises(ValueError, match=f"{seen} of 5 frames have a position"):
-        smooth_walk(np.arange(5.0), residual, 1.0, 1.0)
+def in_motion(result: FusedMotion) -> np.ndarray:
+    return (result.times_s > ONSET_S) & (result.times_s < ONSET_S + 0.3)
 
 
-@pytest.mark.parametrize(("variance", "density"), [(0.0, 1.0), (-1.0, 1.0), (np.nan, 1.0), (1.0, 0.0)])
-def test_noise_levels_that_are_none_are_refused(variance, density):
-    with pytest.raises(ValueError, match="must be positive"):
-        smooth_walk(np.arange(9.0), np.zeros(9), variance, density)
+def standardised(result: FusedMotion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Errors over standard uncertainties of travel, velocity and acceleration, in the motion."""
+    x, v, a = motion(result.times_s)
+    at = in_motion(result)
+    return (
+        ((result.position_m - x) / result.u_position_m)[at],
+        ((result.velocity_m_s - v) / result.u_velocity_m_s)[at],
+        ((result.acceleration_m_s2 - a) / result.u_acceleration_m_s2)[at],
+    )
 
 
-def test_frames_that_do_not_increase_are_refused():
-    with pytest.raises(ValueError, match="increase strictly"):
-        smooth_walk(np.array([0.0, 1.0, 1.0]), np.zeros(3), 1.0, 1.0)
+@pytest.mark.parametrize("row", ROWS)
+def test_stated_uncertainties_are_those_of_the_errors(row):
+    found = [standardised(fused(record(seed, row), *row[1:])) for seed in range(24)]
+    for z in zip(*found, strict=True):
+        assert 0.85 < np.sqrt(np.mean(np.square(z))) < 1.15
+        assert 0.92 < np.mean(np.abs(z) < 1.96) < 0.98
 
 
-def cubic_walk() -> tuple[Walk, np.polynomial.Polynomial]:
-    cubic = np.polynomial.Polynomial([0.3, -1.0, 2.0, 5.0])
-    times = np.array([-1.0, -0.4, 0.0, 0.9, 1.0])
-    return Walk(times, cubic(times), cubic.deriv()(times), np.zeros(5), np.zeros(5)), cubic
+def test_gain_and_zero_are_found_within_their_uncertainty():
+    results = [fused(record(seed)) for seed in range(12)]
+    gains = [(r.gain - 1.01) / r.u_gain for r in results]
+    zeros = [(r.bias_m_s2 + 1.01 * 2.0) / r.u_bias_m_s2 for r in results]
+    assert 0.5 < np.sqrt(np.mean(np.square(gains))) < 1.6
+    assert 0.5 < np.sqrt(np.mean(np.square(zeros))) < 1.6
+    assert results[0].u_gain < 1e-3
+    assert np.mean([r.innovation_statistic for r in results]) == pytest.approx(1.0, abs=0.03)
 
 
-def test_interpolation_reproduces_the_frames():
-    walk = smooth_walk(np.arange(50) / 2000, SIGMA * np.random.default_rng(3).standard_normal(50), SIGMA**2, DENSITY)
-    position, velocity = walk.at(walk.times_s)
-    assert np.allclose(position, walk.position, rtol=0, atol=1e-15)
-    assert np.allclose(velocity, walk.velocity, rtol=0, atol=1e-12)
+def test_the_result_at_the_frames_and_the_residual_add_up_to_the_camera():
+    recorded = record(1)
+    result = fused(recorded)
+    assert np.array_equal(result.frame_times_s, recorded.frame_times_s[recorded.frame_times_s <= 0.6])
+    seen = recorded.displacement_m[recorded.frame_times_s <= 0.6]
+    between = np.interp(result.frame_times_s, result.times_s, result.position_m)
+    assert np.abs(seen - result.residual_m - between).max() < 2e-6
+    assert np.std(result.residual_m) == pytest.approx(SIGMA, rel=0.05)
 
 
-def test_interpolation_between_the_frames_is_exact_for_a_cubic():
-    walk, cubic = cubic_walk()
-    between = np.linspace(-1.0, 1.0, 57)
-    position, velocity = walk.at(between)
-    assert np.allclose(position, cubic(between))
-    assert np.allclose(velocity, cubic.deriv()(between))
+def test_the_velocity_is_the_derivative_of_the_travel():
+    result = fused(record(2))
+    slope = np.diff(result.position_m) / np.diff(result.times_s)
+    assert np.abs(slope - 0.5 * (result.velocity_m_s[1:] + result.velocity_m_s[:-1])).max() < 2e-3
 
 
-def test_beyond_the_frames_the_velocity_goes_on():
-    walk, cubic = cubic_walk()
-    position, velocity = walk.at(np.array([-3.0, 2.5]))
-    rate = cubic.deriv()(np.array([-1.0, 1.0]))
-    assert np.allclose(velocity, rate)
-    assert np.allclose(position, cubic(np.array([-1.0, 1.0])) + rate * np.array([-2.0, 1.5]))
+def test_an_exact_record_is_reproduced():
+    recorded = record(3, (2000.0, 0.0, 0.0))
+    result = fused(recorded)
+    x, v, a = motion(result.times_s)
+    assert np.abs(result.position_m - x).max() < 5e-6
+    assert result.frames_set_aside == 0
+    assert np.abs(result.velocity_m_s - v).max() < 1e-3
+    assert np.abs(result.acceleration_m_s2 - a).max() < 0.5
+    assert result.gain == pytest.approx(1.01, rel=1e-4)
+
+
+# ---- clocks
+
+
+def test_a_clock_error_shows_in_the_innovations_and_by_itself():
+    right, wrong = fused(record(4)), fused(record(4), shift_s=50e-6)
+    assert wrong.innovation_statistic > right.innovation_statistic + 0.05
+    assert wrong.shift_s == pytest.approx(-50e-6, abs=4 * wrong.u_shift_s)
+    assert right.shift_statistic(0.0) < 3.5
+    assert wrong.shift_statistic(2e-6) > 8
+    assert wrong.shift_statistic(50e-6) < 1.5
+    assert np.sqrt(np.mean(np.square(standardised(wrong)[0]))) > 3
+
+
+@pytest.mark.parametrize("row", ROWS[:2])
+def test_told_of_the_clocks_uncertainty_the_intervals_cover(row):
+    shifts = 50e-6 * np.random.default_rng(8).standard_normal(30)
+    z = [standardised(fused(record(seed, row), *row[1:], shift_s=s, u_offset_s=50e-6)) for seed, s in enumerate(shifts)]
+    x, v, _ = (np.concatenate(part) for part in zip(*z, strict=True))
+    assert 0.8 < np.sqrt(np.mean(x**2)) < 1.2
+    assert 0.8 < np.sqrt(np.mean(v**2)) < 1.2
+    assert np.mean(np.abs(x) < 1.96) > 0.92
+
+
+def test_the_clocks_share_of_the_uncertainty_is_the_results_own_sensitivity():
+    recorded = record(5)
+    plain = fused(recorded)
+    for changes, options in (
+        (recorded.frame_times_s + 10e-6, {"u_offset_s": 10e-6}),
+        (None, {"u_drift": 1e-4}),
+    ):
+        frames = changes
+        if frames is None:
+            t = recorded.frame_times_s
+            weight = motion(t)[1] ** 2
+            frames = t + 1e-4 * (t - np.average(t, weights=weight))
+        moved = fused(replace(recorded, frame_times_s=frames))
+        told = fused(recorded, **options)
+        for name in ("position_m", "velocity_m_s"):
+            share = np.sqrt(np.maximum(getattr(told, f"u_{name}") ** 2 - getattr(plain, f"u_{name}") ** 2, 0.0))
+            change = np.abs(getattr(moved, name) - getattr(plain, name))
+            at = in_motion(plain)
+            assert np.abs(share - change)[at].max() < 0.05 * share[at].max()
+
+
+def test_an_offset_makes_the_travel_uncertain_by_the_velocity_and_the_velocity_by_less():
+    recorded = record(5)
+    told = fused(recorded, u_offset_s=50e-6)
+    fast = (told.times_s > 0.12) & (told.times_s < 0.2)
+    _, v, a = motion(told.times_s)
+    assert np.allclose(told.u_position_m[fast], 50e-6 * v[fast], rtol=0.1, atol=1.5e-5)
+    assert told.u_velocity_m_s.max() < 0.3 * 50e-6 * a.max()
+
+
+# ---- what was lost
+
+
+def test_lost_frames_are_left_out_and_not_filled():
+    recorded = record(6)
+    lost = np.zeros(recorded.frame_times_s.size, dtype=bool)
+    lost[[0, 205, 206, 207, 208, 400]] = True
+    gone = fused(replace(recorded, displacement_m=np.where(lost, np.nan, recorded.displacement_m)))
+    kept = fused(
+        replace(recorded, frame_times_s=recorded.frame_times_s[~lost], displacement_m=recorded.displacement_m[~lost])
+    )
+    assert np.array_equal(gone.position_m, kept.position_m)
+    assert np.array_equal(gone.u_position_m, kept.u_position_m)
+    middle = np.argmin(np.abs(gone.times_s - recorded.frame_times_s[206]))
+    assert gone.u_position_m[middle] > 1.05 * fused(recorded).u_position_m[middle]
+
+
+def test_single_frames_that_contradict_their_neighbours_are_set_aside():
+    recorded = record(7)
+    spiked = recorded.displacement_m.copy()
+    spiked[300] += 0.012
+    spiked[350] = spiked[349]
+    without = recorded.displacement_m.copy()
+    without[[300, 350]] = np.nan
+    one, other = (fused(replace(recorded, displacement_m=z)) for z in (spiked, without))
+    assert one.frames_set_aside == 2
+    assert np.array_equal(one.position_m, other.position_m)
+
+
+@pytest.mark.parametrize(("start", "duration"), [(0.1005, 0.003), (0.15, 0.01)])
+def test_bridged_samples_of_the_accelerometer_are_marked_and_covered(start, duration):
+    errors = []
+    for seed in range(12):
+        recorded = record(seed)
+        lost = (recorded.times_s > start) & (recorded.times_s < start + duration)
+        bridged = bridge(np.where(lost, np.nan, recorded.acceleration_m_s2))
+        holed = replace(recorded, acceleration_m_s2=bridged)
+        result, whole = fused(holed, bridged=lost), fused(recorded)
+        assert np.array_equal(result.bridged, lost)
+        inside = np.argmin(np.abs(result.times_s - start - duration / 2))
+        assert result.u_velocity_m_s[inside] > 1.5 * whole.u_velocity_m_s[inside]
+        assert result.u_acceleration_m_s2[inside] > whole.u_acceleration_m_s2[inside]
+        x, v, _ = standardised(result)
+        errors.append((np.mean(np.abs(x) < 3), np.mean(np.abs(v) < 3)))
+        assert result.innovation_statistic < 1.2
+    assert np.mean(errors) > 0.97
+    untold = fused(holed)
+    assert untold.innovation_statistic > result.innovation_statistic
+
+
+def test_the_likeliest_of_several_noise_densities_is_taken():
+    recorded = record(9, (2000.0, 5e-5, 20.0))
+    density = 25.0 * recorded.step_s
+    result = fuse(
+        recorded.frame_times_s, recorded.displacement_m, 0.0, recorded.step_s, recorded.acceleration_m_s2,
+        marker_sigma_m=SIGMA, acceleration_density=[density, 16 * density, 256 * density],
+    )  # fmt: skip
+    assert isinstance(result, FusedMotion)
+    assert result.acceleration_density == 16 * density
+
+
+# ---- what cannot be fused
+
+
+def test_too_few_frames_are_told_in_a_sentence():
+    recorded = record(1)
+    few = np.where(np.arange(recorded.frame_times_s.size) < 9, recorded.displacement_m, np.nan)
+    answer = fuse(
+        recorded.frame_times_s, few, 0.0, recorded.step_s, recorded.acceleration_m_s2,
+        marker_sigma_m=SIGMA, acceleration_density=1e-3,
+    )  # fmt: skip
+    assert isinstance(answer, str)
+    assert answer.startswith("only 9 frames")
+
+
+def test_a_motion_that_is_a_parabola_is_told_in_a_sentence():
+    frames, step = np.arange(200) / 2000, 1 / 20000
+    answer = fuse(
+        frames, 0.5 * 4.0 * frames**2, 0.0, step, np.full(2000, 4.0), marker_sigma_m=SIGMA, acceleration_density=1e-3
+    )
+    assert answer == "the motion that both records show cannot be told from an error of zero or velocity"
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"frame_times_s": np.zeros(20)}, "increase strictly"),
+        ({"frame_times_s": np.arange(19.0)}, "equally many"),
+        ({"step_s": 0.0}, "step_s must be positive"),
+        ({"acceleration_m_s2": np.array([1.0, np.nan])}, "must be finite"),
+        ({"acceleration_m_s2": np.array([1.0])}, "two samples"),
+        ({"bridged": np.zeros(3, dtype=bool)}, "a flag for each"),
+        ({"marker_sigma_m": 0.0}, "marker_sigma_m must be positive"),
+        ({"acceleration_density": -1.0}, "acceleration_density must be positive"),
+        ({"acceleration_density": []}, "noise density"),
+        ({"u_offset_s": -1.0}, "u_offset_s must be zero or positive"),
+        ({"u_drift": np.nan}, "u_drift must be zero or positive"),
+    ],
+)
+def test_a_callers_mistake_is_refused(changes, message):
+    arguments = {
+        "frame_times_s": np.arange(20.0), "displacement_m": np.sin(np.arange(20.0)), "start_s": 0.0, "step_s": 1.0,
+        "acceleration_m_s2": np.sin(np.arange(30.0)), "marker_sigma_m": 1.0, "acceleration_density": 1.0,
+    }  # fmt: skip
+    with pytest.raises(ValueError, match=message):
+        fuse(**(arguments | changes))

@@ -1,0 +1,148 @@
+"""One shot from aligned channels to the equation of motion as recorded: what every estimator begins with."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from daq.channel import Channel
+from daq.errors import IdentificationError
+from daq.shot import ClockAlignment, Shot
+from identification.calibration import CameraScale
+from identification.kinematics import (
+    Turning,
+    fused_motion,
+    inertial_acceleration,
+    travel_acceleration,
+    travel_and_velocity,
+    turning,
+)
+from identification.regression import Regression, build_regression
+from identification.signals import Signals, at_instants, collect_signals, static_value
+from identification.zero_shift import Filmed
+from processing.double_integral import DoubleIntegral
+from processing.fusion import FusedMotion
+from processing.motion_alignment import INFLATIONS
+from processing.scale_and_zero import filmed_motion
+from rigs.rig import Rig
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A shot's equation of motion as recorded.
+
+    Attributes
+    ----------
+    alignments : mapping of str to ClockAlignment
+    signals : Signals
+    motion : Turning
+    camera : Channel or None
+        Displacement on its own clock, without the delay of its chain.
+    camera_clock : ClockAlignment or None
+        Of that clock.
+    acceleration_m_s2 : ndarray, shape (n,)
+        Second derivative of the travel by the accelerometers, what the camera would see.
+    travel_m, velocity_m_s : ndarray, shape (n,)
+        Of `fused`, or the accelerometers' integrals.
+    fused : FusedMotion or None
+        Camera and accelerometers together; None without a camera that was aligned.
+    recorded : Regression
+    """
+
+    alignments: Mapping[str, ClockAlignment]
+    signals: Signals
+    motion: Turning
+    camera: Channel | None
+    camera_clock: ClockAlignment | None
+    acceleration_m_s2: Array
+    travel_m: Array
+    velocity_m_s: Array
+    fused: FusedMotion | None
+    recorded: Regression
+
+
+def prepare(shot: Shot, rig: Rig) -> Prepared:
+    """Set up the equation of motion of one shot.
+
+    Parameters
+    ----------
+    shot : Shot
+        With its alignments.
+    rig : Rig
+
+    Raises
+    ------
+    IdentificationError
+        If an acceleration or a pressure is missing, or the record shows no recoil.
+    """
+    alignments = {a.clock: a for a in shot.alignments}
+    if shot.by_role("recoil_acceleration") is None:
+        raise IdentificationError(
+            "no channel of role recoil_acceleration",
+            found=", ".join(c.role for c in shot.channels.values() if c.role) or "no roles",
+            remedy="declare its role in the rig file",
+        )
+    signals = collect_signals(shot, rig, alignments)
+    if "recoil_acceleration" not in signals.series:
+        raise IdentificationError("the recoiling part's accelerometer is on a clock that could not be aligned")
+    motion = turning(signals, rig)
+    camera = shot.by_role("recoil_displacement")
+    if camera is not None:
+        camera = at_instants(camera, shot, rig)
+    camera_clock = None if camera is None else alignments.get(camera.time_base.clock)
+    acceleration = travel_acceleration(signals, rig, motion)
+    fused = fused_motion(signals, acceleration, camera, camera_clock)
+    travel, velocity = travel_and_velocity(fused, acceleration, signals.step_s)
+    static = static_value("recoil_acceleration", rig.mechanism) or 0.0
+    recorded = build_regression(signals, rig.mechanism, inertial_acceleration(signals, rig, motion), velocity, static)
+    return Prepared(alignments, signals, motion, camera, camera_clock, acceleration, travel, velocity, fused, recorded)
+
+
+def camera_scale(camera: Channel | None, alignment: ClockAlignment | None) -> CameraScale | None:
+    """Return what the camera says of the accelerometer; None unless it was aligned by motion without doubt."""
+    if camera is None or alignment is None or alignment.status != "ok" or not alignment.details:
+        return None
+    d = alignment.details
+    if "u_bias_m_s2" not in d:
+        return None
+    constant = float(d["integration_constants"][2])
+    return CameraScale.of_constant(
+        d["gain"], d["u_gain"], constant, d["u_bias_m_s2"], d["gain_bias_correlation"], camera.u_rel
+    )
+
+
+def filmed(
+    signals: Signals, acceleration_m_s2: Array, camera: Channel | None, alignment: ClockAlignment | None
+) -> Filmed | None:
+    """Return the motion as camera and accelerometers recorded it; None where `camera_scale` has none.
+
+    Parameters
+    ----------
+    signals : Signals
+    acceleration_m_s2 : ndarray, shape (n,)
+        Second derivative of the travel by the accelerometers, on the grid.
+    camera : Channel or None
+        Displacement, without the delay of its chain.
+    alignment : ClockAlignment or None
+    """
+    if camera is None or alignment is None or camera_scale(camera, alignment) is None or not alignment.details:
+        return None
+    d = alignment.details
+    integral = DoubleIntegral.of(acceleration_m_s2, signals.start_s, signals.step_s)
+    motion = filmed_motion(
+        alignment.to_reference(camera.time_base.times_s),
+        np.asarray(camera.samples, dtype=np.float64),
+        integral,
+        gain=d["gain"],
+        marker_sigma_m=d["marker_sigma_m"],
+        u_offset_s=alignment.u_offset_s,
+        u_bias_m_s2=math.inf,  # the silence has its say where the mass is found
+    )
+    quietest = d["acceleration_density"] / d["noise_inflation"]
+    return Filmed(motion, tuple(quietest * inflation for inflation in INFLATIONS), camera.u_rel)

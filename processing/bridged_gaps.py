@@ -1,0 +1,99 @@
+"""How wrong a bridge across an accelerometer's lost samples may be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+NEARBY_S = 0.02
+"""How far from a gap bridges are tried at least: the recoil pulse is shorter."""
+NEARBY_LENGTHS = 10
+"""How far in lengths of the gap."""
+MOST_PLACES = 400
+"""Where a bridge is tried beside one gap."""
+
+
+@dataclass(frozen=True)
+class BridgedGap:
+    """A run of lost samples and its bridge.
+
+    Attributes
+    ----------
+    first, last : int
+        The samples that are there on either side; the record's ends where it begins or ends with the gap.
+    start_s, duration_s : float
+        Between those two, from the record's start.
+    error : float
+        Root mean square by which the bridge may be wrong, in the samples' unit.
+    """
+
+    first: int
+    last: int
+    start_s: float
+    duration_s: float
+    error: float
+
+    @property
+    def density(self) -> float:
+        """Density of a white noise that changes the velocity over the gap as much as an error that stays the same.
+
+        Such an error e over a time T changes the velocity by ``e T``; white noise of density q by ``sqrt(q T)``.
+        """
+        return self.error**2 * self.duration_s
+
+
+def bridge_errors(samples: Array, bridged: Flags, step_s: float) -> list[BridgedGap]:
+    """Find the gaps, and what bridges of the same length miss beside them.
+
+    Straight bridges over samples that are there are compared with those; the worst one within
+    `NEARBY_LENGTHS` lengths of the gap, and at least within `NEARBY_S`, counts. Where no such place is free of gaps
+    the span of all samples there are does.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n,)
+        Bridged.
+    bridged : ndarray of bool, shape (n,)
+    step_s : float
+
+    Returns
+    -------
+    list of BridgedGap
+        In order.
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], bridged, [False]]).astype(np.int8)))
+    runs = [(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
+    there = samples[~bridged]
+    span = float(np.ptp(there)) if there.size else 0.0
+    count = np.concatenate([[0], np.cumsum(bridged, dtype=np.int64)])
+    gaps = []
+    for start, stop in runs:
+        first, last = max(start - 1, 0), min(stop, samples.size - 1)
+        error = _worst_bridge(samples, count, start, stop, max(1, round(NEARBY_S / step_s)))
+        gaps.append(
+            BridgedGap(first, last, step_s * first, step_s * max(last - first, 1), span if error is None else error)
+        )
+    return gaps
+
+
+def _worst_bridge(samples: Array, count: NDArray[np.int64], start: int, stop: int, nearby: int) -> float | None:
+    """Return the largest root mean square error of bridges as long as a gap, near it; None where none can be tried."""
+    length = stop - start
+    reach = max(nearby, NEARBY_LENGTHS * length)
+    low, high = max(start - reach, 1), min(stop + reach, samples.size - 1) - length
+    if high < low:
+        return None
+    places = np.arange(low, high + 1, max(1, (high - low) // MOST_PLACES))
+    places = places[count[places + length + 1] == count[places - 1]]
+    if places.size == 0:
+        return None
+    inner = samples[places[:, None] + np.arange(length)]
+    share = np.arange(1, length + 1) / (length + 1)
+    before, behind = samples[places - 1, None], samples[places + length, None]
+    missed = inner - (before + share * (behind - before))
+    return float(np.sqrt((missed**2).mean(axis=1).max()))
