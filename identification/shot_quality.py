@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,29 +14,17 @@ from daq.channel import Channel
 from daq.errors import IdentificationError
 from daq.quantity import SI_UNITS
 from daq.readers.reader import Recording
-from daq.shot import ClockAlignment, QualityCheck, Shot, Verdict
+from daq.shot import ClockAlignment, QualityCheck, Shot
 from identification.acquisition_quality import check_acquisition, check_clock_fits
+from identification.camera_quality import check_film, check_fusion, check_track, rest_after
+from identification.channel_quality import LEAST_SAMPLES, check_channel
+from identification.motion_quality import Recoil, check_camera_velocity, check_motion, recoil_of
 from identification.onset import find_onset
-from identification.signals import QUIET_MARGIN_S, static_value
-from processing.quality import (
-    Outcome,
-    check_clipping,
-    check_flat_tops,
-    check_losses,
-    check_lost_frames,
-    check_polarity,
-    check_quiet,
-    check_repeated_frames,
-    check_zero_shift,
-)
-from rigs.assemble import range_si
-from rigs.rig import MotionAlignment, RedundantAlignment, Rig, TriggerAlignment
+from identification.signals import QUIET_MARGIN_S
+from processing.quality import Outcome, check_zero_shift
+from rigs.rig import Rig
 
 Array = NDArray[np.float64]
-
-LEAST_SAMPLES = 8
-"""Fewer are no record."""
-POSITIVE_PULSES = ("recoil_acceleration", "breech_pressure", "recoil_displacement")
 
 
 def check_shot(
@@ -70,22 +58,65 @@ def check_shot(
             checks.append(QualityCheck(source.name, "file", "fail", detail))
         if source.name in recordings:
             checks += _file_checks(source.name, recordings[source.name])
+            if source.kind == "camera":
+                checks += check_film(source, recordings[source.name])
     checks += _file_names(recordings)
     essential = {c.source for c in rig.channels if c.role}
     checks += check_acquisition(shot.acquisition, recordings, essential)
     checks += check_clock_fits(shot.clock_fits)
     by_clock = {a.clock: a for a in alignments}
     onset = _onset(shot, checks)
-    for channel in shot.channels.values():
-        for name, (verdict, detail) in _channel_checks(channel, shot, rig, by_clock, onset):
-            checks.append(QualityCheck(channel.name, name, verdict, detail))
-    for alignment in alignments:
-        checks.append(_alignment_check(alignment))
-        checks += _zero_shift(alignment, shot, onset)
+    shifts = [check for alignment in alignments for check in _zero_shift(alignment, shot, onset)]
+    checks += _channels(shot, rig, by_clock, recordings, onset, zero_by_camera=bool(shifts))
+    checks += [_alignment_check(alignment) for alignment in alignments]
+    checks += shifts
     for fault in rig.overdue(on):
         name = fault.key.removeprefix("channel '").removesuffix("'.sensor.due")
         checks.append(QualityCheck(name, "calibration", "warn", fault.problem))
     return tuple(checks)
+
+
+def _channels(
+    shot: Shot,
+    rig: Rig,
+    by_clock: Mapping[str, ClockAlignment],
+    recordings: Mapping[str, Recording],
+    onset: float | None,
+    *,
+    zero_by_camera: bool,
+) -> list[QualityCheck]:
+    """Check every channel by itself, and then those of one motion against one another."""
+    camera = shot.by_role("recoil_displacement")
+    rest_s = None if camera is None else rest_after(camera, by_clock.get(camera.time_base.clock))
+    recoil = None if onset is None else recoil_of(shot, rig, by_clock)
+    breech = shot.by_role("breech_pressure")
+    driven = None
+    if breech is not None and np.isfinite(breech.samples).any():
+        driven = rig.mechanism.bore_area * float(np.nanmax(breech.samples)) / rig.mechanism.m3
+    checks = []
+    for channel in shot.channels.values():
+        clock = channel.time_base.clock
+        alignment = by_clock.get(clock)
+        found = list(
+            check_channel(
+                channel,
+                rig,
+                reference_s=_reference_times(channel, shot, alignment),
+                onset_s=onset,
+                rest_s=rest_s,
+                driven_m_s2=driven,
+                counted=clock in recordings and "missing_frames" in recordings[clock].metadata,
+            )
+        )
+        source = rig.source(clock)
+        if source.kind == "camera" and not {name for name, _ in found} & {"constant", "losses"}:
+            found += check_track(channel, rig.channel(channel.name), source, recordings.get(clock))
+            found += check_fusion(channel, alignment)
+            found += _against_camera(channel, rig, alignment, recoil)
+        checks += [QualityCheck(channel.name, name, verdict, detail) for name, (verdict, detail) in found]
+    if recoil is not None:
+        checks += check_motion(shot, rig, recoil, rest_s, zero_by_camera=zero_by_camera)
+    return checks
 
 
 def _file_checks(source: str, recording: Recording) -> list[QualityCheck]:
@@ -127,57 +158,27 @@ def _onset(shot: Shot, checks: list[QualityCheck]) -> float | None:
         return None
 
 
-def _channel_checks(
-    channel: Channel, shot: Shot, rig: Rig, by_clock: Mapping[str, ClockAlignment], onset: float | None
-) -> Iterator[tuple[str, Outcome]]:
-    spec = rig.channel(channel.name)
-    samples = np.asarray(channel.samples, dtype=np.float64)
-    times = channel.time_base.times_s
-    unit = SI_UNITS[channel.quantity]
-    present = samples[np.isfinite(samples)]
-    if present.size < LEAST_SAMPLES:
-        found = f"only {present.size} samples" if present.size else "no sample at all"
-        yield "losses", ("fail", f"{found}: check the sensor and its signal's name")
-        return
-    if np.ptp(present) == 0:
-        # what nothing is made of may stand still: a temperature, a mark on the tipping part
-        verdict: Verdict = "fail" if channel.role or channel.name in _aligning(rig) else "warn"
-        yield "constant", (verdict, f"always {present[0]:.4g} {unit}: sensor not connected, or the wrong signal")
-        return
-    if rig.source(channel.time_base.clock).kind == "camera":
-        yield "lost frames", check_lost_frames(times, samples)
-        yield "repeated frames", check_repeated_frames(samples)
-    else:
-        yield "losses", check_losses(samples, channel.time_base.rate_hz)
-    limits = range_si(spec)
-    if limits is not None:
-        yield "range", check_clipping(samples, *limits, unit=unit)
-    elif rig.source(channel.time_base.clock).kind != "camera":
-        yield "range", check_flat_tops(samples)
-    alignment = by_clock.get(channel.time_base.clock)
-    reference = times if alignment is None else alignment.to_reference(times)
-    aligned = channel.time_base.clock == shot.reference_clock or (
-        alignment is not None and alignment.status != "failed"
-    )
-    if onset is None or not aligned:
-        return
-    quiet = reference < onset - QUIET_MARGIN_S
-    if channel.role and channel.quantity != "displacement":
-        static = None if spec.sensor.time_constant_s else static_value(channel.role, rig.mechanism)
-        yield "silence", check_quiet(samples, quiet, static, unit=unit)
-    if channel.role in POSITIVE_PULSES:
-        yield "polarity", check_polarity(samples, quiet)
+def _reference_times(channel: Channel, shot: Shot, alignment: ClockAlignment | None) -> Array | None:
+    """Instants of a channel on the reference clock; None if its clock could not be aligned."""
+    if channel.time_base.clock == shot.reference_clock:
+        return channel.time_base.times_s
+    if alignment is None or alignment.status == "failed":
+        return None
+    return alignment.to_reference(channel.time_base.times_s)
 
 
-def _aligning(rig: Rig) -> set[str]:
-    """Names of the channels that clocks are aligned by."""
-    names = set()
-    for source in rig.sources:
-        if isinstance(source.align, RedundantAlignment | TriggerAlignment):
-            names.add(source.align.channel)
-        if isinstance(source.align, RedundantAlignment | MotionAlignment):
-            names.add(source.align.against)
-    return names
+def _against_camera(
+    channel: Channel, rig: Rig, alignment: ClockAlignment | None, recoil: Recoil | None
+) -> list[tuple[str, Outcome]]:
+    """Compare the accelerometer's velocity with the camera's."""
+    if recoil is None or recoil.turned or alignment is None or alignment.status == "failed":
+        return []
+    if channel.role != "recoil_displacement":
+        return []
+    seen_s = channel.time_base.times_s - rig.channel(channel.name).sensor.delay_s
+    positions = np.asarray(channel.samples, dtype=np.float64)
+    outcome = check_camera_velocity(recoil, alignment.to_reference(seen_s), positions)
+    return [] if outcome is None else [("velocity", outcome)]
 
 
 def _alignment_check(a: ClockAlignment) -> QualityCheck:

@@ -41,7 +41,10 @@ def one(found: tuple[QualityCheck, ...], channel: str, check: str) -> QualityChe
 def test_a_sound_shot_has_no_failed_check():
     found = checks(noisy_shot(), bench_rig())
     assert {c.verdict for c in found} == {"ok"}
-    assert {c.check for c in found if c.channel == "acc"} == {"losses", "range", "silence", "polarity"}
+    expected = {"losses", "range", "held values", "silence", "steady silence", "filtered noise", "out of band"}
+    expected |= {"hum", "aliasing", "spectral gap", "polarity", "force sign", "zero shift", "skew"}
+    assert {c.check for c in found if c.channel == "acc"} == expected
+    assert {c.check for c in found if c.channel == "shot"} == {"impulse", "braking"}
 
 
 def test_the_virtual_rigs_shots_are_usable():
@@ -169,10 +172,10 @@ def test_a_failed_and_an_ambiguous_alignment_are_reported_with_their_reasons():
         check = one(found, "camera", "alignment")
         assert check.verdict == verdict
         assert "two candidates" in check.detail
-    # nothing is said about polarity or zero by a clock that failed
+    # nothing is said about polarity, velocity or zero by a clock that failed; the forces tell the zero then
     failed = check_shot(virtual.shot, virtual.rig, [replace(good, status="failed", reasons=("x",))], {}, ON)
-    assert not [c for c in failed if c.check == "zero shift"]
-    assert not [c for c in failed if c.channel == "x_camera" and c.check == "polarity"]
+    assert "against the forces" in one(failed, "acc_recoil", "zero shift").detail
+    assert not {c.check for c in failed if c.channel == "x_camera"} & {"polarity", "velocity", "residual"}
 
 
 def test_a_zero_that_moved_during_the_shot_is_seen_against_the_camera():

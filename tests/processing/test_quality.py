@@ -44,7 +44,7 @@ def test_one_sample_at_the_end_of_the_range_is_a_warning():
     samples[1100] = 200.0
     verdict, detail = check_clipping(samples, -200.0, 200.0, unit="m/s^2")
     assert verdict == "warn"
-    assert detail.startswith("1 samples, ")
+    assert detail.startswith("range too small: 1 samples, ")
     assert "raise the range beyond 300 m/s^2" in detail
 
 

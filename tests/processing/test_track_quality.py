@@ -57,7 +57,7 @@ def test_a_duplicated_picture_in_the_motion_is_a_warning():
     verdict, detail = check_repeated_frames(positions)
     assert verdict == "warn"
     assert "1 repeated positions during the motion" in detail
-    assert "look for duplicated pictures" in detail
+    assert "the feature is stuck or pictures are duplicated; look at those frames" in detail
 
 
 def test_a_feature_that_is_stuck_fails():
