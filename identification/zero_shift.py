@@ -12,7 +12,6 @@ a shift; the camera, which saw the same motion, tells the two apart.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -75,27 +74,17 @@ class ZeroShift:
         return " and ".join(parts) or "not at all"
 
 
-@dataclass(frozen=True)
-class _Shape:
-    """Columns of one way to shift: a step or not, a decay or not."""
-
-    step: bool
-    time_constant_s: float | None
-
-    @property
-    def size(self) -> int:
-        return self.step + (self.time_constant_s is not None)
-
-    def columns(self, regression: Regression) -> Array:
-        """Return the columns before the filter, shape (n, size)."""
-        since = regression.times_s - regression.times_s[int(np.argmax(regression.released > 0.5))]
-        columns = [regression.released] if self.step else []
-        if self.time_constant_s is not None:
-            columns.append(regression.released * np.exp(-np.maximum(since, 0.0) / self.time_constant_s))
-        return np.column_stack([np.zeros((regression.times_s.size, 0)), *columns])
+_STEP = 0
+"""Column of the step; those of the decays follow, in the order of `TIME_CONSTANTS_S`."""
+Shape = tuple[int, ...]
+"""Columns in which the zero shifts: none, the step, a decay, or both."""
 
 
-NO_SHIFT = _Shape(step=False, time_constant_s=None)
+def shift_columns(regression: Regression) -> Array:
+    """Return the step at the release and the decays from it, before any filter, shape (n, 5)."""
+    since = np.maximum(regression.times_s - regression.times_s[int(np.argmax(regression.released > 0.5))], 0.0)
+    decays = [regression.released * np.exp(-since / tau) for tau in TIME_CONSTANTS_S]
+    return np.column_stack([regression.released, *decays])
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,68 +144,54 @@ def calibrated_with_zero_shift(
     """
     plain = recorded.filtered(low_pass)
     unshifted = calibrated_mass(plain, scales, u_bias_m_s2, camera)
-    decays = [tau for tau in TIME_CONSTANTS_S if tau < recorded.times_s[-1] - recorded.interval_s[0]]
+    left_s = recorded.times_s[-1] - recorded.interval_s[0]
+    decays = [1 + i for i, tau in enumerate(TIME_CONSTANTS_S) if tau < left_s]
     if not (math.isfinite(u_bias_m_s2) and decays):
         # without a silence a zero that shifted is like one that was never known
         return plain, unshifted, ZeroShift()
-    fullest = [_Shape(step=True, time_constant_s=tau) for tau in decays]
-    shapes = [NO_SHIFT, _Shape(step=True, time_constant_s=None)]
-    shapes += [_Shape(step=False, time_constant_s=tau) for tau in decays]
-    regressions, films = {}, {}
-    density = None
-    for shape in [*fullest, *shapes]:
-        columns = shape.columns(recorded)
-        regressions[shape] = replace(plain, shifts=_filtered(columns, low_pass, recorded.rate_hz))
-        if filmed is not None:
-            if density is None and (best := filmed.motion.likeliest(columns, filmed.densities)) is not None:
-                density = best.density
-            film = None if density is None else filmed.motion.solve(columns, density)
-            if film is None:
-                return calibrated_with_zero_shift(recorded, low_pass, scales, u_bias_m_s2, camera)
-            films[shape] = film
+    columns = shift_columns(recorded)
+    film = None
+    if filmed is not None:
+        film = filmed.motion.likeliest(columns, (_STEP, decays[0]), filmed.densities)
+    filtered = low_pass.apply(columns, recorded.rate_hz)
+    fullest: list[Shape] = [(_STEP, j) for j in decays]
+    seen: dict[Shape, ScaleAndZero] = {}
+    shapes: list[Shape] = [(), (_STEP,), *((j,) for j in decays), *fullest]
+    if film is not None:
+        seen = {shape: found for shape in shapes if (found := film.solve(shape)) is not None}
+        if len(seen) < len(shapes):
+            seen = {}
+
+    def fitted(shape: Shape, noise_m_s2: float | None = None) -> Calibration:
+        told = filmed.scale(seen[shape]) if filmed is not None and seen else None
+        regression = replace(plain, shifts=filtered[:, shape])
+        return calibrated_mass(regression, scales, u_bias_m_s2, told, noise_m_s2=noise_m_s2)
+
     # the noise is that of the fullest shape: what a shift leaves unexplained must not excuse it
     least = LEAST_NOISE * float(np.max(np.abs(plain.acceleration_m_s2[plain.used])))
-    noise = max(
-        min(_calibrated(regressions[s], scales, u_bias_m_s2, s, filmed, films).noise_m_s2 for s in fullest), least
-    )
+    noise = max(min(fitted(shape).noise_m_s2 for shape in fullest), least)
     criteria = {}
-    for shape, regression in regressions.items():
-        fit = _calibrated(regression, scales, u_bias_m_s2, shape, filmed, films, noise)
-        frames = films[shape].misfit if shape in films else 0.0
-        criteria[shape] = fit.misfit + frames + shape.size * math.log(max(fit.estimate.rows, 2))
+    for shape in shapes:
+        fit = fitted(shape, noise)
+        frames = seen[shape].misfit if seen else 0.0
+        criteria[shape] = fit.misfit + frames + len(shape) * math.log(max(fit.estimate.rows, 2))
     chosen = min(criteria, key=lambda shape: criteria[shape])
-    fall = criteria[NO_SHIFT] - criteria[chosen]
+    fall = criteria[()] - criteria[chosen]
     if fall <= MARGIN:
         return plain, unshifted, ZeroShift(criterion=max(fall, 0.0))
-    calibration = _calibrated(regressions[chosen], scales, u_bias_m_s2, chosen, filmed, films)
+    calibration = fitted(chosen)
     shift = _described(chosen, calibration.shifts_m_s2, calibration.u_shifts_m_s2, fall)
-    return regressions[chosen], calibration, replace(shift, confirmed=filmed is not None)
+    return replace(plain, shifts=filtered[:, chosen]), calibration, replace(shift, confirmed=bool(seen))
 
 
-def _filtered(columns: Array, low_pass: LowPass, rate_hz: float) -> Array:
-    return np.column_stack([np.zeros((len(columns), 0)), *(low_pass.apply(c, rate_hz) for c in columns.T)])
-
-
-def _calibrated(
-    regression: Regression,
-    scales: ScaleUncertainty,
-    u_bias_m_s2: float,
-    shape: _Shape,
-    filmed: Filmed | None,
-    films: Mapping[_Shape, ScaleAndZero],
-    noise_m_s2: float | None = None,
-) -> Calibration:
-    camera = None if filmed is None else filmed.scale(films[shape])
-    return calibrated_mass(regression, scales, u_bias_m_s2, camera, noise_m_s2=noise_m_s2)
-
-
-def _described(shape: _Shape, sizes: Sequence[float] | Array, u: Sequence[float] | Array, fall: float) -> ZeroShift:
-    decays = shape.time_constant_s is not None
+def _described(shape: Shape, sizes: Array, u: Array, fall: float) -> ZeroShift:
+    stays = _STEP in shape
+    tau = next((TIME_CONSTANTS_S[j - 1] for j in shape if j != _STEP), None)
     return ZeroShift(
-        step_m_s2=float(sizes[0]) if shape.step else 0.0,
-        u_step_m_s2=float(u[0]) if shape.step else 0.0,
-        decaying_m_s2=float(sizes[-1]) if decays else 0.0,
-        u_decaying_m_s2=float(u[-1]) if decays else 0.0,
-        time_constant_s=math.inf if shape.time_constant_s is None else shape.time_constant_s,
+        step_m_s2=float(sizes[0]) if stays else 0.0,
+        u_step_m_s2=float(u[0]) if stays else 0.0,
+        decaying_m_s2=0.0 if tau is None else float(sizes[-1]),
+        u_decaying_m_s2=0.0 if tau is None else float(u[-1]),
+        time_constant_s=math.inf if tau is None else tau,
         criterion=fall,
     )

@@ -29,6 +29,8 @@ LEAST_FRAMES = 50
 """Below this scale, zero and shifts are not to be told from so few frames."""
 LEAST_INDEPENDENCE = 1e-9
 """Smallest sine of the angle between a column and the others."""
+_ZERO = 4
+"""Column of the zero's error; those of the shifts follow."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,20 +91,20 @@ class FilmedMotion:
     u_offset_s: float
     u_bias_m_s2: float
 
-    def solve(self, shapes: Array, density: float) -> ScaleAndZero | None:
-        """Find scale, zero and shifts.
+    def whitened(self, shapes: Array, density: float) -> WhitenedFilm | None:
+        """Whiten positions and columns once for all choices among some shapes.
 
         Parameters
         ----------
-        shapes : ndarray, shape (n_samples, n_shifts)
-            In which the zero may have shifted, at the accelerometer's samples; n_shifts may be 0.
+        shapes : ndarray, shape (n_samples, n_shapes)
+            In which the zero may have shifted, at the accelerometer's samples.
         density : float
             Of the accelerometer's noise, (m/s^2)^2/Hz, two-sided.
 
         Returns
         -------
-        ScaleAndZero or None
-            None where too few frames are there or the columns are not independent.
+        WhitenedFilm or None
+            None where too few frames are there.
         """
         t = self.times_s
         if t.size < LEAST_FRAMES:
@@ -112,16 +114,83 @@ class FilmedMotion:
         start_s, step_s = self.integral.start_s, self.integral.step_s
         since = t - start_s
         shifted = [DoubleIntegral.of(shape, start_s, step_s).at(t)[0] for shape in shapes.T]
-        columns = np.column_stack([self.positions_m, travel, -0.5 * since**2, *(-s for s in shifted), velocity,
-                                   np.ones_like(t), since])  # fmt: skip
-        rows = walk.whiten(columns)
-        target, design = rows[:, 0], rows[:, 1:]
-        n_shifts = shapes.shape[1]
+        columns = [travel, velocity, np.ones_like(t), since, -0.5 * since**2, *(-s for s in shifted), self.positions_m]
+        rows = walk.whiten(np.column_stack(columns))
+        # the triangle holds all that least squares on any of the columns needs
+        return WhitenedFilm(
+            np.linalg.qr(rows, mode="r"), t.size, walk.log_determinant, density, self.u_offset_s, self.u_bias_m_s2
+        )
+
+    def solve(self, shapes: Array, density: float) -> ScaleAndZero | None:
+        """Find scale, zero and shifts of all shapes; parameters as of `whitened`.
+
+        Returns
+        -------
+        ScaleAndZero or None
+            None where too few frames are there or the columns are not independent.
+        """
+        film = self.whitened(shapes, density)
+        return None if film is None else film.solve(range(shapes.shape[1]))
+
+    def likeliest(self, shapes: Array, chosen: Sequence[int], densities: Sequence[float]) -> WhitenedFilm | None:
+        """Whiten with the density that makes the positions likeliest if the zero shifted in the chosen shapes.
+
+        Parameters
+        ----------
+        shapes : ndarray, shape (n_samples, n_shapes)
+        chosen : sequence of int
+        densities : sequence of float
+            Rising; the search ends where the likelihood falls.
+        """
+        best: tuple[float, WhitenedFilm] | None = None
+        for density in densities:
+            film = self.whitened(shapes, density)
+            found = None if film is None else film.solve(chosen)
+            if film is None or found is None:
+                continue
+            if best is not None and found.misfit >= best[0]:
+                break
+            best = found.misfit, film
+        return None if best is None else best[1]
+
+
+@dataclass(frozen=True, eq=False)
+class WhitenedFilm:
+    """Positions and columns of a filmed motion in rows of independent errors, as the triangle of their factorisation.
+
+    Attributes
+    ----------
+    triangle : ndarray, shape (n_columns, n_columns)
+        Of travel, velocity, 1, t, -t^2/2, shapes and positions.
+    frames : int
+    log_determinant : float
+        Of the noise.
+    density, u_offset_s, u_bias_m_s2 : float
+        As of `FilmedMotion`.
+    """
+
+    triangle: Array
+    frames: int
+    log_determinant: float
+    density: float
+    u_offset_s: float
+    u_bias_m_s2: float
+
+    def solve(self, chosen: Sequence[int]) -> ScaleAndZero | None:
+        """Find scale, zero and the shifts of some of the shapes; None where the columns are not independent.
+
+        Parameters
+        ----------
+        chosen : sequence of int
+            Numbers of the shapes.
+        """
+        columns = [0, *range(1, _ZERO), _ZERO, *(_ZERO + 1 + j for j in chosen)]
+        design, target = self.triangle[:, columns], self.triangle[:, -1]
         gain = float(np.linalg.lstsq(design, target, rcond=None)[0][0])
         # the offset and the zero before the motion are known already, each as well as it is
-        prior = np.zeros((2, design.shape[1]))
-        prior[0, 2 + n_shifts] = 1.0 / max(abs(gain) * self.u_offset_s, 1e-12)
-        prior[1, 1] = 1.0 / max(abs(gain) * self.u_bias_m_s2, 1e-12)
+        prior = np.zeros((2, len(columns)))
+        prior[0, 1] = 1.0 / max(abs(gain) * self.u_offset_s, 1e-12)
+        prior[1, _ZERO] = 1.0 / max(abs(gain) * self.u_bias_m_s2, 1e-12)
         full, values = np.vstack([design, prior]), np.append(target, [0.0, 0.0])
         scale = np.sqrt((full**2).sum(axis=0))
         if not np.all(scale > 0):
@@ -132,30 +201,23 @@ class FilmedMotion:
         inverse = np.linalg.inv(r)
         solution = inverse @ (q.T @ values) / scale
         residual = values - full @ solution
-        chi2 = float(residual @ residual)
-        statistic = float(residual[:-2] @ residual[:-2]) / t.size
-        wanted = slice(0, 2 + n_shifts)
-        covariance = (inverse @ inverse.T / np.outer(scale, scale))[wanted, wanted] * max(1.0, statistic)
-        gain, products = float(solution[0]), solution[1 : 2 + n_shifts]
+        statistic = float(residual[:-2] @ residual[:-2]) / self.frames
+        wanted = [0, *range(_ZERO, len(columns))]
+        covariance = (inverse @ inverse.T / np.outer(scale, scale))[np.ix_(wanted, wanted)] * max(1.0, statistic)
+        gain, products = float(solution[0]), solution[_ZERO:]
         # the columns' coefficients are gain times zero: derivatives of zero = product / gain
-        change = np.eye(2 + n_shifts)
+        change = np.diag(np.append(1.0, np.full(products.size, 1.0 / gain)))
         change[1:, 0] = -products / gain**2
-        change[range(1, 2 + n_shifts), range(1, 2 + n_shifts)] = 1.0 / gain
         zeros = products / gain
         return ScaleAndZero(
             gain=gain,
             bias_m_s2=float(zeros[0]),
             shifts_m_s2=np.asarray(zeros[1:]),
             covariance=change @ covariance @ change.T,
-            density=density,
-            misfit=chi2 + walk.log_determinant,
+            density=self.density,
+            misfit=float(residual @ residual) + self.log_determinant,
             innovation_statistic=statistic,
         )
-
-    def likeliest(self, shapes: Array, densities: Sequence[float]) -> ScaleAndZero | None:
-        """Solve at several noise densities, and return the likeliest solution; parameters as of `solve`."""
-        found = [one for density in densities if (one := self.solve(shapes, density)) is not None]
-        return min(found, key=lambda one: one.misfit, default=None)
 
 
 def filmed_motion(

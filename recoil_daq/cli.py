@@ -176,7 +176,9 @@ def identify(
     method: MethodOption = "calibrated",
     cutoff_hz: Annotated[
         float | None,
-        typer.Option(min=1.0, help="-3 dB point of the zero-phase low-pass.", show_default="300, less for slow buses"),
+        typer.Option(
+            min=1.0, help="-3 dB point of the zero-phase low-pass.", show_default="from the spectra, one for all shots"
+        ),
     ] = None,
     window_s: Annotated[float, typer.Option(min=1e-4, help="Memory of the trace, seconds.")] = 0.02,
     overwrite: OverwriteOption = False,
@@ -186,18 +188,27 @@ def identify(
     """Identify the recoiling mass of shot files and write a report for each."""
     with Session(json, debug) as session:
         from identification.analysis import Options
+        from recoil_daq.campaign import Campaign, repeatability, survey
         from recoil_daq.identify import find_shot_files, identify_file
-        from recoil_daq.tables import print_report, reports_document
+        from recoil_daq.tables import print_repeatability, print_report, reports_document
 
+        paths = find_shot_files(shots)
+        campaign = Campaign({}, {})
+        if len(paths) > 1 and cutoff_hz is None:
+            with session.steps("one cut-off for all shots") as progress:
+                campaign = survey(paths, progress=progress)
         reports = []
-        for path in find_shot_files(shots):
+        for path in paths:
             with session.steps(f"identify {path.name}") as progress:
-                options = Options(method, cutoff_hz, window_s)
+                options = Options(method, cutoff_hz, window_s, campaign.cutoff_of(path))
                 reports.append(identify_file(path, out=out, options=options, overwrite=overwrite, progress=progress))
             if not json:
                 print_report(reports[-1])
+        repeats = repeatability([report.document for report in reports])
+        if not json:
+            print_repeatability(repeats)
         valid = all(report.document["valid"] for report in reports)
-        session.finish(reports_document(reports), lambda: None, OK if valid else NOT_VALID)
+        session.finish(reports_document(reports, repeats), lambda: None, OK if valid else NOT_VALID)
 
 
 @app.command(epilog="Example: recoil-daq simulate mixed --seed 7 --shots 3")

@@ -109,7 +109,7 @@ def identify_file(
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     itself = InputFile(source.name, digest, source.stat().st_size, "", "shot file")
     document = report_document(shot, found, version=__version__, shot_file=itself, truth=truth)
-    figures = report_figures(shot, found)
+    figures = report_figures(found)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         partial = Path(tempfile.mkdtemp(prefix=f".{shot.name}.", suffix=".partial", dir=folder.parent))

@@ -140,7 +140,7 @@ def print_verdict(document: Mapping[str, Any], console: Console | None = None) -
 
 
 def _worst(quality: Sequence[Mapping[str, str]], channel: str) -> tuple[str, str]:
-    """Worst verdict of a channel, with what was found: the faults, or the checks that it passed."""
+    """Worst verdict of a channel, with its first fault and how many more, or how many checks it passed."""
     checks = [c for c in quality if c["channel"] == channel]
     if not checks:
         return "ok", ""
@@ -148,16 +148,30 @@ def _worst(quality: Sequence[Mapping[str, str]], channel: str) -> tuple[str, str
     found = [c for c in checks if c["verdict"] == verdict]
     if verdict == "ok":
         clock = next((c for c in checks if c["check"] == "alignment"), None)
-        return verdict, clock["detail"] if clock else ", ".join(dict.fromkeys(c["check"] for c in checks))
-    return verdict, "; ".join(f"{c['check']}: {c['detail']}" for c in found)
+        passed = "1 check" if len(checks) == 1 else f"{len(checks)} checks"
+        return verdict, clock["detail"] if clock else f"{passed} passed"
+    first, *more = found
+    text = f"{first['check']}: {first['detail']}"
+    return verdict, text + (f"; and {len(more)} more: {', '.join(c['check'] for c in more)}" if more else "")
 
 
-def reports_document(reports: Sequence[Reported]) -> dict[str, Any]:
-    """Build the document of ``identify --json``."""
+def reports_document(
+    reports: Sequence[Reported], repeats: Mapping[str, tuple[str, str]] | None = None
+) -> dict[str, Any]:
+    """Build the document of ``identify --json``; `repeats` is the verdict on the repeatability by rig."""
     return {
         "schema": "recoil-daq/identify/1",
         "reports": [{"folder": str(r.folder), **r.document} for r in reports],
+        "repeatability": [
+            {"rig": rig, "verdict": verdict, "detail": detail} for rig, (verdict, detail) in (repeats or {}).items()
+        ],
     }
+
+
+def print_repeatability(repeats: Mapping[str, tuple[str, str]]) -> None:
+    """Print whether the shots of each rig repeat; nothing where there was one shot only."""
+    for rig, (verdict, detail) in repeats.items():
+        say(f"repeatability on rig {rig}: {verdict}, {detail}")
 
 
 def print_report(report: Reported) -> None:
@@ -187,6 +201,13 @@ def print_report(report: Reported) -> None:
         f"mass {_fixed(d['mass']['value'], 2)} kg, 95 % interval [{_fixed(low, 2)}, {_fixed(high, 2)}] kg, "
         f"RPE {_fixed(rpe['value'], 2)} % [{_fixed(rpe['U95'][0], 2)}, {_fixed(rpe['U95'][1], 2)}]",
         markup=False,
+    )
+    said = d["filter"]
+    basis = {"given": "as asked for", "shot": "by this shot's spectra", "campaign": "by the spectra of all shots"}
+    console.print(
+        f"low-pass at {said['cutoff_hz']:.4g} Hz, {basis.get(said['basis'], said['reason'])}",
+        markup=False,
+        soft_wrap=True,
     )
     if d["valid"]:
         console.print("[bold green]VALID[/]", end=" ")

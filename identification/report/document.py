@@ -12,6 +12,7 @@ import numpy as np
 
 from daq.shot import InputFile, Shot
 from identification.analysis import Identification, Result
+from identification.stress_waves import StressWaves
 
 SCHEMA = "recoil-daq/report/1"
 TRACE_FILE = "mass.csv"
@@ -93,6 +94,23 @@ def report_document(
         "quality": [
             {"channel": c.channel, "check": c.check, "verdict": c.verdict, "detail": c.detail} for c in shot.quality
         ],
+        "filter": found.filter_choice.to_json(),
+        "zero_shift": {
+            "demanded": found.zero_shift.demanded,
+            "confirmed": found.zero_shift.confirmed,
+            "criterion": found.zero_shift.criterion,
+            "step_m_s2": found.zero_shift.step_m_s2,
+            "u_step_m_s2": found.zero_shift.u_step_m_s2,
+            "decaying_m_s2": found.zero_shift.decaying_m_s2,
+            "u_decaying_m_s2": found.zero_shift.u_decaying_m_s2,
+            "time_constant_s": found.zero_shift.time_constant_s,
+        },
+        "fusion": _fusion(found),
+        "ringing": [_ringing(one) for one in found.stress_waves],
+        "peak_acceleration": {
+            "recorded_m_s2": found.peaks.raw,
+            "filtered_m_s2": found.peaks.filtered,
+        },
         "methods": [_method(name, result, found) for name, result in found.results.items()],
         "sensors": [
             {
@@ -125,6 +143,42 @@ def report_document(
         error = 100 * (estimate.mass_kg / float(truth["m3"]) - 1)
         document["truth"] = {"mass_kg": float(truth["m3"]), "error_percent": error}
     return dict(_json(document))
+
+
+def _fusion(found: Identification) -> dict[str, Any] | None:
+    fused = found.fused
+    if fused is None:
+        return None
+    end = int(np.argmin(np.abs(fused.times_s - found.filtered.interval_s[1])))
+    fastest = int(np.argmax(fused.velocity_m_s))
+    alignment = found.alignments.get(found.camera.time_base.clock) if found.camera is not None else None
+    return {
+        "travel_m": {"value": fused.position_m[end], "u": fused.u_position_m[end]},
+        "largest_velocity_m_s": {"value": fused.velocity_m_s[fastest], "u": fused.u_velocity_m_s[fastest]},
+        "gain": {"value": fused.gain, "u": fused.u_gain},
+        "innovation_statistic": fused.innovation_statistic,
+        "clock_shift_sigma": None if alignment is None else fused.shift_statistic(alignment.u_offset_s),
+        "frames_set_aside": fused.frames_set_aside,
+    }
+
+
+def _ringing(found: StressWaves) -> dict[str, Any]:
+    report = found.report
+    return {
+        "channel": found.channel,
+        "role": found.role,
+        "energy_share": report.ringing_share,
+        "modes": [
+            {
+                "frequency_hz": mode.frequency_hz,
+                "damping_ratio": mode.damping_ratio,
+                "energy_share": mode.energy_share,
+                "amplitude": mode.amplitude,
+                "unit": found.unit,
+            }
+            for mode in report.modes
+        ],
+    }
 
 
 def _method(name: str, result: Result, found: Identification) -> dict[str, Any]:

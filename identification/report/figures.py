@@ -8,30 +8,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from daq.channel import Channel
-from daq.shot import ClockAlignment, Shot
+from daq.shot import ClockAlignment
 from identification.analysis import Identification
 from identification.mass import COVERAGE_FACTOR
 from identification.regression import FORCES
 from identification.report.figure import Figure, HorizontalLine, Panel, Span, Trace
-from identification.signals import Signals, on_grid, without_delay
+from identification.signals import Signals, on_grid
 from processing.filters import LowPass
 
 Array = NDArray[np.float64]
 TIME = "time on the reference clock, s"
 
 
-def report_figures(shot: Shot, found: Identification) -> list[Figure]:
+def report_figures(found: Identification) -> list[Figure]:
     """Compose all figures of a shot, in reading order.
 
     The first three are those of the 2013 paper for this shot: the mass over time, the angular rates raw
     and filtered, the active force.
     """
-    camera = shot.by_role("recoil_displacement")
+    camera = found.camera
     alignment = None if camera is None else found.alignments.get(camera.time_base.clock)
     if camera is None or alignment is None or alignment.status == "failed":
         camera = alignment = None
-    else:
-        camera = without_delay(camera, found.camera_delay_s)
     figures = [_mass(found), *_angular_rates(found), _force(found), _travel(found, camera, alignment)]
     figures.append(_residuals(found))
     if camera is not None and alignment is not None and "candidates_s" in (alignment.details or {}):
@@ -154,15 +152,20 @@ def _force(found: Identification) -> Figure:
 
 def _travel(found: Identification, camera: Channel | None, alignment: ClockAlignment | None) -> Figure:
     t = found.filtered.times_s
-    traces = [Trace("travel, camera and accelerometers", t, 1e3 * found.travel_m, "filtered", "mm")]
+    fused = found.fused
+    if fused is None:
+        traces = [Trace("travel, accelerometers", t, 1e3 * found.travel_m, "filtered", "mm")]
+        velocity = Trace("velocity", t, found.velocity_m_s, "filtered", "m/s")
+    else:
+        traces = [_banded("travel, fused", t, 1e3 * found.travel_m, 1e3 * fused.u_position_m, "mm")]
+        velocity = _banded("velocity, fused", t, found.velocity_m_s, fused.u_velocity_m_s, "m/s")
     if camera is not None and alignment is not None:
         at = alignment.to_reference(camera.time_base.times_s)
         traces.insert(0, Trace("camera", at, 1e3 * np.asarray(camera.samples), "points", "mm"))
-    velocity = Trace("velocity", t, found.velocity_m_s, "filtered", "m/s")
     return Figure(
         "travel",
         "Recoil travel and velocity",
-        "The camera's track on the reference clock, and the accelerometers' integrals tied to it.",
+        "The camera's track on the reference clock, and camera and accelerometers together with their 95 % band.",
         TIME,
         (
             Panel("travel, mm", tuple(traces), spans=_interval(found)),
@@ -170,6 +173,11 @@ def _travel(found: Identification, camera: Channel | None, alignment: ClockAlign
         ),
         shown=_shown(found),
     )
+
+
+def _banded(name: str, times_s: Array, values: Array, u: Array, unit: str) -> Trace:
+    half = COVERAGE_FACTOR * u
+    return Trace(f"{name}, 95 % interval", times_s, values, "band", unit, values - half, values + half)
 
 
 def _residuals(found: Identification) -> Figure:
@@ -213,7 +221,7 @@ def _residuals(found: Identification) -> Figure:
 def _motion_alignment(alignment: ClockAlignment, found: Identification, camera: Channel) -> Figure:
     details = alignment.details or {}
     signals: Signals = found.signals
-    on_camera = on_grid(camera, alignment, signals.times_s, 0.0)
+    on_camera = on_grid(camera, alignment, signals.times_s)
     residual = 1e3 * (on_camera - found.travel_m)
     candidates = 1e6 * (np.asarray(details["candidates_s"]) - alignment.offset_s)
     return Figure(
@@ -253,6 +261,11 @@ def _spectrum(found: Identification) -> Figure:
     keep = frequency > 0
     m = found.chosen.estimate.mass_kg
     floor = 1e-9 * float(density[0][keep].max())
+    cutoff_hz = _cutoff(found.filtered.low_pass)
+    spans = [Span("cut-off", cutoff_hz, cutoff_hz)]
+    said = found.filter_choice.cutoff
+    if said is not None and math.isfinite(said.valley_hz) and math.isfinite(said.shoulder_hz):
+        spans.append(Span(f"gap, {said.depth_db:.0f} dB deep", said.valley_hz, said.shoulder_hz))
     return Figure(
         "spectrum",
         "Spectrum of the acceleration before and after the filter",
@@ -267,6 +280,7 @@ def _spectrum(found: Identification) -> Figure:
                     Trace("a', filtered", frequency[keep], np.maximum(density[1][keep], floor), "filtered", ""),
                     Trace("F'/m, recorded", frequency[keep], density[2][keep] / m**2, "model", ""),
                 ),
+                spans=tuple(spans),
                 y_scale="log",
             ),
         ),

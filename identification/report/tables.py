@@ -163,6 +163,63 @@ def quality_counts(report: Report) -> list[tuple[str, int]]:
     return [(name, verdicts.count(name)) for name in dict.fromkeys(verdicts)]
 
 
+def conditioning(report: Report) -> list[str]:
+    """Say in sentences what was done to the signals: the filter, a shift of the zero, what was repaired."""
+    said, shift = report.get("filter") or {}, report.get("zero_shift") or {}
+    sentences = []
+    if said.get("cutoff_hz") is not None:
+        basis = {"given": "as asked for", "shot": "chosen from this shot's spectra",
+                 "campaign": "chosen from the spectra of all shots together", "default": "a fixed one"}  # fmt: skip
+        order = 2 * said.get("half_order", 4)
+        sentences.append(
+            f"Both sides of the equation of motion pass one zero-phase Butterworth low-pass of order {order}, "
+            f"-3 dB at {plain(float(significant(said['cutoff_hz'], 3)))} Hz, {basis.get(str(said.get('basis')), '')}: "
+            f"{said.get('reason', '')}."
+        )
+    if shift.get("demanded"):
+        parts = [
+            f"{significant(shift[key], 3)} m/s² (u {significant(shift['u_' + key], 2)}) {how}"
+            for key, how in (("step_m_s2", "that stays"), ("decaying_m_s2", "that decays"))
+            if shift.get("u_" + key)
+        ]
+        told = "force and camera" if shift.get("confirmed") else "the force alone"
+        sentences.append(
+            f"The accelerometer's zero shifted at the shot, as {told} tell: {' and '.join(parts)}; taken off."
+        )
+    return sentences
+
+
+def ringing(report: Report) -> list[Row]:
+    """One row for each mode that rings on a channel, the strongest of each channel first."""
+    rows = []
+    for channel in report.get("ringing") or ():
+        share = fixed(100 * channel["energy_share"], 1)
+        modes = channel.get("modes") or ()
+        if not modes:
+            rows.append({"channel": channel["channel"], "share": share, "frequency": NO_NUMBER,
+                         "damping": NO_NUMBER, "mode": NO_NUMBER, "amplitude": NO_NUMBER})  # fmt: skip
+        for i, mode in enumerate(modes):
+            rows.append(
+                {
+                    "channel": channel["channel"] if i == 0 else "",
+                    "share": share if i == 0 else "",
+                    "frequency": fixed(mode["frequency_hz"], 0),
+                    "damping": significant(100 * mode["damping_ratio"], 2),
+                    "mode": fixed(100 * mode["energy_share"], 1),
+                    "amplitude": f"{significant(mode['amplitude'], 2)} {mode['unit']}",
+                }
+            )
+    return rows
+
+
+def repairs(report: Report) -> list[Row]:
+    """One row for each repair: channel, what was done, to how many samples, and the figures."""
+    return [
+        {key: row.get(key, NO_NUMBER) for key in ("channel", "what", "samples", "detail")}
+        for row in report.get("repairs") or ()
+    ]
+
+
 def inputs(report: Report) -> list[Row]:
     """One row for each input file: its digest whole, and shortened to sixteen digits."""
     rows = []

@@ -9,11 +9,11 @@ from identification.analysis import Identification, Options, identify_shot
 from identification.report.figure import Figure
 from identification.report.figures import report_figures
 from tests.builders.bench_shots import bench_rig, bench_shot
-from tests.builders.virtual_shots import identified, virtual_shot
+from tests.builders.virtual_shots import identified
 
 
 def figures(found: Identification | None = None) -> dict[str, Figure]:
-    return {f.key: f for f in report_figures(virtual_shot("mixed").shot, found or identified("mixed"))}
+    return {f.key: f for f in report_figures(found or identified("mixed"))}
 
 
 def traces(figure: Figure):
@@ -100,5 +100,5 @@ def test_a_clock_that_failed_or_was_not_aligned_by_motion_has_no_figure():
 
 def test_a_shot_of_one_clock_without_noise_has_its_figures_too():
     found = identify_shot(bench_shot(), bench_rig(), Options())
-    drawn = {f.key for f in report_figures(bench_shot(), found)}
+    drawn = {f.key for f in report_figures(found)}
     assert drawn == {"mass", "force", "travel", "residuals", "spectrum"}

@@ -72,7 +72,7 @@ def test_a_shift_that_is_left_out_shows_in_the_misfit_and_none_does_not() -> Non
 
 
 def test_the_likeliest_density_is_the_accelerometers_own() -> None:
-    found = filmed(2).likeliest(shapes(), [DENSITY * f for f in (0.01, 1.0, 100.0)])
+    found = filmed(2).likeliest(shapes(), [0, 1], [DENSITY * f for f in (0.01, 1.0, 100.0)])
     assert found is not None
     assert found.density == DENSITY
 
@@ -97,3 +97,16 @@ def test_bad_arguments_are_refused() -> None:
         filmed_motion(TIMES_S, TIMES_S[1:], integral, gain=1.0, marker_sigma_m=1e-5, u_offset_s=0.0, u_bias_m_s2=0.1)
     with pytest.raises(ValueError, match="positive"):
         filmed_motion(TIMES_S, TIMES_S, integral, gain=1.0, marker_sigma_m=0.0, u_offset_s=0.0, u_bias_m_s2=0.1)
+
+
+def test_one_factorisation_serves_every_choice_of_shapes() -> None:
+    motion = filmed(5, shifts=(8.0, 5.0))
+    film = motion.whitened(shapes(), DENSITY)
+    assert film is not None
+    for chosen in ([], [0], [1], [0, 1]):
+        once, alone = film.solve(chosen), motion.solve(shapes()[:, chosen], DENSITY)
+        assert once is not None
+        assert alone is not None
+        assert once.misfit == pytest.approx(alone.misfit, abs=1e-5)
+        np.testing.assert_allclose(once.covariance, alone.covariance, rtol=1e-6, atol=1e-15)
+        np.testing.assert_allclose(once.shifts_m_s2, alone.shifts_m_s2, rtol=1e-6)
