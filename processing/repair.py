@@ -1,0 +1,182 @@
+"""What was done to a channel's samples: which ones, how many, why, and in what order.
+
+A repaired sample is not a measured one. Every step says which samples it touched; `Repaired.then` refuses a
+step that touched others, or that comes too late. No peak may be claimed from what `Repaired.unmeasured` flags.
+
+The order is that of `STEPS`, from the file back to the physics:
+
+1. drop-outs are masked: what is no measurement must enter no fit;
+2. clipping is judged while the levels are still those that the converter saw;
+3. hum is fitted and taken off: the level at rest, which the next step integrates, must be free of it;
+4. droop is inverted;
+5. a zero shift is fitted last, together with the force: it is a column of the regression.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+Kind = Literal[
+    "drop-outs masked",
+    "clipped repaired",
+    "clipped masked",
+    "hum subtracted",
+    "droop corrected",
+    "zero shift fitted",
+]
+
+STEPS: Mapping[Kind, int] = MappingProxyType(
+    {
+        "drop-outs masked": 1,
+        "clipped repaired": 2,
+        "clipped masked": 2,
+        "hum subtracted": 3,
+        "droop corrected": 4,
+        "zero shift fitted": 5,
+    }
+)
+"""Kind -> its place in the order."""
+UNMEASURED: tuple[Kind, ...] = ("drop-outs masked", "clipped repaired", "clipped masked")
+"""Kinds after which a sample is a model's or nobody's, and tells nothing of a peak."""
+MASKED: tuple[Kind, ...] = ("drop-outs masked", "clipped masked")
+"""Kinds after which a sample is NaN, and has no weight."""
+
+
+@dataclass(frozen=True, eq=False)
+class Repair:
+    """One thing that was done to a channel.
+
+    Attributes
+    ----------
+    kind : str
+        One of `STEPS`.
+    flags : ndarray of bool, shape (n_samples,)
+        Samples it touched; no other one has changed.
+    sentence : str
+        What was done and why, in words.
+    figures : mapping of str to float
+        What was found, units in the names.
+
+    Raises
+    ------
+    ValueError
+        If the kind is unknown, or the flags are not one series of bool.
+    """
+
+    kind: Kind
+    flags: Flags
+    sentence: str
+    figures: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.kind not in get_args(Kind):
+            raise ValueError(f"unknown kind of repair {self.kind!r}; one of {', '.join(get_args(Kind))}")
+        if self.flags.ndim != 1 or self.flags.dtype != np.bool_:
+            raise ValueError(f"flags must be one series of bool, not {self.flags.dtype} of shape {self.flags.shape}")
+
+    @property
+    def count(self) -> int:
+        """Samples it touched."""
+        return int(np.count_nonzero(self.flags))
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it in JSON types; the flags as first samples and lengths of their runs, a figure that is none null."""
+        return {
+            "what": self.kind,
+            "count": self.count,
+            "of": int(self.flags.size),
+            "runs": [[start, stop - start] for start, stop in runs_of(self.flags)],
+            "figures": {k: float(v) if math.isfinite(v) else None for k, v in self.figures.items()},
+            "detail": self.sentence,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Repaired:
+    """A channel's samples and all that was done to them.
+
+    Attributes
+    ----------
+    samples : ndarray, shape (n_samples,)
+        Masked ones NaN.
+    repairs : tuple of Repair
+        In the order in which they were done.
+    """
+
+    samples: Array
+    repairs: tuple[Repair, ...] = ()
+
+    def then(self, samples: Array, *repairs: Repair) -> Repaired:
+        """Take the result of one more step.
+
+        Parameters
+        ----------
+        samples : ndarray, shape (n_samples,)
+        *repairs : Repair
+            What the step did; none if it found nothing to do.
+
+        Returns
+        -------
+        Repaired
+
+        Raises
+        ------
+        ValueError
+            If the step comes too late, or touched samples that it does not flag.
+        """
+        if samples.shape != self.samples.shape:
+            raise ValueError(f"a repair keeps the number of samples: {self.samples.shape}, not {samples.shape}")
+        last = max((STEPS[r.kind] for r in self.repairs), default=0)
+        flagged = np.zeros(samples.shape, dtype=bool)
+        for repair in repairs:
+            if STEPS[repair.kind] < last:
+                before = next(r.kind for r in self.repairs if STEPS[r.kind] == last)
+                raise ValueError(f"{repair.kind!r} comes before {before!r}, not after it")
+            if repair.flags.shape != samples.shape:
+                raise ValueError(f"{repair.kind!r} flags {repair.flags.size} samples of {samples.size}")
+            flagged |= repair.flags
+        silently = changed(self.samples, samples) & ~flagged
+        if silently.any():
+            raise ValueError(
+                f"{np.count_nonzero(silently)} samples changed that no repair flags, first {int(np.argmax(silently))}"
+            )
+        return Repaired(samples, (*self.repairs, *repairs))
+
+    @property
+    def unmeasured(self) -> Flags:
+        """Samples that no peak may be claimed from: repaired, masked or lost, shape (n_samples,)."""
+        flags: Flags = ~np.isfinite(self.samples)
+        for repair in self.repairs:
+            if repair.kind in UNMEASURED:
+                flags = flags | repair.flags
+        return flags
+
+    @property
+    def weights(self) -> Array:
+        """1 where there is a sample, 0 where there is none, shape (n_samples,)."""
+        return np.isfinite(self.samples).astype(np.float64)
+
+    def to_json(self) -> list[dict[str, Any]]:
+        """List the repairs in JSON types."""
+        return [repair.to_json() for repair in self.repairs]
+
+
+def changed(before: Array, after: Array) -> Flags:
+    """Tell which samples differ; one that is lost in both does not, shape (n_samples,)."""
+    return np.asarray((before != after) & ~(np.isnan(before) & np.isnan(after)))
+
+
+def runs_of(flags: Flags) -> list[tuple[int, int]]:
+    """List the runs of set flags as (first, one beyond the last), in order."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return [(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
