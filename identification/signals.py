@@ -4,14 +4,14 @@ Here, and only here, channels of different clocks come together: each is evaluat
 instants through its clock's alignment. Before that the sensors' offsets are taken off, from what is
 known of the mechanism at rest: angular rates and gauge pressures of breech and brake are zero, an
 accelerometer feels gravity resolved on its axis. The recuperator's pressure is not zero at rest and
-is left as it is.
+is left as it is. What is mended of the samples on the way is told with them.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +20,9 @@ from daq.channel import Channel
 from daq.errors import IdentificationError
 from daq.shot import ClockAlignment, Shot
 from daq.timebase import TimeBase
+from identification.channel_repair import ChannelRepair, level_samples, mend_samples
 from identification.instants import instants
 from identification.onset import LEAST_QUIET_SAMPLES, find_onset
-from processing.gaps import bridge
-from processing.motion_alignment import integrate
 from processing.noise import robust_sigma
 from rigs.mechanism import Mechanism
 from rigs.rig import ChannelSpec, Rig
@@ -73,6 +72,10 @@ class Signals:
         Begin and end of the silence before the shot; equal if there is none.
     onset_s : float
         First instant of force.
+    repairs : tuple of ChannelRepair
+        What was done to the samples, in the order in which it was.
+    left : mapping of (str, str) to ndarray, shape (n,)
+        By role and cause: an error of standard size that a repair may have left in the series.
     """
 
     start_s: float
@@ -81,6 +84,8 @@ class Signals:
     offsets: Mapping[str, Offset]
     quiet_s: tuple[float, float]
     onset_s: float
+    repairs: tuple[ChannelRepair, ...] = ()
+    left: Mapping[tuple[str, str], Array] = field(default_factory=dict)
 
     @property
     def times_s(self) -> Array:
@@ -165,6 +170,7 @@ def collect_signals(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignmen
     grid = np.asarray(start + step * np.arange(count), dtype=np.float64)
     series: dict[str, Array] = {}
     specs: dict[str, ChannelSpec] = {}
+    repairs: list[ChannelRepair] = []
     for role in SERIES_ROLES:
         channel = shot.by_role(role)
         if channel is None:
@@ -172,18 +178,29 @@ def collect_signals(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignmen
         alignment = alignments.get(channel.time_base.clock)
         if channel.time_base.clock != shot.reference_clock and (alignment is None or alignment.status == "failed"):
             continue
-        specs[role] = rig.channel(channel.name)
-        series[role] = on_grid(at_instants(channel, shot, rig), alignment, grid)
+        spec = specs[role] = rig.channel(channel.name)
+        mended = mend_samples(channel, spec, rig.source(spec.source).kind)
+        dated = replace(at_instants(channel, shot, rig), samples=mended.samples)
+        series[role] = on_grid(dated, alignment, grid)
+        if mended.repairs:
+            times = dated.time_base.times_s if alignment is None else alignment.to_reference(dated.time_base.times_s)
+            repairs += [ChannelRepair.of(channel.name, role, repair, times) for repair in mended.repairs]
     onset = find_onset(grid, series)
     quiet_end = max(start, onset - QUIET_MARGIN_S)
     quiet = (start, quiet_end) if quiet_end - start >= LEAST_QUIET_S else (start, start)
     offsets: dict[str, Offset] = {}
+    left: dict[tuple[str, str], Array] = {}
     silent = (grid >= quiet[0]) & (grid < quiet[1])
     for role, spec in specs.items():
-        series[role], offsets[role] = _at_rest(
-            series[role], silent, static_value(role, rig.mechanism), spec.sensor.time_constant_s, step
-        )
-    return Signals(start, step, series, offsets, quiet, onset)
+        silence = series[role][silent & np.isfinite(series[role])]
+        noise = robust_sigma(silence)
+        if silence.size >= LEAST_QUIET_SAMPLES:
+            level = level_samples(series[role], step, silent, spec, noise)
+            series[role] = level.samples
+            repairs += [ChannelRepair.of(spec.name, role, repair, grid) for repair in level.repairs]
+            left |= {(role, cause): error for cause, error in level.left.items()}
+        series[role], offsets[role] = _at_rest(series[role], silent, static_value(role, rig.mechanism), noise)
+    return Signals(start, step, series, offsets, quiet, onset, tuple(repairs), left)
 
 
 def at_instants(channel: Channel, shot: Shot, rig: Rig) -> Channel:
@@ -238,23 +255,13 @@ def on_grid(channel: Channel, alignment: ClockAlignment | None, grid_s: Array) -
     return np.asarray(values)
 
 
-def _at_rest(
-    samples: Array, quiet: Flags, static: float | None, time_constant_s: float | None, step_s: float
-) -> tuple[Array, Offset]:
-    """Take a channel's offset off, and undo the droop of an AC-coupled chain.
-
-    A charge amplifier's first-order high-pass ``s / (s + 1/T)`` is inverted exactly by
-    ``y + integral(y) / T`` from rest. Lost samples are bridged for the integral and stay lost.
-    """
+def _at_rest(samples: Array, quiet: Flags, static: float | None, noise: float) -> tuple[Array, Offset]:
+    """Take a channel's offset off."""
     silence = samples[quiet]
     silence = silence[np.isfinite(silence)]
-    noise = robust_sigma(silence)
     if silence.size < LEAST_QUIET_SAMPLES:
         return samples, Offset(0.0, math.inf if static is not None else 0.0, noise)
-    mean = float(np.mean(silence))
-    if time_constant_s is not None:
-        samples = samples + integrate(bridge(samples) - mean, step_s) / time_constant_s
     if static is None:
         return samples, Offset(0.0, 0.0, noise)
-    offset = mean - static
+    offset = float(np.mean(silence)) - static
     return samples - offset, Offset(offset, float(np.std(silence)) / math.sqrt(silence.size), noise)

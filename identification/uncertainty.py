@@ -1,7 +1,7 @@
 """Contributions to the mass's uncertainty that no sensor's certificate states.
 
 They are found by moving the cause by its standard uncertainty and estimating again: the clocks'
-offsets, the sensors' zeros, and the choice of the filter.
+offsets, the sensors' zeros, what repairs may have left, and the choice of the filter.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def further_contributions(
     shot: Shot,
     rig: Rig,
 ) -> tuple[BudgetRow, ...]:
-    """Evaluate the clocks, the gauges' zeros and the filter for the route by the accelerometer.
+    """Evaluate the clocks, the gauges' zeros, the repairs and the filter for the route by the accelerometer.
 
     Parameters
     ----------
@@ -57,6 +57,7 @@ def further_contributions(
     return (
         *clock_contributions(filtered, calibration, shot, "recoil_acceleration"),
         *zero_contributions(filtered, calibration, signals, rig),
+        *repair_contributions(filtered, calibration, signals, rig),
         cutoff_contribution(masses),
     )
 
@@ -127,6 +128,25 @@ def zero_contributions(filtered: Regression, calibration: Calibration, signals: 
         forces[:, column] += u_pa * getattr(rig.mechanism, area) * filtered.released
         change = abs(corrected_mass(replace(filtered, forces_n=forces), calibration) - mass)
         rows.append(BudgetRow(f"{role} zero", change, "A"))
+    return rows
+
+
+def repair_contributions(filtered: Regression, calibration: Calibration, signals: Signals, rig: Rig) -> list[BudgetRow]:
+    """Add to a force, or to the acceleration, what a repair of its channel may have left wrong in it."""
+    mass = corrected_mass(filtered, calibration)
+    rows = []
+    for (role, cause), left in signals.left.items():
+        error = left * filtered.released
+        if role in PRESSURE_ROLES:
+            column = PRESSURE_ROLES.index(role)
+            forces = filtered.forces_n.copy()
+            forces[:, column] += error * getattr(rig.mechanism, AREAS[column])
+            other = replace(filtered, forces_n=forces)
+        elif role == "recoil_acceleration":
+            other = replace(filtered, acceleration_m_s2=filtered.acceleration_m_s2 + error)
+        else:
+            continue
+        rows.append(BudgetRow(f"{role} {cause}", abs(corrected_mass(other, calibration) - mass), "B"))
     return rows
 
 

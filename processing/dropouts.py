@@ -25,6 +25,8 @@ BLOCKS = 20
 """Parts of a record, of which the quietest tells how often noise repeats a value."""
 LEAST_STEPS = 4.0
 """Steps of the resolution that noise must change a value by, in the median, for repeats to tell something."""
+MOST_AT_REST = 32
+"""Changes at the begin of a record, where it is quiet, that tell whether there is noise."""
 MEDIAN_TO_SIGMA = 1.482602218505602
 """Median absolute value to standard deviation, of a normal distribution."""
 STEP_SHARE = 0.01
@@ -139,6 +141,10 @@ def _held(samples: Array, apart: Flags) -> tuple[Flags, bool]:
     present = changes[np.isfinite(changes)]
     moving = np.abs(present[present != 0])
     if present.size < LEAST_RUN * BLOCKS or moving.size == 0:
+        return held, False
+    at_rest = present[: min(present.size // BLOCKS, MOST_AT_REST)]
+    if np.count_nonzero(at_rest == 0) > 0.5 * at_rest.size:
+        # a record that begins without noise has none, or too little for its resolution
         return held, False
     q = float(moving.min())
     # only what changes: where every other value is a repeat the median of all changes would be zero

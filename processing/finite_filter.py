@@ -46,7 +46,8 @@ class KaiserLowPass:
         Width of the transition from pass band to stop band over the cut-off, at most 1; half of it lies above
         the -6 dB point.
     attenuation_db : float
-        Of the stop band, to 1.5 dB. The pass band, whose gain at 0 Hz is exactly 1, keeps within twice that: 60 dB are 0.2 %.
+        Of the stop band, to 1.5 dB. The pass band, whose gain at 0 Hz is exactly 1, keeps within twice that: 60 dB
+        are 0.2 %.
 
     Raises
     ------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,6 +57,11 @@ class HumLine:
         """Return what is taken off, shape of `since_s`."""
         angle = 2 * np.pi * self.frequency_hz * since_s + self.phase_rad
         return np.asarray(self.gain_at(since_s) * self.amplitude * np.cos(angle))
+
+    def quadrature_at(self, since_s: Array) -> Array:
+        """Return what a phase that is off by its standard uncertainty leaves, shape of `since_s`."""
+        angle = 2 * np.pi * self.frequency_hz * since_s + self.phase_rad
+        return np.asarray(-math.sqrt(2.0) * self.u_left_at(since_s) * np.sin(angle))
 
     def u_left_at(self, since_s: Array) -> Array:
         """Return the root mean square of what is left of the line, shape of `since_s`: ``A sqrt((1 - g^2) / 2)``."""

@@ -52,6 +52,15 @@ class Silence:
     rate_hz: float
     length_s: float
 
+    def coarser(self, rate_hz: float) -> Silence | None:
+        """Return means of neighbouring samples at about a lower rate; None where that is no saving."""
+        every = int(self.rate_hz / rate_hz)
+        if every < 2:
+            return None
+        count = self.times_s.size // every
+        times, samples = (a[: count * every].reshape(count, every).mean(axis=1) for a in (self.times_s, self.samples))
+        return Silence(times, samples, self.rate_hz / every, self.length_s)
+
     def fit(self, nominal_hz: float, harmonics: int) -> MainsFit | None:
         """Fit the harmonics of one mains that stand out; None if none does."""
         from scipy.optimize import minimize_scalar

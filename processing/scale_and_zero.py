@@ -117,9 +117,8 @@ class FilmedMotion:
         columns = [travel, velocity, np.ones_like(t), since, -0.5 * since**2, *(-s for s in shifted), self.positions_m]
         rows = walk.whiten(np.column_stack(columns))
         # the triangle holds all that least squares on any of the columns needs
-        return WhitenedFilm(
-            np.linalg.qr(rows, mode="r"), t.size, walk.log_determinant, density, self.u_offset_s, self.u_bias_m_s2
-        )
+        triangle = np.asarray(np.linalg.qr(rows, mode="r"))
+        return WhitenedFilm(triangle, t.size, walk.log_determinant, density, self.u_offset_s, self.u_bias_m_s2)
 
     def solve(self, shapes: Array, density: float) -> ScaleAndZero | None:
         """Find scale, zero and shifts of all shapes; parameters as of `whitened`.

@@ -194,6 +194,7 @@ class Sensor(Table):
     sensitivity_unit: Literal["pC", "mV", "V"] | None = None
     amplifier: Positive = 1.0
     time_constant_s: Positive | None = None
+    u_time_constant_s: NotNegative | None = None
     filter_hz: Positive | None = None
     filter_type: Literal["bessel", "butterworth"] | None = None
     filter_order: Annotated[int, Field(ge=1, le=25)] | None = None
@@ -212,6 +213,8 @@ class Sensor(Table):
             faults.append("`sensitivity` and `sensitivity_unit` go together")
         if self.filter_hz is None and (self.filter_type is not None or self.filter_order is not None):
             faults.append("`filter_type` and `filter_order` need `filter_hz`")
+        if self.time_constant_s is None and self.u_time_constant_s is not None:
+            faults.append("`u_time_constant_s` needs `time_constant_s`")
         if self.filter_type is None and self.filter_order is not None:
             faults.append("`filter_order` needs `filter_type`")
         if (self.resonance_hz is None) != (self.resonance_damping is None):

@@ -105,6 +105,7 @@ def report_document(
             "u_decaying_m_s2": found.zero_shift.u_decaying_m_s2,
             "time_constant_s": found.zero_shift.time_constant_s,
         },
+        "repairs": [one.to_json() for one in found.signals.repairs],
         "fusion": _fusion(found),
         "ringing": [_ringing(one) for one in found.stress_waves],
         "peak_acceleration": {

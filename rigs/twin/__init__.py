@@ -90,7 +90,8 @@ def simulate_shot(rig: Rig, folder: Path, *, seed: int, shot: str) -> TwinShot:
     end of recoil travel on the reference clock; ``stroke_m``; ``peak_breech_force_n``; ``gains`` and
     ``offsets`` by channel (offsets in the unit of the file); ``clocks``: ``t_ref = (1 + drift) t + offset_s``,
     with ``latency_s``, the mean time from a sample to its stamp where a recorder stamps messages (an alignment
-    by a repeated channel finds ``offset_s`` less the shortest such time, the stamps' lower edge); the declared ``delay_s`` of a sensor is not in it;
+    by a repeated channel finds ``offset_s`` less the shortest such time, the stamps' lower edge); the declared
+    ``delay_s`` of a sensor is not in it;
     ``sources``: all that is known of each source's file; ``cam_offset``, ``cam_drift`` and ``lost_frames`` of
     the (first) camera; ``seed``.
     """

@@ -255,7 +255,7 @@ MOTION = ("velocity", "impulse", "braking")
 """What is wrong with the acceleration's or the pressure's integral shows in these as well."""
 
 FAULTS = [
-    fault(nothing, "acc_recoil", "range", "fail", "raise the range beyond 1.5e+03", rig=narrower_range),
+    fault(nothing, "acc_recoil", "range", "fail", "raise the range beyond 1.5e+03", *MOTION, rig=narrower_range),
     fault(flat_top, "acc_recoil", "flat tops", "warn", "raise it there before the next shot", *MOTION),
     fault(full_amplifier, "p_breech", "out of band", "warn", "use a smaller gain", *MOTION),
     fault(slew_limited, "acc_recoil", "out of band", "warn", "slew rate", *MOTION, "aliasing", "force sign", "skew",
