@@ -125,7 +125,7 @@ class Scene:
         full_range = _range_in_file(spec)
         stored = to_file(stored, spec)
         if self.settings.hum > 0:
-            stored = np.asarray(stored + self._hum(spec, stored, at_s))
+            stored = np.asarray(stored + self._hum(spec, stored, at_s), dtype=np.float64)
         shift = self._zero_shift(role) * after_shot
         stored, errors = digitise(stored, full_range, spec.sensor.u_rel, self.settings, rng, shift)
         self.gains[spec.name], self.offsets[spec.name] = errors.gain, errors.offset
