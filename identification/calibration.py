@@ -75,12 +75,15 @@ class CameraScale:
         Of these estimates, the gain's first, by the fit of the displacement alone.
     u_rel : float
         Relative standard uncertainty of the camera's own scale.
+    kick : int or None
+        Which of the shapes, if any, is an impulse: its size is in m/s.
     """
 
     gain: float
     zeros_m_s2: Array
     covariance: Array
     u_rel: float
+    kick: int | None = None
 
     @classmethod
     def of_constant(
@@ -331,7 +334,8 @@ def _camera(camera: CameraScale, shifts: int) -> list[_Observation]:
         variance = max(float(covariance[i, i] - told @ covariance[:i, i]), 1e-6 * float(covariance[i, i]))
         name = (CAMERA_SCALE, CAMERA_ZERO)[i] if i < 2 else f"{CAMERA_SHIFT} {i - 1}"
         row, value = seen[i] - told @ seen[:i], float(values[i] - told @ values[:i])
-        observations.append(_Observation(name, row, value, max(math.sqrt(variance), SMALLEST_U), "m/s^2" if i else "1"))
+        unit = "1" if i == 0 else "m/s" if camera.kick is not None and i == 2 + camera.kick else "m/s^2"
+        observations.append(_Observation(name, row, value, max(math.sqrt(variance), SMALLEST_U), unit))
     return observations
 
 

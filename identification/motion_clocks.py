@@ -154,6 +154,7 @@ def _by_travel(
         acceleration,
         acceleration_sigma_m_s2=sigma,
         drift_allowance=drift_allowance,
+        onset_s=signals.onset_s,
     )
     judged = judge_motion(
         clock,

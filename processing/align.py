@@ -149,6 +149,8 @@ def judge_motion(
         "drift_told_from": DRIFT_LIMIT_SIGMA * math.hypot(sound.u_free_drift, sound.drift_allowance),
         "frame_faults": [asdict(fault) for fault in fit.frame_faults],
     }
+    if fit.shifted_zero_m_s2 is not None:
+        details["shifted_zero_m_s2"] = fit.shifted_zero_m_s2
     if math.isfinite(sound.u_velocity_offset_s):
         details |= {"velocity_apart_s": by_velocity_s, "u_velocity_offset_s": sound.u_velocity_offset_s}
     if fit.corrected is not None:

@@ -33,7 +33,7 @@ from processing.motion_least_squares import MotionModel, MotionSolution, profile
 from processing.motion_solver import LEAST_FRAMES, MotionSolver
 from processing.noise import noise_sigma
 from processing.outliers import isolated_outliers, stuck_repeats
-from processing.velocity_lag import camera_velocity, velocity_shift
+from processing.velocity_lag import camera_velocity, mean_accelerations, velocity_shift
 
 __all__ = ["INFLATIONS", "MotionFit", "align_motion", "integrate"]
 
@@ -48,6 +48,12 @@ UNKNOWN_DRIFT = 0.1
 """Prior of a drift of which nothing is known; a wrong frame rate hides in it."""
 SEARCH_STEP_S = 5e-4
 """Of the coarse search."""
+SHIFT_SPAN_S = 0.03
+"""Over which accelerations are compared where the zero shifted: a pulse is shorter, and what a zero adds small."""
+LEAST_SHIFT_GAIN = 12.0
+"""In log-likelihood, for which a shift of the accelerometer's zero is taken: nearly five standard deviations."""
+DOUBTED_STATISTIC = 1.6
+"""Mean squared normalised residual from which on a fit is doubted, see `processing.align`."""
 LEAST_TRAVEL_SIGMA = 20.0
 """How many times its noise a marker must move."""
 
@@ -61,6 +67,7 @@ def align_motion(
     *,
     acceleration_sigma_m_s2: float,
     drift_allowance: float,
+    onset_s: float | None = None,
 ) -> MotionFit | str:
     """Find the offset and drift between a camera's clock and an accelerometer's.
 
@@ -79,6 +86,9 @@ def align_motion(
         Its white noise per sample.
     drift_allowance : float
         Standard uncertainty of the clocks' rate ratio before this record is seen.
+    onset_s : float, optional
+        First instant of force on the reference clock, at which the accelerometer's zero may shift. That it did is
+        taken only where the record cannot be explained without it, and is far likelier with it.
 
     Returns
     -------
@@ -97,18 +107,35 @@ def align_motion(
     integral = DoubleIntegral.of(acceleration_m_s2, start_s, step_s)
     density = acceleration_sigma_m_s2**2 * step_s
     fit, faults = _fit(camera_times_s, displacement_m, integral, density, drift_allowance)
+    shifted_from_s = None
+    if onset_s is not None and _doubted(fit, density):
+        shifted, others = _fit(camera_times_s, displacement_m, integral, density, drift_allowance, onset_s)
+        if not isinstance(shifted, str) and (
+            isinstance(fit, str) or shifted.best_log_likelihood > fit.best_log_likelihood + LEAST_SHIFT_GAIN
+        ):
+            fit, faults, shifted_from_s = shifted, others, onset_s
     if isinstance(fit, str) or not faults:
         return fit
     times, real = correct_times(camera_times_s, faults)
     positions = np.where(real, displacement_m, np.nan)
     for fault in faults:
         positions[fault.index :] -= fault.jump_m
-    corrected, _ = _fit(times, positions, integral, density, drift_allowance)
+    corrected, _ = _fit(times, positions, integral, density, drift_allowance, shifted_from_s)
     return replace(fit, frame_faults=faults, corrected=None if isinstance(corrected, str) else corrected)
 
 
+def _doubted(fit: MotionFit | str, density: float) -> bool:
+    """Whether a fit without a shift of the zero leaves something to be explained."""
+    return isinstance(fit, str) or fit.acceleration_density > density or fit.innovation_statistic > DOUBTED_STATISTIC
+
+
 def _fit(
-    times_s: Array, displacement_m: Array, integral: DoubleIntegral, density: float, drift_allowance: float
+    times_s: Array,
+    displacement_m: Array,
+    integral: DoubleIntegral,
+    density: float,
+    drift_allowance: float,
+    shifted_from_s: float | None = None,
 ) -> tuple[MotionFit | str, tuple[FrameFault, ...]]:
     """Fit a record with the times given, and tell where those are wrong by a frame."""
     seen = np.isfinite(displacement_m)
@@ -118,10 +145,12 @@ def _fit(
     marker_sigma = _marker_sigma(displacement_m)
     if np.ptp(z) < LEAST_TRAVEL_SIGMA * marker_sigma:
         return f"the track does not move: it spans {1e3 * np.ptp(z):.3g} mm at {1e3 * marker_sigma:.2g} mm noise", ()
-    model = MotionModel(t, z, 0.5 * float(t[0] + t[-1]), integral)
-    lag = coarse_lag(
-        *camera_velocity(t, z), integral.start_s, integral.step_s, integral.velocity, step_of_search_s=SEARCH_STEP_S
-    )
+    model = MotionModel(t, z, 0.5 * float(t[0] + t[-1]), integral, shifted_from_s)
+    if shifted_from_s is None:
+        filmed, felt = camera_velocity(t, z), integral.velocity
+    else:
+        filmed, felt = mean_accelerations(model, SHIFT_SPAN_S)
+    lag = coarse_lag(*filmed, integral.start_s, integral.step_s, felt, step_of_search_s=SEARCH_STEP_S)
     if isinstance(lag, str):
         return lag, ()
     solver = MotionSolver(marker_sigma**2, [inflation * density for inflation in INFLATIONS])
@@ -197,11 +226,15 @@ def _report(
     drift_allowance: float,
 ) -> MotionFit:
     """Give the fit on the clocks' own terms, with the likelihood around the offset."""
-    _, velocity = model.integral.at(model.mapped_s(solution.shift_s, solution.drift)[solution.inside])
+    mapped = model.mapped_s(solution.shift_s, solution.drift)[solution.inside]
+    _, velocity = model.integral.at(mapped)
     since = model.times_s[solution.inside] - model.origin_s
     # what the accelerometer's bias adds is no motion
     _, rate, curvature = solution.constants
-    middle = float(np.average(since, weights=(solution.gain * velocity + rate + curvature * since) ** 2))
+    moves = solution.gain * velocity + rate + curvature * since
+    if model.shifted_from_s is not None:
+        moves += solution.shifted_zero_m_s2 * np.maximum(mapped - model.shifted_from_s, 0.0)
+    middle = float(np.average(since, weights=moves**2))
     u_offset = solution.u_mapped_s(middle)
     by_velocity, u_by_velocity = velocity_shift(
         model,
@@ -244,4 +277,6 @@ def _report(
         drift_allowance=drift_allowance,
         velocity_offset_s=by_velocity - solution.drift * model.origin_s,
         u_velocity_offset_s=u_by_velocity,
+        best_log_likelihood=solution.log_likelihood,
+        shifted_zero_m_s2=None if model.shifted_from_s is None else -solution.shifted_zero_m_s2 / solution.gain,
     )

@@ -64,6 +64,10 @@ class MotionFit:
     frame_faults : tuple of FrameFault
         Places from which on the file's times are wrong by a frame period, or its positions by a jump; the other
         figures are those of the file as it is.
+    best_log_likelihood : float
+        At the fit, up to a constant of the record.
+    shifted_zero_m_s2 : float or None
+        By how much the accelerometer's zero shifted at the shot; None where the record is explained without it.
     corrected : MotionFit or None
         The fit to the times that `processing.frame_fault.correct_times` gives, and without the jump.
     """
@@ -95,6 +99,8 @@ class MotionFit:
     drift_allowance: float = 5e-5
     velocity_offset_s: float = math.nan
     u_velocity_offset_s: float = math.inf
+    best_log_likelihood: float = math.nan
+    shifted_zero_m_s2: float | None = None
     frame_faults: tuple[FrameFault, ...] = ()
     corrected: MotionFit | None = None
 

@@ -41,21 +41,37 @@ class MotionModel:
         Middle of the camera's record.
     integral : DoubleIntegral
         Of the acceleration, on the reference clock.
+    shifted_from_s : float or None
+        Instant of the reference clock from which on the acceleration's zero may be another; None if it is the same
+        throughout.
     """
 
     times_s: Array
     positions_m: Array
     origin_s: float
     integral: DoubleIntegral
+    shifted_from_s: float | None = None
 
     def mapped_s(self, shift_s: float, drift: float) -> Array:
         """Instants of the frames on the reference clock, shape (n_frames,)."""
         return np.asarray(self.times_s + shift_s + drift * (self.times_s - self.origin_s))
 
-    def constants(self, inside: Flags) -> Array:
-        """Columns of the integration constants at some of the frames, shape (n_inside, 3)."""
+    def constants(self, inside: Flags, mapped_s: Array) -> Array:
+        """Columns of the integration constants at some of the frames, shape (n_inside, 3 or 4).
+
+        The fourth is the travel that a zero from `shifted_from_s` on makes of nothing.
+
+        Parameters
+        ----------
+        inside : ndarray of bool, shape (n_frames,)
+        mapped_s : ndarray, shape (n_inside,)
+            Their instants on the reference clock.
+        """
         since = self.times_s[inside] - self.origin_s
-        return np.column_stack([np.ones_like(since), since, 0.5 * since**2])
+        columns = [np.ones_like(since), since, 0.5 * since**2]
+        if self.shifted_from_s is not None:
+            columns.append(0.5 * np.maximum(mapped_s - self.shifted_from_s, 0.0) ** 2)
+        return np.column_stack(columns)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +84,10 @@ class MotionSolution:
         Behind the step.
     gain, constants : float, tuple of float
         k; c0, c1, c2.
-    covariance : ndarray, shape (6, 6)
-        Of k, shift, drift, c0, c1, c2; never less than the residuals call for.
+    shifted_zero_m_s2 : float
+        Coefficient of the column of a zero that shifted, in the camera's scale; 0 without one.
+    covariance : ndarray, shape (6, 6) or (7, 7)
+        Of k, shift, drift, c0, c1, c2, and of that coefficient; never less than the residuals call for.
     log_likelihood : float
     innovation_statistic : float
         Mean squared normalised residual.
@@ -80,7 +98,7 @@ class MotionSolution:
         Whether the step was negligible.
     residual : ndarray, shape (n_inside + 1,)
         What the columns leave of the whitened positions; the last one is the drift's prior.
-    basis : ndarray, shape (n_inside + 1, 6)
+    basis : ndarray, shape (n_inside + 1, 6 or 7)
         Orthonormal columns that span the whitened model.
     """
 
@@ -88,6 +106,7 @@ class MotionSolution:
     drift: float
     gain: float
     constants: tuple[float, float, float]
+    shifted_zero_m_s2: float
     covariance: Array
     log_likelihood: float
     innovation_statistic: float
@@ -99,7 +118,8 @@ class MotionSolution:
 
     def u_mapped_s(self, since_s: float) -> float:
         """Return the standard uncertainty of the mapped time at a camera time counted from the origin."""
-        pick = np.array([0.0, 1.0, since_s, 0.0, 0.0, 0.0])
+        pick = np.zeros(self.covariance.shape[0])
+        pick[1:3] = 1.0, since_s
         return math.sqrt(float(pick @ self.covariance @ pick))
 
 
@@ -113,7 +133,7 @@ def gauss_newton_step(
     drift_allowance: float,
     previous: MotionSolution | None = None,
 ) -> MotionSolution | None:
-    """Improve a shift and a drift by least squares on ``D, V, V t, 1, t, t^2/2``.
+    """Improve a shift and a drift by least squares on ``D, V, V t, 1, t, t^2/2``, and the travel by a shifted zero.
 
     Parameters
     ----------
@@ -143,13 +163,13 @@ def gauss_newton_step(
     else:
         walk = WalkFilter.design(model.times_s[inside], marker_variance, density)
     travel, velocity = model.integral.at(mapped[inside])
-    constants = model.constants(inside)
+    constants = model.constants(inside, mapped[inside])
     rows = walk.whiten(
         np.column_stack([model.positions_m[inside], travel, velocity, velocity * constants[:, 1], constants])
     )
     z, design = rows[:, 0], rows[:, 1:].copy()
-    design[:, 1:3] *= float(np.linalg.lstsq(design[:, [0, 3, 4, 5]], z, rcond=None)[0][0])
-    prior = np.zeros((1, 6))
+    design[:, 1:3] *= float(np.linalg.lstsq(np.delete(design, [1, 2], axis=1), z, rcond=None)[0][0])
+    prior = np.zeros((1, design.shape[1]))
     prior[0, 2] = 1.0 / max(drift_allowance, 1e-12)
     design = np.vstack([design, prior])
     target = np.append(z, -drift * prior[0, 2])
@@ -171,6 +191,7 @@ def gauss_newton_step(
         drift=drift + float(solution[2]),
         gain=float(solution[0]),
         constants=(float(solution[3]), float(solution[4]), float(solution[5])),
+        shifted_zero_m_s2=float(solution[6]) if solution.size > 6 else 0.0,
         covariance=covariance,
         log_likelihood=-0.5 * (chi2 + walk.log_determinant),
         innovation_statistic=statistic,
@@ -200,9 +221,10 @@ def profile(model: MotionModel, solution: MotionSolution, around_s: Array) -> Ar
     inside = solution.inside
     mapped = model.mapped_s(solution.shift_s, solution.drift)[inside]
     shapes = [model.integral.at(mapped + shift)[0] for shift in around_s]
-    rows = solution.walk.whiten(np.column_stack([model.positions_m[inside], model.constants(inside), *shapes]))
-    q, _ = np.linalg.qr(rows[:, 1:4])
+    constants = model.constants(inside, mapped)
+    rows = solution.walk.whiten(np.column_stack([model.positions_m[inside], constants, *shapes]))
+    q, _ = np.linalg.qr(rows[:, 1 : 1 + constants.shape[1]])
     left = rows - q @ (q.T @ rows)
-    target, candidates = left[:, 0], left[:, 4:]
+    target, candidates = left[:, 0], left[:, 1 + constants.shape[1] :]
     explained = (candidates.T @ target) ** 2 / np.einsum("ij,ij->j", candidates, candidates)
     return np.asarray(-0.5 * (target @ target - explained))

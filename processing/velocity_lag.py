@@ -40,6 +40,30 @@ def camera_velocity(times_s: Array, positions_m: Array) -> tuple[Array, Array]:
     return 0.5 * (times_s[span:] + times_s[:-span]), velocity
 
 
+def mean_accelerations(model: MotionModel, span_s: float) -> tuple[tuple[Array, Array], Array]:
+    """Mean accelerations over a span: what a zero that shifts is small against, where a velocity is not.
+
+    Parameters
+    ----------
+    model : MotionModel
+    span_s : float
+
+    Returns
+    -------
+    (times_s, camera), reference : tuple of ndarray, ndarray
+        By the camera at the middles of the spans, on its clock, shape (n_frames - span,) each; and by the
+        accelerometer at its own samples, shape (n_samples,), those at its ends over shorter spans.
+    """
+    times, velocity = camera_velocity(model.times_s, model.positions_m)
+    half = 0.5 * span_s
+    inner = times[(times >= times[0] + half) & (times <= times[-1] - half)]
+    camera = (np.interp(inner + half, times, velocity) - np.interp(inner - half, times, velocity)) / span_s
+    integral = model.integral
+    own = integral.start_s + integral.step_s * np.arange(integral.velocity.size)
+    felt = (np.interp(own + half, own, integral.velocity) - np.interp(own - half, own, integral.velocity)) / span_s
+    return (inner, camera), felt
+
+
 def velocity_shift(
     model: MotionModel,
     shift_s: float,
@@ -83,7 +107,11 @@ def velocity_shift(
     for _ in range(MOST_STEPS):
         travel, velocity = model.integral.at(mapped + shift_s)
         felt, rise = (travel[span:] - travel[:-span]) / dt, (velocity[span:] - velocity[:-span]) / dt
-        columns = np.column_stack([felt, rise, np.ones_like(since), since])
+        shapes = [felt, rise, np.ones_like(since), since]
+        if model.shifted_from_s is not None:
+            beyond = 0.5 * np.maximum(mapped + shift_s - model.shifted_from_s, 0.0) ** 2
+            shapes.append((beyond[span:] - beyond[:-span]) / dt)
+        columns = np.column_stack(shapes)
         scale = np.sqrt((columns**2).sum(axis=0))
         if not np.all(scale > 0):
             return math.nan, math.inf

@@ -104,6 +104,8 @@ def report_document(
             "decaying_m_s2": found.zero_shift.decaying_m_s2,
             "u_decaying_m_s2": found.zero_shift.u_decaying_m_s2,
             "time_constant_s": found.zero_shift.time_constant_s,
+            "kick_m_s": found.zero_shift.kick_m_s,
+            "u_kick_m_s": found.zero_shift.u_kick_m_s,
         },
         "repairs": [one.to_json() for one in found.signals.repairs],
         "fusion": _fusion(found),

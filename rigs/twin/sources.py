@@ -126,7 +126,7 @@ class Scene:
         stored = to_file(stored, spec)
         if self.settings.hum > 0:
             stored = np.asarray(stored + self._hum(spec, stored, at_s), dtype=np.float64)
-        shift = self._zero_shift(role) * after_shot
+        shift = np.asarray(self._zero_shift(role) * after_shot, dtype=np.float64)
         stored, errors = digitise(stored, full_range, spec.sensor.u_rel, self.settings, rng, shift)
         self.gains[spec.name], self.offsets[spec.name] = errors.gain, errors.offset
         return stored

@@ -1,4 +1,4 @@
-"""What repairs are worth, beside what is usual: clipped ringing, clipped impacts, a zero that shifts, hum."""
+"""What repairs are worth, beside what is usual: clipped ringing, clipped impacts, hum."""
 
 from __future__ import annotations
 
@@ -12,19 +12,12 @@ from processing.autoregressive import interpolate_unknown
 from processing.clipping import find_clipped, repair_clipping
 from processing.filters import LowPass
 from processing.hum import subtract_hum
-from processing.zero_shift import fit_zero_shift
-from tests.builders.faulty_records import FULL_SCALE_G, high_passed, shifted_record, twin_record
+from tests.builders.faulty_records import FULL_SCALE_G, twin_record
 from tests.builders.ringing import MASS_KG, PULSE_M_S2, RATE_HZ, RingingRecord, ringing_record
 from tests.builders.shared_data import shared_file
 
 SEEDS = range(100, 112)
 LOW_PASS = LowPass(450.0)
-CASES = {
-    "1 %, permanent": (0.01, 0.0, 1.0),
-    "3 %, permanent": (0.03, 0.0, 1.0),
-    "3 %, tau 50 ms": (0.0, 0.03, 0.05),
-    "5 %, tau 20 ms": (0.0, 0.05, 0.02),
-}
 
 
 @pytest.fixture(autouse=True)
@@ -123,38 +116,6 @@ def test_clipped_impacts(benchmark, capsys):
         print("\n" + "\n".join(lines))
     assert [refused for refused, _ in found] == [False, True, False, True]
     assert all(abs(error) < 1.0 for refused, error in found if not refused)
-
-
-def test_a_zero_that_shifts(benchmark, capsys):
-    lines = ["error of the velocity at 85 / 440 ms, % of its peak"]
-    worst = np.zeros(2)
-    for label, (step, decaying, tau_s) in CASES.items():
-        errors: dict[str, list[list[float]]] = {"none": [], "2 Hz high-pass": [], "with the force": []}
-        for seed in SEEDS:
-            record = shifted_record(seed, step=step, decaying=decaying, time_constant_s=tau_s)
-            a = record.recorded_m_s2
-            shift = fit_zero_shift(a, record.force_n, record.times_s, 0.0)
-            zeros = {
-                "none": 0.0,
-                "2 Hz high-pass": a - high_passed(a),
-                "with the force": shift.level_m_s2 + shift.shift_m_s2(record.times_s),
-            }
-            for name, zero in zeros.items():
-                errors[name].append([100 * record.velocity_error(zero, t) for t in (0.085, 0.44)])
-        means = {name: np.mean(rows, axis=0) for name, rows in errors.items()}
-        worst = np.maximum(worst, means["with the force"])
-        lines.append(f"  {label}: " + "  ".join(f"{n} {m[0]:.2f} / {m[1]:.2f}" for n, m in means.items()))
-    alarms = 0
-    for seed in range(300):
-        record = shifted_record(1000 + seed)
-        alarms += fit_zero_shift(record.recorded_m_s2, record.force_n, record.times_s, 0.0).earned
-    lines.append(f"  without a shift one is claimed in {alarms} of 300 records")
-    benchmark(fit_zero_shift, record.recorded_m_s2, record.force_n, record.times_s, 0.0)
-    with capsys.disabled():
-        print("\n" + "\n".join(lines))
-    assert worst[0] < 0.6
-    assert worst[1] < 1.0
-    assert alarms < 15
 
 
 def test_hum(benchmark, capsys):

@@ -56,6 +56,8 @@ class FilmedShot:
         Standard deviation before the shot.
     u_gain : float
         Of the sensors' scales.
+    onset_s : float
+        First instant of force on the recorder's clock, as found.
     offset_s, drift, gain : float
         The truth; the gain is the camera's over the accelerometer's.
     middle_s : float
@@ -69,6 +71,7 @@ class FilmedShot:
     acceleration_m_s2: Array
     acceleration_sigma_m_s2: float
     u_gain: float
+    onset_s: float
     offset_s: float
     drift: float
     gain: float
@@ -84,6 +87,7 @@ class FilmedShot:
             self.acceleration_m_s2,
             acceleration_sigma_m_s2=self.acceleration_sigma_m_s2,
             drift_allowance=drift_allowance,
+            onset_s=self.onset_s,
         )
 
     def judge(self, fit: MotionFit | str) -> ClockAlignment:
@@ -113,6 +117,12 @@ class FilmedShot:
             drift=(1.0 + self.drift) * factor - 1.0,
             middle_s=self.middle_s / factor,
         )
+
+    def with_shifted_zero(self, step_m_s2: float, late_s: float = 0.0) -> FilmedShot:
+        """Shift the accelerometer's zero at the shot, or somewhat later."""
+        times = self.start_s + self.step_s * np.arange(self.acceleration_m_s2.size)
+        shifted = self.acceleration_m_s2 + step_m_s2 * (times >= self.onset_s + late_s)
+        return replace(self, acceleration_m_s2=np.asarray(shifted, dtype=np.float64))
 
     def without_frame(self, index: int) -> FilmedShot:
         """Lose a picture although times and numbers go on as if it had been the next one."""
@@ -210,6 +220,7 @@ def film_shot(
         acceleration_m_s2=acceleration,
         acceleration_sigma_m_s2=float(np.std(silent)),
         u_gain=math.hypot(spec.sensor.u_rel, rig.channel("acc_recoil").sensor.u_rel),
+        onset_s=signals.onset_s,
         offset_s=clock.offset_s,
         drift=clock.drift,
         gain=camera_gain / scene.gains["acc_recoil"],

@@ -58,12 +58,12 @@ def test_a_missing_frame_is_located(since_onset_s, lost_share):
 
 def test_the_stated_range_holds_the_true_frame():
     held = []
-    for seed in range(12):
+    for seed in range(6):
         motion = recorded(100 + seed)
         at = frame_at(motion, 0.08 + 0.01 * np.random.default_rng(seed).random())
         (fault,) = fit_of(without(motion, at)).frame_faults
         held.append(fault.first <= at <= fault.last)
-    assert sum(held) >= 10
+    assert sum(held) >= 5
 
 
 def test_a_picture_that_was_written_twice_is_found_by_its_repeated_position():
@@ -147,7 +147,7 @@ def test_a_jump_of_the_track_is_no_missing_frame(jump_m):
     ids=["usual", "a third lost", "2000 frames per second", "noisy", "slow recorder", "recorder ends"],
 )
 def test_a_clean_film_raises_no_alarm(conditions):
-    for seed in range(10):
+    for seed in range(4):
         assert fit_of(recorded(200 + seed, **conditions)).frame_faults == ()
 
 

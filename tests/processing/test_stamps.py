@@ -45,7 +45,7 @@ def test_where_time_begins_and_in_which_unit_it_is_changes_nothing(shift_s, unit
 def test_a_wait_is_one_sided_and_its_lower_edge_is_the_beat():
     for mean_wait in (0.02, 0.1, 0.3):
         errors, waits = [], []
-        for seed in range(20):
+        for seed in range(8):
             rng = np.random.default_rng(seed)
             index = np.flatnonzero(rng.random(1500) > 0.02)
             found = even_stamps(5.0 + 1e-3 * (index + mean_wait * rng.exponential(1.0, index.size)))
@@ -59,13 +59,13 @@ def test_a_wait_is_one_sided_and_its_lower_edge_is_the_beat():
 
 def test_of_two_sided_jitter_the_mean_is_taken_and_its_uncertainty_holds():
     pulls, means = [], 0
-    for seed in range(60):
+    for seed in range(30):
         rng = np.random.default_rng(seed)
         found = even_stamps(1e-3 * np.arange(1000) + 5e-5 * rng.standard_normal(1000))
         means += found.line == "mean"
         assert found.scatter_s == pytest.approx(5e-5, rel=0.1)
         pulls += [(found.times_s[500] - 0.5) / found.u_line_s] if found.line == "mean" else []
-    assert means >= 57
+    assert means >= 28
     assert 0.6 < np.std(pulls) < 1.3
 
 
