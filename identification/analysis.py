@@ -21,6 +21,7 @@ from identification.preparation import camera_scale, filmed, prepare
 from identification.regression import Regression
 from identification.rpe import relative_percentage_error, rpe_interval
 from identification.signals import Signals
+from identification.skew import RecorderSkew, find_skew, skew_contribution
 from identification.stress_waves import StressWaves, find_stress_waves
 from identification.trace import LARGEST_RELATIVE_U, MassTrace, mass_trace
 from identification.uncertainty import further_contributions
@@ -107,6 +108,8 @@ class Identification:
         The low-pass, and why that one.
     zero_shift : ZeroShift
         Of the recoiling part's accelerometer.
+    skew : RecorderSkew
+        Of acceleration and force.
     stress_waves : tuple of StressWaves
         By channel.
     peaks : ShotPeaks
@@ -135,6 +138,7 @@ class Identification:
     calibration: Calibration
     filter_choice: FilterChoice
     zero_shift: ZeroShift
+    skew: RecorderSkew
     stress_waves: tuple[StressWaves, ...]
     peaks: ShotPeaks
     signals: Signals
@@ -196,15 +200,21 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
     low_pass = choice.low_pass
     scales = scale_uncertainty(rig)
     offset = signals.offsets["recoil_acceleration"]
-    filtered, calibration, zero_shift = calibrated_with_zero_shift(
-        recorded,
-        low_pass,
-        scales,
-        offset.u,
-        camera_scale(camera, camera_clock),
-        filmed(signals, prepared.acceleration_m_s2, camera, camera_clock),
+    told = camera_scale(camera, camera_clock), filmed(signals, prepared.acceleration_m_s2, camera, camera_clock)
+
+    def calibrated(regression: Regression) -> tuple[Regression, Calibration, ZeroShift]:
+        return calibrated_with_zero_shift(regression, low_pass, scales, offset.u, *told)
+
+    filtered, calibration, zero_shift = calibrated(recorded)
+    skew = find_skew(filtered, calibration)
+    while skew.due_s:
+        recorded = prepared.without_skew(shot, rig, skew.corrected_s + skew.due_s)
+        filtered, calibration, zero_shift = calibrated(recorded)
+        skew = find_skew(filtered, calibration, corrected_s=skew.corrected_s + skew.due_s, steps=skew.steps + 1)
+    further = (
+        *further_contributions(recorded, filtered, calibration, signals, shot, rig),
+        *skew_contribution(filtered, calibration, skew),
     )
-    further = further_contributions(recorded, filtered, calibration, signals, shot, rig)
     estimates = {
         "calibrated": calibration.estimate,
         "reverse": reverse_mass(filtered, scales),
@@ -233,6 +243,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         calibration=calibration,
         filter_choice=choice,
         zero_shift=zero_shift,
+        skew=skew,
         stress_waves=find_stress_waves(shot, signals, choice),
         peaks=shot_peaks(shot.name, recorded.acceleration_m_s2, recorded.rate_hz, low_pass),
         signals=signals,

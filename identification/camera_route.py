@@ -61,8 +61,8 @@ def mass_by_camera(
     """
 
     def behind(filter_: LowPass) -> Regression:
-        acceleration, trusted = kinematic_acceleration(signals, rig, motion, camera, alignment, filter_)
-        return recorded.filtered(filter_).with_acceleration(acceleration, trusted)
+        acceleration, made_of = kinematic_acceleration(signals, rig, motion, camera, alignment, filter_)
+        return recorded.filtered(filter_).with_acceleration(acceleration, made_of)
 
     slow = LowPass(min(low_pass.cutoff_hz, LARGEST_CUTOFF_HZ), low_pass.half_order)
     own_scales = replace(scales, acceleration=camera.u_rel)

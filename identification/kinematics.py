@@ -16,7 +16,7 @@ from daq.channel import Channel
 from daq.shot import ClockAlignment
 from identification.signals import Signals, on_grid
 from processing.derivative import second_derivative
-from processing.filters import LowPass
+from processing.filters import Filtered, LowPass, filter_alike
 from processing.fusion import FusedMotion, fuse
 from processing.gaps import bridge
 from processing.motion_alignment import INFLATIONS, integrate
@@ -114,8 +114,8 @@ def travel_acceleration(signals: Signals, rig: Rig, motion: Turning) -> Array:
 
 def kinematic_acceleration(
     signals: Signals, rig: Rig, motion: Turning, camera: Channel, alignment: ClockAlignment, low_pass: LowPass
-) -> tuple[Array, Flags]:
-    """Return a' of equation (36) by the camera, already low-pass filtered, and where it can be trusted.
+) -> tuple[Array, Filtered]:
+    """Return a' of equation (36) by the camera, already low-pass filtered, and what it was computed from.
 
     Parameters
     ----------
@@ -130,18 +130,17 @@ def kinematic_acceleration(
     Returns
     -------
     acceleration : ndarray, shape (n,)
-    trusted : ndarray of bool, shape (n,)
-        False near lost frames and beyond the track's ends.
+    made_of : Filtered
+        Not trusted near lost frames and beyond the track's ends.
     """
-    raw = on_grid(camera, alignment, signals.times_s)
-    travel, trusted = low_pass.apply_with_gaps(raw, signals.rate_hz)
-    ddx = second_derivative(travel, signals.step_s)
-    smooth = [low_pass.apply(f, signals.rate_hz) for f in (motion.f_x, motion.f_y)]
+    recorded = {"travel": on_grid(camera, alignment, signals.times_s), "f_x": motion.f_x, "f_y": motion.f_y}
+    smooth = filter_alike(low_pass, recorded, signals.rate_hz)
+    ddx = second_derivative(smooth["travel"], signals.step_s)
     acceleration = specific_acceleration_kinematic(
-        rig.mechanism, ddx, travel, motion.w2, motion.dw2, smooth[0], smooth[1], motion.beta,
+        rig.mechanism, ddx, smooth["travel"], motion.w2, motion.dw2, smooth["f_x"], smooth["f_y"], motion.beta,
         w1=motion.w1, dw1=motion.dw1, r_x=motion.r_x, r_y=motion.r_y,
     )  # fmt: skip
-    return acceleration, trusted
+    return acceleration, smooth
 
 
 def travel_and_velocity(fused: FusedMotion | None, acceleration: Array, step_s: float) -> tuple[Array, Array]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,12 +23,13 @@ from identification.kinematics import (
 )
 from identification.regression import Regression, build_regression
 from identification.signals import Signals, at_instants, collect_signals, static_value
+from identification.skew import without_skew
 from identification.zero_shift import Filmed
 from processing.double_integral import DoubleIntegral
 from processing.fusion import FusedMotion
 from processing.motion_alignment import INFLATIONS
 from processing.scale_and_zero import filmed_motion
-from rigs.rig import Rig
+from rigs.rig import MotionAlignment, RedundantAlignment, Rig
 
 Array = NDArray[np.float64]
 
@@ -53,6 +54,10 @@ class Prepared:
     fused : FusedMotion or None
         Camera and accelerometers together; None without a camera that was aligned.
     recorded : Regression
+    inertial_m_s2 : ndarray, shape (n,)
+        a' by the accelerometer, as `recorded` took it.
+    static_m_s2 : float
+        Of it, at rest in battery.
     """
 
     alignments: Mapping[str, ClockAlignment]
@@ -65,6 +70,27 @@ class Prepared:
     velocity_m_s: Array
     fused: FusedMotion | None
     recorded: Regression
+    inertial_m_s2: Array
+    static_m_s2: float
+
+    def without_skew(self, shot: Shot, rig: Rig, skew_s: float) -> Regression:
+        """Set up the equation of motion with an accelerometer that is less late.
+
+        A clock that was aligned by the accelerometer is then as much less late, and so are the forces on it.
+
+        Parameters
+        ----------
+        shot : Shot
+        rig : Rig
+        skew_s : float
+        """
+        moved = {
+            clock: replace(found, offset_s=found.offset_s - skew_s) if _aligned_by_it(clock, shot, rig) else found
+            for clock, found in self.alignments.items()
+        }
+        signals = self.signals if moved == dict(self.alignments) else collect_signals(shot, rig, moved)
+        acceleration = without_skew(self.signals.times_s, self.inertial_m_s2, skew_s)
+        return build_regression(signals, rig.mechanism, acceleration, self.velocity_m_s, self.static_m_s2)
 
 
 def prepare(shot: Shot, rig: Rig) -> Prepared:
@@ -100,8 +126,30 @@ def prepare(shot: Shot, rig: Rig) -> Prepared:
     fused = fused_motion(signals, acceleration, camera, camera_clock)
     travel, velocity = travel_and_velocity(fused, acceleration, signals.step_s)
     static = static_value("recoil_acceleration", rig.mechanism) or 0.0
-    recorded = build_regression(signals, rig.mechanism, inertial_acceleration(signals, rig, motion), velocity, static)
-    return Prepared(alignments, signals, motion, camera, camera_clock, acceleration, travel, velocity, fused, recorded)
+    inertial = inertial_acceleration(signals, rig, motion)
+    return Prepared(
+        alignments=alignments,
+        signals=signals,
+        motion=motion,
+        camera=camera,
+        camera_clock=camera_clock,
+        acceleration_m_s2=acceleration,
+        travel_m=travel,
+        velocity_m_s=velocity,
+        fused=fused,
+        recorded=build_regression(signals, rig.mechanism, inertial, velocity, static),
+        inertial_m_s2=inertial,
+        static_m_s2=static,
+    )
+
+
+def _aligned_by_it(clock: str, shot: Shot, rig: Rig) -> bool:
+    """Whether a clock was aligned by the accelerometer on the recoiling part."""
+    accelerometer = shot.by_role("recoil_acceleration")
+    align = next((source.align for source in rig.sources if source.name == clock), None)
+    if accelerometer is None or not isinstance(align, RedundantAlignment | MotionAlignment):
+        return False
+    return align.against == accelerometer.name
 
 
 def camera_scale(camera: Channel | None, alignment: ClockAlignment | None) -> CameraScale | None:

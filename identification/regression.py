@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from daq.errors import IdentificationError
 from identification.interval import end_of_travel, release_index
 from identification.signals import Signals
-from processing.filters import LowPass
+from processing.filters import Filtered, LowPass, filter_alike
 from rigs.mechanism import Mechanism
 
 Array = NDArray[np.float64]
@@ -50,8 +50,8 @@ class Regression:
         False where a sample was lost or lies within the filter's reach of a lost one.
     interval_s : tuple of float
         From the onset of force to the end of recoil travel.
-    low_pass : LowPass or None
-        The filter that both sides have passed; None for recorded signals.
+    table : Filtered or None
+        All of these columns as one and the same filter left them; None for recorded signals.
     shifts : ndarray, shape (n, n_shifts), or None
         Shapes that a shift of the accelerometer's zero at the shot may have, see
         `identification.zero_shift`; filtered with the rest.
@@ -65,8 +65,14 @@ class Regression:
     sliding: Array
     trusted: Flags
     interval_s: tuple[float, float]
-    low_pass: LowPass | None = None
+    table: Filtered | None = None
     shifts: Array | None = None
+
+    @property
+    def low_pass(self) -> LowPass | None:
+        """The filter that both sides have passed; None for recorded signals."""
+        found = None if self.table is None else self.table.zero_phase
+        return found if isinstance(found, LowPass) else None
 
     @property
     def rate_hz(self) -> float:
@@ -94,36 +100,57 @@ class Regression:
         A column with lost samples is bridged for the filter, and everything within its reach of the
         bridge is no longer trusted.
         """
-        trusted = np.ones(self.times_s.shape, dtype=bool)
-        results = []
-        shifts = () if self.shifts is None else self.shifts.T
-        for column in (self.acceleration_m_s2, *self.forces_n.T, self.released, self.sliding, *shifts):
-            result, sound = low_pass.apply_with_gaps(column, self.rate_hz)
-            results.append(result)
-            trusted &= sound
-        acceleration, *forces = results[: 1 + len(FORCES)]
-        released, sliding, *shifted = results[1 + len(FORCES) :]
-        return replace(
+        columns = {"acceleration": self.acceleration_m_s2, "released": self.released, "sliding": self.sliding}
+        columns |= dict(zip(FORCES, self.forces_n.T, strict=True))
+        table = filter_alike(low_pass, columns, self.rate_hz)
+        plain = replace(
             self,
-            acceleration_m_s2=acceleration,
-            forces_n=np.column_stack(forces),
-            released=released,
-            sliding=sliding,
-            trusted=trusted,
-            low_pass=low_pass,
-            shifts=None if self.shifts is None else np.column_stack(shifted),
+            acceleration_m_s2=table["acceleration"],
+            forces_n=np.column_stack([table[name] for name in FORCES]),
+            released=table["released"],
+            sliding=table["sliding"],
+            trusted=table.trusted,
+            table=table,
+            shifts=None,
         )
+        return plain if self.shifts is None else plain.with_shifts(self.shifts)
 
-    def with_acceleration(self, acceleration_m_s2: Array, trusted: Flags) -> Regression:
-        """Put another measurement of a' in its place, filtered alike by whoever made it.
+    def with_shifts(self, shifts: Array) -> Regression:
+        """Add the shapes of a shifted zero, as they would be recorded; they pass the regression's filter.
+
+        Parameters
+        ----------
+        shifts : ndarray, shape (n, n_shifts)
+        """
+        if self.table is None:
+            return replace(self, shifts=shifts)
+        table = self.table.joined_by({f"shift {j}": column for j, column in enumerate(shifts.T)})
+        filtered = np.column_stack([table[f"shift {j}"] for j in range(shifts.shape[1])])
+        return replace(self, shifts=filtered, trusted=self.trusted & table.trusted)
+
+    def with_acceleration(self, acceleration_m_s2: Array, made_of: Filtered) -> Regression:
+        """Put another measurement of a' in its place.
 
         Its level while the part is held is what the battery stop balances; it is taken off there. It is
         found where the filter has not spread the pulse to.
+
+        Parameters
+        ----------
+        acceleration_m_s2 : ndarray, shape (n,)
+        made_of : Filtered
+            What it was computed from: it must have passed the regression's filter.
+
+        Raises
+        ------
+        ValueError
+            If it has passed another filter.
         """
-        silent = acceleration_m_s2[(np.abs(self.released) < 1e-4) & trusted]
+        if self.table is None or made_of.zero_phase != self.table.zero_phase:
+            raise ValueError(f"the acceleration has passed {made_of.zero_phase}, the forces {self.low_pass}")
+        silent = acceleration_m_s2[(np.abs(self.released) < 1e-4) & made_of.trusted]
         held = float(np.median(silent)) if silent.size else 0.0
         acceleration = acceleration_m_s2 - held * (1.0 - self.released)
-        return replace(self, acceleration_m_s2=acceleration, trusted=self.trusted & trusted)
+        return replace(self, acceleration_m_s2=acceleration, trusted=self.trusted & made_of.trusted)
 
 
 def build_regression(

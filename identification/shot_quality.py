@@ -202,7 +202,7 @@ def _zero_shift(alignment: ClockAlignment, shot: Shot, onset: float | None) -> l
     if quiet.size < LEAST_SAMPLES:
         return []
     # the fit's constant is what the accelerometer lacks; the silence fixes the zero as well as its noise allows
-    bias = -float(details["integration_constants"][2])
+    bias = -float(details["integration_constants"][2]) + float(details.get("shifted_zero_m_s2", 0.0))
     u = math.hypot(float(details["u_bias_m_s2"]), float(np.std(quiet)) / math.sqrt(quiet.size))
     verdict, detail = check_zero_shift(bias, u, float(np.nanmax(np.abs(samples))), unit=SI_UNITS["acceleration"])
     return [QualityCheck(accelerometer.name, "zero shift", verdict, detail)]

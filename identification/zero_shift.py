@@ -169,7 +169,8 @@ def calibrated_with_zero_shift(
     film = None
     if filmed is not None:
         film = filmed.motion.likeliest(columns, (_STEP, _KICK), filmed.densities)
-    filtered = low_pass.apply(columns, recorded.rate_hz)
+    full = plain.with_shifts(columns)
+    filtered = np.zeros(columns.shape) if full.shifts is None else full.shifts
     fullest: list[Shape] = [(_STEP, _KICK), *((_STEP, j) for j in decays)]
     seen: dict[Shape, ScaleAndZero] = {}
     shapes: list[Shape] = [(), (_STEP,), *((j,) for j in decays), *fullest]

@@ -145,6 +145,6 @@ def check_skew(skew_s: float, u_s: float, *, significant: bool) -> Outcome:
     if not significant or limit.verdict(abs(skew_s)) == "ok":
         return "ok", text
     return "warn", (
-        f"{text} (limit {1e6 * limit.warn:g} us): declare it as `delay_s` of that sensor, or switch the filters of all "
-        "channels alike before the next shot"
+        f"{text} (limit {1e6 * limit.warn:g} us): `identify` takes it out; declare it as `delay_s` of that sensor, or "
+        "switch the filters of all channels alike before the next shot"
     )

@@ -108,6 +108,12 @@ def report_document(
             "u_kick_m_s": found.zero_shift.u_kick_m_s,
         },
         "repairs": [one.to_json() for one in found.signals.repairs],
+        "skew": {
+            "skew_s": found.skew.skew_s,
+            "u_skew_s": found.skew.u_s,
+            "corrected_s": found.skew.corrected_s,
+            "reason": found.skew.reason,
+        },
         "fusion": _fusion(found),
         "ringing": [_ringing(one) for one in found.stress_waves],
         "peak_acceleration": {

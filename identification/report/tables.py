@@ -186,6 +186,9 @@ def conditioning(report: Report) -> list[str]:
         sentences.append(
             f"The accelerometer's zero shifted at the shot, as {told} tell: {' and '.join(parts)}; taken off."
         )
+    skew = report.get("skew") or {}
+    if skew.get("corrected_s"):
+        sentences.append(f"Among the recorder's channels {skew.get('reason', '')}.")
     return sentences
 
 

@@ -50,9 +50,9 @@ def virtual_shot(name: str = "field-2013", seed: int = 3, **settings: float | bo
 
 
 @cache
-def identified(name: str = "field-2013", seed: int = 3) -> Identification:
+def identified(name: str = "field-2013", seed: int = 3, **settings: float | bool) -> Identification:
     """Identify the mass of a virtual shot by the default options, once."""
-    virtual = virtual_shot(name, seed)
+    virtual = virtual_shot(name, seed, **settings)
     return identify_shot(virtual.shot, virtual.rig, Options())
 
 

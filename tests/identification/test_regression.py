@@ -10,7 +10,7 @@ from daq.errors import IdentificationError
 from identification.analysis import Options, identify_shot
 from identification.mass import ScaleUncertainty, reverse_mass
 from identification.regression import build_regression, spaced_rows
-from processing.filters import LowPass
+from processing.filters import LowPass, filter_alike
 from tests.builders.bench_shots import (
     ELEVATION_RAD,
     FIRE_S,
@@ -122,18 +122,28 @@ def test_a_gap_lowers_the_identified_share_and_not_the_validity_of_what_is_left(
 def test_another_acceleration_is_taken_for_zero_while_the_part_is_held():
     regression = bench_regression().filtered(LowPass(100.0))
     motion = bench_motion()
-    smooth = LowPass(100.0).apply(motion.acceleration_m_s2, regression.rate_hz)
-    sound = np.ones(smooth.size, dtype=bool)
-    sound[-50:] = False
-    other = regression.with_acceleration(smooth, sound)
-    np.testing.assert_allclose(other.acceleration_m_s2, regression.acceleration_m_s2, atol=0.15)
+    lossy = np.where(np.arange(motion.acceleration_m_s2.size) < motion.acceleration_m_s2.size - 50,
+                     motion.acceleration_m_s2, np.nan)  # fmt: skip
+    made_of = filter_alike(LowPass(100.0), {"acceleration": lossy}, regression.rate_hz)
+    other = regression.with_acceleration(made_of["acceleration"], made_of)
+    known = made_of.trusted
+    np.testing.assert_allclose(other.acceleration_m_s2[known], regression.acceleration_m_s2[known], atol=0.15)
     assert not other.trusted[-50:].any()
 
 
+def test_an_acceleration_behind_another_filter_is_refused():
+    regression = bench_regression().filtered(LowPass(100.0))
+    made_of = filter_alike(LowPass(120.0), {"acceleration": bench_motion().acceleration_m_s2}, regression.rate_hz)
+    for one in (regression, bench_regression()):
+        with pytest.raises(ValueError, match="has passed"):
+            one.with_acceleration(made_of["acceleration"], made_of)
+
+
 def test_another_acceleration_is_taken_as_it_is_where_the_part_was_never_held():
-    regression = bench_regression()
+    regression = bench_regression().filtered(LowPass(100.0))
     free = replace(regression, released=np.ones(regression.times_s.size))
-    other = free.with_acceleration(regression.acceleration_m_s2, regression.trusted)
+    assert regression.table is not None
+    other = free.with_acceleration(regression.acceleration_m_s2, regression.table)
     np.testing.assert_array_equal(other.acceleration_m_s2, regression.acceleration_m_s2)
 
 

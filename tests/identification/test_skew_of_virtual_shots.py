@@ -1,10 +1,15 @@
+"""A recorder that skews its channels: the skew is measured, and taken out of the equation of motion."""
+
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+from identification.skew import SOURCE
 from processing.channel_skew import Skew, measure_skew
-from tests.builders.virtual_shots import VirtualShot, virtual_shot
+from tests.builders.virtual_shots import VirtualShot, identified, virtual_shot
+
+LATE = {"skew_s": "{ acc_recoil = 5e-4 }"}
 
 
 def net_force_and_acceleration(virtual: VirtualShot) -> tuple[np.ndarray, np.ndarray, float]:
@@ -31,3 +36,13 @@ def test_the_accelerometer_is_as_much_later_than_the_net_force_as_the_recorder_m
     assert isinstance(found, Skew), found
     assert abs(found.skew_s - skew_s) < found.u_s < 2e-5
     assert found.significant == (skew_s > 0)
+
+
+def test_a_skew_is_taken_out_together_with_the_clock_that_was_aligned_by_the_late_channel():
+    sound, skewed = (identified("mixed", 3, **settings) for settings in ({}, LATE))
+    assert sound.skew.corrected_s == 0.0
+    assert skewed.skew.corrected_s == pytest.approx(5e-4, abs=4 * skewed.skew.u_s)
+    assert skewed.chosen.estimate.mass_kg == pytest.approx(sound.chosen.estimate.mass_kg, rel=2e-4)
+    assert skewed.valid
+    (row,) = [row for row in skewed.chosen.estimate.budget if row.source == SOURCE]
+    assert 0.0 < row.u_kg < 0.1
