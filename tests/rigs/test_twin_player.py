@@ -197,7 +197,8 @@ def test_faults_are_counted_exactly_by_player_and_devices(rig: Rig, shots: list[
         ),
         "imu": Faults(lost_frames=0.01, dropped_bytes=0.002, flipped_bytes=0.001, stalls=(Interval(0.4, 0.2),)),
     }
-    got = play(rig, shots[:1], silence_before_s=0.2, silence_after_s=0.2, faults=faults, seed=5)
+    with MachineStalls() as machine:
+        got = play(rig, shots[:1], silence_before_s=0.2, silence_after_s=0.2, faults=faults, seed=5)
     can_truth, imu_truth = got.truth["can"], got.truth["imu"]
     bus, port = got.devices["can"].counters, got.devices["imu"].counters
     assert can_truth["lost"] > 5
@@ -212,7 +213,7 @@ def test_faults_are_counted_exactly_by_player_and_devices(rig: Rig, shots: list[
     assert 0 <= others < can_truth["lost"]
     assert 0 < (bus.counter_gaps or 0) <= node_gaps
     (step,) = recording.clock_fit.steps
-    assert abs(step.step_s + 0.2) < max(6 * step.u_step_s, 5e-3)
+    assert abs(step.step_s + 0.2) < max(6 * step.u_step_s, 5e-3, 2 * machine.largest_s)
     assert recording.clock_fit.largest_delay_s > 0.25
     assert np.diff(recording.time_base(COUNTER).times_s).max() < 0.02
 
