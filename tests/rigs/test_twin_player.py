@@ -33,6 +33,7 @@ from rigs.twin.player import TwinPlayer, is_virtual
 from rigs.twin.serial_replay import SensorFrame, serial_items
 from rigs.twin.timeline import DeviceClock, Timeline
 from rigs.twin.transports import PseudoTerminal
+from tests.builders.machine_stalls import MachineStalls
 
 needs_pty = pytest.mark.skipif(not hasattr(os, "openpty"), reason="this system has no pseudo-terminals")
 COUNTER = "RecoilNode.counter"
