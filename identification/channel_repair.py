@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,8 +94,12 @@ class Levelled:
     left: Mapping[str, Array] = field(default_factory=dict)
 
 
+_MENDED: WeakKeyDictionary[Channel, tuple[ChannelSpec, str, Repaired]] = WeakKeyDictionary()
+"""Channels that were mended already: clocks, checks and mass each begin with the same ones."""
+
+
 def mend_samples(channel: Channel, spec: ChannelSpec, kind: str) -> Repaired:
-    """Mask drop-outs, and rebuild or mask clipped samples.
+    """Mask drop-outs, and rebuild or mask clipped samples; what was done once is remembered with the channel.
 
     Parameters
     ----------
@@ -105,6 +110,13 @@ def mend_samples(channel: Channel, spec: ChannelSpec, kind: str) -> Repaired:
     kind : str
         Of its source.
     """
+    known = _MENDED.get(channel)
+    if known is None or known[:2] != (spec, kind):
+        known = _MENDED[channel] = spec, kind, _mended(channel, spec, kind)
+    return known[2]
+
+
+def _mended(channel: Channel, spec: ChannelSpec, kind: str) -> Repaired:
     samples = np.asarray(channel.samples, dtype=np.float64)
     limits = range_si(spec)
     clipped = None if limits is None else find_clipped(samples, *limits)

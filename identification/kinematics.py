@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from daq.channel import Channel
 from daq.shot import ClockAlignment
 from identification.signals import Signals, on_grid
+from processing.bridged_gaps import bridge_errors
 from processing.derivative import second_derivative
 from processing.filters import Filtered, LowPass, filter_alike
 from processing.fusion import FusedMotion, fuse
@@ -34,6 +35,12 @@ Flags = NDArray[np.bool_]
 
 ANGULAR_CUTOFF_HZ = 150.0
 """Low-pass of the angular rates before they are differentiated for the lever arms, which are small terms."""
+TRAVEL_ROLES = ("recoil_acceleration", "carriage_acceleration_x", "carriage_acceleration_y")
+"""Whose integral is the travel."""
+LEAST_KICK_M_S = 3e-4
+"""Error of a velocity that a camera of 50 um notices within a tenth of a second."""
+MOST_KICKS = 6
+"""Of one record; with more of them its integral is hardly known."""
 LEAST_SILENT_SAMPLES = 50
 """Of the accelerometer before the shot, to tell its noise."""
 LEAST_NOISE_M_S2 = 1e-6
@@ -154,6 +161,31 @@ def travel_and_velocity(fused: FusedMotion | None, acceleration: Array, step_s: 
     return integrate(velocity, step_s), velocity
 
 
+def bridged_samples(signals: Signals) -> Flags:
+    """Tell where `travel_acceleration` stands on a bridge across lost samples, shape (n,)."""
+    roles = [role for role in TRAVEL_ROLES if role in signals.series]
+    return np.asarray(np.any([np.isnan(signals.series[role]) for role in roles], axis=0))
+
+
+def bridged_kicks(signals: Signals, acceleration: Array) -> tuple[float, ...]:
+    """Instants from which on the velocity by the accelerometers may be wrong, because samples were bridged.
+
+    Parameters
+    ----------
+    signals : Signals
+    acceleration : ndarray, shape (n,)
+        Of `travel_acceleration`.
+
+    Returns
+    -------
+    tuple of float
+        The middles of the worst gaps that matter, at most `MOST_KICKS`, in order.
+    """
+    gaps = bridge_errors(acceleration, bridged_samples(signals), signals.step_s)
+    worst = sorted((g for g in gaps if g.error * g.duration_s > LEAST_KICK_M_S), key=lambda g: -g.error * g.duration_s)
+    return tuple(sorted(signals.start_s + g.start_s + 0.5 * g.duration_s for g in worst[:MOST_KICKS]))
+
+
 def fused_motion(
     signals: Signals, acceleration: Array, camera: Channel | None, alignment: ClockAlignment | None
 ) -> FusedMotion | None:
@@ -193,7 +225,7 @@ def fused_motion(
         acceleration_density=density,
         u_offset_s=alignment.u_offset_s,
         u_drift=alignment.u_drift,
-        bridged=np.isnan(signals.series["recoil_acceleration"]),
+        bridged=bridged_samples(signals),
     )
     return None if isinstance(fused, str) else fused
 

@@ -18,7 +18,7 @@ from daq.channel import Channel
 from daq.errors import IdentificationError
 from daq.shot import ClockAlignment, Shot
 from identification.instants import anti_alias_filter, instants
-from identification.kinematics import travel_acceleration, turning
+from identification.kinematics import bridged_kicks, travel_acceleration, turning
 from identification.signals import Signals, collect_signals
 from processing.align import failed_alignment, judge_motion, judge_redundant
 from processing.alignment_budget import with_uncertainty
@@ -155,6 +155,7 @@ def _by_travel(
         acceleration_sigma_m_s2=sigma,
         drift_allowance=drift_allowance,
         onset_s=signals.onset_s,
+        kicks_s=bridged_kicks(signals, acceleration),
     )
     judged = judge_motion(
         clock,

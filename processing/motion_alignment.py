@@ -54,6 +54,8 @@ LEAST_SHIFT_GAIN = 12.0
 """In log-likelihood, for which a shift of the accelerometer's zero is taken: nearly five standard deviations."""
 DOUBTED_STATISTIC = 1.6
 """Mean squared normalised residual from which on a fit is doubted, see `processing.align`."""
+PROBE_S = 1e-5
+"""Over which a travel is differentiated."""
 LEAST_TRAVEL_SIGMA = 20.0
 """How many times its noise a marker must move."""
 
@@ -68,6 +70,7 @@ def align_motion(
     acceleration_sigma_m_s2: float,
     drift_allowance: float,
     onset_s: float | None = None,
+    kicks_s: tuple[float, ...] = (),
 ) -> MotionFit | str:
     """Find the offset and drift between a camera's clock and an accelerometer's.
 
@@ -89,6 +92,9 @@ def align_motion(
     onset_s : float, optional
         First instant of force on the reference clock, at which the accelerometer's zero may shift. That it did is
         taken only where the record cannot be explained without it, and is far likelier with it.
+    kicks_s : tuple of float
+        Instants on the reference clock where samples of the acceleration were lost and bridged: from each on its
+        integral may be wrong by a velocity, which is one more unknown.
 
     Returns
     -------
@@ -106,10 +112,10 @@ def align_motion(
         return f"only {acceleration_m_s2.size} samples of the acceleration are there"
     integral = DoubleIntegral.of(acceleration_m_s2, start_s, step_s)
     density = acceleration_sigma_m_s2**2 * step_s
-    fit, faults = _fit(camera_times_s, displacement_m, integral, density, drift_allowance)
+    fit, faults = _fit(camera_times_s, displacement_m, integral, density, drift_allowance, None, kicks_s)
     shifted_from_s = None
     if onset_s is not None and _doubted(fit, density):
-        shifted, others = _fit(camera_times_s, displacement_m, integral, density, drift_allowance, onset_s)
+        shifted, others = _fit(camera_times_s, displacement_m, integral, density, drift_allowance, onset_s, kicks_s)
         if not isinstance(shifted, str) and (
             isinstance(fit, str) or shifted.best_log_likelihood > fit.best_log_likelihood + LEAST_SHIFT_GAIN
         ):
@@ -120,7 +126,7 @@ def align_motion(
     positions = np.where(real, displacement_m, np.nan)
     for fault in faults:
         positions[fault.index :] -= fault.jump_m
-    corrected, _ = _fit(times, positions, integral, density, drift_allowance, shifted_from_s)
+    corrected, _ = _fit(times, positions, integral, density, drift_allowance, shifted_from_s, kicks_s)
     return replace(fit, frame_faults=faults, corrected=None if isinstance(corrected, str) else corrected)
 
 
@@ -135,7 +141,8 @@ def _fit(
     integral: DoubleIntegral,
     density: float,
     drift_allowance: float,
-    shifted_from_s: float | None = None,
+    shifted_from_s: float | None,
+    kicks_s: tuple[float, ...],
 ) -> tuple[MotionFit | str, tuple[FrameFault, ...]]:
     """Fit a record with the times given, and tell where those are wrong by a frame."""
     seen = np.isfinite(displacement_m)
@@ -145,7 +152,7 @@ def _fit(
     marker_sigma = _marker_sigma(displacement_m)
     if np.ptp(z) < LEAST_TRAVEL_SIGMA * marker_sigma:
         return f"the track does not move: it spans {1e3 * np.ptp(z):.3g} mm at {1e3 * marker_sigma:.2g} mm noise", ()
-    model = MotionModel(t, z, 0.5 * float(t[0] + t[-1]), integral, shifted_from_s)
+    model = MotionModel(t, z, 0.5 * float(t[0] + t[-1]), integral, shifted_from_s, kicks_s)
     if shifted_from_s is None:
         filmed, felt = camera_velocity(t, z), integral.velocity
     else:
@@ -232,8 +239,10 @@ def _report(
     # what the accelerometer's bias adds is no motion
     _, rate, curvature = solution.constants
     moves = solution.gain * velocity + rate + curvature * since
-    if model.shifted_from_s is not None:
-        moves += solution.shifted_zero_m_s2 * np.maximum(mapped - model.shifted_from_s, 0.0)
+    # the velocity that an error makes of nothing is its travel's derivative
+    later, earlier = model.errors(mapped + PROBE_S), model.errors(mapped - PROBE_S)
+    for size, after, before in zip(solution.errors, later, earlier, strict=True):
+        moves += size * (after - before) / (2 * PROBE_S)
     middle = float(np.average(since, weights=moves**2))
     u_offset = solution.u_mapped_s(middle)
     by_velocity, u_by_velocity = velocity_shift(
@@ -278,5 +287,5 @@ def _report(
         velocity_offset_s=by_velocity - solution.drift * model.origin_s,
         u_velocity_offset_s=u_by_velocity,
         best_log_likelihood=solution.log_likelihood,
-        shifted_zero_m_s2=None if model.shifted_from_s is None else -solution.shifted_zero_m_s2 / solution.gain,
+        shifted_zero_m_s2=None if model.shifted_from_s is None else -float(solution.errors[0]) / solution.gain,
     )

@@ -44,6 +44,9 @@ class MotionModel:
     shifted_from_s : float or None
         Instant of the reference clock from which on the acceleration's zero may be another; None if it is the same
         throughout.
+    kicks_s : tuple of float
+        Instants of the reference clock at which the acceleration's integral may be wrong by a velocity: samples that
+        were lost there and bridged.
     """
 
     times_s: Array
@@ -51,15 +54,16 @@ class MotionModel:
     origin_s: float
     integral: DoubleIntegral
     shifted_from_s: float | None = None
+    kicks_s: tuple[float, ...] = ()
 
     def mapped_s(self, shift_s: float, drift: float) -> Array:
         """Instants of the frames on the reference clock, shape (n_frames,)."""
         return np.asarray(self.times_s + shift_s + drift * (self.times_s - self.origin_s))
 
     def constants(self, inside: Flags, mapped_s: Array) -> Array:
-        """Columns of the integration constants at some of the frames, shape (n_inside, 3 or 4).
+        """Columns of the integration constants at some of the frames, shape (n_inside, 3 + n_errors).
 
-        The fourth is the travel that a zero from `shifted_from_s` on makes of nothing.
+        Behind them those of `errors`.
 
         Parameters
         ----------
@@ -68,10 +72,14 @@ class MotionModel:
             Their instants on the reference clock.
         """
         since = self.times_s[inside] - self.origin_s
-        columns = [np.ones_like(since), since, 0.5 * since**2]
-        if self.shifted_from_s is not None:
-            columns.append(0.5 * np.maximum(mapped_s - self.shifted_from_s, 0.0) ** 2)
-        return np.column_stack(columns)
+        return np.column_stack([np.ones_like(since), since, 0.5 * since**2, *self.errors(mapped_s)])
+
+    def errors(self, mapped_s: Array) -> list[Array]:
+        """Travel that a shifted zero, and then each kick, makes of nothing, at instants of the reference clock."""
+        kicked = [np.maximum(mapped_s - kick_s, 0.0) for kick_s in self.kicks_s]
+        if self.shifted_from_s is None:
+            return kicked
+        return [0.5 * np.maximum(mapped_s - self.shifted_from_s, 0.0) ** 2, *kicked]
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,10 +92,10 @@ class MotionSolution:
         Behind the step.
     gain, constants : float, tuple of float
         k; c0, c1, c2.
-    shifted_zero_m_s2 : float
-        Coefficient of the column of a zero that shifted, in the camera's scale; 0 without one.
-    covariance : ndarray, shape (6, 6) or (7, 7)
-        Of k, shift, drift, c0, c1, c2, and of that coefficient; never less than the residuals call for.
+    errors : ndarray, shape (n_errors,)
+        Coefficients of the model's errors, in the camera's scale.
+    covariance : ndarray, shape (6 + n_errors, 6 + n_errors)
+        Of k, shift, drift, c0, c1, c2, and of those coefficients; never less than the residuals call for.
     log_likelihood : float
     innovation_statistic : float
         Mean squared normalised residual.
@@ -98,7 +106,7 @@ class MotionSolution:
         Whether the step was negligible.
     residual : ndarray, shape (n_inside + 1,)
         What the columns leave of the whitened positions; the last one is the drift's prior.
-    basis : ndarray, shape (n_inside + 1, 6 or 7)
+    basis : ndarray, shape (n_inside + 1, 6 + n_errors)
         Orthonormal columns that span the whitened model.
     """
 
@@ -106,7 +114,7 @@ class MotionSolution:
     drift: float
     gain: float
     constants: tuple[float, float, float]
-    shifted_zero_m_s2: float
+    errors: Array
     covariance: Array
     log_likelihood: float
     innovation_statistic: float
@@ -133,7 +141,7 @@ def gauss_newton_step(
     drift_allowance: float,
     previous: MotionSolution | None = None,
 ) -> MotionSolution | None:
-    """Improve a shift and a drift by least squares on ``D, V, V t, 1, t, t^2/2``, and the travel by a shifted zero.
+    """Improve a shift and a drift by least squares on ``D, V, V t, 1, t, t^2/2``, and the accelerometer's errors.
 
     Parameters
     ----------
@@ -191,7 +199,7 @@ def gauss_newton_step(
         drift=drift + float(solution[2]),
         gain=float(solution[0]),
         constants=(float(solution[3]), float(solution[4]), float(solution[5])),
-        shifted_zero_m_s2=float(solution[6]) if solution.size > 6 else 0.0,
+        errors=solution[6:],
         covariance=covariance,
         log_likelihood=-0.5 * (chi2 + walk.log_determinant),
         innovation_statistic=statistic,

@@ -107,11 +107,8 @@ def velocity_shift(
     for _ in range(MOST_STEPS):
         travel, velocity = model.integral.at(mapped + shift_s)
         felt, rise = (travel[span:] - travel[:-span]) / dt, (velocity[span:] - velocity[:-span]) / dt
-        shapes = [felt, rise, np.ones_like(since), since]
-        if model.shifted_from_s is not None:
-            beyond = 0.5 * np.maximum(mapped + shift_s - model.shifted_from_s, 0.0) ** 2
-            shapes.append((beyond[span:] - beyond[:-span]) / dt)
-        columns = np.column_stack(shapes)
+        errors = [(error[span:] - error[:-span]) / dt for error in model.errors(mapped + shift_s)]
+        columns = np.column_stack([felt, rise, np.ones_like(since), since, *errors])
         scale = np.sqrt((columns**2).sum(axis=0))
         if not np.all(scale > 0):
             return math.nan, math.inf
