@@ -36,7 +36,7 @@ def filter_channels(
     *,
     engine: Engine = "automatic",
     threads: int | None = None,
-    in_place: bool = False,
+    out: Array | None = None,
 ) -> Array:
     """Filter a table of channels by an engine of one's choice.
 
@@ -54,23 +54,25 @@ def filter_channels(
         The kernel needs the extra ``fast``.
     threads : int, optional
         For scipy, one channel at a time on each: by default one for each processor that this process may use.
-    in_place : bool
-        Write the results over the samples. Beside these, memory for a few channels on each thread is needed.
+    out : ndarray of float64, same shape, optional
+        Where the results go; the samples themselves are allowed. A table that is there already is quicker than
+        one whose memory the system has to clear first. Beside it, memory for a few channels on each thread is
+        needed.
 
     Returns
     -------
     ndarray of float64, same shape
-        `samples` itself if `in_place`.
+        `out` if it was given.
 
     Raises
     ------
     RecoilDaqError
         If the kernel is asked for and the extra ``fast`` is not installed.
     TypeError
-        If the filter is no recursion, or `in_place` is asked for samples that are not float64.
+        If the filter is no recursion, or `out` is not float64.
     ValueError
-        If there are fewer than one thread, the engine is unknown, or as in the filter's ``apply``. The samples
-        are then as they were.
+        If there are fewer than one thread, the engine is unknown, `out` has another shape, or as in the filter's
+        ``apply``. The samples are then as they were.
     """
     check_rate(rate_hz)
     check_shape(samples)
@@ -81,12 +83,15 @@ def filter_channels(
     if not isinstance(two_pass_filter, TwoPassFilter):
         raise TypeError(f"a {type(two_pass_filter).__name__} is no recursion: call its apply")
     design = two_pass_filter.two_pass(rate_hz)
-    if in_place:
-        if samples.dtype != np.float64:
-            raise TypeError(f"samples that are filtered in place must be float64, not {samples.dtype}")
+    if out is not None and out.dtype != np.float64:
+        raise TypeError(f"out must be float64, not {out.dtype}")
+    if out is not None and out.shape != samples.shape:
+        raise ValueError(f"out must have the shape of the samples, {samples.shape}, not {out.shape}")
+    if out is not None and np.may_share_memory(out, samples):
+        # what is refused must be as it was
         for first in range(0, samples.shape[0], _ROWS_AT_ONCE):
             check_finite(samples[first : first + _ROWS_AT_ONCE])
-    return filter_rows(design, samples, engine=engine, threads=threads, out=samples if in_place else None)
+    return filter_rows(design, samples, engine=engine, threads=threads, out=out)
 
 
 def filter_rows(

@@ -86,7 +86,7 @@ def test_two_threads_against_one_over_sixteen_channels(capsys, count):
             row[:] = sosfiltfilt(design.sections, row, padtype="odd", padlen=design.padding_samples)
 
     def two_threads() -> None:
-        filter_channels(LOW_PASS, rows.T, RATE_HZ, engine="scipy", threads=2, in_place=True)
+        filter_channels(LOW_PASS, rows.T, RATE_HZ, engine="scipy", threads=2, out=rows.T)
 
     two_threads()
     for i in range(2):
@@ -107,15 +107,16 @@ def test_two_threads_against_one_over_sixteen_channels(capsys, count):
         assert 2 * cpu["one"] / cpu["two"] > 1.6
 
 
-@pytest.mark.parametrize("count", [1_000_000, 5_000_000])
+@pytest.mark.parametrize("count", [1_000_000, 10_000_000])
 def test_the_kernel_against_one_thread_of_scipy(capsys, count):
     pytest.importorskip("numba", reason="needs numba, the extra `fast`")
-    if free_bytes() < 5 * 8 * CHANNELS * count:
-        pytest.skip(f"less than {40e-9 * CHANNELS * count:.1f} GB of memory are free")
+    if free_bytes() < 7 * 8 * CHANNELS * count:
+        pytest.skip(f"less than {56e-9 * CHANNELS * count:.1f} GB of memory are free")
     design = LOW_PASS.two_pass(RATE_HZ)
     table = np.random.default_rng(2).standard_normal((count, CHANNELS))
     rows = np.ascontiguousarray(table.T)
     found = filter_channels(LOW_PASS, table, RATE_HZ, engine="kernel")
+    target = np.zeros_like(table)
     for i in (0, 15):
         alone = sosfiltfilt(design.sections, rows[i], padtype="odd", padlen=design.padding_samples)
         assert np.abs(found[:, i] - alone).max() <= 1e-12 * np.abs(rows[i]).max()
@@ -126,16 +127,18 @@ def test_the_kernel_against_one_thread_of_scipy(capsys, count):
             sosfiltfilt(design.sections, row, padtype="odd", padlen=design.padding_samples) for row in rows
         ],
         kernel=lambda: filter_channels(LOW_PASS, table, RATE_HZ, engine="kernel"),
-        in_place=lambda: filter_channels(LOW_PASS, found, RATE_HZ, engine="kernel", in_place=True),
+        into=lambda: filter_channels(LOW_PASS, table, RATE_HZ, engine="kernel", out=target),
+        in_place=lambda: filter_channels(LOW_PASS, found, RATE_HZ, engine="kernel", out=found),
     )
     for kind, best in zip(("by the clock", "of processor time"), best_of(seconds), strict=True):
         with capsys.disabled():
             print(f"\n16 interleaved channels x {count:.0e} samples, one thread, Msamples/s {kind}:", end="")
             print("".join(f" {name} {1e-6 * table.size / best[name]:.0f}" for name in best), end="; ")
-            print(f"kernel over scipy {best['scipy'] / best['kernel']:.1f}, ", end="")
-            print(f"in place {best['scipy'] / best['in_place']:.1f}; over scipy channel by channel ", end="")
-            print(f"{best['columns'] / best['kernel']:.1f}, in place {best['columns'] / best['in_place']:.1f}", end="")
-        assert best["scipy"] / best["kernel"] > 3.0
+            print("over scipy: into a table that is there", end="")
+            for name, where in (("into", ""), ("in_place", ", in place"), ("kernel", ", into a new table")):
+                print(f"{where} {best['scipy'] / best[name]:.1f}", end="")
+                print(f" (channel by channel {best['columns'] / best[name]:.1f})", end="")
+        assert best["scipy"] / best["into"] > 6.0
 
 
 @pytest.mark.parametrize("engine", ["scipy", "kernel"])

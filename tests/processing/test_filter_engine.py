@@ -38,15 +38,25 @@ def one_by_one(zero_phase, samples):
 def test_threads_change_nothing(zero_phase, layout, threads, in_place):
     samples = np.array(table(3000, 3), order=layout)
     expected = one_by_one(zero_phase, samples)
-    result = filter_channels(zero_phase, samples, RATE_HZ, engine="scipy", threads=threads, in_place=in_place)
+    result = filter_channels(
+        zero_phase, samples, RATE_HZ, engine="scipy", threads=threads, out=samples if in_place else None
+    )
     assert np.array_equal(result, expected)
     assert (result is samples) == in_place
+
+
+def test_results_go_where_they_are_asked_to():
+    samples = table(3000, 3)
+    kept, target = samples.copy(), np.empty((3000, 3))
+    assert filter_channels(LowPass(500.0), samples, RATE_HZ, out=target) is target
+    assert np.array_equal(target, one_by_one(LowPass(500.0), samples))
+    assert np.array_equal(samples, kept)
 
 
 def test_one_channel_is_filtered_in_place():
     samples = table(3000, 1)[:, 0]
     expected = LowPass(500.0).apply(samples, RATE_HZ)
-    assert filter_channels(LowPass(500.0), samples, RATE_HZ, in_place=True) is samples
+    assert filter_channels(LowPass(500.0), samples, RATE_HZ, out=samples) is samples
     assert np.array_equal(samples, expected)
 
 
@@ -57,7 +67,7 @@ def test_one_channel_is_filtered_in_place():
 def test_the_kernel_gives_what_scipy_gives(zero_phase, in_place, channels):
     samples = table(5000, channels)
     recorded, expected = samples.copy(), one_by_one(zero_phase, samples)
-    result = filter_channels(zero_phase, samples, RATE_HZ, engine="kernel", in_place=in_place)
+    result = filter_channels(zero_phase, samples, RATE_HZ, engine="kernel", out=samples if in_place else None)
     assert agree(result, expected, recorded)
     assert (result is samples) == in_place
 
@@ -87,7 +97,7 @@ def test_the_kernel_gives_what_scipy_gives_at_any_length(seed, count, half_order
 def test_the_kernel_takes_tables_of_any_layout(layout, in_place):
     for samples in (np.array(table(700, 16), order=layout), np.array(table(700, 20), order=layout)[:, 2:18]):
         recorded, expected = samples.copy(), one_by_one(LowPass(500.0), samples)
-        result = filter_channels(LowPass(500.0), samples, RATE_HZ, engine="kernel", in_place=in_place)
+        result = filter_channels(LowPass(500.0), samples, RATE_HZ, engine="kernel", out=samples if in_place else None)
         assert agree(result, expected, recorded)
         assert (result is samples) == in_place
 
@@ -109,7 +119,7 @@ def test_samples_that_are_not_finite_are_refused_and_stay(engine, value, in_plac
     samples[2500, 15] = value
     kept = samples.copy()
     with pytest.raises(ValueError, match="samples must be finite"):
-        filter_channels(LowPass(500.0), samples, RATE_HZ, engine=engine, threads=2, in_place=in_place)
+        filter_channels(LowPass(500.0), samples, RATE_HZ, engine=engine, threads=2, out=samples if in_place else None)
     assert np.array_equal(samples, kept, equal_nan=True)
 
 
@@ -117,7 +127,7 @@ def test_filtering_in_place_needs_little_memory_beside_the_table():
     samples = table(200_000, 12).copy(order="F")
     LowPass(500.0).apply(samples[:1000], RATE_HZ)
     tracemalloc.start()
-    filter_channels(LowPass(500.0), samples, RATE_HZ, engine="scipy", threads=2, in_place=True)
+    filter_channels(LowPass(500.0), samples, RATE_HZ, engine="scipy", threads=2, out=samples)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 2 * 5 * samples[:, 0].nbytes
@@ -128,7 +138,7 @@ def test_the_kernel_needs_no_memory_beside_the_table_but_for_the_padding():
     samples = table(200_000, 16)
     filter_channels(LowPass(500.0), samples[:1000], RATE_HZ, engine="kernel")
     tracemalloc.start()
-    filter_channels(LowPass(500.0), samples, RATE_HZ, engine="kernel", in_place=True)
+    filter_channels(LowPass(500.0), samples, RATE_HZ, engine="kernel", out=samples)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 0.2 * samples.nbytes
@@ -206,7 +216,8 @@ def test_a_read_only_installation_compiles_for_itself(monkeypatch):
         ({"threads": 0}, ValueError, "threads must be at least 1"),
         ({"rate_hz": -1.0}, ValueError, "rate_hz must be positive"),
         ({"rate_hz": 900.0}, ValueError, "needs more than 1000 samples/s"),
-        ({"samples": np.zeros((10, 2), dtype=np.float32), "in_place": True}, TypeError, "float64, not float32"),
+        ({"out": np.zeros((10, 2), dtype=np.float32)}, TypeError, "float64, not float32"),
+        ({"out": np.zeros((10, 3))}, ValueError, "out must have the shape of the samples"),
         ({"samples": np.zeros((10, 2, 2))}, ValueError, "n_samples, n_channels"),
     ],
 )
