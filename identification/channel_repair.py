@@ -164,5 +164,5 @@ def level_samples(samples: Array, step_s: float, quiet: Flags, spec: ChannelSpec
             noise=noise,
         )
         done = done.then(droop.samples, droop.repair)
-        left["droop"] = droop.u
+        left["droop"] = droop.by_constant
     return Levelled(done.samples, done.repairs, left)

@@ -32,11 +32,14 @@ class DroopCorrection:
     u : ndarray, shape (n_samples,)
         Standard uncertainty that the correction adds, in the unit of the samples. That of the rest level,
         ``u_rest t / T``, is the same error in all of them and grows linearly.
+    by_constant : ndarray, shape (n_samples,)
+        What a time constant that is too long by its standard uncertainty leaves, with its sign.
     repair : Repair
     """
 
     samples: Array
     u: Array
+    by_constant: Array
     repair: Repair
 
 
@@ -89,7 +92,8 @@ def invert_droop(
     drained = integrate(whole - rest, step_s)
     corrected = samples + drained / time_constant_s
     since = step_s * np.arange(samples.size)
-    variance = (drained / time_constant_s**2 * u_time_constant_s) ** 2 + noise**2 * since * step_s / time_constant_s**2
+    by_constant = drained / time_constant_s**2 * u_time_constant_s
+    variance = by_constant**2 + noise**2 * since * step_s / time_constant_s**2
     if u_rest:
         variance += (u_rest * since / time_constant_s) ** 2
     gaps = bridge_errors(whole, lost, step_s) if lost.any() else []
@@ -114,4 +118,6 @@ def invert_droop(
         "drift_per_s_of_u_rest": u_rest / time_constant_s,
         "gaps": float(len(gaps)),
     }
-    return DroopCorrection(corrected, u, Repair("droop corrected", changed(samples, corrected), sentence, figures))
+    return DroopCorrection(
+        corrected, u, by_constant, Repair("droop corrected", changed(samples, corrected), sentence, figures)
+    )

@@ -107,7 +107,7 @@ def report_document(
             "kick_m_s": found.zero_shift.kick_m_s,
             "u_kick_m_s": found.zero_shift.u_kick_m_s,
         },
-        "repairs": [one.to_json() for one in found.signals.repairs],
+        "repairs": [*(one.to_json() for one in found.signals.repairs), *_fitted_zero(shot, found)],
         "skew": {
             "skew_s": found.skew.skew_s,
             "u_skew_s": found.skew.u_s,
@@ -169,6 +169,27 @@ def _fusion(found: Identification) -> dict[str, Any] | None:
         "clock_shift_sigma": None if alignment is None else fused.shift_statistic(alignment.u_offset_s),
         "frames_set_aside": fused.frames_set_aside,
     }
+
+
+def _fitted_zero(shot: Shot, found: Identification) -> list[dict[str, Any]]:
+    """List a shifted zero among the repairs: it is taken off every sample since the onset."""
+    accelerometer = shot.by_role("recoil_acceleration")
+    if not found.zero_shift.demanded or accelerometer is None:
+        return []
+    times_s, onset_s = found.signals.times_s, found.signals.onset_s
+    count = int(np.count_nonzero(times_s >= onset_s))
+    return [
+        {
+            "channel": accelerometer.name,
+            "what": "zero shift fitted",
+            "samples": f"{count} of {times_s.size}",
+            "detail": f"the zero shifted {found.zero_shift}: a column of the regression",
+            "count": count,
+            "of": int(times_s.size),
+            "figures": {},
+            "spans_s": [[onset_s, float(times_s[-1])]],
+        }
+    ]
 
 
 def _ringing(found: StressWaves) -> dict[str, Any]:

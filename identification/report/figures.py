@@ -47,6 +47,18 @@ def _interval(found: Identification) -> tuple[Span, ...]:
     return (Span("identification interval", *found.filtered.interval_s),)
 
 
+def _repaired(found: Identification) -> tuple[Span, ...]:
+    """From the first to the last sample of each channel that is no measurement, as far as it is shown."""
+    low, high = _shown(found)
+    spans = []
+    for one in found.signals.repairs:
+        at = one.spans_s[(one.spans_s[:, 1] >= low) & (one.spans_s[:, 0] <= high)]
+        if at.size:
+            label = f"{one.channel}: {one.repair.kind}, {one.repair.count} samples"
+            spans.append(Span(label, max(float(at.min()), low), min(float(at.max()), high)))
+    return tuple(spans)
+
+
 def _mass(found: Identification) -> Figure:
     chosen = found.chosen
     trace = chosen.trace
@@ -143,7 +155,7 @@ def _force(found: Identification) -> Figure:
                     Trace("m a', filtered", r.times_s, 1e-3 * m * r.acceleration_m_s2, "model", "kN"),
                     *parts,
                 ),
-                spans=_interval(found),
+                spans=(*_interval(found), *_repaired(found)),
             ),
         ),
         shown=_shown(found),
@@ -190,7 +202,7 @@ def _residuals(found: Identification) -> Figure:
             "a' - F'/m, m/s^2",
             (Trace("residual", r.times_s, residual, "filtered", "m/s^2"),),
             (HorizontalLine("zero", 0.0, "mean"),),
-            _interval(found),
+            (*_interval(found), *_repaired(found)),
         )
     ]
     spread = float(np.std(inside)) if inside.size > 20 else 0.0
