@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from identification.motion_quality import CUTOFF_HZ, SLOWEST_SHARE
 from identification.signals import QUIET_MARGIN_S, static_value
 from processing.filters import LowPass
 from processing.gaps import bridge, near
-from processing.hum import subtract_hum
+from processing.hum import Hum, subtract_hum
 from processing.quality import (
     Outcome,
     check_aliasing,
@@ -142,10 +142,10 @@ def check_channel(
     ):
         yield from _levels(channel, spec, rig, samples, quiet, reference_s, onset_s, rest_s)
         record = _Record.of(channel, samples, quiet, reference_s, onset_s)
-        yield "filtered noise", _filtered_noise(record)
         hum = _hum(record)
+        yield "filtered noise", _filtered_noise(record, hum)
         if hum is not None:
-            yield "hum", hum
+            yield "hum", _hum_outcome(record, hum)
         if unclipped:
             yield "out of band", check_out_of_band(record.samples, record.quiet)
         yield from _spectra(record, driven_m_s2)
@@ -212,8 +212,8 @@ def _levels(
         yield "level after", check_level_after(samples, quiet, reference_s >= end_s - REST_SPAN_S, unit=unit)
 
 
-def _filtered_noise(record: _Record) -> Outcome:
-    """Check the noise behind the low-pass, where neither the shot nor the record's begin reaches."""
+def _filtered_noise(record: _Record, hum: Hum | None) -> Outcome:
+    """Check the noise behind the low-pass, where neither the shot nor the record's begin reaches; hum is none."""
     reach = record.low_pass.reach_samples(record.rate_hz)
     lost = ~np.isfinite(record.samples)
     trusted = ~near(lost, reach) if lost.any() else ~lost
@@ -222,10 +222,15 @@ def _filtered_noise(record: _Record) -> Outcome:
     if silent.size:
         still[: silent[0] + reach] = False
         still[max(int(silent[-1]) + 1 - reach, 0) :] = False
-    return check_filtered_noise(record.smooth, still, record.pulse & trusted, needed=record.channel.role in NEEDED)
+    smooth = record.smooth
+    if hum is not None and hum.lines:
+        # far below the cut-off it passes the filter as it is, and is taken off before the mass is found
+        since_s = (np.arange(smooth.size) - silent[0]) / record.rate_hz - hum.origin_s
+        smooth = smooth - np.sum([line.taken_at(since_s) for line in hum.lines], axis=0)
+    return check_filtered_noise(smooth, still, record.pulse & trusted, needed=record.channel.role in NEEDED)
 
 
-def _hum(record: _Record) -> Outcome | None:
+def _hum(record: _Record) -> Hum | None:
     """Look for the mains' hum in the silence; None where the record is too slow for its harmonics."""
     every = int(record.rate_hz / HUM_RATE_HZ)
     silent = np.flatnonzero(record.quiet)
@@ -235,6 +240,11 @@ def _hum(record: _Record) -> Outcome | None:
     count = silent.size // every
     means = record.samples[silent[0] : silent[0] + count * every].reshape(count, every).mean(axis=1)
     found = subtract_hum(means, record.rate_hz / every, np.ones(count, dtype=bool))
+    # a mean stands in the middle of its samples
+    return replace(found, origin_s=found.origin_s + 0.5 * (every - 1) / record.rate_hz)
+
+
+def _hum_outcome(record: _Record, found: Hum) -> Outcome:
     if not found.lines:
         return "ok", found.reason
     peak = float(np.nanmax(np.abs(record.samples - record.level)))

@@ -274,7 +274,8 @@ def _span(span: Span, x_axis: str, y_axis: str) -> dict[str, Any]:
     label = {"text": _plain(span.label), "font": {"size": 11, "color": MARK_COLOUR}, "padding": 4}
     if span.x0 == span.x1:
         line = {"color": MARK_COLOUR, "width": 1, "dash": "4px,3px"}
-        place = {"textposition": "end", "textangle": 0, "xanchor": "left", "yanchor": "top"}
+        # at the foot, where no stretch has its label
+        place = {"textposition": "start", "textangle": 0, "xanchor": "left", "yanchor": "bottom"}
         return shape | {"type": "line", "line": line, "label": label | place}
     fill = {"type": "rect", "layer": "below", "fillcolor": SPAN_COLOUR, "line": {"width": 0}}
     return shape | fill | {"label": label | {"textposition": "top left"}}

@@ -140,19 +140,22 @@ def _force(found: Identification) -> Figure:
         for i, name in enumerate(FORCES)
     ]
     m = found.chosen.estimate.mass_kg
+    acceleration, force = r.acceleration_m_s2, r.force_n
+    if found.options.method == "calibrated":
+        acceleration, force = found.calibration.correct(r)
     return Figure(
         "force",
         "Active force on the recoiling part",
-        "Breech force less brake, recuperator and friction, against mass times measured acceleration: "
-        "they coincide where the model holds.",
+        "Breech force less brake, recuperator and friction, against mass times measured acceleration, with the "
+        "sensors' errors as identified: they coincide where the model holds.",
         TIME,
         (
             Panel(
                 "force, kN",
                 (
                     Trace("F', recorded", r.times_s, 1e-3 * found.recorded.force_n, "measured", "kN"),
-                    Trace("F', filtered", r.times_s, 1e-3 * r.force_n, "filtered", "kN"),
-                    Trace("m a', filtered", r.times_s, 1e-3 * m * r.acceleration_m_s2, "model", "kN"),
+                    Trace("F', filtered", r.times_s, 1e-3 * force, "filtered", "kN"),
+                    Trace("m a', filtered", r.times_s, 1e-3 * m * acceleration, "model", "kN"),
                     *parts,
                 ),
                 spans=(*_interval(found), *_repaired(found)),
