@@ -52,6 +52,8 @@ _UNKNOWNS = 7
 
 LARGEST_RESIDUAL = 0.01
 """Share of the acceleration's peak that may be noise; for what is beyond, the sensors must answer."""
+LARGEST_SIGNIFICANCE = 3.29
+"""Of a sensor's departure from its calibration; by chance one of 1000 goes beyond, as in Baarda's w-test."""
 SMALLEST_U = 1e-9
 """In the place of a standard uncertainty of zero: what is exactly known must not divide by it."""
 SMALLEST_SIGMA_M_S2 = 1e-9

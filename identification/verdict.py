@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 
 from daq.shot import Shot
-from identification.calibration import CAMERA_SCALE, LARGEST_RESIDUAL, Calibration
+from identification.calibration import CAMERA_SCALE, LARGEST_RESIDUAL, LARGEST_SIGNIFICANCE, Calibration
 from identification.mass import ACCELERATION, RANDOM, MassEstimate
 from identification.regression import Regression
 from identification.signals import Signals
@@ -16,8 +16,6 @@ from rigs.rig import Rig
 
 LEAST_SHARE = 0.5
 """Below this share of identified samples the trace does not describe the shot."""
-LARGEST_SIGNIFICANCE = 3.29
-"""Of a sensor's departure from its calibration; by chance one of 1000 goes beyond, as in Baarda's w-test."""
 LARGEST_ROUTE_GAP = 3.0
 """Combined standard uncertainties by which the two routes to the acceleration may differ."""
 

@@ -18,7 +18,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.calibration import Calibration, CameraScale, calibrated_mass
+from identification.calibration import (
+    CAMERA_SCALE,
+    CAMERA_SHIFT,
+    LARGEST_SIGNIFICANCE,
+    Calibration,
+    CameraScale,
+    calibrated_mass,
+)
 from identification.mass import ScaleUncertainty
 from identification.regression import Regression
 from processing.filters import LowPass
@@ -190,6 +197,9 @@ def calibrated_with_zero_shift(
     criteria = {}
     for shape in shapes:
         fit = fitted(shape, noise)
+        if shape and any(abs(fit.significances[s]) > LARGEST_SIGNIFICANCE for s in fit.significances if _by_camera(s)):
+            # a gauge that is a little off looks like a zero that decays with the pulse; the camera saw none
+            continue
         if _KICK in shape and abs(fit.shifts_m_s2[0]) < LEAST_STEP_SIGMA * fit.u_shifts_m_s2[0]:
             # a kick without a step is the release, modelled as an instant, and no zero that shifted
             continue
@@ -202,6 +212,10 @@ def calibrated_with_zero_shift(
     calibration = fitted(chosen)
     shift = _described(chosen, calibration.shifts_m_s2, calibration.u_shifts_m_s2, fall)
     return replace(plain, shifts=filtered[:, chosen]), calibration, replace(shift, confirmed=bool(seen))
+
+
+def _by_camera(source: str) -> bool:
+    return source == CAMERA_SCALE or source.startswith(CAMERA_SHIFT)
 
 
 def _described(shape: Shape, sizes: Array, u: Array, fall: float) -> ZeroShift:
