@@ -19,12 +19,15 @@ U_BIAS = 0.1
 LOW_PASS = LowPass(300.0)
 
 
-def measured(seed: int, *, step: float = 0.0, decaying: float = 0.0, tau_s: float = 0.02) -> Regression:
+def measured(
+    seed: int, *, step: float = 0.0, decaying: float = 0.0, tau_s: float = 0.02, late_s: float | None = None
+) -> Regression:
     """The bench shot as an accelerometer with noise reads it whose zero shifts."""
     truth = bench_regression()
     rng = np.random.default_rng(seed)
     since = np.maximum(truth.times_s - truth.times_s[int(np.argmax(truth.released > 0.5))], 0.0)
-    shift = (step + decaying * np.exp(-since / tau_s)) * truth.released
+    begun = truth.released if late_s is None else truth.times_s >= truth.interval_s[0] + late_s
+    shift = (step + decaying * np.exp(-since / tau_s)) * begun
     a = truth.force_n / MASS_KG + shift + rng.normal(0.0, 20.0, truth.times_s.size)
     forces = truth.forces_n.copy()
     forces[:, :3] *= 1.0 + rng.normal(0.0, 1.0, 3) * SCALES.gauges
@@ -56,6 +59,15 @@ def test_a_shift_that_decays_is_found_with_its_size_and_time() -> None:
     assert shift.demanded
     assert shift.time_constant_s in (0.01, 0.02, 0.05)
     assert shift.decaying_m_s2 == pytest.approx(60.0, rel=0.3)
+    assert abs(mass - MASS_KG) < 3 * u
+
+
+@pytest.mark.parametrize("late_s", [-4e-4, 6e-4])
+def test_a_step_that_came_earlier_or_later_than_the_onset_leaves_a_kick(late_s: float) -> None:
+    _, mass, u, shift = found(measured(1, step=150.0, late_s=late_s))
+    assert shift.step_m_s2 == pytest.approx(150.0, abs=4 * shift.u_step_m_s2)
+    assert shift.kick_m_s == pytest.approx(-150.0 * late_s, rel=0.2)
+    assert "kick" in str(shift)
     assert abs(mass - MASS_KG) < 3 * u
 
 

@@ -16,7 +16,7 @@ from tests.builders.shared_data import shared_file
 SEEDS = range(12)
 
 
-def align(motion: RecordedMotion, *, drift_allowance: float = 5e-5) -> MotionFit | str:
+def align(motion: RecordedMotion, *, drift_allowance: float = 5e-5, kicks_s: tuple[float, ...] = ()) -> MotionFit | str:
     return align_motion(
         motion.camera_times_s,
         motion.displacement_m,
@@ -25,11 +25,12 @@ def align(motion: RecordedMotion, *, drift_allowance: float = 5e-5) -> MotionFit
         motion.acceleration_m_s2,
         acceleration_sigma_m_s2=motion.acceleration_sigma_m_s2,
         drift_allowance=drift_allowance,
+        kicks_s=kicks_s,
     )
 
 
-def fit_of(motion: RecordedMotion, *, drift_allowance: float = 5e-5) -> MotionFit:
-    fit = align(motion, drift_allowance=drift_allowance)
+def fit_of(motion: RecordedMotion, *, drift_allowance: float = 5e-5, kicks_s: tuple[float, ...] = ()) -> MotionFit:
+    fit = align(motion, drift_allowance=drift_allowance, kicks_s=kicks_s)
     assert isinstance(fit, MotionFit), fit
     return fit
 
@@ -357,3 +358,18 @@ def test_a_track_of_another_hand_is_aligned_within_its_uncertainty(corrected):
     assert abs(fit.gain - 1 / (1 + truth["accel_gain_error"])) < 4 * fit.u_gain
     assert fit.marker_sigma_m == pytest.approx(1e-3 * truth["sigma_track_mm"], rel=0.1)
     assert corrected == (fit.frames_set_aside == 0)
+
+
+@pytest.mark.parametrize("kick_m_s", [0.05, -0.3])
+def test_a_velocity_that_a_bridged_gap_got_wrong_costs_nothing_where_the_gap_is_told(kick_m_s):
+    motion = record_motion(3)
+    at_s = ONSET_S + 0.06
+    index = int((at_s - motion.start_s) / motion.step_s)
+    wrong = motion.acceleration_m_s2.copy()
+    wrong[index : index + 20] += kick_m_s / (20 * motion.step_s)
+    kicked = replace(motion, acceleration_m_s2=wrong)
+    untold, told = fit_of(kicked), fit_of(kicked, kicks_s=(at_s,))
+    assert verdict_on(kicked, untold).status != "ok"
+    assert verdict_on(kicked, told).status == "ok", verdict_on(kicked, told).reasons
+    assert abs(error_s(kicked, told)) < 4 * told.u_offset_s
+    assert told.u_offset_s < 1.5 * fit_of(motion).u_offset_s
