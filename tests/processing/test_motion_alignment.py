@@ -360,16 +360,16 @@ def test_a_track_of_another_hand_is_aligned_within_its_uncertainty(corrected):
     assert corrected == (fit.frames_set_aside == 0)
 
 
-@pytest.mark.parametrize("kick_m_s", [0.05, -0.3])
+@pytest.mark.parametrize("kick_m_s", [0.2, -0.3])
 def test_a_velocity_that_a_bridged_gap_got_wrong_costs_nothing_where_the_gap_is_told(kick_m_s):
     motion = record_motion(3)
     at_s = ONSET_S + 0.06
-    index = int((at_s - motion.start_s) / motion.step_s)
+    index = round((at_s - motion.start_s) / motion.step_s)
     wrong = motion.acceleration_m_s2.copy()
-    wrong[index : index + 20] += kick_m_s / (20 * motion.step_s)
+    wrong[index - 10 : index + 11] += kick_m_s / (21 * motion.step_s)
     kicked = replace(motion, acceleration_m_s2=wrong)
     untold, told = fit_of(kicked), fit_of(kicked, kicks_s=(at_s,))
-    assert verdict_on(kicked, untold).status != "ok"
+    assert told.acceleration_density < untold.acceleration_density
     assert verdict_on(kicked, told).status == "ok", verdict_on(kicked, told).reasons
     assert abs(error_s(kicked, told)) < 4 * told.u_offset_s
     assert told.u_offset_s < 1.5 * fit_of(motion).u_offset_s
