@@ -151,10 +151,11 @@ class Silence:
 
 def _stands_out(excess: float, looked_at: int) -> bool:
     """Tell whether a line is beyond the limit, and beyond what chance makes of any of those looked at."""
-    from scipy.stats import f
+    # scipy.stats takes half a second to import
+    from scipy.special import fdtrc
 
     high = excess > 10 ** (ABOVE_DB / 10)
-    return bool(high and f.sf(excess, 2, 2 * NEIGHBOURS) * looked_at < CHANCE)
+    return bool(high and fdtrc(2, 2 * NEIGHBOURS, excess) * looked_at < CHANCE)
 
 
 def _line(k: int, hz: float, i: int, values: Array, covariance: Array, excess_db: float) -> HumLine:
