@@ -11,7 +11,7 @@ PERIOD_S = 1.0 / RATE_HZ
 
 
 def recorded(seed: int, **changes: float) -> RecordedMotion:
-    return record_motion(seed, **{"frame_rate_hz": RATE_HZ, "frames": 3000, "marker_sigma_m": 6e-5, **changes})
+    return record_motion(seed, **{"frame_rate_hz": RATE_HZ, "frames": 2000, "marker_sigma_m": 6e-5, **changes})
 
 
 def fit_of(motion: RecordedMotion) -> MotionFit:
