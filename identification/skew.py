@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 
 AROUND_S = 0.03
 """Kept around the identification interval for the low-pass."""
+MOST_CUTOFF = 0.2
+"""Of the sampling rate, below which the two sides are compared: a user's own cut-off may be higher."""
 MOST_STEPS = 3
 """Of correction; one is enough but where forces hang on a clock that was aligned by the accelerometer."""
 MOST_SKEW_S = 2e-3
@@ -83,7 +85,8 @@ def find_skew(
     part = slice(int(first), int(last))
     acceleration, force = calibration.correct(filtered)
     force, acceleration = (np.where(filtered.trusted, side, np.nan)[part] for side in (force, acceleration))
-    found = measure_skew(force, acceleration, filtered.rate_hz, filtered.low_pass.cutoff_hz)
+    cutoff_hz = min(filtered.low_pass.cutoff_hz, MOST_CUTOFF * filtered.rate_hz)
+    found = measure_skew(force, acceleration, filtered.rate_hz, cutoff_hz)
     if isinstance(found, str):
         return RecorderSkew(math.nan, math.inf, corrected_s, 0.0, steps, found)
     skew_s, u_s = corrected_s + found.skew_s, math.hypot(found.u_s, U_CHAINS_S)

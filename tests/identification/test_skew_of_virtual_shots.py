@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from identification.analysis import Options, identify_shot
 from identification.skew import SOURCE
 from processing.channel_skew import Skew, measure_skew
 from tests.builders.virtual_shots import VirtualShot, identified, virtual_shot
@@ -46,3 +47,10 @@ def test_a_skew_is_taken_out_together_with_the_clock_that_was_aligned_by_the_lat
     assert skewed.valid
     (row,) = [row for row in skewed.chosen.estimate.budget if row.source == SOURCE]
     assert 0.0 < row.u_kg < 0.1
+
+
+def test_a_cutoff_of_ones_own_that_is_high_leaves_the_skew_to_be_told():
+    virtual = virtual_shot("field-2013", 3)
+    found = identify_shot(virtual.shot, virtual.rig, Options(cutoff_hz=0.35 * 25e3))
+    assert np.isfinite(found.skew.skew_s)
+    assert abs(found.skew.skew_s) < 5e-5
