@@ -121,6 +121,16 @@ class Channel:
         lost: NDArray[np.bool_] = np.isnan(self.samples)
         return lost
 
+    @property
+    def measured(self) -> NDArray[np.float64]:
+        """The samples as float64, shape (n_samples,); NaN where there is no number: lost, or infinite.
+
+        An infinite sample says that something was beyond what the instrument can tell, and no more.
+        """
+        samples = np.array(self.samples, dtype=np.float64)
+        samples[~np.isfinite(samples)] = np.nan
+        return samples
+
     def with_samples(self, samples: NDArray[np.floating[Any]], step: Step) -> Channel:
         """Return a new channel with other samples and one more line of history."""
         return replace(self, samples=samples, history=(*self.history, step))

@@ -86,7 +86,7 @@ def check_track(
     ------
     check, (verdict, detail)
     """
-    times_s, samples = channel.time_base.times_s, np.asarray(channel.samples, dtype=np.float64)
+    times_s, samples = channel.time_base.times_s, channel.measured
     unit = SI_UNITS[channel.quantity]
     yield "lost frames", check_lost_frames(times_s, samples)
     tracks = () if recording is None else recording.tracks()
@@ -140,7 +140,7 @@ def rest_after(channel: Channel, alignment: ClockAlignment | None) -> float | No
     """
     if alignment is None or alignment.status == "failed":
         return None
-    samples = np.asarray(channel.samples, dtype=np.float64)
+    samples = channel.measured
     sigma = marker_noise(samples)
     begin = rest_begin(channel.time_base.times_s, samples, sigma if math.isfinite(sigma) else 0.0)
     return None if begin is None else float(alignment.to_reference(float(channel.time_base.times_s[begin])))

@@ -210,7 +210,7 @@ def fused_motion(
     if camera is None or alignment is None or alignment.status == "failed":
         return None
     details = alignment.details or {}
-    seen = np.asarray(camera.samples, dtype=np.float64)
+    seen = camera.measured
     sigma = float(details.get("marker_sigma_m", noise_sigma(seen)))
     density = details.get("acceleration_density") or _likely_densities(signals, acceleration)
     if not sigma > 0:

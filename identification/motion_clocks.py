@@ -183,8 +183,8 @@ def evenly(shot: Shot, rig: Rig, channel: Channel) -> Evenly:
 
 
 def samples_of(channel: Channel) -> Array:
-    """Return a channel's samples as float64, shape (n,)."""
-    return np.asarray(channel.samples, dtype=np.float64)
+    """Return a channel's samples, shape (n,); NaN where there is none."""
+    return channel.measured
 
 
 def _silent_noise(signals: Signals, acceleration: Array) -> float:

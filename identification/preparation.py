@@ -115,6 +115,12 @@ def prepare(shot: Shot, rig: Rig) -> Prepared:
             remedy="declare its role in the rig file",
         )
     signals = collect_signals(shot, rig, alignments)
+    if not np.isfinite(signals.series.get("recoil_acceleration", 0.0)).any():
+        raise IdentificationError(
+            "no sample of the recoiling part's accelerometer can be used",
+            expected="a record of the shot",
+            remedy="check its file, its range and its cable",
+        )
     if "recoil_acceleration" not in signals.series:
         raise IdentificationError("the recoiling part's accelerometer is on a clock that could not be aligned")
     motion = turning(signals, rig)
@@ -185,7 +191,7 @@ def filmed(
     integral = DoubleIntegral.of(acceleration_m_s2, signals.start_s, signals.step_s)
     motion = filmed_motion(
         alignment.to_reference(camera.time_base.times_s),
-        np.asarray(camera.samples, dtype=np.float64),
+        camera.measured,
         integral,
         gain=d["gain"],
         marker_sigma_m=d["marker_sigma_m"],

@@ -142,7 +142,7 @@ def _file_names(recordings: Mapping[str, Recording]) -> list[QualityCheck]:
 def _onset(shot: Shot, checks: list[QualityCheck]) -> float | None:
     """Onset of force on the reference clock; a shot without one fails."""
     series = {
-        role: np.asarray(c.samples, dtype=np.float64)
+        role: c.measured
         for role in ("breech_pressure", "recoil_acceleration")
         if (c := shot.by_role(role)) is not None and c.time_base.clock == shot.reference_clock
     }
@@ -176,7 +176,7 @@ def _against_camera(
     if channel.role != "recoil_displacement":
         return []
     seen_s = channel.time_base.times_s - rig.channel(channel.name).sensor.delay_s
-    positions = np.asarray(channel.samples, dtype=np.float64)
+    positions = channel.measured
     outcome = check_camera_velocity(recoil, alignment.to_reference(seen_s), positions)
     return [] if outcome is None else [("velocity", outcome)]
 
@@ -197,7 +197,7 @@ def _zero_shift(alignment: ClockAlignment, shot: Shot, onset: float | None) -> l
     accelerometer = shot.by_role("recoil_acceleration")
     if alignment.status == "failed" or "u_bias_m_s2" not in details or accelerometer is None or onset is None:
         return []
-    samples = np.asarray(accelerometer.samples, dtype=np.float64)
+    samples = accelerometer.measured
     quiet = samples[(accelerometer.time_base.times_s < onset - QUIET_MARGIN_S) & np.isfinite(samples)]
     if quiet.size < LEAST_SAMPLES:
         return []

@@ -237,7 +237,7 @@ def on_grid(channel: Channel, alignment: ClockAlignment | None, grid_s: Array) -
     times = channel.time_base.times_s
     if alignment is not None:
         times = alignment.to_reference(times)
-    samples = np.asarray(channel.samples, dtype=np.float64)
+    samples = channel.measured
     if times.shape == grid_s.shape and np.allclose(times, grid_s, rtol=0, atol=1e-9):
         return samples.copy()
     present = np.isfinite(samples)

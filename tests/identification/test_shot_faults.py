@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
+from daq.errors import IdentificationError
 from daq.shot import ClockAlignment, QualityCheck, Shot
+from identification.analysis import Options, identify_shot
 from identification.clocks import align_clocks
 from identification.shot_quality import check_shot
 from rigs.rig import Rig, parse_rig
@@ -321,3 +323,26 @@ def test_a_fault_is_found_by_its_own_check_and_by_no_other_without_reason(one):
     assert one.advice in own[0].detail
     rest = {c.check for c in found if c.verdict != "ok"} - {one.check} - one.others
     assert not rest, [c for c in found if c.check in rest and c.verdict != "ok"]
+
+
+@pytest.mark.parametrize("name", ["acc_recoil", "p_breech", "p_brake", "acc_carriage_x", "gyro_tipping", "x_camera"])
+@pytest.mark.parametrize("value", [np.inf, np.nan])
+def test_samples_that_are_no_number_are_told_and_stop_nothing(name, value):
+    virtual = virtual_shot()
+    odd = np.array(virtual.shot.channels[name].samples, dtype=np.float64)
+    odd[:: odd.size // 20] = value
+    shot = replace(with_channels(virtual.shot, **{name: odd}), alignments=(), quality=())
+    alignments = align_clocks(shot, virtual.rig)
+    checks = check_shot(replace(shot, alignments=alignments), virtual.rig, alignments, {}, ON)
+    # of a film up to 2 % may be lost, and 1 % is
+    assert name == "x_camera" or [c for c in checks if c.channel == name and c.verdict != "ok"]
+    found = identify_shot(replace(shot, alignments=alignments, quality=checks), virtual.rig, Options())
+    low, high = found.chosen.estimate.interval_kg
+    assert not found.valid or low < virtual.truth["m3"] < high
+
+
+def test_an_accelerometer_without_a_sample_is_refused():
+    virtual = virtual_shot()
+    silent = np.full(virtual.shot.channels["acc_recoil"].samples.shape, np.nan)
+    with pytest.raises(IdentificationError, match="no sample of the recoiling part's accelerometer"):
+        identify_shot(with_channels(virtual.shot, acc_recoil=silent), virtual.rig, Options())
