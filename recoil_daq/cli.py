@@ -8,11 +8,15 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from recoil_daq.session import Session
+
+if TYPE_CHECKING:
+    from recoil_daq.identify import Reported
+    from recoil_daq.targets import TargetReported
 
 OK, NOT_VALID, FAULT, INTERRUPTED = 0, 1, 3, 130
 
@@ -34,6 +38,26 @@ MethodOption = Annotated[
     Literal["calibrated", "reverse", "forward", "paper"],
     typer.Option(
         help="Estimator of the reported mass. `paper` is the published one: unfiltered, force on acceleration."
+    ),
+]
+
+
+def _known_targets(names: list[str] | None) -> list[str] | None:
+    from identification.targets import TARGETS
+
+    for name in names or ():
+        if name not in ("mass", *TARGETS):
+            raise typer.BadParameter(f"{name!r} is none of mass, {', '.join(TARGETS)}")
+    return names
+
+
+TargetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        callback=_known_targets,
+        help="What to identify; may be repeated: mass, parameters, stiffness, breech-force, inertia-force, "
+        "resistance, arx.",
+        show_default="mass",
     ),
 ]
 
@@ -181,34 +205,52 @@ def identify(
         ),
     ] = None,
     window_s: Annotated[float, typer.Option(min=1e-4, help="Memory of the trace, seconds.")] = 0.02,
+    target: TargetOption = None,
     overwrite: OverwriteOption = False,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """Identify the recoiling mass of shot files and write a report for each."""
+    """Identify the recoiling mass of shot files, or what else --target names, and write a report for each."""
+    wanted = tuple(dict.fromkeys(target or ["mass"]))
     with Session(json, debug) as session:
         from identification.analysis import Options
         from recoil_daq.campaign import Campaign, repeatability, survey
         from recoil_daq.identify import find_shot_files, identify_file
         from recoil_daq.tables import print_repeatability, print_report, reports_document
+        from recoil_daq.target_tables import print_target
+        from recoil_daq.targets import identify_targets
 
         paths = find_shot_files(shots)
         campaign = Campaign({}, {})
         if len(paths) > 1 and cutoff_hz is None:
             with session.steps("one cut-off for all shots") as progress:
                 campaign = survey(paths, progress=progress)
-        reports = []
+        reports: list[Reported] = []
+        found: list[TargetReported] = []
         for path in paths:
-            with session.steps(f"identify {path.name}") as progress:
-                options = Options(method, cutoff_hz, window_s, campaign.cutoff_of(path))
-                reports.append(identify_file(path, out=out, options=options, overwrite=overwrite, progress=progress))
-            if not json:
-                print_report(reports[-1])
+            options = Options(method, cutoff_hz, window_s, campaign.cutoff_of(path))
+            if "mass" in wanted:
+                with session.steps(f"identify {path.name}") as progress:
+                    reports.append(
+                        identify_file(path, out=out, options=options, overwrite=overwrite, progress=progress)
+                    )
+                if not json:
+                    print_report(reports[-1])
+            others = [name for name in wanted if name != "mass"]
+            if others:
+                with session.steps(f"identify {path.name}") as progress:
+                    found += identify_targets(
+                        path, others, out=out, options=options, overwrite=overwrite, progress=progress
+                    )
+                if not json:
+                    for one in found[-len(others) :]:
+                        print_target(one)
         repeats = repeatability([report.document for report in reports])
         if not json:
             print_repeatability(repeats)
-        valid = all(report.document["valid"] for report in reports)
-        session.finish(reports_document(reports, repeats), lambda: None, OK if valid else NOT_VALID)
+        documents = [*(one.document for one in reports), *(one.document for one in found)]
+        valid = all(document["valid"] for document in documents)
+        session.finish(reports_document(reports, found, repeats), lambda: None, OK if valid else NOT_VALID)
 
 
 @app.command(epilog="Example: recoil-daq simulate mixed --seed 7 --shots 3")

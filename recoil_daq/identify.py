@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import hashlib
-import os
-import shutil
-import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from daq.errors import ReadError, StoreError
+from daq.errors import ReadError
 from daq.shot import InputFile
 from daq.store import read_shot
 from identification.analysis import Options, identify_shot
-from identification.report.document import report_document, write_document, write_trace
+from identification.report.document import REPORT_FILE, TRACE_FILE, report_document, write_document, write_trace
 from identification.report.figures import report_figures
-from identification.report.html import write_report_page
+from identification.report.html import PAGE_NAME, render_page, write_page
 from recoil_daq import __version__
+from recoil_daq.report_folder import publish, refuse_existing
 from rigs.rig import parse_rig
 
 Progress = Callable[[str], None]
@@ -62,6 +60,13 @@ def find_shot_files(paths: list[Path]) -> list[Path]:
     return found
 
 
+def described(path: Path) -> InputFile:
+    """Describe a shot file for the provenance of what is made of it."""
+    with path.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    return InputFile(path.name, digest, path.stat().st_size, "", "shot file")
+
+
 def identify_file(
     path: str | Path,
     *,
@@ -99,44 +104,19 @@ def identify_file(
     progress("read")
     shot = read_shot(source)
     folder = Path(out) / shot.name
-    if folder.exists() and not overwrite:
-        raise StoreError("the report exists already", path=folder, remedy="give another --out, or --overwrite")
+    if not overwrite:
+        refuse_existing(folder, (REPORT_FILE, TRACE_FILE, PAGE_NAME))
     rig = parse_rig(shot.rig_text, source, shot.databases)
     progress("identify")
     found = identify_shot(shot, rig, options or Options())
     progress("report")
-    with source.open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
-    itself = InputFile(source.name, digest, source.stat().st_size, "", "shot file")
-    document = report_document(shot, found, version=__version__, shot_file=itself, truth=truth)
-    figures = report_figures(found)
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        partial = Path(tempfile.mkdtemp(prefix=f".{shot.name}.", suffix=".partial", dir=folder.parent))
-    except OSError as error:
-        raise StoreError(f"cannot write here: {error.strerror}", path=folder.parent, remedy="choose --out") from error
-    try:
+    document = report_document(shot, found, version=__version__, shot_file=described(source), truth=truth)
+    page = render_page(document, report_figures(found))
+
+    def write(partial: Path) -> None:
         write_document(partial, document)
         write_trace(partial, found.chosen)
-        write_report_page(partial, document, figures)
-        # a temporary folder is private to its owner; a report is not
-        partial.chmod(0o777 & ~_umask())
-        if folder.exists():
-            # only the report's own files are replaced: the folder may hold somebody's notes
-            for part in sorted(partial.iterdir()):
-                part.replace(folder / part.name)
-        else:
-            partial.rename(folder)
-    except OSError as error:
-        raise StoreError(
-            f"cannot be written: {error.strerror}", path=folder, remedy="check space and permissions"
-        ) from error
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
+        write_page(partial, page)
+
+    publish(folder, write)
     return Reported(document, folder)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from recoil_daq.demo import Demonstration
     from recoil_daq.identify import Reported
     from recoil_daq.ingest import Ingested
+    from recoil_daq.targets import TargetReported
     from rigs.rig import Rig
     from rigs.twin import TwinShot
 
@@ -156,12 +157,15 @@ def _worst(quality: Sequence[Mapping[str, str]], channel: str) -> tuple[str, str
 
 
 def reports_document(
-    reports: Sequence[Reported], repeats: Mapping[str, tuple[str, str]] | None = None
+    reports: Sequence[Reported],
+    targets: Sequence[TargetReported] = (),
+    repeats: Mapping[str, tuple[str, str]] | None = None,
 ) -> dict[str, Any]:
     """Build the document of ``identify --json``; `repeats` is the verdict on the repeatability by rig."""
     return {
         "schema": "recoil-daq/identify/1",
         "reports": [{"folder": str(r.folder), **r.document} for r in reports],
+        "targets": [{"folder": str(t.folder), **t.document} for t in targets],
         "repeatability": [
             {"rig": rig, "verdict": verdict, "detail": detail} for rig, (verdict, detail) in (repeats or {}).items()
         ],

@@ -15,6 +15,7 @@ from identification.analysis import Identification, Result
 from identification.stress_waves import StressWaves
 
 SCHEMA = "recoil-daq/report/1"
+REPORT_FILE = "report.json"
 TRACE_FILE = "mass.csv"
 TRACE_COLUMNS = ("time_s", "mass_kg", "u_kg", "identified")
 
@@ -134,10 +135,7 @@ def report_document(
         "notes": list(found.notes),
         "provenance": {
             "version": version,
-            "inputs": [
-                {"file": f.name, "sha256": f.sha256, "size": f.size, "source": f.source, "reader": f.reader}
-                for f in (shot_file, *shot.inputs)
-            ],
+            "inputs": provenance_inputs(shot, shot_file),
             "parameters": {
                 "method": found.options.method,
                 "cutoff_hz": found.filtered.low_pass.cutoff_hz if found.filtered.low_pass else None,
@@ -151,7 +149,15 @@ def report_document(
     if truth is not None and "m3" in truth:
         error = 100 * (estimate.mass_kg / float(truth["m3"]) - 1)
         document["truth"] = {"mass_kg": float(truth["m3"]), "error_percent": error}
-    return dict(_json(document))
+    return dict(to_json(document))
+
+
+def provenance_inputs(shot: Shot, shot_file: InputFile) -> list[dict[str, Any]]:
+    """List the shot file and what it was made of, with their digests."""
+    return [
+        {"file": f.name, "sha256": f.sha256, "size": f.size, "source": f.source, "reader": f.reader}
+        for f in (shot_file, *shot.inputs)
+    ]
 
 
 def _fusion(found: Identification) -> dict[str, Any] | None:
@@ -225,7 +231,7 @@ def _method(name: str, result: Result, found: Identification) -> dict[str, Any]:
 
 def write_document(folder: Path, document: Mapping[str, Any]) -> Path:
     """Write ``report.json`` into a folder."""
-    path = folder / "report.json"
+    path = folder / REPORT_FILE
     path.write_text(json.dumps(document, indent=2, allow_nan=False) + "\n", encoding="utf-8")
     return path
 
@@ -242,12 +248,12 @@ def write_trace(folder: Path, result: Result) -> Path:
     return path
 
 
-def _json(value: Any) -> Any:
-    """Reduce to JSON types; a number that is not finite becomes null."""
+def to_json(value: Any) -> Any:
+    """Reduce a value to JSON types; a number that is not finite becomes null."""
     if isinstance(value, Mapping):
-        return {str(k): _json(v) for k, v in value.items()}
+        return {str(k): to_json(v) for k, v in value.items()}
     if isinstance(value, Sequence) and not isinstance(value, str):
-        return [_json(v) for v in value]
+        return [to_json(v) for v in value]
     if isinstance(value, np.generic):
         value = value.item()
     if isinstance(value, float) and not math.isfinite(value):

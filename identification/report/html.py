@@ -1,7 +1,8 @@
-"""The page of one shot: it explains itself, prints, and needs no network.
+"""The pages of one shot: they explain themselves, print, and need no network.
 
-`render_page` turns a report (the mapping of ``report.json``) and its figures into one HTML text;
-`write_report_page` puts it into a folder, with plotly's script beside it. The numbers come from the report.
+`render_page` turns a report (the mapping of ``report.json``) and its figures into one HTML text, and
+`render_target_page` the document of another target; `write_page` puts a page into a folder, with plotly's
+script beside it. The numbers come from the documents.
 """
 
 from __future__ import annotations
@@ -27,16 +28,17 @@ SCRIPT_NAME = "plotly.min.js"
 REQUIRED_KEYS = ("schema", "shot", "rig", "mass", "rpe_percent", "valid", "reasons", "provenance")
 
 
-def write_report_page(folder: Path, report: Mapping[str, Any], figures: Sequence[Figure]) -> Path:
-    """Write ``report.html`` and, beside it, the script that draws its figures.
+def write_page(folder: Path, page: str, name: str = PAGE_NAME) -> Path:
+    """Write a page and, beside it, the script that draws its figures.
 
     Parameters
     ----------
     folder : Path
         Created where it is missing. An older page in it is replaced, at once and whole.
-    report : mapping
-        As of `render_page`.
-    figures : sequence of Figure
+    page : str
+        Of `render_page` or `render_target_page`.
+    name : str
+        Of the file.
 
     Returns
     -------
@@ -47,19 +49,16 @@ def write_report_page(folder: Path, report: Mapping[str, Any], figures: Sequence
     ------
     StoreError
         The folder cannot be written, or plotly's script is not installed.
-    ValueError
-        As of `render_page`.
     """
     script = plotly_script()
-    page = render_page(report, figures)
-    path, beside = folder / PAGE_NAME, folder / SCRIPT_NAME
+    path, beside = folder / name, folder / SCRIPT_NAME
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if not (beside.is_file() and filecmp.cmp(script, beside, shallow=False)):
             partial = folder / (SCRIPT_NAME + ".part")
             shutil.copyfile(script, partial)
             partial.replace(beside)
-        partial = folder / (PAGE_NAME + ".part")
+        partial = folder / (name + ".part")
         partial.write_text(page, encoding="utf-8", newline="\n")
         partial.replace(path)
     except OSError as error:
@@ -114,14 +113,66 @@ def render_page(report: Mapping[str, Any], figures: Sequence[Figure]) -> str:
     ValueError
         A report of another schema or without a key that every report has, or figures with equal keys.
     """
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-    from markupsafe import Markup
-
     missing = [key for key in REQUIRED_KEYS if key not in report]
     if missing:
         raise ValueError(f"the report lacks {', '.join(missing)}")
     if report["schema"] != SCHEMA:
         raise ValueError(f"the report's schema is {report['schema']!r}; expected {SCHEMA!r}")
+    budget_rows, combined = tables.budget(report)
+    return _render(
+        "page.html",
+        report,
+        figures,
+        verdict=tables.verdict(report),
+        facts=tables.facts(report),
+        methods=tables.methods(report),
+        budget=budget_rows,
+        combined=combined,
+        alignment=tables.alignment(report),
+        conditioning=tables.conditioning(report),
+        ringing=tables.ringing(report),
+        repairs=tables.repairs(report),
+        quality=tables.quality(report),
+        quality_counts=tables.quality_counts(report),
+        series_file=(report.get("trace") or {}).get("file"),
+        series_name="mass",
+    )
+
+
+def render_target_page(document: Mapping[str, Any], figures: Sequence[Figure]) -> str:
+    """Render the page of a target.
+
+    Parameters
+    ----------
+    document : mapping
+        Of `identification.report.target_document.target_document`.
+    figures : sequence of Figure
+        In reading order.
+
+    Returns
+    -------
+    str
+        A complete HTML document that refers to ``plotly.min.js`` beside it and to nothing else.
+
+    Raises
+    ------
+    ValueError
+        Figures with equal keys.
+    """
+    return _render(
+        "target.html",
+        document,
+        figures,
+        quantities=tables.quantities(document),
+        series_file=(document.get("series") or {}).get("file"),
+        series_name="what was identified",
+    )
+
+
+def _render(template: str, report: Mapping[str, Any], figures: Sequence[Figure], **more: Any) -> str:
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+    from markupsafe import Markup
+
     if len({figure.key for figure in figures}) != len(figures):
         raise ValueError("two figures have the same key")
     drawn = drawings(figures)
@@ -132,25 +183,13 @@ def render_page(report: Mapping[str, Any], figures: Sequence[Figure]) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    budget_rows, combined = tables.budget(report)
-    return environment.get_template("page.html").render(
+    return environment.get_template(template).render(
         report=report,
-        verdict=tables.verdict(report),
-        facts=tables.facts(report),
         figures=[
             {"title": f.title, "caption": f.caption, "height": d["height"]} for f, d in zip(figures, drawn, strict=True)
         ],
-        methods=tables.methods(report),
-        budget=budget_rows,
-        combined=combined,
-        alignment=tables.alignment(report),
-        conditioning=tables.conditioning(report),
-        ringing=tables.ringing(report),
-        repairs=tables.repairs(report),
-        quality=tables.quality(report),
-        quality_counts=tables.quality_counts(report),
         inputs=tables.inputs(report),
-        trace_file=(report.get("trace") or {}).get("file"),
+        **more,
         version=report["provenance"].get("version", NO_NUMBER),
         parameters=json.dumps(
             _finite(report["provenance"].get("parameters") or {}), indent=2, ensure_ascii=False, default=str

@@ -215,6 +215,28 @@ def ringing(report: Report) -> list[Row]:
     return rows
 
 
+def quantities(document: Report) -> list[Row]:
+    """One row for each identified quantity, with the digits that its uncertainty justifies."""
+    rows = []
+    for one in document["quantities"]:
+        value, u = rounded(one["value"], one["u"])
+        low, high = (rounded(limit, one["u"])[0] for limit in one["U95"])
+        rows.append(
+            {
+                "name": one["name"],
+                "symbol": one["symbol"],
+                "value": value,
+                "u": u if one["value"] is not None else NO_NUMBER,
+                "interval": f"{low} … {high}" if one["value"] is not None else NO_NUMBER,
+                "unit": one["unit"],
+                "expected": plain(one["declared"]),
+                "e_n": NO_NUMBER if one["E_n"] is None else _signed(fixed(one["E_n"], 2)),
+                "basis": one["basis"],
+            }
+        )
+    return rows
+
+
 def repairs(report: Report) -> list[Row]:
     """One row for each repair: channel, what was done, to how many samples, and the figures."""
     return [

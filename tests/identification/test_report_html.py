@@ -29,7 +29,7 @@ from identification.report.figure import (
     decimate,
     envelope_indices,
 )
-from identification.report.html import render_page, write_report_page
+from identification.report.html import render_page, write_page
 from identification.report.rounding import fixed, plain, rounded, significant
 
 HOSTILE = '</script><img src=x onerror=alert(1)>\u2028\'" onload="x%{y}{{7*7}}'
@@ -156,7 +156,7 @@ def test_page_forbids_connections_and_plotly_s_upload_button():
 
 
 def test_script_beside_the_page_is_plotly_s_byte_for_byte(tmp_path):
-    path = write_report_page(tmp_path / "0001", a_report(), [a_figure()])
+    path = write_page(tmp_path / "0001", render_page(a_report(), [a_figure()]))
     assert path == tmp_path / "0001" / "report.html"
     installed = Path(find_spec("plotly").submodule_search_locations[0]) / "package_data" / "plotly.min.js"
     assert (path.parent / "plotly.min.js").read_bytes() == installed.read_bytes()
@@ -169,7 +169,7 @@ def test_older_page_and_damaged_script_are_replaced(tmp_path):
     damaged = bytearray(html.plotly_script().read_bytes())
     damaged[1000] ^= 1
     (tmp_path / "plotly.min.js").write_bytes(damaged)
-    write_report_page(tmp_path, a_report(), [])
+    write_page(tmp_path, render_page(a_report(), []))
     assert (tmp_path / "plotly.min.js").read_bytes() == html.plotly_script().read_bytes()
     assert "old" not in (tmp_path / "report.html").read_text(encoding="utf-8")[:20]
 
@@ -177,7 +177,7 @@ def test_older_page_and_damaged_script_are_replaced(tmp_path):
 def test_folder_that_cannot_be_written_is_a_store_error(tmp_path):
     (tmp_path / "taken").write_text("a file")
     with pytest.raises(StoreError, match=r"taken.*cannot be written"):
-        write_report_page(tmp_path / "taken", a_report(), [])
+        write_page(tmp_path / "taken", render_page(a_report(), []))
 
 
 @pytest.mark.parametrize("with_package", [False, True])
@@ -185,7 +185,7 @@ def test_missing_script_is_a_store_error_with_its_remedy(tmp_path, monkeypatch, 
     spec = ModuleSpec("plotly", None, origin=str(tmp_path), is_package=True) if with_package else None
     monkeypatch.setattr(html, "find_spec", lambda _name: spec)
     with pytest.raises(StoreError, match="pip install"):
-        write_report_page(tmp_path / "out", a_report(), [])
+        write_page(tmp_path / "out", render_page(a_report(), []))
     assert not (tmp_path / "out").exists()
 
 

@@ -1,0 +1,100 @@
+"""A shot file to the pages of targets beside the mass."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from daq.store import read_shot
+from identification.analysis import Options
+from identification.report.html import render_target_page, write_page
+from identification.report.target_document import target_document, write_series, write_target_document
+from identification.targets import target_function
+from identification.targets.target import Case, Finding
+from recoil_daq import __version__
+from recoil_daq.identify import Progress, described
+from recoil_daq.report_folder import publish, refuse_existing
+from rigs.rig import parse_rig
+
+
+@dataclass(frozen=True)
+class TargetReported:
+    """What was found of one target, and where it was written.
+
+    Attributes
+    ----------
+    document : dict
+        The contents of ``<target>.json``.
+    folder : Path
+        Holds ``<target>.json``, ``<target>.html``, and ``<target>.csv`` where there is a series.
+    """
+
+    document: dict[str, Any]
+    folder: Path
+
+
+def identify_targets(
+    path: str | Path,
+    targets: Sequence[str],
+    *,
+    out: str | Path = "reports",
+    options: Options | None = None,
+    overwrite: bool = False,
+    progress: Progress = lambda _: None,
+) -> list[TargetReported]:
+    """Identify targets of one shot file and write their pages into ``out/<shot>``.
+
+    What targets share is computed once. Each target's files appear together or not at all.
+
+    Parameters
+    ----------
+    path : path
+    targets : sequence of str
+        Names of `identification.targets.TARGETS`.
+    out : path
+    options : Options, optional
+    overwrite : bool
+    progress : callable
+        Told the name of each step.
+
+    Raises
+    ------
+    ValueError
+        If a target is unknown.
+    StoreError
+        If the file is no shot file, or a target's files exist or cannot be written.
+    RigError
+        If the rig stored in the shot file is at fault.
+    IdentificationError
+        If a target can give no number at all.
+    """
+    source = Path(path)
+    progress("read")
+    shot = read_shot(source)
+    folder = Path(out) / shot.name
+    if not overwrite:
+        refuse_existing(folder, [f"{name}.{suffix}" for name in targets for suffix in ("json", "html", "csv")])
+    case = Case(shot, parse_rig(shot.rig_text, source, shot.databases), options or Options())
+    done = []
+    for name in targets:
+        find = target_function(name)
+        progress(name)
+        found = find(case)
+        document = target_document(shot, found, version=__version__, shot_file=described(source))
+        _publish(folder, found, document)
+        done.append(TargetReported(document, folder))
+    return done
+
+
+def _publish(folder: Path, found: Finding, document: dict[str, Any]) -> None:
+    page = render_target_page(document, found.figures)
+
+    def write(partial: Path) -> None:
+        write_target_document(partial, document)
+        if found.series is not None:
+            write_series(partial, found.target, found.series)
+        write_page(partial, page, f"{found.target}.html")
+
+    publish(folder, write)
