@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from daq.errors import IdentificationError
+from identification.rotations import largest_first
 from identification.samples import checked_samples
+from identification.window_factors import FloatArray
 from identification.windowed_estimates import COLLINEAR_PIVOT
-from identification.windows import FloatArray, largest_first
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,30 +10,21 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from identification.gram_kernel import MOST_COLUMNS, kernel_at_hand
 from identification.least_squares import LeastSquaresFit, least_squares
+from identification.limited_memory_batch import BatchEstimates
+from identification.limited_memory_paper import paper_limited_memory
 from identification.limited_memory_stream import LimitedMemory
 from identification.samples import ScaledRecord, checked_samples
+from identification.window_policy import WindowPolicy
 from identification.windowed_estimates import (
     REASONS,
     WindowedEstimates,
     WindowEstimate,
     WindowOperator,
-    WindowPolicy,
     WindowStatus,
-    is_sound,
-    judged,
-)
-from identification.windows import (
-    FloatArray,
-    Solution,
-    gram_of_windows,
-    merge_factors,
-    packed_rows,
-    qr_of_runs,
-    solve_gram,
-    solve_qr,
 )
 
 __all__ = [
@@ -48,12 +39,9 @@ __all__ = [
     "limited_memory_least_squares",
 ]
 
-GRAM_SAMPLES = 8192
-"""Samples at a time for sums of products: the scratch stays in the processor's cache."""
-QR_SAMPLES = 4096
-"""Windows at a time that are merged from two factors, for the same reason."""
-QR_BYTES = 24 * 2**20
-"""Scratch for the factors of the blocks that are rotated together; one block at least."""
+COMPILED_SAMPLES = 2_000_000
+"""Samples times columns from which on compiled code is loaded unasked: below, plain arrays take a fraction of a
+second, and compiling for the first time takes many."""
 
 
 def limited_memory_least_squares(
@@ -67,6 +55,10 @@ def limited_memory_least_squares(
     max_relative_error: float | None = None,
     minimum_count: int | None = None,
     partial: bool = False,
+    method: Literal["two-stack", "paper"] = "two-stack",
+    engine: Literal["auto", "numpy", "numba"] = "auto",
+    workers: int = 1,
+    out: WindowedEstimates | None = None,
 ) -> WindowedEstimates:
     """Estimate the parameters of ``response = regressors @ parameters`` in every window of a record.
 
@@ -78,8 +70,9 @@ def limited_memory_least_squares(
     ----------
     regressors : array_like, shape (n_samples, n_parameters)
         In any units. Never modified.
-    response : array_like, shape (n_samples,)
-        In any unit. Never modified.
+    response : array_like, shape (n_samples,) or (n_samples, n_outputs)
+        In any unit. Never modified. Outputs share the regressors and their factorisation; a sample that is
+        missing in one is missing in all.
     window : int
         Samples of a window, at least ``n_parameters + 1``.
     weights : array_like, shape (n_samples,), optional
@@ -91,11 +84,22 @@ def limited_memory_least_squares(
     min_excitation : float or array_like, shape (n_parameters,), optional
         Least weighted sum of squares of each regressor in a window.
     max_relative_error : float, optional
-        Largest standard error of the first parameter over its magnitude.
+        Largest standard error of the first parameter over its magnitude, in every output.
     minimum_count : int, optional
         Least number of samples present in a window, ``n_parameters + 1`` if omitted.
     partial : bool, default False
         Whether the first ``window - 1`` rows are estimated from the samples that there are.
+    method : {"two-stack", "paper"}
+        ``"paper"`` brings the textbook's recursion up to date and down, whose error grows with the record and which
+        is there for comparison alone: see `paper_limited_memory`. It takes ``operator="auto"`` and no `out`.
+    engine : {"auto", "numpy", "numba"}
+        What sums the products. The results are the same to the last bit; ``"auto"`` takes numba, of the extra
+        ``fast``, where it is installed and the record is long enough to be worth loading it.
+    workers : int, default 1
+        Threads that share the work. The results are the same to the last bit whatever their number.
+    out : WindowedEstimates, optional
+        Results of an earlier call with as many samples, parameters and outputs, whose memory is used again: what
+        they held is lost. Asking for new memory takes half of the time of a long record with one regressor.
 
     Returns
     -------
@@ -109,6 +113,8 @@ def limited_memory_least_squares(
         that is too short, or limits out of range.
     TypeError
         For complex samples or a window that is not an integer.
+    RecoilDaqError
+        If the engine ``"numba"`` is asked for and numba is not installed.
 
     Notes
     -----
@@ -117,119 +123,57 @@ def limited_memory_least_squares(
     filter. Where a regressor is nearly constant beside its mean, take the mean off before: the smallest
     pivot is uncentred.
     """
-    if operator not in ("auto", "gram", "qr"):
-        raise ValueError(f'operator must be "auto", "gram" or "qr", found {operator!r}')
-    columns, response_column, weight = checked_samples(regressors, response, weights)
+    for name, value, allowed in (
+        ("operator", operator, ("auto", "gram", "qr")),
+        ("method", method, ("two-stack", "paper")),
+        ("engine", engine, ("auto", "numpy", "numba")),
+    ):
+        if value not in allowed:
+            *most, last = (f'"{a}"' for a in allowed)
+            raise ValueError(f"{name} must be {', '.join(most)} or {last}, found {value!r}")
+    if isinstance(workers, bool) or not isinstance(workers, int | np.integer):
+        raise TypeError(f"workers must be an integer number, found {workers!r}")
+    if workers < 1:
+        raise ValueError(f"workers must be at least 1, found {workers}")
+    columns, outputs, weight = checked_samples(regressors, response, weights, many_outputs=True)
     n_samples, n_parameters = columns.shape
     policy = WindowPolicy(n_parameters, window, min_excitation, max_relative_error, minimum_count, partial)
+    if method == "paper":
+        if operator != "auto" or out is not None:
+            raise ValueError('method "paper" has no other operator and takes no `out`')
+        return paper_limited_memory(columns, outputs, weight, policy, engine)
+    one_output = outputs.ndim == 1
+    tables = columns, outputs[:, np.newaxis] if one_output else outputs
+    n_columns = n_parameters + tables[1].shape[1]
+    if out is not None:
+        _check_memory(out, n_samples, n_parameters, outputs.shape)
     with np.errstate(under="ignore"):  # a product too small for float64 is as good as zero in every sum here
-        record = ScaledRecord.of(columns, response_column, weight, min(int(window), max(n_samples, 1)))
-        estimates = _Estimates(record, policy)
+        record = ScaledRecord.of(*tables, weight, min(int(window), max(n_samples, 1)))
+        estimates = BatchEstimates(record, policy, int(workers), out)
+        compiled = engine == "numba" or (
+            engine == "auto"
+            and n_columns <= MOST_COLUMNS
+            and n_samples * n_columns >= COMPILED_SAMPLES
+            and kernel_at_hand()
+        )
         if operator == "qr":
             estimates.by_rotations(np.ones(n_samples, dtype=np.bool_))
         else:
-            unsound = estimates.by_products()
-            if operator == "auto":
-                estimates.by_rotations(unsound)
-    return estimates.finished()
+            sound = estimates.by_compiled_products() if compiled else estimates.by_products()
+            if not sound and operator == "auto":
+                estimates.by_rotations(estimates.unsound)
+            elif not sound:
+                estimates.forget_unsound()
+    return estimates.finished(one_output)
 
 
-class _Estimates:
-    """The estimates being filled in, block by block, by one operator or the other."""
-
-    def __init__(self, record: ScaledRecord, policy: WindowPolicy) -> None:
-        n_samples, n_parameters = record.n_samples, policy.n_parameters
-        self.record, self.policy = record, policy
-        self.parameters = np.full((n_parameters, n_samples), np.nan)
-        self.standard_errors = np.full((n_parameters, n_samples), np.nan)
-        self.residual_sum_of_squares = np.full(n_samples, np.nan)
-        self.smallest_pivot = np.full(n_samples, np.nan)
-        self.operator = np.full(n_samples, WindowOperator.GRAM, dtype=np.uint8)
-        present = np.cumsum(record.present, dtype=np.int64)
-        self.count = present.copy()
-        self.count[record.block :] -= present[: -record.block]
-        self.status = np.full(n_samples, WindowStatus.IDENTIFIED, dtype=np.uint8)
-        self.status[self.count < policy.needed_count] = WindowStatus.TOO_FEW_SAMPLES
-        if not policy.partial:
-            self.status[: policy.window - 1] = WindowStatus.WINDOW_NOT_FULL
-        self.tried = np.equal(self.status, WindowStatus.IDENTIFIED)
-        with np.errstate(over="ignore"):  # a limit beyond float64 is one that no window reaches
-            self.min_excitation = np.ldexp(policy.min_excitation, -2 * (record.exponents[:-1] + record.weight_exponent))
-
-    def by_products(self) -> NDArray[np.bool_]:
-        """Fill every window by sums of products; return where they are not sound enough."""
-        record = self.record
-        unsound = np.zeros(record.n_samples, dtype=np.bool_)
-        at_once = max(1, GRAM_SAMPLES // record.block)
-        for first in range(0, record.n_blocks, at_once):
-            stop = min(first + at_once, record.n_blocks)
-            windows = slice(first * record.block, min(stop * record.block, record.n_samples))
-            gram = gram_of_windows(record.rows(first - 1, stop))[:, : windows.stop - windows.start]
-            solution = solve_gram(gram, record.n_columns)
-            self._fill(windows, solution)
-            unsound[windows] = ~is_sound(solution)
-        return unsound
-
-    def by_rotations(self, wanted: NDArray[np.bool_]) -> None:
-        """Fill the wanted windows by rotations."""
-        wanted = wanted & self.tried
-        blocks = np.unique(np.flatnonzero(wanted) // self.record.block)
-        n_packed = packed_rows(self.record.n_columns)[-1].stop
-        at_once = max(1, QR_BYTES // (2 * 8 * n_packed * self.record.block))
-        for start in range(0, blocks.size, at_once):
-            self._rotate(blocks[start : start + at_once], wanted)
-        self.operator[wanted] = WindowOperator.QR
-
-    def _rotate(self, blocks: NDArray[np.intp], wanted: NDArray[np.bool_]) -> None:
-        """Fill the wanted windows that end in some blocks."""
-        record, block = self.record, self.record.block
-        factors = qr_of_runs(self._beginnings_and_endings(blocks))
-        n_packed, n_blocks = factors.shape[1], blocks.size
-        positions_at_once = max(1, QR_SAMPLES // n_blocks)
-        for position in range(0, block, positions_at_once):
-            positions = np.arange(position, min(position + positions_at_once, block))
-            windows = (blocks * block + positions[:, np.newaxis]).ravel()
-            chosen = np.flatnonzero(wanted[np.minimum(windows, record.n_samples - 1)] & (windows < record.n_samples))
-            beginning = factors[positions + 1, :, :n_blocks].swapaxes(0, 1).reshape(n_packed, -1).take(chosen, axis=1)
-            ending = factors[block - 1 - positions, :, n_blocks:].swapaxes(0, 1).reshape(n_packed, -1)
-            merge_factors(beginning, ending.take(chosen, axis=1), record.n_columns)
-            self._fill(windows[chosen], solve_qr(beginning, record.n_columns))
-
-    def _beginnings_and_endings(self, blocks: NDArray[np.intp]) -> FloatArray:
-        """Rows of the blocks, then of the blocks before them backwards, shape (n_columns, 2 * n_blocks, block)."""
-        runs = np.split(blocks, np.flatnonzero(np.diff(blocks) > 1) + 1)
-        rows = [self.record.rows(int(run[0]) - 1, int(run[-1]) + 1) for run in runs]
-        return np.concatenate([run[:, 1:] for run in rows] + [run[:, :-1, ::-1] for run in rows], axis=1)
-
-    def _fill(self, windows: slice | NDArray[np.intp], solution: Solution) -> None:
-        """Judge a solution, and put it back into the caller's units."""
-        exponents, response_exponent = self.record.exponents[:-1, np.newaxis], self.record.exponents[-1]
-        degrees_of_freedom = self.count[windows] - self.policy.n_parameters
-        status, standard_errors = judged(
-            solution, degrees_of_freedom, self.min_excitation, self.policy.max_relative_error
-        )
-        tried = self.tried[windows]
-        self.status[windows] = np.where(tried, status, self.status[windows])
-        self.smallest_pivot[windows] = np.where(tried, solution.smallest_pivot, np.nan)
-        identified = np.equal(self.status[windows], WindowStatus.IDENTIFIED)
-        half = (response_exponent - exponents) // 2  # a quotient of scales may lie beyond float64, its root never
-        unit = np.where(identified, np.ldexp(1.0, half), np.nan)
-        other_unit = np.ldexp(1.0, response_exponent - exponents - half)
-        self.parameters[:, windows] = solution.parameters * unit * other_unit
-        self.standard_errors[:, windows] = standard_errors * unit * other_unit
-        unit_of_root = np.where(identified, np.ldexp(1.0, response_exponent + self.record.weight_exponent), np.nan)
-        with np.errstate(over="ignore"):  # a sum of squares beyond float64 is infinite; the estimates are not
-            self.residual_sum_of_squares[windows] = solution.residual_sum_of_squares * unit_of_root * unit_of_root
-
-    def finished(self) -> WindowedEstimates:
-        """Return what has been filled in."""
-        return WindowedEstimates(
-            parameters=self.parameters.T,
-            standard_errors=self.standard_errors.T,
-            residual_sum_of_squares=self.residual_sum_of_squares,
-            degrees_of_freedom=np.maximum(self.count - self.policy.n_parameters, 0),
-            count=self.count,
-            smallest_pivot=self.smallest_pivot,
-            operator=self.operator,
-            status=self.status,
-        )
+def _check_memory(out: WindowedEstimates, n_samples: int, n_parameters: int, response_shape: tuple[int, ...]) -> None:
+    """Refuse results of another shape, or ones that are a part of others."""
+    expected = (n_samples, n_parameters, *response_shape[1:])
+    if out.parameters.shape != expected:
+        raise ValueError(f"out must hold parameters of the shape {expected}, found {out.parameters.shape}")
+    if (out.pivots is None) != (n_parameters == 1) or not all(
+        np.moveaxis(values, 0, -1).flags.c_contiguous and values.flags.writeable
+        for values in (out.parameters, out.standard_errors, out.residual_sum_of_squares, out.marks)
+    ):
+        raise ValueError("out must be what limited_memory_least_squares has returned, whole")

@@ -7,16 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from identification.windows import FloatArray
+from identification.window_factors import FloatArray
 
 NEGLIGIBLE = 2.0**-150
 """Share of a regressor's largest value that counts as zero, so that no product can leave float64."""
 LARGEST_EXPONENT = 1000
 """Exponent of two up to which columns are scaled: the scales themselves stay in float64."""
+FOLDED_ROWS = 64
+"""Rows that are looked through side by side for the largest value of narrow tables."""
 
 
 def checked_samples(
-    regressors: ArrayLike, response: ArrayLike, weights: ArrayLike | None
+    regressors: ArrayLike, response: ArrayLike, weights: ArrayLike | None, *, many_outputs: bool = False
 ) -> tuple[FloatArray, FloatArray, FloatArray | None]:
     """Check the samples of a regression, and take them as float64.
 
@@ -25,6 +27,8 @@ def checked_samples(
     regressors : array_like, shape (n_samples, n_parameters)
     response : array_like, shape (n_samples,)
     weights : array_like, shape (n_samples,), optional
+    many_outputs : bool, default False
+        Whether a response of shape (n_samples, n_outputs) is taken as well.
 
     Returns
     -------
@@ -41,37 +45,45 @@ def checked_samples(
     if any(np.iscomplexobj(values) for values in (regressors, response, weights) if values is not None):
         raise TypeError("regressors, response and weights must be real")
     columns = np.asarray(regressors, dtype=np.float64)
-    response_column = np.asarray(response, dtype=np.float64)
+    outputs = np.asarray(response, dtype=np.float64)
     if columns.ndim != 2 or columns.shape[1] < 1:
         raise ValueError(f"regressors must have the shape (n_samples, n_parameters), found {columns.shape}")
-    if response_column.shape != columns.shape[:1]:
-        raise ValueError(f"response must have the shape {columns.shape[:1]}, found {response_column.shape}")
-    if np.isinf(columns).any() or np.isinf(response_column).any():
-        raise ValueError("regressors and response must be finite; a missing sample is NaN")
+    if many_outputs and outputs.ndim == 2:
+        if outputs.shape[0] != columns.shape[0] or outputs.shape[1] < 1:
+            raise ValueError(
+                f"response must have the shape {columns.shape[:1]} or ({columns.shape[0]}, n_outputs), "
+                f"found {outputs.shape}"
+            )
+    elif outputs.shape != columns.shape[:1]:
+        raise ValueError(f"response must have the shape {columns.shape[:1]}, found {outputs.shape}")
+    for values in (columns, outputs):
+        # of finite samples the extremes are finite, which two quick passes tell; NaN hides an infinity
+        if values.size and not (np.isfinite(values.max()) and np.isfinite(values.min())) and np.isinf(values).any():
+            raise ValueError("regressors and response must be finite; a missing sample is NaN")
     if weights is None:
-        return columns, response_column, None
+        return columns, outputs, None
     weight = np.asarray(weights, dtype=np.float64)
-    if weight.shape != response_column.shape:
-        raise ValueError(f"weights must have the shape {response_column.shape}, found {weight.shape}")
+    if weight.shape != columns.shape[:1]:
+        raise ValueError(f"weights must have the shape {columns.shape[:1]}, found {weight.shape}")
     if not (np.isfinite(weight) & (weight >= 0.0)).all():
         raise ValueError("weights must be finite and not negative")
-    return columns, response_column, weight
+    return columns, outputs, weight
 
 
 @dataclass(frozen=True, eq=False)
 class ScaledRecord:
-    """A record as rows of [X | y] in blocks, scaled by powers of two, which costs no round-off.
+    """A record as rows of [X | Y] in blocks, scaled by powers of two, which costs no round-off.
 
     Attributes
     ----------
     regressors : ndarray, shape (n_samples, n_parameters)
-    response : ndarray, shape (n_samples,)
+    response : ndarray, shape (n_samples, n_outputs)
     root_weights : ndarray, shape (n_samples,), or None
         Square roots of the weights, scaled.
-    present : ndarray of bool, shape (n_samples,)
-        Where a sample is not missing.
-    exponents : ndarray of int64, shape (n_parameters + 1,)
-        Of two, by which the columns of [X | y] are scaled down.
+    gaps : ndarray of bool, shape (n_samples,), or None
+        `present`; None where no sample is missing.
+    exponents : ndarray of int64, shape (n_parameters + n_outputs,)
+        Of two, by which the columns of [X | Y] are scaled down.
     weight_exponent : int
         The same for the roots of the weights.
     block : int
@@ -81,7 +93,7 @@ class ScaledRecord:
     regressors: FloatArray
     response: FloatArray
     root_weights: FloatArray | None
-    present: NDArray[np.bool_]
+    gaps: NDArray[np.bool_] | None
     exponents: NDArray[np.int64]
     weight_exponent: int
     block: int
@@ -93,7 +105,7 @@ class ScaledRecord:
         Parameters
         ----------
         regressors : ndarray, shape (n_samples, n_parameters)
-        response : ndarray, shape (n_samples,)
+        response : ndarray, shape (n_samples,) or (n_samples, n_outputs)
         weights : ndarray, shape (n_samples,), or None
         block : int
 
@@ -101,26 +113,40 @@ class ScaledRecord:
         -------
         ScaledRecord
         """
-        present = ~np.isnan(response)
-        for column in regressors.T:
-            present &= ~np.isnan(column)
+        response = response[:, np.newaxis] if response.ndim == 1 else response
+        largest = np.concatenate([_largest(regressors), _largest(response)])
+        complete = not np.isnan(largest).any() and (weights is None or bool((weights > 0.0).all()))
+        present: NDArray[np.bool_] | None = None
+        if not complete:
+            present = np.asarray(~(np.isnan(regressors).any(axis=1) | np.isnan(response).any(axis=1)))
+            if weights is not None:
+                present &= weights > 0.0
+            largest = np.array([_largest_present(c, present) for c in (*regressors.T, *response.T)])
         root_weights, weight_exponent = None, 0
         if weights is not None:
-            present &= weights > 0.0
             root_weights = np.sqrt(weights)
-            weight_exponent = int(_exponents(root_weights[:, np.newaxis], present)[0])
+            weight_exponent = int(_exponents(root_weights.max(where=True if present is None else present, initial=0.0)))
             root_weights = np.ldexp(root_weights, -weight_exponent)
-        exponents = np.append(_exponents(regressors, present), _exponents(response[:, np.newaxis], present))
-        return cls(regressors, response, root_weights, present, exponents, weight_exponent, block)
+        return cls(regressors, response, root_weights, present, _exponents(largest), weight_exponent, block)
+
+    @property
+    def present(self) -> NDArray[np.bool_]:
+        """Where a sample is not missing, shape (n_samples,)."""
+        return np.ones(self.n_samples, dtype=np.bool_) if self.gaps is None else self.gaps
+
+    @property
+    def scaled(self) -> bool:
+        """Whether any scale differs from one."""
+        return bool(self.exponents.any()) or self.weight_exponent != 0
 
     @property
     def n_samples(self) -> int:
         """Samples of the record, missing ones too."""
-        return int(self.response.shape[0])
+        return int(self.regressors.shape[0])
 
     @property
     def n_columns(self) -> int:
-        """Parameters plus one."""
+        """Parameters and outputs."""
         return int(self.exponents.shape[0])
 
     @property
@@ -142,26 +168,44 @@ class ScaledRecord:
             Zero outside the record and where a sample is missing.
         """
         start, end = first * self.block, stop * self.block
-        rows = np.zeros((self.n_columns, end - start))
         inside = slice(max(start, 0), min(end, self.n_samples))
+        rows = np.empty((self.n_columns, end - start))
+        rows[:, : inside.start - start], rows[:, inside.stop - start :] = 0.0, 0.0
         filled = rows[:, inside.start - start : inside.stop - start]
-        scale = np.ldexp(1.0, -self.exponents)
-        np.multiply(self.regressors[inside].T, scale[:-1, np.newaxis], out=filled[:-1])
-        np.multiply(self.response[inside], scale[-1], out=filled[-1])
+        n_parameters = self.regressors.shape[1]
+        scale = np.ldexp(1.0, -self.exponents)[:, np.newaxis]
+        np.multiply(self.regressors[inside].T, scale[:n_parameters], out=filled[:n_parameters])
+        np.multiply(self.response[inside].T, scale[n_parameters:], out=filled[n_parameters:])
         if self.root_weights is not None:
             filled *= self.root_weights[inside]
-        missing = ~self.present[inside]
-        if missing.any():
-            filled[:, missing] = 0.0
-        filled[:-1][np.abs(filled[:-1]) < NEGLIGIBLE] = 0.0
+        if self.gaps is not None:
+            filled[:, ~self.gaps[inside]] = 0.0
+        regressors = filled[:n_parameters]
+        negligible = np.abs(regressors) < NEGLIGIBLE
+        if negligible.any():
+            regressors[negligible] = 0.0
         return rows.reshape(self.n_columns, stop - first, self.block)
 
 
-def _exponents(columns: FloatArray, present: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Exponents of two of each column's largest magnitude among the samples that are present."""
-    where: bool | NDArray[np.bool_] = True if present.all() else present
-    largest = [
-        max(float(column.max(where=where, initial=0.0)), -float(column.min(where=where, initial=0.0)))
-        for column in columns.T
-    ]
+def _largest(table: FloatArray) -> FloatArray:
+    """Largest magnitude of each column, NaN where a sample is."""
+    n_rows, n_columns = table.shape
+    if not table.flags.c_contiguous:
+        return np.array([max(float(c.max(initial=0.0)), -float(c.min(initial=0.0))) for c in table.T])
+    folded = n_rows - n_rows % FOLDED_ROWS
+    # rows side by side: numpy's maximum along the first axis of a narrow table runs through one row at a time
+    wide = table[:folded].reshape(-1, FOLDED_ROWS * n_columns)
+    parts = [wide.max(axis=0, initial=0.0), -wide.min(axis=0, initial=0.0)] if folded else []
+    largest = np.concatenate([np.zeros(n_columns), *parts]).reshape(-1, n_columns).max(axis=0)
+    rest = table[folded:]
+    return np.asarray(np.maximum(largest, np.abs(rest).max(axis=0, initial=0.0)))
+
+
+def _largest_present(column: FloatArray, present: NDArray[np.bool_]) -> float:
+    """Largest magnitude of a column among the samples that are present."""
+    return max(float(column.max(where=present, initial=0.0)), -float(column.min(where=present, initial=0.0)))
+
+
+def _exponents(largest: FloatArray | np.float64 | float) -> NDArray[np.int64]:
+    """Exponents of two just above magnitudes."""
     return np.asarray(np.clip(np.frexp(largest)[1].astype(np.int64), -LARGEST_EXPONENT, LARGEST_EXPONENT))

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from identification.windows import FloatArray, Solution
+from identification.window_factors import FloatArray
 
 GUARDED_PIVOT = 1e-4
 """Gram is trusted above this smallest pivot: its relative error, about 30 eps / pivot, is below 1e-10 there."""
@@ -49,46 +49,135 @@ REASONS: Mapping[WindowStatus, str] = MappingProxyType(
 )
 """One sentence part for each status, for reports."""
 
+STATUS_BITS = 0x0F
+"""Bits of a window's mark that hold its `WindowStatus`."""
+QR_BIT = 0x10
+"""Bit of a window's mark that is set where rotations gave the number."""
+SILENT_BIT = 0x20
+"""Bit of a window's mark that is set where a regressor is zero throughout."""
+
 
 @dataclass(frozen=True, eq=False)
 class WindowedEstimates:
     """Least-squares estimates of every window of a record; row k belongs to samples k - window + 1 to k.
 
+    What can be told from the marks and the counts is worked out when it is first asked for: of long records the
+    writing of results takes most of the time.
+
     Attributes
     ----------
-    parameters : ndarray, shape (n_samples, n_parameters)
+    parameters : ndarray, shape (n_samples, n_parameters) or (n_samples, n_parameters, n_outputs)
         Estimates in units of the response per unit of the regressor; NaN where not identified.
-    standard_errors : ndarray, shape (n_samples, n_parameters)
+    standard_errors : ndarray, shape of `parameters`
         Ordinary least squares' own, sqrt(RSS / degrees of freedom * diag((X'WX)^-1)). They hold for
         errors that are independent from sample to sample: after a low-pass filter they are too small.
-    residual_sum_of_squares : ndarray, shape (n_samples,)
+    residual_sum_of_squares : ndarray, shape (n_samples,) or (n_samples, n_outputs)
         Weighted, in squared units of the response times the weight's unit; NaN where not identified.
-    degrees_of_freedom : ndarray of int64, shape (n_samples,)
-        Samples present less parameters, not below zero.
-    count : ndarray of int64, shape (n_samples,)
-        Samples present in the window.
-    smallest_pivot : ndarray, shape (n_samples,)
-        Least share of a regressor's energy that the regressors before it do not explain: one over
-        the (uncentred) variance inflation factor. NaN where the window was too short to try.
-    operator : ndarray of uint8, shape (n_samples,)
-        `WindowOperator` that gave the number.
-    status : ndarray of uint8, shape (n_samples,)
-        `WindowStatus`.
+    marks : ndarray of uint8, shape (n_samples,)
+        Status, operator and silence of each window, see `STATUS_BITS`, `QR_BIT`, `SILENT_BIT`.
+    pivots : ndarray, shape (n_samples,), or None
+        `smallest_pivot`; None for a single regressor, which explains itself.
+    counts : ndarray of int64, shape (n_samples,), or None
+        `count`; None where no sample of a record is missing.
+    window : int
+        Samples of a window.
+    first : int
+        Samples of the record before the first row.
     """
 
     parameters: FloatArray
     standard_errors: FloatArray
     residual_sum_of_squares: FloatArray
-    degrees_of_freedom: NDArray[np.int64]
-    count: NDArray[np.int64]
-    smallest_pivot: FloatArray
-    operator: NDArray[np.uint8]
-    status: NDArray[np.uint8]
+    marks: NDArray[np.uint8]
+    pivots: FloatArray | None
+    counts: NDArray[np.int64] | None
+    window: int
+    first: int = 0
+
+    @property
+    def n_parameters(self) -> int:
+        """Number of regressors."""
+        return int(self.parameters.shape[1])
+
+    @cached_property
+    def status(self) -> NDArray[np.uint8]:
+        """`WindowStatus` of each window, shape (n_samples,)."""
+        return np.asarray(self.marks & np.uint8(STATUS_BITS))
+
+    @cached_property
+    def operator(self) -> NDArray[np.uint8]:
+        """`WindowOperator` that gave the number, shape (n_samples,)."""
+        return np.where(self.marks & np.uint8(QR_BIT), WindowOperator.QR, WindowOperator.GRAM).astype(np.uint8)
 
     @property
     def identified(self) -> NDArray[np.bool_]:
         """Where there is a number, shape (n_samples,)."""
         return np.equal(self.status, WindowStatus.IDENTIFIED)
+
+    @cached_property
+    def count(self) -> NDArray[np.int64]:
+        """Samples present in the window, int64, shape (n_samples,)."""
+        if self.counts is not None:
+            return self.counts
+        return np.minimum(np.arange(self.first + 1, self.first + 1 + self.marks.size, dtype=np.int64), self.window)
+
+    @cached_property
+    def degrees_of_freedom(self) -> NDArray[np.int64]:
+        """Samples present less parameters, not below zero, int64, shape (n_samples,)."""
+        return np.maximum(self.count - self.n_parameters, 0)
+
+    @cached_property
+    def smallest_pivot(self) -> FloatArray:
+        """Least share of a regressor's energy that the regressors before it do not explain, shape (n_samples,).
+
+        One over the (uncentred) variance inflation factor. NaN where the window was too short to try.
+        """
+        if self.pivots is not None:
+            return self.pivots
+        pivots = np.where(self.marks & np.uint8(SILENT_BIT), 0.0, 1.0)
+        pivots[
+            np.equal(self.status, WindowStatus.WINDOW_NOT_FULL) | np.equal(self.status, WindowStatus.TOO_FEW_SAMPLES)
+        ] = np.nan
+        return pivots
+
+    def residuals(self, last: int, regressors: ArrayLike, response: ArrayLike) -> FloatArray:
+        """Residuals of one window, from the samples that it was estimated from.
+
+        The record is not kept: a caller who has changed it in between would be given wrong residuals.
+
+        Parameters
+        ----------
+        last : int
+            Row of the window, which ends with this sample.
+        regressors : array_like, shape (n_samples, n_parameters)
+        response : array_like, shape (n_samples,) or (n_samples, n_outputs)
+            Those of the estimate, from the first row on.
+
+        Returns
+        -------
+        ndarray, shape (n_in_window,) or (n_in_window, n_outputs)
+            Response less regressors times parameters, in the response's unit, without weights; NaN for a
+            missing sample, and throughout where the window gave no number. A sample of weight zero has a residual.
+
+        Raises
+        ------
+        IndexError
+            If there is no such row.
+        ValueError
+            For shapes other than the estimate's.
+        """
+        n_samples = self.marks.size
+        if not 0 <= last < n_samples:
+            raise IndexError(f"last must lie between 0 and {n_samples - 1}, found {last}")
+        columns, outputs = np.asarray(regressors, dtype=np.float64), np.asarray(response, dtype=np.float64)
+        if columns.shape != (n_samples, self.n_parameters):
+            raise ValueError(f"regressors must have the shape {(n_samples, self.n_parameters)}, found {columns.shape}")
+        if outputs.shape != self.residual_sum_of_squares.shape:
+            raise ValueError(
+                f"response must have the shape {self.residual_sum_of_squares.shape}, found {outputs.shape}"
+            )
+        samples = slice(max(last + 1 - self.window, 0), last + 1)
+        return np.asarray(outputs[samples] - columns[samples] @ self.parameters[last])
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,9 +186,10 @@ class WindowEstimate:
 
     Attributes
     ----------
-    parameters, standard_errors : ndarray, shape (n_parameters,)
+    parameters, standard_errors : ndarray, shape (n_parameters,) or (n_parameters, n_outputs)
         NaN where not identified.
-    residual_sum_of_squares, smallest_pivot : float
+    residual_sum_of_squares : float, or ndarray of shape (n_outputs,)
+    smallest_pivot : float
     degrees_of_freedom, count : int
     operator : WindowOperator
     status : WindowStatus
@@ -107,7 +197,7 @@ class WindowEstimate:
 
     parameters: FloatArray
     standard_errors: FloatArray
-    residual_sum_of_squares: float
+    residual_sum_of_squares: float | FloatArray
     degrees_of_freedom: int
     count: int
     smallest_pivot: float
@@ -123,127 +213,3 @@ class WindowEstimate:
     def reason(self) -> str:
         """The status in words."""
         return REASONS[self.status]
-
-
-@dataclass(frozen=True, eq=False)
-class WindowPolicy:
-    """When a window may give a number.
-
-    Parameters
-    ----------
-    n_parameters : int
-    window : int
-        Samples of a window, at least ``n_parameters + 1``: one degree of freedom is the least from
-        which an error can be told.
-    min_excitation : float or array_like, shape (n_parameters,), optional
-        Least weighted sum of squares of each regressor in a window, in its own squared unit times
-        the weight's. Zero excitation never gives a number.
-    max_relative_error : float, optional
-        Largest standard error of the first parameter over its magnitude.
-    minimum_count : int, optional
-        Least number of samples present, ``n_parameters + 1`` if omitted.
-    partial : bool, default False
-        Whether the first ``window - 1`` rows, whose window the record does not fill, are tried too.
-
-    Raises
-    ------
-    ValueError
-        If a limit is out of range or of another shape.
-    TypeError
-        If a number of samples is not an integer.
-    """
-
-    n_parameters: int
-    window: int
-    min_excitation: Any = None
-    max_relative_error: float | None = None
-    minimum_count: int | None = None
-    partial: bool = False
-
-    def __post_init__(self) -> None:
-        for name in ("n_parameters", "window", "minimum_count"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | np.integer | None):
-                raise TypeError(f"{name} must be an integer number, found {value!r}")
-        if self.n_parameters < 1:
-            raise ValueError(f"n_parameters must be at least 1, found {self.n_parameters}")
-        if self.window < self.least_count:
-            raise ValueError(
-                f"window must hold one sample more than there are parameters, "
-                f"at least {self.least_count}, found {self.window}"
-            )
-        if not self.least_count <= self.needed_count <= self.window:
-            raise ValueError(
-                f"minimum_count must lie between {self.least_count} and the window {self.window}, "
-                f"found {self.minimum_count}"
-            )
-        limits = np.asarray(0.0 if self.min_excitation is None else self.min_excitation, dtype=np.float64)
-        if limits.shape not in ((), (self.n_parameters,)):
-            raise ValueError(f"min_excitation must be one number or {self.n_parameters}, found shape {limits.shape}")
-        if not (np.isfinite(limits) & (limits >= 0.0)).all():
-            raise ValueError("min_excitation must be finite and not negative")
-        if self.max_relative_error is not None and not self.max_relative_error > 0.0:
-            raise ValueError(f"max_relative_error must be positive, found {self.max_relative_error}")
-        object.__setattr__(self, "min_excitation", np.broadcast_to(limits, (self.n_parameters,)).copy())
-
-    @property
-    def least_count(self) -> int:
-        """Samples below which no window has a degree of freedom."""
-        return self.n_parameters + 1
-
-    @property
-    def needed_count(self) -> int:
-        """Samples below which a window is not tried."""
-        return self.least_count if self.minimum_count is None else self.minimum_count
-
-
-def judged(
-    solution: Solution,
-    degrees_of_freedom: NDArray[np.int64],
-    min_excitation: FloatArray,
-    max_relative_error: float | None,
-) -> tuple[NDArray[np.uint8], FloatArray]:
-    """Judge windows that hold enough samples.
-
-    Parameters
-    ----------
-    solution : Solution
-    degrees_of_freedom : ndarray, shape (n_windows,)
-    min_excitation : ndarray, shape (n_parameters,)
-        In the solution's units.
-    max_relative_error : float or None
-
-    Returns
-    -------
-    status : ndarray of uint8, shape (n_windows,)
-    standard_errors : ndarray, shape (n_parameters, n_windows)
-        In the solution's units.
-    """
-    variance = solution.residual_sum_of_squares / np.maximum(degrees_of_freedom, 1)
-    standard_errors = np.sqrt(variance * solution.variance_factors)
-    excited = ((solution.energies > 0.0) & (solution.energies >= min_excitation[:, np.newaxis])).all(axis=0)
-    status = np.full(excited.shape, WindowStatus.IDENTIFIED, dtype=np.uint8)
-    if max_relative_error is not None:
-        precise = standard_errors[0] <= max_relative_error * np.abs(solution.parameters[0])
-        status[~precise] = WindowStatus.NO_EXCITATION
-    status[solution.smallest_pivot < COLLINEAR_PIVOT] = WindowStatus.COLLINEAR
-    status[~excited] = WindowStatus.NO_EXCITATION
-    return status, standard_errors
-
-
-def is_sound(solution: Solution) -> NDArray[np.bool_]:
-    """Whether sums of products are accurate enough for a window, or have nothing to be accurate about.
-
-    Parameters
-    ----------
-    solution : Solution
-        Of sums of products.
-
-    Returns
-    -------
-    ndarray of bool, shape (n_windows,)
-    """
-    accurate = (solution.smallest_pivot >= GUARDED_PIVOT) & (
-        solution.residual_sum_of_squares >= GUARDED_RESIDUAL * solution.response_energy
-    )
-    return np.asarray(accurate | (solution.energies == 0.0).any(axis=0))

@@ -25,10 +25,20 @@ ROLES = MappingProxyType(
         "brake_pressure": "pressure",
         "recuperator_pressure": "pressure",
         "recoil_displacement": "displacement",
+        "ground_force_x": "force",
+        "ground_force_y": "force",
+        "ground_force_d": "force",
+        "ground_friction_d": "force",
+        "elevating_moment": "torque",
         "trigger": "voltage",
     }
 )
-"""Role -> the quantity that its channel must have."""
+"""Role -> the quantity that its channel must have.
+
+The ground's forces are those on the carriage, positive forward and up: ``x`` and ``y`` at its base point C, ``d``
+upward and ``friction_d`` forward at the contact D. The elevating gear's moment is that on the tipping part,
+positive if it raises the muzzle.
+"""
 
 SourceKind = Literal["dewetron", "can", "serial", "camera"]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]

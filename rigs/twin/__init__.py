@@ -13,11 +13,15 @@ from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Any
 
+import numpy as np
+
 from daq.errors import Fault, RigError, StoreError
+from rigs.beam import shapes
 from rigs.rig import Rig, Source
 from rigs.twin.can_node import can_file
 from rigs.twin.instruments import generator, stress_waves
-from rigs.twin.motion import Motion, check_statics, simulate_motion
+from rigs.twin.loads import check_statics
+from rigs.twin.motion import Motion, simulate_motion, tube_of
 from rigs.twin.serial_sensor import serial_file
 from rigs.twin.settings import TwinSettings, measured_roles, read_settings
 from rigs.twin.sources import Scene, SourceFile, camera_file, dewetron_file
@@ -86,12 +90,15 @@ def simulate_shot(rig: Rig, folder: Path, *, seed: int, shot: str) -> TwinShot:
 
     Notes
     -----
-    Keys of the truth, SI: ``m3``; ``friction``; ``t_fire`` and ``t_end``, first rise of the breech force and
+    Keys of the truth, SI: ``m3``; ``m3_after`` and ``t_release``, if a part of the mass lets go, what is left and
+    from when on the reference clock; ``friction``; ``t_fire`` and ``t_end``, first rise of the breech force and
     end of recoil travel on the reference clock; ``stroke_m``; ``peak_breech_force_n``; ``gains`` and
     ``offsets`` by channel (offsets in the unit of the file); ``clocks``: ``t_ref = (1 + drift) t + offset_s``,
     with ``latency_s``, the mean time from a sample to its stamp where a recorder stamps messages (an alignment
     by a repeated channel finds ``offset_s`` less the shortest such time, the stamps' lower edge); the declared
     ``delay_s`` of a sensor is not in it;
+    ``tube``, if it is flexible: the frequencies at which it would bend if clamped to what does not move, its end's
+    sag at rest and largest deflection from there;
     ``sources``: all that is known of each source's file; ``cam_offset``, ``cam_drift`` and ``lost_frames`` of
     the (first) camera; ``seed``.
     """
@@ -143,6 +150,9 @@ def draw_scene(rig: Rig, seed: int, shot: str) -> Scene:
     if not motion.t_end_s <= settings.duration_s:
         problem = f"the recoil does not end within {settings.duration_s} s; it has come {motion.q[-1, 4]:.3f} m"
         raise RigError(rig.path, [Fault("twin.duration_s", problem)])
+    if motion.released_kg and not motion.t_release_s < motion.t_end_s:
+        ends = motion.t_end_s - motion.t_fire_s
+        raise RigError(rig.path, [Fault("twin.release_after_s", f"the recoil ends {ends:.4f} s after it begins")])
     modes = stress_waves(motion.times_s, motion.t_fire_s, motion.t_end_s, generator(seed, "stress waves"))
     return Scene(rig, settings, mechanism, motion, modes, measured_roles(rig, settings), seed, shot)
 
@@ -163,6 +173,18 @@ def _truth(scene: Scene, recorded: list[SourceFile]) -> dict[str, Any]:
         "clocks": {f.source: f.truth["clock"] for f in recorded if f.source != scene.rig.reference_clock},
         "sources": {f.source: {"file": f.name, **f.truth} for f in recorded},
     }
+    if motion.released_kg:
+        truth["m3_after"] = scene.mechanism.m3 - motion.released_kg
+        truth["t_release"] = motion.t_release_s
+    tube = tube_of(scene.mechanism, scene.settings)
+    if tube is not None:
+        ends = shapes(scene.settings.tube_length_m, tube.modes, [scene.settings.tube_length_m])[0][:, 0]
+        end = motion.modal @ ends
+        truth["tube"] = {
+            "clamped_frequencies_hz": (np.sqrt(tube.stiffness_n_m / tube.mass_kg) / (2 * np.pi)).tolist(),
+            "sag_m": float(-end[0]),
+            "largest_deflection_m": float(np.max(np.abs(end - end[0]))),
+        }
     for file in recorded:
         if "lost_frames" in file.truth and "cam_offset" not in truth:
             truth["cam_offset"], truth["cam_drift"] = file.truth["clock"]["offset_s"], file.truth["clock"]["drift"]

@@ -66,6 +66,12 @@ def truth(role: str, mechanism: Mechanism, motion: Motion, position: tuple[float
         "brake_pressure": motion.brake_pressure_pa,
         "recuperator_pressure": motion.recuperator_pressure_pa,
         "recoil_displacement": motion.q[:, 4],
+        # the loads have the paper's signs, in which what presses on the ground is negative
+        "ground_force_x": -motion.ground_x_n,
+        "ground_force_y": -motion.ground_y_n,
+        "ground_force_d": -motion.ground_d_n,
+        "ground_friction_d": -motion.ground_friction_n,
+        "elevating_moment": -motion.elevating_moment_n_m,
     }
     return plain[role]
 

@@ -36,6 +36,12 @@ class TwinSettings(BaseModel):
     friction_error: bool = True
     """Whether the true packing friction is off by a draw from ``u_friction``."""
 
+    released_mass_kg: NotNegative = 0.0
+    """Part of the recoiling mass that lets go while it moves, with the velocity that it has; its centre of mass is
+    that of the recoiling part."""
+    release_after_s: Positive = 0.02
+    """From the first rise of the breech force to the instant at which it lets go."""
+
     sample_rate_hz: Annotated[float, Field(ge=1000, le=1e6)] = 50e3
     """Of the Dewetron recorder."""
     duration_s: Annotated[float, Field(gt=0, le=10)] = 0.5
@@ -83,6 +89,18 @@ class TwinSettings(BaseModel):
     """Of the ground at C, in both directions, and at D."""
     ground_slip_m_s: Positive = 5e-3
     """Velocity at which the friction at D is fully there."""
+
+    tube_modes: Annotated[int, Field(ge=0, le=2)] = 0
+    """Bending modes of the tube, a part of the recoiling part; 0 for a rigid one."""
+    tube_length_m: Positive = 2.5
+    """From its clamp to its free end."""
+    tube_mass_kg: Positive = 160.0
+    tube_bending_stiffness_n_m2: Positive = 2e6
+    """Modulus of elasticity times second moment of area."""
+    tube_damping: Annotated[float, Field(ge=0, lt=1)] = 0.01
+    """Of each mode, share of the critical one."""
+    tube_root_m: float = 0.0
+    """Place of the clamp ahead of the recoiling part's centre of mass; the axis is that of the breech force."""
 
     ringing: NotNegative = 0.5
     """Peak of the stress waves on the recoil accelerometer, relative to the peak of the recoil acceleration."""
@@ -174,6 +192,11 @@ def read_settings(rig: Rig) -> TwinSettings:
         faults.append(Fault("twin.pre_trigger_s", f"must be shorter than duration_s = {settings.duration_s}"))
     if settings.clock_offset_s >= 0.5 * settings.duration_s:
         faults.append(Fault("twin.clock_offset_s", "must be shorter than half of duration_s: clocks must overlap"))
+    whole = settings.m3_true or rig.mechanism.m3
+    if settings.released_mass_kg >= whole:
+        faults.append(Fault("twin.released_mass_kg", f"must be less than the recoiling mass, {whole:g} kg"))
+    if settings.tube_modes:
+        faults += _faults_of_tube(rig.mechanism, settings, whole - settings.released_mass_kg)
     swept = rig.mechanism.recuperator_area * settings.stroke_m * 1.2
     if settings.recuperator_volume_m3 <= swept:
         problem = f"must exceed {swept:.4g} m3, what the recuperator's piston sweeps in 1.2 strokes"
@@ -185,6 +208,22 @@ def read_settings(rig: Rig) -> TwinSettings:
     if faults:
         raise RigError(rig.path, faults)
     return settings
+
+
+def _faults_of_tube(mechanism: Mechanism, settings: TwinSettings, m3_kg: float) -> list[Fault]:
+    """Return why the tube cannot be a part of the recoiling part, if it cannot."""
+    if settings.tube_mass_kg >= m3_kg:
+        return [
+            Fault("twin.tube_mass_kg", f"must be less than the recoiling mass of {m3_kg:g} kg, which it is a part of")
+        ]
+    root, length = settings.tube_root_m, settings.tube_length_m
+    middle = math.hypot(root + 0.5 * length, mechanism.e)
+    # about the centre of mass of both, the parts' own inertias and their masses' at its distances add up
+    others = settings.tube_mass_kg * (length**2 / 12 + middle**2 * m3_kg / (m3_kg - settings.tube_mass_kg))
+    if others >= mechanism.J3c:
+        problem = f"such a tube alone would give the recoiling part {others:.0f} kg m2, more than J3c"
+        return [Fault("twin.tube_length_m", problem)]
+    return []
 
 
 def measured_roles(rig: Rig, settings: TwinSettings) -> Mapping[str, str]:

@@ -12,7 +12,8 @@ from scipy.integrate import cumulative_simpson
 from rigs import mechanism as model
 from rigs.mechanism import Mechanism
 from rigs.rig import load_rig
-from rigs.twin.motion import Motion, breech_pressure, check_statics, simulate_motion
+from rigs.twin.loads import check_statics
+from rigs.twin.motion import Motion, breech_pressure, simulate_motion
 from rigs.twin.settings import TwinSettings
 
 SETTINGS = TwinSettings()

@@ -1,0 +1,71 @@
+"""How often the intervals of law, friction and balances hold the truth, over shots of the virtual rig."""
+
+from __future__ import annotations
+
+import datetime as dt
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identification.targets.resistance import SHARES, find
+from identification.targets.target import Case
+from recoil_daq.ingest import ingest_files
+from rigs.rig import load_rig
+from rigs.twin import read_settings, simulate_shot
+
+SHOTS = 20
+
+
+@pytest.fixture(autouse=True)
+def _only_when_asked_for(request):
+    if not request.config.getoption("benchmark_enable"):
+        pytest.skip("a benchmark of minutes: ask for it with --benchmark-enable")
+
+
+@pytest.mark.parametrize("name", ["field-2013", "mixed"])
+def test_the_law_of_the_resistance_is_the_true_law(benchmark, capsys, tmp_path: Path, name):
+    rig = load_rig(name)
+    settings, m = read_settings(rig), rig.mechanism
+    loss = 0.5 * settings.oil_density_kg_m3 * (m.brake_area / settings.discharge) ** 2
+    shots, truths = [], []
+    for seed in range(1, 1 + SHOTS):
+        simulated = simulate_shot(rig, tmp_path / str(seed), seed=seed, shot=f"s{seed}")
+        out = tmp_path / "shots"
+        shots.append(ingest_files(rig, simulated.files, shot=f"s{seed}", out=out, on=dt.date(2026, 6, 1)).shot)
+        truths.append(simulated.truth)
+        for file in simulated.files:
+            file.unlink()
+
+    findings = benchmark.pedantic(lambda: [find(Case(shot, rig)) for shot in shots], rounds=1, warmup_rounds=0)
+
+    rows: dict[str, list[tuple[float, float, float, bool]]] = {}
+    for finding, truth in zip(findings, truths, strict=True):
+        true = {
+            "p0": settings.recuperator_pressure_pa,
+            "V0": settings.recuperator_volume_m3,
+            "n_gas": settings.polytropic,
+            "friction": truth["friction"],
+            "friction_by_shot": truth["friction"],
+            "travel": truth["stroke_m"],
+            **dict.fromkeys(("energy_left_peak", "energy_left_end", "momentum_left_peak", "momentum_left_end"), 0.0),
+        }
+        for share in SHARES:
+            symbol = f"c_{100 * share:.0f}"
+            x = float(finding.quantity(symbol).basis.split(" at ")[-1].split()[0])
+            orifice = settings.leak_m2 + settings.orifice_m2 * np.sqrt(1 - x / settings.stroke_m)
+            true[symbol] = m.brake_area * loss / orifice**2
+        for symbol, value in true.items():
+            quantity = finding.quantity(symbol)
+            low, high = quantity.U95
+            rows.setdefault(symbol, []).append((quantity.value - value, quantity.u, value, low <= value <= high))
+    valid = sum(finding.valid for finding in findings)
+    with capsys.disabled():
+        print(f"\n{name}, {SHOTS} shots, {valid} valid, {benchmark.stats.stats.min / SHOTS:.1f} s each")
+        print(f"{'quantity':20} {'truth':>10} {'bias':>10} {'sd':>10} {'mean u':>10} {'coverage':>9}")
+        for symbol, found in rows.items():
+            error, u, value, held = np.array(found).T
+            figures = value.mean(), error.mean(), error.std(ddof=1), u.mean()
+            print(f"{symbol:20}" + "".join(f" {figure:10.4g}" for figure in figures) + f" {held.mean():9.2f}")
+    assert all(np.mean([row[3] for row in found]) >= 0.8 for found in rows.values())
+    assert valid >= 0.85 * SHOTS
