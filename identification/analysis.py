@@ -255,7 +255,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         velocity_m_s=prepared.velocity_m_s,
         fused=prepared.fused,
         alignments=prepared.alignments,
-        reasons=reasons_against(shot, rig, signals, estimates, trace, calibration, zero_shift),
+        reasons=reasons_against(shot, rig, signals, estimates, trace, calibration, zero_shift, filtered),
         notes=(*notes_on(signals, recorded, trace, zero_shift), *notes),
     )
 

@@ -54,6 +54,8 @@ LARGEST_RESIDUAL = 0.01
 """Share of the acceleration's peak that may be noise; for what is beyond, the sensors must answer."""
 LARGEST_SIGNIFICANCE = 3.29
 """Of a sensor's departure from its calibration; by chance one of 1000 goes beyond, as in Baarda's w-test."""
+LARGEST_STEP = 0.3
+"""Of a scale in one iteration: a shot that no calibration fits would otherwise throw a scale beyond zero."""
 SMALLEST_U = 1e-9
 """In the place of a standard uncertainty of zero: what is exactly known must not divide by it."""
 SMALLEST_SIGMA_M_S2 = 1e-9
@@ -223,7 +225,8 @@ def calibrated_mass(
     released, sliding = regression.released[rows], regression.sliding[rows]
     shifts = np.zeros((rows.size, 0)) if regression.shifts is None else regression.shifts[rows]
     observations = _observations(scales, u_bias_m_s2, camera, shifts.shape[1])
-    peak = float(np.max(np.abs(a)))
+    # of the whole motion, lost samples and all: what is left of a pulse that was lost does not tell the noise's size
+    peak = float(np.max(np.abs(regression.acceleration_m_s2[regression.inside])))
     sigma = _plausible(first.residual_m_s2 if noise_m_s2 is None else noise_m_s2, peak)
     unknowns = np.zeros(_UNKNOWNS + shifts.shape[1])
     for _ in range(50):
@@ -231,12 +234,15 @@ def calibrated_mass(
         target = a - model + design @ unknowns
         solution = _solve(design, target, sigma, observations)
         residual = target - design @ solution.unknowns
-        moved = float(np.max(np.abs(design @ (solution.unknowns - unknowns))))
+        step = solution.unknowns - unknowns
+        scales_moved = float(np.max(np.abs(step[[_MASS, *range(*_GAUGES.indices(_UNKNOWNS)), _ACCELERATION]])))
+        step *= min(1.0, LARGEST_STEP / max(scales_moved, LARGEST_STEP))
+        moved = float(np.max(np.abs(design @ step)))
         # of the unknowns the mass and the shifts are not restricted and the zero hardly
         deviation = math.sqrt(float(residual @ residual) / max(rows.size - 2 - shifts.shape[1], 1))
         noise = deviation * correlation_factor(residual)
         before, sigma = sigma, _plausible(noise if noise_m_s2 is None else noise_m_s2, peak)
-        unknowns = solution.unknowns
+        unknowns = unknowns + step
         if moved < 1e-9 * peak and abs(sigma / before - 1.0) < 1e-6:
             break
     mass = first.mass_kg * (1.0 + float(unknowns[_MASS]))
