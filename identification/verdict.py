@@ -6,9 +6,10 @@ import math
 from collections.abc import Mapping
 
 from daq.shot import Shot
-from identification.calibration import CAMERA_SCALE, LARGEST_RESIDUAL, LARGEST_SIGNIFICANCE, Calibration
+from identification.calibration import LARGEST_RESIDUAL, LARGEST_SIGNIFICANCE, Calibration
 from identification.mass import ACCELERATION, RANDOM, MassEstimate
 from identification.regression import Regression
+from identification.sensor_observations import CAMERA_SCALE
 from identification.signals import Signals
 from identification.trace import MassTrace
 from identification.zero_shift import ZeroShift
@@ -16,7 +17,7 @@ from rigs.rig import Rig
 
 LEAST_SHARE = 0.5
 """Below this share of identified samples the trace does not describe the shot."""
-LARGEST_LOSS = 0.5
+LARGEST_LOSS = 0.8
 """Of the squares of the force: the mass then hangs on the slow rest of the motion, and on the friction."""
 LARGEST_ROUTE_GAP = 3.0
 """Combined standard uncertainties by which the two routes to the acceleration may differ."""
