@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +25,12 @@ from identification.sensor_observations import BIAS, FRICTION_ERROR, GAUGE, MASS
 
 Array = NDArray[np.float64]
 
+CHEAP_STEPS = 6
+"""Of the minimisation by the curvature at the estimate; each leaves some hundredths of the error before it."""
 MOST_STEPS = 30
-"""Of the minimisation; each leaves some hundredths of the error of the one before."""
+"""Of the minimisation; those that are left take the curvature where they stand."""
+RIDGE = 1e-14
+"""On the scaled curvature's diagonal: what nothing restricts must not stop the rest."""
 NEGLIGIBLE = 1e-4
 """Step over the mass's standard uncertainty, after which there is none."""
 LONGEST_STEP = 0.3
@@ -86,39 +91,19 @@ class CalibratedProblem:
         callable
             A draw is NaN where the minimum was not found: the problem is then far from linear.
         """
+        minimum = _Minimum.of(self)
         n_columns = self.triangle.shape[0]
-        # the gradient is linear in the columns' errors, so those of one column each give its derivatives
-        here = np.repeat(self.unknowns[:, np.newaxis], n_columns, axis=1)
-        slopes = _gradient(here, self.m0_kg, np.eye(n_columns)).T
-        jacobian = np.vstack([self.triangle @ slopes / self.sigma_m_s2, self.rows / self.u[:, np.newaxis]])
-        scale = np.sqrt((jacobian**2).sum(axis=0))
-        scale[scale == 0] = 1.0
-        inverse = np.linalg.pinv(jacobian / scale) / scale[:, np.newaxis]
-        curvature = inverse @ inverse.T
-        gram = self.triangle.T @ self.triangle / self.sigma_m_s2**2
-        known = (self.rows / self.u[:, np.newaxis] ** 2).T @ self.rows
-        expected = _coefficients(self.unknowns[:, np.newaxis], self.m0_kg)
-        u_mass = math.sqrt(float(curvature[MASS, MASS]))
-        longest = np.full((self.unknowns.size, 1), np.inf)
-        longest[[MASS, *range(*GAUGE.indices(FRICTION_ERROR)), SENSITIVITY]] = LONGEST_STEP
+        expected = minimum.gram @ _coefficients(self.unknowns[:, np.newaxis], self.m0_kg)
+        told = (minimum.known @ self.unknowns)[:, np.newaxis]
 
         def draw(rng: np.random.Generator, count: int) -> Array:
             # the noise's size is itself known from so many rows only (6.4.9)
             size = np.sqrt(self.degrees_of_freedom / rng.chisquare(self.degrees_of_freedom, count))
             noise = self.noise_m_s2 * size * rng.standard_normal((n_columns, count))
-            seen = gram @ expected + self.triangle.T @ noise / self.sigma_m_s2**2
-            told = (known @ self.unknowns)[:, np.newaxis]
-            told = told + self.rows.T @ (rng.standard_normal((self.u.size, count)) / self.u[:, np.newaxis])
-            unknowns = np.repeat(self.unknowns[:, np.newaxis], count, axis=1)
-            for _ in range(MOST_STEPS):
-                apart = gram @ _coefficients(unknowns, self.m0_kg) - seen
-                gradient = _gradient(unknowns, self.m0_kg, apart) + known @ unknowns - told
-                step = np.clip(curvature @ gradient, -longest, longest)
-                unknowns = unknowns - step
-                left = np.abs(step[MASS])
-                if not (left > NEGLIGIBLE * u_mass).any():
-                    break
-            masses = np.where(left <= NEGLIGIBLE * u_mass, self.m0_kg * (1.0 + unknowns[MASS]), np.nan)
+            errors = rng.standard_normal((self.u.size, count)) / self.u[:, np.newaxis]
+            masses = self.m0_kg * (
+                1.0 + minimum.find(expected + self.triangle.T @ noise / self.sigma_m_s2**2, told + self.rows.T @ errors)
+            )
             for row in further:
                 if row.distribution == "rectangular":
                     masses = masses + row.u_kg * math.sqrt(3.0) * rng.uniform(-1.0, 1.0, count)
@@ -127,6 +112,75 @@ class CalibratedProblem:
             return np.asarray(masses)
 
         return draw
+
+
+class _Minimum(NamedTuple):
+    """What finds the minima of many draws at once: the problem's matrices, and its curvature at the estimate."""
+
+    problem: CalibratedProblem
+    gram: Array
+    known: Array
+    curvature: Array
+    scale: Array
+
+    @classmethod
+    def of(cls, problem: CalibratedProblem) -> _Minimum:
+        slopes = _slopes(problem.unknowns[:, np.newaxis], problem.m0_kg)[0]
+        jacobian = np.vstack([problem.triangle @ slopes / problem.sigma_m_s2, problem.rows / problem.u[:, np.newaxis]])
+        scale = np.sqrt((jacobian**2).sum(axis=0))
+        scale[scale == 0] = 1.0
+        inverse = np.linalg.pinv(jacobian / scale) / scale[:, np.newaxis]
+        weights = problem.rows / problem.u[:, np.newaxis] ** 2
+        gram = problem.triangle.T @ problem.triangle / problem.sigma_m_s2**2
+        return cls(problem, gram, weights.T @ problem.rows, inverse @ inverse.T, scale)
+
+    def find(self, seen: Array, told: Array) -> Array:
+        """Return the mass's unknown at the minimum of each draw, shape (n,); NaN where it is not found.
+
+        Parameters
+        ----------
+        seen : ndarray, shape (n_columns, n)
+            Products of the columns with the rows as drawn.
+        told : ndarray, shape (n_unknowns, n)
+            The same of the observations.
+        """
+        unknowns = np.repeat(self.problem.unknowns[:, np.newaxis], seen.shape[1], axis=1)
+        left = np.full(seen.shape[1], np.inf)
+        negligible = NEGLIGIBLE * math.sqrt(float(self.curvature[MASS, MASS]))
+        for step in range(MOST_STEPS):
+            # all of them by the curvature at the estimate, then those that need it by their own
+            at = np.flatnonzero(left > negligible)
+            if at.size == 0:
+                break
+            now = unknowns[:, at]
+            apart = self.gram @ _coefficients(now, self.problem.m0_kg) - seen[:, at]
+            gradient = _gradient(now, self.problem.m0_kg, apart) + self.known @ now - told[:, at]
+            moved = self.curvature @ gradient if step < CHEAP_STEPS else self._by_own_curvature(now, gradient)
+            scales = np.abs(moved[[MASS, *range(*GAUGE.indices(FRICTION_ERROR)), SENSITIVITY]]).max(axis=0)
+            moved *= np.minimum(1.0, LONGEST_STEP / np.maximum(scales, LONGEST_STEP))
+            unknowns[:, at] = now - moved
+            left[at] = np.abs(moved[MASS])
+        return np.where(left <= negligible, unknowns[MASS], np.nan)
+
+    def _by_own_curvature(self, unknowns: Array, gradient: Array) -> Array:
+        slopes = _slopes(unknowns, self.problem.m0_kg)
+        hessian = slopes.swapaxes(1, 2) @ self.gram @ slopes + self.known
+        scaled = hessian / np.outer(self.scale, self.scale)
+        scaled += RIDGE * np.eye(self.scale.size)
+        right = (gradient / self.scale[:, np.newaxis]).T[..., np.newaxis]
+        return np.asarray(np.linalg.solve(scaled, right)[..., 0].T / self.scale[:, np.newaxis])
+
+
+def _slopes(unknowns: Array, m0_kg: float) -> Array:
+    """Return the derivatives of the coefficients by the unknowns, shape (n, n_columns, n_unknowns)."""
+    n_columns = unknowns.shape[0] - 1
+    slopes = np.empty((unknowns.shape[1], n_columns, unknowns.shape[0]))
+    for column in range(n_columns):
+        # the gradient is linear in the coefficients', so that of one alone is its derivatives
+        one = np.zeros((n_columns, unknowns.shape[1]))
+        one[column] = 1.0
+        slopes[:, column] = _gradient(unknowns, m0_kg, one).T
+    return slopes
 
 
 def _coefficients(unknowns: Array, m0_kg: float) -> Array:
