@@ -17,6 +17,7 @@ from identification.calibration import Calibration
 from identification.camera_route import mass_by_camera
 from identification.filter_choice import FilterChoice, choose_filter
 from identification.mass import RANDOM, MassEstimate, ScaleUncertainty, forward_mass, reverse_mass
+from identification.monte_carlo import MonteCarlo, propagate
 from identification.preparation import camera_scale, filmed, prepare
 from identification.regression import Regression
 from identification.rpe import relative_percentage_error, rpe_interval
@@ -108,6 +109,8 @@ class Identification:
         The low-pass, and why that one.
     zero_shift : ZeroShift
         Of the recoiling part's accelerometer.
+    monte_carlo : MonteCarlo or None
+        Of the mass by the calibrated method; None where a draw has no mass.
     skew : RecorderSkew
         Of acceleration and force.
     stress_waves : tuple of StressWaves
@@ -138,6 +141,7 @@ class Identification:
     calibration: Calibration
     filter_choice: FilterChoice
     zero_shift: ZeroShift
+    monte_carlo: MonteCarlo | None
     skew: RecorderSkew
     stress_waves: tuple[StressWaves, ...]
     peaks: ShotPeaks
@@ -243,6 +247,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         calibration=calibration,
         filter_choice=choice,
         zero_shift=zero_shift,
+        monte_carlo=propagate(calibration.problem.draws(further)),
         skew=skew,
         stress_waves=find_stress_waves(shot, signals, choice),
         peaks=shot_peaks(shot.name, recorded.acceleration_m_s2, recorded.rate_hz, low_pass),
@@ -255,7 +260,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         velocity_m_s=prepared.velocity_m_s,
         fused=prepared.fused,
         alignments=prepared.alignments,
-        reasons=reasons_against(shot, rig, signals, estimates, trace, calibration, zero_shift),
+        reasons=reasons_against(shot, rig, signals, estimates, trace, calibration, zero_shift, filtered),
         notes=(*notes_on(signals, recorded, trace, zero_shift), *notes),
     )
 

@@ -6,10 +6,11 @@ from dataclasses import replace
 
 from daq.channel import Channel
 from daq.shot import ClockAlignment, Shot
-from identification.calibration import CAMERA_SCALE, Calibration
+from identification.calibration import Calibration
 from identification.kinematics import Turning, kinematic_acceleration
 from identification.mass import ACCELERATION, MassEstimate, ScaleUncertainty, reverse_mass
 from identification.regression import Regression
+from identification.sensor_observations import CAMERA_SCALE
 from identification.signals import Signals
 from identification.uncertainty import clock_contributions, cutoff_contribution, other_cutoffs, zero_contributions
 from processing.filters import LowPass

@@ -287,7 +287,9 @@ def _pulse_s(record: _Record) -> float | None:
     pulse = record.smooth[first:] - record.level
     peak = int(np.argmax(pulse[: max(np.count_nonzero(record.pulse), 1)]))
     back = np.flatnonzero(pulse[peak:] <= 0)
-    return float(record.reference_s[first + peak + back[0]] - record.onset_s) if back.size else None
+    duration_s = float(record.reference_s[first + peak + back[0]] - record.onset_s) if back.size else 0.0
+    # where the pulse itself was lost, what is left may never rise over the level
+    return duration_s if duration_s > 0 else None
 
 
 def aligning_channels(rig: Rig) -> set[str]:

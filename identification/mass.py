@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from daq.errors import IdentificationError
+from identification.budget import BudgetRow, combined_u, coverage_factor, effective_degrees_of_freedom
 from identification.regression import PRESSURE_ROLES, Regression, spaced_rows
 
 Array = NDArray[np.float64]
@@ -34,34 +35,6 @@ GAUGES = tuple(f"{role} sensitivity and area" for role in PRESSURE_ROLES)
 """Names of the budget rows of the sensors' scales and of the friction."""
 LEAST_ROWS = 10
 """Fewer rows with errors of their own say nothing about those errors."""
-
-COVERAGE_FACTOR = 1.959963984540054
-"""97.5 % quantile of the normal distribution."""
-
-
-@dataclass(frozen=True)
-class BudgetRow:
-    """One line of an uncertainty budget.
-
-    Attributes
-    ----------
-    source : str
-    u_kg : float
-        Contribution to the standard uncertainty of the mass.
-    kind : str
-        ``A`` by statistics of this shot, ``B`` by other knowledge (JCGM 100:2008, 4.2 and 4.3).
-    sensitivity : float or None
-        Change of the mass in kg if the source is off by one `sensitivity_per`; None where the mass does
-        not depend on one figure.
-    sensitivity_per : str
-        ``1`` for a relative error of a scale, ``N`` for the friction, ``m/s^2`` for a zero.
-    """
-
-    source: str
-    u_kg: float
-    kind: str
-    sensitivity: float | None = None
-    sensitivity_per: str = "1"
 
 
 @dataclass(frozen=True)
@@ -89,12 +62,22 @@ class MassEstimate:
     @property
     def u_kg(self) -> float:
         """Combined standard uncertainty."""
-        return math.sqrt(sum(row.u_kg**2 for row in self.budget))
+        return combined_u(self.budget)
+
+    @property
+    def degrees_of_freedom(self) -> float:
+        """Effective degrees of freedom of it."""
+        return effective_degrees_of_freedom(self.budget)
+
+    @property
+    def coverage_factor(self) -> float:
+        """Factor on it for 95 %; that of one degree of freedom is the largest that is stated."""
+        return coverage_factor(max(self.degrees_of_freedom, 1.0))
 
     @property
     def interval_kg(self) -> tuple[float, float]:
         """95 % coverage interval."""
-        half = COVERAGE_FACTOR * self.u_kg
+        half = self.coverage_factor * self.u_kg
         return self.mass_kg - half, self.mass_kg + half
 
 
@@ -132,7 +115,7 @@ def forward_mass(regression: Regression, scales: ScaleUncertainty) -> MassEstima
     u = _standard_error(residual, a)
     # m = a.F / a.a  is linear in every force
     changes = _regressors(regression, rows).T @ a / (a @ a)
-    return _estimate("forward", mass, u, changes, scales, rows.size, _deviation(residual, 1) / mass)
+    return _estimate("forward", mass, u, changes, scales, _deviation(residual, 1) / mass, rows.size, residual)
 
 
 def reverse_mass(regression: Regression, scales: ScaleUncertainty) -> MassEstimate:
@@ -152,7 +135,7 @@ def reverse_mass(regression: Regression, scales: ScaleUncertainty) -> MassEstima
     # derivatives of  m = F.F / a.F
     columns = _regressors(regression, rows)
     changes = mass * (2 * (columns.T @ f) / (f @ f) - (columns.T @ a) / (a @ f))
-    return _estimate("reverse", mass, u, changes, scales, rows.size, _deviation(residual, 1))
+    return _estimate("reverse", mass, u, changes, scales, _deviation(residual, 1), rows.size, residual)
 
 
 def correlation_factor(residual: Array) -> float:
@@ -201,11 +184,38 @@ def _standard_error(residual: Array, regressor: Array) -> float:
     return _deviation(residual, 1) / math.sqrt(float(regressor @ regressor)) * correlation_factor(residual)
 
 
+def independent_rows(residual: Array, parameters: int) -> float:
+    """Degrees of freedom of correlated residuals: rows over the square of `correlation_factor`, less parameters.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (n,)
+        In order of time.
+    parameters : int
+
+    Returns
+    -------
+    float
+        At least 1.
+    """
+    return max(residual.size / correlation_factor(residual) ** 2 - parameters, 1.0)
+
+
 def _estimate(
-    method: str, mass: float, u_random: float, changes: Array, scales: ScaleUncertainty, rows: int, residual: float
+    method: str,
+    mass: float,
+    u_random: float,
+    changes: Array,
+    scales: ScaleUncertainty,
+    residual_m_s2: float,
+    rows: int,
+    residual: Array,
 ) -> MassEstimate:
     *gauges, friction = (float(change) for change in changes)
-    budget = [BudgetRow(RANDOM, u_random, "A"), BudgetRow(ACCELERATION, mass * scales.acceleration, "B", -mass)]
+    budget = [
+        BudgetRow(RANDOM, u_random, "A", degrees_of_freedom=independent_rows(residual, 1)),
+        BudgetRow(ACCELERATION, mass * scales.acceleration, "B", -mass),
+    ]
     budget += [BudgetRow(n, abs(c) * u, "B", c) for n, c, u in zip(GAUGES, gauges, scales.gauges, strict=True)]
     budget.append(BudgetRow(FRICTION, abs(friction) * scales.friction_n, "B", friction, "N"))
-    return MassEstimate(method, mass, tuple(budget), rows, residual)
+    return MassEstimate(method, mass, tuple(budget), rows, residual_m_s2)

@@ -59,6 +59,8 @@ class Recoil:
     ----------
     signals : Signals
     motion : Turning
+    acceleration : ndarray, shape (n,)
+        Of the travel by the accelerometers, lost samples bridged.
     travel : DoubleIntegral
         Of the recoil by the accelerometer, on the reference clock.
     low_pass : LowPass
@@ -72,6 +74,7 @@ class Recoil:
 
     signals: Signals
     motion: Turning
+    acceleration: Array
     travel: DoubleIntegral
     low_pass: LowPass
     regression: Regression | None
@@ -100,15 +103,15 @@ def recoil_of(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignment]) ->
     low_pass = LowPass(min([CUTOFF_HZ, *(SLOWEST_SHARE * rate for rate in [*rates, signals.rate_hz] if rate > 0)]))
     sign = _force_sign(signals, rig, low_pass)
     if any(role not in signals.series for role in PRESSURE_ROLES):
-        return Recoil(signals, motion, travel, low_pass, None, sign=sign)
+        return Recoil(signals, motion, acceleration, travel, low_pass, None, sign=sign)
     static = static_value("recoil_acceleration", rig.mechanism) or 0.0
     try:
         regression = build_regression(
             signals, rig.mechanism, inertial_acceleration(signals, rig, motion), travel.velocity, static
         )
     except IdentificationError as error:
-        return Recoil(signals, motion, travel, low_pass, None, str(error), sign)
-    return Recoil(signals, motion, travel, low_pass, regression, sign=sign)
+        return Recoil(signals, motion, acceleration, travel, low_pass, None, str(error), sign)
+    return Recoil(signals, motion, acceleration, travel, low_pass, regression, sign=sign)
 
 
 def check_motion(

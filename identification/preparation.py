@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from daq.channel import Channel
 from daq.errors import IdentificationError
 from daq.shot import ClockAlignment, Shot
-from identification.calibration import CameraScale
 from identification.kinematics import (
     Turning,
     fused_motion,
@@ -22,6 +21,7 @@ from identification.kinematics import (
     turning,
 )
 from identification.regression import Regression, build_regression
+from identification.sensor_observations import CameraScale
 from identification.signals import Signals, at_instants, collect_signals, static_value
 from identification.skew import without_skew
 from identification.zero_shift import Filmed

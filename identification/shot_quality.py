@@ -17,6 +17,7 @@ from daq.readers.reader import Recording
 from daq.shot import ClockAlignment, QualityCheck, Shot
 from identification.acquisition_quality import check_acquisition, check_clock_fits
 from identification.camera_quality import check_film, check_fusion, check_track, rest_after
+from identification.carriage_quality import check_carriage_by_camera
 from identification.channel_quality import LEAST_SAMPLES, check_channel
 from identification.motion_quality import Recoil, check_camera_velocity, check_motion, recoil_of
 from identification.onset import find_onset
@@ -114,6 +115,8 @@ def _channels(
             found += check_fusion(channel, alignment)
             found += _against_camera(channel, rig, alignment, recoil)
         checks += [QualityCheck(channel.name, name, verdict, detail) for name, (verdict, detail) in found]
+    if recoil is not None and camera is not None and not recoil.turned:
+        checks += check_carriage_by_camera(shot, rig, recoil, camera, by_clock.get(camera.time_base.clock))
     if recoil is not None:
         checks += check_motion(shot, rig, recoil, rest_s, zero_by_camera=zero_by_camera)
     return checks

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.budget import BudgetRow
 from identification.calibration import Calibration
-from identification.mass import BudgetRow
 from identification.regression import Regression
 from identification.uncertainty import corrected_mass
 from processing.channel_skew import COVERAGE, measure_skew

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from daq.shot import Shot
+from identification.budget import BudgetRow
 from identification.calibration import Calibration
-from identification.mass import BudgetRow
 from identification.regression import AREAS, PRESSURE_ROLES, Regression, spaced_rows
 from identification.signals import Signals
 from processing.filters import LowPass
@@ -158,4 +158,5 @@ def other_cutoffs(low_pass: LowPass, rate_hz: float) -> list[LowPass]:
 
 def cutoff_contribution(masses_kg: Sequence[float]) -> BudgetRow:
     """Take the masses by several cut-offs for the ends of a rectangular distribution: half width over root 3."""
-    return BudgetRow("low-pass cut-off", 0.5 * (max(masses_kg) - min(masses_kg)) / math.sqrt(3.0), "B")
+    half = 0.5 * (max(masses_kg) - min(masses_kg))
+    return BudgetRow("low-pass cut-off", half / math.sqrt(3.0), "B", distribution="rectangular")

@@ -6,9 +6,10 @@ import math
 from collections.abc import Mapping
 
 from daq.shot import Shot
-from identification.calibration import CAMERA_SCALE, LARGEST_RESIDUAL, LARGEST_SIGNIFICANCE, Calibration
+from identification.calibration import LARGEST_RESIDUAL, LARGEST_SIGNIFICANCE, Calibration
 from identification.mass import ACCELERATION, RANDOM, MassEstimate
 from identification.regression import Regression
+from identification.sensor_observations import CAMERA_SCALE
 from identification.signals import Signals
 from identification.trace import MassTrace
 from identification.zero_shift import ZeroShift
@@ -16,6 +17,8 @@ from rigs.rig import Rig
 
 LEAST_SHARE = 0.5
 """Below this share of identified samples the trace does not describe the shot."""
+LARGEST_LOSS = 0.8
+"""Of the squares of the force: the mass then hangs on the slow rest of the motion, and on the friction."""
 LARGEST_ROUTE_GAP = 3.0
 """Combined standard uncertainties by which the two routes to the acceleration may differ."""
 
@@ -28,6 +31,7 @@ def reasons_against(
     trace: MassTrace,
     calibration: Calibration,
     shift: ZeroShift,
+    filtered: Regression,
 ) -> tuple[str, ...]:
     """Say what speaks against the result.
 
@@ -41,6 +45,8 @@ def reasons_against(
     calibration : Calibration
     shift : ZeroShift
         Of the recoiling part's accelerometer.
+    filtered : Regression
+        Tells what of the pulse was lost.
 
     Returns
     -------
@@ -56,6 +62,13 @@ def reasons_against(
     recuperator = rig.by_role("recuperator_pressure")
     if recuperator is not None and recuperator.sensor.time_constant_s is not None:
         reasons.append(f"{recuperator.name} is AC-coupled (time_constant_s): it does not read the pressure at rest")
+    lost = _lost_excitation(filtered)
+    if lost > LARGEST_LOSS:
+        channels = [c.channel for c in shot.quality if c.check in ("losses", "held values") and c.verdict != "ok"]
+        reasons.append(
+            f"{100 * lost:.0f} % of the shot's force lies where samples are lost, limit {100 * LARGEST_LOSS:.0f} %"
+            + (f": see the losses of {', '.join(channels)}" if channels else "")
+        )
     if trace.share < LEAST_SHARE:
         reasons.append(
             f"only {100 * trace.share:.0f} % of the interval could be identified (limit {100 * LEAST_SHARE:.0f} %)"
@@ -85,16 +98,27 @@ def reasons_against(
     return tuple(reasons)
 
 
+def _lost_excitation(filtered: Regression) -> float:
+    """Share of the squares of force, or of acceleration, that lies where a sample is lost, whichever is more."""
+    inside, lost = filtered.inside, filtered.inside & ~filtered.trusted
+    shares = [
+        float(column[lost] @ column[lost]) / max(float(column[inside] @ column[inside]), 1e-300)
+        for column in (filtered.force_n, filtered.acceleration_m_s2)
+    ]
+    return max(shares)
+
+
 def _doubted_sensors(calibration: Calibration) -> list[str]:
     """Name the calibrations that contradict the shot, the least likely first.
 
     One wrong sensor pulls on those that it is compared with; which of them it is the shot alone may
-    not tell, so all that are beyond the limit are named.
+    not tell, so all that are beyond the limit are named. By how much the others say that it is off is its
+    departure over its redundancy, the square of departure over significance.
     """
     beyond = {s: w for s, w in calibration.significances.items() if abs(w) > LARGEST_SIGNIFICANCE}
     return [
         f"{source} contradicts the other sensors: it reads {'high' if w > 0 else 'low'} by "
-        f"{abs(calibration.departures[source]):.1f} of its standard uncertainties if they are right "
+        f"{w * w / abs(calibration.departures[source]):.3g} of its standard uncertainties if they are right "
         f"({abs(w):.1f} standard deviations, limit {LARGEST_SIGNIFICANCE:g})"
         for source, w in sorted(beyond.items(), key=lambda item: -abs(item[1]))
     ]

@@ -18,16 +18,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.calibration import (
-    CAMERA_SCALE,
-    CAMERA_SHIFT,
-    LARGEST_SIGNIFICANCE,
-    Calibration,
-    CameraScale,
-    calibrated_mass,
-)
+from identification.calibration import LARGEST_SIGNIFICANCE, Calibration, calibrated_mass
 from identification.mass import ScaleUncertainty
 from identification.regression import Regression
+from identification.sensor_observations import CAMERA_SCALE, CAMERA_SHIFT, CameraScale
 from processing.filters import LowPass
 from processing.scale_and_zero import FilmedMotion, ScaleAndZero
 

@@ -56,6 +56,8 @@ DOUBTED_STATISTIC = 1.6
 """Mean squared normalised residual from which on a fit is doubted, see `processing.align`."""
 PROBE_S = 1e-5
 """Over which a travel is differentiated."""
+KICK_FRAMES = 10
+"""Frames that there must be on either side of an instant at which the velocity may be wrong."""
 LEAST_TRAVEL_SIGMA = 20.0
 """How many times its noise a marker must move."""
 
@@ -160,6 +162,7 @@ def _fit(
     lag = coarse_lag(*filmed, integral.start_s, integral.step_s, felt, step_of_search_s=SEARCH_STEP_S)
     if isinstance(lag, str):
         return lag, ()
+    model = replace(model, kicks_s=_seen_kicks(model, lag.offset_s))
     solver = MotionSolver(marker_sigma**2, [inflation * density for inflation in INFLATIONS])
     first = solver.converge(model, lag.offset_s, 0.0, density, drift_allowance)
     if isinstance(first, str):
@@ -183,6 +186,15 @@ def _fit(
     )
     fit = _report(model, *best, free[0], lag, marker_sigma, int(odd.sum()), drift_allowance)
     return fit, faults
+
+
+def _seen_kicks(model: MotionModel, shift_s: float) -> tuple[float, ...]:
+    """Kicks with frames before and behind them; one at an end of the film is a part of its constant velocity."""
+    mapped = model.mapped_s(shift_s, 0.0)
+    mapped = mapped[model.integral.covers(mapped)]
+    if mapped.size <= 2 * KICK_FRAMES:
+        return ()
+    return tuple(k for k in model.kicks_s if mapped[KICK_FRAMES] < k < mapped[-1 - KICK_FRAMES])
 
 
 def _check(times_s: Array, positions: Array, step_s: float, acceleration: Array, sigma: float) -> None:

@@ -21,6 +21,8 @@ SPAN_S = 4e-3
 """Over which the camera's velocity is taken: 0.05 mm of noise at 6000 frames/s then is 0.02 m/s."""
 LEAST_SPANS = 8
 """Velocities that must be there to be compared."""
+SIGNIFICANT = 3.29
+"""Standard uncertainties that a departure must have; by chance one of 1000 has."""
 EXPLAINED = 1 / 3
 """Of the difference that may be left for a shift of the zero to explain it."""
 
@@ -126,6 +128,38 @@ def check_velocity(error: VelocityError) -> Outcome:
         f"{text} (limit {100 * bound:g} %): wrong sensitivity, clipping or another scale of the picture; check range "
         "and gain, and the picture's scale, before the next shot"
     )
+
+
+def check_carriage(excess: float, u: float) -> Outcome:
+    """Judge the part that a carriage's accelerometer has in the recoil travel against a camera's.
+
+    Parameters
+    ----------
+    excess : float
+        Share of that part which would have to be taken off to agree with the camera: 0 if the sensor is right,
+        2 if it is turned, ``1 - 1/g`` if it reads g times too much.
+    u : float
+        Its standard uncertainty, that of the sensor's scale included.
+
+    Returns
+    -------
+    verdict, detail
+        What is not significant is never more than ok.
+    """
+    limit = LIMITS["carriage_excess"]
+    text = f"{100 * (1.0 - excess):.0f} % of its part in the recoil travel is there (u {100 * u:.2g} %) by the camera"
+    if not abs(excess) > SIGNIFICANT * u:
+        return "ok", text
+    verdict = limit.verdict(abs(excess))
+    if verdict == "ok":
+        return "ok", text
+    turned = abs(excess - 2.0) < min(0.5, SIGNIFICANT * u + 0.25)
+    advice = (
+        "the sensor is turned: turn it, or set `polarity = -1`"
+        if turned
+        else "check its gain, its axis and that its cable is not swapped with another"
+    )
+    return verdict, f"{text}, within {100 * (limit.fail if verdict == 'fail' else limit.warn):g} % of all: {advice}"
 
 
 def check_rest_to_rest(final_m_s: float, peak_m_s: float) -> Outcome:

@@ -28,7 +28,7 @@ from processing.marker_checks import (
     check_peak_locking,
     check_residual,
 )
-from processing.motion_checks import check_polarity, check_rest_to_rest, check_velocity
+from processing.motion_checks import check_carriage, check_polarity, check_rest_to_rest, check_velocity
 from processing.quality_limits import LIMITS, Limit, Outcome
 from processing.repeatability import check_repeat_peaks
 from processing.spectral_checks import check_aliasing, check_gap, check_hum, check_no_gap, check_srs_symmetry
@@ -41,6 +41,7 @@ __all__ = [
     "check_aliasing",
     "check_battery",
     "check_braking",
+    "check_carriage",
     "check_clipping",
     "check_distance",
     "check_duplicated_pictures",

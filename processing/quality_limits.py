@@ -81,6 +81,10 @@ LIMITS: Mapping[str, Limit] = MappingProxyType(
         ),
         "time_step_share": Limit(0.01, NEVER, "time step off the period", "usual in the repair of shock data"),
         # motion
+        "carriage_excess": Limit(
+            0.1, 0.25, "share of a carriage accelerometer's part in the recoil travel that the camera refutes",
+            "2 is a turned sensor and moves the mass by 1.4 %: a quarter moves it by less than half its uncertainty",
+        ),
         "velocity_share": Limit(
             0.05, 0.10, "velocity against the camera, or at rest, over its peak", "NASA and IEST practice for pyroshock"
         ),

@@ -12,6 +12,7 @@ import numpy as np
 
 from daq.shot import InputFile, Shot
 from identification.analysis import Identification, Result
+from identification.budget import COVERAGE
 from identification.stress_waves import StressWaves
 
 SCHEMA = "recoil-daq/report/1"
@@ -76,9 +77,13 @@ def report_document(
                 "type": row.kind,
                 "sensitivity_kg": row.sensitivity,
                 "sensitivity_per": row.sensitivity_per if row.sensitivity is not None else None,
+                "u_source": math.nan if row.u_source is None else row.u_source,
+                "degrees_of_freedom": row.degrees_of_freedom,
+                "distribution": row.distribution,
             }
             for row in sorted(estimate.budget, key=lambda row: -row.u_kg)
         ],
+        "uncertainty": _uncertainty(found),
         "alignment": [
             {
                 "clock": a.clock,
@@ -158,6 +163,36 @@ def provenance_inputs(shot: Shot, shot_file: InputFile) -> list[dict[str, Any]]:
         {"file": f.name, "sha256": f.sha256, "size": f.size, "source": f.source, "reader": f.reader}
         for f in (shot_file, *shot.inputs)
     ]
+
+
+def _uncertainty(found: Identification) -> dict[str, Any]:
+    """State how the interval came about, and what a Monte Carlo method says of it."""
+    estimate = found.chosen.estimate
+    forward, reverse = (found.results[name].estimate.mass_kg for name in ("forward", "reverse"))
+    stated: dict[str, Any] = {
+        "degrees_of_freedom": estimate.degrees_of_freedom,
+        "coverage": COVERAGE,
+        "coverage_factor": estimate.coverage_factor,
+        "U_kg": estimate.coverage_factor * estimate.u_kg,
+        "frisch_bracket_kg": sorted((forward, reverse)),
+        "monte_carlo": None,
+    }
+    drawn = found.monte_carlo
+    if estimate.method == "calibrated" and drawn is not None:
+        low, high = drawn.differences(estimate.interval_kg)
+        stated["monte_carlo"] = {
+            "draws": drawn.draws,
+            "seed": drawn.seed,
+            "mean_kg": drawn.mean,
+            "u_kg": drawn.u,
+            "interval_kg": list(drawn.interval),
+            "shortest_kg": list(drawn.shortest),
+            "tolerance_kg": drawn.tolerance,
+            "converged": drawn.converged,
+            "difference_kg": [low, high],
+            "agrees": max(abs(low), abs(high)) <= drawn.tolerance + drawn.scatter,
+        }
+    return stated
 
 
 def _fusion(found: Identification) -> dict[str, Any] | None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from daq.channel import Channel
 from daq.shot import ClockAlignment
 from identification.analysis import Identification
-from identification.mass import COVERAGE_FACTOR
+from identification.budget import COVERAGE_FACTOR
 from identification.regression import FORCES
 from identification.report.figure import Figure, HorizontalLine, Panel, Span, Trace
 from identification.signals import Signals, on_grid

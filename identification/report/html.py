@@ -128,6 +128,7 @@ def render_page(report: Mapping[str, Any], figures: Sequence[Figure]) -> str:
         methods=tables.methods(report),
         budget=budget_rows,
         combined=combined,
+        coverage=tables.coverage(report),
         alignment=tables.alignment(report),
         conditioning=tables.conditioning(report),
         ringing=tables.ringing(report),

@@ -111,14 +111,25 @@ def budget(report: Report) -> tuple[list[Row], str | None]:
 
     The share is that of the sum of squares (JCGM 100:2008, 5.1.3, with unit sensitivities: each row is in kg).
     """
-    entries = [(e.get("source", NO_NUMBER), abs(e.get("u_kg") or 0.0)) for e in report.get("budget") or ()]
-    total = math.fsum(u**2 for _, u in entries)
+    entries = sorted(report.get("budget") or (), key=lambda entry: -abs(entry.get("u_kg") or 0.0))
+    total = math.fsum((e.get("u_kg") or 0.0) ** 2 for e in entries)
     rows = []
-    for source, u in sorted(entries, key=lambda entry: -entry[1]):
+    for entry in entries:
+        u = abs(entry.get("u_kg") or 0.0)
         share = 100 * u**2 / total if total > 0.0 else 0.0
+        per = entry.get("sensitivity_per") or ""
+        unit = "" if per in ("", "1") else f" {per}"
+        sensitivity, u_source = entry.get("sensitivity_kg"), entry.get("u_source")
+        freedom = entry.get("degrees_of_freedom")
         rows.append(
             {
-                "source": source,
+                "source": entry.get("source", NO_NUMBER),
+                "kind": ", ".join(text for text in (entry.get("type"), entry.get("distribution")) if text),
+                "u_source": f"{significant(u_source, 2)}{unit}" if u_source else "",
+                "sensitivity": f"{_signed(significant(sensitivity, 3))} kg{f'/({per})' if unit else ''}"
+                if sensitivity
+                else "",
+                "freedom": "∞" if freedom is None or not math.isfinite(freedom) else fixed(freedom, 0),
                 "u": significant(u, 2),
                 "share": "< 1" if 0.0 < share < 1.0 else fixed(share, 0),
                 "width": f"{share:.1f}",
@@ -126,6 +137,35 @@ def budget(report: Report) -> tuple[list[Row], str | None]:
         )
     u_mass = report["mass"].get("u")
     return rows, None if u_mass is None else significant(u_mass, 2)
+
+
+def coverage(report: Report) -> list[str]:
+    """Say in sentences how the interval comes about, and how a Monte Carlo method compares with it."""
+    stated = report.get("uncertainty") or {}
+    if not stated:
+        return []
+    freedom = stated.get("degrees_of_freedom")
+    known = "infinitely many" if freedom is None or freedom > 1e4 else fixed(freedom, 0)
+    factor, expanded = fixed(stated["coverage_factor"], 3), significant(stated["U_kg"], 2)
+    interval = f"The interval is the mass and k = {factor} standard uncertainties, U95 = {expanded} kg, for {known}"
+    sentences = [f"{interval} effective degrees of freedom (Welch-Satterthwaite)."]
+    drawn = stated.get("monte_carlo")
+    if drawn:
+        low, high = (fixed(limit, 2) for limit in drawn["interval_kg"])
+        below, above = (_signed(fixed(d, 2)) for d in drawn["difference_kg"])
+        sentences.append(
+            f"Monte Carlo method (JCGM 101), {drawn['draws']} draws, seed {drawn['seed']}: mean "
+            f"{fixed(drawn['mean_kg'], 2)} kg, u {significant(drawn['u_kg'], 3)} kg, 95 % interval {low} kg to {high} "
+            f"kg; the ends of the interval above differ from it by {below} kg and {above} kg, "
+            f"{'within' if drawn['agrees'] else 'beyond'} the numerical tolerance of {plain(drawn['tolerance_kg'])} kg"
+            f"{'' if drawn['converged'] else ', which the draws have not reached'}."
+        )
+    low, high = (fixed(limit, 2) for limit in stated["frisch_bracket_kg"])
+    sentences.append(
+        f"Frisch's bracket, force on acceleration and acceleration on force, both filtered: {low} kg to {high} kg; its "
+        "width is what noise in both can do to a regression of one on the other."
+    )
+    return sentences
 
 
 def alignment(report: Report) -> list[Row]:

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from daq.errors import IdentificationError
 from daq.shot import Shot
 from identification.analysis import Identification, Options, identify_shot
-from identification.mass import COVERAGE_FACTOR
+from identification.budget import COVERAGE_FACTOR
 from identification.preparation import Prepared, prepare
 from identification.report.figure import Figure
 from rigs.rig import Rig

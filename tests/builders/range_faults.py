@@ -148,7 +148,7 @@ def swapped(one: str, other: str) -> Injected:
             swap = {a.name: replace(a, role=b.role), b.name: replace(b, role=a.role)}
         else:
             swap = {a.name: replace(a, samples=b.samples), b.name: replace(b, samples=a.samples)}
-        return replace(shot, channels=shot.channels | swap)
+        return replace(shot, channels={**shot.channels, **swap})
 
     return inject
 
@@ -201,6 +201,6 @@ def begun_late(after_s: float) -> Injected:
 
 def hum(role: str) -> Injected:
     def change(s: Array, c: Channel) -> Array:
-        return s + 0.02 * np.nanmax(np.abs(s)) * np.sin(2 * np.pi * 50.0 * c.time_base.times_s + 0.3)
+        return np.asarray(s + 0.02 * np.nanmax(np.abs(s)) * np.sin(2 * np.pi * 50.0 * c.time_base.times_s + 0.3))
 
     return lambda _, shot: _changed(shot, role, change)

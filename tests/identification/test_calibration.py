@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from identification import calibration
-from identification.calibration import CAMERA_SCALE, CAMERA_ZERO, ZERO, Calibration, CameraScale
+from identification.calibration import Calibration
 from identification.mass import (
     ACCELERATION,
     FRICTION,
@@ -19,6 +19,7 @@ from identification.mass import (
     reverse_mass,
 )
 from identification.regression import Regression, spaced_rows
+from identification.sensor_observations import CAMERA_SCALE, CAMERA_ZERO, ZERO, CameraScale
 from processing.filters import LowPass
 from tests.builders.bench_shots import MASS_KG, bench_regression
 

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 from daq.errors import IdentificationError
 from identification.analysis import Options, identify_shot
+from identification.budget import BudgetRow
 from identification.mass import (
     ACCELERATION,
     FRICTION,
     GAUGES,
     RANDOM,
-    BudgetRow,
     MassEstimate,
     ScaleUncertainty,
     correlation_factor,

@@ -118,6 +118,14 @@ def turned_accelerometer() -> Changed:
     return {"acc_recoil": -samples("acc_recoil")}
 
 
+def turned_carriage() -> Changed:
+    return {"acc_carriage_x": -samples("acc_carriage_x")}
+
+
+def halved_carriage() -> Changed:
+    return {"acc_carriage_x": 0.5 * samples("acc_carriage_x")}
+
+
 def turned_brake() -> Changed:
     return {"p_brake": -samples("p_brake")}
 
@@ -272,6 +280,8 @@ FAULTS = [
     fault(too_loud, "x_camera", "velocity", "warn", "wrong sensitivity", *MOTION),
     fault(turned_accelerometer, "acc_recoil", "polarity", "fail", "turn the sensor", "force sign"),
     fault(turned_accelerometer, "acc_recoil", "force sign", "fail", "one of them is turned", "polarity"),
+    fault(turned_carriage, "acc_carriage_x", "carriage", "fail", "the sensor is turned", align_again=True),
+    fault(halved_carriage, "acc_carriage_x", "carriage", "fail", "check its gain, its axis", align_again=True),
     fault(turned_brake, "p_brake", "polarity", "fail", "set `polarity = -1`", *MOTION, "range"),
     fault(wrong_gain, "shot", "impulse", "warn", "compare the gains"),
     fault(wrong_unit, "shot", "impulse", "fail", "compare every gain"),

@@ -1,0 +1,91 @@
+"""The uncertainty budget of a mass after the GUM: contributions, effective degrees of freedom, coverage factor.
+
+JCGM 100:2008, "Guide to the expression of uncertainty in measurement": the contributions are combined by
+equation (10), the effective degrees of freedom by Welch and Satterthwaite's formula (G.2b), and the coverage
+factor is the quantile of Student's t for them (G.3.2).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+COVERAGE_FACTOR = 1.959963984540054
+"""97.5 % quantile of the normal distribution."""
+COVERAGE = 0.95
+"""Coverage probability of every interval."""
+MOST_DEGREES_OF_FREEDOM = 1e4
+"""From here on Student's t is the normal distribution to five digits."""
+
+Distribution = Literal["normal", "rectangular"]
+
+
+@dataclass(frozen=True)
+class BudgetRow:
+    """One line of an uncertainty budget.
+
+    Attributes
+    ----------
+    source : str
+    u_kg : float
+        Contribution to the standard uncertainty of the mass.
+    kind : str
+        ``A`` by statistics of this shot, ``B`` by other knowledge (JCGM 100:2008, 4.2 and 4.3).
+    sensitivity : float or None
+        Change of the mass in kg if the source is off by one `sensitivity_per`; None where the mass does
+        not depend on one figure.
+    sensitivity_per : str
+        ``1`` for a relative error of a scale, ``N`` for the friction, ``m/s^2`` for a zero.
+    degrees_of_freedom : float
+        Of `u_kg`; infinite where it is taken as known.
+    distribution : str
+        ``normal`` or ``rectangular``.
+    """
+
+    source: str
+    u_kg: float
+    kind: str
+    sensitivity: float | None = None
+    sensitivity_per: str = "1"
+    degrees_of_freedom: float = math.inf
+    distribution: Distribution = "normal"
+
+    @property
+    def u_source(self) -> float | None:
+        """Standard uncertainty of the source itself, in `sensitivity_per`; None where there is no sensitivity."""
+        return None if not self.sensitivity else self.u_kg / abs(self.sensitivity)
+
+
+def combined_u(rows: Sequence[BudgetRow]) -> float:
+    """Root sum of squares of independent contributions, kg."""
+    return math.sqrt(math.fsum(row.u_kg**2 for row in rows))
+
+
+def effective_degrees_of_freedom(rows: Sequence[BudgetRow]) -> float:
+    """Degrees of freedom of the combined standard uncertainty, ``u^4 / sum(u_i^4 / nu_i)`` (G.2b); may be infinite."""
+    fourth = math.fsum(row.u_kg**4 / row.degrees_of_freedom for row in rows if row.u_kg > 0)
+    return combined_u(rows) ** 4 / fourth if fourth > 0 else math.inf
+
+
+def coverage_factor(degrees_of_freedom: float) -> float:
+    """Factor on a standard uncertainty for `COVERAGE`: a quantile of Student's t.
+
+    Parameters
+    ----------
+    degrees_of_freedom : float
+        At least 1; infinite for the normal distribution.
+
+    Raises
+    ------
+    ValueError
+        If there is less than one.
+    """
+    if not degrees_of_freedom >= 1:
+        raise ValueError(f"a coverage factor needs at least one degree of freedom, not {degrees_of_freedom}")
+    if degrees_of_freedom > MOST_DEGREES_OF_FREEDOM:
+        return COVERAGE_FACTOR
+    from scipy.special import stdtrit
+
+    return float(stdtrit(degrees_of_freedom, 0.5 * (1 + COVERAGE)))

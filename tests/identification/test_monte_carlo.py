@@ -1,0 +1,102 @@
+"""The Monte Carlo method and its comparison with the linear budget."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from identification.budget import BudgetRow
+from identification.calibrated_draws import CalibratedProblem
+from identification.monte_carlo import LEAST_BLOCKS, MonteCarlo, numerical_tolerance, propagate
+from tests.builders.virtual_shots import identified
+
+
+def drawn_of(draw, **options) -> MonteCarlo:
+    found = propagate(draw, **options)
+    assert found is not None
+    return found
+
+
+def test_a_normal_measurand_has_its_known_interval():
+    drawn = drawn_of(lambda rng, n: 5.0 + 2.0 * rng.standard_normal(n), seed=1)
+    assert drawn.converged
+    assert drawn.u == pytest.approx(2.0, abs=0.05)
+    assert drawn.interval == pytest.approx(stats.norm.interval(0.95, 5.0, 2.0), abs=0.06)
+    assert drawn.shortest == pytest.approx(drawn.interval, abs=0.1)
+
+
+def test_the_shortest_interval_of_a_skewed_measurand_is_shorter_than_the_symmetric_one():
+    drawn = drawn_of(lambda rng, n: rng.exponential(1.0, n), seed=2)
+    assert drawn.interval == pytest.approx(stats.expon.interval(0.95), abs=0.05)
+    assert drawn.shortest[0] < 0.01
+    assert drawn.shortest[1] == pytest.approx(-math.log(0.05), abs=0.05)
+
+
+def test_the_same_seed_gives_the_same_result_and_another_one_not():
+    def draw(rng, n):
+        return rng.standard_normal(n)
+
+    assert drawn_of(draw, seed=3) == drawn_of(draw, seed=3)
+    assert drawn_of(draw, seed=3).mean != drawn_of(draw, seed=4).mean
+
+
+def test_draws_that_do_not_suffice_are_said_not_to():
+    # u = 9.9: two digits ask for 0.05 in 9.9
+    drawn = drawn_of(lambda rng, n: 9.9 * rng.standard_normal(n), seed=5, most_blocks=LEAST_BLOCKS)
+    assert not drawn.converged
+    assert drawn.scatter > drawn.tolerance == 0.05
+
+
+@pytest.mark.parametrize(("u", "tolerance"), [(2.9, 0.05), (0.0123, 0.0005), (99.7, 5.0), (9.96, 0.5), (0.0, 0.0)])
+def test_the_tolerance_is_half_of_the_last_digit_that_matters(u, tolerance):
+    assert numerical_tolerance(u) == pytest.approx(tolerance, rel=1e-12)
+
+
+def test_draws_that_are_not_finite_give_no_distribution_and_too_few_blocks_are_refused():
+    assert propagate(lambda _, n: np.full(n, np.nan)) is None
+    with pytest.raises(ValueError, match="most_blocks"):
+        propagate(lambda rng, n: rng.standard_normal(n), most_blocks=1)
+
+
+def test_a_rectangular_contribution_is_drawn_as_one():
+    # a problem that says everything of the mass: only the contribution is left
+    one = np.zeros((1, 7))
+    one[0, 0] = 1.0
+    problem = CalibratedProblem(
+        100.0, np.zeros(7), np.zeros((6, 6)), 1.0, 1.0, 1e6, np.vstack([one, np.eye(7)[1:]]), np.full(7, 1e-9)
+    )
+    masses = problem.draws([BudgetRow("cut-off", 1.0, "B", distribution="rectangular")])(
+        np.random.default_rng(0), 20_000
+    )
+    assert np.abs(masses - 100.0).max() < math.sqrt(3.0) + 1e-3
+    assert masses.std() == pytest.approx(1.0, rel=0.02)
+
+
+@pytest.mark.parametrize("name", ["field-2013", "mixed"])
+def test_the_budget_of_a_shot_agrees_with_its_draws(name):
+    found = identified(name)
+    estimate, drawn = found.results["calibrated"].estimate, found.monte_carlo
+    assert drawn is not None
+    assert drawn.converged
+    assert drawn.u == pytest.approx(estimate.u_kg, rel=0.02)
+    low, high = drawn.differences(estimate.interval_kg)
+    assert max(abs(low), abs(high)) < 0.05 * estimate.u_kg
+
+
+def test_draws_of_a_strongly_uncertain_scale_keep_what_is_not_linear():
+    columns = np.zeros((50, 6))
+    columns[:, 0] = 1000.0
+    u = np.array([1e-9, 1e-9, 1e-9, 1e-9, 0.15, 1e-9])
+    problem = CalibratedProblem.of(100.0, np.zeros(7), columns, 1e-3, 1e-9, 1e6, np.eye(7)[1:], u)
+    masses = problem.draws(())(np.random.default_rng(1), 40_000)
+    assert masses.std() == pytest.approx(15.0, rel=0.02)
+    # a = g F / m is measured, g is drawn: m = m0 (1 + dg), so this one is linear and has no bias at all
+    assert masses.mean() == pytest.approx(100.0, abs=0.3)
+    u = np.array([0.05, 1e-9, 1e-9, 1e-9, 1e-9, 1e-9])
+    problem = CalibratedProblem.of(100.0, np.zeros(7), columns, 1e-3, 1e-9, 1e6, np.eye(7)[1:], u)
+    masses = problem.draws(())(np.random.default_rng(1), 40_000)
+    # F / (1 + dF): the mean of 1 / (1 + dF) is 1 + u^2 + 3 u^4
+    assert masses.mean() == pytest.approx(100.0 * (1 + 0.05**2 + 3 * 0.05**4), rel=8e-4)
