@@ -9,8 +9,8 @@ from identification.arx_mass import GainMassTrace
 from identification.arx_model import ArxModel
 from identification.arx_orders import OrderTable
 from identification.arx_response import frequency_response, poles, step_response, zeros
+from identification.budget import COVERAGE_FACTOR
 from identification.decimated_record import DecimatedRecord
-from identification.mass import COVERAGE_FACTOR
 from identification.report.figure import Figure, HorizontalLine, Panel, Span, Trace
 from identification.residual_tests import ResidualTest
 

@@ -13,8 +13,8 @@ from identification.arx import estimate_arx, residuals, robust_covariance
 from identification.arx_model import ArxModel, ArxOrders
 from identification.arx_recursive import finite_history_arx, forgetting_arx
 from identification.arx_response import dc_gain, inverse
+from identification.budget import COVERAGE_FACTOR
 from identification.decimated_record import DecimatedRecord
-from identification.mass import COVERAGE_FACTOR
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from identification.arx_choice import ArxChoice
 from identification.arx_mass import GainMass
 from identification.arx_model import ArxOrders
 from identification.arx_response import poles
-from identification.mass import COVERAGE_FACTOR
+from identification.budget import COVERAGE_FACTOR
 from identification.residual_tests import ResidualTest
 
 LEAST_FIT = 80.0

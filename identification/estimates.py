@@ -22,15 +22,16 @@ from numpy.typing import NDArray
 from daq.channel import Channel
 from daq.errors import IdentificationError
 from daq.shot import ClockAlignment, Shot
-from identification.calibration import CAMERA_SCALE
+from identification.budget import BudgetRow
 from identification.double_impulse import double_impulse_mass
 from identification.errors_in_variables import deming_mass
 from identification.estimator_inputs import EstimatorInputs
 from identification.joint_recoil import Knowledge, Recoil
 from identification.joint_smoother import joint_mass
-from identification.mass import ACCELERATION, FRICTION, GAUGES, RANDOM, BudgetRow, MassEstimate, ScaleUncertainty
+from identification.mass import ACCELERATION, FRICTION, GAUGES, RANDOM, MassEstimate, ScaleUncertainty
 from identification.prewhitening import prewhitened_mass
 from identification.regression import Regression, spaced_rows
+from identification.sensor_observations import CAMERA_SCALE
 from identification.signals import Signals
 from identification.weak_form import HALF_WIDTH_S, WeakMass, weak_mass
 from processing.gaps import bridge

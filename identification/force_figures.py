@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.budget import COVERAGE_FACTOR
 from identification.force_peak import ForcePeak
-from identification.mass import COVERAGE_FACTOR
 from identification.motion_force import MotionForce
 from identification.report.figure import Figure, HorizontalLine, Panel, Span, Trace
 

@@ -11,9 +11,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from identification.calibration import Calibration, CameraScale, calibrated_mass
+from identification.calibration import Calibration, calibrated_mass
 from identification.mass import FRICTION, ScaleUncertainty
 from identification.regression import Regression
+from identification.sensor_observations import CameraScale
 
 WIDE = 10.0
 """Standard uncertainty of a declaration that tells nothing, over the largest force that may be friction."""

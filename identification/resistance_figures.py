@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.mass import COVERAGE_FACTOR
+from identification.budget import COVERAGE_FACTOR
 from identification.report.figure import Figure, HorizontalLine, Panel, Trace
 from identification.resistance_comparison import ResistanceOverTime
 from identification.resistance_fit import FittedBrake

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.budget import COVERAGE_FACTOR
 from identification.carriage_record import CarriageRecord
-from identification.mass import COVERAGE_FACTOR
 from identification.report.figure import Figure, HorizontalLine, Panel, Span, Trace
 from identification.restoring_force import RestoringTrace
 from identification.stiffness_budget import SYMBOLS, SupportEstimates

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.base_parameters import BaseParameters
+from identification.budget import COVERAGE_FACTOR
 from identification.calibration import LARGEST_SIGNIFICANCE
 from identification.inertia_forces import (
     FORCES,
@@ -19,7 +20,6 @@ from identification.inertia_forces import (
     mass_alone,
     peak,
 )
-from identification.mass import COVERAGE_FACTOR
 from identification.mechanism_fit import fit_mechanism
 from identification.mechanism_rows import MechanismRows
 from identification.recorded_rows import mechanism_rows

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.analysis import Identification, scale_uncertainty
-from identification.mass import COVERAGE_FACTOR
+from identification.budget import COVERAGE_FACTOR
 from identification.packing_friction import Friction, packing_friction
 from identification.preparation import camera_scale
 from identification.report.rounding import rounded, significant

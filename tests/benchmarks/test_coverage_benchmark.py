@@ -130,14 +130,16 @@ def test_the_stated_interval_holds_the_true_mass(benchmark, capsys, name):
         seconds = benchmark.stats.stats.min / SHOTS
         print(f"\n{name}, {SHOTS} shots, {valid} valid, {seconds:.2f} s each to simulate, ingest and identify")
         print(
-            f"{'method':12} {'bias %':>8} {'u(bias)':>8} {'sd %':>7} {'mean u %':>9} {'coverage':>9} {'RPE %':>7} {'shots':>6}"
+            f"{'method':12} {'bias %':>8} {'u(bias)':>8} {'sd %':>7} {'mean u %':>9} "
+            f"{'coverage':>9} {'RPE %':>7} {'shots':>6}"
         )
         for method, (bias, sd, u, covered, rpe, count) in table.items():
             spread = sd / math.sqrt(count)
             print(f"{method:12} {bias:+8.3f} {spread:8.3f} {sd:7.3f} {u:9.3f} {covered:9.3f} {rpe:7.3f} {count:6d}")
         (pulse, n_pulse), (brake, n_brake) = in_trace
         print(
-            f"trace's 95 % band holds in {pulse / n_pulse:.3f} of the pulse's, {brake / n_brake:.3f} of the brake's samples"
+            f"trace's 95 % band holds in {pulse / n_pulse:.3f} of the pulse's samples, "
+            f"{brake / n_brake:.3f} of the brake's"
         )
         for reason in sorted({reason[:110] for o in outcomes for reason in o.reasons}):
             print("not valid:", reason)
