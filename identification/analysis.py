@@ -15,8 +15,12 @@ from daq.errors import IdentificationError
 from daq.shot import ClockAlignment, Shot
 from identification.calibration import Calibration
 from identification.camera_route import mass_by_camera
+from identification.endogeneity import Endogeneity, durbin_wu_hausman
+from identification.errors_in_variables import neighbouring_force
+from identification.estimates import FilmedShot, further_estimates, other_acceleration
 from identification.filter_choice import FilterChoice, choose_filter
 from identification.mass import RANDOM, MassEstimate, ScaleUncertainty, forward_mass, reverse_mass
+from identification.mass_constancy import MassConstancy, constancy_of
 from identification.monte_carlo import MonteCarlo, propagate
 from identification.preparation import camera_scale, filmed, prepare
 from identification.regression import Regression
@@ -34,10 +38,16 @@ from processing.repeatability import ShotPeaks, shot_peaks
 from rigs.rig import Rig
 
 Array = NDArray[np.float64]
-Method = Literal["calibrated", "reverse", "forward", "paper"]
+Method = Literal["calibrated", "reverse", "forward", "paper", "tls", "ar-gls", "weak", "camera-gls", "joint"]
 METHODS: tuple[Method, ...] = ("calibrated", "reverse", "forward", "paper")
+"""Computed for every shot. The default is ``calibrated`` wherever forces and accelerometer are there, because the
+scales of the sensors are less certain than the shot is random; a camera that was aligned adds its own scale."""
+FURTHER: tuple[Method, ...] = ("tls", "ar-gls", "weak", "camera-gls", "joint")
+"""Computed when asked for, see `identification.estimates`; the last two need a camera that was aligned."""
 
 DEFAULT_WINDOW_S = 0.02
+INSTRUMENT_LAG_S = 2.5e-4
+"""Of the force that is the instrument of the test on bias: beyond its noise's correlation, short against the pulse."""
 
 
 @dataclass(frozen=True)
@@ -47,13 +57,15 @@ class Options:
     Attributes
     ----------
     method : str
-        One of `METHODS`; it gives the mass and the trace of the report. All are computed.
+        One of `METHODS` or `FURTHER`; it gives the mass and the trace of the report.
     cutoff_hz : float or None
         -3 dB point of the zero-phase low-pass of both sides; None to choose it from the data.
     window_s : float
         Memory of the trace.
     campaign : CutoffChoice or None
         The cut-off chosen for several shots, this one among them.
+    compare : bool
+        Whether those of `FURTHER` are all computed.
 
     Raises
     ------
@@ -65,10 +77,11 @@ class Options:
     cutoff_hz: float | None = None
     window_s: float = DEFAULT_WINDOW_S
     campaign: CutoffChoice | None = None
+    compare: bool = False
 
     def __post_init__(self) -> None:
-        if self.method not in METHODS:
-            raise ValueError(f"method must be one of {', '.join(METHODS)}, not {self.method!r}")
+        if self.method not in (*METHODS, *FURTHER):
+            raise ValueError(f"method must be one of {', '.join((*METHODS, *FURTHER))}, not {self.method!r}")
         for name in ("cutoff_hz", "window_s"):
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0):
@@ -111,6 +124,10 @@ class Identification:
         Of the recoiling part's accelerometer.
     monte_carlo : MonteCarlo or None
         Of the mass by the calibrated method; None where a draw has no mass.
+    endogeneity : Endogeneity or None
+        Whether force on acceleration, as recorded, is biased here; None where that cannot be told.
+    constancy : MassConstancy or None
+        Whether one mass explains the shot; None where that cannot be told.
     skew : RecorderSkew
         Of acceleration and force.
     stress_waves : tuple of StressWaves
@@ -142,6 +159,8 @@ class Identification:
     filter_choice: FilterChoice
     zero_shift: ZeroShift
     monte_carlo: MonteCarlo | None
+    endogeneity: Endogeneity | None
+    constancy: MassConstancy | None
     skew: RecorderSkew
     stress_waves: tuple[StressWaves, ...]
     peaks: ShotPeaks
@@ -226,6 +245,21 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         "paper": replace(forward_mass(recorded, scales), method="paper"),
     }
     estimates = {k: replace(e, budget=(*e.budget, *further)) for k, e in estimates.items()}
+    if options.compare or options.method in FURTHER:
+        film = None
+        if camera is not None and camera_clock is not None:
+            # a clock that was aligned by the accelerometer is as much less late as that was
+            clock = replace(camera_clock, offset_s=camera_clock.offset_s - skew.corrected_s)
+            other = other_acceleration(prepared.acceleration_m_s2, prepared.inertial_m_s2)
+            film = FilmedShot(camera, clock, other)
+        estimates |= further_estimates(filtered, recorded, signals, shot, rig, scales, further, film)
+    if options.method not in estimates:
+        raise IdentificationError(
+            f"this shot allows no estimate by the method {options.method}",
+            found=f"estimates by {', '.join(estimates)}",
+            remedy="take another --method, or mend the camera's alignment and what was lost",
+        )
+    constancy = _constancy(filtered, calibration, scales, offset.u)
     regressions = {name: filtered if name != "paper" else recorded for name in estimates}
     notes: tuple[str, ...] = ()
     if camera is not None and camera_clock is not None and camera_clock.status != "failed":
@@ -248,6 +282,8 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         filter_choice=choice,
         zero_shift=zero_shift,
         monte_carlo=propagate(calibration.problem.draws(further)),
+        endogeneity=_endogeneity(recorded),
+        constancy=constancy,
         skew=skew,
         stress_waves=find_stress_waves(shot, signals, choice),
         peaks=shot_peaks(shot.name, recorded.acceleration_m_s2, recorded.rate_hz, low_pass),
@@ -260,9 +296,30 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         velocity_m_s=prepared.velocity_m_s,
         fused=prepared.fused,
         alignments=prepared.alignments,
-        reasons=reasons_against(shot, rig, signals, estimates, trace, calibration, zero_shift, filtered),
-        notes=(*notes_on(signals, recorded, trace, zero_shift), *notes),
+        reasons=reasons_against(shot, rig, signals, estimates, trace, calibration, zero_shift, filtered, constancy),
+        notes=(*notes_on(signals, recorded, trace, zero_shift, constancy), *notes),
     )
+
+
+def _constancy(
+    filtered: Regression, calibration: Calibration, scales: ScaleUncertainty, u_zero_m_s2: float
+) -> MassConstancy | None:
+    try:
+        return constancy_of(filtered, calibration, scales, u_zero_m_s2)
+    except IdentificationError:
+        # too few rows to tell; the mass itself has its own reasons then
+        return None
+
+
+def _endogeneity(recorded: Regression) -> Endogeneity | None:
+    force = recorded.force_n
+    lag = max(1, round(INSTRUMENT_LAG_S * recorded.rate_hz))
+    instrument = neighbouring_force(np.where(np.isfinite(force), force, 0.0), lag)
+    used = recorded.used & np.roll(recorded.trusted, lag) & np.roll(recorded.trusted, -lag)
+    try:
+        return durbin_wu_hausman(recorded.acceleration_m_s2, force, instrument, used=used)
+    except IdentificationError:
+        return None
 
 
 def scale_uncertainty(rig: Rig) -> ScaleUncertainty:

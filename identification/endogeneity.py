@@ -56,7 +56,8 @@ class Endogeneity:
         return 100.0 * (self.plain_kg / self.instrumental_kg - 1.0)
 
     def __str__(self) -> str:
-        test = f"Durbin-Wu-Hausman {self.statistic:+.1f}, p = {self.p:.2g}"
+        p = f"p = {self.p:.2g}" if self.p > 1e-12 else "p < 1e-12"
+        test = f"Durbin-Wu-Hausman {self.statistic:+.1f}, {p}"
         if self.biased:
             return (
                 f"plain least squares of force on acceleration is biased by {self.bias_percent:+.2f} %: "

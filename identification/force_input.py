@@ -161,12 +161,12 @@ def _model(thin: MeasuredForce, filmed: FilmedTravel | None, modes: Sequence[Mod
     middle = math.exp(float(np.mean(np.log([m.frequency_hz for m in modes])))) if len(modes) else 0.2 / h
     oscillators = [(m.frequency_hz, m.damping_ratio, s) for m, s in zip(modes, shares, strict=True)]
     for i, (frequency_hz, damping, share) in enumerate([*oscillators, (middle, BROADBAND_DAMPING, 0.02)]):
-        at = slice(_PLAIN + 2 * i, _PLAIN + 2 * i + 2)
+        own = slice(_PLAIN + 2 * i, _PLAIN + 2 * i + 2)
         w = 2 * math.pi * frequency_hz * h
         decay = np.array([[0.0, w], [-w, -2 * damping * w]])
-        transition[at, at] = expm(decay)
+        transition[own, own] = expm(decay)
         # of unit variance when it has settled, times its share
-        growths[_RINGING, at, at] = _growth(decay, np.array([0.0, math.sqrt(4 * damping * w * share)]))
+        growths[_RINGING, own, own] = _growth(decay, np.array([0.0, math.sqrt(4 * damping * w * share)]))
     start, covariance = np.zeros(n), np.zeros((n, n))
     first = float(thin.force_n[np.isfinite(thin.force_n)][0]) / scale_n
     start[_FORCE] = first

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from daq.channel import Channel
 from daq.errors import IdentificationError
 from daq.shot import ClockAlignment, Shot
 from identification.kinematics import inertial_acceleration, travel_acceleration, turning
@@ -179,7 +180,7 @@ def force_record(shot: Shot, rig: Rig) -> ForceRecord:
     )
 
 
-def _without(shot: Shot, name: str) -> dict[str, object]:
+def _without(shot: Shot, name: str) -> dict[str, Channel]:
     return {n: c for n, c in shot.channels.items() if n != name}
 
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from daq.shot import Shot
 from identification.calibration import LARGEST_RESIDUAL, LARGEST_SIGNIFICANCE, Calibration
 from identification.mass import ACCELERATION, RANDOM, MassEstimate
+from identification.mass_constancy import MassConstancy
 from identification.regression import Regression
 from identification.sensor_observations import CAMERA_SCALE
 from identification.signals import Signals
@@ -19,6 +20,8 @@ LEAST_SHARE = 0.5
 """Below this share of identified samples the trace does not describe the shot."""
 LARGEST_LOSS = 0.8
 """Of the squares of the force: the mass then hangs on the slow rest of the motion, and on the friction."""
+CERTAINLY_VARIES = 0.01
+"""Level below which a mass is not taken for constant any more; from 0.05 on it is a note."""
 LARGEST_ROUTE_GAP = 3.0
 """Combined standard uncertainties by which the two routes to the acceleration may differ."""
 
@@ -32,6 +35,7 @@ def reasons_against(
     calibration: Calibration,
     shift: ZeroShift,
     filtered: Regression,
+    constancy: MassConstancy | None,
 ) -> tuple[str, ...]:
     """Say what speaks against the result.
 
@@ -47,6 +51,7 @@ def reasons_against(
         Of the recoiling part's accelerometer.
     filtered : Regression
         Tells what of the pulse was lost.
+    constancy : MassConstancy or None
 
     Returns
     -------
@@ -95,6 +100,8 @@ def reasons_against(
                 f"the accelerometer gives {inertial.mass_kg:.1f} kg and the camera {camera.mass_kg:.1f} kg, "
                 f"{apart / own:.1f} standard uncertainties apart (limit {LARGEST_ROUTE_GAP:g})"
             )
+    if constancy is not None and not constancy.constant(CERTAINLY_VARIES):
+        reasons.append(f"{str(constancy).rstrip('.')}: see the mass over time, one number does not describe it")
     return tuple(reasons)
 
 
@@ -128,7 +135,9 @@ def _not_shared(source: str) -> bool:
     return source in (RANDOM, ACCELERATION, CAMERA_SCALE)
 
 
-def notes_on(signals: Signals, recorded: Regression, trace: MassTrace, shift: ZeroShift) -> tuple[str, ...]:
+def notes_on(
+    signals: Signals, recorded: Regression, trace: MassTrace, shift: ZeroShift, constancy: MassConstancy | None
+) -> tuple[str, ...]:
     """Say what a reader should know although it does not make the result invalid.
 
     Parameters
@@ -139,6 +148,7 @@ def notes_on(signals: Signals, recorded: Regression, trace: MassTrace, shift: Ze
         Of the method that was asked for.
     shift : ZeroShift
         Of the recoiling part's accelerometer.
+    constancy : MassConstancy or None
     """
     notes = [
         f"no usable channel of role {role}: its term in the equation of motion is taken at rest"
@@ -153,4 +163,6 @@ def notes_on(signals: Signals, recorded: Regression, trace: MassTrace, shift: Ze
             f"the accelerometer's zero shifted at the shot {shift}, as force and camera tell: it is taken off, at the "
             "cost of a wider interval; check its mounting and charge amplifier"
         )
+    if constancy is not None and constancy.constant(CERTAINLY_VARIES) and not constancy.constant():
+        notes.append(str(constancy).rstrip("."))
     return tuple(notes)

@@ -35,7 +35,7 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON documen
 DebugOption = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
 OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="Replace what exists.")]
 MethodOption = Annotated[
-    Literal["calibrated", "reverse", "forward", "paper"],
+    Literal["calibrated", "reverse", "forward", "paper", "tls", "ar-gls", "weak", "camera-gls", "joint"],
     typer.Option(
         help="Estimator of the reported mass. `paper` is the published one: unfiltered, force on acceleration."
     ),
@@ -205,6 +205,7 @@ def identify(
         ),
     ] = None,
     window_s: Annotated[float, typer.Option(min=1e-4, help="Memory of the trace, seconds.")] = 0.02,
+    compare: Annotated[bool, typer.Option("--compare", help="Compute all estimators, for comparison.")] = False,
     target: TargetOption = None,
     overwrite: OverwriteOption = False,
     json: JsonOption = False,
@@ -228,7 +229,7 @@ def identify(
         reports: list[Reported] = []
         found: list[TargetReported] = []
         for path in paths:
-            options = Options(method, cutoff_hz, window_s, campaign.cutoff_of(path))
+            options = Options(method, cutoff_hz, window_s, campaign.cutoff_of(path), compare)
             if "mass" in wanted:
                 with session.steps(f"identify {path.name}") as progress:
                     reports.append(

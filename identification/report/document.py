@@ -26,6 +26,11 @@ METHOD_NOTES = {
     "forward": "force on acceleration, both filtered alike",
     "kinematic": "as reverse, with the acceleration from the camera's displacement",
     "paper": "force on acceleration, unfiltered, as published in 2013: low by errors in variables",
+    "tls": "total least squares behind the low-pass, the noises' ratio from the silence",
+    "ar-gls": "acceleration on force as recorded, with autoregressive errors",
+    "weak": "averages over test functions of finite reach, as recorded",
+    "camera-gls": "the camera's displacement against the double integral of force",
+    "joint": "force, accelerometer and camera in one smoother",
 }
 
 
@@ -84,6 +89,8 @@ def report_document(
             for row in sorted(estimate.budget, key=lambda row: -row.u_kg)
         ],
         "uncertainty": _uncertainty(found),
+        "endogeneity": _endogeneity(found),
+        "constancy": _constancy(found),
         "alignment": [
             {
                 "clock": a.clock,
@@ -163,6 +170,34 @@ def provenance_inputs(shot: Shot, shot_file: InputFile) -> list[dict[str, Any]]:
         {"file": f.name, "sha256": f.sha256, "size": f.size, "source": f.source, "reader": f.reader}
         for f in (shot_file, *shot.inputs)
     ]
+
+
+def _endogeneity(found: Identification) -> dict[str, Any] | None:
+    test = found.endogeneity
+    if test is None:
+        return None
+    return {
+        "statistic": test.statistic,
+        "p": test.p,
+        "biased": test.biased,
+        "bias_percent": test.bias_percent,
+        "detail": str(test),
+    }
+
+
+def _constancy(found: Identification) -> dict[str, Any] | None:
+    test = found.constancy
+    if test is None:
+        return None
+    return {
+        "p": test.p_value,
+        "constant": test.constant(),
+        "change_kg": test.change_kg,
+        "u_change_kg": test.u_change_kg,
+        "instant_s": test.step.instant_s,
+        "interval_s": list(test.step.interval_s),
+        "detail": str(test),
+    }
 
 
 def _uncertainty(found: Identification) -> dict[str, Any]:

@@ -165,6 +165,10 @@ def coverage(report: Report) -> list[str]:
         f"Frisch's bracket, force on acceleration and acceleration on force, both filtered: {low} kg to {high} kg; its "
         "width is what noise in both can do to a regression of one on the other."
     )
+    for key in ("endogeneity", "constancy"):
+        detail = (report.get(key) or {}).get("detail")
+        if detail:
+            sentences.append(f"{detail[:1].upper()}{detail[1:].rstrip('.')}.")
     return sentences
 
 
