@@ -18,7 +18,7 @@ from identification.camera_route import mass_by_camera
 from identification.endogeneity import Endogeneity, durbin_wu_hausman
 from identification.errors_in_variables import neighbouring_force
 from identification.estimates import FilmedShot, further_estimates, other_acceleration
-from identification.filter_choice import FilterChoice, choose_filter
+from identification.filter_choice import FilterChoice, choose_filter, mass_filter
 from identification.mass import RANDOM, MassEstimate, ScaleUncertainty, forward_mass, reverse_mass
 from identification.mass_constancy import MassConstancy, constancy_of
 from identification.monte_carlo import MonteCarlo, propagate
@@ -33,6 +33,7 @@ from identification.uncertainty import further_contributions
 from identification.verdict import notes_on, reasons_against
 from identification.zero_shift import ZeroShift, calibrated_with_zero_shift
 from processing.cutoff import CutoffChoice
+from processing.filters import LowPass
 from processing.fusion import FusedMotion
 from processing.repeatability import ShotPeaks, shot_peaks
 from rigs.rig import Rig
@@ -120,6 +121,8 @@ class Identification:
     calibration : Calibration
     filter_choice : FilterChoice
         The low-pass, and why that one.
+    mass_low_pass : LowPass
+        That of the fit of the mass, the force's own band within it.
     zero_shift : ZeroShift
         Of the recoiling part's accelerometer.
     monte_carlo : MonteCarlo or None
@@ -157,6 +160,7 @@ class Identification:
     results: Mapping[str, Result]
     calibration: Calibration
     filter_choice: FilterChoice
+    mass_low_pass: LowPass
     zero_shift: ZeroShift
     monte_carlo: MonteCarlo | None
     endogeneity: Endogeneity | None
@@ -225,23 +229,27 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
     offset = signals.offsets["recoil_acceleration"]
     told = camera_scale(camera, camera_clock), filmed(signals, prepared.acceleration_m_s2, camera, camera_clock)
 
-    def calibrated(regression: Regression) -> tuple[Regression, Calibration, ZeroShift]:
-        return calibrated_with_zero_shift(regression, low_pass, scales, offset.u, *told)
+    mass_low_pass = mass_filter(recorded, choice)
 
-    filtered, calibration, zero_shift = calibrated(recorded)
+    def calibrated(regression: Regression) -> tuple[Regression, Regression, Regression, Calibration, ZeroShift]:
+        shifted, narrow, found, shift = calibrated_with_zero_shift(regression, mass_low_pass, scales, offset.u, *told)
+        # the trace, the skew and the figures need the whole band
+        return shifted, narrow, narrow if mass_low_pass == low_pass else shifted.filtered(low_pass), found, shift
+
+    recorded, narrow, filtered, calibration, zero_shift = calibrated(recorded)
     skew = find_skew(filtered, calibration)
     while skew.due_s:
         recorded = prepared.without_skew(shot, rig, skew.corrected_s + skew.due_s)
-        filtered, calibration, zero_shift = calibrated(recorded)
+        recorded, narrow, filtered, calibration, zero_shift = calibrated(recorded)
         skew = find_skew(filtered, calibration, corrected_s=skew.corrected_s + skew.due_s, steps=skew.steps + 1)
     further = (
-        *further_contributions(recorded, filtered, calibration, signals, shot, rig),
-        *skew_contribution(filtered, calibration, skew),
+        *further_contributions(recorded, narrow, calibration, signals, shot, rig),
+        *skew_contribution(narrow, calibration, skew),
     )
     estimates = {
         "calibrated": calibration.estimate,
-        "reverse": reverse_mass(filtered, scales),
-        "forward": forward_mass(filtered, scales),
+        "reverse": reverse_mass(narrow, scales),
+        "forward": forward_mass(narrow, scales),
         "paper": replace(forward_mass(recorded, scales), method="paper"),
     }
     estimates = {k: replace(e, budget=(*e.budget, *further)) for k, e in estimates.items()}
@@ -252,14 +260,14 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
             clock = replace(camera_clock, offset_s=camera_clock.offset_s - skew.corrected_s)
             other = other_acceleration(prepared.acceleration_m_s2, prepared.inertial_m_s2)
             film = FilmedShot(camera, clock, other)
-        estimates |= further_estimates(filtered, recorded, signals, shot, rig, scales, further, film)
+        estimates |= further_estimates(narrow, recorded, signals, shot, rig, scales, further, film)
     if options.method not in estimates:
         raise IdentificationError(
             f"this shot allows no estimate by the method {options.method}",
             found=f"estimates by {', '.join(estimates)}",
             remedy="take another --method, or mend the camera's alignment and what was lost",
         )
-    constancy = _constancy(filtered, calibration, scales, offset.u)
+    constancy = _constancy(narrow, calibration, scales, offset.u)
     regressions = {name: filtered if name != "paper" else recorded for name in estimates}
     notes: tuple[str, ...] = ()
     if camera is not None and camera_clock is not None and camera_clock.status != "failed":
@@ -280,6 +288,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         results=results,
         calibration=calibration,
         filter_choice=choice,
+        mass_low_pass=mass_low_pass,
         zero_shift=zero_shift,
         monte_carlo=propagate(calibration.problem.draws(further)),
         endogeneity=_endogeneity(recorded),

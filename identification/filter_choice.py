@@ -12,6 +12,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+import numpy as np
+
 from daq.shot import Shot
 from identification.regression import Regression
 from processing.campaign_cutoff import campaign_cutoff
@@ -25,6 +27,8 @@ DEFAULT_CUTOFF_HZ = 300.0
 """Stress waves of gun-size mechanisms ring above 900 Hz, the recoil pulse has little above 300 Hz."""
 LARGEST_SHARE_OF_RATE = 0.2
 """A force that is sampled slowly cannot follow a higher cut-off."""
+MASS_ENERGY = 0.99
+"""Share of the force's energy below the cut-off of the fit of the mass: noise above it says nothing more of it."""
 FORCE_ROLES = ("recoil_acceleration", "breech_pressure", "brake_pressure", "recuperator_pressure")
 
 
@@ -86,6 +90,28 @@ def campaign_choice(shots: Sequence[Mapping[str, ShotSpectrum]]) -> CutoffChoice
     names = sorted({name for spectra in shots for name in spectra})
     channels = {name: [spectra[name] for spectra in shots if name in spectra] for name in names}
     return campaign_cutoff(channels) if channels else None
+
+
+def mass_filter(recorded: Regression, choice: FilterChoice) -> LowPass:
+    """Return the low-pass of the fit of the mass: the force's own band, within that of the choice.
+
+    A mass is one number, and the force tells it where the force has its energy; the trace over time and peaks need
+    the rest of the band as well. A cut-off that was asked for holds for both.
+
+    Parameters
+    ----------
+    recorded : Regression
+    choice : FilterChoice
+    """
+    if choice.basis == "given":
+        return choice.low_pass
+    force = np.where(np.isfinite(recorded.force_n), recorded.force_n, 0.0)[recorded.inside]
+    energy = np.cumsum(np.abs(np.fft.rfft(force, 4 * force.size)) ** 2)
+    bin_hz = recorded.rate_hz / (4 * force.size)
+    band_hz = bin_hz * float(np.searchsorted(energy, MASS_ENERGY * energy[-1]))
+    if not bin_hz < band_hz < choice.low_pass.cutoff_hz:
+        return choice.low_pass
+    return LowPass(band_hz, choice.low_pass.half_order)
 
 
 def choose_filter(

@@ -134,7 +134,7 @@ def calibrated_with_zero_shift(
     u_bias_m_s2: float,
     camera: CameraScale | None,
     filmed: Filmed | None = None,
-) -> tuple[Regression, Calibration, ZeroShift]:
+) -> tuple[Regression, Regression, Calibration, ZeroShift]:
     """Estimate the mass with the sensors' errors, a shift of the zero among them where the shot demands one.
 
     Parameters
@@ -149,8 +149,10 @@ def calibrated_with_zero_shift(
 
     Returns
     -------
-    filtered : Regression
+    recorded : Regression
         With the columns of the shift, if there is one.
+    filtered : Regression
+        The same behind the low-pass.
     calibration : Calibration
     shift : ZeroShift
 
@@ -165,7 +167,7 @@ def calibrated_with_zero_shift(
     decays = [_DECAYS + i for i, tau in enumerate(TIME_CONSTANTS_S) if tau < left_s]
     if not (math.isfinite(u_bias_m_s2) and decays):
         # without a silence a zero that shifted is like one that was never known
-        return plain, unshifted, ZeroShift()
+        return recorded, plain, unshifted, ZeroShift()
     columns = shift_columns(recorded)
     film = None
     if filmed is not None:
@@ -202,10 +204,11 @@ def calibrated_with_zero_shift(
     chosen = min(criteria, key=lambda shape: criteria[shape])
     fall = criteria[()] - criteria[chosen]
     if fall <= MARGIN:
-        return plain, unshifted, ZeroShift(criterion=max(fall, 0.0))
+        return recorded, plain, unshifted, ZeroShift(criterion=max(fall, 0.0))
     calibration = fitted(chosen)
     shift = _described(chosen, calibration.shifts_m_s2, calibration.u_shifts_m_s2, fall)
-    return replace(plain, shifts=filtered[:, chosen]), calibration, replace(shift, confirmed=bool(seen))
+    shifted = replace(recorded, shifts=columns[:, chosen])
+    return shifted, replace(plain, shifts=filtered[:, chosen]), calibration, replace(shift, confirmed=bool(seen))
 
 
 def _by_camera(source: str) -> bool:

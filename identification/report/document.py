@@ -107,7 +107,7 @@ def report_document(
         "quality": [
             {"channel": c.channel, "check": c.check, "verdict": c.verdict, "detail": c.detail} for c in shot.quality
         ],
-        "filter": found.filter_choice.to_json(),
+        "filter": {**found.filter_choice.to_json(), "mass_cutoff_hz": found.mass_low_pass.cutoff_hz},
         "zero_shift": {
             "demanded": found.zero_shift.demanded,
             "confirmed": found.zero_shift.confirmed,

@@ -220,6 +220,12 @@ def conditioning(report: Report) -> list[str]:
             f"-3 dB at {plain(float(significant(said['cutoff_hz'], 3)))} Hz, {basis.get(str(said.get('basis')), '')}: "
             f"{said.get('reason', '')}."
         )
+    narrow = said.get("mass_cutoff_hz")
+    if narrow is not None and narrow < said.get("cutoff_hz", 0.0):
+        sentences.append(
+            f"The mass is fitted below {plain(float(significant(narrow, 3)))} Hz, where the force has 99 % of its "
+            "energy; the mass over time and the figures have the whole band."
+        )
     if shift.get("demanded"):
         parts = [
             f"{significant(shift[key], 3)} m/s² (u {significant(shift['u_' + key], 2)}) {how}"
