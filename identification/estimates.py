@@ -190,7 +190,8 @@ class _Estimators:
         )
         scale_kg = found.scale_answer_kg
         scale = BudgetRow(CAMERA_SCALE, abs(scale_kg) * filmed.camera.u_rel, "B", scale_kg)
-        budget = self.by_camera(filmed, found.answers_kg, scale, found.u_shift_kg)
+        by_force, answers_kg = self.by_force(found.answers_kg[:4]), found.answers_kg[4:]
+        budget = self.by_camera(filmed, by_force, answers_kg, scale, found.u_shift_kg)
         return self.stated("camera-gls", found.mass_kg, found.u_kg, budget, found.frames)
 
     def joint(self, filmed: FilmedShot) -> MassEstimate:
@@ -214,9 +215,21 @@ class _Estimators:
             u_gain=self.scales.acceleration,
             u_scale=filmed.camera.u_rel,
         )
-        found = joint_mass(recoil, known, probes_n=self.inputs.probes.table, most_order=self.inputs.most_order)
+        table = self.inputs.probes.table
+        found = joint_mass(
+            recoil,
+            known,
+            force_errors_n=table[:, :4],
+            u_force_errors=np.array([*self.scales.gauges, self.scales.friction_n]),
+            probes_n=table[:, 4:],
+            most_order=self.inputs.most_order,
+        )
         scale = BudgetRow(CAMERA_SCALE, found.u_scale_kg, "B")
-        budget = self.by_camera(filmed, found.answers_kg, scale, found.u_shift_kg)
+        by_force = [
+            BudgetRow(source, float(u), "B")
+            for source, u in zip((*GAUGES, FRICTION), found.u_force_errors_kg, strict=True)
+        ]
+        budget = self.by_camera(filmed, by_force, found.answers_kg, scale, found.u_shift_kg)
         budget.append(BudgetRow(ACCELERATION, found.u_gain_kg, "B"))
         return self.stated("joint", found.mass_kg, found.u_kg, budget, found.frames + found.rows)
 
@@ -234,18 +247,20 @@ class _Estimators:
         """Weigh the answer to the accelerometer's scale with its uncertainty."""
         return BudgetRow(ACCELERATION, abs(answer_kg) * self.scales.acceleration, "B", answer_kg)
 
-    def by_camera(self, filmed: FilmedShot, answers_kg: Array, scale: BudgetRow, u_shift_kg: float) -> list[BudgetRow]:
-        """Weigh all answers of a route by the camera; the larger of a clock's two directions counts."""
+    def by_camera(
+        self, filmed: FilmedShot, by_force: list[BudgetRow], answers_kg: Array, scale: BudgetRow, u_shift_kg: float
+    ) -> list[BudgetRow]:
+        """Weigh the answers of a route by the camera to zeros and clocks; a clock's larger direction counts."""
         probes = self.inputs.probes
-        zeros = answers_kg[4 : 4 + len(probes.zeros)]
+        zeros = answers_kg[: len(probes.zeros)]
         clocks: dict[str, float] = {}
-        for (source, _), answer in zip(probes.clocks, answers_kg[4 + zeros.size :], strict=True):
+        for (source, _), answer in zip(probes.clocks, answers_kg[zeros.size :], strict=True):
             clocks[source] = max(clocks.get(source, 0.0), abs(float(answer)))
         own = f"alignment of clock {filmed.alignment.clock}"
         # forces on the camera's own clock would move with it; no recorder of pressures has one
         clocks[own] = math.hypot(clocks.get(own, 0.0), u_shift_kg)
         return [
-            *self.by_force(answers_kg[:4]),
+            *by_force,
             scale,
             *(BudgetRow(source, u, "B") for source, u in clocks.items()),
             *(BudgetRow(n, abs(float(c)), "A") for (n, _), c in zip(probes.zeros, zeros, strict=True)),

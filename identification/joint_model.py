@@ -45,6 +45,10 @@ class JointModel:
     other, felt, step_integral : DoubleIntegral
         Of the acceleration that is not a', of what the accelerometer reads from the release on, and of the step.
     rough_mass_kg : float
+    force_errors_n : ndarray, shape (n, n_errors)
+        Errors that the force may have, each by one unit; as many unknowns follow the named ones.
+    u_force_errors : ndarray, shape (n_errors,)
+        What is known of them beforehand.
     """
 
     recoil: Recoil
@@ -55,9 +59,18 @@ class JointModel:
     felt: DoubleIntegral
     step_integral: DoubleIntegral
     rough_mass_kg: float
+    force_errors_n: Array
+    u_force_errors: Array
+
+    @property
+    def unknowns(self) -> int:
+        """How many there are."""
+        return UNKNOWNS + self.u_force_errors.size
 
     @classmethod
-    def of(cls, recoil: Recoil, known: Knowledge, rough_mass_kg: float) -> JointModel:
+    def of(
+        cls, recoil: Recoil, known: Knowledge, rough_mass_kg: float, force_errors_n: Array, u_force_errors: Array
+    ) -> JointModel:
         """Integrate what is given, and take the frames.
 
         Raises
@@ -74,27 +87,45 @@ class JointModel:
         film = Film.of(recoil.frame_times_s, recoil.displacement_m, recoil.release_s, recoil.end_s, rough)
         # what it reads before the release is noise that moves nothing
         felt = integral(recoil.acceleration_m_s2 * step)
-        return cls(recoil, known, film, step, integral(recoil.other_m_s2), felt, integral(step), rough_mass_kg)
+        return cls(
+            recoil,
+            known,
+            film,
+            step,
+            integral(recoil.other_m_s2),
+            felt,
+            integral(step),
+            rough_mass_kg,
+            force_errors_n,
+            u_force_errors,
+        )
+
+    def force_n(self, p: Array) -> Array:
+        """Return the force without the errors that the unknowns say, shape (n,)."""
+        return np.asarray(self.recoil.force_n - self.force_errors_n @ p[UNKNOWNS:])
 
     def pieces(self, series: Array) -> list[Array]:
         """Return the runs of used samples of a series."""
         return [series[begin:end] for begin, end in runs(self.recoil.used)]
 
     def accelerations(self, p: Array) -> tuple[Array, Array]:
-        """Return what the accelerometer reads beyond the model, and the model's derivatives, shapes (n,) and (n, 7)."""
+        """Return what the accelerometer reads beyond the model, (n,), and the model's derivatives, (n, n_unknowns)."""
         r, t = self.recoil, self.recoil.times_s
-        force = np.interp(t + p[SKEW], t, r.force_n)
-        ahead, behind = (np.interp(t + p[SKEW] + by, t, r.force_n) for by in (PROBE_S, -PROBE_S))
-        columns = np.zeros((t.size, UNKNOWNS))
+        series = self.force_n(p)
+        force = np.interp(t + p[SKEW], t, series)
+        ahead, behind = (np.interp(t + p[SKEW] + by, t, series) for by in (PROBE_S, -PROBE_S))
+        columns = np.zeros((t.size, self.unknowns))
         gain = 1.0 + p[GAIN]
         columns[:, MASS] = gain * force
         columns[:, ZERO] = self.step_shape
         columns[:, SKEW] = gain * p[MASS] * (ahead - behind) / (2.0 * PROBE_S)
         columns[:, GAIN] = p[MASS] * force
+        for j, error in enumerate(self.force_errors_n.T):
+            columns[:, UNKNOWNS + j] = -gain * p[MASS] * np.interp(t + p[SKEW], t, error)
         return r.acceleration_m_s2 - gain * p[MASS] * force - p[ZERO] * self.step_shape, columns
 
     def whitened(self, residual: Array, columns: Array, noise: AutoregressiveNoise) -> Array:
-        """Return independent rows of the derivatives and, last, the residual, as their triangle, shape (8, 8)."""
+        """Return independent rows of the derivatives and, last, the residual, as their triangle."""
         rows = self.independent(np.column_stack([columns, residual]), noise)
         return np.asarray(np.linalg.qr(rows, mode="r"))
 
@@ -110,15 +141,15 @@ class JointModel:
         return min(force / max(noise.slow_density, self.known.quiet_sigma_m_s2**2, 1e-300), 1.0)
 
     def positions(self, p: Array, noise: AutoregressiveNoise) -> tuple[Array, Array]:
-        """Return what the camera saw beyond the model, and the model's derivatives, shapes (n,) and (n, 7)."""
+        """Return what the camera saw beyond the model, and the model's derivatives, shapes (n,) and (n, n_unknowns)."""
         r, t, w = self.recoil, self.film.times_s, self.force_share(noise)
-        impulse = DoubleIntegral.of(r.force_n, r.start_s, r.step_s)
+        impulse = DoubleIntegral.of(self.force_n(p), r.start_s, r.step_s)
         travel, velocity = impulse.at(t + p[SKEW])
         gain, scale = 1.0 + p[GAIN], 1.0 + p[SCALE]
         steps, other = self.step_integral.at(t)[0], self.other.at(t)
         felt = self.felt.at(t)[0] - p[ZERO] * steps
         moved = p[MASS] * (1.0 - w) * travel + w * felt / gain + other[0]
-        columns = np.empty((t.size, UNKNOWNS))
+        columns = np.empty((t.size, self.unknowns))
         columns[:, MASS] = scale * (1.0 - w) * travel
         columns[:, ZERO] = -scale * w * steps / gain
         columns[:, SKEW] = scale * p[MASS] * (1.0 - w) * velocity
@@ -126,18 +157,21 @@ class JointModel:
         columns[:, SHIFT] = p[MASS] * velocity + other[1]
         columns[:, GAIN] = -scale * w * felt / gain**2
         columns[:, SCALE] = moved
+        for j, error in enumerate(self.force_errors_n.T):
+            driven = DoubleIntegral.of(error, r.start_s, r.step_s).at(t + p[SKEW])[0]
+            columns[:, UNKNOWNS + j] = -scale * p[MASS] * (1.0 - w) * driven
         model = scale * moved + p[START] + p[SHIFT] * columns[:, SHIFT]
         return self.film.positions_m - model, columns
 
     def velocity(self, p: Array, noise: AutoregressiveNoise) -> Array:
         """Return the modelled velocity at the frames, shape (n,)."""
         r, t, w = self.recoil, self.film.times_s, self.force_share(noise)
-        impulse = DoubleIntegral.of(r.force_n, r.start_s, r.step_s).at(t + p[SKEW])[1]
+        impulse = DoubleIntegral.of(self.force_n(p), r.start_s, r.step_s).at(t + p[SKEW])[1]
         felt = self.felt.at(t)[1] - p[ZERO] * self.step_integral.at(t)[1]
         return np.asarray(p[MASS] * (1.0 - w) * impulse + w * felt / (1.0 + p[GAIN]) + self.other.at(t)[1])
 
     def filmed(self, residual: Array, columns: Array, sigma: float, density: float) -> Array:
-        """Return independent rows of the derivatives and, last, the residual, shape (n_frames, 8)."""
+        """Return independent rows of the derivatives and, last, the residual, shape (n_frames, n_unknowns + 1)."""
         return self.film.whiten(np.column_stack([columns, residual]), density / sigma**2)[0] / sigma
 
     def likeliest(
@@ -174,13 +208,14 @@ class JointModel:
     def solve(self, accelerations: Array, rows: Array, p: Array, sigma: float) -> JointSolution:
         """Solve for one step from p: both kinds of rows, the rest before the release, and what is known beforehand."""
         k = self.known
-        known = np.array([math.inf, k.u_zero_m_s2, k.u_skew_s, math.inf, k.u_shift_s, k.u_gain, k.u_scale])
-        rest = np.zeros((1, UNKNOWNS + 1))
+        named = [math.inf, k.u_zero_m_s2, k.u_skew_s, math.inf, k.u_shift_s, k.u_gain, k.u_scale]
+        known = np.concatenate([named, self.u_force_errors])
+        rest = np.zeros((1, known.size + 1))
         if self.film.rest_frames:
             weight = math.sqrt(self.film.rest_frames) / sigma
             rest[0, START], rest[0, -1] = weight, weight * (self.film.rest_m - p[START])
         finite = np.flatnonzero(np.isfinite(known) & (known > 0))
-        priors = np.zeros((finite.size, UNKNOWNS + 1))
+        priors = np.zeros((finite.size, known.size + 1))
         priors[np.arange(finite.size), finite] = 1.0 / known[finite]
         priors[:, -1] = -p[finite] / known[finite]
         full = np.vstack([accelerations, rows, rest, priors])
@@ -189,10 +224,10 @@ class JointModel:
         scale = np.sqrt((design**2).sum(axis=0))
         scale[scale == 0] = 1.0
         inverse = np.linalg.pinv(design / scale) / scale[:, None]
-        covariance, step = np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros(UNKNOWNS)
+        covariance, step = np.zeros((known.size, known.size)), np.zeros(known.size)
         covariance[np.ix_(free, free)] = inverse @ inverse.T
         step[free] = inverse @ target
-        by_priors = np.zeros(UNKNOWNS)
+        by_priors = np.zeros(known.size)
         by_priors[finite] = inverse[0, full.shape[0] - finite.size :]
         by_rows = inverse[0, : full.shape[0] - finite.size]
         return JointSolution(step, covariance, by_rows, by_priors)
@@ -208,5 +243,5 @@ class JointModel:
         _, shapes = self.positions(p, levels.acceleration)
         frames = np.column_stack([shapes, *((1.0 + p[SCALE]) * (1.0 - w) * travel for travel in driven)])
         seen = self.film.whiten(frames, levels.density / levels.marker_sigma_m**2)[0] / levels.marker_sigma_m
-        lowered = [(side[:, :UNKNOWNS] @ found.covariance[MASS]) @ side[:, UNKNOWNS:] for side in (rows, seen)]
+        lowered = [(side[:, : p.size] @ found.covariance[MASS]) @ side[:, p.size :] for side in (rows, seen)]
         return np.asarray(lowered[0] + lowered[1])

@@ -63,6 +63,8 @@ class JointMass:
         What is added to the camera's times.
     gain_error, scale_error : float
         g and c.
+    force_errors, u_force_errors_kg : ndarray, shape (n_errors,)
+        Of the force as found, and what the mass is uncertain by for what was known of them beforehand.
     levels : NoiseLevels
     frame_times_s, travel_m, velocity_m_s : ndarray, shape (n,)
         Smoothed, at the frames of the motion; the travel in the camera's scale and from its origin, the velocity true.
@@ -89,6 +91,8 @@ class JointMass:
     shift_s: float
     gain_error: float
     scale_error: float
+    force_errors: Array
+    u_force_errors_kg: Array
     levels: NoiseLevels
     frame_times_s: Array
     travel_m: Array
@@ -107,6 +111,8 @@ def joint_mass(
     known: Knowledge,
     *,
     levels: NoiseLevels | None = None,
+    force_errors_n: Array | None = None,
+    u_force_errors: Array | None = None,
     probes_n: Array | None = None,
     most_order: int = MOST_ORDER,
 ) -> JointMass:
@@ -118,8 +124,12 @@ def joint_mass(
     known : Knowledge
     levels : NoiseLevels, optional
         If they are known; otherwise the likeliest.
+    force_errors_n : ndarray, shape (n, n_errors), optional
+        Errors that the force may have, each by one unit of it, finite, zero before the release: further unknowns.
+    u_force_errors : ndarray, shape (n_errors,), optional
+        What is known of them beforehand; 0 to hold one.
     probes_n : ndarray, shape (n, n_probes), optional
-        Errors that the force may have, finite, zero before the release.
+        Errors of the force that are no unknowns, of the same kind.
     most_order : int
         Of the accelerometer's autoregressive errors.
 
@@ -135,9 +145,16 @@ def joint_mass(
         noise=None if levels is None else levels.acceleration,
         most_order=most_order,
     )
-    model = JointModel.of(recoil, known, first.mass_kg)
+    none = np.zeros((recoil.force_n.size, 0))
+    model = JointModel.of(
+        recoil,
+        known,
+        first.mass_kg,
+        none if force_errors_n is None else force_errors_n,
+        np.zeros(0) if u_force_errors is None else u_force_errors,
+    )
     noise = first.noise if levels is None else levels.acceleration
-    p = np.zeros(UNKNOWNS)
+    p = np.zeros(model.unknowns)
     p[MASS] = 1.0 / first.mass_kg
     density = (known.force_sigma_n / first.mass_kg) ** 2 * recoil.step_s
     sigma = max(noise_sigma(model.film.positions_m), LEAST_MARKER_M)
@@ -169,7 +186,7 @@ def joint_mass(
         iterations += 1
     if found is None:
         raise ValueError("there must be an iteration")
-    probes = np.zeros((recoil.force_n.size, 0)) if probes_n is None else probes_n
+    probes = none if probes_n is None else probes_n
     return _result(model, p, found, NoiseLevels(noise, sigma, density), probes, iterations, moved <= SETTLED)
 
 
@@ -208,6 +225,8 @@ def _result(
         shift_s=float(p[SHIFT]),
         gain_error=float(p[GAIN]),
         scale_error=float(p[SCALE]),
+        force_errors=p[UNKNOWNS:].copy(),
+        u_force_errors_kg=by[UNKNOWNS:],
         levels=levels,
         frame_times_s=t,
         travel_m=travel,
