@@ -138,8 +138,8 @@ class Identification:
     peaks : ShotPeaks
         Of the recoil acceleration, recorded and filtered.
     signals : Signals
-    recorded, filtered : Regression
-        Both sides of the equation of motion as recorded, and behind the low-pass.
+    recorded, filtered, fitted : Regression
+        Both sides of the equation of motion as recorded, behind the low-pass, and behind that of the fit of the mass.
     kinematic : Regression or None
         With a' by the camera.
     camera : Channel or None
@@ -171,6 +171,7 @@ class Identification:
     signals: Signals
     recorded: Regression
     filtered: Regression
+    fitted: Regression
     kinematic: Regression | None
     camera: Channel | None
     travel_m: Array
@@ -299,6 +300,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         signals=signals,
         recorded=recorded,
         filtered=filtered,
+        fitted=narrow,
         kinematic=regressions.get("kinematic"),
         camera=camera,
         travel_m=prepared.travel_m,

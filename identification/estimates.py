@@ -216,19 +216,17 @@ class _Estimators:
             u_scale=filmed.camera.u_rel,
         )
         table = self.inputs.probes.table
+        u = np.array([*self.scales.gauges, self.scales.friction_n])
         found = joint_mass(
             recoil,
             known,
             force_errors_n=table[:, :4],
-            u_force_errors=np.array([*self.scales.gauges, self.scales.friction_n]),
+            u_force_errors=u,
             probes_n=table[:, 4:],
             most_order=self.inputs.most_order,
         )
         scale = BudgetRow(CAMERA_SCALE, found.u_scale_kg, "B")
-        by_force = [
-            BudgetRow(source, float(u), "B")
-            for source, u in zip((*GAUGES, FRICTION), found.u_force_errors_kg, strict=True)
-        ]
+        by_force = self.by_force(found.force_answers_kg / np.where(u > 0, u, 1.0))
         budget = self.by_camera(filmed, by_force, found.answers_kg, scale, found.u_shift_kg)
         budget.append(BudgetRow(ACCELERATION, found.u_gain_kg, "B"))
         return self.stated("joint", found.mass_kg, found.u_kg, budget, found.frames + found.rows)

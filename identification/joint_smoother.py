@@ -63,8 +63,8 @@ class JointMass:
         What is added to the camera's times.
     gain_error, scale_error : float
         g and c.
-    force_errors, u_force_errors_kg : ndarray, shape (n_errors,)
-        Of the force as found, and what the mass is uncertain by for what was known of them beforehand.
+    force_errors, force_answers_kg : ndarray, shape (n_errors,)
+        Of the force as found, and by how much the mass is too large if one of them is off by its u beforehand.
     levels : NoiseLevels
     frame_times_s, travel_m, velocity_m_s : ndarray, shape (n,)
         Smoothed, at the frames of the motion; the travel in the camera's scale and from its origin, the velocity true.
@@ -92,7 +92,7 @@ class JointMass:
     gain_error: float
     scale_error: float
     force_errors: Array
-    u_force_errors_kg: Array
+    force_answers_kg: Array
     levels: NoiseLevels
     frame_times_s: Array
     travel_m: Array
@@ -226,7 +226,7 @@ def _result(
         gain_error=float(p[GAIN]),
         scale_error=float(p[SCALE]),
         force_errors=p[UNKNOWNS:].copy(),
-        u_force_errors_kg=by[UNKNOWNS:],
+        force_answers_kg=mass**2 * found.by_priors[UNKNOWNS:],
         levels=levels,
         frame_times_s=t,
         travel_m=travel,

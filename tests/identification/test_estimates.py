@@ -30,7 +30,7 @@ def estimates_of(name: str, found: Identification, filmed: FilmedShot | None) ->
     virtual = virtual_shot(name)
     further = found.results["reverse"].estimate.budget[6:]
     return further_estimates(
-        found.filtered, found.recorded, found.signals, virtual.shot, virtual.rig, scale_uncertainty(virtual.rig),
+        found.fitted, found.recorded, found.signals, virtual.shot, virtual.rig, scale_uncertainty(virtual.rig),
         further, filmed,
     )  # fmt: skip
 
@@ -83,7 +83,7 @@ def test_the_breech_gauges_row_is_the_change_of_the_mass(method):
         forces[:, 0] *= 1 + h
         return replace(regression, forces_n=forces)
 
-    moved = replace(found, filtered=scaled(found.filtered), recorded=scaled(found.recorded))
+    moved = replace(found, fitted=scaled(found.fitted), recorded=scaled(found.recorded))
     change = estimates_of("field-2013", moved, filmed)[method].mass_kg - estimates("field-2013")[method].mass_kg
     row = next(row for row in estimates("field-2013")[method].budget if row.source == GAUGES[0])
     assert row.sensitivity == pytest.approx(change / h, rel=0.03)
