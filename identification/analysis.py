@@ -15,12 +15,12 @@ from daq.errors import IdentificationError
 from daq.shot import ClockAlignment, Shot
 from identification.calibration import Calibration
 from identification.camera_route import mass_by_camera
-from identification.endogeneity import Endogeneity, durbin_wu_hausman
-from identification.errors_in_variables import neighbouring_force
-from identification.estimates import FilmedShot, further_estimates, other_acceleration
+from identification.constancy.mass_constancy import MassConstancy, constancy_of
+from identification.estimators.endogeneity import Endogeneity, durbin_wu_hausman
+from identification.estimators.errors_in_variables import neighbouring_force
+from identification.estimators.estimates import FilmedShot, further_estimates, other_acceleration
 from identification.filter_choice import FilterChoice, choose_filter, mass_filter
 from identification.mass import RANDOM, MassEstimate, ScaleUncertainty, forward_mass, reverse_mass
-from identification.mass_constancy import MassConstancy, constancy_of
 from identification.monte_carlo import MonteCarlo, propagate
 from identification.preparation import camera_scale, filmed, prepare
 from identification.regression import Regression
@@ -44,7 +44,7 @@ METHODS: tuple[Method, ...] = ("calibrated", "reverse", "forward", "paper")
 """Computed for every shot. The default is ``calibrated`` wherever forces and accelerometer are there, because the
 scales of the sensors are less certain than the shot is random; a camera that was aligned adds its own scale."""
 FURTHER: tuple[Method, ...] = ("tls", "ar-gls", "weak", "camera-gls", "joint")
-"""Computed when asked for, see `identification.estimates`; the last two need a camera that was aligned."""
+"""Computed when asked for, see `identification.estimators.estimates`; the last two need a camera that was aligned."""
 
 DEFAULT_WINDOW_S = 0.02
 INSTRUMENT_LAG_S = 2.5e-4

@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.limited_memory import limited_memory_least_squares
 from identification.mass import correlation_factor
+from identification.memory.limited_memory import limited_memory_least_squares
 from identification.regression import Regression, spaced_rows
 
 Array = NDArray[np.float64]

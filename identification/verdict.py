@@ -7,8 +7,8 @@ from collections.abc import Mapping
 
 from daq.shot import Shot
 from identification.calibration import LARGEST_RESIDUAL, LARGEST_SIGNIFICANCE, Calibration
+from identification.constancy.mass_constancy import MassConstancy
 from identification.mass import ACCELERATION, RANDOM, MassEstimate
-from identification.mass_constancy import MassConstancy
 from identification.regression import Regression
 from identification.sensor_observations import CAMERA_SCALE
 from identification.signals import Signals
@@ -100,9 +100,14 @@ def reasons_against(
                 f"the accelerometer gives {inertial.mass_kg:.1f} kg and the camera {camera.mass_kg:.1f} kg, "
                 f"{apart / own:.1f} standard uncertainties apart (limit {LARGEST_ROUTE_GAP:g})"
             )
-    if constancy is not None and not constancy.constant(CERTAINLY_VARIES):
+    if constancy is not None and _varies(constancy, CERTAINLY_VARIES, calibration.estimate):
         reasons.append(f"{str(constancy).rstrip('.')}: see the mass over time, one number does not describe it")
     return tuple(reasons)
+
+
+def _varies(constancy: MassConstancy, level: float, estimate: MassEstimate) -> bool:
+    """Tell whether the mass changes beyond chance, and by more than it is uncertain anyway."""
+    return not constancy.constant(level) and abs(constancy.change_kg) > estimate.u_kg
 
 
 def _lost_excitation(filtered: Regression) -> float:
@@ -163,6 +168,6 @@ def notes_on(
             f"the accelerometer's zero shifted at the shot {shift}, as force and camera tell: it is taken off, at the "
             "cost of a wider interval; check its mounting and charge amplifier"
         )
-    if constancy is not None and constancy.constant(CERTAINLY_VARIES) and not constancy.constant():
+    if constancy is not None and not constancy.constant() and constancy.constant(CERTAINLY_VARIES):
         notes.append(str(constancy).rstrip("."))
     return tuple(notes)

@@ -17,7 +17,7 @@ from daq.readers.table import READERS, recognise
 from daq.shot import InputFile, Shot
 from daq.store import write_shot
 from identification.clocks import align_clocks
-from identification.shot_quality import check_shot
+from identification.quality.shot_quality import check_shot
 from recoil_daq import __version__
 from rigs.assemble import assemble_channels, match_files
 from rigs.rig import Rig

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.analysis import Identification
-from identification.arx import robust_covariance
-from identification.arx_choice import ArxChoice, choose_model
-from identification.arx_figures import (
+from identification.arx.choice import ArxChoice, choose_model
+from identification.arx.decimated_record import DecimatedRecord, decimated, force_noise_n
+from identification.arx.estimation import robust_covariance
+from identification.arx.figures import (
     frequency_figure,
     mass_figure,
     order_figure,
@@ -20,7 +21,7 @@ from identification.arx_figures import (
     residual_figure,
     step_figure,
 )
-from identification.arx_mass import (
+from identification.arx.mass import (
     GainMass,
     GainMassTrace,
     mass_of_gain,
@@ -30,13 +31,12 @@ from identification.arx_mass import (
     refitted,
     wider_covariance,
 )
-from identification.arx_model import ArxModel, ArxOrders
-from identification.arx_orders import order_grid
-from identification.arx_response import dc_gain
-from identification.arx_simulation import fit_percent, predict, simulate
-from identification.arx_tables import order_rows, parameter_rows, pole_rows, quality_rows, rate_rows
-from identification.arx_verdict import notes_on_model, reasons_against_model
-from identification.decimated_record import DecimatedRecord, decimated, force_noise_n
+from identification.arx.model import ArxModel, ArxOrders
+from identification.arx.orders import order_grid
+from identification.arx.response import dc_gain
+from identification.arx.simulation import fit_percent, predict, simulate
+from identification.arx.tables import order_rows, parameter_rows, pole_rows, quality_rows, rate_rows
+from identification.arx.verdict import notes_on_model, reasons_against_model
 from identification.regression import AREAS
 from identification.targets.target import Case, Finding, Quantity, Series
 

@@ -2,8 +2,8 @@
 
 ``P = m3 a' + R_f``: the specification mass, the accelerometer and the camera, and the resistance by the gauges of
 brake and recuperator. Two methods that share the measurements and the model of what rings, but not what they
-suppose of the force: Kalman input estimation (`identification.force_input`), and regularised inversion with
-cross-validation (`identification.force_inversion`). Where there is a breech gauge, both are compared with it.
+suppose of the force: Kalman input estimation (`identification.forces.force_input`), and regularised inversion with
+cross-validation (`identification.forces.force_inversion`). Where there is a breech gauge, both are compared with it.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.force_figures import force_figures
-from identification.force_peak import ForcePeak, find_peak
-from identification.force_record import force_record
-from identification.motion_force import MotionForce, estimate_motion_force
+from identification.forces.force_figures import force_figures
+from identification.forces.force_peak import ForcePeak, find_peak
+from identification.forces.force_record import force_record
+from identification.forces.motion_force import MotionForce, estimate_motion_force
 from identification.report.rounding import rounded, significant
 from identification.targets.target import Case, Finding, Quantity, Series, Table
 from rigs.mechanism import Mechanism

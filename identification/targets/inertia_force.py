@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.base_parameters import BaseParameters
 from identification.budget import COVERAGE_FACTOR
 from identification.calibration import LARGEST_SIGNIFICANCE
-from identification.inertia_forces import (
+from identification.parameters.base_parameters import BaseParameters
+from identification.parameters.inertia_forces import (
     FORCES,
     OWN,
     UNITS,
@@ -20,9 +20,9 @@ from identification.inertia_forces import (
     mass_alone,
     peak,
 )
-from identification.mechanism_fit import fit_mechanism
-from identification.mechanism_rows import MechanismRows
-from identification.recorded_rows import mechanism_rows
+from identification.parameters.mechanism_fit import fit_mechanism
+from identification.parameters.mechanism_rows import MechanismRows
+from identification.parameters.recorded_rows import mechanism_rows
 from identification.report.figure import Figure, Panel, Span, Trace
 from identification.report.rounding import significant
 from identification.targets.parameters import camera_observation, require_motion, without_lines

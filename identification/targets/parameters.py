@@ -10,18 +10,18 @@ from numpy.typing import NDArray
 
 from daq.errors import IdentificationError
 from identification.calibration import LARGEST_SIGNIFICANCE
-from identification.load_cells import LOAD_CELLS, lost_equations, measured_loads
-from identification.mechanism_fit import LARGEST_U, MechanismFit, Observation, fit_mechanism, natural_scales
-from identification.mechanism_rows import MechanismRows
-from identification.parameter_tables import (
+from identification.parameters.load_cells import LOAD_CELLS, lost_equations, measured_loads
+from identification.parameters.mechanism_fit import LARGEST_U, MechanismFit, Observation, fit_mechanism, natural_scales
+from identification.parameters.mechanism_rows import MechanismRows
+from identification.parameters.parameter_tables import (
     declared,
     figure_of_equations,
     figure_of_pivots,
     table_of_combinations,
     table_of_errors,
 )
+from identification.parameters.recorded_rows import mechanism_rows
 from identification.preparation import camera_scale
-from identification.recorded_rows import mechanism_rows
 from identification.report.rounding import significant
 from identification.targets.target import Case, Finding, Quantity
 from processing.filters import LowPass

@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 
 from identification.analysis import Identification, scale_uncertainty
 from identification.budget import COVERAGE_FACTOR
-from identification.packing_friction import Friction, packing_friction
 from identification.preparation import camera_scale
 from identification.report.rounding import rounded, significant
-from identification.resistance_comparison import ResistanceOverTime, resistance_over_time
-from identification.resistance_figures import resistance_figures
-from identification.resistance_fit import FittedBrake, FittedGas, fit_brake, fit_gas
-from identification.resistance_record import ResistanceRecord, resistance_record
-from identification.shot_balance import Balance, BalancePoint, energy_balance, momentum_balance
+from identification.resistance.packing_friction import Friction, packing_friction
+from identification.resistance.resistance_comparison import ResistanceOverTime, resistance_over_time
+from identification.resistance.resistance_figures import resistance_figures
+from identification.resistance.resistance_fit import FittedBrake, FittedGas, fit_brake, fit_gas
+from identification.resistance.resistance_record import ResistanceRecord, resistance_record
+from identification.resistance.shot_balance import Balance, BalancePoint, energy_balance, momentum_balance
 from identification.targets.target import Case, Finding, Quantity, Series, Table
 from rigs.mechanism import Mechanism
 

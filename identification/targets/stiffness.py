@@ -8,16 +8,16 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.carriage_record import MOTION_ROLES, CarriageRecord, carriage_record
 from identification.regression import PRESSURE_ROLES
 from identification.report.rounding import significant
-from identification.restoring_force import RestoringTrace
 from identification.signals import Signals
-from identification.stiffness_budget import SYMBOLS, SupportEstimates, estimate_supports, noisy_records
-from identification.stiffness_figures import stiffness_figures
-from identification.support_modes import DERIVED, derived_with_u
-from identification.support_traces import noise_shares, trace_supports
-from identification.supports import PARAMETERS, SUPPORT_NAMES, Assumptions, supports_of
+from identification.supports.carriage_record import MOTION_ROLES, CarriageRecord, carriage_record
+from identification.supports.restoring_force import RestoringTrace
+from identification.supports.stiffness_budget import SYMBOLS, SupportEstimates, estimate_supports, noisy_records
+from identification.supports.stiffness_figures import stiffness_figures
+from identification.supports.support_modes import DERIVED, derived_with_u
+from identification.supports.support_traces import noise_shares, trace_supports
+from identification.supports.supports import PARAMETERS, SUPPORT_NAMES, Assumptions, supports_of
 from identification.targets.target import Case, Finding, Quantity, Series, Table
 from rigs.mechanism import Mechanism
 

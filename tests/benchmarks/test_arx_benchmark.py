@@ -9,10 +9,10 @@ from time import process_time
 import numpy as np
 import pytest
 
-from identification.arx import arx_regressors, estimate_arx
-from identification.arx_model import ArxOrders
-from identification.arx_orders import compare_orders, order_grid
-from identification.arx_recursive import finite_history_arx, forgetting_arx
+from identification.arx.estimation import arx_regressors, estimate_arx
+from identification.arx.model import ArxOrders
+from identification.arx.orders import compare_orders, order_grid
+from identification.arx.recursive import finite_history_arx, forgetting_arx
 from identification.targets.arx import find
 from identification.targets.target import Case
 from recoil_daq.ingest import ingest_files

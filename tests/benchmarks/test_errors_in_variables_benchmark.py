@@ -13,18 +13,18 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import pytest
 
-from identification.double_impulse import DoubleImpulseMass, double_impulse_mass
-from identification.endogeneity import durbin_wu_hausman
-from identification.errors_in_variables import (
+from identification.estimators.double_impulse import DoubleImpulseMass, double_impulse_mass
+from identification.estimators.endogeneity import durbin_wu_hausman
+from identification.estimators.errors_in_variables import (
     bias_compensated_mass,
     deming_mass,
     instrumental_mass,
     neighbouring_force,
 )
-from identification.joint_recoil import Knowledge, Recoil
-from identification.joint_smoother import JointMass, joint_mass
-from identification.prewhitening import prewhitened_mass
-from identification.weak_form import weak_displacement_mass, weak_mass
+from identification.estimators.joint_recoil import Knowledge, Recoil
+from identification.estimators.joint_smoother import JointMass, joint_mass
+from identification.estimators.prewhitening import prewhitened_mass
+from identification.estimators.weak_form import weak_displacement_mass, weak_mass
 from processing.double_integral import DoubleIntegral
 from tests.builders.recoil_scenario import (
     ACCELERATION_NOISE,

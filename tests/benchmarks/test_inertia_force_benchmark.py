@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.inertia_forces import FORCES, UNITS, inertia_forces
+from identification.parameters.inertia_forces import FORCES, UNITS, inertia_forces
 from identification.targets.inertia_force import find
 from identification.targets.target import Case
 from recoil_daq.ingest import ingest_files

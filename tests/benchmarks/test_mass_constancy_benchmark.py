@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identification.analysis import scale_uncertainty
-from identification.mass_constancy import constancy_of
+from identification.constancy.mass_constancy import constancy_of
 from tests.builders.virtual_shots import identified, virtual_shot
 
 MASS_KG = 782.0

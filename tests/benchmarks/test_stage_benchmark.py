@@ -16,7 +16,7 @@ from daq.shot import Shot
 from identification.clocks import align_clocks
 from identification.filter_choice import choose_filter
 from identification.preparation import prepare
-from identification.shot_quality import check_shot
+from identification.quality.shot_quality import check_shot
 from identification.stress_waves import find_stress_waves
 from recoil_daq.ingest import ingest_files
 from rigs.rig import Rig, parse_rig

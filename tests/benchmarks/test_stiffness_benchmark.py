@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.stiffness_budget import SYMBOLS
-from identification.support_modes import DERIVED, derived_values
+from identification.supports.stiffness_budget import SYMBOLS
+from identification.supports.support_modes import DERIVED, derived_values
 from identification.targets.stiffness import find
 from identification.targets.target import Case
 from recoil_daq.ingest import ingest_files

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.decimated_record import DecimatedRecord
+from identification.arx.decimated_record import DecimatedRecord
 from processing.filters import LowPass
 
 SECOND_ORDER = ((-1.5, 0.7), (1.0, 0.5), 1)

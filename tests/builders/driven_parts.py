@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.measured_force import FilmedTravel, MeasuredForce
+from identification.forces.measured_force import FilmedTravel, MeasuredForce
 from processing.double_integral import DoubleIntegral
 from processing.ringing import Mode
 

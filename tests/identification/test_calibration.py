@@ -22,6 +22,7 @@ from identification.regression import Regression, spaced_rows
 from identification.sensor_observations import CAMERA_SCALE, CAMERA_ZERO, ZERO, CameraScale
 from processing.filters import LowPass
 from tests.builders.bench_shots import MASS_KG, bench_regression
+from tests.builders.calibrations import a_calibration
 
 SCALES = ScaleUncertainty(0.005, (0.006, 0.004, 0.004), 150.0)
 U_BIAS = 0.2
@@ -176,9 +177,7 @@ def test_large_errors_are_taken_exactly_not_to_first_order():
 def test_corrections_undo_the_errors_of_the_sensors():
     errors = {"gauges": (0.03, -0.02, 0.01), "friction_n": 200.0, "acceleration": 0.02, "bias_m_s2": 3.0}
     estimate = MassEstimate("calibrated", MASS_KG, (), 10, 0.0)
-    found = Calibration(
-        estimate, np.array(errors["gauges"]), 200.0, 0.02, 3.0, np.zeros(0), np.zeros(0), {}, {}, 1.0, 1.0, 0.0
-    )
+    found = a_calibration(estimate, **errors)
     a, force = found.correct(measured(**errors))
     np.testing.assert_allclose(a, exact().acceleration_m_s2, atol=1e-9)
     np.testing.assert_allclose(force, exact().force_n, atol=1e-6)

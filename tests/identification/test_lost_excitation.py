@@ -10,7 +10,7 @@ import pytest
 
 from identification.analysis import Identification, Options, identify_shot
 from identification.clocks import align_clocks
-from identification.shot_quality import check_shot
+from identification.quality.shot_quality import check_shot
 from tests.builders.range_faults import Injected, frozen, late, lost, scaled
 from tests.builders.virtual_shots import virtual_shot
 

@@ -16,7 +16,7 @@ from daq.errors import IdentificationError
 from daq.shot import ClockAlignment, QualityCheck, Shot
 from identification.analysis import Options, identify_shot
 from identification.clocks import align_clocks
-from identification.shot_quality import check_shot
+from identification.quality.shot_quality import check_shot
 from rigs.rig import Rig, parse_rig
 from tests.builders.virtual_shots import virtual_shot, with_channels
 

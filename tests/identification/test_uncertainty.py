@@ -19,15 +19,16 @@ from identification.uncertainty import (
 )
 from processing.filters import LowPass
 from tests.builders.bench_shots import MASS_KG, bench_motion, bench_regression, bench_rig, bench_shot, bench_signals
+from tests.builders.calibrations import a_calibration
 
 U_CLOCK_S = 2e-4
 
 
 def calibration(**errors: float) -> Calibration:
     estimate = MassEstimate("calibrated", MASS_KG, (), 10, 0.0)
-    gauges = np.array([errors.get("breech", 0.0), 0.0, 0.0])
-    none = np.zeros(0)
-    return Calibration(estimate, gauges, 0.0, errors.get("acceleration", 0.0), 0.0, none, none, {}, {}, 1.0, 1.0, 0.0)
+    return a_calibration(
+        estimate, gauges=(errors.get("breech", 0.0), 0.0, 0.0), acceleration=errors.get("acceleration", 0.0)
+    )
 
 
 def on_a_bus(*names: str) -> Shot:

@@ -1,0 +1,1 @@
+"""Whether one constant mass explains a shot."""

@@ -1,0 +1,272 @@
+"""The mass by the camera alone: its displacement against the double integral of the force.
+
+From the release on the travel is
+
+    x(t) = D_F(t) / m + D_K(t) + x0 + v0 t + c t^2 / 2 + tau x'(t) + w(t) + n,
+
+with D_F and D_K the double integrals of the force and of the acceleration that is no force over mass (gravity, the
+carriage's motion), tau what is left of the clocks' offset, c a zero of the motion's other sensors, n the marker's white
+noise and w the walk that the force's noise integrates to. No acceleration is measured: stress waves and zero shifts
+of accelerometers do not matter. It is generalized least squares: a Kalman filter of the walk makes the rows
+independent (`processing.velocity_walk`). At rest before the release all that is unknown is x0.
+
+Noise levels are those that make the positions likeliest; the walk has at least the force's noise of the silence.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from daq.errors import IdentificationError
+from identification.estimators.film import Film
+from processing.double_integral import DoubleIntegral
+from processing.noise import noise_sigma
+
+Array = NDArray[np.float64]
+
+INFLATIONS = (1.0, 4.0, 16.0, 64.0, 256.0, 1024.0, 4096.0)
+"""Of the walk's density over that of the force's noise: what the model leaves out walks too."""
+LEAST_DENSITY = 1e-9
+"""Of the walk, (m/s^2)^2/Hz: a force without noise has some."""
+LIKELIER = 0.5
+"""By which the log-likelihood must rise for a larger density."""
+LEAST_MARKER_M = 1e-9
+"""Noise of a marker; no camera is better."""
+SIGMA_STEPS = 3
+"""Of the marker's noise towards what its residuals call for; each one's error is a fraction of the one before."""
+_MASS, _START, _SHIFT, _VELOCITY, _ZERO = range(5)
+"""Columns: the force's double integral, x0, tau, v0 and c."""
+
+
+@dataclass(frozen=True, eq=False)
+class DoubleImpulseMass:
+    """Mass by displacement and force.
+
+    Attributes
+    ----------
+    mass_kg, u_kg : float
+        And its standard uncertainty by the random errors of camera and force.
+    u_shift_kg, u_zero_kg : float
+        By what was known of the clocks' offset and of the zero beforehand.
+    start_m : float
+        x0.
+    velocity_m_s, zero_m_s2, shift_s : float
+        v0, c and tau; 0 where they were held.
+    marker_sigma_m : float
+        Standard deviation of the marker's noise.
+    density : float
+        Of the walk, (m/s^2)^2/Hz, two-sided.
+    inflation : float
+        Of the density over that of the force's noise.
+    residuals : ndarray, shape (n,)
+        Of the independent rows, over the marker's noise.
+    answers_kg : ndarray, shape (n_probes,)
+        By how much the mass is too large if the force is by one of the probes.
+    scale_answer_kg : float
+        By how much per relative error of the displacement's scale.
+    frames, set_aside : int
+    """
+
+    mass_kg: float
+    u_kg: float
+    u_shift_kg: float
+    u_zero_kg: float
+    start_m: float
+    velocity_m_s: float
+    zero_m_s2: float
+    shift_s: float
+    marker_sigma_m: float
+    density: float
+    inflation: float
+    residuals: Array
+    answers_kg: Array
+    scale_answer_kg: float
+    frames: int
+    set_aside: int
+
+
+def double_impulse_mass(
+    frame_times_s: Array,
+    displacement_m: Array,
+    start_s: float,
+    step_s: float,
+    force_n: Array,
+    other_m_s2: Array | None = None,
+    *,
+    release_s: float,
+    end_s: float = math.inf,
+    rough_mass_kg: float,
+    force_sigma_n: float = 0.0,
+    u_shift_s: float = 0.0,
+    u_velocity_m_s: float = 0.0,
+    u_zero_m_s2: float = 0.0,
+    levels: tuple[float, float] | None = None,
+    probes_n: Array | None = None,
+) -> DoubleImpulseMass:
+    """Estimate the mass by generalized least squares of the displacement on the force's double integral.
+
+    Parameters
+    ----------
+    frame_times_s, displacement_m : ndarray, shape (n_frames,)
+        On the force's clock, strictly increasing; lost frames NaN.
+    start_s, step_s : float
+        Time base of the force.
+    force_n : ndarray, shape (n,)
+        Finite, zero before the release.
+    other_m_s2 : ndarray, shape (n,), optional
+        The displacement's acceleration that is no force over mass, zero before the release.
+    release_s : float
+        From when on the part is free.
+    end_s : float
+        Up to when frames are used.
+    rough_mass_kg : float
+        To a few percent.
+    force_sigma_n : float
+        White noise of the force per sample.
+    u_shift_s, u_velocity_m_s, u_zero_m_s2 : float
+        Standard uncertainties of tau, v0 and c, which are zero to this; 0 to hold them, infinite to free them.
+    levels : (float, float), optional
+        Marker's noise in m and the walk's density, if they are known; otherwise the likeliest.
+    probes_n : ndarray, shape (n, n_probes), optional
+        Errors that the force may have, finite, zero before the release.
+
+    Raises
+    ------
+    ValueError
+        If shapes do not fit, a series is not finite, or an uncertainty is negative.
+    IdentificationError
+        If too few frames saw the motion, or force and displacement have nothing in common.
+    """
+    other = np.zeros_like(force_n) if other_m_s2 is None else other_m_s2
+    if force_n.ndim != 1 or force_n.size < 2 or other.shape != force_n.shape:
+        raise ValueError(
+            f"two samples of the force and as many of the other are needed, not {force_n.shape}, {other.shape}"
+        )
+    if not (np.all(np.isfinite(force_n)) and np.all(np.isfinite(other))):
+        raise ValueError("force and acceleration must be finite; bridge lost samples first")
+    if not all(u >= 0 for u in (u_shift_s, u_velocity_m_s, u_zero_m_s2, force_sigma_n)):
+        raise ValueError("uncertainties must be zero or positive")
+    if not (math.isfinite(rough_mass_kg) and rough_mass_kg > 0):
+        raise ValueError(f"rough_mass_kg must be positive, not {rough_mass_kg}")
+    impulse = DoubleIntegral.of(force_n, start_s, step_s)
+    given = DoubleIntegral.of(other, start_s, step_s)
+    rough = DoubleIntegral.of(force_n / rough_mass_kg + other, start_s, step_s)
+    film = Film.of(frame_times_s, displacement_m, release_s, end_s, rough)
+    t = film.times_s
+    since = t - release_s
+    columns = [impulse.at(t)[0], np.ones_like(t), rough.at(t)[1], since, 0.5 * since**2]
+    knowledge = [math.inf, math.inf, u_shift_s, u_velocity_m_s, u_zero_m_s2]
+    free = [j for j, u in enumerate(knowledge) if u > 0]
+    target = film.positions_m - given.at(t)[0]
+    table = np.column_stack([*(columns[j] for j in free), target])
+    scale = np.sqrt((table[:, :-1] ** 2).sum(axis=0))
+    if not np.all(scale > 0):
+        raise IdentificationError(
+            "the force does not move the part while it is filmed",
+            expected="frames from the release on",
+            remedy="check the camera's alignment",
+        )
+    table[:, :-1] /= scale
+    priors = np.array([knowledge[j] for j in free]) * scale
+    least = max((force_sigma_n / rough_mass_kg) ** 2 * step_s, LEAST_DENSITY)
+    if levels is not None:
+        found = _fit(film, table, priors, *levels)
+    else:
+        sigma = max(noise_sigma(film.positions_m), LEAST_MARKER_M)
+        found = _likeliest(film, table, priors, sigma, [inflation * least for inflation in INFLATIONS])
+    values = dict(zip(free, (found.solution / scale).tolist(), strict=True))
+    inverse = values[0]
+    if not inverse > 0:
+        raise IdentificationError(
+            "force and displacement do not go together: no positive mass relates them",
+            found=f"an acceleration per force of {inverse:.3g} 1/kg",
+            remedy="check areas, units and polarities in the rig file",
+        )
+    mass = 1.0 / inverse
+    own = mass**2 / float(scale[0])
+    probes = np.zeros((force_n.size, 0)) if probes_n is None else probes_n
+    errors = [inverse * DoubleIntegral.of(probe, start_s, step_s).at(t)[0] for probe in probes.T]
+    answers = own * found.answers(film, np.column_stack([*errors, film.from_rest_m]))
+    by_prior = {j: own * abs(float(weight)) for j, weight in zip(free, found.by_priors, strict=True)}
+    return DoubleImpulseMass(
+        mass_kg=mass,
+        u_kg=own * found.u_by_rows,
+        u_shift_kg=by_prior.get(_SHIFT, 0.0),
+        u_zero_kg=math.hypot(by_prior.get(_VELOCITY, 0.0), by_prior.get(_ZERO, 0.0)),
+        start_m=values[_START],
+        velocity_m_s=values.get(_VELOCITY, 0.0),
+        zero_m_s2=values.get(_ZERO, 0.0),
+        shift_s=values.get(_SHIFT, 0.0),
+        marker_sigma_m=found.sigma,
+        density=found.density,
+        inflation=found.density / least,
+        residuals=found.residuals,
+        answers_kg=answers[:-1],
+        scale_answer_kg=float(answers[-1]),
+        frames=int(t.size),
+        set_aside=film.set_aside,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """Solution for one pair of noise levels: the first unknown's answers to rows, and to one u of each prior."""
+
+    solution: Array
+    by_rows: Array
+    by_priors: Array
+    residuals: Array
+    sigma: float
+    density: float
+    log_likelihood: float
+
+    @property
+    def u_by_rows(self) -> float:
+        return float(np.linalg.norm(self.by_rows))
+
+    def answers(self, film: Film, errors_m: Array) -> Array:
+        """Return by how much errors of the modelled travel lower the first unknown; at rest there are none."""
+        rows = film.whiten(errors_m, self.density / self.sigma**2)[0] / self.sigma
+        return np.asarray(self.by_rows[: rows.shape[0]] @ rows)
+
+
+def _fit(film: Film, table: Array, priors: Array, sigma: float, density: float) -> _Fit:
+    rows, log_determinant = film.whiten(table, density / sigma**2)
+    rows /= sigma
+    rest = np.zeros((1, table.shape[1]))
+    if film.rest_frames:
+        weight = math.sqrt(film.rest_frames) / sigma
+        # the column of ones was scaled with the others
+        rest[0, _START] = weight * float(table[0, _START])
+        rest[0, -1] = weight * film.rest_m
+    known = np.zeros((priors.size, table.shape[1]))
+    known[:, :-1] = np.diag(np.where(np.isfinite(priors), 1.0 / np.where(priors > 0, priors, 1.0), 0.0))
+    full = np.vstack([rows, rest, known])
+    design, target = full[:, :-1], full[:, -1]
+    inverse = np.linalg.pinv(design)
+    solution = inverse @ target
+    residuals = (target - design @ solution)[: rows.shape[0]]
+    by_rows, by_priors = inverse[0, : rows.shape[0] + 1], inverse[0, rows.shape[0] + 1 :]
+    misfit = float(residuals @ residuals) + log_determinant + 2.0 * rows.shape[0] * math.log(sigma)
+    return _Fit(solution, by_rows, by_priors, residuals, sigma, density, -0.5 * misfit)
+
+
+def _likeliest(film: Film, table: Array, priors: Array, sigma: float, densities: list[float]) -> _Fit:
+    """Find the marker's noise for each density of the walk, and the density that makes the positions likeliest."""
+    best: _Fit | None = None
+    for density in densities:
+        tried = _fit(film, table, priors, sigma, density)
+        for _ in range(SIGMA_STEPS):
+            freedom = max(tried.residuals.size - tried.solution.size, 1)
+            own = tried.sigma * math.sqrt(float(tried.residuals @ tried.residuals) / freedom)
+            tried = _fit(film, table, priors, max(own, LEAST_MARKER_M), density)
+        if best is not None and tried.log_likelihood <= best.log_likelihood + LIKELIER:
+            break
+        best, sigma = tried, tried.sigma
+    if best is None:
+        raise ValueError("there must be a density to try")
+    return best

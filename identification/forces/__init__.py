@@ -1,0 +1,1 @@
+"""The propellant's force from the motion."""

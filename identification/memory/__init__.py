@@ -1,0 +1,1 @@
+"""Limited-memory least squares: the estimate of a sliding window, at every sample."""

@@ -1,0 +1,1 @@
+"""Whether a shot can be used: the checks wired to its channels."""

@@ -1,0 +1,1 @@
+"""The law of the recoil resistance, and the balances of a shot."""

@@ -1,0 +1,1 @@
+"""Stiffness and damping of what carries the mechanism: elevating gear and ground."""

@@ -1,0 +1,752 @@
+from __future__ import annotations
+
+import tracemalloc
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from daq.errors import IdentificationError
+from identification.memory.limited_memory import (
+    REASONS,
+    LimitedMemory,
+    WindowedEstimates,
+    WindowOperator,
+    WindowStatus,
+    least_squares,
+    limited_memory_least_squares,
+)
+from tests.builders.window_oracles import direct_qr, exact, relative_error
+
+FIELDS = (
+    "parameters",
+    "standard_errors",
+    "residual_sum_of_squares",
+    "degrees_of_freedom",
+    "count",
+    "smallest_pivot",
+    "operator",
+    "status",
+)
+
+
+def shot_then_silence(n_samples: int, n_parameters: int = 5, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """Regressors correlated by 0.9995, of amplitude 2500 in three bursts and 0.05 between them, and a response."""
+    rng = np.random.default_rng(seed)
+    amplitude = np.full(n_samples, 0.05)
+    for start in range(n_samples // 10, n_samples, n_samples // 3):
+        amplitude[start : start + n_samples // 50] = 2500.0
+    shared = rng.standard_normal((n_samples, 1))
+    own = rng.standard_normal((n_samples, n_parameters))
+    regressors = (np.sqrt(0.9995) * shared + np.sqrt(0.0005) * own) * amplitude[:, np.newaxis]
+    parameters = np.array([1.0, -2.0, 3.0, 0.5, -1.0])[:n_parameters]
+    return regressors, regressors @ parameters + 0.01 * amplitude * rng.standard_normal(n_samples)
+
+
+def white_record(seed: int, n_samples: int, n_parameters: int) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    regressors = rng.standard_normal((n_samples, n_parameters))
+    return regressors, regressors @ rng.standard_normal(n_parameters) + 0.1 * rng.standard_normal(n_samples)
+
+
+def assert_same(
+    left: WindowedEstimates | SimpleNamespace, right: WindowedEstimates | SimpleNamespace, rtol: float = 0.0
+) -> None:
+    for name in FIELDS:
+        np.testing.assert_allclose(
+            getattr(left, name), getattr(right, name), rtol=rtol, atol=0, equal_nan=True, err_msg=name
+        )
+
+
+def rows_of(estimates: WindowedEstimates, rows: slice) -> SimpleNamespace:
+    return SimpleNamespace(**{name: getattr(estimates, name)[rows] for name in FIELDS})
+
+
+@pytest.fixture(scope="module")
+def shot() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    regressors, response = shot_then_silence(30_000)
+    return regressors, response, direct_qr(regressors, response, 200)
+
+
+@pytest.mark.parametrize("operator", ["auto", "qr"])
+def test_every_window_of_a_shot_followed_by_silence_equals_its_own_factorisation(shot, operator):
+    regressors, response, truth = shot
+    estimates = limited_memory_least_squares(regressors, response, 200, operator=operator)
+    assert estimates.identified[199:].all()
+    assert relative_error(estimates.parameters[199:], truth[199:]).max() < 1e-10
+
+
+def test_rotations_and_reflections_are_exact_to_thirteen_digits_where_a_shot_enters_and_leaves_the_window(shot):
+    regressors, response, _ = shot
+    last = [1_000, 3_001, 3_003, 3_150, 3_500, 3_796, 3_797, 3_798, 3_799, 3_900, 23_001, 29_999]
+    truth = np.array([exact(regressors[k - 199 : k + 1], response[k - 199 : k + 1]) for k in last])
+    rotated = limited_memory_least_squares(regressors, response, 200, operator="qr").parameters[last]
+    reflected = [least_squares(regressors[k - 199 : k + 1], response[k - 199 : k + 1]).parameters for k in last]
+    assert relative_error(rotated, truth).max() < 1e-13
+    assert relative_error(np.array(reflected), truth).max() < 1e-13
+
+
+@pytest.mark.parametrize("tiny", [1e-6, 1e-12, 1e-30])
+def test_rotations_survive_a_block_that_begins_with_next_to_nothing_of_one_regressor(tiny):
+    regressors, response = white_record(23, 60, 3)
+    regressors[::10, 0] *= tiny
+    estimates = limited_memory_least_squares(regressors, response, 10, operator="qr")
+    last = range(9, 60)
+    truth = np.array([exact(regressors[k - 9 : k + 1], response[k - 9 : k + 1]) for k in last])
+    assert relative_error(estimates.parameters[9:], truth).max() < 1e-12
+
+
+@pytest.mark.parametrize("operator", ["auto", "gram", "qr"])
+@pytest.mark.parametrize(
+    "seed", [3207, 4430, 4704, 7915]
+)  # products of these leave float64 unless the least are dropped
+def test_magnitudes_over_three_hundred_decades_give_numbers_or_reasons_but_no_warning(seed, operator):
+    rng = np.random.default_rng(seed)
+    regressors = rng.choice([-1.0, 1.0], (40, 4)) * 10.0 ** rng.uniform(-300, 0, (40, 4))
+    response = rng.choice([-1.0, 1.0], 40) * 10.0 ** rng.uniform(-300, 0, 40)
+    with np.errstate(all="raise"):
+        estimates = limited_memory_least_squares(regressors, response, 8, operator=operator, partial=True)
+    assert np.isfinite(estimates.parameters[estimates.identified]).all()
+    assert np.isfinite(estimates.standard_errors[estimates.identified]).all()
+
+
+def test_products_alone_fail_where_a_shot_leaves_the_window_and_say_so_by_the_pivot(shot):
+    regressors, response, truth = shot
+    alone = limited_memory_least_squares(regressors, response, 200, operator="gram")
+    error = relative_error(alone.parameters[199:], truth[199:])
+    assert error.max() > 1e-8
+    assert (error < 1e-13 / alone.smallest_pivot[199:]).all()
+    guarded = limited_memory_least_squares(regressors, response, 200)
+    assert set(np.unique(guarded.operator)) == {WindowOperator.GRAM, WindowOperator.QR}
+
+
+def test_a_shot_followed_by_silence_agrees_with_statsmodels_where_that_has_nothing_large_to_subtract(shot):
+    from statsmodels.regression.rolling import RollingOLS
+
+    regressors, response, _ = shot
+    ours = limited_memory_least_squares(regressors, response, 200)
+    theirs = RollingOLS(response, regressors, window=200).fit(params_only=True, reset=200)
+    # statsmodels subtracts until its next restart: it has lost what leaves the window within one window's length
+    loud = np.abs(regressors[:, 0]) > 10.0
+    recent = np.lib.stride_tricks.sliding_window_view(loud, 400).mean(axis=1)
+    sound = np.concatenate([np.zeros(399, dtype=bool), (recent == 0.0) | (recent > 0.9)])
+    assert sound.sum() > 27_000
+    assert relative_error(ours.parameters[sound], theirs.params[sound]).max() < 1e-9
+
+
+def test_standard_errors_agree_with_statsmodels():
+    from statsmodels.regression.rolling import RollingOLS
+
+    regressors, response = white_record(3, 2_000, 3)
+    ours = limited_memory_least_squares(regressors, response, 50)
+    theirs = RollingOLS(response, regressors, window=50).fit(reset=50)
+    np.testing.assert_allclose(ours.standard_errors[49:], theirs.bse[49:], rtol=1e-10)
+    np.testing.assert_allclose(ours.residual_sum_of_squares[49:], theirs.ssr[49:], rtol=1e-9)
+
+
+@pytest.mark.parametrize("operator", ["auto", "gram", "qr"])
+def test_weighted_windows_with_missing_samples_equal_lstsq_of_the_samples_present(operator):
+    rng = np.random.default_rng(11)
+    regressors, response = white_record(11, 400, 3)
+    weights = rng.uniform(0.1, 9.0, 400)
+    regressors[rng.integers(0, 400, 15), rng.integers(0, 3, 15)] = np.nan
+    response[rng.integers(0, 400, 15)] = np.nan
+    weights[rng.integers(0, 400, 15)] = 0.0
+    present = ~np.isnan(regressors).any(axis=1) & ~np.isnan(response) & (weights > 0)
+    estimates = limited_memory_least_squares(regressors, response, 20, weights=weights, operator=operator)
+    assert estimates.identified[19:].all()
+    for k in range(19, 400):
+        used = np.arange(k - 19, k + 1)[present[k - 19 : k + 1]]
+        root = np.sqrt(weights[used])
+        scaled = regressors[used] * root[:, np.newaxis]
+        parameters, residual, _, _ = np.linalg.lstsq(scaled, response[used] * root, rcond=None)
+        covariance = np.linalg.inv(scaled.T @ scaled) * residual[0] / (used.size - 3)
+        assert estimates.count[k] == used.size
+        assert estimates.degrees_of_freedom[k] == used.size - 3
+        np.testing.assert_allclose(estimates.parameters[k], parameters, rtol=1e-10)
+        np.testing.assert_allclose(estimates.residual_sum_of_squares[k], residual[0], rtol=1e-10)
+        np.testing.assert_allclose(estimates.standard_errors[k], np.sqrt(np.diag(covariance)), rtol=1e-10)
+
+
+def test_a_missing_sample_leaves_no_trace_once_its_window_has_passed():
+    regressors, response = white_record(5, 400, 2)
+    whole = limited_memory_least_squares(regressors, response, 20)
+    response = response.copy()
+    response[100] = np.nan
+    gapped = limited_memory_least_squares(regressors, response, 20)
+    covered = slice(100, 120)
+    assert (gapped.count[covered] == 19).all()
+    assert not np.isclose(gapped.parameters[covered], whole.parameters[covered], rtol=1e-6).all(axis=1).any()
+    assert_same(rows_of(gapped, slice(100)), rows_of(whole, slice(100)), rtol=1e-11)
+    assert_same(rows_of(gapped, slice(120, None)), rows_of(whole, slice(120, None)), rtol=1e-11)
+
+
+def test_weight_zero_is_the_same_as_a_missing_sample_whatever_the_sample_says():
+    regressors, response = white_record(6, 300, 2)
+    lost = np.random.default_rng(6).random(300) < 0.1
+    as_nan = limited_memory_least_squares(regressors, np.where(lost, np.nan, response), 30)
+    sentinel = np.where(lost[:, np.newaxis], -1e300, regressors)
+    assert_same(limited_memory_least_squares(sentinel, response, 30, weights=np.where(lost, 0.0, 1.0)), as_nan)
+
+
+def test_windows_with_too_few_samples_present_say_so_and_count_what_there_is():
+    regressors, response = white_record(7, 100, 2)
+    response[40:52] = np.nan
+    estimates = limited_memory_least_squares(regressors, response, 10)
+    few = estimates.count < 3
+    np.testing.assert_array_equal(np.flatnonzero(few), [0, 1, *range(47, 54)])
+    assert (estimates.status[9:][few[9:]] == WindowStatus.TOO_FEW_SAMPLES).all()
+    assert estimates.identified[9:][~few[9:]].all()
+    assert np.isnan(estimates.parameters[few]).all()
+    strict = limited_memory_least_squares(regressors, response, 10, minimum_count=10)
+    np.testing.assert_array_equal(strict.identified[9:], strict.count[9:] == 10)
+
+
+def test_the_first_windows_give_no_number_unless_partial_ones_are_asked_for():
+    regressors, response = white_record(8, 60, 2)
+    full = limited_memory_least_squares(regressors, response, 20)
+    assert (full.status[:19] == WindowStatus.WINDOW_NOT_FULL).all()
+    assert full.identified[19:].all()
+    partial = limited_memory_least_squares(regressors, response, 20, partial=True)
+    assert (partial.status[:2] == WindowStatus.TOO_FEW_SAMPLES).all()
+    assert partial.identified[2:].all()
+    for k in range(2, 19):
+        truth = np.linalg.lstsq(regressors[: k + 1], response[: k + 1], rcond=None)[0]
+        np.testing.assert_allclose(partial.parameters[k], truth, rtol=1e-9)
+    assert_same(rows_of(partial, slice(19, None)), rows_of(full, slice(19, None)))
+
+
+def test_a_window_longer_than_the_record_is_never_full():
+    regressors, response = white_record(9, 30, 2)
+    assert (limited_memory_least_squares(regressors, response, 1000).status == WindowStatus.WINDOW_NOT_FULL).all()
+    partial = limited_memory_least_squares(regressors, response, 1000, partial=True)
+    np.testing.assert_allclose(partial.parameters[-1], least_squares(regressors, response).parameters, rtol=1e-12)
+
+
+@pytest.mark.parametrize("operator", ["auto", "gram", "qr"])
+@pytest.mark.parametrize("n_samples", [0, 1, 2])
+def test_a_record_of_next_to_nothing_gives_no_number_and_no_fault(n_samples, operator):
+    estimates = limited_memory_least_squares(
+        np.ones((n_samples, 2)), np.ones(n_samples), 5, operator=operator, partial=True
+    )
+    assert estimates.parameters.shape == (n_samples, 2)
+    assert not estimates.identified.any()
+
+
+@pytest.mark.parametrize("operator", ["auto", "gram", "qr"])
+def test_silence_gives_no_excitation_and_neither_infinity_nor_warning(operator):
+    regressors, response = white_record(10, 300, 2)
+    regressors[100:200, 1] = 0.0
+    with np.errstate(all="raise"):
+        estimates = limited_memory_least_squares(regressors, response, 30, operator=operator)
+    silent = np.zeros(300, dtype=bool)
+    silent[129:200] = True
+    assert (estimates.status[silent] == WindowStatus.NO_EXCITATION).all()
+    assert estimates.identified[29:][~silent[29:]].all()
+    for name in ("parameters", "standard_errors", "residual_sum_of_squares"):
+        assert np.isnan(getattr(estimates, name)[silent]).all()
+        assert np.isfinite(getattr(estimates, name)[estimates.identified]).all()
+    assert (estimates.smallest_pivot[silent] == 0.0).all()
+
+
+@pytest.mark.parametrize("operator", ["auto", "gram", "qr"])
+def test_a_record_of_zeros_gives_no_excitation(operator):
+    estimates = limited_memory_least_squares(np.zeros((50, 2)), np.zeros(50), 10, operator=operator)
+    assert (estimates.status[9:] == WindowStatus.NO_EXCITATION).all()
+
+
+@pytest.mark.parametrize("operator", ["auto", "gram", "qr"])
+def test_the_least_excitation_is_a_weighted_sum_of_squares_in_the_callers_units(operator):
+    regressors, response = white_record(12, 200, 2)
+    regressors *= [3e-4, 5e3]
+    weights = np.random.default_rng(12).uniform(0.0, 40.0, 200)
+    energy = np.array(
+        [(weights[k - 9 : k + 1, np.newaxis] * regressors[k - 9 : k + 1] ** 2).sum(axis=0) for k in range(9, 200)]
+    )
+    limits = np.median(energy, axis=0) * 1.0000001
+    options = {"weights": weights, "operator": operator}
+    estimates = limited_memory_least_squares(regressors, response, 10, min_excitation=limits, **options)
+    np.testing.assert_array_equal(estimates.identified[9:], (energy >= limits).all(axis=1))
+    assert set(np.unique(estimates.status[9:])) == {WindowStatus.IDENTIFIED, WindowStatus.NO_EXCITATION}
+    one_limit = limited_memory_least_squares(regressors, response, 10, min_excitation=limits[0], **options)
+    np.testing.assert_array_equal(one_limit.identified[9:], (energy >= limits[0]).all(axis=1))
+    out_of_reach = limited_memory_least_squares(regressors, response, 10, min_excitation=1e308, **options)
+    assert not out_of_reach.identified.any()
+
+
+def test_the_relative_error_of_the_first_parameter_decides_what_is_identified():
+    regressors, response = white_record(13, 500, 2)
+    free = limited_memory_least_squares(regressors, response, 10)
+    ratio = free.standard_errors[9:, 0] / np.abs(free.parameters[9:, 0])
+    limit = float(np.median(ratio)) * (1.0 + 1e-12)  # a product and a quotient round apart
+    limited = limited_memory_least_squares(regressors, response, 10, max_relative_error=limit)
+    np.testing.assert_array_equal(limited.identified[9:], ratio <= limit)
+    assert (limited.status[9:][ratio > limit] == WindowStatus.NO_EXCITATION).all()
+
+
+@pytest.mark.parametrize("operator", ["auto", "gram", "qr"])
+def test_regressors_that_are_the_same_are_collinear(operator):
+    regressors, response = white_record(14, 200, 3)
+    regressors[80:160, 2] = 2.0 * regressors[80:160, 0] - regressors[80:160, 1]
+    estimates = limited_memory_least_squares(regressors, response, 20, operator=operator)
+    same = np.zeros(200, dtype=bool)
+    same[99:160] = True
+    assert (estimates.status[same] == WindowStatus.COLLINEAR).all()
+    assert estimates.identified[19:][~same[19:]].all()
+    assert np.isnan(estimates.parameters[same]).all()
+    assert (estimates.smallest_pivot[same] < 1e-12).all()
+
+
+def test_regressors_that_differ_by_a_hundred_thousandth_are_told_apart():
+    regressors, response = white_record(15, 2_000, 2)
+    regressors[:, 1] = regressors[:, 0] + 1e-5 * regressors[:, 1]
+    estimates = limited_memory_least_squares(regressors, response, 100)
+    assert (estimates.operator[99:] == WindowOperator.QR).all()
+    assert relative_error(estimates.parameters[99:], direct_qr(regressors, response, 100)[99:]).max() < 1e-9
+    alone = limited_memory_least_squares(regressors, response, 100, operator="gram")
+    assert relative_error(alone.parameters[99:], estimates.parameters[99:]).max() > 1e-7
+
+
+def test_the_residual_sum_of_a_next_to_perfect_fit_is_not_lost_in_cancellation():
+    rng = np.random.default_rng(16)
+    regressors = rng.standard_normal((300, 2)) + 5.0
+    response = regressors @ [782.0, 3.0] + 1e-6 * rng.standard_normal(300)
+    estimates = limited_memory_least_squares(regressors, response, 40)
+    alone = limited_memory_least_squares(regressors, response, 40, operator="gram")
+    truth = np.empty(261)
+    for k in range(39, 300):
+        wide = regressors[k - 39 : k + 1].astype(np.longdouble)
+        target = response[k - 39 : k + 1].astype(np.longdouble)
+        (a, b), (_, d) = wide.T @ wide
+        right = wide.T @ target
+        solution = np.array([d * right[0] - b * right[1], a * right[1] - b * right[0]]) / (a * d - b * b)
+        truth[k - 39] = ((target - wide @ solution) ** 2).sum()
+    np.testing.assert_allclose(estimates.residual_sum_of_squares[39:], truth, rtol=1e-5)
+    assert np.abs(alone.residual_sum_of_squares[39:] / truth - 1.0).max() > 0.1
+
+
+@pytest.mark.parametrize("operator", ["auto", "gram", "qr"])
+@pytest.mark.parametrize(("of_regressors", "of_response"), [(1e-200, 1e-180), (1e200, 1e-50), (1e-140, 1e140)])
+def test_units_far_from_one_change_nothing(operator, of_regressors, of_response):
+    regressors, response = white_record(17, 200, 2)
+    plain = limited_memory_least_squares(regressors, response, 20, operator=operator)
+    far = limited_memory_least_squares(regressors * of_regressors, response * of_response, 20, operator=operator)
+    assert far.identified[19:].all()
+    factor = of_response / of_regressors
+    np.testing.assert_allclose(far.parameters, plain.parameters * factor, rtol=1e-11)
+    np.testing.assert_allclose(far.standard_errors, plain.standard_errors * factor, rtol=1e-11)
+
+
+@pytest.mark.parametrize("operator", ["auto", "gram", "qr"])
+def test_a_decay_down_to_the_end_of_float64_ends_without_excitation_and_without_warning(operator):
+    time = np.arange(3_000.0)
+    regressors = np.column_stack([np.exp(-time / 4.0), np.sin(time) * np.exp(-time / 3.0)])
+    with np.errstate(all="raise", under="ignore"):
+        estimates = limited_memory_least_squares(regressors, regressors @ [2.0, 3.0], 10, operator=operator)
+    assert estimates.identified[9:60].all()
+    np.testing.assert_allclose(estimates.parameters[9:60], np.tile([2.0, 3.0], (51, 1)), rtol=1e-6)
+    assert (estimates.status[-100:] == WindowStatus.NO_EXCITATION).all()
+    assert np.isfinite(estimates.parameters[estimates.identified]).all()
+
+
+def test_intervals_of_two_standard_errors_cover_as_student_says_where_errors_are_independent():
+    from scipy import stats
+
+    rng = np.random.default_rng(18)
+    regressors = rng.standard_normal((200_000, 2))
+    response = regressors @ [1.5, -0.5] + rng.standard_normal(200_000)
+    estimates = limited_memory_least_squares(regressors, response, 20)
+    apart = slice(19, None, 20)
+    pull = (estimates.parameters[apart] - [1.5, -0.5]) / estimates.standard_errors[apart]
+    assert estimates.degrees_of_freedom[19] == 18
+    assert np.abs(pull).shape == (10_000, 2)
+    assert np.mean(np.abs(pull) < stats.t.ppf(0.975, 18)) == pytest.approx(0.95, abs=0.006)
+
+
+# ---------------------------------------------------------------------------------------------- laws
+
+seeds = st.integers(0, 2**32 - 1)
+shapes = st.tuples(st.integers(1, 4), st.integers(0, 40), st.integers(0, 150))  # parameters, window and record beyond
+
+
+@settings(max_examples=40, deadline=None)
+@given(seeds, shapes, st.floats(-1e6, 1e6).filter(lambda c: abs(c) > 1e-6))
+def test_scaling_the_response_scales_the_parameters(seed, shape, factor):
+    n_parameters, window = shape[0], shape[0] + 3 + shape[1]
+    regressors, response = white_record(seed, window + shape[2], n_parameters)
+    plain = limited_memory_least_squares(regressors, response, window)
+    scaled = limited_memory_least_squares(regressors, factor * response, window)
+    tolerance = 1e-9 * np.abs(plain.parameters[window - 1 :]).max() * abs(factor)
+    np.testing.assert_allclose(scaled.parameters, factor * plain.parameters, rtol=1e-9, atol=tolerance)
+    np.testing.assert_allclose(
+        scaled.residual_sum_of_squares, factor**2 * plain.residual_sum_of_squares, rtol=1e-5, atol=0
+    )
+
+
+@settings(max_examples=40, deadline=None)
+@given(seeds, shapes, st.randoms(use_true_random=False))
+def test_permuting_the_regressors_permutes_the_parameters(seed, shape, random):
+    n_parameters, window = shape[0], shape[0] + 3 + shape[1]
+    regressors, response = white_record(seed, window + shape[2], n_parameters)
+    order = random.sample(range(n_parameters), n_parameters)
+    plain = limited_memory_least_squares(regressors, response, window)
+    permuted = limited_memory_least_squares(regressors[:, order], response, window)
+    tolerance = 1e-9 * np.abs(plain.parameters[window - 1 :]).max()
+    np.testing.assert_allclose(permuted.parameters, plain.parameters[:, order], rtol=1e-9, atol=tolerance)
+    np.testing.assert_allclose(permuted.standard_errors, plain.standard_errors[:, order], rtol=1e-5)
+
+
+@settings(max_examples=40, deadline=None)
+@given(seeds, shapes, st.integers(1, 100))
+def test_what_came_before_a_window_does_not_change_it(seed, shape, lead):
+    n_parameters, window = shape[0], shape[0] + 3 + shape[1]
+    regressors, response = white_record(seed, lead + window + shape[2], n_parameters)
+    response[:lead] *= 1e6
+    whole = limited_memory_least_squares(regressors, response, window)
+    later = limited_memory_least_squares(regressors[lead:], response[lead:], window)
+    tolerance = 1e-9 * np.abs(later.parameters[window - 1 :]).max()
+    np.testing.assert_allclose(
+        whole.parameters[lead + window - 1 :], later.parameters[window - 1 :], rtol=1e-9, atol=tolerance
+    )
+
+
+@settings(max_examples=40, deadline=None)
+@given(seeds, st.integers(6, 40), st.integers(1, 6), st.sampled_from(["gram", "auto", "qr"]))
+def test_splitting_a_record_between_blocks_changes_nothing(seed, window, blocks, operator):
+    regressors, response = white_record(seed, window * (blocks + 3) + 5, 3)
+    regressors[0], response[0] = 4.0, 8.0  # the largest of all: both parts are scaled alike
+    regressors[window * blocks], response[window * blocks] = 4.0, 8.0
+    whole = limited_memory_least_squares(regressors, response, window, operator=operator)
+    cut = window * blocks
+    later = limited_memory_least_squares(
+        regressors[cut - window :], response[cut - window :], window, operator=operator
+    )
+    assert_same(rows_of(later, slice(window, None)), rows_of(whole, slice(cut, None)), rtol=1e-12)
+
+
+@settings(max_examples=60, deadline=None)
+@given(seeds, shapes, st.lists(st.integers(0, 70), min_size=1, max_size=8), st.booleans())
+def test_packets_of_any_size_give_what_the_whole_record_gives(seed, shape, packets, partial):
+    n_parameters, window = shape[0], shape[0] + 3 + shape[1]
+    rng = np.random.default_rng(seed)
+    regressors, response = white_record(seed, window + shape[2], n_parameters)
+    weights = rng.uniform(0.5, 2.0, response.size) * (rng.random(response.size) > 0.1)
+    response[rng.random(response.size) < 0.05] = np.nan
+    whole = limited_memory_least_squares(regressors, response, window, weights=weights, partial=partial)
+    stream = LimitedMemory(n_parameters, window, partial=partial)
+    start = 0
+    for size in [*packets, response.size]:
+        stop = min(start + size, response.size)
+        packet = stream.extend(regressors[start:stop], response[start:stop], weights[start:stop])
+        expected = rows_of(whole, slice(start, stop))
+        for name in ("count", "degrees_of_freedom", "status", "operator"):
+            np.testing.assert_array_equal(getattr(packet, name), getattr(expected, name))
+        largest = np.abs(np.nan_to_num(expected.parameters)).max(axis=1, initial=0.0, keepdims=True)
+        difference = np.nan_to_num(np.abs(packet.parameters - expected.parameters))
+        assert (
+            difference <= 1e-12 * largest / np.nan_to_num(np.fmin(expected.smallest_pivot, 1.0), nan=1.0)[:, np.newaxis]
+        ).all()
+        start = stop
+
+
+def test_samples_one_by_one_through_a_shot_and_the_silence_after_it_give_what_the_record_gives():
+    regressors, response = shot_then_silence(1_500)
+    whole = limited_memory_least_squares(regressors, response, 50)
+    stream = LimitedMemory(5, 50)
+    single = [stream.update(x, y) for x, y in zip(regressors, response, strict=True)]
+    assert [s.status for s in single] == list(whole.status)
+    assert [s.operator for s in single] == list(whole.operator)
+    assert single[0].reason == REASONS[WindowStatus.WINDOW_NOT_FULL]
+    assert not single[0].identified
+    assert single[-1].identified
+    later = slice(49, None)
+    assert relative_error(np.array([s.parameters for s in single[later]]), whole.parameters[later]).max() < 1e-12
+    np.testing.assert_allclose([s.standard_errors for s in single[later]], whole.standard_errors[later], rtol=1e-10)
+    assert [s.count for s in single] == list(whole.count)
+
+
+@settings(max_examples=40, deadline=None)
+@given(seeds, shapes)
+def test_products_and_rotations_agree(seed, shape):
+    n_parameters, window = shape[0], shape[0] + 5 + shape[1]
+    regressors, response = white_record(seed, window + shape[2], n_parameters)
+    gram = limited_memory_least_squares(regressors, response, window, operator="gram")
+    qr = limited_memory_least_squares(regressors, response, window, operator="qr")
+    np.testing.assert_array_equal(gram.status, qr.status)
+    error = np.abs(gram.parameters - qr.parameters)[window - 1 :].max(axis=1)
+    largest = np.fmax(np.abs(qr.parameters)[window - 1 :].max(axis=1), 1.0)  # the response alone is of the order of one
+    assert (error < 1e-13 * largest / qr.smallest_pivot[window - 1 :]).all()
+    np.testing.assert_allclose(gram.smallest_pivot, qr.smallest_pivot, rtol=1e-6)
+
+
+# ------------------------------------------------------------------------------ contract with callers
+
+
+def test_the_callers_arrays_are_never_modified():
+    regressors, response = white_record(19, 200, 2)
+    weights = np.ones(200)
+    regressors[50, 0] = np.nan
+    kept = regressors.copy(), response.copy(), weights.copy()
+    for values in (regressors, response, weights):
+        values.flags.writeable = False
+    for operator in ("auto", "gram", "qr"):
+        limited_memory_least_squares(regressors, response, 20, weights=weights, operator=operator)
+    least_squares(regressors, response, weights)
+    LimitedMemory(2, 20).extend(regressors, response, weights)
+    for values, copy in zip((regressors, response, weights), kept, strict=True):
+        np.testing.assert_array_equal(values, copy)
+
+
+def test_scratch_memory_does_not_grow_with_the_record():
+    regressors, response = white_record(20, 200_000, 5)
+    for operator in ("auto", "qr"):
+        peaks = []
+        for n_samples in (100_000, 200_000):
+            tracemalloc.start()
+            limited_memory_least_squares(regressors[:n_samples], response[:n_samples], 200, operator=operator)
+            peaks.append(tracemalloc.get_traced_memory()[1])
+            tracemalloc.stop()
+        results = 100_000 * (2 * 5 + 4) * 8
+        assert peaks[1] - peaks[0] < 1.5 * results
+        assert peaks[1] < 64 * 2**20 + 3 * results
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"regressors": np.ones(10)}, r"regressors must have the shape"),
+        ({"regressors": np.ones((10, 0))}, r"regressors must have the shape"),
+        ({"response": np.ones(9)}, r"response must have the shape"),
+        ({"response": np.ones((10, 1, 1))}, r"response must have the shape"),
+        ({"regressors": np.full((10, 2), np.inf)}, r"must be finite; a missing sample is NaN"),
+        ({"response": np.full(10, -np.inf)}, r"must be finite; a missing sample is NaN"),
+        ({"weights": np.ones(9)}, r"weights must have the shape"),
+        ({"weights": np.full(10, np.nan)}, r"weights must be finite and not negative"),
+        ({"weights": np.full(10, -1.0)}, r"weights must be finite and not negative"),
+        ({"window": 2}, r"at least 3, found 2"),
+        ({"operator": "svd"}, r"operator must be"),
+        ({"min_excitation": [1.0, 1.0, 1.0]}, r"min_excitation must be one number or 2"),
+        ({"min_excitation": -1.0}, r"min_excitation must be finite and not negative"),
+        ({"min_excitation": np.nan}, r"min_excitation must be finite and not negative"),
+        ({"max_relative_error": 0.0}, r"max_relative_error must be positive"),
+        ({"max_relative_error": np.nan}, r"max_relative_error must be positive"),
+        ({"minimum_count": 2}, r"minimum_count must lie between 3 and the window 5"),
+        ({"minimum_count": 6}, r"minimum_count must lie between 3 and the window 5"),
+    ],
+)
+def test_a_callers_mistake_is_named(changed, message):
+    arguments = {"regressors": np.ones((10, 2)), "response": np.ones(10), "window": 5} | changed
+    with pytest.raises(ValueError, match=message):
+        limited_memory_least_squares(**arguments)
+
+
+@pytest.mark.parametrize(
+    "changed", [{"window": 5.0}, {"window": True}, {"minimum_count": 3.5}, {"response": np.ones(10, dtype=complex)}]
+)
+def test_a_value_of_the_wrong_type_is_a_type_error(changed):
+    arguments = {"regressors": np.ones((10, 2)), "response": np.ones(10), "window": 5} | changed
+    with pytest.raises(TypeError):
+        limited_memory_least_squares(**arguments)
+
+
+def test_every_status_has_its_reason():
+    assert set(REASONS) == set(WindowStatus)
+    assert all(REASONS.values())
+
+
+def test_a_stream_refuses_what_it_cannot_square_and_goes_on_as_if_it_had_not_come():
+    regressors, response = white_record(21, 60, 2)
+    whole = limited_memory_least_squares(regressors, response, 10)
+    stream = LimitedMemory(2, 10)
+    stream.extend(regressors[:33], response[:33])
+    with pytest.raises(ValueError, match="finite squares"):
+        stream.extend([[1.0, 1.0], [1e200, 1.0]], [1.0, 1.0])
+    with pytest.raises(ValueError, match="2 columns, found 3"):
+        stream.extend(np.ones((1, 3)), [1.0])
+    with pytest.raises(ValueError, match="weights must be finite"):
+        stream.update([1.0, 1.0], 1.0, weight=np.nan)
+    rest = stream.extend(regressors[33:], response[33:])
+    np.testing.assert_allclose(rest.parameters, whole.parameters[33:], rtol=1e-12)
+
+
+# ------------------------------------------------------------------------------------ one whole record
+
+
+def test_least_squares_of_a_whole_record_equals_lstsq_and_the_textbook_covariance():
+    rng = np.random.default_rng(22)
+    regressors, response = white_record(22, 500, 4)
+    regressors *= [1e-3, 1.0, 1e4, 1e7]
+    weights = rng.uniform(0.1, 10.0, 500)
+    weights[3], response[7], regressors[9, 2] = 0.0, np.nan, np.nan
+    fit = least_squares(regressors, response, weights)
+    used = np.setdiff1d(np.arange(500), [3, 7, 9])
+    root = np.sqrt(weights[used])
+    scaled = regressors[used] * root[:, np.newaxis]
+    expected, residual, _, _ = np.linalg.lstsq(scaled / [1e-3, 1.0, 1e4, 1e7], response[used] * root, rcond=None)
+    np.testing.assert_allclose(fit.parameters, expected / [1e-3, 1.0, 1e4, 1e7], rtol=1e-11)
+    np.testing.assert_allclose(fit.residual_sum_of_squares, residual[0], rtol=1e-11)
+    np.testing.assert_allclose(fit.covariance_factor, np.linalg.inv(scaled.T @ scaled), rtol=1e-8, atol=0)
+    assert (fit.count, fit.degrees_of_freedom) == (497, 493)
+    np.testing.assert_allclose(fit.standard_errors, np.sqrt(np.diag(fit.covariance_factor) * residual[0] / 493))
+
+
+def test_least_squares_of_one_window_is_that_windows_estimate():
+    regressors, response = shot_then_silence(600, n_parameters=3)
+    windows = limited_memory_least_squares(regressors, response, 40, operator="qr")
+    for last in (50, 75, 300):
+        fit = least_squares(regressors[last - 39 : last + 1], response[last - 39 : last + 1])
+        np.testing.assert_allclose(windows.parameters[last], fit.parameters, rtol=1e-10)
+        np.testing.assert_allclose(windows.standard_errors[last], fit.standard_errors, rtol=1e-10)
+        assert windows.smallest_pivot[last] == pytest.approx(fit.smallest_pivot, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("regressors", "message"),
+    [
+        (np.ones((2, 2)), r"too few samples .* expected 3 or more present, found 2"),
+        (np.column_stack([np.ones(9), np.zeros(9)]), r"carries no signal.*number 1 zero throughout"),
+        (np.column_stack([np.arange(9.0), 3.0 * np.arange(9.0)]), r"cannot be told apart"),
+    ],
+)
+def test_a_whole_record_without_a_number_is_an_error_that_says_why(regressors, message):
+    with pytest.raises(IdentificationError, match=message):
+        least_squares(regressors, np.ones(len(regressors)))
+
+
+# --------------------------------------------------------- many outputs, residuals, workers, memory used again
+
+
+def outputs_record(seed: int, n_samples: int, n_outputs: int = 3) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    regressors = rng.standard_normal((n_samples, 2))
+    response = regressors @ rng.standard_normal((2, n_outputs)) + 0.1 * rng.standard_normal((n_samples, n_outputs))
+    return regressors, response * 10.0 ** np.arange(-3, n_outputs - 3)
+
+
+@pytest.mark.parametrize("operator", ["auto", "gram", "qr"])
+def test_outputs_together_give_what_each_gives_alone(operator):
+    regressors, response = outputs_record(30, 300)
+    response[100] = np.nan
+    regressors[150:200, 1] = regressors[150:200, 0]
+    weights = np.random.default_rng(30).uniform(0.5, 2.0, 300)
+    together = limited_memory_least_squares(regressors, response, 20, weights=weights, operator=operator)
+    assert together.parameters.shape == (300, 2, 3)
+    assert together.residual_sum_of_squares.shape == (300, 3)
+    for o in range(3):
+        alone = limited_memory_least_squares(regressors, response[:, o], 20, weights=weights, operator=operator)
+        for name in ("status", "count", "smallest_pivot", "degrees_of_freedom"):
+            np.testing.assert_array_equal(getattr(together, name), getattr(alone, name))
+        for name in ("parameters", "standard_errors"):
+            np.testing.assert_allclose(getattr(together, name)[:, :, o], getattr(alone, name), rtol=1e-9)
+        np.testing.assert_allclose(together.residual_sum_of_squares[:, o], alone.residual_sum_of_squares, rtol=1e-9)
+
+
+def test_one_output_as_a_table_has_one_dimension_more():
+    regressors, response = white_record(31, 100, 2)
+    flat = limited_memory_least_squares(regressors, response, 20)
+    table = limited_memory_least_squares(regressors, response[:, np.newaxis], 20)
+    np.testing.assert_array_equal(table.parameters[:, :, 0], flat.parameters)
+    np.testing.assert_array_equal(table.residual_sum_of_squares[:, 0], flat.residual_sum_of_squares)
+
+
+def test_rows_are_recomputed_by_rotations_where_any_output_is_next_to_perfectly_explained():
+    regressors, response = outputs_record(32, 200, 2)
+    response[:, 1] = regressors @ [1.0, 2.0]
+    assert (limited_memory_least_squares(regressors, response, 20).operator[19:] == WindowOperator.QR).all()
+
+
+@settings(max_examples=20, deadline=None)
+@given(seeds, st.integers(4, 30), st.lists(st.integers(0, 60), min_size=1, max_size=5))
+def test_packets_of_many_outputs_give_what_the_whole_record_gives(seed, window, packets):
+    regressors, response = outputs_record(seed, 150)
+    response[np.random.default_rng(seed).random(150) < 0.05, 1] = np.nan
+    whole = limited_memory_least_squares(regressors, response, window)
+    stream = LimitedMemory(2, window, n_outputs=3)
+    parts, start = [], 0
+    for size in [*packets, 150]:
+        stop = min(start + size, 150)
+        parts.append(stream.extend(regressors[start:stop], response[start:stop]))
+        start = stop
+    for name in FIELDS:
+        got, wanted = np.concatenate([getattr(p, name) for p in parts]), getattr(whole, name)
+        np.testing.assert_allclose(got, wanted, rtol=1e-6, err_msg=name)
+
+
+def test_a_single_sample_of_many_outputs_gives_an_estimate_of_each():
+    regressors, response = outputs_record(33, 30)
+    stream = LimitedMemory(2, 10, n_outputs=3)
+    last = [stream.update(x, y) for x, y in zip(regressors, response, strict=True)][-1]
+    assert last.parameters.shape == (2, 3)
+    assert np.shape(last.residual_sum_of_squares) == (3,)
+    with pytest.raises(ValueError, match="response must have 3 columns"):
+        stream.update(regressors[0], response[0, :2])
+    with pytest.raises(ValueError, match="n_outputs must be at least 1"):
+        LimitedMemory(2, 10, n_outputs=0)
+    with pytest.raises(TypeError, match="n_outputs must be an integer"):
+        LimitedMemory(2, 10, n_outputs=1.5)
+
+
+@pytest.mark.parametrize("n_outputs", [None, 2])
+def test_the_residuals_of_a_window_are_those_of_its_own_estimate(n_outputs):
+    regressors, response = outputs_record(34, 100, 2)
+    response = response if n_outputs else response[:, 0]
+    response[50] = np.nan
+    estimates = limited_memory_least_squares(regressors, response, 20, partial=True)
+    for last in (10, 30, 55, 99):
+        used = slice(max(last - 19, 0), last + 1)
+        present = ~np.isnan(response[used] if not n_outputs else response[used, 0])
+        truth = np.linalg.lstsq(regressors[used][present], response[used][present], rcond=None)[0]
+        residuals = estimates.residuals(last, regressors, response)
+        assert residuals.shape == response[used].shape
+        np.testing.assert_allclose(
+            residuals[present], response[used][present] - regressors[used][present] @ truth, rtol=0, atol=1e-13
+        )
+        assert np.isnan(residuals[~present]).all()
+        np.testing.assert_allclose(np.nansum(residuals**2, axis=0), estimates.residual_sum_of_squares[last], rtol=1e-9)
+    assert np.isnan(estimates.residuals(1, regressors, response)).all()
+    with pytest.raises(IndexError, match="between 0 and 99, found 100"):
+        estimates.residuals(100, regressors, response)
+    with pytest.raises(ValueError, match="regressors must have the shape"):
+        estimates.residuals(50, regressors[1:], response)
+    with pytest.raises(ValueError, match="response must have the shape"):
+        estimates.residuals(50, regressors, response[1:])
+
+
+@pytest.mark.parametrize("engine", ["numpy", "numba"])
+@pytest.mark.parametrize("operator", ["auto", "qr"])
+def test_the_number_of_workers_changes_no_bit(operator, engine):
+    if engine == "numba":
+        pytest.importorskip("numba", reason="the extra fast is not installed")
+    regressors, response = shot_then_silence(80_000, n_parameters=2)
+    regressors[1000:1010] = np.nan
+    few, many = (
+        limited_memory_least_squares(regressors, response, 300, operator=operator, engine=engine, workers=workers)
+        for workers in (1, 3)
+    )
+    assert_same(many, few)
+    assert few.operator.any()
+
+
+def test_workers_must_be_a_number_of_threads():
+    with pytest.raises(ValueError, match="workers must be at least 1, found 0"):
+        limited_memory_least_squares(np.ones((9, 1)), np.ones(9), 3, workers=0)
+    with pytest.raises(TypeError, match="workers must be an integer"):
+        limited_memory_least_squares(np.ones((9, 1)), np.ones(9), 3, workers=1.5)
+
+
+@pytest.mark.parametrize("n_parameters", [1, 2])
+def test_memory_is_used_again_and_gives_what_new_memory_gives(n_parameters):
+    first, second = white_record(35, 500, n_parameters), white_record(36, 500, n_parameters)
+    old = limited_memory_least_squares(*first, 50)
+    new = limited_memory_least_squares(*second, 50, out=old)
+    assert np.shares_memory(new.parameters, old.parameters)
+    assert np.shares_memory(new.marks, old.marks)
+    assert_same(new, limited_memory_least_squares(*second, 50))
+    with pytest.raises(ValueError, match="out must hold parameters of the shape"):
+        limited_memory_least_squares(first[0][1:], first[1][1:], 50, out=old)
+    part = replace(old, parameters=np.repeat(old.parameters, 2, axis=0)[::2])
+    with pytest.raises(ValueError, match="returned, whole"):
+        limited_memory_least_squares(*first, 50, out=part)

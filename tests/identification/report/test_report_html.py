@@ -1,0 +1,615 @@
+import base64
+import json
+import math
+import re
+import subprocess
+import sys
+from html.parser import HTMLParser
+from importlib.machinery import ModuleSpec
+from importlib.util import find_spec
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from daq.errors import StoreError
+from identification.report import html, tables
+from identification.report.drawing import drawing, drawings
+from identification.report.figure import (
+    Figure,
+    HorizontalLine,
+    Panel,
+    Span,
+    Trace,
+    bucket_starts,
+    decimate,
+    envelope_indices,
+)
+from identification.report.html import render_page, write_page
+from identification.report.rounding import fixed, plain, rounded, significant
+
+HOSTILE = '</script><img src=x onerror=alert(1)>\u2028\'" onload="x%{y}{{7*7}}'
+OPTIONAL_KEYS = ("methods", "truth", "summary", "E_n", "alignment", "quality", "budget", "trace", "interval_s")
+
+
+def a_report(**changes):
+    report = {
+        "schema": "recoil-daq/report/1",
+        "shot": "0001",
+        "rig": "field-2013",
+        "mass": {
+            "value": 780.9312,
+            "u": 1.714,
+            "U95": [777.511, 784.351],
+            "unit": "kg",
+            "specification": 782.0,
+            "method": "inertial",
+        },
+        "rpe_percent": {"value": 0.1434, "U95": [0.0201, 0.5198]},
+        "interval_s": [0.0012, 0.145],
+        "window_s": 0.02,
+        "identified_share": 0.9514,
+        "trace": {"file": "mass.csv", "columns": ["time_s", "mass_kg", "u_kg", "identified"]},
+        "budget": [{"source": "friction", "u_kg": 0.3}, {"source": "pressure", "u_kg": 1.2}],
+        "alignment": [
+            {
+                "clock": "camera",
+                "offset_s": 0.00123412,
+                "u_offset_s": 3.1e-6,
+                "drift": 1.231e-5,
+                "u_drift": 2.2e-6,
+                "status": "ok",
+                "method": "motion",
+            },
+        ],
+        "quality": [
+            {"channel": "acc", "check": "clipping", "verdict": "ok", "detail": "none"},
+            {"channel": "gyro", "check": "drop-out", "verdict": "fail", "detail": "15 ms"},
+        ],
+        "valid": True,
+        "reasons": [],
+        "provenance": {
+            "version": "0.1.0",
+            "inputs": [{"file": "shot.csv", "sha256": "0123456789abcdef" * 4}],
+            "parameters": {"cutoff_hz": 300.0, "bound": math.nan},
+        },
+        "E_n": 0.18,
+        "methods": [
+            {"name": "inertial", "mass_kg": 780.9312, "u_kg": 1.714, "deviation_percent": -0.1367, "rpe_percent": 0.14},
+            {"name": "printed", "mass_kg": 741.3, "u_kg": None, "deviation_percent": 5.2, "rpe_percent": 5.41},
+        ],
+        "truth": {"mass_kg": 781.5, "error_percent": -0.0728},
+        "summary": {"fit_percent": 97.31, "whiteness": "white"},
+    }
+    return report | changes
+
+
+def a_figure(key="mass", name="mass", title="Identified mass", **changes):
+    x = np.linspace(0.0, 0.1, 50)
+    return Figure(
+        key, title, "What to see.", "time / s", (Panel("mass / kg", (Trace(name, x, x, "filtered", "kg"),)),), **changes
+    )
+
+
+def noise(n, seed=0):
+    return np.random.default_rng(seed).standard_normal(n)
+
+
+class PageElements(HTMLParser):
+    """Every element of a page with its attributes, and the text of its scripts."""
+
+    def __init__(self, page):
+        super().__init__()
+        self.elements, self.scripts, self.text, self._in = [], {}, "", None
+        self.feed(page)
+
+    def handle_starttag(self, tag, attrs):
+        self.elements.append((tag, dict(attrs)))
+        self._in = (dict(attrs).get("id", "code") if tag == "script" else None) or self._in
+
+    def handle_endtag(self, tag):
+        if tag == "script":
+            self._in = None
+
+    def handle_data(self, data):
+        if self._in is None:
+            self.text += data
+        else:
+            self.scripts[self._in] = self.scripts.get(self._in, "") + data
+
+    def json(self, name):
+        def refuse(token):
+            raise AssertionError(f"{token} is not JSON")
+
+        return json.loads(self.scripts[name], parse_constant=refuse)
+
+
+def samples(packed):
+    return np.frombuffer(base64.b64decode(packed["bdata"]), dtype="<" + packed["dtype"])
+
+
+def test_page_refers_to_the_script_beside_it_and_to_nothing_else():
+    page = render_page(a_report(), [a_figure()])
+    references = [
+        value
+        for _, attributes in PageElements(page).elements
+        for name, value in attributes.items()
+        if name in {"src", "href", "action", "data", "poster", "srcset", "background", "xlink:href"}
+    ]
+    outward = [r for r in references if not r.startswith(("#", "./"))]
+    assert outward == ["plotly.min.js"]
+    assert "://" not in page
+    assert not re.search(r"""["'(=]\s*//\w""", page)
+    assert not re.search(r"@import|url\(|@font-face|<link|<base|<iframe", page)
+
+
+def test_page_forbids_connections_and_plotly_s_upload_button():
+    page = render_page(a_report(), [a_figure()])
+    assert "connect-src 'none'" in page
+    assert "showSendToCloud: false" in page
+    assert 'plotlyServerURL: ""' in page
+    assert 'modeBarButtons: [["toImage"], ["zoom2d", "pan2d"], ["autoScale2d"]]' in page
+
+
+def test_script_beside_the_page_is_plotly_s_byte_for_byte(tmp_path):
+    path = write_page(tmp_path / "0001", render_page(a_report(), [a_figure()]))
+    assert path == tmp_path / "0001" / "report.html"
+    installed = Path(find_spec("plotly").submodule_search_locations[0]) / "package_data" / "plotly.min.js"
+    assert (path.parent / "plotly.min.js").read_bytes() == installed.read_bytes()
+    assert sorted(p.name for p in path.parent.iterdir()) == ["plotly.min.js", "report.html"]
+    assert path.read_text(encoding="utf-8") == render_page(a_report(), [a_figure()])
+
+
+def test_older_page_and_damaged_script_are_replaced(tmp_path):
+    (tmp_path / "report.html").write_text("old")
+    damaged = bytearray(html.plotly_script().read_bytes())
+    damaged[1000] ^= 1
+    (tmp_path / "plotly.min.js").write_bytes(damaged)
+    write_page(tmp_path, render_page(a_report(), []))
+    assert (tmp_path / "plotly.min.js").read_bytes() == html.plotly_script().read_bytes()
+    assert "old" not in (tmp_path / "report.html").read_text(encoding="utf-8")[:20]
+
+
+def test_folder_that_cannot_be_written_is_a_store_error(tmp_path):
+    (tmp_path / "taken").write_text("a file")
+    with pytest.raises(StoreError, match=r"taken.*cannot be written"):
+        write_page(tmp_path / "taken", render_page(a_report(), []))
+
+
+@pytest.mark.parametrize("with_package", [False, True])
+def test_missing_script_is_a_store_error_with_its_remedy(tmp_path, monkeypatch, with_package):
+    spec = ModuleSpec("plotly", None, origin=str(tmp_path), is_package=True) if with_package else None
+    monkeypatch.setattr(html, "find_spec", lambda _name: spec)
+    with pytest.raises(StoreError, match="pip install"):
+        write_page(tmp_path / "out", render_page(a_report(), []))
+    assert not (tmp_path / "out").exists()
+
+
+def test_neither_import_nor_rendering_loads_plotly_s_package_or_pandas():
+    code = (
+        "import sys, identification.report.html as h; early = set(sys.modules); h.plotly_script();"
+        "h.render_page({'schema': h.SCHEMA, 'shot': '1', 'rig': 'r', 'mass': {}, 'rpe_percent': None, 'valid': False,"
+        " 'reasons': [], 'provenance': {}}, []);"
+        "print([m for m in ('plotly', 'pandas', 'scipy') if m in sys.modules], 'jinja2' in early)"
+    )
+    command = [sys.executable, "-c", code]
+    root = Path(__file__).parents[3]
+    run = subprocess.run(command, capture_output=True, text=True, check=True, cwd=root)
+    assert run.stdout.split("\n")[0] == "[] False"
+
+
+def test_hostile_names_neither_break_out_nor_get_lost():
+    report = a_report(
+        shot=HOSTILE,
+        rig=HOSTILE,
+        reasons=[HOSTILE],
+        budget=[{"source": HOSTILE, "u_kg": 1.0}],
+        alignment=[{"clock": HOSTILE, "status": HOSTILE, "method": HOSTILE, "detail": HOSTILE}],
+        quality=[{"channel": HOSTILE, "check": HOSTILE, "verdict": HOSTILE, "detail": HOSTILE}],
+        methods=[{"name": HOSTILE, "mass_kg": 1.0, "u_kg": 0.1, "note": HOSTILE}],
+        summary={HOSTILE: HOSTILE},
+        trace={"file": "javascript:alert(1)//" + HOSTILE},
+        provenance={
+            "version": HOSTILE,
+            "inputs": [{"file": HOSTILE, "sha256": HOSTILE}],
+            "parameters": {HOSTILE: HOSTILE},
+        },
+    )
+    report["mass"] |= {"method": HOSTILE, "unit": HOSTILE}
+    page = render_page(report, [a_figure(key=HOSTILE, name=HOSTILE, title=HOSTILE)])
+    calm = PageElements(render_page(a_report(reasons=["one"]), [a_figure()]))
+    parsed = PageElements(page)
+    assert [tag for tag, _ in parsed.elements if tag in {"script", "img"}] == ["script"] * 4
+    assert {t for t, _ in parsed.elements} == {t for t, _ in calm.elements}
+    assert not [name for _, attributes in parsed.elements for name in attributes if name.startswith("on")]
+    assert not [a["href"] for _, a in parsed.elements if "href" in a and not a["href"].startswith(("#", "./"))]
+    assert parsed.text.count("{{7*7}}") >= 15
+    assert parsed.json("report")["shot"] == HOSTILE
+    assert parsed.json("figures")[0]["key"] == HOSTILE
+    assert "\u2028" not in page.partition('id="report">')[2]
+
+
+def test_names_in_drawings_are_neither_markup_nor_templates_for_plotly():
+    figure = Figure(
+        "k",
+        "t",
+        "c",
+        "<b>x</b>",
+        (Panel("<a href='q'>y</a>", (Trace("<i>%{x}</i> & co", [0.0], [1.0], "measured", "%{y}"),)),),
+    )
+    drawn = drawing(figure)
+    assert drawn["data"][0]["name"] == "&lt;i&gt;% {x}&lt;/i&gt; &amp; co"
+    assert drawn["data"][0]["hovertemplate"].count("%{") == 1
+    assert "<" not in json.dumps(drawn["layout"])
+
+
+def test_numbers_that_json_cannot_say_become_null():
+    report = a_report(E_n=None, truth={"mass_kg": math.inf, "error_percent": math.nan})
+    report["mass"] |= {"value": np.float64(780.0), "u": np.float32("nan"), "U95": np.array([math.nan, 1.0])}
+    embedded = PageElements(render_page(report, [])).json("report")
+    assert embedded["mass"]["value"] == 780.0
+    assert embedded["mass"]["u"] is None
+    assert embedded["mass"]["U95"] == [None, 1.0]
+    assert embedded["truth"] == {"mass_kg": None, "error_percent": None}
+    assert embedded["provenance"]["parameters"]["bound"] is None
+
+
+def test_gaps_and_limits_of_traces_arrive_as_gaps():
+    x = np.arange(6.0)
+    y = np.array([1.0, np.nan, 3.0, np.inf, 5.0, 6.0])
+    line = HorizontalLine("none", math.nan)
+    figure = Figure("k", "t", "c", "x", (Panel("y", (Trace("a", x, y, "measured"),), lines=(line,)),), shown=(0.0, 5.0))
+    drawn = PageElements(render_page(a_report(), [figure])).json("figures")[0]
+    assert drawn["layout"]["shapes"] == []
+    np.testing.assert_array_equal(np.isfinite(samples(drawn["data"][0]["y"])), np.isfinite(y))
+    np.testing.assert_allclose(drawn["layout"]["yaxis"]["range"], [0.7, 6.3])
+
+
+@pytest.mark.parametrize("key", OPTIONAL_KEYS)
+def test_page_does_without_any_optional_key(key):
+    report = a_report()
+    del report[key]
+    assert "780.9" in render_page(report, [a_figure()])
+    assert "780.9" in render_page(a_report(**{key: None}), [a_figure()])
+
+
+def test_page_does_without_all_optional_keys_at_once():
+    report = {k: v for k, v in a_report().items() if k in html.REQUIRED_KEYS}
+    report |= {"mass": {"value": 781.234}, "rpe_percent": None, "provenance": {}}
+    text = PageElements(render_page(report, [])).text
+    assert "781.23" in text
+    for absent in (
+        "Methods compared",
+        "Uncertainty budget",
+        "Alignment of the clocks",
+        "Quality of the recording",
+    ):
+        assert absent not in text
+    assert not re.search(r"\b(None|nan|null|Undefined)\b", text.replace("{}", ""))
+
+
+def test_optional_keys_are_shown():
+    text = PageElements(render_page(a_report(), [a_figure()])).text
+    for present in (
+        "Methods compared",
+        "agrees",
+        "0.18",
+        "781.5 kg",
+        "−0.073 %",
+        "fit percent",
+        "97.31",
+        "95.1 %",
+        "What to see.",
+    ):
+        assert present in text
+
+
+@pytest.mark.parametrize("key", html.REQUIRED_KEYS)
+def test_report_without_a_key_that_all_have_is_refused(key):
+    report = a_report()
+    del report[key]
+    with pytest.raises(ValueError, match=f"lacks {key}"):
+        render_page(report, [])
+
+
+def test_report_of_another_schema_and_doubled_figures_are_refused():
+    with pytest.raises(ValueError, match="report/2"):
+        render_page(a_report(schema="recoil-daq/report/2"), [])
+    with pytest.raises(ValueError, match="same key"):
+        render_page(a_report(), [a_figure(), a_figure()])
+
+
+def test_shot_without_a_number_says_so_with_its_reasons():
+    report = a_report(valid=False, reasons=["pressure is clipped"], rpe_percent={"value": None, "U95": None})
+    report["mass"] |= {"value": None, "u": None, "U95": None}
+    text = PageElements(render_page(report, [a_figure()])).text
+    assert "no number" in text
+    assert "NOT VALID" in text
+    assert "pressure is clipped" in text
+    assert "coverage interval" not in text
+    assert "±" not in text
+
+
+def test_first_line_is_rounded_to_the_uncertainty():
+    line = tables.verdict(a_report())
+    assert (line["mass"], line["spread"]) == ("780.9", "± 3.4")
+    assert line["interval"] == "777.5 kg to 784.4 kg"
+    assert line["specification"] == "782"
+    assert line["rpe"] == "0.14"
+    assert line["agrees"]
+
+
+def test_interval_that_is_not_symmetric_shows_both_sides():
+    report = a_report()
+    report["mass"] |= {"value": 780.0, "U95": [778.0, 786.0]}
+    assert tables.verdict(report)["spread"] == "+6.0 −2.0"
+
+
+def test_tables_are_rounded_to_the_uncertainty():
+    (clock,) = tables.alignment(a_report())
+    assert (clock["offset"], clock["u_offset"], clock["drift"], clock["u_drift"]) == ("1.2341", "3.1", "12.3", "2.2")
+    first, second = tables.methods(a_report())
+    assert (first["mass"], first["u"], first["deviation"], first["chosen"]) == ("780.9", "1.7", "−0.14", True)
+    assert (second["mass"], second["u"], second["deviation"], second["chosen"]) == ("741.3", "–", "+5.2", False)
+
+
+def test_budget_stands_by_size_with_its_shares_of_the_variance():
+    rows, combined = tables.budget(a_report())
+    assert [(r["source"], r["u"], r["share"], r["width"]) for r in rows] == [
+        ("pressure", "1.2", "94", "94.1"),
+        ("friction", "0.30", "6", "5.9"),
+    ]
+    assert combined == "1.7"
+
+
+def test_what_needs_attention_comes_first():
+    assert [row["verdict"] for row in tables.quality(a_report())] == ["fail", "ok"]
+    assert tables.quality_counts(a_report()) == [("fail", 1), ("ok", 1)]
+
+
+@pytest.mark.parametrize(
+    ("value", "u", "expected"),
+    [
+        (780.9312, 3.42, ("780.9", "3.4")),
+        (780.9312, 0.0996, ("780.93", "0.10")),
+        (780.9312, 99.6, ("780", "100")),
+        (123456.0, 1234.0, ("123500", "1200")),
+        (-0.00123, 0.00045, ("−0.00123", "0.00045")),
+        (-0.001, 0.4, ("0.00", "0.40")),
+        (741.3, None, ("741.3", "–")),
+        (741.3, math.nan, ("741.3", "–")),
+        (None, 1.0, ("–", "1.0")),
+        (0.0, 0.0, ("0", "0")),
+    ],
+)
+def test_value_has_the_digits_of_its_uncertainty(value, u, expected):
+    assert rounded(value, u) == expected
+
+
+@given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e4))
+@settings(max_examples=200, deadline=None)
+def test_rounding_keeps_the_value_within_a_twentieth_of_the_uncertainty(value, u):
+    value_text, u_text = (float(text.replace("−", "-")) for text in rounded(value, u))
+    assert abs(value_text - value) <= 0.0501 * u + 1e-9 * abs(value)
+    assert abs(u_text - u) <= 0.0501 * u
+
+
+def test_numbers_without_an_uncertainty_are_plain():
+    assert [plain(v) for v in (782.0, 0.02, 0.0, 28756, 1e-9, math.inf)] == [
+        "782",
+        "0.02",
+        "0",
+        "28756",
+        "1e−09",
+        "–",
+    ]
+    assert significant(0.0012, 2) == "0.0012"
+    assert fixed(-0.04, 1) == "0.0"
+
+
+@given(
+    y=arrays(np.float64, st.integers(1, 600), elements=st.floats(-1e6, 1e6) | st.just(math.nan)),
+    buckets=st.integers(4, 60),
+)
+@settings(max_examples=150, deadline=None)
+def test_decimation_keeps_extremes_ends_and_order(y, buckets):
+    x = np.arange(y.size, dtype=float)
+    thin_x, thin_y = decimate(x, y, buckets)
+    index = thin_x.astype(int)
+    assert np.all(np.diff(index) > 0)
+    np.testing.assert_array_equal(thin_y, y[index])
+    assert (index[0], index[-1]) == (0, y.size - 1)
+    assert thin_x.size <= max(5 * buckets + 2, 2 * buckets)
+    edges = np.append(bucket_starts(x, buckets), y.size)
+    for first, last in pairwise(edges):
+        bucket, kept = y[first:last], thin_y[(index >= first) & (index < last)]
+        assert np.isnan(bucket).any() == np.isnan(kept).any()
+        if not np.isnan(bucket).all():
+            assert (np.nanmin(kept), np.nanmax(kept)) == (np.nanmin(bucket), np.nanmax(bucket))
+
+
+def test_gap_of_a_bucket_s_length_stays_a_gap_and_lone_gaps_do_not_erase_the_line():
+    y = noise(10_000)
+    y[::7] = math.nan
+    y[4000:4400] = math.nan
+    thin_x, thin_y = decimate(np.arange(y.size), y, 200)
+    assert not np.isfinite(thin_y[(thin_x >= 4000) & (thin_x < 4400)]).any()
+    finite = np.isfinite(thin_y)
+    drawn = (finite[1:] & finite[:-1]).sum()
+    assert drawn > 0.3 * finite.sum()
+
+
+def test_decimation_takes_at_most_two_samples_of_a_bucket_without_a_gap():
+    assert decimate(np.arange(200_000), noise(200_000))[0].size <= 8002
+    assert decimate(np.arange(200_000), np.zeros(200_000))[0].size <= 4002
+
+
+def test_short_trace_is_left_alone():
+    x, y = decimate([0, 1, 2], [5, math.nan, 7])
+    np.testing.assert_array_equal(x, [0, 1, 2])
+    np.testing.assert_array_equal(y, [5, math.nan, 7])
+
+
+def test_part_that_is_shown_first_is_cut_finer():
+    x = np.linspace(0.0, 10.0, 1_000_000)
+    starts = bucket_starts(x, 4000, shown=(5.0, 5.2))
+    inside = ((x[starts] >= 5.0) & (x[starts] <= 5.2)).sum()
+    assert 2900 <= inside <= 3100
+    assert starts[0] == 0
+    assert starts.size <= 4002
+    assert np.diff(starts).min() > 0
+
+
+@pytest.mark.parametrize("shown", [(-5.0, -1.0), (-5.0, 50.0), (9.999, 60.0), (3.0, 3.0000001)])
+def test_shown_range_may_lie_anywhere(shown):
+    x = np.linspace(0.0, 10.0, 50_000)
+    y = noise(x.size)
+    starts = bucket_starts(x, 100, shown=shown)
+    assert starts.size <= 102
+    kept = y[envelope_indices(y, starts)]
+    assert (kept.min(), kept.max()) == (y.min(), y.max())
+
+
+def test_logarithmic_axis_gets_equal_buckets_per_decade():
+    f = np.arange(0.0, 100_000.0)
+    starts = bucket_starts(f, 1000, log=True)
+    decades = [((f[starts] >= a) & (f[starts] < 10 * a)).sum() for a in (1e2, 1e3, 1e4)]
+    assert max(decades[1:]) - min(decades[1:]) <= 2
+    assert decades[0] > 80
+
+
+def test_decimation_refuses_what_does_not_fit():
+    with pytest.raises(ValueError, match="equal length"):
+        decimate([0, 1], [0])
+    with pytest.raises(ValueError, match="4 or more"):
+        decimate([0, 1], [0, 1], buckets=2)
+
+
+def test_trace_is_frozen_and_does_not_alias_the_caller_s_arrays():
+    x = np.arange(3.0)
+    trace = Trace("a", x, x, "measured")
+    x[0] = 9.0
+    assert trace.y[0] == 0.0
+    with pytest.raises(ValueError, match="read-only"):
+        trace.y[0] = 1.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"kind": "wavy"}, "wavy"),
+        ({"y": [1.0]}, "as long as x"),
+        ({"x": [[0.0, 1.0]]}, "one axis"),
+        ({"x": [0.0, math.nan]}, "gaps belong into y"),
+        ({"kind": "band"}, "y_low and y_high"),
+        ({"kind": "band", "y_low": [0.0, 0.0]}, "y_low and y_high"),
+        ({"y_low": [0.0, 0.0], "y_high": [1.0, 1.0]}, "y_low and y_high"),
+        ({"kind": "band", "y_low": [0.0], "y_high": [1.0, 1.0]}, "y_low"),
+    ],
+)
+def test_trace_refuses_what_does_not_fit(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        Trace(**({"name": "a", "x": [0.0, 1.0], "y": [0.0, 1.0], "kind": "measured"} | arguments))
+
+
+def test_figure_refuses_no_panels_and_falling_ranges():
+    with pytest.raises(ValueError, match="no panel"):
+        Figure("k", "t", "c", "x", ())
+    with pytest.raises(ValueError, match="ascend"):
+        a_figure(shown=(1.0, 0.0))
+
+
+def test_panels_share_one_time_axis_unless_they_have_their_own():
+    trace = Trace("a", [1.0, 10.0], [1.0, 1e15], "measured")
+    panels = (
+        Panel("travel / m", (trace,)),
+        Panel("density", (trace,), y_scale="log", x_label="frequency / Hz", x_scale="log", x_shown=(1.0, 100.0)),
+        Panel("velocity / (m/s)", (trace,), spans=(Span("interval", 0.0, 1.0), Span("peak", 2.0, 2.0))),
+    )
+    drawn = drawing(Figure("k", "t", "c", "time / s", panels, shown=(0.0, 20.0)))
+    assert [(t["xaxis"], t["yaxis"]) for t in drawn["data"]] == [("x", "y"), ("x2", "y2"), ("x", "y3")]
+    layout = drawn["layout"]
+    assert {k for k in layout if k.startswith("xaxis")} == {"xaxis", "xaxis2"}
+    assert (layout["xaxis"]["anchor"], layout["xaxis"]["range"]) == ("y3", [0.0, 20.0])
+    assert (layout["xaxis2"]["type"], layout["xaxis2"]["range"]) == ("log", [0.0, 2.0])
+    assert layout["yaxis2"]["type"] == "log"
+    assert layout["yaxis2"]["range"][0] == pytest.approx(15 - 10 - math.log10(2))
+    assert [s["type"] for s in layout["shapes"]] == ["rect", "line"]
+    domains = [layout[f"yaxis{n}"]["domain"] for n in ("", "2", "3")]
+    assert domains[0][1] == 1.0
+    assert domains[2][0] == pytest.approx(0.0, abs=1e-12)
+    assert domains[0][0] > domains[1][1] > domains[1][0] > domains[2][1]
+
+
+def test_band_has_an_outline_for_each_stretch_and_its_half_width_in_the_read_out():
+    x = np.arange(10.0)
+    y = np.full(10, 780.0)
+    y[4:6] = math.nan
+    band = Trace("mass", x, y, "band", "kg", y_low=y - 2.0, y_high=y + 2.0, visible=False)
+    outline, line = drawing(Figure("k", "t", "c", "x", (Panel("y", (band,)),)))["data"]
+    edge_x, edge_y = samples(outline["x"]), samples(outline["y"])
+    assert outline["fill"] == "toself"
+    assert np.isnan(edge_y).sum() == 2
+    assert not ((edge_x > 3.0) & (edge_x < 6.0)).any()
+    assert (np.nanmin(edge_y), np.nanmax(edge_y)) == (778.0, 782.0)
+    np.testing.assert_array_equal(samples(line["customdata"]), np.where(np.isnan(y), np.nan, 2.0))
+    assert outline["visible"] == line["visible"] == "legendonly"
+
+
+def test_outline_of_a_thinned_band_holds_every_limit():
+    x = np.linspace(0.0, 1.0, 50_000)
+    y = noise(x.size)
+    band = Trace("mass", x, y, "band", y_low=y - 1.0, y_high=y + 1.0)
+    outline, _ = drawing(Figure("k", "t", "c", "x", (Panel("y", (band,)),)), buckets=200)["data"]
+    edge_y = samples(outline["y"])
+    assert np.nanmax(edge_y) == pytest.approx(y.max() + 1.0, rel=1e-6)
+    assert np.nanmin(edge_y) == pytest.approx(y.min() - 1.0, rel=1e-6)
+    assert edge_y.size < 500
+
+
+def test_time_far_from_zero_keeps_its_resolution():
+    x = 86_400.0 + np.arange(1000) / 1e5
+    drawn = drawing(Figure("k", "t", "c", "x", (Panel("y", (Trace("a", x, x - x[0], "measured"),)),)))["data"][0]
+    np.testing.assert_array_equal(samples(drawn["x"]), x)
+    assert drawn["y"]["dtype"] == "f4"
+
+
+def test_values_beyond_single_precision_are_kept():
+    y = [1e300, -1e300]
+    drawn = drawing(Figure("k", "t", "c", "x", (Panel("y", (Trace("a", [0.0, 1.0], y, "points"),)),)))["data"][0]
+    np.testing.assert_array_equal(samples(drawn["y"]), y)
+
+
+def test_page_stays_small_however_much_was_recorded():
+    x = np.arange(200_000) / 2e5
+    panels = tuple(
+        Panel("y", tuple(Trace(f"{p}{t}", x, noise(x.size, t), "measured") for t in range(6))) for p in range(2)
+    )
+    figures = [Figure(f"f{i}", "t", "c", "time / s", panels, shown=(0.1, 0.3)) for i in range(3)]
+    page = render_page(a_report(), figures)
+    assert 400_000 < len(page.encode()) < 1_500_000
+    first = drawings(figures)[0]["data"][0]
+    assert np.nanmax(samples(first["y"])) == np.float32(noise(x.size, 0).max())
+
+
+def test_traces_to_compare_differ_in_colour():
+    kinds = ("measured", "filtered", "model", "reference", "reference", "measured", "filtered")
+    traces = tuple(Trace(str(i), [0.0], [1.0], kind) for i, kind in enumerate(kinds))
+    drawn = drawing(Figure("k", "t", "c", "x", (Panel("y", traces),)))["data"]
+    hues = [tuple(re.findall(r"\d+", part["line"]["color"])[:3]) for part in drawn]
+    assert hues[0] == hues[1]
+    assert hues[5] == hues[6]
+    assert len({hues[i] for i in (0, 2, 3, 4)}) == 4
+    chosen = drawing(Figure("k", "t", "c", "x", (Panel("y", (Trace("a", [0.0], [1.0], "points", hue=0),)),)))["data"]
+    assert tuple(re.findall(r"\d+", chosen[0]["marker"]["color"])) == hues[0]
+
+
+def test_empty_trace_is_drawn_as_nothing():
+    empty = np.empty(0)
+    traces = (Trace("a", empty, empty, "measured"), Trace("b", empty, empty, "band", y_low=empty, y_high=empty))
+    drawn = drawing(Figure("k", "t", "c", "x", (Panel("y", traces),), shown=(0.0, 1.0)))
+    assert [samples(part["x"]).size for part in drawn["data"]] == [0, 0, 0]
