@@ -1,0 +1,44 @@
+"""A part of the recoiling mass that lets go in the shot: the trace follows within a window, and the report says so."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from identification.analysis import Identification
+from tests.builders.virtual_shots import identified, virtual_shot
+
+RELEASED = {"released_mass_kg": 60.0, "release_after_s": 0.03}
+
+
+@pytest.fixture(scope="module", params=["field-2013", "mixed"])
+def case(request) -> tuple[Identification, float, float, float]:
+    truth = virtual_shot(request.param, 3, **RELEASED).truth
+    return identified(request.param, 3, **RELEASED), truth["m3"], truth["m3_after"], truth["t_release"]
+
+
+def test_the_trace_has_the_old_mass_before_and_the_new_one_from_a_window_after_on(case):
+    found, before, after, instant_s = case
+    trace = found.chosen.trace
+    old = trace.identified & (trace.times_s < instant_s - 0.002)
+    new = trace.identified & (trace.times_s > instant_s + trace.window_s + 0.002)
+    assert old.any()
+    assert new.any()
+    assert np.median(np.abs(trace.mass_kg[old] - before) / trace.u_kg[old]) < 2.0
+    assert np.median(np.abs(trace.mass_kg[new] - after) / trace.u_kg[new]) < 2.0
+    assert abs(np.median(trace.mass_kg[new]) - after) < 0.35 * abs(before - after)
+
+
+def test_the_report_is_not_valid_as_one_number_and_says_when_the_mass_changed(case):
+    found, before, after, instant_s = case
+    assert not found.valid
+    assert any("No constant mass explains the shot" in reason for reason in found.reasons), found.reasons
+    assert found.constancy is not None
+    assert found.constancy.step.instant_s == pytest.approx(instant_s, abs=0.01)
+    assert found.constancy.change_kg == pytest.approx(after - before, abs=3 * found.constancy.u_change_kg)
+
+
+def test_shots_of_a_constant_mass_are_not_accused():
+    for name in ("field-2013", "mixed"):
+        assert identified(name).constancy is not None
+        assert identified(name).constancy.constant()
