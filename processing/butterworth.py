@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,11 +136,10 @@ class LowPass:
 
     def two_pass(self, rate_hz: float) -> TwoPass:
         """Design the recursion for a sampling rate, see `processing.two_pass.TwoPassFilter`."""
-        from scipy.signal import butter
-
-        sections = butter(int(self.half_order), self.corner_hz(rate_hz), fs=rate_hz, output="sos")
         length = math.ceil(self.padding_periods * rate_hz / self.cutoff_hz)
-        return TwoPass(np.asarray(sections, dtype=np.float64), self.padding, length)
+        # a copy, because scipy's recursion takes no array that cannot be written to
+        sections = _sections(int(self.half_order), self.corner_hz(rate_hz), rate_hz).copy()
+        return TwoPass(sections, self.padding, length)
 
     def apply(self, samples: Array, rate_hz: float) -> Array:
         """Filter samples along their first axis.
@@ -201,3 +201,13 @@ class LowPass:
             self.padding_periods / self.cutoff_hz,
             rate_hz,
         )
+
+
+@lru_cache(maxsize=64)
+def _sections(half_order: int, corner_hz: float, rate_hz: float) -> Array:
+    """Design the sections once: a design costs as much as filtering tens of thousands of samples."""
+    from scipy.signal import butter
+
+    sections = np.asarray(butter(half_order, corner_hz, fs=rate_hz, output="sos"), dtype=np.float64)
+    sections.flags.writeable = False
+    return sections
