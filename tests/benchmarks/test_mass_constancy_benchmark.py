@@ -10,7 +10,7 @@ from identification.constancy.mass_constancy import constancy_of
 from tests.builders.virtual_shots import identified, virtual_shot
 
 MASS_KG = 782.0
-CONSTANT = tuple(range(1, 31))
+CONSTANT = tuple(range(7001, 7031))
 CHANGING = tuple(range(101, 107))
 SHARES = (0.01, 0.02, 0.05)
 RELEASE_AFTER_S = 0.03
