@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.analysis import scale_uncertainty
-from identification.constancy.mass_constancy import constancy_of
-from tests.builders.virtual_shots import identified, virtual_shot
+from tests.builders.virtual_shots import identified
 
 MASS_KG = 782.0
 CONSTANT = tuple(range(7001, 7031))
@@ -24,9 +22,8 @@ def _only_when_asked_for(request):
 
 def judged(name: str, seed: int, **more: float):
     found = identified(name, seed, **more)
-    rig = virtual_shot(name, seed, **more).rig
-    u_zero = found.signals.offsets["recoil_acceleration"].u
-    return constancy_of(found.filtered, found.calibration, scale_uncertainty(rig), u_zero), found.valid
+    assert found.constancy is not None
+    return found.constancy, found.valid
 
 
 @pytest.mark.parametrize("name", ["field-2013", "mixed"])

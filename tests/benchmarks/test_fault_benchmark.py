@@ -1,0 +1,75 @@
+"""The faults of a real range, one at a time and in pairs: the interval holds the truth, or the report says why not.
+
+`RECOIL_DAQ_FAULT_PAIRS` sets how many pairs of each rig are drawn (30 by default). Two processes share the rigs.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import os
+from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from multiprocessing import get_context
+
+import pytest
+
+from daq.errors import RecoilDaqError
+from identification.analysis import Options, identify_shot
+from identification.clocks import align_clocks
+from identification.quality.shot_quality import check_shot
+from tests.builders.range_faults import pairs, range_faults
+from tests.builders.virtual_shots import virtual_shot
+
+PAIRS = int(os.environ.get("RECOIL_DAQ_FAULT_PAIRS", "30"))
+SEEDS = {"field-2013": 3, "mixed": 3}
+"""Shots whose own error is less than one standard uncertainty: what goes beyond 1.96 of them is the fault's."""
+BEYOND = 1.96
+TOLERATED = ("recuperator_pressure gain 1.03",)
+"""What no other sensor of these rigs can tell: the shot takes it for a friction that is off."""
+Outcome = tuple[str, str, str]
+
+
+@pytest.fixture(autouse=True)
+def _only_when_asked_for(request):
+    if not request.config.getoption("benchmark_enable"):
+        pytest.skip("a benchmark of minutes: ask for it with --benchmark-enable")
+
+
+def outcome(name: str, number: int, pair: bool) -> Outcome:
+    """Inject one fault, and say what becomes of the shot."""
+    virtual = virtual_shot(name, SEEDS[name])
+    faults = range_faults(virtual.shot)
+    fault = list(pairs(faults, PAIRS))[number] if pair else faults[number]
+    shot = replace(fault.inject(virtual, virtual.shot), alignments=(), quality=())
+    try:
+        alignments = align_clocks(shot, virtual.rig)
+        quality = check_shot(replace(shot, alignments=alignments), virtual.rig, alignments, {}, dt.date(2026, 6, 1))
+        found = identify_shot(replace(shot, alignments=alignments, quality=quality), virtual.rig, Options())
+    except RecoilDaqError as error:
+        return fault.name, "refused", str(error)
+    estimate = found.chosen.estimate
+    off = (estimate.mass_kg - virtual.truth["m3"]) / estimate.u_kg
+    figures = f"{estimate.mass_kg:.1f} kg, u {estimate.u_kg:.1f} kg, {off:+.1f} u"
+    if not found.valid:
+        return fault.name, "not valid", f"{figures}: {found.reasons[0]}"
+    return fault.name, "holds" if abs(off) <= BEYOND else "WRONG", figures
+
+
+@pytest.mark.parametrize("pair", [False, True], ids=["single", "pairs"])
+@pytest.mark.parametrize("name", list(SEEDS))
+def test_a_fault_is_held_by_the_interval_or_named(benchmark, capsys, name, pair):
+    count = PAIRS if pair else len(range_faults(virtual_shot(name, SEEDS[name]).shot))
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"
+
+    def run() -> list[Outcome]:
+        with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+            return list(pool.map(outcome, [name] * count, range(count), [pair] * count, chunksize=count // 2 + 1))
+
+    outcomes = benchmark.pedantic(run, rounds=1, warmup_rounds=0)
+    with capsys.disabled():
+        print(f"\n{name}, {count} {'pairs of faults' if pair else 'faults'}: {dict(Counter(o[1] for o in outcomes))}")
+        for fault, verdict, detail in outcomes:
+            print(f"{verdict:10} {fault:60} {detail[:150]}")
+    wrong = [o for o in outcomes if o[1] == "WRONG" and not any(t in o[0] for t in TOLERATED)]
+    assert not wrong, wrong
