@@ -268,7 +268,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
             found=f"estimates by {', '.join(estimates)}",
             remedy="take another --method, or mend the camera's alignment and what was lost",
         )
-    constancy = _constancy(narrow, calibration, scales, offset.u)
+    constancy = _constancy(filtered, calibration, scales, offset.u)
     regressions = {name: filtered if name != "paper" else recorded for name in estimates}
     notes: tuple[str, ...] = ()
     if camera is not None and camera_clock is not None and camera_clock.status != "failed":
