@@ -96,14 +96,15 @@ def mass_filter(recorded: Regression, choice: FilterChoice) -> LowPass:
     """Return the low-pass of the fit of the mass: the force's own band, within that of the choice.
 
     A mass is one number, and the force tells it where the force has its energy; the trace over time and peaks need
-    the rest of the band as well. A cut-off that was asked for holds for both.
+    the rest of the band as well. A cut-off that was asked for holds for both; where samples of the recoil are lost, a
+    lower one would lose more around them.
 
     Parameters
     ----------
     recorded : Regression
     choice : FilterChoice
     """
-    if choice.basis == "given":
+    if choice.basis == "given" or not recorded.trusted[recorded.inside].all():
         return choice.low_pass
     force = np.where(np.isfinite(recorded.force_n), recorded.force_n, 0.0)[recorded.inside]
     energy = np.cumsum(np.abs(np.fft.rfft(force, 4 * force.size)) ** 2)

@@ -6,6 +6,7 @@ data or the rig are at fault (one line says where and what to do); 130 interrupt
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -371,6 +372,8 @@ def show(
 
 def main() -> None:
     """Run the command line; the entry point of ``recoil-daq``."""
+    # the matrices of a shot are small: threads of the linear algebra cost more than they save, unless asked for
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         app()
     except KeyboardInterrupt:
