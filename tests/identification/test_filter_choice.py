@@ -8,7 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.filter_choice import DEFAULT_CUTOFF_HZ, campaign_choice, choose_filter, force_spectra
+from identification.filter_choice import (
+    DEFAULT_CUTOFF_HZ,
+    campaign_choice,
+    choose_filter,
+    force_spectra,
+    mass_filter,
+)
 from identification.regression import Regression
 from processing.cutoff import refusal
 from tests.builders.bench_shots import bench_regression, bench_shot
@@ -83,3 +89,25 @@ def test_a_shot_without_any_spectrum_has_none() -> None:
     assert force_spectra(flat) == {}
     assert campaign_choice([{}, {}]) is None
     assert math.isfinite(choose_filter(flat, bench_shot()).low_pass.cutoff_hz)
+
+
+def test_the_mass_is_fitted_where_the_force_has_its_energy() -> None:
+    recorded = ringing(1)
+    choice = choose_filter(recorded, bench_shot())
+    narrow = mass_filter(recorded, choice)
+    assert narrow.cutoff_hz < choice.low_pass.cutoff_hz
+    assert narrow.half_order == choice.low_pass.half_order
+    force = recorded.force_n[recorded.inside]
+    power = np.abs(np.fft.rfft(force, 4 * force.size)) ** 2
+    below = np.fft.rfftfreq(4 * force.size, recorded.step_s) <= narrow.cutoff_hz
+    assert power[below].sum() / power.sum() == pytest.approx(0.99, abs=0.002)
+
+
+def test_a_cutoff_that_was_asked_for_and_a_record_with_losses_keep_one_band() -> None:
+    recorded = ringing(1)
+    asked = choose_filter(recorded, bench_shot(), given_hz=250.0)
+    assert mass_filter(recorded, asked) == asked.low_pass
+    trusted = recorded.trusted.copy()
+    trusted[np.flatnonzero(recorded.inside)[50]] = False
+    choice = choose_filter(recorded, bench_shot())
+    assert mass_filter(replace(recorded, trusted=trusted), choice) == choice.low_pass
