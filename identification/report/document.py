@@ -26,11 +26,11 @@ METHOD_NOTES = {
     "forward": "force on acceleration, both filtered alike",
     "kinematic": "as reverse, with the acceleration from the camera's displacement",
     "paper": "force on acceleration, unfiltered, as published in 2013: low by errors in variables",
-    "tls": "total least squares behind the low-pass, the noises' ratio from the silence",
-    "ar-gls": "acceleration on force as recorded, with autoregressive errors",
-    "weak": "averages over test functions of finite reach, as recorded",
-    "camera-gls": "the camera's displacement against the double integral of force",
-    "joint": "force, accelerometer and camera in one smoother",
+    "tls": "total least squares behind the low-pass, the noises' ratio from the silence; over time as reverse",
+    "ar-gls": "acceleration on force as recorded, with autoregressive errors; over time as reverse",
+    "weak": "averages over test functions of finite reach, as recorded; over time as reverse",
+    "camera-gls": "the camera's displacement against the double integral of force; over time as reverse",
+    "joint": "force, accelerometer and camera in one smoother; over time as reverse",
 }
 
 

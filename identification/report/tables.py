@@ -119,6 +119,7 @@ def budget(report: Report) -> tuple[list[Row], str | None]:
         share = 100 * u**2 / total if total > 0.0 else 0.0
         per = entry.get("sensitivity_per") or ""
         unit = "" if per in ("", "1") else f" {per}"
+        per_unit = "" if not unit else f"/({per})" if "/" in per else f"/{per}"
         sensitivity, u_source = entry.get("sensitivity_kg"), entry.get("u_source")
         freedom = entry.get("degrees_of_freedom")
         rows.append(
@@ -126,9 +127,7 @@ def budget(report: Report) -> tuple[list[Row], str | None]:
                 "source": entry.get("source", NO_NUMBER),
                 "kind": ", ".join(text for text in (entry.get("type"), entry.get("distribution")) if text),
                 "u_source": f"{significant(u_source, 2)}{unit}" if u_source else "",
-                "sensitivity": f"{_signed(significant(sensitivity, 3))} kg{f'/({per})' if unit else ''}"
-                if sensitivity
-                else "",
+                "sensitivity": f"{_signed(significant(sensitivity, 3))} kg{per_unit}" if sensitivity else "",
                 "freedom": "∞" if freedom is None or not math.isfinite(freedom) else fixed(freedom, 0),
                 "u": significant(u, 2),
                 "share": "< 1" if 0.0 < share < 1.0 else fixed(share, 0),
