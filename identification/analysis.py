@@ -356,11 +356,15 @@ def scale_uncertainty(rig: Rig) -> ScaleUncertainty:
 def _result(
     estimate: MassEstimate, regression: Regression, calibration: Calibration, options: Options, rig: Rig
 ) -> Result:
+    systematic = common = math.hypot(*(r.u_kg for r in estimate.budget if r.source != RANDOM)) / estimate.mass_kg
+    left = None
     if estimate.method == "calibrated":
         acceleration, force = calibration.correct(regression)
+        # what the sensors' errors do differs from window to window
+        left, sensors = calibration.errors_left(regression), {r.source for r in calibration.estimate.budget}
+        common = math.hypot(0.0, *(r.u_kg for r in estimate.budget if r.source not in sensors)) / estimate.mass_kg
     else:
         acceleration, force = regression.acceleration_m_s2, regression.force_n
-    systematic = math.hypot(*(r.u_kg for r in estimate.budget if r.source != RANDOM)) / estimate.mass_kg
     direction: Literal["reverse", "forward"] = "forward" if estimate.method in ("forward", "paper") else "reverse"
     guard = math.inf if estimate.method == "paper" else LARGEST_RELATIVE_U
     trace = mass_trace(
@@ -369,7 +373,8 @@ def _result(
         force,
         options.window_s,
         direction=direction,
-        systematic_rel=systematic,
+        systematic_rel=common,
+        errors_m_s2=left,
         largest_relative_u=guard,
     )
     m = rig.mechanism

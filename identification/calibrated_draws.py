@@ -2,7 +2,7 @@
 
 The modelled acceleration is a sum of fixed columns with coefficients that the unknowns give,
 
-    a = F_breech g s_1 / m + F_brake g s_2 / m + F_recuperator g s_3 / m + F_friction g / m - s g df / m + r b + S z,
+    a = (F_breech s_1 + F_brake s_2 + F_recuperator s_3 + F_friction - s df) g / m + r b + d v + S z,
 
 so the shot's rows enter by the triangle of the columns' QR factorisation alone, and as many draws as one likes
 cost no more than a handful of rows each. Each draw adds an error to the rows, one to every calibration, and
@@ -48,7 +48,7 @@ class CalibratedProblem:
     unknowns : ndarray, shape (n_unknowns,)
         The solution.
     triangle : ndarray, shape (n_columns, n_columns)
-        Of forces (4), sliding, released and shifts.
+        Of forces (4), sliding, released, release and shifts.
     sigma_m_s2 : float
         That the rows were weighted with.
     noise_m_s2 : float

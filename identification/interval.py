@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,10 +39,8 @@ def release_index(times_s: Array, net_force_n: Array, onset_s: float) -> int:
         If the net force never turns positive.
     """
     driving = (times_s >= onset_s - 1e-9) & (np.nan_to_num(net_force_n, nan=-1.0) > 0)
-    # a single noisy sample is not a release
-    run = np.convolve(driving, np.ones(SUSTAINED), mode="full")[SUSTAINED - 1 :]
-    sustained = np.flatnonzero(run > SUSTAINED - 0.5)
-    if sustained.size == 0:
+    release = _first_of_run(driving)
+    if release is None:
         present = net_force_n[np.isfinite(net_force_n)]
         largest = f"at most {present.max() / 1e3:.1f} kN" if present.size else "no sample of all three pressures"
         raise IdentificationError(
@@ -48,7 +49,60 @@ def release_index(times_s: Array, net_force_n: Array, onset_s: float) -> int:
             found=largest,
             remedy="check areas, units and polarities of the pressures in the rig file",
         )
-    return int(sustained[0])
+    return release
+
+
+def _first_of_run(flags: NDArray[np.bool_]) -> int | None:
+    """Index of the first of `SUSTAINED` flags in a row: a single noisy sample is none."""
+    run = np.convolve(flags, np.ones(SUSTAINED), mode="full")[SUSTAINED - 1 :]
+    sustained = np.flatnonzero(run > SUSTAINED - 0.5)
+    return int(sustained[0]) if sustained.size else None
+
+
+class LettingGo(NamedTuple):
+    """What battery stop and packing may give the part while they let it go, and no gauge reads.
+
+    Attributes
+    ----------
+    per_s : ndarray, shape (n,)
+        Its shape over time, of unit impulse; zero throughout where the release was not recorded.
+    u_n_s : float
+        Standard uncertainty of its impulse.
+    """
+
+    per_s: Array
+    u_n_s: float
+
+
+def letting_go(times_s: Array, net_force_n: Array, onset_s: float) -> LettingGo:
+    """Tell in what shape stop and packing push the part on after its release, and how much that may be.
+
+    They are springs: they push with what they held until the part has left them, while the driving force rises. So
+    at most they push with all of what they held until the net force has reached as much the other way; after the
+    release that dies away.
+
+    Parameters
+    ----------
+    times_s, net_force_n : ndarray, shape (n,)
+        On a uniform grid; breech force less brake, recuperator and friction; NaN where lost.
+    onset_s : float
+
+    Raises
+    ------
+    IdentificationError
+        As of `release_index`.
+    """
+    release = release_index(times_s, net_force_n, onset_s)
+    per_s = np.zeros(times_s.size)
+    at_rest = net_force_n[(times_s < onset_s) & np.isfinite(net_force_n)]
+    held_n = -float(np.median(at_rest)) if at_rest.size else 0.0
+    driven = _first_of_run((times_s >= onset_s) & (np.nan_to_num(net_force_n, nan=-math.inf) >= held_n))
+    if held_n <= 0 or driven is None:
+        return LettingGo(per_s, 0.0)
+    step_s = float(times_s[1] - times_s[0])
+    count = max(driven - release, 1)
+    per_s[release : release + count] = 1.0 - (np.arange(count) + 0.5) / count
+    return LettingGo(per_s / (per_s.sum() * step_s), held_n * float(times_s[driven] - onset_s))
 
 
 def end_of_travel(times_s: Array, velocity_m_s: Array, onset_s: float) -> float:

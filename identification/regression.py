@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from daq.errors import IdentificationError
-from identification.interval import end_of_travel, release_index
+from identification.interval import end_of_travel, letting_go, release_index
 from identification.signals import Signals
 from processing.filters import Filtered, LowPass, filter_alike
 from rigs.mechanism import Mechanism
@@ -46,10 +46,15 @@ class Regression:
     sliding : ndarray, shape (n,)
         Force of the packing friction per newton of it: -1 while the part recoils, +1 while it runs
         back, 0 where it is held; filtered with the rest, because it is the regressor of the friction.
+    release_per_s : ndarray, shape (n,)
+        Force of battery stop and packing while they let the part go, for a unit impulse of it, see
+        `identification.interval.letting_go`; filtered with the rest, because it is the regressor of that impulse.
     trusted : ndarray of bool, shape (n,)
         False where a sample was lost or lies within the filter's reach of a lost one.
     interval_s : tuple of float
         From the onset of force to the end of recoil travel.
+    u_release_n_s : float
+        Standard uncertainty of the impulse while the part is let go, N s; 0 where that was not recorded.
     table : Filtered or None
         All of these columns as one and the same filter left them; None for recorded signals.
     shifts : ndarray, shape (n, n_shifts), or None
@@ -63,8 +68,10 @@ class Regression:
     forces_n: Array
     released: Array
     sliding: Array
+    release_per_s: Array
     trusted: Flags
     interval_s: tuple[float, float]
+    u_release_n_s: float
     table: Filtered | None = None
     shifts: Array | None = None
 
@@ -101,6 +108,7 @@ class Regression:
         bridge is no longer trusted.
         """
         columns = {"acceleration": self.acceleration_m_s2, "released": self.released, "sliding": self.sliding}
+        columns["release"] = self.release_per_s
         columns |= dict(zip(FORCES, self.forces_n.T, strict=True))
         table = filter_alike(low_pass, columns, self.rate_hz)
         plain = replace(
@@ -109,6 +117,7 @@ class Regression:
             forces_n=np.column_stack([table[name] for name in FORCES]),
             released=table["released"],
             sliding=table["sliding"],
+            release_per_s=table["release"],
             trusted=table.trusted,
             table=table,
             shifts=None,
@@ -194,7 +203,9 @@ def build_regression(
             m.friction * sliding,
         ]
     )
-    release = release_index(times, np.asarray(forces.sum(axis=1)), signals.onset_s)
+    net = np.asarray(forces.sum(axis=1))
+    release = release_index(times, net, signals.onset_s)
+    let_go = letting_go(times, net, signals.onset_s)
     released = (np.arange(times.size) >= release).astype(np.float64)
     sliding[:release] = 0.0
     # between the onset and the release a lost pressure may hide the release itself: it stays lost
@@ -204,7 +215,18 @@ def build_regression(
     acceleration[:release] -= static_m_s2
     trusted = np.isfinite(acceleration) & np.isfinite(forces).all(axis=1)
     interval = (signals.onset_s, end_s)
-    return Regression(times, signals.step_s, acceleration, forces, released, sliding, trusted, interval)
+    return Regression(
+        times,
+        signals.step_s,
+        acceleration,
+        forces,
+        released,
+        sliding,
+        let_go.per_s,
+        trusted,
+        interval,
+        let_go.u_n_s,
+    )
 
 
 def spaced_rows(regression: Regression, per_cutoff: float = 2.5) -> NDArray[np.int64]:

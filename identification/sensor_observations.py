@@ -1,7 +1,7 @@
 """What is known of the sensors besides the shot's rows: calibrations, the silence before the shot, the camera.
 
 Each is an observation of the unknowns of `identification.calibration`: mass, three gauges, friction,
-accelerometer, its zero, and the shapes in which the zero may have shifted.
+accelerometer, its zero, the release, and the shapes in which the zero may have shifted.
 """
 
 from __future__ import annotations
@@ -18,14 +18,15 @@ from identification.mass import ACCELERATION, FRICTION, GAUGES, ScaleUncertainty
 Array = NDArray[np.float64]
 
 ZERO = "recoil_acceleration zero"
+RELEASE = "release from the battery stop"
 CAMERA_SCALE = "camera scale"
 CAMERA_ZERO = "camera zero of the acceleration"
 CAMERA_SHIFT = "camera shift of the acceleration's zero"
 """Names of the further budget rows."""
 
-MASS, GAUGE, FRICTION_ERROR, SENSITIVITY, BIAS = 0, slice(1, 4), 4, 5, 6
+MASS, GAUGE, FRICTION_ERROR, SENSITIVITY, BIAS, RELEASE_VELOCITY = 0, slice(1, 4), 4, 5, 6, 7
 """Where the unknowns stand."""
-UNKNOWNS = 7
+UNKNOWNS = 8
 """How many there are without shapes of a shifted zero."""
 
 SMALLEST_U = 1e-9
@@ -94,9 +95,9 @@ class Observation(NamedTuple):
 
 
 def observations_of(
-    scales: ScaleUncertainty, u_bias_m_s2: float, camera: CameraScale | None, shifts: int
+    scales: ScaleUncertainty, u_bias_m_s2: float, u_release_m_s: float, camera: CameraScale | None, shifts: int
 ) -> list[Observation]:
-    """Return the calibrations, the silence before the shot and the camera as observations of the unknowns."""
+    """Return calibrations, the silence before the shot, the release and the camera as observations of the unknowns."""
     only = np.eye(UNKNOWNS + shifts)
     observations = [
         Observation(source, only[1 + j], 0.0, max(u, SMALLEST_U), "1")
@@ -107,6 +108,7 @@ def observations_of(
     observations.append(Observation(ACCELERATION, only[SENSITIVITY], 0.0, u_acceleration, "1"))
     if math.isfinite(u_bias_m_s2):
         observations.append(Observation(ZERO, only[BIAS], 0.0, max(u_bias_m_s2, SMALLEST_U), "m/s^2"))
+    observations.append(Observation(RELEASE, only[RELEASE_VELOCITY], 0.0, max(u_release_m_s, SMALLEST_U), "m/s"))
     if camera is not None:
         observations += _by_camera(camera, shifts)
     return observations

@@ -54,6 +54,7 @@ def mass_trace(
     *,
     direction: Literal["reverse", "forward"],
     systematic_rel: float,
+    errors_m_s2: Array | None = None,
     largest_relative_u: float = LARGEST_RELATIVE_U,
 ) -> MassTrace:
     """Identify the mass in a sliding window.
@@ -70,6 +71,9 @@ def mass_trace(
         ``reverse``: acceleration on force; ``forward``: force on acceleration.
     systematic_rel : float
         Relative standard uncertainty common to all windows.
+    errors_m_s2 : ndarray, shape (n, n_errors), optional
+        What one standard uncertainty of each of several independent errors adds to the acceleration: where the
+        breech drives and where the brake holds, windows answer differently to them. For ``reverse`` only.
     largest_relative_u : float
         Random relative uncertainty beyond which a window carries too little information; infinite to
         take every window, as the paper did.
@@ -77,8 +81,10 @@ def mass_trace(
     Raises
     ------
     ValueError
-        If the window is shorter than ten samples.
+        If the window is shorter than ten samples, or errors of the acceleration are given for ``forward``.
     """
+    if errors_m_s2 is not None and direction != "reverse":
+        raise ValueError("errors of the acceleration have no say where it is the regressor")
     window = round(window_s * regression.rate_hz)
     if window < 10:
         raise ValueError(f"a window of {window_s} s has {window} samples; at least 10 are needed")
@@ -92,7 +98,12 @@ def mass_trace(
         mass = 1.0 / slope if direction == "reverse" else slope
     sound = windows.identified & np.isfinite(mass) & ~(relative > largest_relative_u)
     inside = regression.inside
-    u = np.abs(mass) * np.hypot(relative, systematic_rel)
+    systematic = np.full(mass.shape, systematic_rel)
+    if errors_m_s2 is not None and errors_m_s2.shape[1]:
+        answers = limited_memory_least_squares(x[:, None], errors_m_s2, window, partial=True).parameters[:, 0, :]
+        with np.errstate(invalid="ignore"):
+            systematic = np.hypot(systematic, np.sqrt((answers**2).sum(axis=1)) * np.abs(mass))
+    u = np.abs(mass) * np.hypot(relative, systematic)
     reasons: dict[str, int] = {}
     unsound = inside & ~sound
     if unsound.any():

@@ -10,7 +10,7 @@ from identification.calibration import LARGEST_RESIDUAL, LARGEST_SIGNIFICANCE, C
 from identification.constancy.mass_constancy import MassConstancy
 from identification.mass import ACCELERATION, RANDOM, MassEstimate
 from identification.regression import Regression
-from identification.sensor_observations import CAMERA_SCALE
+from identification.sensor_observations import CAMERA_SCALE, RELEASE
 from identification.signals import Signals
 from identification.trace import MassTrace
 from identification.zero_shift import ZeroShift
@@ -127,7 +127,7 @@ def _doubted_sensors(calibration: Calibration) -> list[str]:
     not tell, so all that are beyond the limit are named. By how much the others say that it is off is its
     departure over its redundancy, the square of departure over significance.
     """
-    beyond = {s: w for s, w in calibration.significances.items() if abs(w) > LARGEST_SIGNIFICANCE}
+    beyond = {s: w for s, w in calibration.significances.items() if abs(w) > LARGEST_SIGNIFICANCE and s != RELEASE}
     return [
         f"{source} contradicts the other sensors: it reads {'high' if w > 0 else 'low'} by "
         f"{w * w / abs(calibration.departures[source]):.3g} of its standard uncertainties if they are right "

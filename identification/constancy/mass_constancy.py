@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from daq.errors import IdentificationError
-from identification.calibration import Calibration
+from identification.calibration import SMALLEST_RESIDUAL, Calibration
 from identification.constancy.mass_step import DRAWS, StepTest, step_test
 from identification.constancy.recursive_residuals import (
     Cusum,
@@ -203,6 +203,7 @@ def mass_constancy(
             for _ in range(3):
                 sigma = _scatter(tested(sigma, 1).residual * sigma, times_s, lost)
             sigma *= long_run_factor(tested(sigma, 1).residual)
+            sigma = np.maximum(sigma, SMALLEST_RESIDUAL * float(np.max(np.abs(acceleration_m_s2))))
         step = tested(sigma)
     except ValueError as error:
         raise IdentificationError(
@@ -262,6 +263,7 @@ def constancy_of(
     known = sensor_columns(
         regression.forces_n, regression.sliding, regression.released, mass, scales, u_zero_m_s2, rates, u_delays_s
     )[rows]
+    known = np.column_stack([known, regression.release_per_s[rows] * (regression.u_release_n_s / mass)])
     free = np.zeros((rows.size, 0)) if regression.shifts is None else regression.shifts[rows]
     if not math.isfinite(u_zero_m_s2):
         free = np.column_stack([free, regression.released[rows]])

@@ -32,7 +32,7 @@ from identification.estimators.prewhitening import prewhitened_mass
 from identification.estimators.weak_form import HALF_WIDTH_S, WeakMass, weak_mass
 from identification.mass import ACCELERATION, FRICTION, GAUGES, RANDOM, MassEstimate, ScaleUncertainty
 from identification.regression import Regression, spaced_rows
-from identification.sensor_observations import CAMERA_SCALE
+from identification.sensor_observations import CAMERA_SCALE, RELEASE
 from identification.signals import Signals
 from processing.gaps import bridge
 from rigs.rig import Rig
@@ -186,12 +186,14 @@ class _Estimators:
             rough_mass_kg=self.inputs.rough_kg,
             force_sigma_n=self.inputs.quiet.slow_force,
             u_shift_s=filmed.alignment.u_offset_s,
+            u_velocity_m_s=r.u_release_n_s / self.inputs.rough_kg,
             probes_n=self.inputs.probes.table,
         )
         scale_kg = found.scale_answer_kg
         scale = BudgetRow(CAMERA_SCALE, abs(scale_kg) * filmed.camera.u_rel, "B", scale_kg)
         by_force, answers_kg = self.by_force(found.answers_kg[:4]), found.answers_kg[4:]
         budget = self.by_camera(filmed, by_force, answers_kg, scale, found.u_shift_kg)
+        budget.append(BudgetRow(RELEASE, found.u_zero_kg, "B"))
         return self.stated("camera-gls", found.mass_kg, found.u_kg, budget, found.frames)
 
     def joint(self, filmed: FilmedShot) -> MassEstimate:
@@ -215,18 +217,21 @@ class _Estimators:
             u_gain=self.scales.acceleration,
             u_scale=filmed.camera.u_rel,
         )
-        table = self.inputs.probes.table
-        u = np.array([*self.scales.gauges, self.scales.friction_n])
+        probes = self.inputs.probes
+        u = np.array([*self.scales.gauges, self.scales.friction_n, r.u_release_n_s])
         found = joint_mass(
             recoil,
             known,
-            force_errors_n=table[:, :4],
+            # the force that is measured lacks what the battery stop pushes with
+            force_errors_n=np.column_stack([probes.per_unit, -r.release_per_s]),
             u_force_errors=u,
-            probes_n=table[:, 4:],
+            probes_n=probes.table[:, probes.per_unit.shape[1] :],
             most_order=self.inputs.most_order,
         )
         scale = BudgetRow(CAMERA_SCALE, found.u_scale_kg, "B")
-        by_force = self.by_force(found.force_answers_kg / np.where(u > 0, u, 1.0))
+        *by_sensors, by_release = found.force_answers_kg / np.where(u > 0, u, 1.0)
+        by_force = self.by_force(np.array(by_sensors))
+        by_force.append(BudgetRow(RELEASE, abs(by_release) * u[-1], "B", by_release, "N s"))
         budget = self.by_camera(filmed, by_force, found.answers_kg, scale, found.u_shift_kg)
         budget.append(BudgetRow(ACCELERATION, found.u_gain_kg, "B"))
         return self.stated("joint", found.mass_kg, found.u_kg, budget, found.frames + found.rows)

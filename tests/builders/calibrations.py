@@ -7,6 +7,7 @@ import numpy as np
 from identification.calibrated_draws import CalibratedProblem
 from identification.calibration import Calibration
 from identification.mass import MassEstimate
+from identification.sensor_observations import UNKNOWNS
 
 
 def a_calibration(
@@ -18,8 +19,25 @@ def a_calibration(
     bias_m_s2: float = 0.0,
 ) -> Calibration:
     """Say that these are the errors of the sensors; what was minimised is empty."""
-    none, unknowns = np.zeros(0), np.zeros(7)
-    problem = CalibratedProblem(estimate.mass_kg, unknowns, np.zeros((6, 6)), 1.0, 1.0, 1.0, np.eye(7), np.ones(7))
+    none, unknowns = np.zeros(0), np.zeros(UNKNOWNS)
+    triangle = np.zeros((UNKNOWNS - 1, UNKNOWNS - 1))
+    problem = CalibratedProblem(
+        estimate.mass_kg, unknowns, triangle, 1.0, 1.0, 1.0, np.eye(UNKNOWNS), np.ones(UNKNOWNS)
+    )
     return Calibration(
-        estimate, np.array(gauges), friction_n, acceleration, bias_m_s2, none, none, {}, {}, 1.0, 1.0, 0.0, problem
+        estimate,
+        np.array(gauges),
+        friction_n,
+        acceleration,
+        bias_m_s2,
+        0.0,
+        none,
+        none,
+        {},
+        {},
+        1.0,
+        1.0,
+        0.0,
+        np.zeros((UNKNOWNS, UNKNOWNS)),
+        problem,
     )

@@ -65,6 +65,7 @@ def measured(
     friction_n: float = 0.0,
     acceleration: float = 0.0,
     bias_m_s2: float = 0.0,
+    release_m_s: float = 0.0,
     noise: np.ndarray | None = None,
 ) -> Regression:
     """Let sensors with errors read the exact shot; the noise is white on the rows."""
@@ -72,8 +73,7 @@ def measured(
     forces = truth.forces_n.copy()
     forces[:, :3] *= 1.0 + np.array(gauges)
     forces[:, 3] += friction_n * truth.sliding
-    a = (1 + acceleration) * truth.acceleration_m_s2 + bias_m_s2 * truth.released
-    a = a.copy()
+    a = (1 + acceleration) * truth.acceleration_m_s2 + bias_m_s2 * truth.released + release_m_s * truth.release_per_s
     if noise is not None:
         a[spaced_rows(truth)] += noise
     return replace(truth, forces_n=forces, acceleration_m_s2=a)
@@ -91,7 +91,7 @@ def generalized_least_squares(
     """Mass and its uncertainty with the sensors' errors in a dense covariance, the inverse mass the one unknown."""
     rows = spaced_rows(regression)
     a, forces, released = regression.acceleration_m_s2[rows], regression.forces_n[rows], regression.released[rows]
-    f, sliding = forces.sum(axis=1), regression.sliding[rows]
+    f, sliding, release = forces.sum(axis=1), regression.sliding[rows], regression.release_per_s[rows]
     k = 1.0 / reverse_mass(regression, scales).mass_kg
     for _ in range(20):
         # columns: what one error of each sensor does to the rows, and to the camera's gain and constant
@@ -99,6 +99,7 @@ def generalized_least_squares(
         effects.append((-k * sliding, 0.0, 0.0, scales.friction_n))
         effects.append((k * f, -1.0, 0.0, scales.acceleration))
         effects.append((released, 0.0, -1.0, u_bias))
+        effects.append((release, 0.0, 0.0, k * regression.u_release_n_s))
         table = np.array([[*rows_, g, c] for rows_, g, c, _ in effects]).T
         covariance = (table * np.array([u**2 for *_, u in effects])) @ table.T
         covariance[np.arange(a.size), np.arange(a.size)] += sigma**2
@@ -142,7 +143,7 @@ def test_cameras_gain_and_constant_count_as_the_correlated_pair_that_they_are():
 
 def test_with_nothing_left_free_it_is_the_reverse_estimate():
     regression = measured(noise=np.random.default_rng(3).normal(0.0, 2.0, alternating(1.0).size))
-    nothing = ScaleUncertainty(0.0, (0.0, 0.0, 0.0), 0.0)
+    regression, nothing = replace(regression, u_release_n_s=0.0), ScaleUncertainty(0.0, (0.0, 0.0, 0.0), 0.0)
     found, reverse = calibrated_mass(regression, nothing, 0.0, None), reverse_mass(regression, nothing)
     assert found.estimate.mass_kg == pytest.approx(reverse.mass_kg, rel=1e-9)
     assert found.estimate.u_kg == pytest.approx(reverse.u_kg, rel=0.02)
@@ -151,7 +152,7 @@ def test_with_nothing_left_free_it_is_the_reverse_estimate():
 
 
 def test_as_the_calibrations_tighten_it_tends_to_the_reverse_estimate():
-    regression = measured(gauges=(0.01, -0.01, 0.0), noise=alternating(2.0))
+    regression = replace(measured(gauges=(0.01, -0.01, 0.0), noise=alternating(2.0)), u_release_n_s=0.0)
     reverse = reverse_mass(regression, SCALES).mass_kg
     apart = []
     for share in (1.0, 0.1, 0.01):
@@ -235,6 +236,7 @@ def test_the_stated_interval_covers_the_mass_as_often_as_it_says(with_camera):
         gauges = tuple(rng.normal(0.0, SCALES.gauges))
         acceleration, friction = rng.normal(0.0, SCALES.acceleration), rng.normal(0.0, SCALES.friction_n)
         bias = rng.normal(0.0, U_BIAS)
+        release = rng.normal(0.0, exact().u_release_n_s / MASS_KG)
         camera = None
         if with_camera:
             own = rng.multivariate_normal(
@@ -246,7 +248,7 @@ def test_the_stated_interval_covers_the_mass_as_often_as_it_says(with_camera):
             camera = replace(CAMERA, gain=gain, bias_m_s2=-gain * bias + own[1])
         found = calibrated_mass(
             measured(gauges=gauges, friction_n=friction, acceleration=acceleration, bias_m_s2=bias,
-                     noise=rng.normal(0.0, sigma, size)),
+                     release_m_s=release, noise=rng.normal(0.0, sigma, size)),
             SCALES, U_BIAS, camera,
         )  # fmt: skip
         low, high = found.estimate.interval_kg
@@ -275,6 +277,41 @@ def test_correlated_errors_of_the_rows_widen_the_random_uncertainty():
         u.append(found.u_kg)
     # rows as a white record would have them: the standard error is half of the scatter without the factor
     assert np.mean(u) == pytest.approx(np.std(masses), rel=0.25)
+
+
+def test_what_the_stop_gives_at_the_release_is_found_and_taken_off():
+    given = 0.5 * exact().u_release_n_s / MASS_KG
+    with_stop, without = (measured(release_m_s=v, noise=alternating(1.0)) for v in (given, 0.0))
+    found = calibrated_mass(with_stop, SCALES, U_BIAS, CAMERA)
+    assert given > 1e-3
+    assert found.release_m_s == pytest.approx(given, rel=0.2)
+    assert found.estimate.mass_kg == pytest.approx(
+        calibrated_mass(without, SCALES, U_BIAS, CAMERA).estimate.mass_kg, abs=0.02
+    )
+    a, _ = found.correct(with_stop)
+    at_release = exact().release_per_s > 0.5 * exact().release_per_s.max()
+    off = np.abs(with_stop.acceleration_m_s2 - exact().acceleration_m_s2)[at_release]
+    assert np.abs(a - exact().acceleration_m_s2)[at_release].max() < 0.6 * off.min()
+
+
+def test_the_errors_left_are_those_that_draws_of_the_sensors_leave():
+    rng, left = np.random.default_rng(5), []
+    for _ in range(150):
+        errors = {
+            "gauges": tuple(rng.normal(0.0, SCALES.gauges)),
+            "acceleration": rng.normal(0.0, SCALES.acceleration),
+            "friction_n": rng.normal(0.0, SCALES.friction_n),
+            "bias_m_s2": rng.normal(0.0, U_BIAS),
+            "release_m_s": rng.normal(0.0, exact().u_release_n_s / MASS_KG),
+        }
+        shot = measured(**errors, noise=rng.normal(0.0, 1.0, alternating(1.0).size))
+        found = calibrated_mass(shot, SCALES, U_BIAS, None)
+        # the noise stands at the rows alone: what is corrected is looked at between them
+        a, force = found.correct(measured(**errors))
+        left.append(a - force / MASS_KG)
+    stated = np.sqrt((found.errors_left(shot) ** 2).sum(axis=1))
+    between = spaced_rows(exact())[2:-2:5] + 3
+    np.testing.assert_allclose(np.std(left, axis=0)[between], stated[between], rtol=0.25)
 
 
 def test_a_sensor_beyond_its_uncertainty_stands_out():

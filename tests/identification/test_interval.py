@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from daq.errors import IdentificationError
-from identification.interval import end_of_travel, release_index
+from identification.interval import end_of_travel, letting_go, release_index
 
 TIMES = 1e-3 * np.arange(200)
 
@@ -35,6 +35,24 @@ def test_a_part_that_is_never_driven_is_an_error_that_says_where_to_look(force, 
     with pytest.raises(IdentificationError, match=found) as caught:
         release_index(TIMES, force, 0.030)
     assert "areas, units and polarities" in str(caught.value)
+
+
+def test_a_stop_may_push_with_what_it_held_until_as_much_drives_the_part():
+    force = np.interp(TIMES, [0.0, 0.03, 0.09, 0.2], [-10e3, -10e3, 50e3, 50e3])
+    # from the onset at 30 ms the force rises by 1 kN each ms: from -10 kN to 10 kN in 20 ms
+    found = letting_go(TIMES, force, 0.030)
+    assert found.u_n_s == pytest.approx(10e3 * 0.020, rel=0.06)
+    # released at 40 ms; it dies away until 50 ms
+    assert np.flatnonzero(found.per_s).tolist() == list(range(40, 50))
+    assert np.all(np.diff(found.per_s[40:50]) < 0)
+    assert found.per_s.sum() * 1e-3 == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("at_rest", "driven", "onset"), [(-10e3, 5e3, 0.03), (-10e3, 50e3, 0.0), (0.0, 5e4, 0.03)])
+def test_where_rest_or_rise_are_not_recorded_or_nothing_is_held_there_is_nothing_to_tell(at_rest, driven, onset):
+    found = letting_go(TIMES, np.where(TIMES < 0.03, at_rest, driven), onset)
+    assert found.u_n_s == 0.0
+    assert not found.per_s.any()
 
 
 @given(end=st.floats(0.101, 0.198), onset=st.floats(0.0, 0.05))

@@ -61,6 +61,28 @@ def test_what_all_windows_share_is_added_to_each():
     np.testing.assert_allclose(shared.u_kg[at], np.hypot(alone.u_kg[at], 0.01 * alone.mass_kg[at]), rtol=1e-12)
 
 
+def test_errors_that_windows_answer_to_differently_widen_each_as_it_answers():
+    regression = noisy(5.0)
+    # the breech gauge reads 1 % high: it moves the masses of the pulse, and hardly those of the brake's phase
+    error = 0.01 * regression.forces_n[:, :1] / MASS_KG
+    alone, widened = trace_of(regression), trace_of(regression, errors_m_s2=error)
+    moved = mass_trace(
+        regression, regression.acceleration_m_s2 + error[:, 0], regression.force_n, WINDOW_S,
+        direction="reverse", systematic_rel=0.0,
+    )  # fmt: skip
+    at = alone.identified & widened.identified & moved.identified
+    change = np.abs(moved.mass_kg - alone.mass_kg)[at]
+    extra = np.sqrt(np.maximum(widened.u_kg**2 - alone.u_kg**2, 0.0))[at]
+    np.testing.assert_allclose(extra, change, rtol=0.02, atol=0.02)
+    assert change.max() > 7.0
+    assert change.min() < 0.1 * change.max()
+
+
+def test_errors_of_the_acceleration_are_refused_where_it_is_the_regressor():
+    with pytest.raises(ValueError, match="no say"):
+        trace_of(noisy(5.0), "forward", errors_m_s2=np.zeros((bench_regression().times_s.size, 1)))
+
+
 def test_windows_that_tell_too_little_are_marked_counted_and_left_blank():
     trace = trace_of(noisy(60.0), largest_relative_u=0.01)
     assert 0 < trace.share < 1

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from identification.analysis import Identification, scale_uncertainty
-from identification.estimators.estimates import FilmedShot, further_estimates, other_acceleration
+from identification.estimators.estimates import WIDTH, FilmedShot, further_estimates, other_acceleration
 from identification.mass import ACCELERATION, FRICTION, GAUGES, RANDOM, MassEstimate
 from identification.preparation import prepare
+from identification.sensor_observations import CAMERA_SCALE, RELEASE
 from tests.builders.virtual_shots import identified, virtual_shot
 
 RIGS = ("field-2013", "mixed")
@@ -59,7 +60,7 @@ def test_the_budgets_have_the_names_of_the_others_once_each(name):
         assert len(set(sources)) == len(sources), method
         assert {ACCELERATION, FRICTION, *GAUGES} - set(sources) <= ({ACCELERATION} if method == "camera-gls" else set())
         assert all(math.isfinite(row.u_kg) and row.u_kg >= 0 for row in estimate.budget)
-        new = set(sources) - reverse - {"width of the test functions", "camera scale", "alignment of clock camera"}
+        new = set(sources) - reverse - {WIDTH, CAMERA_SCALE, RELEASE, "alignment of clock camera"}
         assert not new, method
         assert ("alignment of clock can" in sources) == (name == "mixed"), method
 
