@@ -20,7 +20,7 @@ import numpy as np
 
 from daq.errors import RecoilDaqError
 from identification.memory.samples import NEGLIGIBLE
-from identification.memory.window_factors import NO_ENERGY, PIVOT_FLOOR, Packing
+from identification.memory.window_factors import NO_ENERGY, PIVOT_FLOOR, FloatArray, Packing
 from identification.memory.windowed_estimates import (
     COLLINEAR_PIVOT,
     GUARDED_PIVOT,
@@ -33,6 +33,8 @@ CHUNK = 256
 """Windows that are solved together; with 5 regressors their sums take 86 kB."""
 UNSOUND_BIT = 0x40
 """Bit of a window's mark that is set where sums of products are not accurate enough."""
+HELD_ROWS = 4096
+"""Rows of a block up to which they are kept, scaled, until the next block has needed them as well."""
 STRIDE = CHUNK + 8
 """Numbers between the rows of the scratch memory: rows a power of two apart would share a few lines of the cache."""
 MOST_COLUMNS = 12
@@ -68,14 +70,8 @@ def load_kernel(n_parameters: int, n_outputs: int) -> Kernel:
     RecoilDaqError
         If numba is not installed.
     """
-    try:
-        import numba
-        from numba import njit
-    except ImportError as error:
-        raise RecoilDaqError(
-            "the compiled least-squares kernel needs numba",
-            remedy="install it by `pip install 'recoil-daq[fast]'`, or take the engine 'numpy'",
-        ) from error
+    numba = _numba()
+    njit = numba.njit
     namespace: dict[str, Any] = {"__name__": __name__, "sqrt": sqrt, "np": np}
     # under this file's name, so that what is compiled is kept beside it and is compiled anew when it changes
     source = kernel_source(n_parameters, n_outputs)
@@ -102,6 +98,54 @@ def load_kernel(n_parameters: int, n_outputs: int) -> Kernel:
     return cast("Kernel", compiled)
 
 
+@cache
+def load_scan() -> Callable[[FloatArray], FloatArray]:
+    """Compile what looks for the largest magnitudes, or load it from where an earlier process kept it.
+
+    Returns
+    -------
+    callable
+        Of a table whose rows are contiguous: the largest magnitude of each column, NaN where a number is not finite.
+
+    Raises
+    ------
+    RecoilDaqError
+        If numba is not installed.
+    """
+    numba = _numba()
+    types: Any = numba.types
+    signature = types.float64[::1](types.Array(types.float64, 2, "C", readonly=True))
+    try:
+        compiled = numba.njit(signature, cache=True, nogil=True)(_largest_magnitudes)
+    except (RuntimeError, OSError):
+        compiled = numba.njit(signature, nogil=True)(_largest_magnitudes)
+    return cast("Callable[[FloatArray], FloatArray]", compiled)
+
+
+def _largest_magnitudes(table: FloatArray) -> FloatArray:  # pragma: no cover - runs compiled
+    n_rows, n_columns = table.shape
+    largest, spoilt = np.zeros(n_columns), np.zeros(n_columns)
+    for k in range(n_rows):
+        row = table[k]
+        for i in range(n_columns):
+            v = abs(row[i])
+            largest[i] = v if v > largest[i] else largest[i]
+            # of what is not finite it is not a number
+            spoilt[i] += 0.0 * v
+    return largest + spoilt
+
+
+def _numba() -> Any:
+    try:
+        import numba
+    except ImportError as error:
+        raise RecoilDaqError(
+            "the compiled least-squares kernel needs numba",
+            remedy="install it by `pip install 'recoil-daq[fast]'`, or take the engine 'numpy'",
+        ) from error
+    return numba
+
+
 def kernel_source(n_parameters: int, n_outputs: int) -> str:
     """Write the kernel.
 
@@ -124,10 +168,10 @@ def kernel_source(n_parameters: int, n_outputs: int) -> str:
     # compiled functions of one name and one signature are taken for one function, in one process or between two
     of = f"{n_parameters}_{n_outputs}"
     return f"""
-def load_{of}(x, y, root_weights, present, scales, first, m, s):
+def load_{of}(x, y, root_weights, present, scales, first, m, s, start, stride):
     n, k0 = np.uint64(m), np.uint64(first)
     for j in range({packing.n_columns}):
-        at, scale = np.uint64(({scratch.columns} + j) * {STRIDE}), scales[j]
+        at, scale = np.uint64(start + j * stride), scales[j]
         if j < {n_parameters}:
             for i in range(np.uint64(0), n):
                 s[i + at] = x[k0 + i, j] * scale
@@ -142,30 +186,32 @@ def load_{of}(x, y, root_weights, present, scales, first, m, s):
                 if not present[k0 + i]:
                     s[i + at] = 0.0
     for j in range({n_parameters}):
-        at = np.uint64(({scratch.columns} + j) * {STRIDE})
+        at = np.uint64(start + j * stride)
         for i in range(np.uint64(0), n):
             v = s[i + at]
             s[i + at] = v if abs(v) >= {NEGLIGIBLE!r} else 0.0
 
-def add_forward_{of}(s, sums, m, to):
+def add_forward_{of}(rows, start, stride, s, sums, m, to):
+    {_starts(packing)}
     {_unpack("sums[{}]", entries)}
     for t in range(np.uint64(0), np.uint64(m)):
-        {_read(scratch)}
+        {_read(packing)}
         {_add(pairs)}
         {_store_entries(0, entries)}
     {_pack("sums[{}]", entries)}
 
-def add_backward_{of}(s, sums, m, here, to):
+def add_backward_{of}(rows, start, stride, s, sums, m, here, to):
+    {_starts(packing)}
     {_unpack("sums[{}]", entries)}
     t = np.uint64(m)
     while t > np.uint64(here):
         t -= np.uint64(1)
-        {_read(scratch)}
+        {_read(packing)}
         {_add(pairs)}
     while t > np.uint64(0):
         t -= np.uint64(1)
         {_store_entries(n_e, entries)}
-        {_read(scratch)}
+        {_read(packing)}
         {_add(pairs)}
     {_pack("sums[{}]", entries)}
 
@@ -192,21 +238,32 @@ def windows_{of}(
 ):
     n_samples = x.shape[0]
     s = np.zeros({scratch.n_rows * STRIDE})
+    held = block <= {HELD_ROWS}
+    stride = (block if held else {CHUNK}) + 8
+    rows = np.zeros({2 * packing.n_columns} * stride)
+    latest, before = 0, {packing.n_columns} * stride
     n_chunks = (block + {CHUNK - 1}) // {CHUNK}
     chunk = (block + n_chunks - 1) // n_chunks
     kept, begun, ended = np.zeros((n_chunks + 1, {n_e})), np.zeros({n_e}), np.zeros({n_e})
-    filled, done, n_unsound = 0, first_block * block, 0
+    filled, done, n_unsound, whole = 0, first_block * block, 0, 0
+    if held and first_block > 0:
+        load_{of}(x, y, root_weights, present, scales, (first_block - 1) * block, block, rows, latest, stride)
     for b in range(first_block, stop_block):
         start = b * block
         length = min(block, n_samples - start)
+        if held:
+            latest, before = before, latest
+            load_{of}(x, y, root_weights, present, scales, start, length, rows, latest, stride)
         if b > 0 and n_chunks > 1:
             for e in range({n_e}):
                 ended[e] = 0.0
             for c in range(n_chunks - 1, 0, -1):
                 m = min(chunk, block - c * chunk)
-                if m > 0:
-                    load_{of}(x, y, root_weights, present, scales, start - block + c * chunk, m, s)
-                    add_backward_{of}(s, ended, m, m, 0)
+                if m > 0 and held:
+                    add_backward_{of}(rows, before + c * chunk, stride, s, ended, m, m, 0)
+                elif m > 0:
+                    load_{of}(x, y, root_weights, present, scales, start - block + c * chunk, m, rows, before, stride)
+                    add_backward_{of}(rows, before, stride, s, ended, m, m, 0)
                 for e in range({n_e}):
                     kept[c, e] = ended[e]
         for e in range({n_e}):
@@ -215,22 +272,30 @@ def windows_{of}(
             here = min(min(chunk, block - c * chunk), length - c * chunk)
             if here <= 0:
                 break
-            load_{of}(x, y, root_weights, present, scales, start + c * chunk, here, s)
-            add_forward_{of}(s, begun, here, filled)
+            at = c * chunk if held else 0
+            if not held:
+                load_{of}(x, y, root_weights, present, scales, start + c * chunk, here, rows, latest, stride)
+            add_forward_{of}(rows, latest + at, stride, s, begun, here, filled)
             if b > 0:
                 m = min(chunk, block - c * chunk)
-                load_{of}(x, y, root_weights, present, scales, start - block + c * chunk, m, s)
+                if not held:
+                    load_{of}(x, y, root_weights, present, scales, start - block + c * chunk, m, rows, before, stride)
                 for e in range({n_e}):
                     ended[e] = kept[c + 1, e]
-                add_backward_{of}(s, ended, m, here, filled)
+                add_backward_{of}(rows, before + at, stride, s, ended, m, here, filled)
             else:
                 for e in range({n_e}, {2 * n_e}):
                     put_{of}(s, e, filled, here, 0.0)
             first = start + c * chunk
             if counts.size == 0 and first >= skipped and first + 1 >= window:
-                put_{of}(s, {scratch.degrees}, filled, here, window - {n_parameters})
-                put_{of}(s, {scratch.code}, filled, here, 0.0)
+                # up to where they already are those of whole windows they stay
+                missing = filled + here - max(whole, filled)
+                if missing > 0:
+                    put_{of}(s, {scratch.degrees}, filled + here - missing, missing, window - {n_parameters})
+                    put_{of}(s, {scratch.code}, filled + here - missing, missing, 0.0)
+                    whole = filled + here if whole >= filled else 0
             else:
+                whole = min(whole, filled)
                 for i in range(here):
                     n = counts[first + i] if counts.size else min(first + i + 1, window)
                     s[{scratch.degrees * STRIDE} + filled + i] = max(n - {n_parameters}, 1)
@@ -264,9 +329,7 @@ class _Scratch:
 
     def __init__(self, packing: Packing) -> None:
         n_pq = packing.n_parameters * packing.n_outputs
-        self.n_columns = packing.n_columns
-        self.columns = 2 * packing.n_entries
-        self.degrees = self.columns + packing.n_columns
+        self.degrees = 2 * packing.n_entries
         self.code = self.degrees + 1
         self.estimates = self.code + 1
         self.errors = self.estimates + n_pq
@@ -301,8 +364,12 @@ def _pack(target: str, entries: range) -> str:
     return "; ".join(f"{target.format(e)} = a{e}" for e in entries)
 
 
-def _read(scratch: _Scratch) -> str:
-    return "; ".join(f"z{i} = s[{_at(scratch.columns + i)}]" for i in range(scratch.n_columns))
+def _starts(packing: Packing) -> str:
+    return "; ".join(f"o{i} = np.uint64(start + {i} * stride)" for i in range(packing.n_columns))
+
+
+def _read(packing: Packing) -> str:
+    return "; ".join(f"z{i} = rows[t + o{i}]" for i in range(packing.n_columns))
 
 
 def _add(pairs: list[tuple[int, int]]) -> str:

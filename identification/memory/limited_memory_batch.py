@@ -17,8 +17,10 @@ from identification.memory.windows import FloatArray, Packing, Solution, gram_of
 
 GRAM_NUMBERS = 2**17
 """Sums of products at a time: the scratch stays in the processor's cache."""
-SOLVED_WINDOWS = 4096
-"""Windows that are solved at a time, for the same reason."""
+SOLVED_NUMBERS = 2**15
+"""Sums of products that are solved at a time, for the same reason."""
+MODERATE_EXPONENT = 200
+"""Of two, of a quotient of scales up to which one product takes an estimate to its unit with the bits of two."""
 KERNEL_SAMPLES = 2**15
 """Samples, rounded up to whole blocks, that one call of the compiled kernel takes."""
 QR_SAMPLES = 4096
@@ -60,20 +62,22 @@ class BatchEstimates:
         exponents = record.exponents[n_parameters:] - record.exponents[:n_parameters, np.newaxis]
         self.unit = np.ldexp(1.0, exponents // 2)
         self.other_unit = np.ldexp(1.0, exponents - exponents // 2)
+        self.moderate = bool((np.abs(exponents) < MODERATE_EXPONENT).all())
         self.root_unit = np.ldexp(1.0, record.exponents[n_parameters:] + record.weight_exponent)
 
     def by_products(self) -> bool:
         """Fill every window by sums of products on plain arrays; return whether all are sound."""
         record = self.record
         at_once = max(1, GRAM_NUMBERS // (self.packing.n_entries * record.block))
+        solved_at_once = max(4096, SOLVED_NUMBERS // self.packing.n_entries)
 
         def fill(first: int) -> int:
             stop = min(first + at_once, record.n_blocks)
             windows = slice(first * record.block, min(stop * record.block, record.n_samples))
             gram = gram_of_windows(record.rows(first - 1, stop), self.packing)
             n_unsound = 0
-            for start in range(windows.start, windows.stop, SOLVED_WINDOWS):
-                some = slice(start, min(start + SOLVED_WINDOWS, windows.stop))
+            for start in range(windows.start, windows.stop, solved_at_once):
+                some = slice(start, min(start + solved_at_once, windows.stop))
                 part = gram[:, some.start - windows.start : some.stop - windows.start]
                 solution = solve_gram(np.ascontiguousarray(part), self.packing)
                 n_unsound += self._fill(some, solution, is_sound(solution))
@@ -236,10 +240,13 @@ class BatchEstimates:
         unit, other_unit = self.unit[..., np.newaxis], self.other_unit[..., np.newaxis]
         estimates, left = solution.parameters, solution.residual_sum_of_squares
         if self.record.scaled:
+            if self.moderate:
+                unit = unit * other_unit
             estimates *= unit
-            estimates *= other_unit
             standard_errors *= unit
-            standard_errors *= other_unit
+            if not self.moderate:
+                estimates *= other_unit
+                standard_errors *= other_unit
             with np.errstate(over="ignore"):  # a sum of squares beyond float64 is infinite; the estimates are not
                 left *= self.root_unit[:, np.newaxis]
                 left *= self.root_unit[:, np.newaxis]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,10 +16,17 @@ LARGEST_EXPONENT = 1000
 """Exponent of two up to which columns are scaled: the scales themselves stay in float64."""
 FOLDED_ROWS = 64
 """Rows that are looked through side by side for the largest value of narrow tables."""
+CACHED_NUMBERS = 2**15
+"""Numbers that are looked through twice before the next."""
 
 
 def checked_samples(
-    regressors: ArrayLike, response: ArrayLike, weights: ArrayLike | None, *, many_outputs: bool = False
+    regressors: ArrayLike,
+    response: ArrayLike,
+    weights: ArrayLike | None,
+    *,
+    many_outputs: bool = False,
+    scanned_later: bool = False,
 ) -> tuple[FloatArray, FloatArray, FloatArray | None]:
     """Check the samples of a regression, and take them as float64.
 
@@ -29,6 +37,8 @@ def checked_samples(
     weights : array_like, shape (n_samples,), optional
     many_outputs : bool, default False
         Whether a response of shape (n_samples, n_outputs) is taken as well.
+    scanned_later : bool, default False
+        Whether the search for infinite samples is left to `ScaledRecord.of`, which looks at every sample anyway.
 
     Returns
     -------
@@ -56,10 +66,11 @@ def checked_samples(
             )
     elif outputs.shape != columns.shape[:1]:
         raise ValueError(f"response must have the shape {columns.shape[:1]}, found {outputs.shape}")
-    for values in (columns, outputs):
-        # of finite samples the extremes are finite, which two quick passes tell; NaN hides an infinity
-        if values.size and not (np.isfinite(values.max()) and np.isfinite(values.min())) and np.isinf(values).any():
-            raise ValueError("regressors and response must be finite; a missing sample is NaN")
+    if not scanned_later:
+        for values in (columns, outputs):
+            # of finite samples the extremes are finite, which two quick passes tell
+            if values.size and not (np.isfinite(values.max()) and np.isfinite(values.min())):
+                _refuse_infinite(values)
     if weights is None:
         return columns, outputs, None
     weight = np.asarray(weights, dtype=np.float64)
@@ -68,6 +79,11 @@ def checked_samples(
     if not (np.isfinite(weight) & (weight >= 0.0)).all():
         raise ValueError("weights must be finite and not negative")
     return columns, outputs, weight
+
+
+def _refuse_infinite(*tables: FloatArray) -> None:
+    if any(np.isinf(table).any() for table in tables):
+        raise ValueError("regressors and response must be finite; a missing sample is NaN")
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +115,14 @@ class ScaledRecord:
     block: int
 
     @classmethod
-    def of(cls, regressors: FloatArray, response: FloatArray, weights: FloatArray | None, block: int) -> ScaledRecord:
+    def of(
+        cls,
+        regressors: FloatArray,
+        response: FloatArray,
+        weights: FloatArray | None,
+        block: int,
+        scan: Callable[[FloatArray], FloatArray] | None = None,
+    ) -> ScaledRecord:
         """Find what is present, and the scales.
 
         Parameters
@@ -108,13 +131,23 @@ class ScaledRecord:
         response : ndarray, shape (n_samples,) or (n_samples, n_outputs)
         weights : ndarray, shape (n_samples,), or None
         block : int
+        scan : callable, optional
+            As `largest_magnitudes` takes it.
 
         Returns
         -------
         ScaledRecord
+
+        Raises
+        ------
+        ValueError
+            For infinite samples.
         """
         response = response[:, np.newaxis] if response.ndim == 1 else response
-        largest = np.concatenate([_largest(regressors), _largest(response)])
+        largest = np.concatenate([largest_magnitudes(regressors, scan), largest_magnitudes(response, scan)])
+        if not np.isfinite(largest).all():
+            # a NaN hides an infinity of its column
+            _refuse_infinite(regressors, response)
         complete = not np.isnan(largest).any() and (weights is None or bool((weights > 0.0).all()))
         present: NDArray[np.bool_] | None = None
         if not complete:
@@ -187,16 +220,31 @@ class ScaledRecord:
         return rows.reshape(self.n_columns, stop - first, self.block)
 
 
-def _largest(table: FloatArray) -> FloatArray:
-    """Largest magnitude of each column, NaN where a sample is."""
+def largest_magnitudes(table: FloatArray, scan: Callable[[FloatArray], FloatArray] | None = None) -> FloatArray:
+    """Return the largest magnitude of each column; not finite where a sample is not.
+
+    Parameters
+    ----------
+    table : ndarray, shape (n_samples, n_columns)
+    scan : callable, optional
+        Does the same for a table whose rows are contiguous, and quicker for long rows.
+    """
     n_rows, n_columns = table.shape
     if not table.flags.c_contiguous:
         return np.array([max(float(c.max(initial=0.0)), -float(c.min(initial=0.0))) for c in table.T])
     folded = n_rows - n_rows % FOLDED_ROWS
     # rows side by side: numpy's maximum along the first axis of a narrow table runs through one row at a time
     wide = table[:folded].reshape(-1, FOLDED_ROWS * n_columns)
-    parts = [wide.max(axis=0, initial=0.0), -wide.min(axis=0, initial=0.0)] if folded else []
-    largest = np.concatenate([np.zeros(n_columns), *parts]).reshape(-1, n_columns).max(axis=0)
+    extremes = [np.zeros(n_columns)]
+    if scan is not None:
+        extremes.append(scan(wide))
+    else:
+        # both extremes of as many as stay in the processor's cache
+        at_once = max(1, CACHED_NUMBERS // wide.shape[1])
+        for first in range(0, wide.shape[0], at_once):
+            part = wide[first : first + at_once]
+            extremes += [part.max(axis=0), -part.min(axis=0)]
+    largest = np.concatenate(extremes).reshape(-1, n_columns).max(axis=0)
     rest = table[folded:]
     return np.asarray(np.maximum(largest, np.abs(rest).max(axis=0, initial=0.0)))
 

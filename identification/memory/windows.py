@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from identification.memory import rotations
-from identification.memory.window_factors import FloatArray, Packing, Solution, lift, solve_factors
+from identification.memory.window_factors import NO_ENERGY, FloatArray, Packing, Solution, lift, solve_factors
 
 __all__ = [
     "FloatArray",
@@ -91,6 +91,8 @@ def solve_gram(gram: FloatArray, packing: Packing) -> Solution:
     -------
     Solution
     """
+    if packing.n_parameters == 1 and gram[0].min(initial=1.0) > NO_ENERGY:
+        return _solve_single(gram)
     energies = gram[packing.pivots]
     response_energy = gram[packing.outputs].copy()
     scratch = np.empty((packing.n_columns, gram.shape[1]))
@@ -105,6 +107,24 @@ def solve_gram(gram: FloatArray, packing: Packing) -> Solution:
         gram[packing.outputs] -= scaled[of_outputs] * right[of_outputs]
         right[:] = scaled
     return solve_factors(gram, packing, energies, response_energy)
+
+
+def _solve_single(gram: FloatArray) -> Solution:
+    """Solve for one regressor that is there in every window: the same operations, without those that change nothing."""
+    energies, products, squares = gram[:1], gram[1 : gram.shape[0] // 2 + 1], gram[gram.shape[0] // 2 + 1 :]
+    factors = np.divide(1.0, energies)
+    parameters = products * factors
+    left = parameters * products
+    np.subtract(squares, left, out=left)
+    np.maximum(left, 0.0, out=left)
+    return Solution(
+        parameters=parameters[np.newaxis],
+        variance_factors=factors,
+        energies=energies,
+        residual_sum_of_squares=left,
+        response_energy=squares,
+        smallest_pivot=np.ones(gram.shape[1]),
+    )
 
 
 def packed_rows(n_columns: int) -> list[slice]:

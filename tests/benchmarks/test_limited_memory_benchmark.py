@@ -144,6 +144,10 @@ def test_speed_with_standard_errors_does_not_depend_on_the_window(capsys, engine
         regressors = rng.standard_normal((1_000_000, n_parameters))
         response = regressors.sum(axis=1) + 0.1 * rng.standard_normal(1_000_000)
         held = limited_memory_least_squares(regressors, response, 200, engine=engine)
+        if engine == "numba":
+            plain = limited_memory_least_squares(regressors, response, 200, engine="numpy")
+            for name in ("parameters", "standard_errors", "residual_sum_of_squares", "smallest_pivot", "marks"):
+                np.testing.assert_array_equal(getattr(held, name), getattr(plain, name), err_msg=name)
         times = {}
         for window in (200, 2_000, 20_000):
             call = partial(limited_memory_least_squares, regressors, response, window, engine=engine)
