@@ -21,6 +21,7 @@ from identification.estimators.errors_in_variables import neighbouring_force
 from identification.estimators.estimates import FilmedShot, further_estimates, other_acceleration
 from identification.filter_choice import FilterChoice, choose_filter, mass_filter
 from identification.mass import RANDOM, MassEstimate, ScaleUncertainty, forward_mass, reverse_mass
+from identification.memory.window_length import WindowChoice
 from identification.monte_carlo import MonteCarlo, propagate
 from identification.preparation import camera_scale, filmed, prepare
 from identification.regression import Regression
@@ -29,6 +30,7 @@ from identification.signals import Signals
 from identification.skew import RecorderSkew, find_skew, skew_contribution
 from identification.stress_waves import StressWaves, find_stress_waves
 from identification.trace import LARGEST_RELATIVE_U, MassTrace, mass_trace
+from identification.trace_window import choose_trace_window
 from identification.uncertainty import further_contributions
 from identification.verdict import notes_on, reasons_against
 from identification.zero_shift import ZeroShift, calibrated_with_zero_shift
@@ -61,8 +63,8 @@ class Options:
         One of `METHODS` or `FURTHER`; it gives the mass and the trace of the report.
     cutoff_hz : float or None
         -3 dB point of the zero-phase low-pass of both sides; None to choose it from the data.
-    window_s : float
-        Memory of the trace.
+    window_s : float or None
+        Memory of the trace; None to choose it from the shot, see `identification.trace_window`.
     campaign : CutoffChoice or None
         The cut-off chosen for several shots, this one among them.
     compare : bool
@@ -76,7 +78,7 @@ class Options:
 
     method: Method = "calibrated"
     cutoff_hz: float | None = None
-    window_s: float = DEFAULT_WINDOW_S
+    window_s: float | None = DEFAULT_WINDOW_S
     campaign: CutoffChoice | None = None
     compare: bool = False
 
@@ -131,6 +133,8 @@ class Identification:
         Whether force on acceleration, as recorded, is biased here; None where that cannot be told.
     constancy : MassConstancy or None
         Whether one mass explains the shot; None where that cannot be told.
+    window_choice : WindowChoice or None
+        Why the trace has this memory, where it was chosen from the shot.
     skew : RecorderSkew
         Of acceleration and force.
     stress_waves : tuple of StressWaves
@@ -165,6 +169,7 @@ class Identification:
     monte_carlo: MonteCarlo | None
     endogeneity: Endogeneity | None
     constancy: MassConstancy | None
+    window_choice: WindowChoice | None
     skew: RecorderSkew
     stress_waves: tuple[StressWaves, ...]
     peaks: ShotPeaks
@@ -278,8 +283,11 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
             )
         except IdentificationError as error:
             notes = (f"no mass by the camera: {error}",)
+    window_s, window_choice = options.window_s, None
+    if window_s is None:
+        window_s, window_choice = choose_trace_window(filtered, *calibration.correct(filtered))
     results = {
-        name: _result(estimate, regressions[name], calibration, options, rig) for name, estimate in estimates.items()
+        name: _result(estimate, regressions[name], calibration, window_s, rig) for name, estimate in estimates.items()
     }
     trace = results[options.method].trace
     return Identification(
@@ -294,6 +302,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         monte_carlo=propagate(calibration.problem.draws(further)),
         endogeneity=_endogeneity(recorded),
         constancy=constancy,
+        window_choice=window_choice,
         skew=skew,
         stress_waves=find_stress_waves(shot, signals, choice),
         peaks=shot_peaks(shot.name, recorded.acceleration_m_s2, recorded.rate_hz, low_pass),
@@ -354,7 +363,7 @@ def scale_uncertainty(rig: Rig) -> ScaleUncertainty:
 
 
 def _result(
-    estimate: MassEstimate, regression: Regression, calibration: Calibration, options: Options, rig: Rig
+    estimate: MassEstimate, regression: Regression, calibration: Calibration, window_s: float, rig: Rig
 ) -> Result:
     systematic = common = math.hypot(*(r.u_kg for r in estimate.budget if r.source != RANDOM)) / estimate.mass_kg
     left = None
@@ -371,7 +380,7 @@ def _result(
         regression,
         acceleration,
         force,
-        options.window_s,
+        window_s,
         direction=direction,
         systematic_rel=common,
         errors_m_s2=left,

@@ -6,6 +6,7 @@ data or the rig are at fault (one line says where and what to do); 130 interrupt
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 from pathlib import Path
@@ -61,6 +62,19 @@ TargetOption = Annotated[
         show_default="mass",
     ),
 ]
+
+
+def _memory(text: str) -> float | None:
+    """Read the memory of the trace: seconds, or None for `auto`."""
+    if text == "auto":
+        return None
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = 0.0
+    if not 1e-4 <= seconds < math.inf:
+        raise typer.BadParameter(f"--window-s takes seconds from 0.0001 on, or auto, not {text!r}")
+    return seconds
 
 
 def _version(wanted: bool) -> None:
@@ -205,7 +219,9 @@ def identify(
             min=1.0, help="-3 dB point of the zero-phase low-pass.", show_default="from the spectra, one for all shots"
         ),
     ] = None,
-    window_s: Annotated[float, typer.Option(min=1e-4, help="Memory of the trace, seconds.")] = 0.02,
+    window_s: Annotated[
+        str, typer.Option(metavar="SECONDS|auto", help="Memory of the trace; auto: the one that predicts best.")
+    ] = "0.02",
     compare: Annotated[bool, typer.Option("--compare", help="Compute all estimators, for comparison.")] = False,
     target: TargetOption = None,
     overwrite: OverwriteOption = False,
@@ -214,6 +230,7 @@ def identify(
 ) -> None:
     """Identify the recoiling mass of shot files, or what else --target names, and write a report for each."""
     wanted = tuple(dict.fromkeys(target or ["mass"]))
+    memory_s = _memory(window_s)
     with Session(json, debug) as session:
         from identification.analysis import Options
         from recoil_daq.campaign import Campaign, repeatability, survey
@@ -230,7 +247,7 @@ def identify(
         reports: list[Reported] = []
         found: list[TargetReported] = []
         for path in paths:
-            options = Options(method, cutoff_hz, window_s, campaign.cutoff_of(path), compare)
+            options = Options(method, cutoff_hz, memory_s, campaign.cutoff_of(path), compare)
             if "mass" in wanted:
                 with session.steps(f"identify {path.name}") as progress:
                     reports.append(

@@ -73,6 +73,7 @@ def report_document(
         "E_n": found.normalised_error,
         "interval_s": list(found.filtered.interval_s),
         "window_s": chosen.trace.window_s,
+        "window_reason": "given" if found.window_choice is None else found.window_choice.reason,
         "identified_share": chosen.trace.share,
         "trace": {"file": TRACE_FILE, "columns": list(TRACE_COLUMNS)},
         "budget": [

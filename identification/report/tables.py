@@ -71,7 +71,8 @@ def facts(report: Report) -> list[tuple[str, str]]:
         start, end = (fixed(_scaled(limit, 1e3), 1) for limit in interval)
         found.append(("identification interval", f"{start} ms to {end} ms"))
     if window is not None:
-        found.append(("memory (window)", f"{plain(1e3 * window)} ms"))
+        chosen = "" if report.get("window_reason", "given") == "given" else ", by what its masses predict"
+        found.append(("memory (window)", f"{plain(1e3 * window)} ms{chosen}"))
     if share is not None:
         found.append(("identified share of it", f"{fixed(100 * share, 1)} %"))
     truth = report.get("truth") or {}

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.analysis import Identification
+from identification.analysis import DEFAULT_WINDOW_S, Identification
 from identification.arx.choice import ArxChoice, choose_model
 from identification.arx.decimated_record import DecimatedRecord, decimated, force_noise_n
 from identification.arx.estimation import robust_covariance
@@ -206,7 +206,7 @@ def _identify(case: Case) -> _Found:
         attenuation=noise_attenuation(record, noise),
         simulated_m_s2=np.where(np.isfinite(simulated), simulated, np.nan),
         predicted_m_s2=predict(model, record.force_n, record.acceleration_m_s2),
-        trace=mass_over_time(record, trace_orders, shot.options.window_s),
+        trace=mass_over_time(record, trace_orders, shot.options.window_s or DEFAULT_WINDOW_S),
         trace_orders=trace_orders,
     )
 

@@ -53,6 +53,8 @@ def test_an_unknown_command_is_wrong_usage(run):
     assert run("ingset").exit_code == 2
     assert run("ingest", "field-2013").exit_code == 2
     assert run("identify", "x.h5", "--method", "magic").exit_code == 2
+    for window in ("soon", "0", "-0.01", "inf", "nan"):
+        assert run("identify", "x.h5", "--window-s", window).exit_code == 2
 
 
 def test_ingest_prints_a_verdict_per_channel_and_a_last_line(run, field_shot: TwinShot, tmp_path):
@@ -94,6 +96,17 @@ def test_identify_writes_a_complete_report(run, stored: Path, tmp_path):
 def test_identify_takes_a_folder_of_shots(run, stored: Path, tmp_path):
     result = run("identify", stored.parent, "--out", tmp_path, "--json")
     assert [r["shot"] for r in json.loads(result.stdout)["reports"]] == ["0001"]
+
+
+def test_identify_takes_the_memory_from_the_shot_if_asked(run, stored: Path, tmp_path):
+    given, chosen = (
+        json.loads(run("identify", stored, "--out", tmp_path / name, "--window-s", name, "--json").stdout)["reports"][0]
+        for name in ("0.01", "auto")
+    )
+    assert given["window_s"] == pytest.approx(0.01, rel=0.01)
+    assert given["window_reason"] == "given"
+    assert "predicts" in chosen["window_reason"]
+    assert given["mass"] == chosen["mass"]
 
 
 def test_identify_reports_the_method_that_was_asked_for(run, stored: Path, tmp_path, field_shot: TwinShot):
