@@ -137,6 +137,7 @@ class Rig:
             framing=source.framing,
             frame_rate_hz=source.frame_rate,
             scale_mm_per_px=source.scale_mm_per_px,
+            layout=source.layout,
         )
 
     def matching(self, file_name: str) -> tuple[Source, ...]:

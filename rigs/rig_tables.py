@@ -142,6 +142,8 @@ KIND_OF_KEY = MappingProxyType(
 """Key of a source -> the one kind that has it."""
 
 
+LAYOUT_KINDS = ("dewetron", "camera")
+"""Kinds of source whose files may be tables of text that do not tell their own layout."""
 LIVE_KINDS = ("can", "serial")
 """Kinds of source that can be read live."""
 
@@ -157,6 +159,7 @@ class Source(Table):
     framing: dict[str, Any] | None = None
     frame_rate: Positive | None = None
     scale_mm_per_px: Positive | None = None
+    layout: dict[str, Any] | None = None
     exposure_s: Positive | None = None
     exposure_stamp: Literal["start", "middle", "end"] | None = None
     device: dict[str, Any] | None = None
@@ -169,6 +172,8 @@ class Source(Table):
             for key, kind in KIND_OF_KEY.items()
             if self.kind != kind and getattr(self, key) is not None
         ]
+        if self.layout is not None and self.kind not in LAYOUT_KINDS:
+            faults.append(f"a {self.kind} source has no `layout`: its files are no tables of text")
         if self.exposure_stamp is not None and self.exposure_s is None:
             faults.append("`exposure_stamp` needs `exposure_s`")
         if self.frame_rate is not None and self.exposure_s is not None and self.exposure_s * self.frame_rate > 1.0:

@@ -72,6 +72,8 @@ class Declarations:
         Record rate of a ``camera`` source.
     scale_mm_per_px : float or None
         Scale of a ``camera`` source whose tracks are in pixels.
+    layout : mapping or None
+        Layout of the text table of a ``dewetron`` or ``camera`` source whose files do not tell it themselves.
     """
 
     clock: str
@@ -80,6 +82,7 @@ class Declarations:
     framing: Mapping[str, Any] | None = None
     frame_rate_hz: float | None = None
     scale_mm_per_px: float | None = None
+    layout: Mapping[str, Any] | None = None
 
 
 class Recording(Protocol):
