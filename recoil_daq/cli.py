@@ -366,19 +366,41 @@ def check(
         session.finish(rig_document(loaded), lambda: print_rig(loaded), OK)
 
 
+@app.command(epilog="Example: recoil-daq formats")
+def formats(json: JsonOption = False, debug: DebugOption = False) -> None:
+    """List the formats of files that are read, and what each needs."""
+    with Session(json, debug) as session:
+        from recoil_daq.file_summary import formats_document
+        from recoil_daq.file_tables import print_formats
+
+        document = formats_document()
+        session.finish(document, lambda: print_formats(document), OK)
+
+
 @app.command(epilog="Example: recoil-daq show shots/0001.h5")
 def show(
-    shot: Annotated[Path, typer.Argument(help="A shot file.", show_default=False)],
+    file: Annotated[Path, typer.Argument(help="A shot file, or a file of any instrument.", show_default=False)],
+    rig: Annotated[
+        str | None,
+        typer.Option(help="Rig that declares what an instrument's file does not carry.", show_default=False),
+    ] = None,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """Print what is in a shot file."""
+    """Print what is in a shot file, or in a file of any instrument."""
     with Session(json, debug) as session:
-        from daq.store import shot_summary
+        from daq.store import is_shot_file, shot_summary
         from recoil_daq.live_tables import print_acquisition
         from recoil_daq.tables import print_summary
 
-        summary = shot_summary(shot)
+        if not is_shot_file(file):
+            from recoil_daq.file_summary import summarise_file
+            from recoil_daq.file_tables import print_file
+            from rigs.rig import load_rig
+
+            document = summarise_file(file, None if rig is None else load_rig(rig))
+            session.finish(document, lambda: print_file(document), OK)
+        summary = shot_summary(file)
 
         def print_all() -> None:
             print_summary(summary)

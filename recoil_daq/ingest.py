@@ -174,12 +174,12 @@ def _input_file(path: Path, source: str, reader: str) -> InputFile:
     return InputFile(path.name, _sha256(path), path.stat().st_size, source, reader)
 
 
-def reader_of(path: Path, rig: Rig) -> Reader:
+def reader_of(path: Path, rig: Rig | None) -> Reader:
     """Return the reader that claims a file; raw serial bytes are known by their source's pattern alone."""
     try:
         return recognise(path)
     except UnknownFormatError as error:
-        serial = [s for s in rig.matching(path.name) if s.kind == "serial"]
+        serial = [] if rig is None else [s for s in rig.matching(path.name) if s.kind == "serial"]
         if error.candidates or not serial:
             raise
         return next(reader for reader in READERS if reader.kind == "serial")

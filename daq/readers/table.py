@@ -6,7 +6,9 @@ claims it, or the error names the candidates.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 from daq.errors import ReadError, UnknownFormatError
 from daq.readers.can_capture import CanCaptureReader
@@ -26,6 +28,25 @@ READERS: tuple[Reader, ...] = (
     SerialCaptureReader(),
 )
 """Every reader, in the order in which they are listed to users."""
+
+
+class Extra(NamedTuple):
+    """What a reader needs beside the package.
+
+    Attributes
+    ----------
+    name : str
+        Of the extra, as pip takes it.
+    module : str
+        What it installs.
+    """
+
+    name: str
+    module: str
+
+
+EXTRAS: Mapping[str, Extra] = {}
+"""Name of a reader -> the extra that it needs; the others need none."""
 
 
 def read_head(path: Path) -> bytes:
@@ -68,9 +89,11 @@ def recognise(path: Path) -> Reader:
 
 
 __all__ = [
+    "EXTRAS",
     "HEAD_BYTES",
     "READERS",
     "Declarations",
+    "Extra",
     "Reader",
     "Recording",
     "SignalHeader",

@@ -103,6 +103,30 @@ def shot_summary(path: Path) -> dict[str, Any]:
         return summarise_layout(file)
 
 
+def is_shot_file(path: Path) -> bool:
+    """Tell whether a file is a shot file of any version, or HDF5 that is damaged beyond telling.
+
+    Parameters
+    ----------
+    path : Path
+        False for one that cannot be read.
+    """
+    try:
+        with Path(path).open("rb") as stream:
+            if stream.read(len(HDF5_SIGNATURE)) != HDF5_SIGNATURE:
+                return False
+    except OSError:
+        return False
+
+    import h5py
+
+    try:
+        with h5py.File(path, "r", locking=False) as file:
+            return str(file.attrs.get("schema", "")).startswith(SCHEMA.rpartition("/")[0])
+    except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError):
+        return True
+
+
 def _image(shot: Shot, path: Path) -> bytes:
     """Make the whole file in memory, so that a full disk is an error of one plain write."""
     import h5py

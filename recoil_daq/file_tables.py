@@ -1,0 +1,78 @@
+"""Tables of an instrument's file and of the formats."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from recoil_daq.tables import output_console, print_table, say
+
+MOST_IDENTIFIERS = 40
+"""Identifiers of a CAN log that are listed; the document has them all."""
+
+
+def print_formats(document: Mapping[str, Any]) -> None:
+    """Print which formats are read, and what each needs."""
+    rows = [
+        (
+            str(row["format"]),
+            str(row["kind"]),
+            " ".join(row["suffixes"]),
+            str(row["recognised"]),
+            _needs(row),
+        )
+        for row in document["formats"]
+    ]
+    print_table("Files that are read", ("format", "kind of source", "usual endings", "recognised", "needs"), rows)
+
+
+def _needs(row: Mapping[str, Any]) -> str:
+    if row["extra"] is None:
+        return ""
+    here = "installed" if row["installed"] else f"pip install 'recoil-daq[{row['extra']}]'"
+    return f"extra {row['extra']}: {here}"
+
+
+def print_file(document: Mapping[str, Any]) -> None:
+    """Print what is in an instrument's file."""
+    rows = [
+        (
+            str(s["name"]),
+            str(s["unit"]),
+            str(s["samples"]),
+            "-" if s["rate_hz"] is None else f"{s['rate_hz']:.6g}",
+            str(s["spacing"]),
+            _seconds(s["start_s"]),
+            _seconds(s["end_s"]),
+        )
+        for s in document["signals"]
+    ]
+    title = f"{document['file']}: {document['format']}, {document['bytes']:,} bytes"
+    if rows:
+        columns = ("signal", "unit", "samples", "rate, Hz", "spacing", "from, s", "to, s")
+        print_table(title, columns, rows, numeric=(2, 3, 5, 6))
+    else:
+        say(f"{title}: no signals")
+    identifiers = document["metadata"].get("unknown_identifiers") if document["kind"] == "can" else None
+    if identifiers:
+        shown = list(identifiers.items())[:MOST_IDENTIFIERS]
+        listed = [(str(identifier), str(frames)) for identifier, frames in shown]
+        print_table("Identifiers that no database explains", ("identifier", "frames"), listed, numeric=(1,))
+        if len(identifiers) > len(shown):
+            say(f"and {len(identifiers) - len(shown)} more: see --json")
+    if document["tracks"]:
+        say(f"tracks: {', '.join(document['tracks'])}")
+    start = document["absolute_start"]
+    if start is None:
+        say("time zero: the file does not say when it was")
+    else:
+        zone = "zone unknown" if start["zone"] == "unknown" else start["zone"]
+        say(f"time zero: {start['text']}, {zone} ({start['origin']})")
+    if document["incomplete"]:
+        output_console().print(f"cut off: {document['incomplete']}", markup=False, style="bold red", soft_wrap=True)
+    for note in document["notes"]:
+        say(f"note: {note}")
+
+
+def _seconds(value: float | None) -> str:
+    return "-" if value is None else f"{value:.6f}"

@@ -1,0 +1,104 @@
+"""`show` of an instrument's file, and `formats`."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from daq.readers.table import EXTRAS, READERS
+from rigs.twin import TwinShot
+from tests.builders import vendor_files as build
+
+CONTENTS = {
+    "recorder.csv": build.dewesoft_text(build.motion_rows()),
+    "camera.csv": build.tracks_text(skip=[7], lost=[11, 12]),
+    "bus.asc": build.asc_log(build.can_entries()),
+    "bus.blf": build.blf_log(build.can_entries()),
+}
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> dict[str, Path]:
+    for name, content in CONTENTS.items():
+        (tmp_path / name).write_bytes(content)
+    return {name: tmp_path / name for name in CONTENTS}
+
+
+def shown(run, *arguments) -> dict:
+    result = run("show", *arguments, "--json")
+    assert result.exit_code == 0, result.output
+    return json.loads(result.stdout)
+
+
+def test_formats_lists_every_reader_with_what_it_needs(run):
+    document = json.loads(run("formats", "--json").stdout)
+    assert [row["format"] for row in document["formats"]] == [reader.name for reader in READERS]
+    assert all(row["suffixes"] for row in document["formats"])
+    printed = run("formats").output
+    assert all(reader.name in printed for reader in READERS)
+
+
+def test_every_extra_is_a_reader_s_and_pip_knows_it():
+    assert set(EXTRAS) <= {reader.name for reader in READERS}
+    project = tomllib.loads((Path(__file__).resolve().parents[2] / "pyproject.toml").read_text("utf-8"))["project"]
+    assert {extra.name for extra in EXTRAS.values()} <= set(project["optional-dependencies"])
+
+
+def test_a_recorder_s_text_is_shown_with_units_rate_and_what_it_says_of_its_time(run, files):
+    document = shown(run, files["recorder.csv"])
+    assert document["kind"] == "dewetron"
+    assert [(s["name"], s["unit"], s["spacing"]) for s in document["signals"]] == [
+        ("AI 1/acc", "m/s2", "even"),
+        ("AI 2/p", "MPa", "even"),
+    ]
+    assert document["absolute_start"] is None
+    assert "time zero: the file does not say when it was" in run("show", files["recorder.csv"]).output
+
+
+def test_a_camera_s_tracks_and_its_losses_are_told(run, files):
+    document = shown(run, files["camera.csv"])
+    assert document["tracks"] == ["Feature #1"]
+    assert document["notes"]
+    assert f"note: {document['notes'][0]}" in " ".join(run("show", files["camera.csv"]).output.split("\n"))
+
+
+@pytest.mark.parametrize("name", ["bus.asc", "bus.blf"])
+def test_a_bus_log_without_a_rig_lists_its_identifiers(run, files, name):
+    document = shown(run, files[name])
+    frames = document["metadata"]["unknown_identifiers"]
+    assert document["signals"] == []
+    assert sum(frames.values()) > 10
+    printed = run("show", files[name]).output
+    assert "no signals" in printed
+    assert all(identifier in printed for identifier in frames)
+
+
+def test_a_rig_explains_what_a_bus_log_or_a_capture_holds(run, mixed_shot: TwinShot):
+    by_kind = {path.name.rsplit("_", 1)[1].split(".")[0]: path for path in mixed_shot.files}
+    bus = shown(run, by_kind["can"], "--rig", "mixed")
+    assert "RecoilNode.p_brake" in [s["name"] for s in bus["signals"]]
+    assert {s["unit"] for s in bus["signals"]} >= {"MPa", "m/s2"}
+    capture = shown(run, by_kind["imu"], "--rig", "mixed")
+    assert "gyro_carriage" in [s["name"] for s in capture["signals"]]
+    refused = run("show", by_kind["imu"])
+    assert refused.exit_code == 3
+    assert "framing" in refused.output
+    # a rig without such a source declares nothing of the file
+    assert shown(run, by_kind["can"], "--rig", "field-2013")["signals"] == []
+
+
+@pytest.mark.parametrize("content", [b"", b"hello\n", b"\x89HDF\r\n\x1a\n" + bytes(64)])
+def test_what_is_no_instrument_s_file_is_one_clear_line(run, tmp_path, content):
+    (tmp_path / "file.bin").write_bytes(content)
+    result = run("show", tmp_path / "file.bin")
+    assert result.exit_code == 3
+    assert "file.bin" in result.output
+    assert "Traceback" not in result.output
+
+
+def test_a_missing_file_and_a_folder_are_refused(run, tmp_path):
+    for path in (tmp_path / "none.csv", tmp_path):
+        assert run("show", path).exit_code == 3
