@@ -124,7 +124,9 @@ def _parts(case: Case, found: Identification) -> _Parts:
 
 
 def _points(parts: _Parts) -> dict[str, BalancePoint]:
-    fastest = int(np.argmax(parts.record.velocity_m_s))
+    # by the forces: the largest of a velocity that rings is too large
+    momentum = sum(part for name, part in parts.momentum.parts.items() if name != "motion")
+    fastest = int(np.argmax(momentum))
     last = parts.record.times_s.size - 1
     return {
         "energy until the largest velocity": parts.energy.at(fastest),
