@@ -12,12 +12,14 @@ from daq.errors import ReadError, UnknownFormatError
 from daq.readers.can_capture import CanCaptureReader
 from daq.readers.can_log import AscReader, BlfReader, CandumpReader
 from daq.readers.dewesoft_text import DewesoftTextReader
+from daq.readers.oxygen_dmd import OxygenReader
 from daq.readers.proanalyst_text import ProAnalystTextReader
 from daq.readers.reader import HEAD_BYTES, Declarations, Reader, Recording, SignalHeader
 from daq.readers.serial_capture import SerialCaptureReader
 
 READERS: tuple[Reader, ...] = (
     DewesoftTextReader(),
+    OxygenReader(),
     ProAnalystTextReader(),
     AscReader(),
     BlfReader(),
