@@ -11,6 +11,7 @@ from pathlib import Path
 from daq.errors import ReadError, UnknownFormatError
 from daq.readers.can_capture import CanCaptureReader
 from daq.readers.can_log import AscReader, BlfReader, CandumpReader
+from daq.readers.dewesoft_native import DewesoftReader
 from daq.readers.dewesoft_text import DewesoftTextReader
 from daq.readers.oxygen_dmd import OxygenReader
 from daq.readers.proanalyst_text import ProAnalystTextReader
@@ -19,6 +20,7 @@ from daq.readers.serial_capture import SerialCaptureReader
 
 READERS: tuple[Reader, ...] = (
     DewesoftTextReader(),
+    DewesoftReader(),
     OxygenReader(),
     ProAnalystTextReader(),
     AscReader(),
