@@ -6,7 +6,7 @@ import struct
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from xml.sax.saxutils import escape, quoteattr
+from xml.sax.saxutils import escape
 
 import numpy as np
 
@@ -118,7 +118,9 @@ def oxygen_chunks(
         f"<compression>{c}</compression><name>{n}</name></segment>"
         for s, f, c, n in (
             *((s, rate, compression, "") for s in segments),
-            (config_at, 0, "", "oxy_config"), (event_at, 0, "", "oxy_event"), (recovery_at, 0, "", "oxy_event_recovery"),
+            (config_at, 0, "", "oxy_config"),
+            (event_at, 0, "", "oxy_event"),
+            (recovery_at, 0, "", "oxy_event_recovery"),
         )
     )  # fmt: skip
     config = f'<?xml version="1.0"?><dmd_cfg>{described}<big_endian_file_layout>0</big_endian_file_layout></dmd_cfg>'
@@ -195,7 +197,3 @@ def compressed(payload: bytes, compression: str) -> bytes:
 
 def oxygen_dmd(channels: Sequence[Stored], **options: object) -> bytes:
     return b"".join(oxygen_chunks(channels, **options))
-
-
-def attribute(text: str) -> str:
-    return quoteattr(text)

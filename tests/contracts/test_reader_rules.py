@@ -22,8 +22,8 @@ CASES: tuple[Case, ...] = tuple(
 
 
 WITHOUT_CASE: dict[str, str] = {
-    "Dewesoft recording": "its layout is the vendor's own, so no file can be built from bytes: the rules run over a real"
-    " one in tests/daq/readers/test_dewesoft_native.py",
+    "Dewesoft recording": "no file can be built from bytes, as its layout is not published: the rules run over"
+    " a real one in tests/daq/readers/test_dewesoft_native.py",
 }
 """Readers whose rules run elsewhere, each with its reason."""
 
