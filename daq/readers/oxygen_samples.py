@@ -146,10 +146,7 @@ class SampleLayout:
                 self._refuse(block, f"{start + length} bytes decompressed", f"{start + len(content)}")
         else:
             content = self._read(file, block, start, length)
-        rows = np.lib.stride_tricks.as_strided(
-            np.frombuffer(content, np.uint8), (high - low, width), (self.stride, 1), writeable=False
-        )
-        return decode(rows, self.sample_format)
+        return decode(content, high - low, 0, self.stride, self.sample_format)
 
     def stamped(self, file: BinaryIO, block: int) -> tuple[NDArray[np.int64], NDArray[Any]]:
         """Read the ticks and the stored samples of an asynchronous block, shapes (n_samples,)."""
@@ -157,20 +154,21 @@ class SampleLayout:
         content = self.payload(file, block)
         if len(content) < count * width:
             self._refuse(block, f"{count} stamped samples of {width} bytes", f"{len(content)} bytes")
-        rows = np.frombuffer(content, np.uint8)[: count * width].reshape(count, width)
-        ticks = np.ascontiguousarray(rows[:, :_STAMP]).view("<u8")[:, 0]
-        if ticks.size and int(ticks.max()) >= MOST_TICKS:
+        ticks = np.ndarray((count,), "<u8", content, 0, (width,))
+        if count and int(ticks.max()) >= MOST_TICKS:
             self._refuse(block, f"stamps below {MOST_TICKS}", str(int(ticks.max())))
-        return ticks.astype(np.int64), decode(rows[:, _STAMP:], self.sample_format)
+        return ticks.astype(np.int64), decode(content, count, _STAMP, width, self.sample_format)
 
 
-def decode(rows: NDArray[np.uint8], sample_format: str) -> NDArray[Any]:
-    """Turn the bytes of samples, shape (n_samples, width), into numbers, shape (n_samples,)."""
+def decode(content: bytes, count: int, offset: int, stride: int, sample_format: str) -> NDArray[Any]:
+    """Turn bytes into numbers, shape (count,): one every ``stride`` bytes, from ``offset`` on."""
+    if not count:
+        return np.empty(0)
     if sample_format == "sint24":
-        wide = np.zeros((rows.shape[0], 4), np.uint8)
-        wide[:, 1:] = rows
-        return (wide.view("<i4")[:, 0] >> 8).astype(np.int32, copy=False)
-    return np.ascontiguousarray(rows).view(_STORED[sample_format])[:, 0]
+        # four bytes from the one before: an arithmetic shift leaves the sign and drops that one
+        wide: NDArray[np.int32] = np.ndarray((count,), "<i4", b"\0" + content, offset, (stride,))
+        return wide >> 8
+    return np.ndarray((count,), _STORED[sample_format], content, offset, (stride,)).copy()
 
 
 def cut_to_windows(blocks: SampleBlocks, windows: list[tuple[int, int]]) -> Pieces:
