@@ -2,7 +2,10 @@
 
 The library comes with ``dwdatareader`` (extra ``dewesoft``), for Windows and Linux on x86-64. It runs in a child
 process (`daq.readers.dewesoft_child`), once per file: a crash or a hang of it becomes a `CorruptFileError`. That is
-no precaution: of 25 real files cut short it crashed over 24 and hung over one. The samples wait in a temporary file of 8 bytes per sample (16 where stamped), which goes with the recording.
+no precaution: of 25 copies of a real file cut short it crashed over 24 and hung over one. The samples wait in a
+temporary file of 8 bytes per sample (16 where stamped), which goes with the recording.
+
+The library does not say whether it read all that was once in a file, nor are there checksums to see a flipped bit by.
 
 What the file says, and what it does not:
 
