@@ -20,14 +20,14 @@ from daq.readers.serial_capture import SerialCaptureReader
 
 READERS: tuple[Reader, ...] = (
     DewesoftTextReader(),
-    DewesoftReader(),
-    OxygenReader(),
     ProAnalystTextReader(),
     AscReader(),
     BlfReader(),
     CandumpReader(),
     CanCaptureReader(),
     SerialCaptureReader(),
+    OxygenReader(),
+    DewesoftReader(),
 )
 """Every reader, in the order in which they are listed to users."""
 

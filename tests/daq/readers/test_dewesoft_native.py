@@ -76,7 +76,7 @@ def test_each_channel_that_the_library_refuses_is_named(drive: DewesoftRecording
 def test_a_real_recording_keeps(
     rule: Callable[[rules.Case, Path], None], drive: DewesoftRecording, tmp_path: Path
 ) -> None:
-    magnitudes = {"GPSvel": (0.0, 250.0), "Used sattelites": (0.0, 30.0)}
+    magnitudes = {"GPSvel": (-1.0, 250.0), "Used sattelites": (0.0, 30.0)}
     rule(OpenedOnce("dewesoft", READER, drive.path.read_bytes(), DECLARED, magnitudes), tmp_path)
 
 
