@@ -14,8 +14,6 @@ import math
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
-from fractions import Fraction
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -25,7 +23,7 @@ from numpy.typing import NDArray
 from daq.channel import RawCounts
 from daq.errors import CorruptFileError, MissingChannelError, ReadError
 from daq.readers.increasing_stamps import left_out_note
-from daq.readers.oxygen_blocks import ASYNC, MOST_TICKS, SYNC, BlockIndex, index_blocks, is_oxygen
+from daq.readers.oxygen_blocks import ASYNC, SYNC, BlockIndex, index_blocks, is_oxygen
 from daq.readers.oxygen_samples import (
     INTEGERS,
     WIDTHS,
@@ -33,21 +31,12 @@ from daq.readers.oxygen_samples import (
     SampleLayout,
     StampedPieces,
     choose_stamped,
+    count_missing,
     cut_to_windows,
 )
-from daq.readers.oxygen_setup import (
-    SAMPLES_GROUP,
-    ChannelSetup,
-    Event,
-    SegmentSetup,
-    Setup,
-    read_events,
-    read_segments,
-    read_setup,
-    read_start,
-    read_xml,
-    storing_windows,
-)
+from daq.readers.oxygen_setup import ChannelSetup, SegmentSetup, Setup, read_segments, read_setup, read_start
+from daq.readers.oxygen_storing import Event, Windows, choose_windows, read_events, window_ticks
+from daq.readers.oxygen_text import read_xml
 from daq.readers.reader import Declarations, SignalHeader
 from daq.readers.text_table import unique_names
 from daq.timebase import TimeBase
@@ -55,8 +44,6 @@ from daq.track import Track
 
 _WHOLE_TEXTS = ("oxy_config", "oxy_event")
 """Segments of which the last text says everything; those of ``oxy_event_recovery`` add to each other."""
-
-Windows = list[tuple[Fraction | None, Fraction | None]]
 
 
 class OxygenReader:
@@ -114,7 +101,8 @@ class OxygenRecording:
         self.path, self.incomplete, self._clock = index.path, index.incomplete, clock
         self._notes = list(index.notes)
         setup, segments, events = self._texts(index, file)
-        windows = self._windows(events, bool(index.incomplete))
+        windows, told = choose_windows(events, is_finished=not index.incomplete)
+        self._notes += told
         names, repeated_names = unique_names([channel.name for channel in setup.channels])
         self._notes += repeated_names
         self._signals: dict[str, _Signal] = {}
@@ -173,23 +161,6 @@ class OxygenRecording:
             self._notes.append("the start of the acquisition is not stated: times count from an unknown instant")
         return setup, segments, sorted(recovery) if final is None else final
 
-    def _windows(self, events: list[Event], is_incomplete: bool) -> Windows:
-        groups = sorted({event.group for event in events if event.what.startswith("storing")})
-        if not groups:
-            self._notes.append("no storing window is stated: all samples in the file are given")
-            return [(None, None)]
-        group = SAMPLES_GROUP if SAMPLES_GROUP in groups else groups[0]
-        windows = storing_windows(events, group)
-        if any(storing_windows(events, other) != windows for other in groups):
-            self._notes.append(f"groups {', '.join(groups)} were stored at different times: the times of {group} hold")
-        for (_, before), (after, _) in pairwise(windows):
-            if before is not None and after is not None:
-                self._notes.append(f"nothing was stored from {float(before):.9g} s to {float(after):.9g} s")
-        if windows[-1][1] is None:
-            said = "" if is_incomplete else ", though the file is finished"
-            self._notes.append(f"the end of storing is not stated{said}: all samples to the end are given")
-        return windows
-
     def _add(
         self, name: str, channel: ChannelSetup, index: BlockIndex, segments: dict[int, SegmentSetup],
         windows: Windows, file: BinaryIO, is_shared: bool,
@@ -213,7 +184,7 @@ class OxygenRecording:
             self.path, blocks, channel.sample_format, channel.bit_offset // 8, channel.bit_stride // 8,
             segment.compression == "lz4",
         )  # fmt: skip
-        ticks = [_ticks(window, channel.frequency_hz) for window in windows]
+        ticks = window_ticks(windows, channel.frequency_hz)
         if blocks.kind == ASYNC:
             if is_shared:
                 return "it shares its asynchronous blocks with another channel"
@@ -227,7 +198,7 @@ class OxygenRecording:
             return "its blocks overlap in time"
         pieces = cut_to_windows(blocks, ticks)
         gaps = np.flatnonzero(pieces.tick[1:] != (pieces.tick + pieces.high - pieces.low)[:-1])
-        if missing := _missing(pieces, ticks):
+        if missing := count_missing(pieces, ticks):
             self._notes.append(f"{name}: {missing} samples of its storing windows are not in the file")
         return self._take(name, _Signal(channel, layout, pieces, not gaps.size))
 
@@ -328,20 +299,3 @@ class OxygenRecording:
     def tracks(self) -> tuple[Track, ...]:
         """Return nothing: this is no camera."""
         return ()
-
-
-def _ticks(window: tuple[Fraction | None, Fraction | None], frequency_hz: float) -> tuple[int, int]:
-    """Return the first tick of a window and the first behind it, at a channel's frequency."""
-    first, end = (None if t is None else min(max(math.ceil(t * Fraction(frequency_hz)), 0), MOST_TICKS) for t in window)
-    return 0 if first is None else first, MOST_TICKS if end is None else end
-
-
-def _missing(pieces: Pieces, ticks: list[tuple[int, int]]) -> int:
-    """Count the samples that storing windows should hold and the file does not."""
-    last = int(pieces.tick[-1] + pieces.high[-1] - pieces.low[-1]) if pieces.tick.size else 0
-    first = int(pieces.tick[0]) if pieces.tick.size else 0
-    wanted = 0
-    for begin, end in ticks:
-        # an end or a begin that is not stated is where the samples end or begin
-        wanted += max((last if end == MOST_TICKS else end) - (first if begin == 0 else begin), 0)
-    return max(wanted - pieces.count, 0)

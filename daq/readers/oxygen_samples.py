@@ -192,6 +192,17 @@ def cut_to_windows(blocks: SampleBlocks, windows: list[tuple[int, int]]) -> Piec
     return Pieces.of(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
+def count_missing(pieces: Pieces, ticks: list[tuple[int, int]]) -> int:
+    """Count the samples that storing windows should hold and the file does not."""
+    last = int(pieces.tick[-1] + pieces.high[-1] - pieces.low[-1]) if pieces.tick.size else 0
+    first = int(pieces.tick[0]) if pieces.tick.size else 0
+    wanted = 0
+    for begin, end in ticks:
+        # an end or a begin that is not stated is where the samples end or begin
+        wanted += max((last if end == MOST_TICKS else end) - (first if begin == 0 else begin), 0)
+    return max(wanted - pieces.count, 0)
+
+
 @dataclass(frozen=True, eq=False)
 class StampedPieces:
     """What an asynchronous channel consists of.
