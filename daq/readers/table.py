@@ -13,7 +13,9 @@ from typing import NamedTuple
 from daq.errors import ReadError, UnknownFormatError
 from daq.readers.can_capture import CanCaptureReader
 from daq.readers.can_log import AscReader, BlfReader, CandumpReader
+from daq.readers.dewesoft_native import DewesoftReader
 from daq.readers.dewesoft_text import DewesoftTextReader
+from daq.readers.oxygen_dmd import OxygenReader
 from daq.readers.proanalyst_text import ProAnalystTextReader
 from daq.readers.reader import HEAD_BYTES, Declarations, Reader, Recording, SignalHeader
 from daq.readers.serial_capture import SerialCaptureReader
@@ -26,6 +28,8 @@ READERS: tuple[Reader, ...] = (
     CandumpReader(),
     CanCaptureReader(),
     SerialCaptureReader(),
+    OxygenReader(),
+    DewesoftReader(),
 )
 """Every reader, in the order in which they are listed to users."""
 

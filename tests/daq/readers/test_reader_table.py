@@ -67,8 +67,8 @@ def test_names_of_readers_are_unique_and_kinds_are_those_of_sources() -> None:
         ("tracks/SYNTHETIC_deeplabcut.csv", None),
         ("tracks/SYNTHETIC_truth.json", None),
         ("tracks/tracker_export_brocku_snippets.txt", None),
-        ("dewetron/simple.dmd", None),
-        ("dewetron/Example_Drive01.d7d", None),
+        ("dewetron/simple.dmd", "DEWETRON OXYGEN recording"),
+        ("dewetron/Example_Drive01.d7d", "Dewesoft recording"),
         ("can/test_CanMessage.trc", None),
         ("can/rig_shot/rig_shot.csv", None),
         ("can/rig_shot/rig_shot.mf4", None),
@@ -78,7 +78,7 @@ def test_names_of_readers_are_unique_and_kinds_are_those_of_sources() -> None:
         ("shots/plain/rig.toml", None),
     ],
 )
-def test_real_files_of_other_formats_are_not_claimed(name: str, reader: str | None) -> None:
+def test_real_files_find_their_reader_and_other_formats_none(name: str, reader: str | None) -> None:
     path = shared_file(name)
     if reader is None:
         with pytest.raises(UnknownFormatError):

@@ -1,0 +1,52 @@
+"""Stamps that repeat or go back, made to increase strictly.
+
+Sources that stamp each sample as it comes write equal stamps, and now and then one that goes back. A time base
+must increase strictly, so samples are left out: of equal stamps the last one is kept, because it is what the source
+knew at that instant in the end; a stamp below the largest so far is left out, because where it belongs is not known.
+Both are counted, for a reader's notes.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def keep_increasing(stamps: NDArray[Any]) -> tuple[NDArray[np.bool_], int, int]:
+    """Choose the samples whose stamps increase strictly.
+
+    Parameters
+    ----------
+    stamps : ndarray, shape (n_samples,)
+        Integers or floats; those that are not finite are left out as if they went back.
+
+    Returns
+    -------
+    kept : ndarray of bool, shape (n_samples,)
+    repeated, backward : int
+        How many were left out because a later one has the same stamp, or because they go back.
+    """
+    if stamps.size < 2 and bool(np.isfinite(stamps).all()):
+        return np.ones(stamps.size, bool), 0, 0
+    finite = np.isfinite(stamps)
+    # what is not finite must not become the largest so far
+    lowest: Any = np.iinfo(stamps.dtype).min if stamps.dtype.kind in "iu" else -np.inf
+    largest = np.maximum.accumulate(np.where(finite, stamps, lowest))
+    forward = finite & (stamps >= largest)
+    kept = forward.copy()
+    places = np.flatnonzero(forward)
+    again = stamps[places[1:]] == stamps[places[:-1]]
+    kept[places[:-1][again]] = False
+    return kept, int(again.sum()), int(stamps.size - forward.sum())
+
+
+def left_out_note(name: str, count: int, repeated: int, backward: int) -> tuple[str, ...]:
+    """Say how many samples of a signal were left out; nothing if none was."""
+    notes = []
+    if repeated:
+        notes.append(f"{name}: {repeated} of {count} samples share their stamp with a later one: the last is kept")
+    if backward:
+        notes.append(f"{name}: {backward} of {count} samples are stamped before their predecessors: left out")
+    return tuple(notes)
