@@ -14,6 +14,8 @@ from daq.readers.can_log import AscReader, BlfReader, CandumpReader
 from daq.readers.dewesoft_text import DewesoftTextReader
 from daq.readers.proanalyst_text import ProAnalystTextReader
 from daq.readers.reader import HEAD_BYTES, Declarations, Reader, Recording, SignalHeader
+from daq.readers.recoil_csv import RecoilCsvReader
+from daq.readers.recoil_parquet import RecoilParquetReader
 from daq.readers.serial_capture import SerialCaptureReader
 
 READERS: tuple[Reader, ...] = (
@@ -24,6 +26,8 @@ READERS: tuple[Reader, ...] = (
     CandumpReader(),
     CanCaptureReader(),
     SerialCaptureReader(),
+    RecoilCsvReader(),
+    RecoilParquetReader(),
 )
 """Every reader, in the order in which they are listed to users."""
 
