@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from daq.exporters.publication import ExportedFile
 from recoil_daq.export import Exported
 from recoil_daq.tables import print_table, say
 
@@ -24,7 +25,7 @@ def export_document(done: Exported) -> dict[str, Any]:
                 "channels": list(file.channels),
                 "samples": file.samples,
                 "bytes": file.size,
-                "exact": not file.losses,
+                "exact": file.exact,
                 "losses": list(file.losses),
                 "left_out": list(file.left_out),
             }
@@ -39,7 +40,7 @@ def print_exported(done: Exported) -> None:
     rows = [
         (
             file.path.name, ", ".join(file.clocks), str(len(file.channels)), str(file.samples), size_text(file.size),
-            "exact" if not file.losses else "see below",
+            _numbers(file),
         )
         for file in done.files
     ]  # fmt: skip
@@ -49,12 +50,22 @@ def print_exported(done: Exported) -> None:
         rows,
         numeric=(2, 3, 4),
     )
+    everywhere = [loss for loss in done.files[0].losses if all(loss in file.losses for file in done.files)]
     for file in done.files:
         for loss in file.losses:
-            say(f"lost in {file.path.name}: {loss}")
+            if loss not in everywhere:
+                say(f"lost in {file.path.name}: {loss}")
+    for loss in everywhere:
+        say(f"lost: {loss}")
     for note in done.notes:
         say(f"note: {note}")
     say(f"-> {done.files[0].path.parent}")
+
+
+def _numbers(file: ExportedFile) -> str:
+    if file.left_out:
+        return f"{len(file.left_out)} channels left out"
+    return "exact" if file.exact else "rounded"
 
 
 def size_text(size: int) -> str:

@@ -6,7 +6,7 @@ the two, and the names of the files, are the business of `daq.exporters.publicat
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -102,26 +102,31 @@ def free_name(name: str, taken: Mapping[str, Any] | list[str]) -> str:
     return name
 
 
-def first_difference(expected: tuple[Table, ...], found: tuple[Table, ...]) -> str | None:
-    """Name the first place where numbers were not read back bit for bit; None if there is none."""
-    if [table.name for table in expected] != [table.name for table in found]:
+def first_difference(one: Sequence[Table], other: Sequence[Table], *, values_only: bool = False) -> str | None:
+    """Name the first place where two sets of numbers differ bit for bit; None if there is none.
+
+    Parameters
+    ----------
+    one, other : sequence of Table
+    values_only : bool
+        Whether float32 and float64 of the same value are the same.
+    """
+    if [table.name for table in one] != [table.name for table in other]:
         return "time bases"
-    for one, other in zip(expected, found, strict=True):
-        if not _same(one.times_s, other.times_s):
-            return f"times of {one.name}"
-        if list(one.samples) != list(other.samples):
-            return f"names of the channels of {one.name}"
-        for name, samples in one.samples.items():
-            if not _same(samples, other.samples[name]):
+    for a, b in zip(one, other, strict=True):
+        if not _same(a.times_s, b.times_s, values_only):
+            return f"times of {a.name}"
+        if list(a.samples) != list(b.samples):
+            return f"names of the channels of {a.name}"
+        for name, samples in a.samples.items():
+            if not _same(samples, b.samples[name], values_only):
                 return f"samples of {name!r}"
     return None
 
 
-def _same(one: NDArray[Any], other: NDArray[Any]) -> bool:
-    """Compare bit for bit; every NaN is one and the same lost sample, and 0.0 is not -0.0."""
-    if one.dtype != other.dtype or one.shape != other.shape:
+def _same(one: NDArray[Any], other: NDArray[Any], values_only: bool) -> bool:
+    """Compare arrays: every NaN is one and the same lost sample, and 0.0 is not -0.0."""
+    if one.shape != other.shape or (one.dtype != other.dtype and not values_only):
         return False
-    return bool(
-        np.array_equal(one, other, equal_nan=True)
-        and np.array_equal(np.signbit(one) | (one != one), np.signbit(other) | (other != other))
-    )
+    signs = (np.signbit(one) == np.signbit(other)) | np.isnan(one)
+    return bool(np.array_equal(one, other, equal_nan=True) and signs.all())

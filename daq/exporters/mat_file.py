@@ -61,15 +61,13 @@ class MatExporter:
                 variable, time = names[group.name, channel.name]
                 held[variable] = channel.samples
                 held[time] = group.time_base.times_s
-        with path.open("xb") as file:
-            savemat(file, held, long_field_names=True, do_compression=True, oned_as="column")
+        savemat(str(path), held, appendmat=False, long_field_names=True, do_compression=True, oned_as="column")
 
     def read_back(self, content: Content, path: Path) -> tuple[Table, ...]:
         """Read the file and map its names back by the table in it."""
         from scipy.io import loadmat
 
-        with path.open("rb") as file:
-            held = loadmat(file, chars_as_strings=True)
+        held = loadmat(str(path), appendmat=False)
         mapped = {_text(row[2]): (_text(row[0]), _text(row[1])) for row in held["recoil_daq_names"]}
         tables = []
         for group in content.groups:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from daq.errors import RecoilDaqError, StoreError
 from daq.exporters.content import Content
-from daq.exporters.exporter import Exporter, first_difference
+from daq.exporters.exporter import Carried, Exporter, exact_table, first_difference
 
 Progress = Callable[[str], None]
 
@@ -34,8 +34,10 @@ class ExportedFile:
         Of all channels together.
     size : int
         Bytes.
+    exact : bool
+        Whether every number of every channel is that of the shot.
     losses : tuple of str
-        What is not as in the shot; empty if all is exact.
+        What is not as in the shot, numbers or what is said about them, one line each.
     left_out : tuple of str
         Channels that the format cannot carry.
     """
@@ -45,6 +47,7 @@ class ExportedFile:
     channels: tuple[str, ...]
     samples: int
     size: int
+    exact: bool
     losses: tuple[str, ...]
     left_out: tuple[str, ...]
 
@@ -121,14 +124,11 @@ def write_export(
 
 def _write(content: Content, exporter: Exporter, temporary: Path, target: Path) -> ExportedFile:
     """Write one file under a temporary name and verify it; nothing is left of it if that fails."""
-    carried = exporter.carried(content)
-    kept = tuple(name for table in carried.tables for name in table.samples)
-    if not kept:
-        raise StoreError(
-            f"{exporter.name} can carry none of these channels: {'; '.join(carried.losses)}", path=target,
-            remedy="choose another --format",
-        )  # fmt: skip
     try:
+        carried = exporter.carried(content)
+        kept = tuple(name for table in carried.tables for name in table.samples)
+        if not kept:
+            raise _nothing_left(exporter, carried, target)
         exporter.write(content, temporary)
         _sync_file(temporary)
         difference = first_difference(carried.tables, exporter.read_back(content, temporary))
@@ -142,6 +142,8 @@ def _write(content: Content, exporter: Exporter, temporary: Path, target: Path) 
     except OSError as error:
         _discard(temporary)
         raise _unwritable(target, error) from error
+    except StoreError:
+        raise
     except RecoilDaqError as error:
         _discard(temporary)
         raise StoreError(f"does not read back: {error.problem}", path=target, remedy=_REMEDY) from error
@@ -159,8 +161,16 @@ def _write(content: Content, exporter: Exporter, temporary: Path, target: Path) 
         _discard(temporary)
         raise StoreError(f"does not read back as it was written: {difference}", path=target, remedy=_REMEDY)
     samples = sum(array.size for table in carried.tables for array in table.samples.values())
-    clocks = tuple(dict.fromkeys(group.clock for group in content.groups))
-    return ExportedFile(target, clocks, kept, samples, size, carried.losses, carried.left_out)
+    clocks = tuple(dict.fromkeys(g.clock for g in content.groups if any(c.name in kept for c in g.channels)))
+    exact = first_difference(tuple(exact_table(group) for group in content.groups), carried.tables, values_only=True)
+    return ExportedFile(target, clocks, kept, samples, size, exact is None, carried.losses, carried.left_out)
+
+
+def _nothing_left(exporter: Exporter, carried: Carried, target: Path) -> StoreError:
+    return StoreError(
+        f"{exporter.name} can carry none of these channels: {'; '.join(carried.losses)}", path=target,
+        remedy="choose another --format",
+    )  # fmt: skip
 
 
 _REMEDY = "nothing was kept; check the disk, or choose another --format"

@@ -11,6 +11,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from daq.channel import Channel
 from daq.exporters.content import Content, Group
@@ -87,14 +88,15 @@ class Uff58Exporter:
         for group in content.groups:
             if group.time_base.step_s is None:
                 continue
-            samples, times_s = {}, np.empty(0)
+            samples: dict[str, NDArray[np.float64]] = {}
+            times_s: NDArray[np.float64] = np.empty(0)
             for channel in group.channels:
                 lines = data[at : at + 4096].split(b"\n")[: 2 + _HEADER_LINES]
                 at += sum(len(line) + 1 for line in lines)
                 size, form = int(lines[1][31:43]), lines[8]
                 count, start_s, step_s = int(form[10:20]), float(form[30:43]), float(form[43:56])
                 samples[channel.name] = np.frombuffer(data, "<f8", count, at).astype(np.float64)
-                times_s = start_s + step_s * np.arange(count)
+                times_s = start_s + step_s * np.arange(count, dtype=np.float64)
                 at += size
                 if size != 8 * count or data[at : at + 8] != b"\n    -1\n":
                     raise ValueError("a dataset does not end where its header says")
@@ -122,9 +124,12 @@ def _head(content: Content, group: Group, channel: Channel, number: int) -> str:
     axis = "{:10d}{:5d}{:5d}{:5d} {:<20s} {:<20s}"
     unused = axis.format(0, 0, 0, 0, "NONE", "NONE")
     kind = SPECIFIC_TYPES.get(channel.quantity, 1)
+    binary = (
+        f"    58b{_LITTLE_ENDIAN:6d}{_IEEE_754:6d}{_HEADER_LINES:12d}{8 * base.count:12d}{0:6d}{0:6d}{0:12d}{0:12d}"
+    )
     records = [
         "    -1",
-        f"    58b{_LITTLE_ENDIAN:6d}{_IEEE_754:6d}{_HEADER_LINES:12d}{8 * base.count:12d}{0:6d}{0:6d}{0:12d}{0:12d}",
+        binary,
         _line(channel.name, IDENTIFICATION) or "NONE",
         _line(f"{channel.quantity} {channel.role}".strip(), IDENTIFICATION),
         _line(f"shot {shot} rig {rig}", IDENTIFICATION),
