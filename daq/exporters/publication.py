@@ -93,6 +93,7 @@ def write_export(
         if os.path.lexists(folder / name) and not (overwrite and (folder / name).is_file()):
             raise _exists(folder / name)
     new_folders = [f for f in (folder, *folder.parents) if not f.exists()]
+    temporaries: list[Path] = []
     written: list[tuple[Path, ExportedFile]] = []
     placed: list[Path] = []
     try:
@@ -101,6 +102,7 @@ def write_export(
             progress(name)
             target = folder / name
             temporary = target.with_name(f".{target.stem}.{secrets.token_hex(4)}.partial{target.suffix}")
+            temporaries.append(temporary)
             written.append((temporary, _write(part, exporter, temporary, target)))
         for temporary, file in written:
             if overwrite:
@@ -112,7 +114,7 @@ def write_export(
     except OSError as error:
         raise _unwritable(folder, error) from error
     finally:
-        for left in [*(temporary for temporary, _ in written), *placed]:
+        for left in (*temporaries, *placed):
             with contextlib.suppress(OSError):
                 left.unlink(missing_ok=True)
         for empty in new_folders:
@@ -123,7 +125,7 @@ def write_export(
 
 
 def _write(content: Content, exporter: Exporter, temporary: Path, target: Path) -> ExportedFile:
-    """Write one file under a temporary name and verify it; nothing is left of it if that fails."""
+    """Write one file under a temporary name, which the caller removes, and verify it."""
     try:
         carried = exporter.carried(content)
         kept = tuple(name for table in carried.tables for name in table.samples)
@@ -134,31 +136,23 @@ def _write(content: Content, exporter: Exporter, temporary: Path, target: Path) 
         difference = first_difference(carried.tables, exporter.read_back(content, temporary))
         size = temporary.stat().st_size
     except ImportError as error:
-        _discard(temporary)
         raise StoreError(
             f"{exporter.name} needs {error.name or 'a library that is not installed'}", path=target,
             remedy=f"pip install 'recoil-daq[{exporter.extra}]'" if exporter.extra else "install it",
         ) from error  # fmt: skip
     except OSError as error:
-        _discard(temporary)
         raise _unwritable(target, error) from error
     except StoreError:
         raise
     except RecoilDaqError as error:
-        _discard(temporary)
         raise StoreError(f"does not read back: {error.problem}", path=target, remedy=_REMEDY) from error
     except Exception as error:
         # The libraries that write raise what they like
-        _discard(temporary)
         reason = " ".join(str(error).split()) or type(error).__name__
         raise StoreError(
             f"{exporter.name} cannot hold this: {reason}", path=target, remedy="choose another --format"
         ) from error
-    except BaseException:
-        _discard(temporary)
-        raise
     if difference is not None:
-        _discard(temporary)
         raise StoreError(f"does not read back as it was written: {difference}", path=target, remedy=_REMEDY)
     samples = sum(array.size for table in carried.tables for array in table.samples.values())
     clocks = tuple(dict.fromkeys(g.clock for g in content.groups if any(c.name in kept for c in g.channels)))
@@ -174,11 +168,6 @@ def _nothing_left(exporter: Exporter, carried: Carried, target: Path) -> StoreEr
 
 
 _REMEDY = "nothing was kept; check the disk, or choose another --format"
-
-
-def _discard(path: Path) -> None:
-    with contextlib.suppress(OSError):
-        path.unlink(missing_ok=True)
 
 
 def _sync_file(path: Path) -> None:

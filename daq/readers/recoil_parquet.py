@@ -71,6 +71,7 @@ class RecoilParquetReader:
         try:
             file = pq.ParquetFile(pa.BufferReader(content), page_checksum_verification=True)
             schema, rows = file.schema_arrow, int(file.metadata.num_rows)
+            packed = _compressions(file.metadata) - {"UNCOMPRESSED"}
         except (pa.ArrowException, OSError, ValueError, TypeError, KeyError, OverflowError) as error:
             raise _damaged(path, error) from error
         text = (schema.metadata or {}).get(KEY)
@@ -78,6 +79,12 @@ class RecoilParquetReader:
             raise ReadError(
                 "this Parquet file was not exported by recoil-daq", path=path,
                 remedy="export it as CSV or in the recorder's own format",
+            )  # fmt: skip
+        if packed:
+            # the size of the file bounds what is allocated only where nothing is packed
+            raise ReadError(
+                "was written anew by another program", path=path, expected="columns that are not compressed",
+                found=", ".join(sorted(packed)), remedy="take the file as it was exported",
             )  # fmt: skip
         document = parse_json(text.decode("utf-8", errors="replace"), path, "metadata")
         widths = [8 if kind == pa.float64() else 4 if kind == pa.float32() else 0 for kind in schema.types]
@@ -121,6 +128,11 @@ class RecoilParquetRecording(ExportedRecording):
             return tuple(column.to_numpy(zero_copy_only=False).astype(np.float64) for column in columns)
         except (pa.ArrowException, OSError, ValueError, TypeError, KeyError, OverflowError) as error:
             raise _damaged(self.path, error) from error
+
+
+def _compressions(metadata: Any) -> set[str]:
+    groups = (metadata.row_group(i) for i in range(metadata.num_row_groups))
+    return {str(group.column(j).compression) for group in groups for j in range(group.num_columns)}
 
 
 def _damaged(path: Path, error: Exception) -> CorruptFileError:

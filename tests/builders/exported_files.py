@@ -37,20 +37,21 @@ def csv_file(said: dict[str, Any] | None = None, times: Sequence[float] = TIMES)
     lines = ['# recoil-daq: "csv/1"']
     for key, value in (said or document()).items():
         for item in value if key == "channels" else [value]:
-            lines.append(f"# {'channel' if key == 'channels' else key}: {json.dumps(item, ensure_ascii=False)}")
+            text = json.dumps(item, ensure_ascii=False)
+            lines.append(f"# channel: {text}" if key == "channels" else f"# {key}: {text}")
     lines.append('time_s [s],p_breech [Pa],"acc, recoil [m/s^2]"')
     lines += [f"{t!r},{p!r},{a!r}" for t, p, a in zip(times, PRESSURE, ACCELERATION, strict=True)]
     return ("\n".join(lines) + "\n").encode()
 
 
-def parquet_file(said: dict[str, Any] | None = None, times: Sequence[float] = TIMES, **options: Any) -> bytes:
+def parquet_file(said: Any = None, times: Sequence[float] = TIMES, **options: Any) -> bytes:
     """Write our Parquet file."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     columns = {"time_s": times, "p_breech": PRESSURE, "acc, recoil": ACCELERATION}
     arrays = [pa.array(np.array(values, dtype=np.float64)) for values in columns.values()]
-    metadata = {"recoil-daq": json.dumps(said or document())}
+    metadata = {"recoil-daq": json.dumps(document() if said is None else said)}
     schema = pa.schema([pa.field(name, pa.float64()) for name in columns], metadata=metadata)
     file = io.BytesIO()
     settings = {"use_dictionary": False, "compression": "none", "write_page_checksum": True, "write_statistics": False}
