@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from daq.errors import StoreError
 from daq.exporters.content import gather
 from daq.exporters.publication import ExportedFile, write_export
 from daq.exporters.table import exporter_of
@@ -86,7 +87,11 @@ def export_shot(
     with source.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     provenance = {"program": f"recoil-daq {__version__}", "shot_file": source.name, "sha256": digest}
-    content = gather(shot, provenance, channels, aligned=aligned)
+    try:
+        content = gather(shot, provenance, channels, aligned=aligned)
+    except StoreError as error:
+        error.path = source
+        raise
     # `ingest` names shots so that this changes nothing; files of other makers may not
     stem = re.sub(r"[^\w.+-]", "_", shot.name).lstrip(".") or "shot"
     files = write_export(content, exporter, Path(out), stem, overwrite=overwrite, progress=progress)

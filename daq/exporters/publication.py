@@ -78,7 +78,6 @@ def write_export(
     Returns
     -------
     tuple of ExportedFile
-        A time base of which the format can carry nothing has none.
 
     Raises
     ------
