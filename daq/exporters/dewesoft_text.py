@@ -7,9 +7,7 @@ to 15 significant digits; an empty cell is a lost sample. The layout is that of 
 
 from __future__ import annotations
 
-import csv
-import math
-from collections.abc import Iterable
+import re
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +17,13 @@ from numpy.typing import NDArray
 from daq.exporters.content import Content
 from daq.exporters.csv_text import heading_row
 from daq.exporters.exporter import Carried, Table
+from daq.readers.text_file import read_text
+from daq.readers.text_table import find_block, read_block
 
 ROWS = 65536
 """Rows that are put into text at a time."""
+
+_LOST = re.compile("-?(NAN|INF)")
 
 
 class DewesoftTextExporter:
@@ -54,38 +56,33 @@ class DewesoftTextExporter:
         headings = ["Time (s)", *(f"{group.name}/{c.name} ({_unit(c.unit)})" for c in group.channels)]
         with path.open("x", encoding="utf-8", newline="\r\n") as file:
             file.write(heading_row(headings) + "\n")
+            form = ",".join(["%.15G"] * len(columns)) + "\n"
             for start in range(0, group.time_base.count, ROWS):
-                cells = [_cells(column[start : start + ROWS].tolist()) for column in columns]
-                file.writelines(",".join(row) + "\n" for row in zip(*cells, strict=True))
+                rows = zip(*(column[start : start + ROWS].tolist() for column in columns), strict=True)
+                file.write(_LOST.sub("", "".join([form % row for row in rows])))
 
     def read_back(self, content: Content, path: Path) -> tuple[Table, ...]:
-        """Read the file cell by cell."""
+        """Read the numbers; headings may read alike, so the order tells."""
         (group,) = content.groups
-        with path.open(encoding="utf-8", newline="") as file:
-            rows = csv.reader(file)
-            headings = next(rows)
-            columns: list[list[float]] = [[] for _ in headings]
-            for row in rows:
-                for column, cell in zip(columns, row, strict=True):
-                    column.append(float(cell) if cell else math.nan)
-        arrays = [np.array(column, dtype=np.float64) for column in columns]
-        # Headings may read alike where a line break in a name became a space: the order tells
         names = [c.name for c in group.channels]
-        return (Table(group.name, arrays[0], dict(zip(names, arrays[1:], strict=True))),)
+        file = read_text(path)
+        values = np.empty((0, 1 + len(names)))
+        if group.time_base.count:
+            body = file.data.find(b"\n") + 1
+            values, _ = read_block(find_block(file, body, ",", ["time", *names], decimal_comma=False))
+        columns = [np.ascontiguousarray(column) for column in values.T]
+        return (Table(group.name, columns[0], dict(zip(names, columns[1:], strict=True))),)
 
 
 def _unit(unit: str) -> str:
     return "-" if unit == "1" else unit
 
 
-def _cells(values: Iterable[float]) -> list[str]:
-    return [f"{value:.15G}" if math.isfinite(value) else "" for value in values]
-
-
 def _printed(samples: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
     """Return what 15 digits give back; NaN where there is no number."""
-    cells = _cells(samples.tolist())
-    return np.array([float(cell) if cell else math.nan for cell in cells], dtype=np.float64)
+    printed = np.array([float(f"{value:.15G}") for value in samples.tolist()], dtype=np.float64)
+    printed[np.isinf(printed)] = np.nan
+    return printed
 
 
 def _rounding(name: str, exact: NDArray[np.float64], printed: NDArray[np.float64]) -> list[str]:
