@@ -6,7 +6,7 @@ no letter, digit or underscore becomes an underscore, so names may fold to one: 
 says the rest, with one entry per time base.
 
 Format: MATLAB, "MAT-File Format", level 5; names have 63 characters at most. Names of variables: see
-`daq.readers` and users' scripts (``Data1_AI_1``, ``Data1_time_AI_1``).
+users' scripts that load such exports (``Data1_AI_1``, ``Data1_time_AI_1``).
 """
 
 from __future__ import annotations
