@@ -409,6 +409,37 @@ def show(
         session.finish(summary, print_all, OK)
 
 
+@app.command(epilog="Example: recoil-daq export shots/0001.h5 --format mdf4 --out exports")
+def export(
+    shot: Annotated[Path, typer.Argument(help="A shot file.", show_default=False)],
+    format_name: Annotated[
+        Literal["mdf4", "mat", "uff58", "tdms", "parquet", "csv", "dewesoft-text"],
+        typer.Option("--format", help="csv and parquet are read again by `ingest`."),
+    ],
+    out: Annotated[Path, typer.Option(help="Folder of the files.")] = Path("exports"),
+    channel: Annotated[
+        list[str] | None, typer.Option(help="A channel to export; may be repeated.", show_default="all")
+    ] = None,
+    aligned: Annotated[
+        bool, typer.Option("--aligned", help="Map all instants to the reference clock; else each source keeps its own.")
+    ] = False,
+    overwrite: OverwriteOption = False,
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Write a shot's channels in another format, verified, and say what is exact and what is lost."""
+    with Session(json, debug) as session:
+        from recoil_daq.export import export_shot
+        from recoil_daq.export_tables import export_document, print_exported
+
+        with session.steps(f"export {shot.name}") as progress:
+            done = export_shot(
+                shot, format_name, out=out, channels=channel or (), aligned=aligned, overwrite=overwrite,
+                progress=progress,
+            )  # fmt: skip
+        session.finish(export_document(done), lambda: print_exported(done), OK if done.complete else NOT_VALID)
+
+
 def main() -> None:
     """Run the command line; the entry point of ``recoil-daq``."""
     # the matrices of a shot are small: threads of the linear algebra cost more than they save, unless asked for

@@ -18,6 +18,8 @@ from daq.readers.dewesoft_text import DewesoftTextReader
 from daq.readers.oxygen_dmd import OxygenReader
 from daq.readers.proanalyst_text import ProAnalystTextReader
 from daq.readers.reader import HEAD_BYTES, Declarations, Reader, Recording, SignalHeader
+from daq.readers.recoil_csv import RecoilCsvReader
+from daq.readers.recoil_parquet import RecoilParquetReader
 from daq.readers.serial_capture import SerialCaptureReader
 
 READERS: tuple[Reader, ...] = (
@@ -30,6 +32,8 @@ READERS: tuple[Reader, ...] = (
     SerialCaptureReader(),
     OxygenReader(),
     DewesoftReader(),
+    RecoilCsvReader(),
+    RecoilParquetReader(),
 )
 """Every reader, in the order in which they are listed to users."""
 

@@ -11,7 +11,7 @@ import pytest
 
 from rigs.twin import TwinShot
 
-COMMANDS = ("ingest", "recover", "identify", "simulate", "demo", "check", "formats", "show")
+COMMANDS = ("ingest", "recover", "identify", "simulate", "demo", "check", "formats", "show", "export")
 
 
 @pytest.mark.parametrize("command", COMMANDS)
