@@ -12,6 +12,7 @@ from pathlib import Path
 from daq.acquisition import Acquisition, is_acquisition, read_acquisition
 from daq.channel import Step
 from daq.errors import CorruptFileError, ReadError, StoreError, UnknownFormatError
+from daq.readers.declared_text import DeclaredTextReader
 from daq.readers.reader import Reader, Recording
 from daq.readers.table import READERS, recognise
 from daq.shot import InputFile, Shot
@@ -20,7 +21,7 @@ from identification.clocks import align_clocks
 from identification.quality.shot_quality import check_shot
 from recoil_daq import __version__
 from rigs.assemble import assemble_channels, match_files
-from rigs.rig import Rig
+from rigs.rig import Rig, Source
 
 Progress = Callable[[str], None]
 
@@ -175,14 +176,29 @@ def _input_file(path: Path, source: str, reader: str) -> InputFile:
 
 
 def reader_of(path: Path, rig: Rig) -> Reader:
-    """Return the reader that claims a file; raw serial bytes are known by their source's pattern alone."""
+    """Return the reader of a file: its source's declared layout decides, then the file's content.
+
+    Raw serial bytes are known by their source's pattern alone, and so is a table whose layout is declared; a file
+    that no reader recognises is of the one recorder that declares a layout and has no pattern.
+    """
+    matching = rig.matching(path.name)
+    if len(matching) == 1 and _is_laid_out(matching[0]):
+        return DeclaredTextReader()
     try:
         return recognise(path)
     except UnknownFormatError as error:
-        serial = [s for s in rig.matching(path.name) if s.kind == "serial"]
-        if error.candidates or not serial:
+        if error.candidates:
             raise
-        return next(reader for reader in READERS if reader.kind == "serial")
+        if any(s.kind == "serial" for s in matching):
+            return next(reader for reader in READERS if reader.kind == "serial")
+        if not matching and sum(_is_laid_out(s) and s.match is None for s in rig.sources) == 1:
+            return DeclaredTextReader()
+        raise
+
+
+def _is_laid_out(source: Source) -> bool:
+    """Tell whether the rig declares the layout of a recorder's text tables."""
+    return source.kind == DeclaredTextReader.kind and source.layout is not None
 
 
 def _sha256(path: Path) -> str:

@@ -26,6 +26,7 @@ MEMORY_BYTES = 1 << 26
 THREADS = 2
 """Pieces that are parsed at a time."""
 
+Seconds = Callable[[Sequence[str]], NDArray[np.float64]]
 Parsed = tuple[NDArray[np.float64], list[list[str]]]
 
 
@@ -41,12 +42,14 @@ class ColumnStore:
         The column of stamps.
     text_columns : sequence of int
         Further columns that hold no numbers; they are NaN.
+    remedy : str, optional
+        What the user can do where a stamp cannot be read.
     """
 
     def __init__(
         self,
         block: Block,
-        seconds: Callable[[Sequence[str]], NDArray[np.float64]] | None = None,
+        seconds: Seconds | None = None,
         stamp_column: int | None = None,
         text_columns: Sequence[int] = (),
         remedy: str | None = None,
@@ -54,7 +57,7 @@ class ColumnStore:
         self.block = block
         self._seconds, self._stamp_column, self._remedy = seconds, stamp_column, remedy
         self._text_columns = (*([] if stamp_column is None else [stamp_column]), *text_columns)
-        self._pieces: list[NDArray[np.float64]] | None = None
+        self._pieces: list[NDArray[np.float64]] = []
         self._ends: NDArray[np.int64] | None = None
         self._spill: IO[bytes] | None = None
         self._lost = np.zeros(len(block.columns), dtype=np.int64)
@@ -78,18 +81,18 @@ class ColumnStore:
         result = np.empty(max(last - first, 0))
         for piece in range(int(np.searchsorted(ends, first, side="right")), len(ends)):
             begin = int(ends[piece - 1]) if piece else 0
-            low, high = max(first, begin), min(last, int(ends[piece]))
+            span = (begin, int(ends[piece]))
+            low, high = max(first, begin), min(last, span[1])
             if low >= high:
                 break
-            result[low - first : high - first] = self._part(piece, index, low - begin, high - begin, begin)
+            result[low - first : high - first] = self._part(piece, index, low - begin, high - begin, span)
         return result
 
-    def _part(self, piece: int, index: int, low: int, high: int, begin: int) -> NDArray[np.float64]:
+    def _part(self, piece: int, index: int, low: int, high: int, span: tuple[int, int]) -> NDArray[np.float64]:
+        """Return rows of one column of one piece, which spans some rows of the block."""
         if self._spill is None:
-            assert_pieces = self._pieces or []
-            return assert_pieces[piece][index, low:high]
-        rows = int(self._ends[piece]) - begin if self._ends is not None else 0
-        self._spill.seek(8 * (begin * len(self.block.columns) + index * rows + low))
+            return self._pieces[piece][index, low:high]
+        self._spill.seek(8 * (span[0] * len(self.block.columns) + index * (span[1] - span[0]) + low))
         return np.frombuffer(self._spill.read(8 * (high - low)))
 
     def _ensure_parsed(self) -> NDArray[np.int64]:
@@ -109,12 +112,12 @@ class ColumnStore:
                 weakref.finalize(self, self._spill.close)
             for line, (values, texts) in self._parsed():
                 if self._seconds is not None and self._stamp_column is not None:
-                    values[:, self._stamp_column] = self._stamps(texts[0], line)
+                    values[:, self._stamp_column] = self._stamps(self._seconds, texts[0], line)
                 self._lost += np.isnan(values).sum(axis=0)
                 ends.append((ends[-1] if ends else 0) + len(values))
                 columns = np.ascontiguousarray(values.T)
                 if self._spill is not None:
-                    self._spill.write(columns)
+                    self._spill.write(columns.data)
                 else:
                     pieces.append(columns)
         except OSError as error:
@@ -148,12 +151,9 @@ class ColumnStore:
                 for _, future in waiting:
                     future.cancel()
 
-    def _stamps(self, cells: Sequence[str], line: int) -> NDArray[np.float64]:
-        assert_seconds = self._seconds
-        if assert_seconds is None:
-            return np.full(len(cells), np.nan)
+    def _stamps(self, seconds: Seconds, cells: Sequence[str], line: int) -> NDArray[np.float64]:
         try:
-            return assert_seconds(cells)
+            return seconds(cells)
         except ValueError as error:
             row = error.args[1] if len(error.args) > 1 else 0
             raise CorruptFileError(
