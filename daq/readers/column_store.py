@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from daq.errors import CorruptFileError, ReadError
-from daq.readers.text_table import Block, parse_piece
+from daq.readers.text_table import Block, Piece, parse_piece
 
 MEMORY_BYTES = 1 << 26
 """Numbers up to which a table is kept in memory."""
@@ -110,10 +110,12 @@ class ColumnStore:
             if spill:
                 self._spill = tempfile.TemporaryFile()  # noqa: SIM115 - closed when this object goes
                 weakref.finalize(self, self._spill.close)
-            for line, (values, texts) in self._parsed():
+            for piece, (values, texts) in self._parsed():
                 if self._seconds is not None and self._stamp_column is not None:
-                    values[:, self._stamp_column] = self._stamps(self._seconds, texts[0], line)
-                self._lost += np.isnan(values).sum(axis=0)
+                    values[:, self._stamp_column] = self._stamps(self._seconds, texts[0], piece.line)
+                with np.errstate(all="ignore"):
+                    doubtful = np.isnan(values.sum(axis=0))
+                self._lost[doubtful] += np.isnan(values[:, doubtful]).sum(axis=0)
                 ends.append((ends[-1] if ends else 0) + len(values))
                 columns = np.ascontiguousarray(values.T)
                 if self._spill is not None:
@@ -133,14 +135,14 @@ class ColumnStore:
         self._pieces = pieces
         return np.array(ends, dtype=np.int64)
 
-    def _parsed(self) -> Iterator[tuple[int, Parsed]]:
+    def _parsed(self) -> Iterator[tuple[Piece, Parsed]]:
         """Parse pieces in their order, some at a time."""
-        waiting: deque[tuple[int, Future[Parsed]]] = deque()
+        waiting: deque[tuple[Piece, Future[Parsed]]] = deque()
         _ = self.block.width  # found once, before the threads ask for it
         with ThreadPoolExecutor(THREADS) as pool:
             try:
-                for piece, line in self.block.pieces():
-                    waiting.append((line, pool.submit(parse_piece, self.block, piece, line, self._text_columns)))
+                for piece in self.block.pieces:
+                    waiting.append((piece, pool.submit(parse_piece, self.block, piece, self._text_columns)))
                     if len(waiting) > THREADS:
                         first, future = waiting.popleft()
                         yield first, future.result()

@@ -93,7 +93,12 @@ def _headings(layout: TextLayout, lines: list[str], path: Path) -> list[tuple[st
         units = [split_unit(f"x {cell}")[1] if cell[:1] in ("[", "(") else cell for cell in cells]
         units += [""] * (len(names) - len(units))
         where = f"line {layout.unit_row}, the declared row of units"
-    if len(names) < 1 + (layout.time_column is not None) or (units is not None and len(units) != len(names)):
+    if len(names) < 2:
+        raise ReadError(
+            "the declared row of names has one cell only", path=path, place=f"line {layout.header_row}",
+            expected=f"names between {layout.separator!r}", remedy=_REMEDY,
+        )  # fmt: skip
+    if units is not None and len(units) != len(names):
         raise ReadError(
             "names and units do not fit each other", path=path, place=where,
             expected=f"{len(names)} units", found=f"{0 if units is None else len(units)}", remedy=_REMEDY,

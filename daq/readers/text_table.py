@@ -8,7 +8,7 @@ are what `float` makes of their text, to the last bit: pandas' parser does that 
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -45,10 +45,32 @@ __all__ = [
     "unique_names",
 ]
 
-PIECE_BYTES = 1 << 23
+PIECE_BYTES = 1 << 20
 """Text that is parsed at once; no row is longer."""
 
+MOST_LINE_BYTES = 1 << 16
+"""Of a line by which the number of cells is found."""
+
 _LOST_SPELLINGS = ("", "nan", "NaN", "NAN", "-nan", "-NaN")
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Some rows of a block.
+
+    Attributes
+    ----------
+    start, stop : int
+        Bytes of the file.
+    line : int
+        Number of the first row's line, from 1.
+    rows : int
+    """
+
+    start: int
+    stop: int
+    line: int
+    rows: int
 
 
 @dataclass(frozen=True)
@@ -85,19 +107,21 @@ class Block:
     missing: tuple[str, ...] = ()
     comment: str = ""
 
-    @cached_property
+    @property
     def row_count(self) -> int:
         """Number of complete rows."""
-        if self.comment:
-            return sum(len(_rows_of(self, piece)) for piece, _ in self.pieces())
-        end = self.file.line_end
-        starts = range(self.start, self.stop, PIECE_BYTES)
-        return 1 + sum(self.file.read(at, min(at + PIECE_BYTES, self.stop)).count(end) for at in starts)
+        return sum(piece.rows for piece in self.pieces)
 
     @cached_property
     def width(self) -> int:
         """Number of cells per row: one more than there are columns where rows end with a separator."""
-        first = next((row for piece, _ in self.pieces(1 << 16) for row in _rows_of(self, piece)), b"")
+        at = self.start
+        while at < self.stop:
+            line = self.file.read(at, min(at + MOST_LINE_BYTES, self.stop)).split(self.file.line_end, 1)[0]
+            if not (self.comment and _is_comment(line, self.comment)):
+                break
+            at += len(line) + 1
+        first = line
         cells = first.count(self.separator.encode()) + 1
         return len(self.columns) + (cells == len(self.columns) + 1)
 
@@ -105,35 +129,40 @@ class Block:
         """Return the place of a cell for messages."""
         return f"line {self.first_line + row}, column {column!r}"
 
-    def pieces(self, size: int = PIECE_BYTES) -> Iterator[tuple[bytes, int]]:
-        r"""Go through the rows: some of them, each ended by ``\n``, and the number of their first line.
+    @cached_property
+    def pieces(self) -> tuple[Piece, ...]:
+        """Parts of the rows that are parsed at once, in the file's order.
 
         Raises
         ------
         CorruptFileError
             If a line is longer than a table's rows are.
         """
-        at, line = self.start, self.first_line
+        end, at, line, pieces = self.file.line_end, self.start, self.first_line, []
         while at < self.stop:
-            size = min(size, self.stop - at)
-            raw = self.file.read(at, at + size)
-            if at + size < self.stop:
-                raw = raw[: raw.rfind(self.file.line_end) + 1]
-                if not raw:
-                    if size >= PIECE_BYTES:
-                        raise CorruptFileError(
-                            f"a line is longer than {PIECE_BYTES} bytes", path=self.file.path, place=f"line {line}",
-                            expected="a row of numbers", remedy="export it again",
-                        )  # fmt: skip
-                    size = PIECE_BYTES
-                    continue
-                at += len(raw)
-            else:
-                raw += self.file.line_end
-                at = self.stop
-            rows = raw.replace(b"\r\n", b"\n") if self.file.line_end == b"\n" else one_line_end(raw)
-            yield rows, line
-            line += rows.count(b"\n")
+            raw = self.file.read(at, min(at + PIECE_BYTES, self.stop))
+            length = len(raw)
+            if at + length < self.stop:
+                length = raw.rfind(end) + 1
+                if not length:
+                    raise CorruptFileError(
+                        f"a line is longer than {PIECE_BYTES} bytes", path=self.file.path, place=f"line {line}",
+                        expected="a row of numbers", remedy="export it again",
+                    )  # fmt: skip
+            lines = raw.count(end) + (at + length == self.stop)  # the last row's line end lies behind the block
+            piece = Piece(at, at + length, line, lines)
+            if self.comment:
+                piece = Piece(at, at + length, line, _count_rows(self, self.text(piece)))
+            pieces.append(piece)
+            at, line = at + length, line + lines
+        return tuple(pieces)
+
+    def text(self, piece: Piece) -> bytes:
+        r"""Read a piece, its last row ended and ``\r`` for ``\n`` where that alone ends lines."""
+        raw = self.file.read(piece.start, piece.stop)
+        if not raw.endswith(self.file.line_end):
+            raw += self.file.line_end
+        return raw if self.file.line_end == b"\n" else one_line_end(raw)
 
 
 def find_block(
@@ -199,23 +228,20 @@ def read_block(block: Block, *, text_first_column: bool = False) -> tuple[NDArra
     CorruptFileError
         If a row has another width or a cell is no number, with line and column.
     """
-    parsed = [parse_piece(block, *piece, (0,) if text_first_column else ()) for piece in block.pieces()]
+    parsed = [parse_piece(block, piece, (0,) if text_first_column else ()) for piece in block.pieces]
     texts = [text for _, found in parsed for text in (found[0] if found else ())]
     return np.concatenate([values for values, _ in parsed]), texts
 
 
 def parse_piece(
-    block: Block, piece: bytes, line: int, text_columns: Sequence[int] = ()
+    block: Block, piece: Piece, text_columns: Sequence[int] = ()
 ) -> tuple[NDArray[np.float64], list[list[str]]]:
     """Read the numbers of some rows of a block.
 
     Parameters
     ----------
     block : Block
-    piece : bytes
-        From `Block.pieces`.
-    line : int
-        Number of the first row's line.
+    piece : Piece
     text_columns : sequence of int
         Columns that are text; their numbers are NaN.
 
@@ -230,29 +256,26 @@ def parse_piece(
     CorruptFileError
         If a row has another width or a cell is no number, with line and column.
     """
-    fast = None if block.comment and block.comment.encode(block.file.encoding, "replace") in piece else piece
-    parsed = None if fast is None else _parse_fast(block, fast, text_columns)
-    values, texts = parsed if parsed is not None else _parse_strictly(block, piece, line, text_columns)
-    values[~np.isfinite(values)] = np.nan
+    text = block.text(piece)
+    plain = not block.comment or block.comment.encode("ascii") not in text
+    parsed = _parse_fast(block, text, piece.rows, text_columns) if plain else None
+    values, texts = parsed if parsed is not None else _parse_strictly(block, text, piece.line, text_columns)
     if block.width > len(block.columns):
         extra = np.flatnonzero(~np.isnan(values[:, -1]))
         if extra.size:
-            raise _wrong_width(block, line + int(extra[0]), block.width)
+            raise _wrong_width(block, piece.line + int(extra[0]), block.width)
         values = values[:, :-1]
     return values, texts
 
 
 def _parse_fast(
-    block: Block, piece: bytes, text_columns: Sequence[int]
+    block: Block, piece: bytes, rows: int, text_columns: Sequence[int]
 ) -> tuple[NDArray[np.float64], list[list[str]]] | None:
     """Read rows by pandas' parser; None if they are not plainly numbers, or not all of one width."""
     import pandas as pd
 
     separator = block.separator.encode()
-    rows = piece.count(b"\n")
-    first = piece[: piece.find(b"\n")]
-    # Too many cells are an error of the parser, so with the right number of separators none are too few
-    if piece.count(separator) != rows * (block.width - 1) or first.count(separator) != block.width - 1:
+    if piece[: piece.find(b"\n")].count(separator) != block.width - 1:
         return None
     exact: dict[str, Any] = {} if _by_default_exact(pd.__version__) else {"float_precision": "round_trip"}
     dtypes: Any = np.float64
@@ -272,7 +295,15 @@ def _parse_fast(
     for column in text_columns:
         texts.append([cell.strip() if isinstance(cell, str) else "" for cell in table[column].tolist()])
         table[column] = np.nan
-    return np.array(table.to_numpy(dtype=np.float64)), texts
+    values = table.to_numpy(dtype=np.float64, copy=bool(text_columns))  # else it may be a view that cannot be written
+    with np.errstate(all="ignore"):
+        whole = np.isfinite(values.sum(axis=0)).all()
+    if not whole:
+        # Too many cells are an error of the parser; too few are filled up, and cells behind them seem empty
+        if piece.count(separator) != rows * (block.width - 1):
+            return None
+        values = np.where(np.isfinite(values), values, np.nan)
+    return values, texts
 
 
 def _by_default_exact(version: str) -> bool:
@@ -285,10 +316,9 @@ def _is_comment(row: bytes, comment: str) -> bool:
     return row.lstrip(b" ").startswith(comment.encode("utf-8"))
 
 
-def _rows_of(block: Block, piece: bytes) -> list[bytes]:
-    """Split a piece into its rows, without comments."""
-    rows = piece.split(b"\n")[:-1]
-    return [row for row in rows if not _is_comment(row, block.comment)] if block.comment else rows
+def _count_rows(block: Block, text: bytes) -> int:
+    """Count the rows of a piece, without comments."""
+    return sum(not _is_comment(row, block.comment) for row in text.split(b"\n")[:-1])
 
 
 def _parse_strictly(
@@ -324,7 +354,9 @@ def _parse_strictly(
                     found=repr(text[:40]),
                 )
         values.append(numbers)
-    return np.array(values, dtype=np.float64).reshape(-1, block.width), list(texts.values())
+    table = np.array(values, dtype=np.float64).reshape(-1, block.width)
+    table[~np.isfinite(table)] = np.nan
+    return table, list(texts.values())
 
 
 def _wrong_width(block: Block, line: int, width: int) -> CorruptFileError:
