@@ -101,7 +101,7 @@ def _headings(layout: TextLayout, lines: list[str], path: Path) -> list[tuple[st
     if units is not None and len(units) != len(names):
         raise ReadError(
             "names and units do not fit each other", path=path, place=where,
-            expected=f"{len(names)} units", found=f"{0 if units is None else len(units)}", remedy=_REMEDY,
+            expected=f"{len(names)} units", found=f"{len(units)}", remedy=_REMEDY,
         )  # fmt: skip
     if units is None:
         return names
