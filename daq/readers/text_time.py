@@ -109,7 +109,7 @@ def _from_relative(
     times_s = printed if factor == 1.0 else printed * factor
     resolution_s = factor * 10.0 ** -printed_decimals(columns.block, source.column or 0)
     if source.rate_hz is not None:
-        start_s = start_agreeing(times_s, 1.0 / source.rate_hz, resolution_s, np.arange(times_s.size))
+        start_s = start_agreeing(times_s, 1.0 / source.rate_hz, resolution_s)
         if start_s is not None:
             return TimeBase.uniform(clock, start_s, 1.0 / source.rate_hz, times_s.size, source.start), ()
         raise CorruptFileError(
