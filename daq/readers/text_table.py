@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from daq.errors import CorruptFileError
-from daq.readers.number_kernel import kernel_at_hand, read_plain
 from daq.readers.text_cells import (
     LOST_WORDS,
     SEPARATORS,
@@ -48,9 +47,6 @@ __all__ = [
 
 PIECE_BYTES = 1 << 20
 """Text that is parsed at once; no row is longer."""
-
-LONG_BYTES = 1 << 26
-"""Text from which on it is worth loading compiled code, which takes a second or two."""
 
 MOST_LINE_BYTES = 1 << 16
 """Of a line by which the number of cells is found."""
@@ -262,12 +258,7 @@ def parse_piece(
     """
     text = block.text(piece)
     plain = not block.comment or block.comment.encode("ascii") not in text
-    parsed: tuple[NDArray[np.float64], list[list[str]]] | None = None
-    if plain and not text_columns and not block.missing and _is_long(block) and kernel_at_hand():
-        numbers = read_plain(text, piece.rows, block.width, block.separator, decimal_comma=block.decimal_comma)
-        parsed = None if numbers is None else (numbers, [])
-    if plain and parsed is None:
-        parsed = _parse_fast(block, text, piece.rows, text_columns)
+    parsed = _parse_fast(block, text, piece.rows, text_columns) if plain else None
     values, texts = parsed if parsed is not None else _parse_strictly(block, text, piece.line, text_columns)
     if block.width > len(block.columns):
         extra = np.flatnonzero(~np.isnan(values[:, -1]))
@@ -275,11 +266,6 @@ def parse_piece(
             raise _wrong_width(block, piece.line + int(extra[0]), block.width)
         values = values[:, :-1]
     return values, texts
-
-
-def _is_long(block: Block) -> bool:
-    """Tell whether a block is worth loading compiled code for."""
-    return block.stop - block.start >= LONG_BYTES
 
 
 def _parse_fast(
