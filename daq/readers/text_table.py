@@ -45,7 +45,7 @@ __all__ = [
     "unique_names",
 ]
 
-PIECE_BYTES = 1 << 20
+PIECE_BYTES = 1 << 21
 """Text that is parsed at once; no row is longer."""
 
 MOST_LINE_BYTES = 1 << 16
