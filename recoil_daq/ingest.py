@@ -5,13 +5,14 @@ from __future__ import annotations
 import datetime as dt
 import hashlib
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from daq.acquisition import Acquisition, is_acquisition, read_acquisition
 from daq.channel import Step
 from daq.errors import CorruptFileError, ReadError, StoreError, UnknownFormatError
+from daq.readers.declared_text import DeclaredTextReader
 from daq.readers.reader import Reader, Recording
 from daq.readers.table import READERS, recognise
 from daq.shot import InputFile, Shot
@@ -37,6 +38,10 @@ class Ingested:
 
     shot: Shot
     path: Path
+
+
+BY_LAYOUT: Mapping[str, Reader] = {"dewetron": DeclaredTextReader()}
+"""Kind of source -> what reads its tables where the rig declares their layout."""
 
 
 def ingest_files(
@@ -175,14 +180,25 @@ def _input_file(path: Path, source: str, reader: str) -> InputFile:
 
 
 def reader_of(path: Path, rig: Rig | None) -> Reader:
-    """Return the reader that claims a file; raw serial bytes are known by their source's pattern alone."""
+    """Return the reader of a file: its source's declared layout decides, then the file's content.
+
+    Raw serial bytes are known by their source's pattern alone, and so is a table whose layout is declared; a file
+    that no reader recognises is of the one source that declares a layout and has no pattern.
+    """
+    matching = () if rig is None else rig.matching(path.name)
+    if len(matching) == 1 and matching[0].layout is not None:
+        return BY_LAYOUT[matching[0].kind]
     try:
         return recognise(path)
     except UnknownFormatError as error:
-        serial = [] if rig is None else [s for s in rig.matching(path.name) if s.kind == "serial"]
-        if error.candidates or not serial:
+        if error.candidates:
             raise
-        return next(reader for reader in READERS if reader.kind == "serial")
+        if any(s.kind == "serial" for s in matching):
+            return next(reader for reader in READERS if reader.kind == "serial")
+        laid_out = [s for s in (() if rig is None else rig.sources) if s.layout is not None and s.match is None]
+        if not matching and len(laid_out) == 1:
+            return BY_LAYOUT[laid_out[0].kind]
+        raise
 
 
 def _sha256(path: Path) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 from daq.errors import Fault, FramingError, nearest_first
 from daq.frames.declaration import framing_from_table
 from daq.quantity import SI_UNITS, UNITS, find_unit, normalise_unit
+from daq.readers.text_layout import layout_faults
 from daq.trigger.table import trigger_faults
 from rigs.mechanism import Mechanism
 from rigs.rig_alignments import faults_of_alignment
@@ -81,6 +82,7 @@ def faults_of_sources(
         if names.count(source.name) > 1:
             faults.append(Fault(f"{where}.name", "two sources have this name"))
         faults += _faults_of_framing(where, source)
+        faults += _faults_of_layout(where, source)
         if known_reference is None:
             continue  # which of the sources needs no alignment is not known then
         if source.name == known_reference:
@@ -103,6 +105,13 @@ def _faults_of_framing(where: str, source: Source) -> list[Fault]:
     except FramingError as error:
         return [Fault(where, str(error))]
     return []
+
+
+def _faults_of_layout(where: str, source: Source) -> list[Fault]:
+    """Check the layout of a recorder's text tables as its reader will."""
+    if source.layout is None or source.kind != "dewetron":
+        return []
+    return [Fault(f"{where}.layout.{key}", problem) for key, problem in layout_faults(source.layout)]
 
 
 def faults_of_trigger(

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import datetime as dt
 import re
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+
+from daq.readers.wall_clock import Stamp, nanoseconds
 
 DECADE_RATES_HZ = tuple(m * 10.0**k for k in range(7) for m in (1.0, 2.0, 5.0))
 """The rates 1, 2 and 5 times a power of ten that nearly every record has."""
@@ -29,12 +30,28 @@ OTHER_RATES_HZ = tuple(
 )
 """Other rates that recorders offer; taken only where no decade rate agrees."""
 
-_NAMES = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
-MONTHS = {name: number for number, name in enumerate(_NAMES, start=1)}
+_NAMES = (
+    "jan janv jän ene gen sty led oca ocak",
+    "feb febr lut fev fév févr úno şub",
+    "mar mär mrz mars mrt márc bře maart marts",
+    "apr avr abr ápr kwi dub nis",
+    "may mai mag maj mei máj mayo kvě mayıs",
+    "jun juin giu jún juni čvn cze haz",
+    "jul juil lug júl juli čvc tem",
+    "aug août aou aoû ago avg sie ağu",
+    "sep sept set szept wrz zář eyl",
+    "oct okt ott out paź říj eki ekim",
+    "nov novem kas",
+    "dec déc dez dic des dis gru pro ara",
+)
+"""Short names of the months in English, German, French, Spanish, Italian, Portuguese, Dutch, the Scandinavian
+languages, Polish, Czech, Slovene, Hungarian and Turkish; those that mean two months in two languages, such as ``lis``
+and ``srp``, are left out."""
+MONTHS = {name: number for number, names in enumerate(_NAMES, start=1) for name in names.split()}
 FEWEST_STAMPS = 20
 """Below this number of rows no rate is sought in whole milliseconds."""
 
-_STAMP = re.compile(r"(\d{1,2})-([^\W\d_]{3,5})\.?-(\d{2}|\d{4}) (\d{1,2}):(\d{2}):(\d{2})(?:[.,](\d{1,6}))?")
+_STAMP = re.compile(r"(\d{1,2})-([^\W\d_]{3,5})\.?-(\d{2}|\d{4}) (\d{1,2}):(\d{2}):(\d{2})(?:[.,](\d{1,9}))?")
 
 
 def is_absolute(cell: str) -> bool:
@@ -42,67 +59,25 @@ def is_absolute(cell: str) -> bool:
     return _STAMP.fullmatch(cell.strip()) is not None
 
 
-def parse_stamp(cell: str) -> tuple[dt.datetime, int]:
-    """Read an absolute stamp.
-
-    Parameters
-    ----------
-    cell : str
-        ``dd-Mmm-yy hh:mm:ss.mmm``; the month in English.
-
-    Returns
-    -------
-    tuple of datetime and int
-        The stamp, without a zone because none is printed, and the number of its decimals.
+def parse_dewesoft_stamp(cell: str) -> Stamp:
+    """Read an absolute stamp ``dd-Mmm-yy hh:mm:ss.mmm``, the month in any language that tells it.
 
     Raises
     ------
     ValueError
-        If it is none, or names a month in another language.
+        If it is none, or names a month that is not known or is another month in another language.
     """
     match = _STAMP.fullmatch(cell.strip())
     if match is None:
         raise ValueError(f"{cell[:40]!r} is not a stamp dd-Mmm-yy hh:mm:ss.mmm")
     day, month, year, hour, minute, second, fraction = match.groups()
-    if month.casefold() not in MONTHS:
-        raise ValueError(f"{month!r} is not the English name of a month")
-    fraction = fraction or ""
-    stamp = dt.datetime(
-        int(year) + (2000 if len(year) == 2 else 0), MONTHS[month.casefold()], int(day),
-        int(hour), int(minute), int(second), int(fraction.ljust(6, "0")),
-    )  # fmt: skip
-    return stamp, len(fraction)
-
-
-def seconds_from_first(cells: Sequence[str]) -> tuple[NDArray[np.float64], dt.datetime, float]:
-    """Turn absolute stamps into seconds from the first.
-
-    Returns
-    -------
-    seconds : ndarray of float64, shape (n_rows,)
-    first : datetime
-    resolution_s : float
-        The last printed digit.
-
-    Raises
-    ------
-    ValueError
-        With the row as ``args[1]``, if a cell is no stamp.
-    """
-    known: dict[str, float] = {}
-    first, decimals = parse_stamp(cells[0])
-    seconds = np.empty(len(cells))
-    for i, cell in enumerate(cells):
-        value = known.get(cell)
-        if value is None:
-            try:
-                stamp, places = parse_stamp(cell)
-            except ValueError as error:
-                raise ValueError(str(error), i) from error
-            decimals = max(decimals, places)
-            value = known[cell] = (stamp - first) / dt.timedelta(seconds=1)
-        seconds[i] = value
-    return seconds, first, 10.0**-decimals
+    number = MONTHS.get(month.casefold())
+    if number is None:
+        raise ValueError(f"{month!r} is not known as the name of one month")
+    instant = dt.datetime(
+        int(year) + (2000 if len(year) == 2 else 0), number, int(day), int(hour), int(minute), int(second)
+    )
+    return Stamp(instant, nanoseconds(fraction), len(fraction or ""))
 
 
 def rate_from_stamps(seconds: NDArray[np.float64], resolution_s: float) -> tuple[float, tuple[float, ...]]:

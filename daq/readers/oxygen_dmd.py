@@ -24,6 +24,7 @@ from daq.channel import RawCounts
 from daq.errors import CorruptFileError, MissingChannelError, ReadError
 from daq.readers.increasing_stamps import left_out_note
 from daq.readers.oxygen_blocks import ASYNC, SYNC, BlockIndex, index_blocks, is_oxygen
+from daq.readers.oxygen_embedded_text import read_xml
 from daq.readers.oxygen_samples import (
     INTEGERS,
     WIDTHS,
@@ -36,7 +37,6 @@ from daq.readers.oxygen_samples import (
 )
 from daq.readers.oxygen_setup import ChannelSetup, SegmentSetup, Setup, read_segments, read_setup, read_start
 from daq.readers.oxygen_storing import Event, Windows, choose_windows, read_events, window_ticks
-from daq.readers.oxygen_text import read_xml
 from daq.readers.reader import Declarations, SignalHeader
 from daq.readers.text_table import unique_names
 from daq.timebase import TimeBase

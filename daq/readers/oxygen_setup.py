@@ -14,7 +14,7 @@ import math
 from dataclasses import dataclass
 from xml.etree import ElementTree as ET
 
-from daq.readers.oxygen_text import local, named, properties
+from daq.readers.oxygen_embedded_text import local, named, properties
 from daq.timebase import AbsoluteStart
 
 

@@ -14,7 +14,7 @@ from itertools import pairwise
 from xml.etree import ElementTree as ET
 
 from daq.readers.oxygen_blocks import MOST_TICKS
-from daq.readers.oxygen_text import named, properties
+from daq.readers.oxygen_embedded_text import named, properties
 
 SAMPLES_GROUP = "FAST"
 

@@ -6,8 +6,13 @@ column is a uniform time base whose step is known much better than any two print
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
+
+PART_ROWS = 1 << 18
+"""Rows that are gone through at a time."""
 
 SLACK_S = 1e-9
 """Allowance beside half the last printed digit, for the arithmetic of whoever printed."""
@@ -37,20 +42,18 @@ def uniform_from_printed(
     """
     if times_s.size < 2:
         return None
-    counts = np.arange(times_s.size) if numbers is None else numbers
-    centred = counts - counts.mean()
-    fitted = float(centred @ (times_s - times_s.mean()) / (centred @ centred))
+    fitted = _fitted_step(times_s, numbers)
     if not fitted > 0:
         return None
     for step in _round_steps(fitted):
-        start = start_agreeing(times_s, step, resolution_s, counts)
+        start = start_agreeing(times_s, step, resolution_s, numbers)
         if start is not None:
             return start, step
     return None
 
 
 def start_agreeing(
-    times_s: NDArray[np.float64], step_s: float, resolution_s: float, numbers: NDArray[np.int64]
+    times_s: NDArray[np.float64], step_s: float, resolution_s: float, numbers: NDArray[np.int64] | None = None
 ) -> float | None:
     """Return the start with which printed times agree with a step, or None if there is none.
 
@@ -58,22 +61,48 @@ def start_agreeing(
     ----------
     times_s : ndarray of float64, shape (n_rows,)
     step_s, resolution_s : float
-    numbers : ndarray of int64, shape (n_rows,)
+    numbers : ndarray of int64, shape (n_rows,), optional
+        Of the rows; 0, 1, 2 ... if left out.
 
     Returns
     -------
     float or None
         Zero or the first printed time where these agree, else the middle of what agrees.
     """
-    residuals = times_s - step_s * numbers
     half = 0.5 * resolution_s + SLACK_S
-    low, high = float(residuals.max() - half), float(residuals.min() + half)
-    if low > high:
-        return None
-    for start in (0.0, float(residuals[0])):
+    low, high, first = -np.inf, np.inf, 0.0
+    for times, counts in _parts(times_s, numbers):
+        residuals = times - step_s * counts
+        if low == -np.inf:
+            first = float(residuals[0])
+        low, high = max(low, float(residuals.max() - half)), min(high, float(residuals.min() + half))
+        if low > high:
+            return None
+    for start in (0.0, first):
         if low <= start <= high:
             return start
     return 0.5 * (low + high)
+
+
+def _parts(
+    times_s: NDArray[np.float64], numbers: NDArray[np.int64] | None
+) -> Iterator[tuple[NDArray[np.float64], NDArray[np.int64]]]:
+    """Go through times and numbers together, some at a time: long records are large beside the memory they may take."""
+    for at in range(0, times_s.size, PART_ROWS):
+        times = times_s[at : at + PART_ROWS]
+        yield times, np.arange(at, at + times.size) if numbers is None else numbers[at : at + PART_ROWS]
+
+
+def _fitted_step(times_s: NDArray[np.float64], numbers: NDArray[np.int64] | None) -> float:
+    """Return the least-squares step of times by their numbers."""
+    middle = (times_s.size - 1) / 2 if numbers is None else float(numbers.mean())
+    mean_s = float(times_s.mean())
+    product = square = 0.0
+    for times, counts in _parts(times_s, numbers):
+        centred = counts - middle
+        product += float(centred @ (times - mean_s))
+        square += float(centred @ centred)
+    return product / square
 
 
 def _round_steps(fitted_s: float) -> list[float]:

@@ -87,9 +87,10 @@ class RecoilCsvRecording(ExportedRecording):
         if self._block is None:
             return tuple(np.empty(0) for _ in range(len(self.signals) + 1))
         values, _ = read_block(self._block)
-        if b"inf" in self._block.body.lower():
+        body = self._block.file.read(self._block.start, self._block.stop)
+        if b"inf" in body.lower():
             # An infinite sample is told apart from a lost one here, because the shot does
-            values = np.loadtxt(io.BytesIO(self._block.body), delimiter=",", comments=None, ndmin=2)
+            values = np.loadtxt(io.BytesIO(body), delimiter=",", comments=None, ndmin=2)
         return tuple(np.ascontiguousarray(column) for column in values.T)
 
 

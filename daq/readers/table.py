@@ -1,7 +1,8 @@
 """The table of readers, and how a file finds its reader.
 
 `READERS` is the table. A file is recognised by its content alone (`recognise`): exactly one reader
-claims it, or the error names the candidates.
+claims it, or the error names the candidates. A text table whose layout the rig declares is read by
+`daq.readers.declared_text`, which claims nothing and is not in the table.
 """
 
 from __future__ import annotations
@@ -13,9 +14,11 @@ from typing import NamedTuple
 from daq.errors import ReadError, UnknownFormatError
 from daq.readers.can_capture import CanCaptureReader
 from daq.readers.can_log import AscReader, BlfReader, CandumpReader
+from daq.readers.dasylab_text import DasylabTextReader
 from daq.readers.dewesoft_native import DewesoftReader
 from daq.readers.dewesoft_text import DewesoftTextReader
 from daq.readers.oxygen_dmd import OxygenReader
+from daq.readers.oxygen_text import OxygenTextReader
 from daq.readers.proanalyst_text import ProAnalystTextReader
 from daq.readers.reader import HEAD_BYTES, Declarations, Reader, Recording, SignalHeader
 from daq.readers.recoil_csv import RecoilCsvReader
@@ -34,6 +37,8 @@ READERS: tuple[Reader, ...] = (
     DewesoftReader(),
     RecoilCsvReader(),
     RecoilParquetReader(),
+    OxygenTextReader(),
+    DasylabTextReader(),
 )
 """Every reader, in the order in which they are listed to users."""
 

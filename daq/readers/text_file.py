@@ -7,13 +7,47 @@ line ends, and neither is written down in the file: both are found from the byte
 from __future__ import annotations
 
 import codecs
+import tempfile
+import weakref
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO, Protocol
 
 from daq.errors import CorruptFileError, ReadError
 
 ENCODING_BYTES = 1 << 20
 """How much of a file decides on its encoding: all but numbers stands in the first lines."""
+
+CHUNK_BYTES = 1 << 22
+"""How much of a file that must be transcoded is held at a time."""
+
+
+class Text(Protocol):
+    """Bytes of a text, one per ASCII character, wherever they are held."""
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        ...
+
+    @property
+    def encoding(self) -> str:
+        """In which the bytes are held."""
+        ...
+
+    @property
+    def size(self) -> int:
+        """Number of bytes."""
+        ...
+
+    @property
+    def line_end(self) -> bytes:
+        """The byte that ends a line; a carriage return before a line feed belongs to the line end."""
+        ...
+
+    def read(self, start: int, stop: int) -> bytes:
+        """Read some of the bytes."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -33,10 +67,118 @@ class TextFile:
     data: bytes
     encoding: str
 
+    line_end = b"\n"
+
+    @property
+    def size(self) -> int:
+        """Number of bytes."""
+        return len(self.data)
+
+    def read(self, start: int, stop: int) -> bytes:
+        """Return some of the bytes."""
+        return self.data[start:stop]
+
     def lines(self, start: int, count: int) -> list[str]:
         """Return up to ``count`` lines from byte ``start``, without their line ends."""
         rows = self.data[start:].split(b"\n", count) if start else self.data.split(b"\n", count)
         return [row.decode(self.encoding, errors="replace") for row in rows[:count]]
+
+
+class LongText:
+    """A text file that is read in parts; UTF-16 is transcoded to UTF-8 in a temporary file.
+
+    Encoding and line end are found from its beginning; `lines` sees no more of it either.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    ReadError
+        If it cannot be read.
+    CorruptFileError
+        If it announces UTF-16 and is not.
+    """
+
+    def __init__(self, path: Path, encoding: str | None = None) -> None:
+        self.path = path
+        self._transcoded: IO[bytes] | None = None
+        try:
+            with path.open("rb") as file:
+                head = file.read(ENCODING_BYTES)
+                self.size = file.seek(0, 2)
+        except OSError as error:
+            raise _unreadable(path, error) from error
+        self._skip = 0
+        wide = codecs.lookup(encoding).name.startswith("utf-16") if encoding else False
+        if wide or head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+            self._transcode(encoding if wide and encoding else "utf-16")
+            head = self.read(0, ENCODING_BYTES)
+            self.encoding = "utf-8"
+        else:
+            self._skip = len(codecs.BOM_UTF8) if head.startswith(codecs.BOM_UTF8) else 0
+            self.size -= self._skip
+            head = head[self._skip :]
+            self.encoding = encoding or ("utf-8" if _is_utf8(head) else "cp1252")
+        self._head = head
+        self.line_end = b"\r" if b"\r" in head and b"\n" not in head else b"\n"
+
+    def _transcode(self, encoding: str) -> None:
+        """Write the file as UTF-8 to a temporary one that vanishes with this object."""
+        decoder = codecs.getincrementaldecoder(encoding)()
+        at = 0
+        try:
+            self._transcoded = tempfile.TemporaryFile()  # noqa: SIM115 - closed when this object goes
+            weakref.finalize(self, self._transcoded.close)
+            with self.path.open("rb") as file:
+                while chunk := file.read(CHUNK_BYTES):
+                    text = decoder.decode(chunk)
+                    at += len(chunk)
+                    self._transcoded.write((text.removeprefix("\ufeff") if at == len(chunk) else text).encode("utf-8"))
+            self.size = self._transcoded.tell()
+        except (UnicodeDecodeError, UnicodeEncodeError) as error:
+            place = f"byte {at + error.start}"
+            raise CorruptFileError("is not the UTF-16 it announces", path=self.path, place=place) from error
+        except OSError as error:
+            raise _unreadable(self.path, error) from error
+
+    def read(self, start: int, stop: int) -> bytes:
+        """Read some of the bytes.
+
+        Raises
+        ------
+        ReadError
+            If the file cannot be read any more.
+        """
+        count = max(min(stop, self.size) - start, 0)
+        try:
+            if self._transcoded is not None:
+                self._transcoded.seek(start)
+                found = self._transcoded.read(count)
+            else:
+                with self.path.open("rb") as file:
+                    file.seek(self._skip + start)
+                    found = file.read(count)
+        except OSError as error:
+            raise _unreadable(self.path, error) from error
+        if len(found) != count:
+            raise ReadError("became shorter while it was read", path=self.path, remedy="read it when it is complete")
+        return found
+
+    def lines(self, count: int) -> list[str]:
+        """Return up to ``count`` lines from the beginning, without their line ends."""
+        rows = self._head.split(self.line_end, count)[:count]
+        return [row.removesuffix(b"\r").decode(self.encoding, errors="replace") for row in rows]
+
+    def line_start(self, index: int) -> int:
+        """Return the byte at which one of the first lines begins, counted from 0; the size if there are fewer."""
+        start = 0
+        for _ in range(index):
+            start = self._head.find(self.line_end, start) + 1
+            if not start:
+                return self.size
+        return start
 
 
 def read_text(path: Path) -> TextFile:
@@ -52,18 +194,16 @@ def read_text(path: Path) -> TextFile:
     try:
         raw = path.read_bytes()
     except OSError as error:
-        raise ReadError(
-            f"cannot be read: {error.strerror}", path=path, remedy="check its name and permissions"
-        ) from error
+        raise _unreadable(path, error) from error
     if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         try:
             text = raw[: len(raw) // 2 * 2].decode("utf-16")
         except UnicodeDecodeError as error:
             raise CorruptFileError("is not the UTF-16 it announces", path=path, place=f"byte {error.start}") from error
-        return TextFile(path, _one_line_end(text.encode("utf-8")), "utf-8")
+        return TextFile(path, one_line_end(text.encode("utf-8")), "utf-8")
     raw = raw.removeprefix(codecs.BOM_UTF8)
     encoding = "utf-8" if _is_utf8(raw[:ENCODING_BYTES]) else "cp1252"
-    return TextFile(path, _one_line_end(raw), encoding)
+    return TextFile(path, one_line_end(raw), encoding)
 
 
 def decode_head(head: bytes) -> str:
@@ -76,6 +216,10 @@ def decode_head(head: bytes) -> str:
     return "" if "\0" in text else text.replace("\r\n", "\n").replace("\r", "\n")
 
 
+def _unreadable(path: Path, error: OSError) -> ReadError:
+    return ReadError(f"cannot be read: {error.strerror}", path=path, remedy="check its name and permissions")
+
+
 def _is_utf8(data: bytes) -> bool:
     """Tell whether bytes are UTF-8, the last character possibly cut."""
     try:
@@ -85,5 +229,6 @@ def _is_utf8(data: bytes) -> bool:
     return True
 
 
-def _one_line_end(data: bytes) -> bytes:
+def one_line_end(data: bytes) -> bytes:
+    r"""Return bytes with ``\n`` as their only line end."""
     return data.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in data else data

@@ -685,3 +685,15 @@ def test_a_fault_of_a_framing_is_a_fault_of_the_rig() -> None:
     assert 'algo = "crc16-ccitt-false"' in text
     with pytest.raises(RigError, match=r"imu.*framing.*crc17"):
         parse_rig(text.replace("crc16-ccitt-false", "crc17"), load_rig("mixed").path)
+
+
+def test_every_fault_of_a_layout_is_a_fault_of_the_rig_by_its_key() -> None:
+    layout = 'layout = { seperator = ";", first_row = 0, header_row = 1, time_column = "t" }'
+    text = RIG.replace('match = "*DAQ*.csv"\n', f'match = "*DAQ*.csv"\n{layout}\n')
+    with pytest.raises(RigError) as caught:
+        rig_of(text)
+    problems = {fault.key.rpartition(".")[2]: fault.problem for fault in caught.value.faults}
+    assert set(problems) == {"seperator", "separator", "first_row"}
+    assert "the nearest are `separator`" in problems["seperator"]
+    sound = layout.replace("seperator", "separator").replace("first_row = 0", "first_row = 2")
+    assert rig_of(text.replace(layout, sound)).source("dewetron").layout is not None

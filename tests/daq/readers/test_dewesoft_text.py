@@ -8,8 +8,9 @@ import pytest
 
 from daq.errors import CorruptFileError, MissingChannelError, ReadError
 from daq.readers.dewesoft_text import DewesoftTextReader, DewesoftTextRecording
-from daq.readers.dewesoft_time import parse_stamp, rate_from_stamps, seconds_from_first
+from daq.readers.dewesoft_time import _NAMES, MONTHS, parse_dewesoft_stamp, rate_from_stamps
 from daq.readers.reader import Declarations
+from daq.readers.wall_clock import Stamps
 from tests.builders.shared_data import shared_file
 from tests.builders.vendor_files import dewesoft_text, motion_rows
 
@@ -91,7 +92,7 @@ def test_a_missing_time_is_refused(tmp_path: Path) -> None:
         recording.time_base("a")
 
 
-@pytest.mark.parametrize("heading", ["Time", "Time (-)", "Time (h)"])
+@pytest.mark.parametrize("heading", ["Time", "Time (-)", "Time (turns)"])
 def test_time_in_an_unknown_unit_is_never_guessed(heading: str, tmp_path: Path) -> None:
     recording = opened(tmp_path, f"{heading},a (V)\n0.0,1\n0.1,2\n")
     with pytest.raises(ReadError, match="unit of the time column"):
@@ -131,9 +132,23 @@ def test_absolute_time_with_a_jump_is_refused(tmp_path: Path) -> None:
         opened(tmp_path, "\n".join(lines) + "\n").time_base("AI 1/AI 1")
 
 
-def test_a_month_in_another_language_is_named(tmp_path: Path) -> None:
-    recording = opened(tmp_path, absolute_text(1000.0, 40, month="Okt"))
-    with pytest.raises(CorruptFileError, match="'Okt' is not the English name"):
+@pytest.mark.parametrize(
+    ("month", "number"), [("Okt", 10), ("Mrz", 3), ("févr.", 2), ("août", 8), ("DIC", 12), ("maj", 5), ("Ağu", 8)]
+)
+def test_a_month_in_a_language_that_tells_it_is_read(month: str, number: int, tmp_path: Path) -> None:
+    start = opened(tmp_path, absolute_text(1000.0, 40, month=month)).absolute_start
+    assert start is not None
+    assert start.text == f"2026-{number:02d}-03T12:23:05.757"
+
+
+def test_every_month_name_stands_for_one_month() -> None:
+    assert len(MONTHS) == sum(len(names.split()) for names in _NAMES)
+
+
+@pytest.mark.parametrize("month", ["lis", "srp", "Xyz"])
+def test_a_month_that_is_not_told_is_refused_with_what_to_export(month: str, tmp_path: Path) -> None:
+    recording = opened(tmp_path, absolute_text(1000.0, 40, month=month))
+    with pytest.raises(CorruptFileError, match=f"line 2, time column: '{month}' is not known.*relative time"):
         recording.time_base("AI 1/AI 1")
 
 
@@ -164,15 +179,15 @@ def test_an_unknown_signal_names_the_nearest_first(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("year", ["26", "2026"])
 def test_a_stamp_is_read_with_two_or_four_digits_of_year(year: str) -> None:
-    stamp, decimals = parse_stamp(f"3-aug-{year} 1:02:03.25")
-    assert stamp.isoformat() == "2026-08-03T01:02:03.250000"
-    assert decimals == 2
+    stamp = parse_dewesoft_stamp(f"3-aug-{year} 1:02:03.25")
+    assert stamp.text == "2026-08-03T01:02:03.25"
+    assert stamp.decimals == 2
 
 
 def test_a_record_over_midnight_goes_on() -> None:
-    seconds, _, resolution_s = seconds_from_first(["31-Dec-25 23:59:59.999", "01-Jan-26 00:00:00.001"])
-    np.testing.assert_allclose(seconds, [0.0, 0.002])
-    assert resolution_s == 1e-3
+    stamps = Stamps(parse_dewesoft_stamp)
+    np.testing.assert_array_equal(stamps.seconds(["31-Dec-25 23:59:59.999", "01-Jan-26 00:00:00.001"]), [0.0, 0.002])
+    assert stamps.resolution_s == 1e-3
 
 
 def test_a_rate_beside_the_decades_is_taken_only_where_no_decade_agrees() -> None:

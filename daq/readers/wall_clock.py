@@ -1,0 +1,159 @@
+"""Wall-clock stamps printed in a table, and the seconds from the first of them."""
+
+from __future__ import annotations
+
+import datetime as dt
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+MOST_KNOWN = 100_000
+"""Stamps that are remembered: coarse ones repeat from row to row."""
+
+_TIME = r"(\d{1,2}):(\d{2}):(\d{2})(?:[.,](\d{1,9}))?"
+_ISO = re.compile(r"(\d{4})[-/](\d{1,2})[-/](\d{1,2})[T ]\s*" + _TIME + r"\s*(Z|UTC|[+-]\d{2}:?\d{2})?", re.IGNORECASE)
+_DOTTED = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})[T ,]\s*" + _TIME + r"\s*(Z|UTC|[+-]\d{2}:?\d{2})?", re.IGNORECASE)
+_OF_DAY = re.compile(_TIME)
+
+
+@dataclass(frozen=True)
+class Stamp:
+    """A printed wall-clock time.
+
+    Attributes
+    ----------
+    second : datetime
+        Without a zone and without a fraction.
+    fraction_ns : int
+    decimals : int
+        How many were printed.
+    zone : str
+        ``UTC``, an offset such as ``+02:00``, or ``unknown``.
+    """
+
+    second: dt.datetime
+    fraction_ns: int
+    decimals: int
+    zone: str = "unknown"
+
+    @property
+    def text(self) -> str:
+        """ISO 8601 with as many decimals as were printed."""
+        whole = self.second.isoformat(timespec="seconds")
+        return f"{whole}.{self.fraction_ns:09d}"[: len(whole) + 1 + self.decimals] if self.decimals else whole
+
+
+def parse_wall_clock(cell: str) -> Stamp:
+    """Read a date and time whose order is beyond doubt: year first, or day, month and year with dots.
+
+    Raises
+    ------
+    ValueError
+        If it is none, or no day of the calendar.
+    """
+    text = cell.strip()
+    match = _ISO.fullmatch(text)
+    if match is not None:
+        year, month, day, *rest = match.groups()
+    else:
+        match = _DOTTED.fullmatch(text)
+        if match is None:
+            raise ValueError(f"{text[:40]!r} is not a stamp yyyy-mm-dd hh:mm:ss or dd.mm.yyyy hh:mm:ss")
+        day, month, year, *rest = match.groups()
+    hour, minute, second, fraction, zone = rest
+    instant = dt.datetime(int(year), int(month), int(day), int(hour), int(minute), int(second))
+    return Stamp(instant, nanoseconds(fraction), len(fraction or ""), _zone(zone))
+
+
+def is_wall_clock(cell: str) -> bool:
+    """Tell whether a cell is a stamp that `parse_wall_clock` reads."""
+    try:
+        parse_wall_clock(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def parse_time_of_day(cell: str) -> Stamp:
+    """Read ``hh:mm:ss`` with or without a fraction, on the first day of the calendar.
+
+    Raises
+    ------
+    ValueError
+        If it is none.
+    """
+    match = _OF_DAY.fullmatch(cell.strip())
+    if match is None:
+        raise ValueError(f"{cell[:40]!r} is not a time hh:mm:ss")
+    hour, minute, second, fraction = match.groups()
+    return Stamp(dt.datetime(1, 1, 1, int(hour), int(minute), int(second)), nanoseconds(fraction), len(fraction or ""))
+
+
+def nanoseconds(fraction: str | None) -> int:
+    """Return the nanoseconds that the digits behind a decimal mark say."""
+    return int((fraction or "").ljust(9, "0"))
+
+
+def _zone(text: str | None) -> str:
+    if text is None:
+        return "unknown"
+    if text.upper() in ("Z", "UTC"):
+        return "UTC"
+    return f"{text[:3]}:{text[-2:]}"
+
+
+class Stamps:
+    """Stamps of a table, turned into seconds from the first of them.
+
+    Parameters
+    ----------
+    parse : callable
+        Of a cell to a `Stamp`; ValueError if it is none.
+
+    Attributes
+    ----------
+    first : Stamp or None
+    resolution_s : float
+        The last printed digit.
+    """
+
+    def __init__(self, parse: Callable[[str], Stamp]) -> None:
+        self._parse = parse
+        self._known: dict[str, float] = {}
+        self.first: Stamp | None = None
+        self.resolution_s = 1.0
+
+    def seconds(self, cells: Sequence[str]) -> NDArray[np.float64]:
+        """Return seconds from the first stamp of all, shape (n_cells,).
+
+        Raises
+        ------
+        ValueError
+            With the row as ``args[1]``, if a cell is no stamp, or of another zone than the first.
+        """
+        seconds = np.empty(len(cells))
+        for i, cell in enumerate(cells):
+            value = self._known.get(cell)
+            if value is None:
+                try:
+                    value = self._seconds(self._parse(cell))
+                except (ValueError, OverflowError) as error:
+                    raise ValueError(str(error), i) from error
+                if len(self._known) >= MOST_KNOWN:
+                    self._known.clear()
+                self._known[cell] = value
+            seconds[i] = value
+        return seconds
+
+    def _seconds(self, stamp: Stamp) -> float:
+        if self.first is None:
+            self.first = stamp
+        if stamp.zone != self.first.zone:
+            raise ValueError(f"the zone changes from {self.first.zone} to {stamp.zone}")
+        self.resolution_s = min(self.resolution_s, 10.0**-stamp.decimals)
+        whole = stamp.second - self.first.second
+        ns = (whole.days * 86400 + whole.seconds) * 1_000_000_000 + stamp.fraction_ns - self.first.fraction_ns
+        return ns / 1e9

@@ -1,0 +1,97 @@
+"""A long text export: megabytes per second beside pandas' C parser on the same file, and the memory it takes."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+MEGABYTES = float(os.environ.get("RECOIL_DAQ_TEXT_MB", "200"))
+"""Size of the export."""
+
+CHANNELS = 8
+ROUNDS = 3
+MOST_MB = 600.0
+
+PEAK = """
+import json, time
+def peak_mb():
+    lines = open("/proc/self/status").read().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM")) / 1024
+"""
+
+OURS = """
+import sys
+from pathlib import Path
+import pandas  # its import is no part of the reading, here or there
+from daq.readers.dewesoft_text import DewesoftTextReader
+from daq.readers.reader import Declarations
+before = time.perf_counter()
+recording = DewesoftTextReader().open(Path(sys.argv[1]), Declarations("dewetron"))
+last = [recording.read(signal.name)[-1] for signal in recording.signals]
+step_s = recording.time_base(recording.signals[0].name).step_s
+print(json.dumps([time.perf_counter() - before, peak_mb(), last, step_s]))
+"""
+
+PANDAS = """
+import sys
+import pandas
+before = time.perf_counter()
+table = pandas.read_csv(sys.argv[1], engine="c")
+print(json.dumps([time.perf_counter() - before, peak_mb(), table.iloc[-1, 1:].tolist(), 2e-5]))
+"""
+
+pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="memory is read from /proc")
+
+
+@pytest.fixture(autouse=True)
+def _only_when_asked_for(request):
+    if not request.config.getoption("benchmark_enable"):
+        pytest.skip("a benchmark of a long file: ask for it with --benchmark-enable")
+
+
+def write_export(path: Path, megabytes: float) -> float:
+    """Write an export of about this size in the recorder's own digits; return its megabytes."""
+    random = np.random.default_rng(1)
+    samples = random.normal(size=(20000, CHANNELS)) * 10.0 ** np.arange(-3, CHANNELS - 3)
+    cells = [",".join(f"{value:.15G}" for value in row) + "\r\n" for row in samples]
+    names = ",".join(["Time (s)", *(f"AI {i}/AI {i} (m/s2)" for i in range(1, CHANNELS + 1))])
+    with path.open("w", newline="") as file:
+        file.write(names + "\r\n")
+        at = 0
+        while file.tell() < megabytes * 1e6:
+            file.write("".join(f"{(at + i) * 2e-5:.6f},{row}" for i, row in enumerate(cells)))
+            at += len(cells)
+    return path.stat().st_size / 1e6
+
+
+def measured(code: str, path: Path) -> tuple[float, float, list[float], float]:
+    """Run a reading in a process of its own: seconds, peak memory in MB, last samples, step."""
+    done = subprocess.run([sys.executable, "-c", PEAK + code, str(path)], capture_output=True, text=True, check=True)
+    seconds, peak_mb, last, step_s = json.loads(done.stdout.splitlines()[-1])
+    return seconds, peak_mb, last, step_s
+
+
+def test_a_long_export_is_read_as_fast_as_by_pandas_and_in_little_memory(tmp_path, capsys):
+    path = tmp_path / "long.csv"
+    megabytes = write_export(path, MEGABYTES)
+    rounds = [(measured(OURS, path), measured(PANDAS, path)) for _ in range(ROUNDS)]
+    path.unlink()
+    ours_s = min(ours[0] for ours, _ in rounds)
+    pandas_s = min(theirs[0] for _, theirs in rounds)
+    ours_mb = max(ours[1] for ours, _ in rounds)
+    pandas_mb = max(theirs[1] for _, theirs in rounds)
+    with capsys.disabled():
+        print(f"\n{megabytes:.0f} MB of text, {CHANNELS} channels and time, best of {ROUNDS}:")
+        print(f"  ours   {megabytes / ours_s:6.0f} MB/s, peak {ours_mb:6.0f} MB")
+        print(f"  pandas {megabytes / pandas_s:6.0f} MB/s, peak {pandas_mb:6.0f} MB")
+    for ours, theirs in rounds:
+        assert ours[2] == theirs[2]
+        assert ours[3] == theirs[3]
+    assert ours_mb <= MOST_MB
+    assert ours_s <= pandas_s
