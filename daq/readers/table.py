@@ -15,6 +15,7 @@ from daq.readers.dewesoft_text import DewesoftTextReader
 from daq.readers.proanalyst_text import ProAnalystTextReader
 from daq.readers.reader import HEAD_BYTES, Declarations, Reader, Recording, SignalHeader
 from daq.readers.serial_capture import SerialCaptureReader
+from daq.readers.wav import WavReader
 
 READERS: tuple[Reader, ...] = (
     DewesoftTextReader(),
@@ -24,6 +25,7 @@ READERS: tuple[Reader, ...] = (
     CandumpReader(),
     CanCaptureReader(),
     SerialCaptureReader(),
+    WavReader(),
 )
 """Every reader, in the order in which they are listed to users."""
 
