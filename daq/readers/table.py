@@ -12,6 +12,8 @@ from daq.errors import ReadError, UnknownFormatError
 from daq.readers.can_capture import CanCaptureReader
 from daq.readers.can_log import AscReader, BlfReader, CandumpReader
 from daq.readers.dewesoft_text import DewesoftTextReader
+from daq.readers.hdf5 import Hdf5Reader
+from daq.readers.mat import MatReader
 from daq.readers.proanalyst_text import ProAnalystTextReader
 from daq.readers.reader import HEAD_BYTES, Declarations, Reader, Recording, SignalHeader
 from daq.readers.serial_capture import SerialCaptureReader
@@ -26,6 +28,8 @@ READERS: tuple[Reader, ...] = (
     CanCaptureReader(),
     SerialCaptureReader(),
     WavReader(),
+    Hdf5Reader(),
+    MatReader(),
 )
 """Every reader, in the order in which they are listed to users."""
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import struct
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,3 +43,71 @@ def broadcast(date: bytes = b"2026-08-03", time: bytes = b"12:23:05", reference:
 def small_wave() -> bytes:
     samples = np.arange(-20, 20, dtype="<i2").reshape(20, 2) * 100
     return wave_file(wave_format(1, 2, 48000, 16), samples.tobytes())
+
+
+def hdf5_file(fill: Any, **options: Any) -> bytes:
+    """Return the bytes of an HDF5 file that `fill` writes into."""
+    import h5py
+
+    buffer = io.BytesIO()
+    with h5py.File(buffer, "w", **options) as file:
+        fill(file)
+    return buffer.getvalue()
+
+
+def small_hdf5() -> bytes:
+    def fill(file: Any) -> None:
+        group = file.create_group("AI")
+        for name, unit, values in (("acc", "m/s2", ramp(20)), ("p", "MPa", ramp(20) ** 2)):
+            data = group.create_dataset(name, data=values)
+            data.attrs["unit"] = unit
+            data.attrs["sample_rate"] = 20000.0
+        slow = file.create_group("slow")
+        slow.create_dataset("time", data=np.array([0.0, 0.1, 0.25, 0.3]))
+        slow.create_dataset("temperature", data=np.array([20.0, 21.0, 22.0, 21.5]))
+
+    return hdf5_file(fill, libver="latest")
+
+
+def mat_file(variables: dict[str, Any], *, compressed: bool = False) -> bytes:
+    """Return the bytes of a version 5 file that scipy writes; each variable a column."""
+    from scipy.io import savemat
+
+    buffer = io.BytesIO()
+    savemat(buffer, variables, do_compression=compressed, oned_as="column")
+    return buffer.getvalue()
+
+
+def mat_v73_file(variables: dict[str, NDArray[Any]]) -> bytes:
+    def fill(file: Any) -> None:
+        for name, values in variables.items():
+            data = file.create_dataset(name, data=np.atleast_2d(values))
+            data.attrs["MATLAB_class"] = np.bytes_(
+                b"double" if values.dtype.kind == "f" else values.dtype.name.encode()
+            )
+
+    content = bytearray(hdf5_file(fill, userblock_size=512))
+    text = b"MATLAB 7.3 MAT-file, Platform: PCWIN64, Created on: Mon Aug 03 12:23:05 2026 HDF5 schema 1.00 ."
+    content[:128] = text.ljust(116) + b"\0" * 8 + b"\x00\x02IM"
+    return bytes(content)
+
+
+def dewesoft_variables(count: int = 16) -> dict[str, Any]:
+    """Two channels at 20 kHz and one at 10 Hz, in Dewesoft's naming."""
+    return {
+        "Sample_rate": 20000.0,
+        "File_name": "shot_0001.dxd",
+        "Data1_time_AI_1": np.arange(count) / 20000.0,
+        "Data1_AI_1": ramp(count),
+        "Data1_time_Temp": np.arange(5) / 10.0,
+        "Data1_Temp": 20.0 + ramp(5),
+    }
+
+
+def element_ends(content: bytes) -> set[int]:
+    """Return the places between the variables of a version 5 file."""
+    ends, at = set(), 128
+    while at < len(content):
+        ends.add(at)
+        at += 8 + int(struct.unpack_from("<I", content, at + 4)[0])
+    return ends
