@@ -32,11 +32,19 @@ class StoredTime:
         Indices of the samples that the time base has; None if it has all.
     note : str
         What must be told of it; empty if nothing.
+    dropped : int
+        Number of samples that the time base leaves out.
     """
 
     time_base: TimeBase
     kept: NDArray[np.int64] | None
     note: str
+    dropped: int = 0
+
+    @property
+    def stamp_count(self) -> int:
+        """Length of the time vector, which is that of its channels as stored."""
+        return self.time_base.count + self.dropped
 
 
 def resolution_of(values: NDArray[Any]) -> float:
@@ -84,7 +92,7 @@ def time_from_stamps(
     if kept.size == times_s.size:
         return StoredTime(TimeBase.stamped(clock, times_s, start), None, "")
     note = f"{times_s.size - kept.size} of {times_s.size} stamps repeat the one before: those samples are left out"
-    return StoredTime(TimeBase.stamped(clock, times_s[kept], start), kept, note)
+    return StoredTime(TimeBase.stamped(clock, times_s[kept], start), kept, note, times_s.size - kept.size)
 
 
 def time_from_datenum(clock: str, days: NDArray[np.float64], origin: str) -> StoredTime:

@@ -17,6 +17,7 @@ from daq.readers.mat import MatReader
 from daq.readers.proanalyst_text import ProAnalystTextReader
 from daq.readers.reader import HEAD_BYTES, Declarations, Reader, Recording, SignalHeader
 from daq.readers.serial_capture import SerialCaptureReader
+from daq.readers.tdms import TdmsReader
 from daq.readers.wav import WavReader
 
 READERS: tuple[Reader, ...] = (
@@ -30,6 +31,7 @@ READERS: tuple[Reader, ...] = (
     WavReader(),
     Hdf5Reader(),
     MatReader(),
+    TdmsReader(),
 )
 """Every reader, in the order in which they are listed to users."""
 

@@ -111,3 +111,33 @@ def element_ends(content: bytes) -> set[int]:
         ends.add(at)
         at += 8 + int(struct.unpack_from("<I", content, at + 4)[0])
     return ends
+
+
+def tdms_file(
+    *segments: list[tuple[str, str, NDArray[Any], dict[str, Any]]], root: dict[str, Any] | None = None
+) -> bytes:
+    """Return the bytes of a file that npTDMS writes: (group, channel, data, properties) per segment."""
+    from nptdms import ChannelObject, RootObject, TdmsWriter
+
+    buffer = io.BytesIO()
+    with TdmsWriter(buffer) as writer:
+        for segment in segments:
+            objects = [ChannelObject(group, name, data, properties) for group, name, data, properties in segment]
+            writer.write_segment([RootObject(root or {}), *objects])
+    return buffer.getvalue()
+
+
+def small_tdms() -> bytes:
+    started = np.datetime64("2026-08-03T12:23:05.123456", "us")
+    wave = {"wf_increment": 5e-5, "wf_start_offset": 0.0, "wf_start_time": started, "wf_samples": 1}
+    first = [("AI", "acc", ramp(12), wave | {"unit_string": "m/s2"}), ("AI", "n", np.arange(12, dtype=np.int16), wave)]
+    return tdms_file(first, [("AI", "acc", ramp(8), {}), ("AI", "n", np.arange(8, dtype=np.int16), {})])
+
+
+def tdms_ends(content: bytes) -> set[int]:
+    """Return the places between the segments."""
+    ends, at = set(), 0
+    while at < len(content):
+        ends.add(at)
+        at += 28 + int(struct.unpack_from("<Q", content, at + 12)[0])
+    return ends

@@ -5,6 +5,7 @@ from __future__ import annotations
 from daq.readers.hdf5 import Hdf5Reader
 from daq.readers.mat import MatReader
 from daq.readers.reader import Declarations
+from daq.readers.tdms import TdmsReader
 from daq.readers.wav import WavReader
 from tests.builders import container_files as build
 from tests.contracts.reader_rules import Case
@@ -15,6 +16,7 @@ DEWESOFT = {"Data1_AI_1": (-2.0, 6.0), "Data1_Temp": (15.0, 25.0)}
 MAT = build.mat_file(build.dewesoft_variables())
 MAT_COMPRESSED = build.mat_file(build.dewesoft_variables(), compressed=True)
 MAT_V73 = build.mat_v73_file({"Data1_time_AI_1": build.ramp(16) + 2.0, "Data1_AI_1": build.ramp(16)})
+TDMS = build.small_tdms()
 
 CASES = (
     Case("wav", WavReader(), build.small_wave(), RECORDER, {"channel 1": (-1.0, 1.0), "channel 2": (-1.0, 1.0)}),
@@ -30,5 +32,7 @@ CASES = (
         lambda cut: len(cut) in build.element_ends(MAT_COMPRESSED),
     ),
     Case("mat-7.3", MatReader(), MAT_V73, RECORDER, {"Data1_AI_1": (-2.0, 6.0)}),
+    # A file may end behind any segment
+    Case("tdms", TdmsReader(), TDMS, RECORDER, {"AI/acc": (-2.0, 4.0)}, lambda cut: len(cut) in build.tdms_ends(TDMS)),
     # ^ here
 )
