@@ -18,6 +18,7 @@ from daq.readers.proanalyst_text import ProAnalystTextReader
 from daq.readers.reader import HEAD_BYTES, Declarations, Reader, Recording, SignalHeader
 from daq.readers.serial_capture import SerialCaptureReader
 from daq.readers.tdms import TdmsReader
+from daq.readers.uff import UffReader
 from daq.readers.wav import WavReader
 
 READERS: tuple[Reader, ...] = (
@@ -32,6 +33,7 @@ READERS: tuple[Reader, ...] = (
     Hdf5Reader(),
     MatReader(),
     TdmsReader(),
+    UffReader(),
 )
 """Every reader, in the order in which they are listed to users."""
 

@@ -141,3 +141,34 @@ def tdms_ends(content: bytes) -> set[int]:
         ends.add(at)
         at += 28 + int(struct.unpack_from("<Q", content, at + 12)[0])
     return ends
+
+
+def uff_header(
+    count: int, *, function: int = 1, ordinate: int = 4, even: bool = True, step: str = "5.00000E-04",
+    unit: bytes = b"m/s2", entity: str = "acc", kind: int = 17,
+) -> bytes:  # fmt: skip
+    ids = "".join(f"{text:<80}\n" for text in ("NONE", "NONE", "03-Aug-26 12:23:05", "NONE", "NONE"))
+    degree = f"{function:5d}{0:10d}{0:5d}{0:10d} {entity:<10}{1:10d}{3:4d} {'NONE':<10}{0:10d}{0:4d}\n"
+    form = f"{ordinate:10d}{count:10d}{int(even):10d}{'0.00000E+00':>13}{step:>13}{'0.00000E+00':>13}\n"
+    axis = f"{kind:10d}{0:5d}{0:5d}{0:5d} {'time':<20} {'s':<20}\n"
+    values = f"{12:10d}{0:5d}{0:5d}{0:5d} {'Acceleration':<20} ".encode() + unit.ljust(20) + b"\n"
+    none = f"{0:10d}{0:5d}{0:5d}{0:5d} {'NONE':<20} {'NONE':<20}\n"
+    return (ids + degree + form + axis).encode() + values + (none + none).encode()
+
+
+def uff_text(
+    values: NDArray[np.float64], *, per_line: int = 4, exponent: str = "E", blank: bytes = b"", **header: Any
+) -> bytes:
+    count = values.size // (1 if header.get("even", True) else 2)
+    lines = [values[i : i + per_line] for i in range(0, values.size, per_line)]
+    text = "".join("".join(f"{v:20.12E}".replace("E", exponent) for v in line) + "\n" for line in lines)
+    return b"    -1\n    58\n" + uff_header(count, **header) + text.encode() + blank + b"    -1\n"
+
+
+def uff_binary(
+    values: NDArray[Any], *, big_endian: bool = False, blank: bytes = b"\n", form: int = 2, **header: Any
+) -> bytes:
+    data = values.astype(values.dtype.newbyteorder(">" if big_endian else "<")).tobytes()
+    count = values.size // (1 if header.get("even", True) else 2)
+    line = f"    58b{2 if big_endian else 1:6d}{form:6d}{11:12d}{len(data):12d}{0:6d}{0:6d}{0:12d}{0:12d}\n"
+    return b"    -1\n" + line.encode() + uff_header(count, **header) + data + blank + b"    -1\n"
