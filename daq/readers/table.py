@@ -14,6 +14,7 @@ from daq.readers.can_log import AscReader, BlfReader, CandumpReader
 from daq.readers.dewesoft_text import DewesoftTextReader
 from daq.readers.hdf5 import Hdf5Reader
 from daq.readers.mat import MatReader
+from daq.readers.mdf import MdfReader
 from daq.readers.proanalyst_text import ProAnalystTextReader
 from daq.readers.reader import HEAD_BYTES, Declarations, Reader, Recording, SignalHeader
 from daq.readers.serial_capture import SerialCaptureReader
@@ -34,6 +35,7 @@ READERS: tuple[Reader, ...] = (
     MatReader(),
     TdmsReader(),
     UffReader(),
+    MdfReader(),
 )
 """Every reader, in the order in which they are listed to users."""
 

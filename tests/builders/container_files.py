@@ -172,3 +172,29 @@ def uff_binary(
     count = values.size // (1 if header.get("even", True) else 2)
     line = f"    58b{2 if big_endian else 1:6d}{form:6d}{11:12d}{len(data):12d}{0:6d}{0:6d}{0:12d}{0:12d}\n"
     return b"    -1\n" + line.encode() + uff_header(count, **header) + data + blank + b"    -1\n"
+
+
+def mdf_file(*groups: list[Any], started: Any = None, compression: int = 0) -> bytes:
+    """Return the bytes of a file that asammdf writes: signals that share their time per group."""
+    from pathlib import Path
+    from tempfile import TemporaryDirectory
+
+    from asammdf import MDF
+
+    with TemporaryDirectory() as folder, MDF(version="4.10") as mdf:
+        if started is not None:
+            mdf.start_time = started
+        for signals in groups:
+            mdf.append(signals)
+        path = Path(folder) / "a.mf4"
+        mdf.save(path, overwrite=True, compression=compression)
+        return path.read_bytes()
+
+
+def small_mdf() -> bytes:
+    from asammdf import Signal
+
+    times = np.arange(12) / 1000.0
+    acc = Signal(np.arange(12, dtype=np.int16), times, name="acc", unit="m/s2", conversion={"a": 0.5, "b": 1.0})
+    p = Signal(ramp(12), times, name="p", unit="MPa", invalidation_bits=np.arange(12) == 3)
+    return mdf_file([acc, p])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from daq.readers.hdf5 import Hdf5Reader
 from daq.readers.mat import MatReader
+from daq.readers.mdf import MdfReader
 from daq.readers.reader import Declarations
 from daq.readers.tdms import TdmsReader
 from daq.readers.uff import UffReader
@@ -43,5 +44,5 @@ CASES = (
     Case("tdms", TdmsReader(), TDMS, RECORDER, {"AI/acc": (-2.0, 4.0)}, lambda cut: len(cut) in build.tdms_ends(TDMS)),
     # A file may end behind any dataset
     Case("uff", UffReader(), UFF, RECORDER, {"acc": (-2.0, 4.0), "p": (-2.0, 4.0)}, at_dataset_end),
-    # ^ here
+    Case("mdf", MdfReader(), build.small_mdf(), RECORDER, {"acc": (-1.0, 12.0), "p": (-2.0, 4.0)}),
 )
