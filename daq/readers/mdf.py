@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from daq.channel import RawCounts
 from daq.errors import CorruptFileError, ReadError
+from daq.readers.bounded_file import BoundedFile
 from daq.readers.mdf_channel import INTEGERS, TIME, linear, unit_of, why_no_channel
 from daq.readers.mdf_kind import MdfChainError, is_bus_logging, is_mdf4, iter_groups
 from daq.readers.reader import Declarations, SignalHeader
@@ -59,7 +60,9 @@ class MdfReader:
                 from asammdf import MDF
             except ImportError as error:
                 raise ReadError("MDF needs asammdf", path=path, remedy="pip install 'recoil-daq[mdf]'") from error
-            with closing(MDF(path)) as mdf:
+            # From a path asammdf would raise a second time, where nobody can catch it, when a file that it
+            # refused is let go
+            with BoundedFile(path) as file, closing(MDF(file)) as mdf:
                 return _recording(path, mdf, declared.clock, bus)
 
 

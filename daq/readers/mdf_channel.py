@@ -59,7 +59,8 @@ def linear(channel: Any) -> tuple[float, float] | None:
     if conversion is None or conversion.conversion_type == NO_CONVERSION:
         return 1.0, 0.0
     if conversion.conversion_type == LINEAR:
-        return float(conversion.b), float(conversion.a)
+        # asammdf names the factor a and the shift b
+        return float(conversion.a), float(conversion.b)
     return None
 
 

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from daq.channel import RawCounts
 from daq.errors import CorruptFileError, ReadError
+from daq.readers.bounded_file import BoundedFile
 from daq.readers.reader import Declarations, SignalHeader
 from daq.readers.stored_channels import StoredChannel, StoredRecording, damage_is_reported
 from daq.readers.stored_time import StoredTime, resolution_of, time_from_stamps
@@ -38,6 +39,8 @@ SCALINGS = frozenset(
 )
 """Scalings that npTDMS carries out; it would pass over any other in silence."""
 MOST_SCALES = 256
+ROUNDING = 1e-6
+"""Share of a sample below which two starts are the same: LabVIEW's starts of one task differ by 10^-16 s."""
 TIME_NAMES = ("time", "time (s)", "time [s]", "t", "t (s)", "zeit", "time_s", "x")
 TIME_UNITS_S = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
 EPOCH = np.datetime64("1904-01-01T00:00:00", "ns")
@@ -71,7 +74,7 @@ class TdmsReader:
             except ImportError as error:
                 raise ReadError("TDMS needs npTDMS", path=path, remedy="pip install 'recoil-daq[tdms]'") from error
             # An opened file keeps npTDMS from an index file beside it, which may be of another recording
-            with path.open("rb") as file:
+            with BoundedFile(path) as file:
                 tdms = TdmsFile.read_metadata(file, raw_timestamps=True)
                 return _recording(path, tdms, declared.clock, incomplete)
 
@@ -232,7 +235,7 @@ def _with_starts(
     starts = [c.started for c in chosen if c.started is not None]
     first = min(starts, key=lambda s: (s.seconds, s.second_fractions), default=None)
     absolute = None if first is None else _absolute(first)
-    differ = any(_seconds_between(first, s) for s in starts)
+    differ = any(_offset_s(first, c) for c in chosen)
     if differ:
         notes.append("channels start at different absolute times: their differences are in their time")
     channels = []
@@ -243,7 +246,7 @@ def _with_starts(
         if candidate.started is None and differ:
             notes.append(f"{candidate.label}: states no start, and the others differ in theirs: left out")
             continue
-        offset_s = 0.0 if candidate.started is None else _seconds_between(first, candidate.started)
+        offset_s = _offset_s(first, candidate)
         old = time.time_base
         base = (
             TimeBase.stamped(old.clock, old.times_s + offset_s, absolute)
@@ -259,8 +262,14 @@ def _with_starts(
     return channels, absolute
 
 
-def _seconds_between(first: Any, later: Any) -> float:
-    return float(later.seconds - first.seconds + (later.second_fractions - first.second_fractions) * 2.0**-64)
+def _offset_s(first: Any, candidate: _Candidate) -> float:
+    """Return how much later than the first a channel started; differences far below a sample are rounding."""
+    later, time = candidate.started, candidate.time
+    if later is None or time is None:
+        return 0.0
+    offset_s = later.seconds - first.seconds + (later.second_fractions - first.second_fractions) * 2.0**-64
+    step_s = 1.0 / time.time_base.rate_hz if time.time_base.count > 1 else 1e-3
+    return float(offset_s) if offset_s > ROUNDING * step_s else 0.0
 
 
 def _absolute(stamp: Any) -> AbsoluteStart | None:
@@ -283,7 +292,7 @@ def _plain(properties: Mapping[str, Any]) -> dict[str, Any]:
 def _read(path: Path, group: str, name: str, start: int, count: int, scaled: bool) -> Any:
     from nptdms import TdmsFile
 
-    with path.open("rb") as file, TdmsFile.open(file, raw_timestamps=True) as tdms:
+    with BoundedFile(path) as file, TdmsFile.open(file, raw_timestamps=True) as tdms:
         return tdms[group][name].read_data(start, count, scaled=scaled)
 
 
@@ -306,7 +315,7 @@ def _raw(path: Path, group: str, name: str, kept: NDArray[np.int64] | None, unit
     """Return the integers of a channel that has no scaling or one linear scaling."""
     from nptdms import TdmsFile
 
-    with path.open("rb") as file, TdmsFile.open(file, raw_timestamps=True) as tdms:
+    with BoundedFile(path) as file, TdmsFile.open(file, raw_timestamps=True) as tdms:
         channel = tdms[group][name]
         counts = channel.read_data(scaled=False)
         levels = (channel.properties, tdms[group].properties, tdms.properties)
