@@ -21,7 +21,7 @@ from daq.channel import RawCounts
 from daq.errors import CorruptFileError, ReadError
 from daq.readers.bounded_file import BoundedFile
 from daq.readers.mdf_channel import INTEGERS, TIME, linear, unit_of, why_no_channel
-from daq.readers.mdf_kind import MdfChainError, is_bus_logging, is_mdf4, iter_groups
+from daq.readers.mdf_kind import UNFINALISED, MdfChainError, is_bus_logging, is_mdf4, iter_groups
 from daq.readers.reader import Declarations, SignalHeader
 from daq.readers.stored_channels import StoredChannel, StoredRecording, damage_is_reported
 from daq.readers.stored_time import StoredTime, resolution_of, time_from_stamps
@@ -71,6 +71,7 @@ def _check_blocks(path: Path) -> bool:
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         if not is_mdf4(data[:128]):
             raise CorruptFileError("no MDF 4 file", path=path, place="byte 0", expected="`MDF     4.`")
+        unfinalised = data[:10] == UNFINALISED
         try:
             groups = list(iter_groups(data))
         except MdfChainError as error:
@@ -78,6 +79,11 @@ def _check_blocks(path: Path) -> bool:
                 "the blocks do not hang together", path=path, found=str(error), remedy="copy or export it again"
             ) from error
     buses = [g.is_bus for g in groups]
+    if unfinalised and not all(buses):
+        raise ReadError(
+            "the recording was never finalised: its counts cannot be trusted", path=path, place="byte 0",
+            found="UnFinMF", remedy="finalise it with the recorder's program",
+        )  # fmt: skip
     if any(buses) and not any(g.channel_count and not g.is_bus for g in groups):
         raise ReadError(
             "this is a log of a bus, without measured channels", path=path, remedy="declare its source as kind `can`"

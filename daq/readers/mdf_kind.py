@@ -26,6 +26,8 @@ VLSD = 0x0001
 MASTERS = (2, 3)
 MOST_BLOCKS = 500_000
 HD_AT = 64
+UNFINALISED = b"UnFinMF 4."
+"""Beginning of a file whose recorder has not yet, or never, put its counts in order."""
 
 
 class MdfChainError(ValueError):
@@ -41,8 +43,8 @@ class GroupKind:
 
 
 def is_mdf4(head: bytes) -> bool:
-    """Tell whether a file begins as a finalised MDF of version 4."""
-    return head.startswith(b"MDF     4.") and len(head) > HD_AT
+    """Tell whether a file begins as MDF of version 4, finalised or not."""
+    return head.startswith((b"MDF     4.", UNFINALISED)) and len(head) > HD_AT
 
 
 def is_bus_logging(head: bytes) -> bool:

@@ -96,9 +96,10 @@ def test_linear_scaling_is_applied_and_its_counts_are_kept(tmp_path: Path) -> No
         "NI_Scale[0]_Scale_Type": "Linear",
         "NI_Scale[0]_Linear_Slope": 0.5,
         "NI_Scale[0]_Linear_Y_Intercept": 2.0,
-        "NI_Scale[0]_Linear_Input_Source": 0xFFFFFFFF,
     }
-    scale["NI_Scale[0]_Linear_Input_Source"] = -1
+    from nptdms.types import Uint32
+
+    scale["NI_Scale[0]_Linear_Input_Source"] = Uint32(0xFFFFFFFF)
     recording = opened(tmp_path, tdms_file([("g", "a", np.arange(5, dtype=np.int16), WAVE | scale)]))
     np.testing.assert_array_equal(recording.read("g/a"), 0.5 * np.arange(5) + 2.0)
     raw = recording.raw("g/a")
