@@ -154,6 +154,8 @@ class _Contents:
             chosen.append((data, time, source, start))
         if timeless and not chosen:
             raise ReadError("no time in this file", path=self.path, found="; ".join(self.notes[:4]), remedy=TIME_REMEDY)
+        unused = self.time_names - {f"/{source.removeprefix('dataset ')}" for _, _, source, _ in chosen}
+        self.notes += [f"{name.lstrip('/')}: a time that no channel was given: left out" for name in sorted(unused)]
         first, offsets = self._starts([start for *_, start in chosen])
         channels = []
         for (data, time, source, _), offset_s in zip(chosen, offsets, strict=True):

@@ -61,7 +61,8 @@ class MatReader:
 def _recording(path: Path, contents: MatContents, clock: str) -> StoredRecording:
     notes = [*([contents.incomplete] if contents.incomplete else [])]
     notes += [f"{reason}: left out" for reason in contents.left_out]
-    times = [v for v in contents.vectors if is_time(v.name)]
+    names = [v.name for v in contents.vectors]
+    times = [v for v in contents.vectors if is_time(v.name, names)]
     step = stated_step(contents.scalars)
     read: dict[str, StoredTime | str] = {}
     channels: list[StoredChannel] = []
@@ -96,6 +97,7 @@ def _recording(path: Path, contents: MatContents, clock: str) -> StoredRecording
             if vector.dtype.kind in "iu"
             else StoredChannel(header, time.time_base, samples)
         )
+    notes += [f"{t.name}: a time that no channel was given: left out" for t in times if t.name not in read]
     if timeless and not channels:
         raise ReadError(
             "no time in this file", path=path, found="; ".join(notes[:4]),

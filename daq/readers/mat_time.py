@@ -9,7 +9,7 @@ would do, none is taken.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from daq.readers.mat_variable import MatVariable
 
@@ -21,10 +21,12 @@ RATES_HZ = ("sample_rate", "samplerate", "sampling_rate", "sampling_frequency", 
 STEPS_S = ("dt", "dt_s", "delta_t", "ts", "sample_interval", "sampling_interval")
 
 
-def is_time(name: str) -> bool:
-    """Tell whether a variable's name is that of a time."""
+def is_time(name: str, others: Collection[str]) -> bool:
+    """Tell whether a variable's name is that of a time; `others` are all names of the file."""
     folded = name.casefold()
-    return folded in _PLAIN_TIMES or _DEWESOFT_TIME.fullmatch(folded) is not None or folded.endswith("_t")
+    stem = folded.removesuffix("_t").removesuffix("_time")
+    own = stem != folded and stem in {other.casefold() for other in others}
+    return folded in _PLAIN_TIMES or own or _DEWESOFT_TIME.fullmatch(folded) is not None
 
 
 def time_of(channel: MatVariable, times: Sequence[MatVariable]) -> MatVariable | str | None:
@@ -38,7 +40,7 @@ def time_of(channel: MatVariable, times: Sequence[MatVariable]) -> MatVariable |
     fitting = [time for time in times if time.count == channel.count]
     ranks = [(_rank(channel.name.casefold(), time.name.casefold()), time) for time in fitting]
     best = max((rank for rank, _ in ranks), default=0)
-    chosen = [time for rank, time in ranks if rank == best]
+    chosen = [time for rank, time in ranks if rank == best > 0]
     if len(chosen) > 1:
         return f"{' and '.join(repr(time.name) for time in chosen)} could both be its time"
     return chosen[0] if chosen else None
@@ -50,7 +52,7 @@ def _rank(channel: str, time: str) -> int:
         return 1000
     match = _DEWESOFT_TIME.fullmatch(time)
     if match is None:
-        return 2 if time in _PLAIN_TIMES else 1
+        return 2 if time in _PLAIN_TIMES else 0
     data, own = match["data"], match["channel"]
     if not channel.startswith(f"{data}_"):
         return 0

@@ -21,7 +21,7 @@ from daq.channel import RawCounts
 from daq.errors import CorruptFileError, ReadError
 from daq.readers.bounded_file import BoundedFile
 from daq.readers.mdf_channel import INTEGERS, TIME, linear, unit_of, why_no_channel
-from daq.readers.mdf_kind import UNFINALISED, MdfChainError, is_bus_logging, is_mdf4, iter_groups
+from daq.readers.mdf_kind import BUS_EVENT, BUS_NAMES, UNFINALISED, MdfChainError, is_bus_logging, is_mdf4, iter_groups
 from daq.readers.reader import Declarations, SignalHeader
 from daq.readers.stored_channels import StoredChannel, StoredRecording, damage_is_reported
 from daq.readers.stored_time import StoredTime, resolution_of, time_from_stamps
@@ -79,7 +79,7 @@ def _check_blocks(path: Path) -> bool:
                 "the blocks do not hang together", path=path, found=str(error), remedy="copy or export it again"
             ) from error
     buses = [g.is_bus for g in groups]
-    if unfinalised and not all(buses):
+    if unfinalised and any(g.channel_count and not g.is_bus for g in groups):
         raise ReadError(
             "the recording was never finalised: its counts cannot be trusted", path=path, place="byte 0",
             found="UnFinMF", remedy="finalise it with the recorder's program",
@@ -122,7 +122,7 @@ def _recording(path: Path, mdf: Any, clock: str, bus: bool) -> StoredRecording:
     for index, group in enumerate(mdf.groups):
         master = mdf.masters_db.get(index)
         label = _group_label(group, index)
-        if any(c.name.startswith(("CAN_", "LIN_")) for c in group.channels):
+        if group.channel_group.flags & BUS_EVENT or any(c.name.startswith(BUS_NAMES) for c in group.channels):
             continue
         usable = [
             j for j, channel in enumerate(group.channels)

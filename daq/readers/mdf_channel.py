@@ -35,10 +35,10 @@ def why_no_channel(channel: Any, record: Any, dependencies: Any, record_bytes: i
     """
     if dependencies:
         return "an array or a structure"
-    if channel.channel_type != FIXED_LENGTH:
-        return CHANNEL_TYPES.get(channel.channel_type, f"channel type {channel.channel_type}")
     if channel.data_type not in INTEGERS + FLOATS:
         return DATA_TYPES.get(channel.data_type, f"data type {channel.data_type}")
+    if channel.channel_type != FIXED_LENGTH:
+        return CHANNEL_TYPES.get(channel.channel_type, f"channel type {channel.channel_type}")
     kind = NO_CONVERSION if channel.conversion is None else channel.conversion.conversion_type
     if kind not in NUMERIC_CONVERSIONS:
         return CONVERSIONS.get(kind, f"conversion {kind}")

@@ -16,13 +16,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-BUS_NAMES = ("CAN_DataFrame", "CAN_RemoteFrame", "CAN_ErrorFrame", "LIN_Frame", "LIN_", "CAN_OverloadFrame",
-             "FLX_Frame", "ETH_Frame", "MOST_Message")  # fmt: skip
+BUS_NAMES = (
+    "CAN_DataFrame", "CAN_RemoteFrame", "CAN_ErrorFrame", "CAN_OverloadFrame", "LIN_Frame", "LIN_WakeUp",
+    "LIN_ChecksumError", "LIN_TransmissionError", "LIN_SyncError", "LIN_ReceiveError", "LIN_Spike", "LIN_LongDom",
+    "FLX_Frame", "FLX_Pdu", "ETH_Frame", "MOST_Message", "MOST_Packet",
+)  # fmt: skip
 """Beginnings of the channel names that ASAM's bus logging standard fixes."""
 BUS_EVENT = 0x0002
 """Flag of a channel group that holds frames of a bus."""
-VLSD = 0x0001
-"""Flag of a channel group that holds values of variable length of another."""
 MASTERS = (2, 3)
 MOST_BLOCKS = 500_000
 HD_AT = 64
@@ -126,7 +127,7 @@ class _Walk:
         if flags_at + 2 > self.size:
             raise MdfChainError(f"the channel group at byte {at} ends early")
         flags = struct.unpack_from("<H", self.data, flags_at)[0]
-        is_bus, count = bool(flags & (BUS_EVENT | VLSD)), 0
+        is_bus, count = bool(flags & BUS_EVENT), 0
         for channel_at in self.chain(links[1], b"##CN"):
             channel = self.links(channel_at, b"##CN")
             kind_at = channel_at + 24 + 8 * len(channel)

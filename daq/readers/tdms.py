@@ -41,7 +41,7 @@ SCALINGS = frozenset(
 MOST_SCALES = 256
 ROUNDING = 1e-6
 """Share of a sample below which two starts are the same: LabVIEW's starts of one task differ by 10^-16 s."""
-TIME_NAMES = ("time", "time (s)", "time [s]", "t", "t (s)", "zeit", "time_s", "x")
+TIME_NAMES = ("time", "time (s)", "time [s]", "t", "t (s)", "zeit", "time_s")
 TIME_UNITS_S = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
 EPOCH = np.datetime64("1904-01-01T00:00:00", "ns")
 

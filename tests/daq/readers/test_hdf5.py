@@ -147,3 +147,14 @@ def test_matlab_files_and_cut_files_are_not_taken(tmp_path: Path) -> None:
     path.write_bytes(hdf5_file(lambda f: f.create_dataset("a", data=ramp()))[:-10])
     with pytest.raises(CorruptFileError, match="truncated"):
         Hdf5Reader().open(path, Declarations("c"))
+
+
+def test_an_axis_named_x_is_a_channel_and_no_time(tmp_path: Path) -> None:
+    def fill(file: Any) -> None:
+        for name in "xyz":
+            file.create_dataset(name, data=ramp()).attrs.update({"fs": 10.0, "unit": "g"})
+        file["time"] = np.arange(3.0)
+
+    recording = opened(tmp_path, fill)
+    assert [s.name for s in recording.signals] == ["x", "y", "z"]
+    assert any(note.startswith("time: a time that no channel was given") for note in recording.notes)

@@ -136,3 +136,16 @@ def test_version_7_3_is_read(tmp_path: Path) -> None:
     raw = recording.raw("n")
     assert raw is not None
     assert raw.counts.dtype == np.int16
+
+
+def test_a_name_that_only_ends_like_a_time_is_a_channel(tmp_path: Path) -> None:
+    content = mat_file({"time": np.arange(4.0), "alpha_t": ramp(4), "acc": ramp(4), "acc_t": np.arange(4) * 2.0})
+    recording = opened(tmp_path, content)
+    assert [s.name for s in recording.signals] == ["alpha_t", "acc"]
+    assert recording.time_base("alpha_t").step_s == 1.0
+    assert recording.time_base("acc").step_s == 2.0
+
+
+def test_a_time_that_no_channel_has_is_told(tmp_path: Path) -> None:
+    recording = opened(tmp_path, mat_file({"time": np.arange(4.0), "a": ramp(4), "rise_time": np.ones(3)}))
+    assert any(note.startswith("rise_time: a time that no channel was given") for note in recording.notes)

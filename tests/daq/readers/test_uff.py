@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import gc
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,8 @@ def opened(folder: Path, content: bytes) -> StoredRecording:
     return UffReader().open(path, Declarations("dewetron"))
 
 
+# pyuff leaves the file open when it writes binary values, and would begin it anew with "overwrite"
+@pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")
 @pytest.mark.parametrize("binary", [0, 1])
 def test_what_pyuff_writes_is_read(binary: int, tmp_path: Path) -> None:
     import pyuff
@@ -32,7 +35,8 @@ def test_what_pyuff_writes_is_read(binary: int, tmp_path: Path) -> None:
         rsp_ent_name="acc", abscissa_spec_data_type=17, abscissa_axis_units_lab="s", abscissa_spacing=1,
         ordinate_axis_units_lab="m/s2", orddenom_spec_data_type=0, z_axis_spec_data_type=0,
     )  # fmt: skip
-    pyuff.UFF(str(path)).write_sets(dataset, "overwrite")
+    pyuff.UFF(str(path)).write_sets(dataset, "add")
+    gc.collect()
     recording = UffReader().open(path, Declarations("dewetron"))
     assert [(s.name, s.unit, s.sample_count) for s in recording.signals] == [("acc", "m/s2", 50)]
     np.testing.assert_allclose(recording.read("acc"), ramp(50), rtol=1e-11)
