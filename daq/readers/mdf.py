@@ -60,8 +60,8 @@ class MdfReader:
                 from asammdf import MDF
             except ImportError as error:
                 raise ReadError("MDF needs asammdf", path=path, remedy="pip install 'recoil-daq[mdf]'") from error
-            # From a path asammdf would raise a second time, where nobody can catch it, when a file that it
-            # refused is let go
+            # Never from a path: asammdf's reader of mapped files trusts sizes outside Python, and a file that it
+            # refused raises a second time, where nobody can catch it, when it is let go
             with BoundedFile(path) as file, closing(MDF(file)) as mdf:
                 return _recording(path, mdf, declared.clock, bus)
 
@@ -106,7 +106,7 @@ class _Group:
         if not self.signals:
             from asammdf import MDF
 
-            with closing(MDF(self.path)) as mdf:
+            with BoundedFile(self.path) as file, closing(MDF(file)) as mdf:
                 wanted = [(None, self.index, c) for c in self.channels]
                 read = mdf.select(wanted, raw=True, copy_master=False, ignore_value2text_conversions=True)
             if any(len(signal.samples) != self.count for signal in read):
