@@ -17,6 +17,9 @@ from daq.readers.can_log import AscReader, BlfReader, CandumpReader
 from daq.readers.dasylab_text import DasylabTextReader
 from daq.readers.dewesoft_native import DewesoftReader
 from daq.readers.dewesoft_text import DewesoftTextReader
+from daq.readers.hdf5 import Hdf5Reader
+from daq.readers.mat import MatReader
+from daq.readers.mdf import MdfReader
 from daq.readers.oxygen_dmd import OxygenReader
 from daq.readers.oxygen_text import OxygenTextReader
 from daq.readers.proanalyst_text import ProAnalystTextReader
@@ -24,6 +27,9 @@ from daq.readers.reader import HEAD_BYTES, Declarations, Reader, Recording, Sign
 from daq.readers.recoil_csv import RecoilCsvReader
 from daq.readers.recoil_parquet import RecoilParquetReader
 from daq.readers.serial_capture import SerialCaptureReader
+from daq.readers.tdms import TdmsReader
+from daq.readers.uff import UffReader
+from daq.readers.wav import WavReader
 
 READERS: tuple[Reader, ...] = (
     DewesoftTextReader(),
@@ -39,6 +45,12 @@ READERS: tuple[Reader, ...] = (
     RecoilParquetReader(),
     OxygenTextReader(),
     DasylabTextReader(),
+    WavReader(),
+    Hdf5Reader(),
+    MatReader(),
+    TdmsReader(),
+    UffReader(),
+    MdfReader(),
 )
 """Every reader, in the order in which they are listed to users."""
 

@@ -73,7 +73,7 @@ def test_names_of_readers_are_unique_and_kinds_are_those_of_sources() -> None:
         ("can/rig_shot/rig_shot.csv", None),
         ("can/rig_shot/rig_shot.mf4", None),
         ("can/vehicle.dbc", None),
-        ("containers/raw1.tdms", None),
+        ("containers/raw1.tdms", "TDMS"),
         ("serial/mip_data.bin", None),
         ("shots/plain/rig.toml", None),
     ],

@@ -1,0 +1,110 @@
+"""What attributes of an HDF5 file say of a channel, in the spellings in use.
+
+No standard fixes them. Names are compared without case and without signs, so that ``Sample rate``,
+``sample_rate`` and ``SampleRate`` are one; which attribute was used is told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+import numpy as np
+
+UNIT = frozenset({"unit", "units", "unitstring", "yunit", "physicalunit", "engineeringunit"})
+RATE_HZ = frozenset(
+    {"samplerate", "sampleratehz", "samplingrate", "samplingratehz", "samplingfrequency", "samplingfrequencyhz"}
+    | {"samplefrequency", "samplefrequencyhz", "fs", "fshz", "rate", "ratehz"}
+)
+STEP_S = frozenset(
+    {"dt", "dts", "deltat", "sampleinterval", "sampleintervals", "samplinginterval", "timestep", "timesteps"}
+    | {"samplingperiod", "sampleperiod", "wfincrement", "xincrement"}
+)
+OFFSET_S = frozenset({"startoffset", "startoffsets", "wfstartoffset", "timeoffset", "timeoffsets", "t0", "t0s", "x0"})
+START = frozenset(
+    {"starttime", "startdatetime", "wfstarttime", "recordingstart", "absolutestart", "startstoretime"}
+    | {"startmeasuretime", "datetime", "t0"}
+)
+SCALE = frozenset({"scalefactor"})
+SHIFT = frozenset({"addoffset"})
+LOST = frozenset({"fillvalue", "missingvalue"})
+OTHER_SCALING = frozenset({"gain", "scale", "slope", "sensitivity", "factor", "calibration", "multiplier", "scaling"})
+TIME_UNITS_S = {"s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
+TIME_NAMES = frozenset({"time", "times", "t", "timestamp", "timestamps", "zeit", "timevector"})
+
+
+def folded(name: str) -> str:
+    """Return a name in lower case, letters and digits alone."""
+    return "".join(c for c in name.casefold() if c.isalnum())
+
+
+def is_time_name(name: str) -> bool:
+    """Tell whether a dataset's own name is that of a time vector, with or without a unit."""
+    short = folded(name)
+    return short in TIME_NAMES or any(short == n + unit for n in TIME_NAMES for unit in ("s", "ms", "us"))
+
+
+def plain_attributes(item: Any) -> dict[str, Any]:
+    """Return the attributes of a group or dataset as JSON types, long ones and references left out."""
+    plain: dict[str, Any] = {}
+    for name in item.attrs:
+        value = item.attrs.get_id(name)
+        if value.get_storage_size() > 4096:
+            continue
+        value = item.attrs[name]
+        if isinstance(value, np.ndarray) and value.size == 1:
+            value = value.reshape(-1)[0]
+        if isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
+            plain[name] = value.tolist()
+        elif isinstance(value, np.generic) and value.dtype.kind in "fiub":
+            plain[name] = value.item()
+        elif isinstance(value, bytes):
+            plain[name] = value.decode("utf-8", "replace")
+        elif isinstance(value, str):
+            plain[name] = value
+    return {name: value for name, value in plain.items() if not _is_unsound(value)}
+
+
+def _is_unsound(value: Any) -> bool:
+    # Surrogates cannot be written as JSON text in UTF-8
+    return isinstance(value, str) and any("\ud800" <= c <= "\udfff" for c in value)
+
+
+@dataclass(frozen=True)
+class Found:
+    """An attribute that was found: its own spelling, its value."""
+
+    name: str
+    value: Any
+
+
+def find(attributes: Mapping[str, Any], names: frozenset[str]) -> Found | None:
+    """Find the first attribute with one of the folded names."""
+    return next((Found(n, v) for n, v in attributes.items() if folded(n) in names), None)
+
+
+def find_number(attributes: Mapping[str, Any], names: frozenset[str]) -> Found | None:
+    """Find the first attribute with one of the folded names that is a finite number, or a text of one."""
+    for name, value in attributes.items():
+        if folded(name) not in names or isinstance(value, (bool, list)):
+            continue
+        try:
+            number = float(value)
+        except (TypeError, ValueError):
+            continue
+        if np.isfinite(number):
+            return Found(name, number)
+    return None
+
+
+def find_start(attributes: Mapping[str, Any]) -> tuple[str, datetime] | None:
+    """Find an absolute start, a text of ISO 8601: its attribute and the instant, with a zone if it has one."""
+    for name, value in attributes.items():
+        if folded(name) in START and isinstance(value, str):
+            try:
+                return name, datetime.fromisoformat(value.strip())
+            except ValueError:
+                continue
+    return None

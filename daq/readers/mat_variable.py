@@ -1,0 +1,58 @@
+"""Variables of a MATLAB file, whichever version wrote it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class MatVariable:
+    """A vector of real numbers.
+
+    Attributes
+    ----------
+    name : str
+    count : int
+    dtype : dtype
+        As stored in MATLAB's workspace.
+    load : callable
+        Reads all of it, shape (count,).
+    """
+
+    name: str
+    count: int
+    dtype: np.dtype[Any]
+    load: Callable[[], NDArray[Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class MatContents:
+    """What a file holds.
+
+    Attributes
+    ----------
+    version : str
+    header : str
+        Its descriptive text.
+    vectors : tuple of MatVariable
+        With two samples or more.
+    scalars, texts : dict
+        Single numbers and rows of characters.
+    left_out : tuple of str
+        What is neither, with the reason.
+    incomplete : str
+        How it shows that the file was cut off.
+    """
+
+    version: str
+    header: str
+    vectors: tuple[MatVariable, ...]
+    scalars: dict[str, float]
+    texts: dict[str, str]
+    left_out: tuple[str, ...]
+    incomplete: str = ""
