@@ -74,7 +74,7 @@ def read_blf(path: Path, content: bytes) -> CanLog:
     if cut or cut_inside:
         cuts.append("the log ends inside an object: what follows is lost")
     metadata = {**found.counts(), "objects_stated": object_count, "measurement_start": _system_time(header[14:22])}
-    return CanLog(found.frames(), _start(header[14:22]), (*found.notes(), *cuts), "; ".join(cuts), metadata)
+    return CanLog(found.frames()[0], _start(header[14:22]), (*found.notes(), *cuts), "; ".join(cuts), metadata)
 
 
 def _inflate(path: Path, content: bytes, at: int) -> tuple[bytes, bool]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -13,6 +14,14 @@ from numpy.typing import NDArray
 from daq.errors import ReadError
 from daq.readers.can_decoding import SignalLayout, layout_of
 from daq.readers.can_frames import EXTENDED, CanFrames
+
+
+XML_FORMATS = ("kcd", "arxml")
+
+_ENTITIES = re.compile(r"<!\s*(?:DOCTYPE|ENTITY)", re.IGNORECASE)
+_ROOT = re.compile(r"<(?:[A-Za-z_][\w.-]*:)?([A-Za-z_][\w.-]*)(?=[\s/>])")
+_SYM = re.compile(r"\ufeff?\s*(?://[^\n]*\s*)*FormatVersion\s*=", re.IGNORECASE)
+_DBC = re.compile(r"^\s*(?:VERSION\b|NS_\b|BS_\b|BU_\b|BO_\b)", re.MULTILINE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,11 +46,12 @@ class Messages:
 
 
 def load_database(text: str, path: Path) -> Any:
-    """Parse the text of a DBC database, strictly.
+    """Parse the text of a CAN database, strictly; its format is found from its content.
 
     Parameters
     ----------
     text : str
+        DBC, KCD, SYM or ARXML.
     path : Path
         The log that needs it, for messages.
 
@@ -52,24 +62,45 @@ def load_database(text: str, path: Path) -> Any:
     Raises
     ------
     ReadError
-        With what cantools found wrong.
+        If it is none of these formats, defines entities, or with what cantools found wrong.
     """
-    try:
-        return _parse_database(text)
-    except Exception as error:
-        first = str(error).strip().splitlines()
+    kind = database_format(text)
+    if not kind or (kind in XML_FORMATS and _ENTITIES.search(text)):
         raise ReadError(
-            f"the CAN database cannot be read: {first[0][:200] if first else type(error).__name__}", path=path,
-            expected="the text of a DBC file", remedy="correct the database that the rig file names",
-        ) from error  # fmt: skip
+            "the CAN database defines entities, which no database needs" if kind else "this is no CAN database",
+            path=path,
+            expected="the text of a DBC, KCD, SYM or ARXML file",
+            remedy="correct the database that the rig file names",
+        )
+    try:
+        return _parse_database(text, kind)
+    except Exception as error:
+        cause: BaseException = getattr(error, f"e_{kind}", None) or error
+        first = str(cause).strip().splitlines()
+        raise ReadError(
+            f"the CAN database cannot be read: {first[0][:200] if first else type(cause).__name__}",
+            path=path,
+            expected=f"the text of a {kind.upper()} file",
+            remedy="correct the database that the rig file names",
+        ) from error
+
+
+def database_format(text: str) -> str:
+    """Tell a database's format from its content: ``kcd``, ``arxml``, ``sym``, ``dbc``, or empty for none of them."""
+    if text.lstrip("\ufeff \t\r\n").startswith("<"):
+        root = _ROOT.search(text)
+        return {"NetworkDefinition": "kcd", "AUTOSAR": "arxml"}.get(root[1] if root else "", "")
+    if _SYM.match(text):
+        return "sym"
+    return "dbc" if _DBC.search(text) else ""
 
 
 @lru_cache(maxsize=4)
-def _parse_database(text: str) -> Any:
+def _parse_database(text: str, kind: str) -> Any:
     """Parse once per text: a campaign reads hundreds of logs with one database."""
     import cantools
 
-    return cantools.database.load_string(text, "dbc", strict=True)
+    return cantools.database.load_string(text, kind, strict=True)
 
 
 def messages_of(message: Any, frames: CanFrames, chosen: NDArray[np.intp], notes: list[str]) -> Messages:

@@ -10,7 +10,8 @@ from pathlib import Path
 
 from daq.errors import ReadError, UnknownFormatError
 from daq.readers.can_capture import CanCaptureReader
-from daq.readers.can_log import AscReader, BlfReader, CandumpReader
+from daq.readers.can_log import AscReader, BlfReader, CanCsvReader, CandumpReader, CanSqliteReader, TrcReader
+from daq.readers.can_mdf import MdfBusReader
 from daq.readers.dewesoft_text import DewesoftTextReader
 from daq.readers.proanalyst_text import ProAnalystTextReader
 from daq.readers.reader import HEAD_BYTES, Declarations, Reader, Recording, SignalHeader
@@ -22,6 +23,10 @@ READERS: tuple[Reader, ...] = (
     AscReader(),
     BlfReader(),
     CandumpReader(),
+    TrcReader(),
+    CanCsvReader(),
+    CanSqliteReader(),
+    MdfBusReader(),
     CanCaptureReader(),
     SerialCaptureReader(),
 )

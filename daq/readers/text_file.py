@@ -55,6 +55,17 @@ def read_text(path: Path) -> TextFile:
         raise ReadError(
             f"cannot be read: {error.strerror}", path=path, remedy="check its name and permissions"
         ) from error
+    return decode_text(path, raw)
+
+
+def decode_text(path: Path, raw: bytes) -> TextFile:
+    """Decode the content of a text file: byte order mark, else UTF-8, else Windows-1252.
+
+    Raises
+    ------
+    CorruptFileError
+        If it announces UTF-16 and is not.
+    """
     if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         try:
             text = raw[: len(raw) // 2 * 2].decode("utf-16")

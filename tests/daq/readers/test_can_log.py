@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from daq.errors import CorruptFileError, ReadError
+from daq.readers.can_asc import read_asc
 from daq.readers.can_blf import read_blf
+from daq.readers.can_candump import read_candump
 from daq.readers.can_log import AscReader, BlfReader, CandumpReader, CanRecording
-from daq.readers.can_text import read_asc, read_candump
 from daq.readers.reader import Declarations
 from tests.builders.shared_data import shared_file
 from tests.builders.vendor_files import (
@@ -144,7 +145,7 @@ def test_candump_keeps_microseconds_of_epoch_stamps() -> None:
 @pytest.mark.parametrize("relative", [False, True])
 def test_asc_bases_and_relative_stamps_are_understood(base: str, relative: bool) -> None:
     entries = can_entries(20)
-    log = read_asc(asc_log(entries, base=base, relative=relative).decode())
+    log = read_asc(asc_log(entries, base=base, relative=relative))
     np.testing.assert_allclose(log.frames.time_s, [t / 1e9 for t, _, _ in entries], atol=1e-12)
     assert log.frames.key.tolist() == [key for _, key, _ in entries]
     assert [bytes(row[:n]) for row, n in zip(log.frames.data, log.frames.length, strict=True)] == [
@@ -158,7 +159,7 @@ def test_relative_stamps_count_events_that_are_no_data_frames() -> None:
         "date Sam Sep 30 15:06:13.191 2017\nbase hex timestamps relative\n"
         "1.000000 1 100 Rx d 1 00\n0.500000 1 ErrorFrame\n0.250000 1  Statistic: D 0 R 0\n0.250000 1 100 Rx d 1 00\n"
     )
-    log = read_asc(text)
+    log = read_asc(text.encode())
     assert log.frames.time_s.tolist() == [1.0, 2.0]
     assert log.metadata["error_frames"] == 1
     assert log.metadata["other_events"] == 1
@@ -184,7 +185,7 @@ def test_negative_times_before_a_trigger_are_kept(tmp_path: Path) -> None:
     ],
 )
 def test_asc_dates_are_local_time_of_an_unknown_zone(date: str, iso: str | None) -> None:
-    start = read_asc(f"date {date}\nbase hex timestamps absolute\n0.1 1 1 Rx d 0\n").absolute_start
+    start = read_asc(f"date {date}\nbase hex timestamps absolute\n0.1 1 1 Rx d 0\n".encode()).absolute_start
     assert (start is None) == (iso is None)
     if start is not None:
         assert (start.text, start.zone) == (iso, "unknown")
@@ -279,7 +280,7 @@ def test_logs_that_python_can_wrote_are_read_as_it_reads_them(suffix: str, tmp_p
     with can.LogReader(path) as messages:
         expected = list(messages)
     content = path.read_bytes()
-    logs = {"asc": lambda: read_asc(content.decode()), "log": lambda: read_candump(content.decode())}
+    logs = {"asc": lambda: read_asc(content), "log": lambda: read_candump(content)}
     frames = (logs[suffix]() if suffix in logs else read_blf(path, content)).frames
     assert len(expected) == frames.key.size == 300
     for i, message in enumerate(expected):
