@@ -12,6 +12,7 @@ import logging
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -66,9 +67,7 @@ def read_mdf(path: Path) -> CanLog:
         If asammdf cannot make sense of it.
     """
     try:
-        size = path.stat().st_size
-        with path.open("rb") as file:
-            identification = file.read(64)
+        content = path.read_bytes()
     except OSError as error:
         raise ReadError(f"cannot be read: {error.strerror}", path=path, remedy="check its permissions") from error
     try:
@@ -78,8 +77,9 @@ def read_mdf(path: Path) -> CanLog:
             "MDF files need the library asammdf", path=path, remedy="pip install 'recoil-daq[mdf]'"
         ) from error
     try:
-        with _quiet(), MDF(str(path)) as file:
-            return _read_groups(path, size, file, unfinished=identification.startswith(b"UnFin"))
+        # from memory: asammdf finishes an unfinished file where it reads it, and a recording is never written to
+        with _quiet(), MDF(BytesIO(content)) as file:
+            return _read_groups(path, len(content), file, unfinished=content.startswith(b"UnFin"))
     except ReadError:
         raise
     except Exception as error:  # whatever a damaged file makes of asammdf

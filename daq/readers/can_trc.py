@@ -102,7 +102,7 @@ def read_trc(path: Path, text: bytes, encoding: str = "utf-8") -> CanLog:
         if words and not words[0].startswith(";"):
             overruns += _read_entry(words, header, found)
     frames, _ = found.frames()
-    cut = bool(lines.cut.strip()) and not lines.cut.lstrip().startswith(b";")
+    cut = bool(lines.cut) and not lines.cut.startswith(b";")  # blanks too: entries begin with them
     notes = found.notes() + [CUT] * cut
     if overruns:
         notes.append(f"{overruns} status entries report an overrun: frames are missing before them")

@@ -126,8 +126,8 @@ def test_frames_of_several_channels_are_merged_with_a_note(tmp_path: Path) -> No
 
 def test_candump_error_frames_never_become_data() -> None:
     log = read_candump(
-        "(1.000000) can0 100#00\n(1.100000) can0 20000004#0001000000000000\n(1.200000) can0 20000080#0000000000000000\n"
-        "(1.300000) can0 100#R8\n(1.400000) can0 101##1AABB\n(1.500000) can0 100#0\nrubbish\n"
+        b"(1.000000) can0 100#00\n(1.100000) can0 20000004#0001000000000000\n(1.200000) can0 20000080#0000000000000000\n"
+        b"(1.300000) can0 100#R8\n(1.400000) can0 101##1AABB\n(1.500000) can0 100#0\nrubbish\n"
     )
     assert log.frames.key.tolist() == [0x100, 0x101]
     assert log.frames.data[1, :3].tolist() == [0xAA, 0xBB, 0]
@@ -137,7 +137,7 @@ def test_candump_error_frames_never_become_data() -> None:
 
 
 def test_candump_keeps_microseconds_of_epoch_stamps() -> None:
-    log = read_candump("(1700000000.000001) can0 001#00\n(1700000000.000002) can0 001#00\n")
+    log = read_candump(b"(1700000000.000001) can0 001#00\n(1700000000.000002) can0 001#00\n")
     assert log.frames.time_s.tolist() == [0.0, 1e-6]
 
 
@@ -193,8 +193,8 @@ def test_asc_dates_are_local_time_of_an_unknown_zone(date: str, iso: str | None)
 
 def test_asc_damage_is_counted() -> None:
     log = read_asc(
-        "base hex timestamps absolute\n1.0 1 100 Rx d 8 00 01\n1.1 1 100 Rx d 2 00 zz\n1.2 1 900 Rx d 1 00\n"
-        "1.3 1 100 Rx r\n1.4 1 Engine Rx d 1 00\n1.5 CANFD 1 Rx 300 1 0 8 7 00\n1.6 1 100 Rx d 1 05\n"
+        b"base hex timestamps absolute\n1.0 1 100 Rx d 8 00 01\n1.1 1 100 Rx d 2 00 zz\n1.2 1 900 Rx d 1 00\n"
+        b"1.3 1 100 Rx r\n1.4 1 Engine Rx d 1 00\n1.5 CANFD 1 Rx 300 1 0 8 7 00\n1.6 1 100 Rx d 1 05\n"
     )
     assert log.frames.time_s.tolist() == [1.6]
     assert (log.metadata["damaged_entries"], log.metadata["remote_frames"]) == (5, 1)
@@ -323,5 +323,5 @@ def test_the_generated_shot_agrees_with_its_truth(suffix: str) -> None:
 )
 def test_logs_of_other_programs_are_counted(name: str, frames: int, errors: int) -> None:
     path = shared_file(f"can/{name}")
-    log = read_blf(path, path.read_bytes()) if path.suffix == ".blf" else read_asc(path.read_text())
+    log = read_blf(path, path.read_bytes()) if path.suffix == ".blf" else read_asc(path.read_bytes())
     assert (log.frames.key.size, log.metadata["error_frames"]) == (frames, errors)
