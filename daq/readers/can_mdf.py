@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
+from traceback import walk_tb
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ import numpy as np
 from daq.errors import CorruptFileError, ReadError
 from daq.readers.can_frames import EXTENDED, ID_MASK, LATEST_NS, CanLog, FrameBlock, FrameList
 from daq.readers.can_recording import CanRecording, declared_database
+from daq.readers.mdf_blocks import check_blocks
 from daq.readers.mdf_kind import is_bus_logging
 from daq.readers.reader import Declarations
 from daq.timebase import AbsoluteStart
@@ -76,19 +78,31 @@ def read_mdf(path: Path) -> CanLog:
         raise ReadError(
             "MDF files need the library asammdf", path=path, remedy="pip install 'recoil-daq[mdf]'"
         ) from error
+    unfinished = content.startswith(b"UnFin")
+    check_blocks(path, content, finished=not unfinished)
     try:
         # from memory: asammdf finishes an unfinished file where it reads it, and a recording is never written to
         with _quiet(), MDF(BytesIO(content)) as file:
-            return _read_groups(path, len(content), file, unfinished=content.startswith(b"UnFin"))
+            return _read_groups(path, len(content), file, unfinished=unfinished)
     except ReadError:
         raise
     except Exception as error:  # whatever a damaged file makes of asammdf
+        _close_what_was_half_opened(error)
         raise CorruptFileError(
             "asammdf cannot read the file",
             path=path,
             found=f"{type(error).__name__}: {str(error)[:200]}",
             remedy="copy the file again",
         ) from error
+
+
+def _close_what_was_half_opened(error: BaseException) -> None:
+    """Close what asammdf left: its own closing fails on a file that it could not open, once it is collected."""
+    for frame, _ in walk_tb(error.__traceback__):
+        half_opened = frame.f_locals.get("self")
+        if type(half_opened).__name__ == "MDF4" and not half_opened._closed:
+            half_opened._closed = True
+            half_opened._tempfile.close()
 
 
 @contextmanager
