@@ -146,7 +146,9 @@ def _read_groups(path: Path, size: int, file: Any, *, unfinished: bool) -> CanLo
             other = not {"CAN_ErrorFrame", "CAN_RemoteFrame"} & set(names)
             found.other_events += count * other
             if count and other:
-                notes.append(f"group {number} ({names[1] if len(names) > 1 else 'no channels'}): no CAN frames, not read")
+                notes.append(
+                    f"group {number} ({names[1] if len(names) > 1 else 'no channels'}): no CAN frames, not read"
+                )
     for block in _by_time(blocks):
         found.add_block(block)
     frames, zero_ns = found.frames(from_first=True)

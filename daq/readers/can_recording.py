@@ -39,7 +39,7 @@ def declared_database(declared: Declarations, path: Path) -> Any:
         raise ReadError(
             "a CAN log holds no signals without its database",
             path=path,
-            remedy='declare `database = "<file>.dbc"` of this source',
+            remedy='declare `database = "<file>.dbc"` (or .kcd, .sym, .arxml) of this source',
         )
     return load_database(declared.database, path)
 
@@ -131,11 +131,14 @@ class CanRecording:
     def read(self, name: str, start: int = 0, stop: int | None = None) -> NDArray[np.float64]:
         """Read samples of ``Message.Signal`` in the database's unit, lost ones NaN, shape (stop - start,)."""
         messages, layout, held = self._find(name)
-        chosen = np.flatnonzero(held)[start:stop]
-        values = np.full(chosen.size, np.nan)
+        chosen = slice(start, stop) if held.all() else np.flatnonzero(held)[start:stop]
+        data = messages.data[chosen]
         long_enough = messages.length[chosen] >= layout.bytes_needed
+        if long_enough.all():
+            return layout.decode(data)
+        values = np.full(len(data), np.nan)
         if long_enough.any():
-            values[long_enough] = layout.decode(messages.data[chosen[long_enough]])
+            values[long_enough] = layout.decode(data[long_enough])
         return values
 
     def raw(self, name: str) -> RawCounts | None:

@@ -91,7 +91,9 @@ class _Blocks:
 MDF_START_NS = 1_700_000_000_000_000_000
 
 
-def mdf_bus_log(entries: Sequence[CanEntry], *, first_s: float = 0.25, errors: int = 0, identification: bytes = b"MDF     ") -> bytes:
+def mdf_bus_log(
+    entries: Sequence[CanEntry], *, first_s: float = 0.25, errors: int = 0, identification: bytes = b"MDF     "
+) -> bytes:
     """A sorted, finished file of one or two groups, whose texts stand before its samples."""
     head = identification + b"4.10    tests   ".ljust(20, b"\0") + struct.pack("<H", 410)
     blocks = _Blocks(head.ljust(64, b"\0") + bytes(104))
@@ -101,7 +103,9 @@ def mdf_bus_log(entries: Sequence[CanEntry], *, first_s: float = 0.25, errors: i
     following = 0
     for name, frames in reversed(groups):
         following = _mdf_group(blocks, name, frames, first_s, following)
-    header = struct.pack("<4s4xQQ6QQhhBBBBdd", b"##HD", 104, 6, following, 0, 0, 0, 0, 0, MDF_START_NS, 0, 0, 0, 0, 0, 0, 0, 0)
+    header = struct.pack(
+        "<4s4xQQ6QQhhBBBBdd", b"##HD", 104, 6, following, 0, 0, 0, 0, 0, MDF_START_NS, 0, 0, 0, 0, 0, 0, 0, 0
+    )
     blocks.content[64 : 64 + len(header)] = header
     return bytes(blocks.content)
 
@@ -121,7 +125,8 @@ def _mdf_group(blocks: _Blocks, name: str, frames: Sequence[CanEntry], first_s: 
         body = struct.pack("<BBBBLLLLBBHdddddd", kind, kind // 2, data_type, 0, at, bits, 0, 0, 0, 0, 0, *[0.0] * 6)
         link = blocks.add("##CN", (link, 0, blocks.text(title), 0, 0, 0, 0, 0), body)
     rows = b"".join(
-        struct.pack("<dIBBB8s", first_s + t / 1e9, key & 0x1FFFFFFF, key >> 31, 1, len(data), data) for t, key, data in frames
+        struct.pack("<dIBBB8s", first_s + t / 1e9, key & 0x1FFFFFFF, key >> 31, 1, len(data), data)
+        for t, key, data in frames
     )
     group = blocks.add("##CG", (0, link, 0, 0, 0, 0), struct.pack("<QQHHLLL", 0, len(frames), 0, 0, 0, 23, 0))
     samples = blocks.add("##DT", (), rows)
