@@ -69,7 +69,7 @@ def read_candump(text: bytes) -> CanLog:
 
 
 def _in_order_of_appearance(frames: CanFrames, interfaces: list[bytes]) -> tuple[CanFrames, list[str]]:
-    """Number the interfaces as the log's frames name them first."""
+    """Give the interfaces their numbers as the log's frames name them first."""
     numbers, first = np.unique(frames.channel, return_index=True)
     order = numbers[np.argsort(first)]
     rank = np.zeros(len(interfaces), dtype=np.int64)

@@ -48,7 +48,7 @@ class MdfBusReader:
         return is_bus_logging(head)
 
     def open(self, path: Path, declared: Declarations) -> CanRecording:
-        """Open a log; raises `ReadError` if it is damaged, the extra is missing, or the database is missing or wrong."""
+        """Open a log; raises `ReadError` if it is damaged, or the extra or the database is missing or wrong."""
         database = declared_database(declared, path)
         return CanRecording(path, self.name, read_mdf(path), database, declared)
 
@@ -99,7 +99,7 @@ def read_mdf(path: Path) -> CanLog:
 def _close_what_was_half_opened(error: BaseException) -> None:
     """Close what asammdf left: its own closing fails on a file that it could not open, once it is collected."""
     for frame, _ in walk_tb(error.__traceback__):
-        half_opened = frame.f_locals.get("self")
+        half_opened: Any = frame.f_locals.get("self")
         if type(half_opened).__name__ == "MDF4" and not half_opened._closed:
             half_opened._closed = True
             half_opened._tempfile.close()

@@ -15,7 +15,6 @@ from daq.errors import ReadError
 from daq.readers.can_decoding import SignalLayout, layout_of
 from daq.readers.can_frames import EXTENDED, CanFrames
 
-
 XML_FORMATS = ("kcd", "arxml")
 
 _ENTITIES = re.compile(r"<!\s*(?:DOCTYPE|ENTITY)", re.IGNORECASE)

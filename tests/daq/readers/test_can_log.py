@@ -126,7 +126,8 @@ def test_frames_of_several_channels_are_merged_with_a_note(tmp_path: Path) -> No
 
 def test_candump_error_frames_never_become_data() -> None:
     log = read_candump(
-        b"(1.000000) can0 100#00\n(1.100000) can0 20000004#0001000000000000\n(1.200000) can0 20000080#0000000000000000\n"
+        b"(1.000000) can0 100#00\n(1.100000) can0 20000004#0001000000000000\n"
+        b"(1.200000) can0 20000080#0000000000000000\n"
         b"(1.300000) can0 100#R8\n(1.400000) can0 101##1AABB\n(1.500000) can0 100#0\nrubbish\n"
     )
     assert log.frames.key.tolist() == [0x100, 0x101]
