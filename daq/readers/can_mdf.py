@@ -127,7 +127,8 @@ def _read_groups(path: Path, size: int, file: Any, *, unfinished: bool) -> CanLo
     for number, group in enumerate(file.groups):
         names = [channel.name for channel in group.channels]
         count = int(group.channel_group.cycles_nr)
-        if FRAME in names or f"{FRAME}.ID" in names:
+        kinds = {name.partition(".")[0] for name in names}
+        if FRAME in kinds:
             if count * int(group.channel_group.samples_byte_nr) > LARGEST_RATIO * size:
                 raise CorruptFileError(
                     "a group states more frames than the file can hold",
@@ -141,9 +142,9 @@ def _read_groups(path: Path, size: int, file: Any, *, unfinished: bool) -> CanLo
                 missing += max(0, count - block.key.size - damaged)
                 blocks.append(block)
         else:
-            found.error_frames += count * ("CAN_ErrorFrame" in names)
-            found.remote_frames += count * ("CAN_RemoteFrame" in names)
-            other = not {"CAN_ErrorFrame", "CAN_RemoteFrame"} & set(names)
+            found.error_frames += count * ("CAN_ErrorFrame" in kinds)
+            found.remote_frames += count * ("CAN_RemoteFrame" in kinds)
+            other = not {"CAN_ErrorFrame", "CAN_RemoteFrame"} & kinds
             found.other_events += count * other
             if count and other:
                 notes.append(

@@ -112,22 +112,21 @@ def mdf_bus_log(
 
 def _mdf_group(blocks: _Blocks, name: str, frames: Sequence[CanEntry], first_s: float, following: int) -> int:
     """Columns from the last to the first, because each links to the next."""
-    columns = [
-        ("t", 2, 4, 0, 64),
-        (f"{name}.ID", 0, 0, 8, 32),
-        (f"{name}.IDE", 0, 0, 12, 8),
-        (f"{name}.BusChannel", 0, 0, 13, 8),
-        (f"{name}.DataLength", 0, 0, 14, 8),
-        (f"{name}.DataBytes", 0, 10, 15, 64),
-    ]
-    link = 0
-    for title, kind, data_type, at, bits in reversed(columns):
+
+    def column(title: str, kind: int, data_type: int, at: int, bits: int, following: int, inside: int = 0) -> int:
         body = struct.pack("<BBBBLLLLBBHdddddd", kind, kind // 2, data_type, 0, at, bits, 0, 0, 0, 0, 0, *[0.0] * 6)
-        link = blocks.add("##CN", (link, 0, blocks.text(title), 0, 0, 0, 0, 0), body)
+        return blocks.add("##CN", (following, inside, blocks.text(title), 0, 0, 0, 0, 0), body)
+
+    parts = [("ID", 0, 8, 32), ("IDE", 0, 12, 8), ("BusChannel", 0, 13, 8), ("DataLength", 0, 14, 8)]
+    inside = 0
+    for title, data_type, at, bits in reversed([*parts, ("DataBytes", 10, 15, 64)]):
+        inside = column(f"{name}.{title}", 0, data_type, at, bits, inside)
+    link = column("t", 2, 4, 0, 64, column(name, 0, 10, 8, 120, 0, inside))
+    source = blocks.add("##SI", (blocks.text("CAN"), 0, 0), struct.pack("<BBB5x", 2, 2, 0))
     rows = b"".join(
         struct.pack("<dIBBB8s", first_s + t / 1e9, key & 0x1FFFFFFF, key >> 31, 1, len(data), data)
         for t, key, data in frames
     )
-    group = blocks.add("##CG", (0, link, 0, 0, 0, 0), struct.pack("<QQHHLLL", 0, len(frames), 0, 0, 0, 23, 0))
+    group = blocks.add("##CG", (0, link, 0, source, 0, 0), struct.pack("<QQHHLLL", 0, len(frames), 6, 0, 0, 23, 0))
     samples = blocks.add("##DT", (), rows)
     return blocks.add("##DG", (following, group, samples, 0), bytes(8))
