@@ -114,17 +114,18 @@ def messages_of(message: Any, frames: CanFrames, chosen: NDArray[np.intp], notes
     notes : list of str
         What is to be said of them is added.
     """
-    time_s = frames.time_s[chosen]
-    newest = np.maximum.accumulate(np.r_[-np.inf, time_s[:-1]])
-    increasing = time_s > newest
-    if not increasing.all():
+    time_s = np.take(frames.time_s, chosen)
+    kept = chosen
+    if not (np.diff(time_s) > 0).all():
+        newest = np.maximum.accumulate(np.r_[-np.inf, time_s[:-1]])
+        increasing = time_s > newest
+        kept = chosen[increasing]
+        time_s = time_s[increasing]
         left_out = int((~increasing).sum())
         notes.append(f"{message.name}: {left_out} of {chosen.size} frames do not increase in time and were left out")
-    if np.unique(frames.channel[chosen]).size > 1:
-        notes.append(
-            f"{message.name}: frames of channels {', '.join(map(str, np.unique(frames.channel[chosen])))} were merged"
-        )
-    kept = chosen[increasing]
+    channel = np.take(frames.channel, chosen)
+    if (channel != channel[0]).any():
+        notes.append(f"{message.name}: frames of channels {', '.join(map(str, np.unique(channel)))} were merged")
     layouts = {}
     for signal in message.signals:
         layout = layout_of(signal)
@@ -133,17 +134,16 @@ def messages_of(message: Any, frames: CanFrames, chosen: NDArray[np.intp], notes
         else:
             layouts[signal.name] = layout
     width = max([layout.bytes_needed for layout in layouts.values()], default=8)
-    data = frames.data[kept]
+    data = np.take(frames.data, kept, axis=0)
     if data.shape[1] < width:
         data = np.pad(data, ((0, 0), (0, width - data.shape[1])))
-    return Messages(message.name, layouts, frames.time_s[kept], frames.length[kept], data)
+    return Messages(message.name, layouts, time_s, np.take(frames.length, kept), data)
 
 
-def unknown_identifiers(keys: NDArray[np.uint32], known: set[int]) -> dict[str, int]:
-    """Count the frames per identifier that a database does not know."""
+def count_identifiers(keys: NDArray[np.uint32]) -> dict[str, int]:
+    """Count the frames per identifier."""
     found, counts = np.unique(keys, return_counts=True)
     return {
         f"{int(k) & ~EXTENDED:#x}{' (29 bit)' if int(k) & EXTENDED else ''}": int(n)
         for k, n in zip(found, counts, strict=True)
-        if int(k) not in known
     }
