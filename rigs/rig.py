@@ -6,8 +6,10 @@ each with its key path and what would be right.
 
 from __future__ import annotations
 
+import codecs
 import datetime as dt
 import fnmatch
+import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -276,13 +278,27 @@ def _databases(
     return MappingProxyType(texts)
 
 
+_XML_ENCODING = re.compile(
+    rb"""\s*<\?xml[^>]{1,100}?encoding\s*=\s*["']((?:utf|iso|windows|latin|us|cp)[\w.-]{0,40})["']""",
+    re.ASCII | re.IGNORECASE,
+)
+
+
 def _database_text(content: bytes) -> str:
-    """Decode a CAN database: UTF-8 if it is that throughout, else the Windows code page of Vector's tools.
+    """Decode a CAN database: what its mark or XML declaration says, UTF-8, else the code page of Vector's tools.
 
     A text of the code page that has a degree sign or a superscript is never valid UTF-8 by chance:
     each would have to stand in a run of continuation bytes. The code page leaves five bytes
     undefined; they occur in comments of other code pages only, and become U+FFFD.
     """
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return content.decode("utf-16", errors="replace")
+    declared = _XML_ENCODING.match(content)
+    if declared is not None:
+        try:
+            return content.decode(declared[1].decode())
+        except (LookupError, UnicodeError):
+            pass  # the declaration is wrong, as those are that a tool copied
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:

@@ -3,8 +3,8 @@
 Layout (little endian), as documented by the open implementations of the format, Vector_BLF by
 Tobias Lorenz and python-can: a file header ``LOGG`` with its own size, the file's size, the number
 of objects and two SYSTEMTIMEs, then objects ``LOBJ``. An object of type 10 holds a zlib stream of
-further objects, which may run on from one container into the next. Object stamps are in units of 10 µs or
-1 ns from the start of measurement, and negative before a trigger.
+further objects, which may run on from one container into the next. The objects themselves:
+`daq.readers.can_blf_objects`.
 """
 
 from __future__ import annotations
@@ -15,25 +15,15 @@ import zlib
 from pathlib import Path
 
 from daq.errors import CorruptFileError
-from daq.readers.can_frames import EXTENDED, ID_MASK, CanLog, FrameList
+from daq.readers.can_blf_objects import OBJECT, read_objects
+from daq.readers.can_frames import CanLog, FrameList
 from daq.timebase import AbsoluteStart
 
 MAGIC = b"LOGG"
 
 _FILE_HEADER = struct.Struct("<4sL8BQQLL8H8H")
-_OBJECT = struct.Struct("<4sHHLL")
 _CONTAINER = struct.Struct("<H6xL4x")
-_STAMP = struct.Struct("<L4xq")
-_CLASSIC = struct.Struct("<HBBL8s")
-_FD = struct.Struct("<HBBLLBBB5x64s")
-_FD_64 = struct.Struct("<BBBBLLLLLLLHBBL")
 _CONTAINER_TYPE = 10
-_CLASSIC_TYPES = (1, 86)
-_ERROR_TYPES = (2, 73, 104)
-_HEADER_SIZES = {1: 32, 2: 40}
-_TICKS_NS = {1: 10_000, 2: 1}
-_REMOTE = 0x80
-_REMOTE_FD_64 = 0x10
 
 
 def read_blf(path: Path, content: bytes) -> CanLog:
@@ -70,11 +60,11 @@ def read_blf(path: Path, content: bytes) -> CanLog:
         cuts.append(f"the file is cut: its header states {file_size} bytes, it has {len(content)}")
     objects, cut = _inflate(path, content, header_size)
     found = FrameList()
-    cut_inside = _walk(path, objects, found)
+    cut_inside = read_objects(path, objects, found)
     if cut or cut_inside:
         cuts.append("the log ends inside an object: what follows is lost")
     metadata = {**found.counts(), "objects_stated": object_count, "measurement_start": _system_time(header[14:22])}
-    return CanLog(found.frames(), _start(header[14:22]), (*found.notes(), *cuts), "; ".join(cuts), metadata)
+    return CanLog(found.frames()[0], _start(header[14:22]), (*found.notes(), *cuts), "; ".join(cuts), metadata)
 
 
 def _inflate(path: Path, content: bytes, at: int) -> tuple[bytes, bool]:
@@ -82,21 +72,21 @@ def _inflate(path: Path, content: bytes, at: int) -> tuple[bytes, bool]:
     pieces: list[bytes] = []
     while at < len(content):
         found = content.find(b"LOBJ", at, at + 8)
-        if found < 0 or found + _OBJECT.size > len(content):
+        if found < 0 or found + OBJECT.size > len(content):
             if content[at:].strip(b"\0") == b"":
                 break
-            if len(content) - at < _OBJECT.size + 4:
+            if len(content) - at < OBJECT.size + 4:
                 return b"".join(pieces), True
             raise CorruptFileError("no object follows the one before", path=path, place=f"byte {at}", expected="LOBJ")
-        _, _, _, size, kind = _OBJECT.unpack_from(content, found)
-        if size < _OBJECT.size:
+        _, _, _, size, kind = OBJECT.unpack_from(content, found)
+        if size < OBJECT.size:
             raise CorruptFileError(
                 "an object is smaller than its header", path=path, place=f"byte {found}", found=f"{size} bytes"
             )
         whole = found + size <= len(content)
-        if kind == _CONTAINER_TYPE and found + _OBJECT.size + _CONTAINER.size <= len(content):
-            method, stated = _CONTAINER.unpack_from(content, found + _OBJECT.size)
-            packed = content[found + _OBJECT.size + _CONTAINER.size : found + size]
+        if kind == _CONTAINER_TYPE and found + OBJECT.size + _CONTAINER.size <= len(content):
+            method, stated = _CONTAINER.unpack_from(content, found + OBJECT.size)
+            packed = content[found + OBJECT.size + _CONTAINER.size : found + size]
             pieces.append(_unpack(path, found, method, stated, packed, whole=whole))
         elif kind != _CONTAINER_TYPE and whole:
             pieces.append(content[found : found + size])
@@ -128,64 +118,6 @@ def _unpack(path: Path, at: int, method: int, stated: int, packed: bytes, *, who
             found=f"{len(objects)}",
         )
     return objects
-
-
-def _walk(path: Path, objects: bytes, found: FrameList) -> bool:
-    """Gather the frames of all objects; return whether the last object is cut."""
-    at, end = 0, len(objects)
-    while True:
-        at = objects.find(b"LOBJ", start := at, at + 8)
-        if at < 0 or at + _OBJECT.size > end:
-            if end - start >= 8 and at < 0:
-                raise CorruptFileError(
-                    "no object follows the one before",
-                    path=path,
-                    place=f"byte {start} of the inflated objects",
-                    expected="LOBJ",
-                )
-            return at >= 0 or objects[start:].strip(b"\0") != b""
-        _, _, version, size, kind = _OBJECT.unpack_from(objects, at)
-        if size < _OBJECT.size:
-            raise CorruptFileError(
-                "an object is smaller than its header",
-                path=path,
-                place=f"byte {at} of the inflated objects",
-                found=f"{size} bytes",
-            )
-        if at + size > end:
-            return True
-        if version in _HEADER_SIZES and size >= _HEADER_SIZES[version]:
-            flags, ticks = _STAMP.unpack_from(objects, at + _OBJECT.size)
-            body = objects[at + _HEADER_SIZES[version] : at + size]
-            try:
-                _read_object(kind, ticks * _TICKS_NS.get(flags, 1), body, found)
-            except struct.error:
-                found.damaged += 1
-        else:
-            found.other_events += 1
-        at += size
-
-
-def _read_object(kind: int, time_ns: int, body: bytes, found: FrameList) -> None:
-    """Read one object; whatever is no data frame is counted."""
-    if kind in _CLASSIC_TYPES:
-        channel, flags, length, identifier, data = _CLASSIC.unpack_from(body)
-        remote, data = bool(flags & _REMOTE), data[: min(length, 8)]
-    elif kind == 100:
-        channel, flags, _, identifier, _, _, _, valid, data = _FD.unpack_from(body)
-        remote, data = bool(flags & _REMOTE), data[: min(valid, 64)]
-    elif kind == 101:
-        channel, _, valid, _, identifier, _, flags = _FD_64.unpack_from(body)[:7]
-        remote = bool(flags & _REMOTE_FD_64)
-        data = body[_FD_64.size : _FD_64.size + min(valid, 64)]
-    else:
-        found.error_frames += kind in _ERROR_TYPES
-        found.other_events += kind not in _ERROR_TYPES
-        return
-    if remote:
-        found.remote_frames += 1
-    else:
-        found.add(time_ns, identifier & (ID_MASK | EXTENDED), channel, data)
 
 
 def _system_time(fields: tuple[int, ...]) -> str:

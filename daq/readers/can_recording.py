@@ -17,7 +17,7 @@ from daq.errors import CorruptFileError, MissingChannelError, ReadError
 from daq.readers.can_counters import count_messages, counts_as_json, declared_counters
 from daq.readers.can_decoding import SignalLayout, present
 from daq.readers.can_frames import EXTENDED, CanLog
-from daq.readers.can_messages import Messages, load_database, messages_of, unknown_identifiers
+from daq.readers.can_messages import Messages, count_identifiers, load_database, messages_of
 from daq.readers.reader import Declarations, SignalHeader
 from daq.timebase import AbsoluteStart, TimeBase
 from daq.track import Track
@@ -39,7 +39,7 @@ def declared_database(declared: Declarations, path: Path) -> Any:
         raise ReadError(
             "a CAN log holds no signals without its database",
             path=path,
-            remedy='declare `database = "<file>.dbc"` of this source',
+            remedy='declare `database = "<file>.dbc"` (or .kcd, .sym, .arxml) of this source',
         )
     return load_database(declared.database, path)
 
@@ -80,20 +80,21 @@ class CanRecording:
                 remedy="check the recorder's channel and filters",
             )
         self._signals: dict[str, tuple[Messages, SignalLayout, NDArray[np.bool_]]] = {}
-        known: set[int] = set()
+        foreign = np.ones(log.frames.key.size, dtype=bool)
         absent: list[str] = []
         headers: list[SignalHeader] = []
         for message in database.messages:
             key = message.frame_id | (EXTENDED if message.is_extended_frame else 0)
-            known.add(key)
-            chosen = np.flatnonzero(log.frames.key == key)
+            own = log.frames.key == key
+            foreign &= ~own
+            chosen = np.flatnonzero(own)
             if chosen.size:
                 headers += self._add(messages_of(message, log.frames, chosen, notes), notes)
             else:
                 absent.append(message.name)
         counts = [count_messages(counter, log.frames) for counter in counters]
         notes += [note for count in counts for note in count.notes()]
-        unknown = unknown_identifiers(log.frames.key, known)
+        unknown = count_identifiers(log.frames.key[foreign])
         if unknown:
             shown = ", ".join(f"{n} x{count}" for n, count in list(unknown.items())[:8])
             more = " ..." if len(unknown) > 8 else ""
@@ -115,11 +116,11 @@ class CanRecording:
         for layout in messages.layouts.values():
             name = f"{messages.name}.{layout.name}"
             held = present(layout, messages.layouts, messages.data, messages.length)
-            short = int((messages.length[held] < layout.bytes_needed).sum())
+            short = int(np.count_nonzero(held & (messages.length < layout.bytes_needed)))
             if short:
                 notes.append(f"{name}: {short} frames are too short to hold it: lost samples")
             self._signals[name] = messages, layout, held
-            headers.append(SignalHeader(name, layout.unit, int(held.sum())))
+            headers.append(SignalHeader(name, layout.unit, int(np.count_nonzero(held))))
         return headers
 
     def _find(self, name: str) -> tuple[Messages, SignalLayout, NDArray[np.bool_]]:
@@ -131,11 +132,14 @@ class CanRecording:
     def read(self, name: str, start: int = 0, stop: int | None = None) -> NDArray[np.float64]:
         """Read samples of ``Message.Signal`` in the database's unit, lost ones NaN, shape (stop - start,)."""
         messages, layout, held = self._find(name)
-        chosen = np.flatnonzero(held)[start:stop]
-        values = np.full(chosen.size, np.nan)
+        chosen = slice(start, stop) if held.all() else np.flatnonzero(held)[start:stop]
+        data = messages.data[chosen]
         long_enough = messages.length[chosen] >= layout.bytes_needed
+        if long_enough.all():
+            return layout.decode(data)
+        values = np.full(len(data), np.nan)
         if long_enough.any():
-            values[long_enough] = layout.decode(messages.data[chosen[long_enough]])
+            values[long_enough] = layout.decode(data[long_enough])
         return values
 
     def raw(self, name: str) -> RawCounts | None:

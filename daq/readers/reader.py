@@ -63,7 +63,7 @@ class Declarations:
     clock : str
         Name of the source, which names its clock.
     database : str or None
-        Text of the CAN database (DBC) of a ``can`` source.
+        Text of the CAN database (DBC, KCD, SYM or ARXML) of a ``can`` source.
     counters : tuple of str
         Signals of a ``can`` source, such as ``Message.Signal``, that count the messages they are in.
     framing : mapping or None

@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 from daq.errors import ReadError, UnknownFormatError
 from daq.readers.can_capture import CanCaptureReader
-from daq.readers.can_log import AscReader, BlfReader, CandumpReader
+from daq.readers.can_log import AscReader, BlfReader, CanCsvReader, CandumpReader, CanSqliteReader, TrcReader
+from daq.readers.can_mdf import MdfBusReader
 from daq.readers.dasylab_text import DasylabTextReader
 from daq.readers.dewesoft_native import DewesoftReader
 from daq.readers.dewesoft_text import DewesoftTextReader
@@ -37,6 +38,10 @@ READERS: tuple[Reader, ...] = (
     AscReader(),
     BlfReader(),
     CandumpReader(),
+    TrcReader(),
+    CanCsvReader(),
+    CanSqliteReader(),
+    MdfBusReader(),
     CanCaptureReader(),
     SerialCaptureReader(),
     OxygenReader(),

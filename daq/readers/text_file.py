@@ -195,6 +195,17 @@ def read_text(path: Path) -> TextFile:
         raw = path.read_bytes()
     except OSError as error:
         raise _unreadable(path, error) from error
+    return decode_text(path, raw)
+
+
+def decode_text(path: Path, raw: bytes) -> TextFile:
+    """Decode the content of a text file: byte order mark, else UTF-8, else Windows-1252.
+
+    Raises
+    ------
+    CorruptFileError
+        If it announces UTF-16 and is not.
+    """
     if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         try:
             text = raw[: len(raw) // 2 * 2].decode("utf-16")

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from daq.errors import Fault, nearest_first
+from daq.errors import Fault, ReadError, nearest_first
+from daq.readers.can_messages import load_database
 from rigs.rig import ChannelSpec, Source
 from rigs.twin.files import CanFrame, can_log
 from rigs.twin.instruments import generator
@@ -23,16 +25,14 @@ def can_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile:
     The node samples by its own crystal; the interface stamps the end of each frame by its own clock, which
     is the source's clock. A frame waits for the bus for an exponential time of at most 0.2 ms.
     """
-    import cantools
-
     s = scene.settings
     clock = scene.clock(source)
     rng = generator(scene.seed, "can", source.name)
-    database = cantools.database.Database()
     try:
-        database.add_dbc_string(scene.rig.databases[str(source.database)])
-    except cantools.database.errors.Error as error:
-        faults.append(Fault(f"source '{source.name}'.database", f"{source.database}: {error}"))
+        messages = load_database(scene.rig.databases[str(source.database)], Path(str(source.database))).messages
+    except ReadError as error:
+        faults.append(Fault(f"source '{source.name}'.database", str(error)))
+        messages = []
     node = Clock(clock.offset_s + 1e-3 * float(rng.uniform(1.0, 2.0)), s.clock_drift * float(rng.uniform(-1.0, 1.0)))
     at = node.to_reference(scene.instants(node, s.can_rate_hz))
     by_message: dict[str, list[ChannelSpec]] = {}
@@ -40,7 +40,7 @@ def can_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile:
         by_message.setdefault(spec.signal.partition(".")[0], []).append(spec)
     frames: list[CanFrame] = []
     latencies = [0.0]
-    names = {m.name: m for m in database.messages}
+    names = {m.name: m for m in messages}
     wait_s = 0.0
     for name, specs in by_message.items():
         message = names.get(name)

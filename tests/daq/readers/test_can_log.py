@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from daq.errors import CorruptFileError, ReadError
+from daq.readers.can_asc import read_asc
 from daq.readers.can_blf import read_blf
+from daq.readers.can_candump import read_candump
 from daq.readers.can_log import AscReader, BlfReader, CandumpReader, CanRecording
-from daq.readers.can_text import read_asc, read_candump
 from daq.readers.reader import Declarations
 from tests.builders.shared_data import shared_file
 from tests.builders.vendor_files import (
@@ -125,8 +126,9 @@ def test_frames_of_several_channels_are_merged_with_a_note(tmp_path: Path) -> No
 
 def test_candump_error_frames_never_become_data() -> None:
     log = read_candump(
-        "(1.000000) can0 100#00\n(1.100000) can0 20000004#0001000000000000\n(1.200000) can0 20000080#0000000000000000\n"
-        "(1.300000) can0 100#R8\n(1.400000) can0 101##1AABB\n(1.500000) can0 100#0\nrubbish\n"
+        b"(1.000000) can0 100#00\n(1.100000) can0 20000004#0001000000000000\n"
+        b"(1.200000) can0 20000080#0000000000000000\n"
+        b"(1.300000) can0 100#R8\n(1.400000) can0 101##1AABB\n(1.500000) can0 100#0\nrubbish\n"
     )
     assert log.frames.key.tolist() == [0x100, 0x101]
     assert log.frames.data[1, :3].tolist() == [0xAA, 0xBB, 0]
@@ -136,7 +138,7 @@ def test_candump_error_frames_never_become_data() -> None:
 
 
 def test_candump_keeps_microseconds_of_epoch_stamps() -> None:
-    log = read_candump("(1700000000.000001) can0 001#00\n(1700000000.000002) can0 001#00\n")
+    log = read_candump(b"(1700000000.000001) can0 001#00\n(1700000000.000002) can0 001#00\n")
     assert log.frames.time_s.tolist() == [0.0, 1e-6]
 
 
@@ -144,7 +146,7 @@ def test_candump_keeps_microseconds_of_epoch_stamps() -> None:
 @pytest.mark.parametrize("relative", [False, True])
 def test_asc_bases_and_relative_stamps_are_understood(base: str, relative: bool) -> None:
     entries = can_entries(20)
-    log = read_asc(asc_log(entries, base=base, relative=relative).decode())
+    log = read_asc(asc_log(entries, base=base, relative=relative))
     np.testing.assert_allclose(log.frames.time_s, [t / 1e9 for t, _, _ in entries], atol=1e-12)
     assert log.frames.key.tolist() == [key for _, key, _ in entries]
     assert [bytes(row[:n]) for row, n in zip(log.frames.data, log.frames.length, strict=True)] == [
@@ -158,7 +160,7 @@ def test_relative_stamps_count_events_that_are_no_data_frames() -> None:
         "date Sam Sep 30 15:06:13.191 2017\nbase hex timestamps relative\n"
         "1.000000 1 100 Rx d 1 00\n0.500000 1 ErrorFrame\n0.250000 1  Statistic: D 0 R 0\n0.250000 1 100 Rx d 1 00\n"
     )
-    log = read_asc(text)
+    log = read_asc(text.encode())
     assert log.frames.time_s.tolist() == [1.0, 2.0]
     assert log.metadata["error_frames"] == 1
     assert log.metadata["other_events"] == 1
@@ -184,7 +186,7 @@ def test_negative_times_before_a_trigger_are_kept(tmp_path: Path) -> None:
     ],
 )
 def test_asc_dates_are_local_time_of_an_unknown_zone(date: str, iso: str | None) -> None:
-    start = read_asc(f"date {date}\nbase hex timestamps absolute\n0.1 1 1 Rx d 0\n").absolute_start
+    start = read_asc(f"date {date}\nbase hex timestamps absolute\n0.1 1 1 Rx d 0\n".encode()).absolute_start
     assert (start is None) == (iso is None)
     if start is not None:
         assert (start.text, start.zone) == (iso, "unknown")
@@ -192,8 +194,8 @@ def test_asc_dates_are_local_time_of_an_unknown_zone(date: str, iso: str | None)
 
 def test_asc_damage_is_counted() -> None:
     log = read_asc(
-        "base hex timestamps absolute\n1.0 1 100 Rx d 8 00 01\n1.1 1 100 Rx d 2 00 zz\n1.2 1 900 Rx d 1 00\n"
-        "1.3 1 100 Rx r\n1.4 1 Engine Rx d 1 00\n1.5 CANFD 1 Rx 300 1 0 8 7 00\n1.6 1 100 Rx d 1 05\n"
+        b"base hex timestamps absolute\n1.0 1 100 Rx d 8 00 01\n1.1 1 100 Rx d 2 00 zz\n1.2 1 900 Rx d 1 00\n"
+        b"1.3 1 100 Rx r\n1.4 1 Engine Rx d 1 00\n1.5 CANFD 1 Rx 300 1 0 8 7 00\n1.6 1 100 Rx d 1 05\n"
     )
     assert log.frames.time_s.tolist() == [1.6]
     assert (log.metadata["damaged_entries"], log.metadata["remote_frames"]) == (5, 1)
@@ -279,7 +281,7 @@ def test_logs_that_python_can_wrote_are_read_as_it_reads_them(suffix: str, tmp_p
     with can.LogReader(path) as messages:
         expected = list(messages)
     content = path.read_bytes()
-    logs = {"asc": lambda: read_asc(content.decode()), "log": lambda: read_candump(content.decode())}
+    logs = {"asc": lambda: read_asc(content), "log": lambda: read_candump(content)}
     frames = (logs[suffix]() if suffix in logs else read_blf(path, content)).frames
     assert len(expected) == frames.key.size == 300
     for i, message in enumerate(expected):
@@ -322,5 +324,5 @@ def test_the_generated_shot_agrees_with_its_truth(suffix: str) -> None:
 )
 def test_logs_of_other_programs_are_counted(name: str, frames: int, errors: int) -> None:
     path = shared_file(f"can/{name}")
-    log = read_blf(path, path.read_bytes()) if path.suffix == ".blf" else read_asc(path.read_text())
+    log = read_blf(path, path.read_bytes()) if path.suffix == ".blf" else read_asc(path.read_bytes())
     assert (log.frames.key.size, log.metadata["error_frames"]) == (frames, errors)

@@ -1,10 +1,8 @@
-"""Text logs of CAN traffic: Vector ASC and candump.
+"""Logs of Vector's tools as text.
 
-Layouts: ``candump -L`` of can-utils writes ``(seconds.microseconds) interface id#data`` with eight
-digits for a 29-bit identifier, ``##`` and a flags digit before FD data, ``#R`` for a remote frame, and
-the error flag 0x20000000 in the identifier of an error frame. Vector ASC has a header (date, number base,
-absolute or relative stamps) and one event per line, ``time channel id direction d length data``.
-Both are parsed here because error frames, negative and relative stamps must not turn into data.
+Layout: a header (date, number base, absolute or relative stamps) and one event per line,
+``time channel id direction d length data``, or ``time CANFD channel direction id [name] brs esi code length
+data``. It is parsed here because error frames, negative and relative stamps must not turn into data.
 """
 
 from __future__ import annotations
@@ -14,9 +12,9 @@ import re
 from collections.abc import Sequence
 
 from daq.readers.can_frames import EXTENDED, FD_LENGTHS, ID_MASK, CanLog, FrameList
+from daq.readers.can_lines import CUT, LineShape, TextLines, split_lines, take_alike
 from daq.timebase import AbsoluteStart
 
-ERROR_FLAG = 0x20000000
 MONTHS = {
     name: number
     for number, names in enumerate(
@@ -26,20 +24,12 @@ MONTHS = {
     for name in names.split()
 }
 
-CUT = "the last line has no line end and may be cut: it was left out"
-
-_CANDUMP = re.compile(r"\((\d{1,12})\.(\d{6}|\d{9})\)\s+(\S+)\s+([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#(\S*)(?:\s+[RT])?\s*")
 _USUAL = re.compile(
-    r"\s*(-?\d{1,9})\.(\d{1,9})\s+(\d{1,9})\s+([0-9a-f]{1,8}x?)\s+[RT]x\s+d ([0-8])((?: [0-9a-f]{2})*)(?:\s.*)?",
+    rb"\s*(-?)(\d{1,9})\.(\d{1,9})\s+(\d{1,9})\s+([0-9a-f]{1,8})(x?)\s+[RT]x\s+d ([0-8])((?: [0-9a-f]{2})*)(?=\s|$)",
     re.IGNORECASE | re.ASCII,
 )
 _NUMBER = re.compile(r"-?\d{1,9}\.\d+", re.ASCII)
 _DATE = re.compile(r"(\w{3})\w*\.?\s+(\d+)\s+(\d+):(\d+):(\d+)(?:\.(\d{1,6}))?\s*(am|pm)?\s+(\d{4})", re.IGNORECASE)
-
-
-def is_candump(text: str) -> bool:
-    """Tell whether a text begins with an entry of a candump log."""
-    return _CANDUMP.fullmatch(text.lstrip("\n").split("\n", 1)[0].strip()) is not None
 
 
 def is_asc(text: str) -> bool:
@@ -49,91 +39,31 @@ def is_asc(text: str) -> bool:
     )
 
 
-def _complete_lines(text: str) -> tuple[list[str], bool]:
-    """Split a text into the lines that have a line end, and tell whether one was left out."""
-    lines = text.split("\n")
-    last = lines.pop().strip()
-    return lines, bool(last) and not last.casefold().startswith("end triggerblock")
-
-
-def read_candump(text: str) -> CanLog:
-    r"""Read a candump log.
-
-    Parameters
-    ----------
-    text : str
-        With ``\n`` line ends.
-
-    Returns
-    -------
-    CanLog
-        Time counts from the first data frame; its wall-clock time is the host's, UTC.
-    """
-    lines, cut = _complete_lines(text)
-    found = FrameList()
-    interfaces: dict[str, int] = {}
-    for line in lines:
-        match = _CANDUMP.fullmatch(line.strip())
-        if match is None:
-            found.damaged += bool(line.strip())
-            continue
-        seconds, fraction, interface, identifier, payload = match.groups()
-        number = int(identifier, 16)
-        if len(identifier) == 8 and number & ERROR_FLAG:
-            found.error_frames += 1
-            continue
-        if payload[:1] in ("R", "r"):
-            found.remote_frames += 1
-            continue
-        try:
-            data = bytes.fromhex(payload[2:] if payload.startswith("#") else payload)
-        except ValueError:
-            found.damaged += 1
-            continue
-        time_ns = int(seconds) * 1_000_000_000 + int(fraction.ljust(9, "0"))
-        key = number & ID_MASK | (EXTENDED if len(identifier) == 8 else 0)
-        found.add(time_ns, key, interfaces.setdefault(interface, len(interfaces)), data)
-    zero_ns = found.first_time_ns()
-    notes = found.notes() + [CUT] * cut
-    start = None
-    if interfaces:
-        try:
-            instant = dt.datetime(1970, 1, 1) + dt.timedelta(microseconds=zero_ns // 1000)
-            start = AbsoluteStart(
-                instant.isoformat(timespec="microseconds"), "UTC", "stamp of the first frame, the host's clock"
-            )
-        except OverflowError:
-            notes.append("the first stamp is beyond the calendar: the absolute start is unknown")
-    return CanLog(
-        found.frames(zero_ns), start, tuple(notes), CUT * cut, {**found.counts(), "channels": list(interfaces)}
-    )
-
-
-def read_asc(text: str) -> CanLog:
+def read_asc(text: bytes, encoding: str = "utf-8") -> CanLog:
     r"""Read an ASC log.
 
     Parameters
     ----------
-    text : str
+    text : bytes
         With ``\n`` line ends.
+    encoding : str
 
     Returns
     -------
     CanLog
         Time as the log has it; relative stamps, each from the event before, are summed up.
     """
-    lines, cut = _complete_lines(text)
     found = FrameList()
     header: dict[str, str] = {}
+    lines = split_lines(text)
+    # a base or relative stamps may be stated anew where logs were joined: then every line is read in turn
+    stated = [line.lower().split() for line in re.findall(rb"^[ \t]*base\b.*$", text, re.IGNORECASE | re.MULTILINE)]
+    plain = all(line[1:2] == [b"hex"] and b"relative" not in line for line in stated)
+    left = take_alike(lines, _shape, found) if plain else range(lines.start.size)
     base, relative, ended, now_ns = 16, False, False, 0
-    for line in lines:
-        usual = _USUAL.fullmatch(line) if base == 16 else None
-        if usual is not None and len(usual[6]) >= 3 * int(usual[5]):
-            stamp_ns = _nanoseconds(usual[1], usual[2])
-            now_ns = now_ns + stamp_ns if relative else stamp_ns
-            _add(usual[4], usual[3], now_ns, bytes.fromhex(usual[6][: 3 * int(usual[5])]), base, found)
-            continue
-        words = line.split()
+    for at in left:
+        found.place = int(at)
+        words = lines.line(int(at)).decode(encoding, errors="replace").split()
         if not words:
             continue
         if not _NUMBER.fullmatch(words[0]):
@@ -142,7 +72,7 @@ def read_asc(text: str) -> CanLog:
                 header["date"] = " ".join(words[1:])
             elif first == "base" and len(words) > 1:
                 base = 10 if words[1].casefold() == "dec" else 16
-                relative = "relative" in line.casefold()
+                relative = "relative" in (word.casefold() for word in words)
             elif first == "begin" and len(words) > 2:
                 header.setdefault("begin_triggerblock", " ".join(words[2:]))
             ended = first == "end"
@@ -150,13 +80,43 @@ def read_asc(text: str) -> CanLog:
         stamp_ns = _nanoseconds(*words[0].split("."))
         now_ns = now_ns + stamp_ns if relative else stamp_ns
         _read_event(words, now_ns, base, found)
+    cut = _is_cut(lines)
     notes = found.notes() + [CUT] * cut
-    if not ended and "begin_triggerblock" in header and not text.rstrip().casefold().endswith("end triggerblock"):
+    if not ended and "begin_triggerblock" in header and not _ends(lines.cut):
         notes.append("the log has no `End TriggerBlock`: it may have been cut")
     if relative:
         notes.append("stamps are relative to the event before: they were summed up")
     metadata = {**found.counts(), **header, "base": base, "timestamps": "relative" if relative else "absolute"}
-    return CanLog(found.frames(), _asc_start(header), tuple(notes), CUT * cut, metadata)
+    return CanLog(found.frames()[0], _asc_start(header), tuple(notes), CUT * cut, metadata)
+
+
+def _ends(line: bytes) -> bool:
+    return line.strip().lower().startswith(b"end triggerblock")
+
+
+def _is_cut(lines: TextLines) -> bool:
+    """Tell whether something was left out behind the last line end."""
+    return bool(lines.cut.strip()) and not _ends(lines.cut)
+
+
+def _shape(line: bytes) -> LineShape | None:
+    """Learn where the digits of a data frame stand; None if the line is anything else."""
+    match = _USUAL.match(line)
+    if match is None or len(match[8]) < 3 * int(match[7]) or (match[6] and len(match[5]) > 8):
+        return None
+    count = int(match[7])
+    data = match.start(8)
+    end = data + 3 * count
+    return LineShape(
+        whole=match.span(2),
+        fraction=match.span(3),
+        negative=bool(match[1]),
+        identifier=match.span(5),
+        extended=bool(match[6]),
+        data=tuple(range(data + 1, end, 3)),
+        channel=int(match[4]),
+        end=min(end + 1, len(line)),
+    )
 
 
 def _nanoseconds(whole: str, fraction: str) -> int:
@@ -225,6 +185,8 @@ def _add(identifier: str, channel: str, time_ns: int, data: bytes, base: int, fo
 def _bytes(words: Sequence[str], length: int, base: int) -> bytes:
     if len(words) != length:
         raise ValueError("fewer data bytes than stated")
+    if not all(word.isascii() and word.isalnum() for word in words):
+        raise ValueError("no number")  # int() would take 0_1 and +1
     return bytes(int(word, base) for word in words)
 
 

@@ -1,0 +1,152 @@
+"""Frames per second of the readers and the decoder of CAN logs, beside python-can's and asammdf's own.
+
+Every figure is of processor time, and both sides of a comparison are measured in the same run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import can
+import numpy as np
+import pytest
+
+from daq.readers.can_asc import read_asc
+from daq.readers.can_blf import read_blf
+from daq.readers.can_candump import read_candump
+from daq.readers.can_decoding import SignalLayout, pieces_of
+from daq.readers.can_frames import CanLog
+from daq.readers.can_mdf import read_mdf
+from daq.readers.can_messages import load_database
+from daq.readers.can_recording import CanRecording
+from daq.readers.reader import Declarations
+from tests.builders.can_logs import mdf_bus_log
+
+FRAMES = 100_000
+DECODED = 1_000_000
+
+DBC = 'VERSION ""\n\nNS_ :\n\nBS_:\n\nBU_: RIG\n\n' + "".join(
+    f"BO_ {256 + m} M{m}: 8 RIG\n"
+    + "".join(f' SG_ s{k} : {16 * k}|16@1- (0.01,0) [0|0] "m/s^2" RIG\n' for k in range(4))
+    + "\n"
+    for m in range(2)
+)
+
+
+@pytest.fixture(autouse=True)
+def _only_when_asked_for(request: Any) -> None:
+    if not request.config.getoption("benchmark_enable"):
+        pytest.skip("a benchmark: ask for it with --benchmark-enable")
+
+
+def fastest_s(work: Callable[[], Any], rounds: int = 5) -> float:
+    """The machine's other work only ever slows it down."""
+    times_s = []
+    for _ in range(rounds):
+        begin_s = process_time()
+        work()
+        times_s.append(process_time() - begin_s)
+    return min(times_s)
+
+
+def written(folder: Path, suffix: str) -> Path:
+    path = folder / f"log.{suffix}"
+    data = np.random.default_rng(4).bytes(8 * FRAMES)
+    with can.Logger(path) as writer:
+        for i in range(FRAMES):
+            writer.on_message_received(
+                can.Message(
+                    timestamp=1.7e9 + 1e-4 * i,
+                    arbitration_id=0x100 + i % 5,
+                    is_extended_id=i % 5 == 0,
+                    data=data[8 * i : 8 * i + 8],
+                    channel=i % 2,
+                )
+            )
+    return path
+
+
+READ: dict[str, tuple[Callable[[Path], CanLog], float]] = {
+    "asc": (lambda path: read_asc(path.read_bytes()), 3.0),
+    "log": (lambda path: read_candump(path.read_bytes()), 3.0),
+    "blf": (lambda path: read_blf(path, path.read_bytes()), 1.3),
+}
+
+
+@pytest.mark.parametrize("suffix", READ)
+def test_logs_are_read_faster_than_by_python_can(suffix: str, tmp_path: Path, capsys: Any) -> None:
+    path = written(tmp_path, suffix)
+    read, target = READ[suffix]
+
+    def pythons() -> int:
+        with can.LogReader(path) as log:
+            return sum(1 for _ in log)
+
+    assert pythons() == read(path).frames.key.size == FRAMES
+    theirs_s, ours_s = fastest_s(pythons, 2), fastest_s(lambda: read(path))
+    with capsys.disabled():
+        print(
+            f"\n{suffix}: {FRAMES / ours_s / 1e3:.0f} thousand frames/s, python-can {FRAMES / theirs_s / 1e3:.0f}, "
+            f"{theirs_s / ours_s:.1f} times"
+        )
+    assert theirs_s >= target * ours_s
+
+
+@pytest.mark.parametrize(("order", "target_m"), [("little", 10.0), ("big", 5.0)])
+def test_four_signals_of_each_frame_are_decoded(order: str, target_m: float, capsys: Any) -> None:
+    data = np.random.default_rng(4).integers(0, 256, (DECODED, 8), dtype=np.uint8)
+    little = order == "little"
+    layouts = [
+        SignalLayout(
+            f"s{k}",
+            "",
+            pieces_of(16 * k + (0 if little else 7), 16, little_endian=little),
+            16,
+            "signed",
+            0.01,
+            1.0,
+            "",
+            (),
+        )
+        for k in range(4)
+    ]
+    took_s = fastest_s(lambda: [layout.decode(data) for layout in layouts])
+    with capsys.disabled():
+        print(f"\n{order} endian, 4 signals: {DECODED / took_s / 1e6:.1f} million frames/s")
+    assert target_m * 1e6 * took_s <= DECODED
+
+
+def test_decoding_is_faster_than_asammdfs_extraction(tmp_path: Path, capsys: Any) -> None:
+    from asammdf import MDF
+
+    data = np.random.default_rng(4).bytes(8 * FRAMES)
+    path = tmp_path / "bus.mf4"
+    path.write_bytes(mdf_bus_log([(i * 100_000, 0x100 + i % 2, data[8 * i : 8 * i + 8]) for i in range(FRAMES)]))
+    dbc = tmp_path / "bus.dbc"
+    dbc.write_text(DBC)
+    database = load_database(DBC, path)
+    log = read_mdf(path)
+
+    def ours(log: CanLog) -> list[np.ndarray[Any, Any]]:
+        recording = CanRecording(path, "", log, database, Declarations("can", database=DBC))
+        return [recording.read(header.name) for header in recording.signals]
+
+    with MDF(path) as file:
+
+        def theirs() -> Any:
+            return file.extract_bus_logging({"CAN": [(str(dbc), 0)]})
+
+        extracted = theirs()  # warm
+        np.testing.assert_allclose(extracted.get("s1", group=0).samples, ours(log)[1], rtol=1e-12)
+        theirs_s, ours_s = fastest_s(theirs, 3), fastest_s(lambda: ours(log))
+    whole_s = fastest_s(lambda: ours(read_mdf(path)), 3)
+    with capsys.disabled():
+        print(
+            f"\nMDF bus logging, 8 signals of 2 messages: {FRAMES / ours_s / 1e6:.1f} million frames/s decoded, "
+            f"{FRAMES / whole_s / 1e6:.2f} with opening; asammdf extracts {FRAMES / theirs_s / 1e6:.2f}: "
+            f"{theirs_s / ours_s:.1f} times"
+        )
+    assert theirs_s >= 5 * ours_s

@@ -1,0 +1,49 @@
+"""Files of the readers of CAN logs, for the rules that every reader keeps."""
+
+from __future__ import annotations
+
+import gzip
+
+from daq.readers.reader import Declarations
+from daq.readers.table import READERS
+from tests.builders import can_logs
+from tests.builders import vendor_files as build
+from tests.contracts.reader_rules import Case
+
+BY_NAME = {reader.name: reader for reader in READERS}
+CAN = Declarations("can", database=build.DBC)
+MAGNITUDES = {"ACC.ax": (-10, 10), "ACC.p": (0, 20), "GYR.gx": (-1, 10), "EXT.low": (0, 100), "EXT.high": (0, 100)}
+ENTRIES = build.can_entries()
+
+
+def at_line_end(cut: bytes) -> bool:
+    return cut.endswith((b"\n", b"\r"))
+
+
+TRACES = tuple(
+    Case(
+        f"trc-{version}",
+        BY_NAME["PEAK TRC trace"],
+        can_logs.trc_log(ENTRIES, version=version),
+        CAN,
+        MAGNITUDES,
+        at_line_end,
+    )
+    for version in ("1.0", "1.1", "1.3", "2.0", "2.1")
+)
+PACKED = tuple(
+    Case(f"{name}-gz", BY_NAME[reader], gzip.compress(content, mtime=0), CAN, MAGNITUDES)
+    for name, reader, content in (
+        ("asc", "Vector ASC log", build.asc_log(ENTRIES)),
+        ("candump", "candump log", build.candump_log(ENTRIES)),
+        ("trc", "PEAK TRC trace", can_logs.trc_log(ENTRIES)),
+        ("can-csv", "python-can CSV log", can_logs.can_csv(ENTRIES)),
+    )
+)
+CASES = (
+    *TRACES,
+    Case("can-csv", BY_NAME["python-can CSV log"], can_logs.can_csv(ENTRIES), CAN, MAGNITUDES, at_line_end),
+    Case("can-sqlite", BY_NAME["python-can SQLite log"], can_logs.can_sqlite(ENTRIES), CAN, MAGNITUDES),
+    Case("mdf-bus-logging", BY_NAME["MDF4 bus logging"], can_logs.mdf_bus_log(ENTRIES), CAN, MAGNITUDES),
+    *PACKED,
+)
