@@ -38,6 +38,16 @@ class TextFile:
         rows = self.data[start:].split(b"\n", count) if start else self.data.split(b"\n", count)
         return [row.decode(self.encoding, errors="replace") for row in rows[:count]]
 
+    def start_of(self, line: int) -> int:
+        """Return the byte at which a line begins, counted from 0; the end of the file behind its last one."""
+        start = 0
+        for _ in range(line):
+            end = self.data.find(b"\n", start)
+            if end < 0:
+                return len(self.data)
+            start = end + 1
+        return start
+
 
 def read_text(path: Path) -> TextFile:
     """Read a text file: byte order mark, else UTF-8, else Windows-1252.
