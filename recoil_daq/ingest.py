@@ -12,6 +12,7 @@ from pathlib import Path
 from daq.acquisition import Acquisition, is_acquisition, read_acquisition
 from daq.channel import Step
 from daq.errors import CorruptFileError, ReadError, StoreError, UnknownFormatError
+from daq.readers.declared_tracks import DeclaredTrackReader
 from daq.readers.reader import Reader, Recording
 from daq.readers.table import READERS, recognise
 from daq.shot import InputFile, Shot
@@ -176,6 +177,8 @@ def _input_file(path: Path, source: str, reader: str) -> InputFile:
 
 def reader_of(path: Path, rig: Rig) -> Reader:
     """Return the reader that claims a file; raw serial bytes are known by their source's pattern alone."""
+    if any(s.kind == "camera" and s.layout is not None for s in rig.matching(path.name)):
+        return DeclaredTrackReader()
     try:
         return recognise(path)
     except UnknownFormatError as error:

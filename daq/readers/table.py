@@ -11,14 +11,26 @@ from pathlib import Path
 from daq.errors import ReadError, UnknownFormatError
 from daq.readers.can_capture import CanCaptureReader
 from daq.readers.can_log import AscReader, BlfReader, CandumpReader
+from daq.readers.deeplabcut import DeepLabCutReader
 from daq.readers.dewesoft_text import DewesoftTextReader
+from daq.readers.dltdv import DltdvReader
 from daq.readers.proanalyst_text import ProAnalystTextReader
+from daq.readers.proanalyst_workbook import ProAnalystWorkbookReader
 from daq.readers.reader import HEAD_BYTES, Declarations, Reader, Recording, SignalHeader
 from daq.readers.serial_capture import SerialCaptureReader
+from daq.readers.sleap_analysis import SleapAnalysisReader
+from daq.readers.sleap_text import SleapTextReader
+from daq.readers.tracker_text import TrackerTextReader
 
 READERS: tuple[Reader, ...] = (
     DewesoftTextReader(),
     ProAnalystTextReader(),
+    ProAnalystWorkbookReader(),
+    DeepLabCutReader(),
+    DltdvReader(),
+    TrackerTextReader(),
+    SleapTextReader(),
+    SleapAnalysisReader(),
     AscReader(),
     BlfReader(),
     CandumpReader(),
