@@ -64,10 +64,16 @@ def find_track_faults(features: Mapping[str, Positions], frames: NDArray[np.int6
     if not features or frames.size < 2:
         return TrackFaults((), ())
     same = {name: _repeats(positions) for name, positions in features.items()}
-    pictures = np.logical_and.reduce(list(same.values()))
+    unseen = [np.isnan(positions).any(axis=1) for positions in features.values()]
+    # a feature that is lost tells nothing; where all are lost there is nothing to repeat
+    pictures = np.logical_and.reduce([s | u for s, u in zip(same.values(), unseen, strict=True)])
+    pictures &= np.logical_or.reduce(list(same.values()))
     notes = []
     if pictures.any():
         text = f"repeated pictures (all features exactly as before): {shown_frames(frames[pictures])}"
+        ends = np.logical_and.reduce([_in_ends(p, *held_ends(p)) for p in features.values()])
+        if (pictures & ends).any():
+            text += f"; outside the held ends: {shown_frames(frames[pictures & ~ends])}"
         notes.append(text if len(features) > 1 else f"{text}; with one feature it may as well be stuck")
     for name, positions in features.items():
         before, after = held_ends(positions)
@@ -92,7 +98,7 @@ def find_track_faults(features: Mapping[str, Positions], frames: NDArray[np.int6
 def shown_frames(numbers: Sequence[int] | NDArray[np.int64]) -> str:
     """Return how many frames there are, and the numbers of the first ones."""
     shown = ", ".join(str(int(n)) for n in numbers[:SHOWN])
-    return f"{len(numbers)}, frames {shown}{' ...' if len(numbers) > SHOWN else ''}"
+    return f"{len(numbers)}, frames {shown}{' ...' if len(numbers) > SHOWN else ''}" if len(numbers) else "none"
 
 
 def held_ends(positions: Positions) -> tuple[int, int]:
