@@ -10,6 +10,7 @@ format", and SLEAP, ``sleap.info.write_tracking_h5``.
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,8 @@ BOUND = 10
 
 MOST_NAMES = 4096
 """Tracks or nodes."""
+
+MOST_NAME_BYTES = 1 << 20
 
 
 class SleapAnalysisReader:
@@ -122,9 +125,19 @@ def _dataset(file: Any, name: str, path: Path) -> Any:
 
 def _names(file: Any, name: str, path: Path) -> list[str]:
     dataset = _dataset(file, name, path)
-    if dataset.size is None or dataset.size > MOST_NAMES or dataset.dtype.kind not in "OS":
+    if (
+        dataset.size is None
+        or dataset.size > MOST_NAMES
+        or dataset.dtype.kind not in "OS"
+        or _chunk_bytes(dataset) > MOST_NAME_BYTES
+        or dataset.dtype.itemsize * dataset.size > MOST_NAME_BYTES
+    ):
         raise CorruptFileError(f"dataset {name!r} holds no names", path=path, expected=f"at most {MOST_NAMES} texts")
     return [n.decode("utf-8", errors="replace") if isinstance(n, bytes) else str(n) for n in dataset[()].ravel()]
+
+
+def _chunk_bytes(dataset: Any) -> int:
+    return math.prod(dataset.chunks or ()) * int(dataset.dtype.itemsize)
 
 
 def _axes(
@@ -146,13 +159,15 @@ def _axes(
             remedy="export it again",
         )
     bound = max(BOUND * size, LEAST_BOUND)
-    if 8 * dataset.size > bound:
+    # a chunk is unpacked as a whole, however little of it is in use
+    inflated = max(8 * dataset.size, _chunk_bytes(dataset))
+    if inflated > bound:
         raise ReadError(
             "the dataset is too large for the file that holds it",
             path=path,
             place=name,
             expected=f"at most {bound} bytes",
-            found=f"{8 * dataset.size}",
+            found=f"{inflated}",
             remedy="export it without compression",
         )
     values = np.asarray(dataset[()], dtype=np.float64)

@@ -132,15 +132,16 @@ def find_jumps(frames: NDArray[np.int64], positions: Positions) -> Flags:
         The frame behind the jump; the way back of a single false position counts as none.
     """
     jumps = np.zeros(frames.size, dtype=bool)
+    # behind an exact repeat the mark catches up, which is no jump: what is repeated was not seen
+    moved = ~_repeats(positions)
     for axis in positions.T:
-        seen = np.flatnonzero(np.isfinite(axis))
+        seen = np.flatnonzero(np.isfinite(axis) & moved)
         if seen.size < 4 * SUSTAINED:
             continue
         x, between = axis[seen], np.diff(frames[seen]).astype(np.float64)
         speed = np.diff(x) / between
         third = np.abs(np.diff(x, n=3))
-        # an end that is held has no noise, and would make everything else a jump
-        sigma = _MAD_TO_SIGMA * float(np.median(third[third > 0])) / 20**0.5 if (third > 0).any() else 0.0
+        sigma = _MAD_TO_SIGMA * float(np.median(third)) / 20**0.5
         windows = np.lib.stride_tricks.sliding_window_view(speed, SUSTAINED)
         own = float(np.abs(np.median(windows, axis=1)).max())
         bend = np.zeros(speed.size)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import zipfile
 from collections.abc import Mapping, Sequence
 from xml.sax.saxutils import escape
@@ -24,8 +25,10 @@ def deeplabcut(
         rows.append(["individuals", *["a"] * 3, *["b"] * 3])
     rows.append(["bodyparts", *["tip"] * 3, *(["tip"] * 3 if individuals else ["base"] * 3)])
     rows.append(["coords", *["x", "y", "likelihood"] * 2])
-    for i in range(count):
-        rows.append([str(i), f"{X[i]}", f"{Y[i]}", f"{low.get(i, 0.99)}", f"{X[i] + 9}", f"{Y[i] + 9}", "0.98"])
+    rows += [
+        [str(i), f"{X[i]}", f"{Y[i]}", f"{low.get(i, 0.99)}", f"{X[i] + 9}", f"{Y[i] + 9}", "0.98"]
+        for i in range(count)
+    ]
     return "".join(",".join(row) + "\n" for row in rows).encode()
 
 
@@ -74,8 +77,6 @@ def sleap_analysis(
         order = [usual.index(d) for d in dims or usual]
         dataset = file.create_dataset("tracks", data=positions.transpose(order), compression="gzip")
         if dims is not None:
-            import json
-
             dataset.attrs["dims"] = json.dumps(list(dims))
         file["track_names"] = np.array([t.encode() for t in tracks], dtype="S")
         file["node_names"] = np.array([b"tip", b"base"])
