@@ -73,9 +73,10 @@ def read_sheets(path: Path) -> tuple[Sheet, ...]:
         ) from error
     try:
         most_cells = _check_archive(path)
-        with warnings.catch_warnings():
+        # by its content: the library refuses a path whose ending is not a workbook's
+        with path.open("rb") as stream, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # about styles and extensions, which carry no value
-            book = openpyxl.load_workbook(path, read_only=True, data_only=True, keep_links=False)
+            book = openpyxl.load_workbook(stream, read_only=True, data_only=True, keep_links=False)
             try:
                 sheets = []
                 for sheet in book.worksheets:

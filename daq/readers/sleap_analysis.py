@@ -47,8 +47,14 @@ class SleapAnalysisReader:
     suffixes = (".h5",)
 
     def claims(self, head: bytes) -> bool:
-        """Tell whether an HDF5 file names nodes and tracks."""
-        return head.startswith(HDF5_MAGIC) and b"node_names" in head and b"track_names" in head
+        """Tell whether an HDF5 file names nodes and tracks.
+
+        A large file keeps the names of its datasets behind them, where the first bytes do not tell: it is claimed,
+        and refused by `open` if it is none of SLEAP's, because no other recording is of this kind.
+        """
+        if not head.startswith(HDF5_MAGIC) or b"df_with_missing" in head:
+            return False
+        return (b"node_names" in head and b"track_names" in head) or _names_lie_behind(head)
 
     def open(self, path: Path, declared: Declarations) -> TrackRecording:
         """Open an analysis file.
@@ -79,7 +85,25 @@ class SleapAnalysisReader:
             ) from error
 
 
+def _names_lie_behind(head: bytes) -> bool:
+    """Tell whether the root group's names (its local heap, HDF5 format III.D) lie behind the first bytes."""
+    heap = head.find(b"HEAP")
+    # the address of the names stands 24 bytes behind the heap's signature; byte 13 is the size of addresses
+    if heap < 0 or head[13] != 8 or len(head) < heap + 32:
+        return False
+    return int.from_bytes(head[heap + 24 : heap + 32], "little") >= len(head)
+
+
 def _table(file: Any, path: Path, size: int, declared: Declarations, reader: str) -> TrackTable:
+    missing = [name for name in ("tracks", "track_names", "node_names") if name not in file]
+    if missing:
+        raise ReadError(
+            "this HDF5 file is no analysis of SLEAP",
+            path=path,
+            expected="datasets tracks, track_names, node_names",
+            found=", ".join(sorted(file))[:120] or "an empty file",
+            remedy="leave it out, or export the tracks as text",
+        )
     tracks, nodes = _names(file, "track_names", path), _names(file, "node_names", path)
     positions = _axes(file, "tracks", DIMS, ("frame", "track", "node", "xy"), path, size)
     count = positions.shape[0]
