@@ -22,8 +22,8 @@ _WIDE = re.compile(r" {2,}")
 
 
 def spread(line: str) -> str:
-    """Return a line of Tracker's with a tab where several spaces part its cells."""
-    return _WIDE.sub("\t", line.strip(" "))
+    """Return a line of Tracker's with a tab where several spaces part its cells; one with separators as it is."""
+    return line if "\t" in line or ";" in line else _WIDE.sub("\t", line.strip(" "))
 
 
 def tracker_header(lines: Sequence[str]) -> tuple[int, str] | None:

@@ -86,3 +86,9 @@ def test_the_three_quoted_variants_are_read_and_the_page_itself_is_not(tmp_path:
     recording = opened(tmp_path, several.rstrip() + b"\n0.064\t30.1\t23.2\t-26.1\t22.1\n")
     assert [s.name for s in recording.signals] == ["cm A vx", "cm A vy", "cm B vx", "cm B vy"]
     assert recording.read("cm B vx").tolist() == [-26.66, -26.1]
+
+
+def test_blanks_between_tabs_are_an_empty_cell(tmp_path: Path) -> None:
+    lines = build.tracker().decode().split("\n")
+    lines[5] = lines[5].split("\t")[0] + "\t  \t   \t"
+    assert np.flatnonzero(opened(tmp_path, "\n".join(lines).encode()).tracks()[0].lost).tolist() == [3]
