@@ -13,7 +13,7 @@ from daq.errors import CorruptFileError
 from daq.readers.reader import Declarations
 from daq.readers.sheet_text import Sheet, is_workbook, read_sheets
 from daq.readers.text_file import TextFile
-from daq.readers.text_table import is_lost, is_number
+from daq.readers.text_table import is_number
 from daq.readers.track_block import BLOCK_ROWS, HEADER_LINES, find_numbers, read_track_table
 from daq.readers.track_recording import TrackRecording, refuse_layout
 
@@ -40,8 +40,8 @@ class ProAnalystWorkbookReader:
             If it is damaged, or no sheet holds a block of numbers.
         """
         refuse_layout(declared, path)
-        sheets = read_sheets(path)
-        sheet = next((s for s in sheets if _has_numbers(s)), None)
+        sheets = tuple(Sheet(s.name, _padded(s.text)) for s in read_sheets(path))
+        sheet = next((s for s in sheets if _has_numbers(s.text)), None)
         if sheet is None:
             raise CorruptFileError(
                 "no sheet holds a block of numbers",
@@ -50,7 +50,7 @@ class ProAnalystWorkbookReader:
                 found=", ".join(repr(s.name) for s in sheets[:8]),
                 remedy="export the tracks again",
             )
-        file = TextFile(path, _padded(sheet.text).encode(), "utf-8")
+        file = TextFile(path, sheet.text.encode(), "utf-8")
         table = read_track_table(file, self.name, declared.frame_rate_hz)
         others = [s.name for s in sheets if s is not sheet]
         notes = (f"sheet {sheet.name!r} was read, the others were not: {', '.join(others)}",) if others else ()
@@ -58,18 +58,16 @@ class ProAnalystWorkbookReader:
         return TrackRecording(replace(table, metadata=metadata, notes=(*notes, *table.notes)), declared)
 
 
-def _has_numbers(sheet: Sheet) -> bool:
-    lines = _padded(sheet.text).split("\n")[: HEADER_LINES + BLOCK_ROWS]
-    found = find_numbers(lines)
+def _has_numbers(text: str) -> bool:
+    found = find_numbers(text.split("\n", HEADER_LINES + BLOCK_ROWS)[: HEADER_LINES + BLOCK_ROWS])
     return found is not None and found[1] == "\t"
 
 
 def _padded(text: str) -> str:
-    """Give the rows of numbers the same number of cells: empty ones at a row's end are not stored."""
-    rows = [line.split("\t") for line in text.split("\n")[:-1]]
-    numeric = [any(map(is_number, row)) and all(is_number(c) or is_lost(c) for c in row) for row in rows]
-    width = max((len(row) for row, is_numeric in zip(rows, numeric, strict=True) if is_numeric), default=0)
-    padded = [
-        [*row, *[""] * (width - len(row))] if is_numeric else row for row, is_numeric in zip(rows, numeric, strict=True)
-    ]
-    return "".join("\t".join(row) + "\n" for row in padded)
+    """Give the rows that begin with a number the same number of cells: empty ones at a row's end are not stored."""
+    lines = text.split("\n")[:-1]
+    marks = [line.count("\t") if is_number(line.lstrip("\t").partition("\t")[0]) else -1 for line in lines]
+    most = max(marks, default=0)
+    return "".join(
+        f"{line}{chr(9) * (most - n)}\n" if n >= 0 else f"{line}\n" for line, n in zip(lines, marks, strict=True)
+    )
