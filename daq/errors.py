@@ -111,8 +111,9 @@ class UnknownFormatError(ReadError):
             super().__init__(
                 "no reader recognises this file's content",
                 path=path,
-                expected=f"one of {', '.join(known)}",
-                remedy="export it in one of these formats, or leave it out",
+                expected=f"one of the {len(known)} formats that `recoil-daq formats` lists",
+                remedy="export it in one of these, declare the `layout` of its source if it is a table of text, "
+                "or leave it out",
             )
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from daq.readers.reader import Declarations, Reader, Recording
 from daq.readers.table import EXTRAS, READERS
 from daq.timebase import TimeBase
-from recoil_daq.ingest import reader_of
+from recoil_daq.ingest import BY_LAYOUT, reader_of
 from rigs.rig import Rig
 
 EMPTY_DATABASE = 'VERSION ""\n'
@@ -20,7 +20,7 @@ EMPTY_DATABASE = 'VERSION ""\n'
 def formats_document() -> dict[str, Any]:
     """Return every format that is read: its kind, endings, and what it needs beside the package, in JSON types."""
     rows = []
-    for reader in READERS:
+    for reader in (*READERS, *BY_LAYOUT.values()):
         extra = EXTRAS.get(reader.name)
         rows.append(
             {
@@ -29,14 +29,10 @@ def formats_document() -> dict[str, Any]:
                 "suffixes": list(reader.suffixes),
                 "extra": None if extra is None else extra.name,
                 "installed": extra is None or find_spec(extra.module) is not None,
-                "recognised": "by the rig" if reader.name in DECLARED else "by its content",
+                "recognised": "by the rig" if reader in BY_LAYOUT.values() else "by its content",
             }
         )
     return {"schema": "recoil-daq/formats/1", "formats": rows}
-
-
-DECLARED = ("declared text table", "declared track table")
-"""Readers that a rig's `layout` chooses: their files do not tell what they are."""
 
 
 def summarise_file(path: Path, rig: Rig | None = None) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from daq.acquisition import Acquisition, is_acquisition, read_acquisition
 from daq.channel import Step
 from daq.errors import CorruptFileError, ReadError, StoreError, UnknownFormatError
 from daq.readers.declared_text import DeclaredTextReader
+from daq.readers.declared_tracks import DeclaredTrackReader
 from daq.readers.reader import Reader, Recording
 from daq.readers.table import READERS, recognise
 from daq.shot import InputFile, Shot
@@ -40,7 +41,7 @@ class Ingested:
     path: Path
 
 
-BY_LAYOUT: Mapping[str, Reader] = {"dewetron": DeclaredTextReader()}
+BY_LAYOUT: Mapping[str, Reader] = {"dewetron": DeclaredTextReader(), "camera": DeclaredTrackReader()}
 """Kind of source -> what reads its tables where the rig declares their layout."""
 
 

@@ -23,7 +23,7 @@ from daq.errors import CorruptFileError, ReadError
 from daq.readers.can_frames import EXTENDED, ID_MASK, LATEST_NS, CanLog, FrameBlock, FrameList
 from daq.readers.can_recording import CanRecording, declared_database
 from daq.readers.mdf_blocks import check_blocks
-from daq.readers.mdf_kind import is_bus_logging
+from daq.readers.mdf_kind import is_bus_file, is_bus_logging, is_undecided
 from daq.readers.reader import Declarations
 from daq.timebase import AbsoluteStart
 
@@ -44,8 +44,12 @@ class MdfBusReader:
     suffixes = (".mf4",)
 
     def claims(self, head: bytes) -> bool:
-        """Tell whether an MDF 4 file holds frames of a CAN bus."""
-        return is_bus_logging(head)
+        """Tell whether an MDF 4 file holds frames of a CAN bus, or does not tell it in its first bytes."""
+        return is_bus_logging(head) or is_undecided(head)
+
+    def confirms(self, path: Path) -> bool:
+        """Tell from all of a file whether it holds frames of a bus alone."""
+        return is_bus_file(path)
 
     def open(self, path: Path, declared: Declarations) -> CanRecording:
         """Open a log; raises `ReadError` if it is damaged, or the extra or the database is missing or wrong."""

@@ -26,6 +26,7 @@ from daq.channel import RawCounts
 from daq.errors import ReadError
 from daq.readers import hdf5_attributes as attribute
 from daq.readers.hdf5_attributes import find, find_number, find_start, is_time_name, plain_attributes
+from daq.readers.hdf5_kind import is_sleap_file, shows_tracks
 from daq.readers.hdf5_vector import Hdf5Vector, hdf5_file, vector_of
 from daq.readers.reader import Declarations, SignalHeader
 from daq.readers.stored_channels import StoredChannel, StoredRecording
@@ -56,8 +57,12 @@ class Hdf5Reader:
     suffixes = (".h5", ".hdf5")
 
     def claims(self, head: bytes) -> bool:
-        """Tell whether the file has HDF5's signature and is not MATLAB's."""
-        return is_hdf5(head)
+        """Tell whether the file has HDF5's signature, is not MATLAB's, and does not name a camera's tracks."""
+        return is_hdf5(head) and not shows_tracks(head)
+
+    def confirms(self, path: Path) -> bool:
+        """Tell by all of its names whether a file holds something else than a camera's tracks."""
+        return not is_sleap_file(path)
 
     def open(self, path: Path, declared: Declarations) -> StoredRecording:
         """Open a file; time vectors are read, samples are not.

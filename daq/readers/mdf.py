@@ -21,7 +21,16 @@ from daq.channel import RawCounts
 from daq.errors import CorruptFileError, ReadError
 from daq.readers.bounded_file import BoundedFile
 from daq.readers.mdf_channel import INTEGERS, TIME, linear, unit_of, why_no_channel
-from daq.readers.mdf_kind import BUS_EVENT, BUS_NAMES, UNFINALISED, MdfChainError, is_bus_logging, is_mdf4, iter_groups
+from daq.readers.mdf_kind import (
+    BUS_EVENT,
+    BUS_NAMES,
+    UNFINALISED,
+    MdfChainError,
+    is_bus_file,
+    is_bus_logging,
+    is_mdf4,
+    iter_groups,
+)
 from daq.readers.reader import Declarations, SignalHeader
 from daq.readers.stored_channels import StoredChannel, StoredRecording, damage_is_reported
 from daq.readers.stored_time import StoredTime, resolution_of, time_from_stamps
@@ -43,6 +52,10 @@ class MdfReader:
     def claims(self, head: bytes) -> bool:
         """Tell whether the file begins as MDF 4 and its head does not show a bus log alone."""
         return is_mdf4(head) and not is_bus_logging(head)
+
+    def confirms(self, path: Path) -> bool:
+        """Tell from all of a file whether it is no bus log."""
+        return not is_bus_file(path)
 
     def open(self, path: Path, declared: Declarations) -> StoredRecording:
         """Open a file; masters are read, samples are not.

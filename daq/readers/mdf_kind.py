@@ -11,9 +11,11 @@ number of links; HD -> DG -> CG -> CN; names are TX blocks.
 
 from __future__ import annotations
 
+import mmap
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 BUS_NAMES = (
@@ -60,6 +62,24 @@ def is_bus_logging(head: bytes) -> bool:
         The first `daq.readers.reader.HEAD_BYTES` bytes, or all of the file.
     """
     groups = list(iter_groups(head, strict=False)) if is_mdf4(head) else []
+    return any(g.is_bus for g in groups) and not any(g.channel_count and not g.is_bus for g in groups)
+
+
+def is_undecided(head: bytes) -> bool:
+    """Tell whether a file begins as MDF 4 and describes its first channels behind the bytes given."""
+    if not is_mdf4(head):
+        return False
+    groups = iter_groups(head, strict=False)
+    return next(groups, None) is None
+
+
+def is_bus_file(path: Path) -> bool:
+    """Tell from all of a file what `is_bus_logging` tells from its head."""
+    try:
+        with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            groups = list(iter_groups(data, strict=False))
+    except (OSError, ValueError):
+        return False
     return any(g.is_bus for g in groups) and not any(g.channel_count and not g.is_bus for g in groups)
 
 

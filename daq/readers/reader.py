@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -149,6 +149,15 @@ class Recording(Protocol):
 
     def tracks(self) -> tuple[Track, ...]:
         """Return the markers' paths of a camera's file; empty for every other kind."""
+        ...
+
+
+@runtime_checkable
+class Confirming(Protocol):
+    """A reader whose files the first bytes may not tell from another's."""
+
+    def confirms(self, path: Path) -> bool:
+        """Tell from all of a file whether it is of this format; asked only where several readers claim it."""
         ...
 
 

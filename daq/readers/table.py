@@ -16,25 +16,49 @@ from daq.readers.can_capture import CanCaptureReader
 from daq.readers.can_log import AscReader, BlfReader, CanCsvReader, CandumpReader, CanSqliteReader, TrcReader
 from daq.readers.can_mdf import MdfBusReader
 from daq.readers.dasylab_text import DasylabTextReader
+from daq.readers.deeplabcut import DeepLabCutReader
 from daq.readers.dewesoft_native import DewesoftReader
 from daq.readers.dewesoft_text import DewesoftTextReader
+from daq.readers.dltdv import DltdvReader
 from daq.readers.hdf5 import Hdf5Reader
 from daq.readers.mat import MatReader
 from daq.readers.mdf import MdfReader
 from daq.readers.oxygen_dmd import OxygenReader
 from daq.readers.oxygen_text import OxygenTextReader
 from daq.readers.proanalyst_text import ProAnalystTextReader
-from daq.readers.reader import HEAD_BYTES, Declarations, Reader, Recording, SignalHeader
+from daq.readers.proanalyst_workbook import ProAnalystWorkbookReader
+from daq.readers.reader import HEAD_BYTES, Confirming, Declarations, Reader, Recording, SignalHeader
 from daq.readers.recoil_csv import RecoilCsvReader
 from daq.readers.recoil_parquet import RecoilParquetReader
 from daq.readers.serial_capture import SerialCaptureReader
+from daq.readers.sleap_analysis import SleapAnalysisReader
+from daq.readers.sleap_text import SleapTextReader
 from daq.readers.tdms import TdmsReader
+from daq.readers.tracker_text import TrackerTextReader
 from daq.readers.uff import UffReader
 from daq.readers.wav import WavReader
 
 READERS: tuple[Reader, ...] = (
     DewesoftTextReader(),
+    DewesoftReader(),
+    OxygenTextReader(),
+    OxygenReader(),
+    DasylabTextReader(),
+    MdfReader(),
+    TdmsReader(),
+    UffReader(),
+    MatReader(),
+    Hdf5Reader(),
+    WavReader(),
+    RecoilCsvReader(),
+    RecoilParquetReader(),
     ProAnalystTextReader(),
+    ProAnalystWorkbookReader(),
+    DeepLabCutReader(),
+    DltdvReader(),
+    TrackerTextReader(),
+    SleapTextReader(),
+    SleapAnalysisReader(),
     AscReader(),
     BlfReader(),
     CandumpReader(),
@@ -44,18 +68,6 @@ READERS: tuple[Reader, ...] = (
     MdfBusReader(),
     CanCaptureReader(),
     SerialCaptureReader(),
-    OxygenReader(),
-    DewesoftReader(),
-    RecoilCsvReader(),
-    RecoilParquetReader(),
-    OxygenTextReader(),
-    DasylabTextReader(),
-    WavReader(),
-    Hdf5Reader(),
-    MatReader(),
-    TdmsReader(),
-    UffReader(),
-    MdfReader(),
 )
 """Every reader, in the order in which they are listed to users."""
 
@@ -75,7 +87,14 @@ class Extra(NamedTuple):
     module: str
 
 
-EXTRAS: Mapping[str, Extra] = {}
+EXTRAS: Mapping[str, Extra] = {
+    "Dewesoft recording": Extra("dewesoft", "dwdatareader"),
+    "MDF 4": Extra("mdf", "asammdf"),
+    "MDF4 bus logging": Extra("mdf", "asammdf"),
+    "ProAnalyst workbook": Extra("xlsx", "openpyxl"),
+    "TDMS": Extra("tdms", "nptdms"),
+    "recoil-daq Parquet": Extra("parquet", "pyarrow"),
+}
 """Name of a reader -> the extra that it needs; the others need none."""
 
 
@@ -113,6 +132,8 @@ def recognise(path: Path) -> Reader:
     """
     head = read_head(path)
     claiming = [reader for reader in READERS if reader.claims(head)]
+    if len(claiming) > 1:
+        claiming = [reader for reader in claiming if not isinstance(reader, Confirming) or reader.confirms(path)]
     if len(claiming) != 1:
         raise UnknownFormatError(path, [r.name for r in claiming], [r.name for r in READERS])
     return claiming[0]

@@ -83,6 +83,16 @@ class TextFile:
         rows = self.data[start:].split(b"\n", count) if start else self.data.split(b"\n", count)
         return [row.decode(self.encoding, errors="replace") for row in rows[:count]]
 
+    def start_of(self, line: int) -> int:
+        """Return the byte at which a line begins, counted from 0; the end of the file behind its last one."""
+        start = 0
+        for _ in range(line):
+            end = self.data.find(b"\n", start)
+            if end < 0:
+                return len(self.data)
+            start = end + 1
+        return start
+
 
 class LongText:
     """A text file that is read in parts; UTF-16 is transcoded to UTF-8 in a temporary file.

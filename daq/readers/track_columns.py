@@ -18,6 +18,8 @@ from daq.readers.text_table import split_unit
 
 AXES = ("x", "y", "z")
 _DERIVED = re.compile(r"vel|speed|acc|ang|theta|rot|dist|likelihood|score")
+_RATE = re.compile(r"vel|speed|acc|rate")
+_ANGLE_WORDS = ("ang", "angle", "theta", "rotation", "orientation")
 _TIME_WORDS = {"t", "time", "sec", "secs", "seconds"}
 _UNIT_CELL = re.compile(
     r"[(\[]?(px|pix|pixels?|mm|cm|m|in|inch|ft|s|sec|ms|deg|rad|mm/s|m/s|mm/s2|m/s2|m/s\^2)[)\]]?", re.IGNORECASE
@@ -31,13 +33,13 @@ class Column:
     Attributes
     ----------
     kind : str
-        ``frame``, ``time``, ``position`` or ``derived``.
+        ``frame``, ``time``, ``position``, ``angle``, ``score`` (how sure the tracking is) or ``derived``.
     name : str
         Its heading without the unit.
     unit : str
         As the file spells it; empty if it states none.
     feature : str
-        The feature whose coordinate it is; empty unless it is a position.
+        The feature whose coordinate, angle or score it is; may be empty.
     axis : str
         ``X``, ``Y`` or ``Z`` of a position.
     """
@@ -61,6 +63,9 @@ def classify(heading: str, unit: str = "") -> Column:
     if words and words[-1] in AXES and not any(_DERIVED.match(w) for w in words):
         feature = name[: name.casefold().rindex(words[-1])].rstrip(" -_.:,/")
         return Column("position", name, unit, feature, words[-1].upper())
+    if words and words[-1] in _ANGLE_WORDS and not any(_RATE.match(w) for w in words):
+        feature = name[: name.casefold().rindex(words[-1])].rstrip(" -_.:,/")
+        return Column("angle", name, unit, feature)
     return Column("derived", name, unit)
 
 
@@ -108,7 +113,7 @@ def _joined(upper: Sequence[str], names: Sequence[str]) -> list[str]:
     for over, name in zip(upper, names, strict=True):
         feature = over or feature
         column = classify(name)
-        joined.append(f"{feature} - {name}" if feature and column.kind in ("position", "derived") else name)
+        joined.append(f"{feature} - {name}" if feature and column.kind in ("position", "angle", "derived") else name)
     return joined
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,22 +78,47 @@ def frame_clock(
     numbers = _frame_numbers(block, values[:, at["frame"]], columns[at["frame"]]) if "frame" in at else None
     if "time" in at:
         clock = _clock_from_time(block, values[:, at["time"]], columns, at["time"], numbers, declared_hz)
-    elif declared_hz is None:
+        return replace(clock, notes=(*clock.notes, *_missing(clock.numbers)))
+    if numbers is None:
+        clock = counted_clock(np.arange(len(values), dtype=np.int64), declared_hz, block.file.path)
+        return replace(clock, notes=(NO_NUMBERS,))
+    return counted_clock(numbers, declared_hz, block.file.path)
+
+
+def counted_clock(numbers: NDArray[np.int64], declared_hz: float | None, path: Path) -> FrameClock:
+    """Return when frames were whose file has their numbers and no time.
+
+    Parameters
+    ----------
+    numbers : ndarray of int64, shape (n_frames,)
+        Strictly increasing.
+    declared_hz : float or None
+        The frame rate that the rig declares.
+    path : Path
+        The file, for the message.
+
+    Raises
+    ------
+    ReadError
+        If no frame rate is declared.
+    """
+    if declared_hz is None:
         raise ReadError(
             "the frame rate is unknown: the file has no time column",
-            path=block.file.path,
+            path=path,
             remedy="declare `frame_rate` (Hz) of this source in the rig file",
         )
-    elif numbers is None:
-        clock = FrameClock(np.arange(len(values), dtype=np.int64), declared_hz, 0.0, (NO_NUMBERS,))
-    else:
-        clock = FrameClock(numbers, declared_hz, 0.0, ())
-    first, last = int(clock.numbers[0]), int(clock.numbers[-1])
-    missing = last - first + 1 - clock.numbers.size
-    if not missing:
-        return clock
+    return FrameClock(numbers, declared_hz, 0.0, _missing(numbers))
+
+
+def _missing(numbers: NDArray[np.int64]) -> tuple[str, ...]:
+    """Return a note if numbers between the first and the last frame are missing."""
+    if not numbers.size:
+        return ()
+    first, last = int(numbers[0]), int(numbers[-1])
+    missing = last - first + 1 - numbers.size
     note = f"missing frames (numbers between {first} and {last} that are not in the file): {missing}"
-    return FrameClock(clock.numbers, clock.rate_hz, clock.start_s, (*clock.notes, note))
+    return (note,) if missing else ()
 
 
 def _frame_numbers(block: Block, numbers: NDArray[np.float64], column: Column) -> NDArray[np.int64]:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from daq.readers.table import EXTRAS, READERS
+from recoil_daq.ingest import BY_LAYOUT
 from rigs.twin import TwinShot
 from tests.builders import vendor_files as build
 
@@ -35,10 +36,11 @@ def shown(run, *arguments) -> dict:
 
 def test_formats_lists_every_reader_with_what_it_needs(run):
     document = json.loads(run("formats", "--json").stdout)
-    assert [row["format"] for row in document["formats"]] == [reader.name for reader in READERS]
+    readers = [*READERS, *BY_LAYOUT.values()]
+    assert [row["format"] for row in document["formats"]] == [reader.name for reader in readers]
     assert all(row["suffixes"] for row in document["formats"])
     printed = run("formats").output
-    assert all(reader.name in printed for reader in READERS)
+    assert all(reader.name in printed for reader in readers)
 
 
 def test_every_extra_is_a_reader_s_and_pip_knows_it():

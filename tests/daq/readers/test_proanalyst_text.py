@@ -7,16 +7,17 @@ import numpy as np
 import pytest
 
 from daq.errors import CorruptFileError, ReadError
-from daq.readers.proanalyst_text import ProAnalystTextReader, ProAnalystTextRecording
+from daq.readers.proanalyst_text import ProAnalystTextReader
 from daq.readers.reader import Declarations
 from daq.readers.track_columns import classify, columns_from_headings
+from daq.readers.track_recording import TrackRecording
 from tests.builders.shared_data import shared_file
 from tests.builders.vendor_files import dewesoft_text, motion_rows, tracks_text
 
 READER = ProAnalystTextReader()
 
 
-def opened(tmp_path: Path, content: bytes | str, rate_hz: float | None = None) -> ProAnalystTextRecording:
+def opened(tmp_path: Path, content: bytes | str, rate_hz: float | None = None) -> TrackRecording:
     path = tmp_path / "a.csv"
     path.write_bytes(content.encode() if isinstance(content, str) else content)
     return READER.open(path, Declarations("camera", frame_rate_hz=rate_hz))
@@ -33,7 +34,7 @@ def opened(tmp_path: Path, content: bytes | str, rate_hz: float | None = None) -
         ("HIP_Y", "position", "HIP_Y", "", "HIP", "Y"),
         ("x", "position", "x", "", "", "X"),
         ("Feature #1 - Velocity X (mm/s)", "derived", "Feature #1 - Velocity X", "mm/s", "", ""),
-        ("HIP_ANG", "derived", "HIP_ANG", "", "", ""),
+        ("HIP_ANG", "angle", "HIP_ANG", "", "HIP", ""),
     ],
 )
 def test_headings_are_classified_by_their_words(

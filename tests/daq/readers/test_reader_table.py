@@ -31,10 +31,10 @@ def test_a_file_finds_its_reader_by_content_under_any_name(content: bytes, name:
 @pytest.mark.parametrize(
     "content", [b"hello\n", b"\0" * 200, b'{"a": 1}', b'schema = "x"\n', b"\xff\xfe", b"a,b\n1,2\n"]
 )
-def test_a_file_that_no_reader_claims_names_the_known_formats(content: bytes, tmp_path: Path) -> None:
+def test_a_file_that_no_reader_claims_says_where_the_formats_are_listed(content: bytes, tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_bytes(content)
-    with pytest.raises(UnknownFormatError, match="Dewesoft text export, ProAnalyst text") as caught:
+    with pytest.raises(UnknownFormatError, match="recoil-daq formats. lists.*`layout` of its source") as caught:
         recognise(path)
     assert caught.value.candidates == ()
 
@@ -42,7 +42,7 @@ def test_a_file_that_no_reader_claims_names_the_known_formats(content: bytes, tm
 def test_two_claims_name_the_candidates(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "a.blf"
     path.write_bytes(build.blf_log(build.can_entries()))
-    monkeypatch.setattr(table, "READERS", (*READERS, READERS[3]))
+    monkeypatch.setattr(table, "READERS", (*READERS, next(r for r in READERS if r.name == "Vector BLF log")))
     with pytest.raises(UnknownFormatError) as caught:
         recognise(path)
     assert caught.value.candidates == ("Vector BLF log", "Vector BLF log")
@@ -64,7 +64,7 @@ def test_names_of_readers_are_unique_and_kinds_are_those_of_sources() -> None:
     ("name", "reader"),
     [
         ("tracks/SYNTHETIC_accel_20kHz.csv", "Dewesoft text export"),
-        ("tracks/SYNTHETIC_deeplabcut.csv", None),
+        ("tracks/SYNTHETIC_deeplabcut.csv", "DeepLabCut"),
         ("tracks/SYNTHETIC_truth.json", None),
         ("tracks/tracker_export_brocku_snippets.txt", None),
         ("dewetron/simple.dmd", "DEWETRON OXYGEN recording"),

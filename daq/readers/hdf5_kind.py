@@ -1,0 +1,42 @@
+"""Whether an HDF5 file holds the tracks of a camera or measured channels, as far as its names tell."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+"""First bytes of an HDF5 file (HDF5 File Format Specification, superblock)."""
+SLEAP_NAMES = ("tracks", "node_names", "track_names")
+"""Datasets of an analysis file of SLEAP."""
+DEEPLABCUT_NAME = b"df_with_missing"
+"""Group in which DeepLabCut keeps its table."""
+
+
+def shows_sleap(head: bytes) -> bool:
+    """Tell whether a file's first bytes name the datasets of an analysis of SLEAP."""
+    return b"node_names" in head and b"track_names" in head
+
+
+def shows_tracks(head: bytes) -> bool:
+    """Tell whether a file's first bytes name what only programs that track name."""
+    return DEEPLABCUT_NAME in head or shows_sleap(head)
+
+
+def names_lie_behind(head: bytes) -> bool:
+    """Tell whether the root group's names (its local heap, HDF5 format III.D) lie behind the first bytes."""
+    heap = head.find(b"HEAP")
+    # the address of the names stands 24 bytes behind the heap's signature; byte 13 is the size of addresses
+    if heap < 0 or head[13] != 8 or len(head) < heap + 32:
+        return False
+    return int.from_bytes(head[heap + 24 : heap + 32], "little") >= len(head)
+
+
+def is_sleap_file(path: Path) -> bool:
+    """Tell by a file's names whether it is an analysis of SLEAP; False where they cannot be read."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r", locking=False) as file:
+            return all(name in file for name in SLEAP_NAMES)
+    except Exception:
+        return False

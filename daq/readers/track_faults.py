@@ -1,0 +1,173 @@
+"""What the positions of a film tell of its tracking: repeats, stuck features, held ends, jumps.
+
+These are facts of the file, told with frame and count where it is read; whether a shot is usable in spite of
+them is judged by the quality checks, in SI and beside the other instruments. Published tracks have all of them:
+up to 56 % of exact repeats within the motion, ends that are held for hundreds of frames, and marks that jump by
+24 mm within 0.5 ms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Positions = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+HELD_FRAMES = 9
+"""Equal positions at an end of a track beyond which it is held: noise never repeats so often."""
+
+SHOWN = 8
+"""Frames that a note names."""
+
+JUMP_SIGMA = 8.0
+"""Noise multiples of a second difference beyond which a position is off its neighbours' line."""
+
+SUSTAINED = 5
+"""Steps whose median is the motion's own speed."""
+
+FASTER = 1.5
+"""Times the motion's own largest speed that no mark has for a single frame."""
+
+_MAD_TO_SIGMA = 1.482602218505602
+"""Median absolute deviation to standard deviation of a normal distribution: 1 / Phi^-1(3/4)."""
+
+
+@dataclass(frozen=True)
+class TrackFaults:
+    """What is wrong with the positions of a film.
+
+    Attributes
+    ----------
+    repeated_frames : tuple of int
+        Frame numbers at which every feature is exactly where it was in the frame before.
+    notes : tuple of str
+    """
+
+    repeated_frames: tuple[int, ...]
+    notes: tuple[str, ...]
+
+
+def find_track_faults(features: Mapping[str, Positions], frames: NDArray[np.int64]) -> TrackFaults:
+    """Find repeats, stuck features, held ends and jumps.
+
+    Parameters
+    ----------
+    features : mapping of str to ndarray, shape (n_frames, n_axes)
+        Positions by the feature's name; NaN where lost.
+    frames : ndarray of int64, shape (n_frames,)
+        Their numbers.
+    """
+    if not features or frames.size < 2:
+        return TrackFaults((), ())
+    same = {name: _repeats(positions) for name, positions in features.items()}
+    unseen = [np.isnan(positions).any(axis=1) for positions in features.values()]
+    # a feature that is lost tells nothing; where all are lost there is nothing to repeat
+    pictures = np.logical_and.reduce([s | u for s, u in zip(same.values(), unseen, strict=True)])
+    pictures &= np.logical_or.reduce(list(same.values()))
+    notes = []
+    if pictures.any():
+        text = f"repeated pictures (all features exactly as before): {shown_frames(frames[pictures])}"
+        ends = np.logical_and.reduce([_in_ends(p, *held_ends(p)) for p in features.values()])
+        if (pictures & ends).any():
+            text += f"; outside the held ends: {shown_frames(frames[pictures & ~ends])}"
+        notes.append(text if len(features) > 1 else f"{text}; with one feature it may as well be stuck")
+    for name, positions in features.items():
+        before, after = held_ends(positions)
+        lasting = {f"the first {before}": before, f"the last {after}": after}
+        which = [text for text, count in lasting.items() if count > HELD_FRAMES]
+        if which:
+            last, first = int(frames[max(before - 1, 0)]), int(frames[frames.size - max(after, 1)])
+            until = [f"to frame {last}"] * (before > HELD_FRAMES) + [f"from frame {first}"] * (after > HELD_FRAMES)
+            notes.append(
+                f"{name}: {' and '.join(which)} positions are held at one value ({', '.join(until)}): "
+                "filled by the tracking software or out of the picture"
+            )
+        inner = same[name] & ~pictures & ~_in_ends(positions, before, after)
+        if inner.any():
+            notes.append(f"{name}: stuck (exactly as before while others move): {shown_frames(frames[inner])}")
+        jumps = find_jumps(frames, positions)
+        if jumps.any():
+            notes.append(f"{name}: jumps, faster than the motion ever is: {shown_frames(frames[jumps])}")
+    return TrackFaults(tuple(int(n) for n in frames[pictures]), tuple(notes))
+
+
+def shown_frames(numbers: Sequence[int] | NDArray[np.int64]) -> str:
+    """Return how many frames there are, and the numbers of the first ones."""
+    shown = ", ".join(str(int(n)) for n in numbers[:SHOWN])
+    return f"{len(numbers)}, frames {shown}{' ...' if len(numbers) > SHOWN else ''}" if len(numbers) else "none"
+
+
+def held_ends(positions: Positions) -> tuple[int, int]:
+    """Count the positions at the beginning and at the end that are exactly equal; 0 and 0 if none ever changes.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_axes)
+        Lost frames, NaN, are passed over and not counted.
+    """
+    seen = positions[~np.isnan(positions).any(axis=1)]
+    changed = np.flatnonzero((np.diff(seen, axis=0) != 0).any(axis=1))
+    if not changed.size:
+        return 0, 0
+    return int(changed[0]) + 1, int(seen.shape[0] - 1 - changed[-1])
+
+
+def find_jumps(frames: NDArray[np.int64], positions: Positions) -> Flags:
+    """Find the frames to which a mark jumps: off its neighbours' line, and faster than the motion ever is.
+
+    Parameters
+    ----------
+    frames : ndarray of int64, shape (n_frames,)
+        Strictly increasing.
+    positions : ndarray, shape (n_frames, n_axes)
+        NaN where lost.
+
+    Returns
+    -------
+    ndarray of bool, shape (n_frames,)
+        The frame behind the jump; the way back of a single false position counts as none.
+    """
+    jumps = np.zeros(frames.size, dtype=bool)
+    # behind an exact repeat the mark catches up, which is no jump: what is repeated was not seen
+    moved = ~_repeats(positions)
+    for axis in positions.T:
+        seen = np.flatnonzero(np.isfinite(axis) & moved)
+        if seen.size < 4 * SUSTAINED:
+            continue
+        x, between = axis[seen], np.diff(frames[seen]).astype(np.float64)
+        speed = np.diff(x) / between
+        third = np.abs(np.diff(x, n=3))
+        sigma = _MAD_TO_SIGMA * float(np.median(third)) / 20**0.5
+        windows = np.lib.stride_tricks.sliding_window_view(speed, SUSTAINED)
+        own = float(np.abs(np.median(windows, axis=1)).max())
+        bend = np.zeros(speed.size)
+        bend[1:] = (speed[1:] - speed[:-1]) * np.minimum(between[1:], between[:-1])
+        bend[0] = (speed[0] - speed[1]) * between[0]
+        least = 1e-9 * float(np.ptp(x))
+        found = (np.abs(bend) > JUMP_SIGMA * 6**0.5 * sigma + least) & (
+            np.abs(speed) > FASTER * own + JUMP_SIGMA * 2**0.5 * sigma + least
+        )
+        back = np.zeros(speed.size, dtype=bool)
+        back[1:] = found[1:] & found[:-1] & (np.abs(x[2:] - x[:-2]) < 0.5 * np.abs(np.diff(x)[:-1]))
+        jumps[seen[1:][found & ~back]] = True
+    return jumps
+
+
+def _repeats(positions: Positions) -> Flags:
+    """Tell which frames are exactly as the frame before, shape (n_frames,)."""
+    return np.concatenate([[False], (np.diff(positions, axis=0) == 0).all(axis=1)])
+
+
+def _in_ends(positions: Positions, before: int, after: int) -> Flags:
+    """Tell which frames belong to an end that is held, shape (n_frames,)."""
+    flags = np.zeros(positions.shape[0], dtype=bool)
+    seen = np.flatnonzero(~np.isnan(positions).any(axis=1))
+    if before > HELD_FRAMES:
+        flags[: seen[before - 1] + 1] = True
+    if after > HELD_FRAMES:
+        flags[seen[-after] :] = True
+    return flags
