@@ -34,7 +34,7 @@ def test_a_file_finds_its_reader_by_content_under_any_name(content: bytes, name:
 def test_a_file_that_no_reader_claims_says_where_the_formats_are_listed(content: bytes, tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_bytes(content)
-    with pytest.raises(UnknownFormatError, match="recoil-daq formats. lists.*`layout` of its source") as caught:
+    with pytest.raises(UnknownFormatError, match=r"recoil-daq formats. lists.*`layout` of its source") as caught:
         recognise(path)
     assert caught.value.candidates == ()
 
