@@ -11,6 +11,7 @@ from daq.errors import Fault, FramingError, nearest_first
 from daq.frames.declaration import framing_from_table
 from daq.quantity import SI_UNITS, UNITS, find_unit, normalise_unit
 from daq.readers.text_layout import layout_faults
+from daq.readers.track_layout import LayoutError, TrackLayout
 from daq.trigger.table import trigger_faults
 from rigs.mechanism import Mechanism
 from rigs.rig_alignments import faults_of_alignment
@@ -108,8 +109,15 @@ def _faults_of_framing(where: str, source: Source) -> list[Fault]:
 
 
 def _faults_of_layout(where: str, source: Source) -> list[Fault]:
-    """Check the layout of a recorder's text tables as its reader will."""
-    if source.layout is None or source.kind != "dewetron":
+    """Check the layout of a recorder's or a camera's text tables as its reader will."""
+    if source.layout is None:
+        return []
+    if source.kind == "camera":
+        try:
+            TrackLayout.from_mapping(source.layout)
+        except LayoutError as error:
+            split = (fault.partition(": ") for fault in error.faults)
+            return [Fault(f"{where}.layout.{key}", problem) for key, _, problem in split]
         return []
     return [Fault(f"{where}.layout.{key}", problem) for key, problem in layout_faults(source.layout)]
 

@@ -697,3 +697,17 @@ def test_every_fault_of_a_layout_is_a_fault_of_the_rig_by_its_key() -> None:
     assert "the nearest are `separator`" in problems["seperator"]
     sound = layout.replace("seperator", "separator").replace("first_row = 0", "first_row = 2")
     assert rig_of(text.replace(layout, sound)).source("dewetron").layout is not None
+
+
+def test_every_fault_of_a_cameras_layout_is_a_fault_of_the_rig_by_its_key() -> None:
+    layout = 'layout = { decimal = ";", feature = [], first_row = 3 }'
+    text = RIG.replace('kind = "camera"\n', f'kind = "camera"\n{layout}\n')
+    assert text != RIG
+    with pytest.raises(RigError) as caught:
+        rig_of(text)
+    said = str(caught.value)
+    assert "layout.decimal" in said
+    assert "layout.feature" in said
+    assert "features" in said
+    sound = 'layout = { separator = ";", header_row = 1, first_row = 2, features = [{ name = "A", x = "X", y = "Y" }] }'
+    assert any(s.layout for s in rig_of(text.replace(layout, sound)).sources)
