@@ -88,7 +88,8 @@ def test_a_missing_signal_names_the_nearest_ones_and_how_many_more() -> None:
 
 def test_an_unknown_format_names_its_candidates() -> None:
     assert UnknownFormatError(Path("a"), ["x", "y"], ["x", "y", "z"]).candidates == ("x", "y")
-    assert "one of the 3 formats that `recoil-daq formats` lists" in str(UnknownFormatError(Path("a"), [], ["x", "y", "z"]))
+    unknown = UnknownFormatError(Path("a"), [], ["x", "y", "z"])
+    assert "one of the 3 formats that `recoil-daq formats` lists" in str(unknown)
 
 
 def test_a_rig_error_lists_all_its_faults_and_counts_them() -> None:
