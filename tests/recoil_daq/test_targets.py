@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner, Result
 
 from identification.analysis import FURTHER
+from recoil_daq.cli import app
 from recoil_daq.report_folder import publish
 from rigs.twin import TwinShot
 
 
 @pytest.fixture(scope="module")
-def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("targets")
+def written(stored: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result]:
+    """Two targets of the stored shot, and what the command said."""
+    out = tmp_path_factory.mktemp("targets")
+    words = ["identify", str(stored), "--target", "inertia-force", "--target", "resistance", "--out", str(out)]
+    return out, CliRunner().invoke(app, words)
 
 
-def test_targets_are_written_beside_one_another_and_printed(run, stored: Path, field_shot: TwinShot, out: Path) -> None:
-    result = run("identify", stored, "--target", "inertia-force", "--target", "resistance", "--out", out)
+def test_targets_are_written_beside_one_another_and_printed(written: tuple[Path, Result], field_shot: TwinShot) -> None:
+    out, result = written
     assert result.exit_code in (0, 1), result.output
     names = {"json", "html", "csv"}
     files = {p.name for p in (out / "0001").iterdir()}
@@ -35,7 +41,10 @@ def test_targets_are_written_beside_one_another_and_printed(run, stored: Path, f
     assert (out / "0001" / "resistance.csv").read_text("utf-8").startswith("time_s,")
 
 
-def test_a_target_is_not_overwritten_and_the_mass_may_join_it(run, stored: Path, out: Path) -> None:
+def test_a_target_is_not_overwritten_and_the_mass_may_join_it(
+    run, stored: Path, written: tuple[Path, Result], tmp_path: Path
+) -> None:
+    out = Path(shutil.copytree(written[0], tmp_path / "out"))
     before = (out / "0001" / "resistance.json").read_bytes()
     refused = run("identify", stored, "--target", "resistance", "--out", out)
     assert refused.exit_code == 3
