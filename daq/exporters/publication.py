@@ -15,6 +15,7 @@ from pathlib import Path
 from daq.errors import RecoilDaqError, StoreError
 from daq.exporters.content import Content
 from daq.exporters.exporter import Carried, Exporter, exact_table, first_difference
+from daq.new_file import rename_to_new, sync_folder
 
 Progress = Callable[[str], None]
 
@@ -107,7 +108,10 @@ def write_export(
             if overwrite:
                 temporary.replace(file.path)
             else:
-                _rename_to_new(temporary, file.path)
+                try:
+                    rename_to_new(temporary, file.path)
+                except FileExistsError as error:
+                    raise _exists(file.path) from error
                 placed.append(file.path)
         placed.clear()
     except OSError as error:
@@ -119,7 +123,7 @@ def write_export(
         for empty in new_folders:
             with contextlib.suppress(OSError):
                 empty.rmdir()  # refused where it holds something
-    _sync_folder(folder)
+    sync_folder(folder)
     return tuple(file for _, file in written)
 
 
@@ -172,36 +176,6 @@ _REMEDY = "nothing was kept; check the disk, or choose another --format"
 def _sync_file(path: Path) -> None:
     with path.open("rb+") as stream:
         os.fsync(stream.fileno())
-
-
-def _rename_to_new(temporary: Path, path: Path) -> None:
-    """Give the file its final name unless something bears it by now."""
-    try:
-        if os.name == "nt":
-            temporary.rename(path)  # Windows refuses if the name is taken
-            return
-        try:
-            path.hardlink_to(temporary)
-        except FileExistsError:
-            raise
-        except OSError:
-            # A file system without hard links: reserve the name first, then take it
-            path.touch(exist_ok=False)
-            temporary.replace(path)
-    except FileExistsError as error:
-        raise _exists(path) from error
-
-
-def _sync_folder(folder: Path) -> None:
-    """Force the names to the disk; Windows has no such call, and network file systems may refuse it."""
-    if os.name == "nt":
-        return
-    with contextlib.suppress(OSError):
-        handle = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
 
 
 def _exists(path: Path) -> StoreError:

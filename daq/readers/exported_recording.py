@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
@@ -19,7 +20,7 @@ from daq.timebase import AbsoluteStart, TimeBase
 from daq.track import Track
 
 
-class ExportedRecording:
+class ExportedRecording(ABC):
     """What both formats of an export have in common; the rows are read by the subclass.
 
     Parameters
@@ -41,10 +42,10 @@ class ExportedRecording:
         short = header.count - row_count
         self.incomplete = f"{short} of {header.count} rows are missing at the end" if short else ""
 
-    @cached_property
+    @property
+    @abstractmethod
     def _columns(self) -> tuple[NDArray[np.float64], ...]:
         """The time and the channels, each of shape (n_rows,)."""
-        raise NotImplementedError
 
     @cached_property
     def _time_base(self) -> TimeBase:

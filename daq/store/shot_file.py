@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from daq.errors import StoreError
+from daq.new_file import rename_to_new, sync_folder
 from daq.shot import Shot
 from daq.store.difference import first_difference
 from daq.store.layout import SCHEMA, read_layout, write_layout
@@ -57,7 +58,10 @@ def write_shot(shot: Shot, path: Path, *, overwrite: bool = False) -> None:
         if overwrite:
             temporary.replace(path)
         else:
-            _rename_to_new(temporary, path)
+            try:
+                rename_to_new(temporary, path)
+            except FileExistsError as error:
+                raise _exists(path) from error
     except OSError as error:
         raise StoreError(
             f"cannot be written: {error.strerror or error}",
@@ -68,7 +72,7 @@ def write_shot(shot: Shot, path: Path, *, overwrite: bool = False) -> None:
         # After a rename there is nothing left to remove; a disk that refuses this too has been reported
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
-    _sync_folder(path.parent)
+    sync_folder(path.parent)
 
 
 def read_shot(path: Path) -> Shot:
@@ -157,40 +161,6 @@ def _verify(shot: Shot, temporary: Path, path: Path) -> None:
         raise StoreError(f"does not read back: {error.problem}", path=path, remedy=remedy) from error
     if difference is not None:
         raise StoreError(f"does not read back as it was written: {difference}", path=path, remedy=remedy)
-
-
-def _rename_to_new(temporary: Path, path: Path) -> None:
-    """Give the file its final name unless something bears it by now."""
-    try:
-        if os.name == "nt":
-            temporary.rename(path)  # Windows refuses if the name is taken
-            return
-        try:
-            path.hardlink_to(temporary)
-        except FileExistsError:
-            raise
-        except OSError:
-            # A file system without hard links: reserve the name first, then take it
-            path.touch(exist_ok=False)
-            try:
-                temporary.replace(path)
-            except OSError:
-                path.unlink()
-                raise
-    except FileExistsError as error:
-        raise _exists(path) from error
-
-
-def _sync_folder(folder: Path) -> None:
-    """Force the rename to the disk; Windows has no such call, and network file systems may refuse it."""
-    if os.name == "nt":
-        return
-    with contextlib.suppress(OSError):
-        handle = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
 
 
 def _exists(path: Path) -> StoreError:

@@ -92,14 +92,14 @@ def test_a_failed_export_leaves_what_it_was_to_replace(tmp_path):
 
 
 def test_a_name_that_is_taken_meanwhile_is_not_overwritten_and_the_others_are_taken_back(tmp_path, monkeypatch):
-    rename = publication._rename_to_new
+    rename = publication.rename_to_new
 
     def taken(temporary: Path, path: Path) -> None:
         if path.name == "7_can.csv":
             path.write_text("theirs")
         rename(temporary, path)
 
-    monkeypatch.setattr(publication, "_rename_to_new", taken)
+    monkeypatch.setattr(publication, "rename_to_new", taken)
     with pytest.raises(StoreError, match="exists already"):
         write_export(CONTENT, CsvExporter(), tmp_path, "7")
     assert below(tmp_path) == ["7_can.csv"]
