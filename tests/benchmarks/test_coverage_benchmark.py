@@ -122,6 +122,9 @@ def without_luck(error: np.ndarray, drawn: np.ndarray) -> tuple[float, float]:
     """Mean error had the draws of the sensors a mean of zero, and its standard deviation: what is linear taken off."""
     moved = drawn[:, np.ptp(drawn, axis=0) > 0]
     table = np.column_stack([np.ones(error.size), moved / moved.std(axis=0)])
+    if error.size < 2 * table.shape[1]:
+        # too few shots to tell the draws' part from the rest
+        return float(error.mean()), float(error.std(ddof=1)) / math.sqrt(error.size)
     coefficients, *_ = np.linalg.lstsq(table, error, rcond=None)
     residual = error - table @ coefficients
     variance = float(residual @ residual) / (error.size - table.shape[1])
