@@ -21,7 +21,7 @@ SOLVED_NUMBERS = 2**15
 """Sums of products that are solved at a time, for the same reason."""
 MODERATE_EXPONENT = 200
 """Of two, of a quotient of scales up to which one product takes an estimate to its unit with the bits of two."""
-KERNEL_SAMPLES = 2**15
+KERNEL_SAMPLES = 2**17
 """Samples, rounded up to whole blocks, that one call of the compiled kernel takes."""
 QR_SAMPLES = 4096
 """Windows at a time that are merged from two factors."""
