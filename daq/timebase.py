@@ -123,7 +123,10 @@ class TimeBase:
     @property
     def end_s(self) -> float:
         """Last instant, seconds on this clock."""
-        return float(self.times_s[-1]) if self.count else self.start_s
+        if self.stamps_s is not None or self.step_s is None:
+            return float(self.times_s[-1]) if self.count else self.start_s
+        # as `times_s` has it, without making all of them
+        return float(self.start_s + self.step_s * np.float64(max(self.count - 1, 0)))
 
     @cached_property
     def rate_hz(self) -> float:
@@ -133,6 +136,32 @@ class TimeBase:
         if self.count < 2:
             return float("nan")
         return float(1.0 / np.median(np.diff(self.times_s)))
+
+    def span(self, start_s: float, stop_s: float) -> tuple[int, int]:
+        """Return the first instant's number from `start_s` on and the first from `stop_s` on."""
+        if self.stamps_s is not None:
+            first, stop = np.searchsorted(self.stamps_s, (start_s, stop_s), side="left")
+            return int(first), int(max(first, stop))
+        first, stop = (self._number_from(instant_s) for instant_s in (start_s, stop_s))
+        return first, max(first, stop)
+
+    def _number_from(self, instant_s: float) -> int:
+        """Return the number of the first instant of a uniform time base that is not before another."""
+        step_s = float(self.step_s or 0.0)
+        near = (instant_s - self.start_s) / step_s
+        if near > self.count:
+            return self.count
+        number = math.floor(near) - 1 if near > 1.0 else 0
+        while number < self.count and self.start_s + step_s * number < instant_s:
+            number += 1
+        return number
+
+    def part(self, first: int, stop: int) -> TimeBase:
+        """Return the instants from one number to before another, ``0 <= first <= stop <= count``."""
+        if self.stamps_s is not None:
+            return TimeBase.stamped(self.clock, self.stamps_s[first:stop], self.absolute_start)
+        step_s = float(self.step_s or 0.0)
+        return TimeBase.uniform(self.clock, self.start_s + step_s * first, step_s, stop - first, self.absolute_start)
 
     def is_identical(self, other: TimeBase) -> bool:
         """Tell whether two time bases say the same: clock, instants, how they are given, absolute start."""

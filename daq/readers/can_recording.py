@@ -142,13 +142,14 @@ class CanRecording:
             values[long_enough] = layout.decode(data[long_enough])
         return values
 
-    def raw(self, name: str) -> RawCounts | None:
+    def raw(self, name: str, start: int = 0, stop: int | None = None) -> RawCounts | None:
         """Return the stored integers, unless the signal is a float or a frame was too short to hold it."""
         messages, layout, held = self._find(name)
         complete = bool((messages.length[held] >= layout.bytes_needed).all())
         if layout.kind == "float" or not complete or (layout.kind == "unsigned" and layout.length == 64):
             return None
-        return RawCounts(layout.raw(messages.data[held]).astype(np.int64), layout.scale, layout.offset, layout.unit)
+        counts = layout.raw(messages.data[held][start:stop]).astype(np.int64)
+        return RawCounts(counts, layout.scale, layout.offset, layout.unit)
 
     def time_base(self, name: str) -> TimeBase:
         """Return the stamps of the frames that hold the signal."""

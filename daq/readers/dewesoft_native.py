@@ -260,7 +260,7 @@ class DewesoftRecording:
         start, stop, _ = slice(start, stop).indices(channel["count"])
         return self._stored(channel, start, max(start, stop))
 
-    def raw(self, name: str) -> RawCounts | None:
+    def raw(self, name: str, start: int = 0, stop: int | None = None) -> RawCounts | None:  # noqa: ARG002 - of the protocol
         """Return None: the library gives scaled samples."""
         self._find(name)
         return None

@@ -93,7 +93,7 @@ class ExportedRecording(ABC):
         """Read samples of one channel in SI, lost ones NaN, shape (stop - start,)."""
         return np.array(self._columns[self._index(name)][start:stop])
 
-    def raw(self, name: str) -> RawCounts | None:
+    def raw(self, name: str, start: int = 0, stop: int | None = None) -> RawCounts | None:  # noqa: ARG002 - of the protocol
         """Return None: an export holds scaled values alone."""
         self._index(name)
         return None

@@ -297,6 +297,8 @@ def _samples(
     return values
 
 
-def _raw(vector: Hdf5Vector, kept: NDArray[np.int64] | None, gain: float, zero: float, unit: str) -> RawCounts:
-    stored = vector.stored()
-    return RawCounts(stored if kept is None else stored[kept], gain, zero, unit)
+def _raw(
+    vector: Hdf5Vector, kept: NDArray[np.int64] | None, gain: float, zero: float, unit: str, start: int, stop: int
+) -> RawCounts:
+    stored = vector.stored(start, stop) if kept is None else vector.stored()[kept[start:stop]]
+    return RawCounts(stored, gain, zero, unit)

@@ -151,6 +151,6 @@ def _samples(vector: MatVariable, kept: NDArray[np.int64] | None, start: int, st
     return chosen[start:stop].astype(np.float64)
 
 
-def _raw(vector: MatVariable, kept: NDArray[np.int64] | None) -> RawCounts:
+def _raw(vector: MatVariable, kept: NDArray[np.int64] | None, start: int, stop: int) -> RawCounts:
     values = vector.load()
-    return RawCounts(values if kept is None else values[kept], 1.0, 0.0, "")
+    return RawCounts((values if kept is None else values[kept])[start:stop], 1.0, 0.0, "")

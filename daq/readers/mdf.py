@@ -287,9 +287,17 @@ def _samples(held: _Group, channel: int, kept: NDArray[np.int64] | None, start: 
 
 
 def _raw(
-    held: _Group, channel: int, kept: NDArray[np.int64] | None, unit: str, gain: float, offset: float
+    held: _Group,
+    channel: int,
+    kept: NDArray[np.int64] | None,
+    unit: str,
+    gain: float,
+    offset: float,
+    start: int,
+    stop: int,
 ) -> RawCounts | None:
     signal = held.signal(channel)
     if signal.invalidation_bits is not None and np.any(signal.invalidation_bits):
         return None
-    return RawCounts(np.array(signal.samples if kept is None else signal.samples[kept]), gain, offset, unit)
+    chosen = slice(start, stop) if kept is None else kept[start:stop]
+    return RawCounts(np.array(signal.samples[chosen]), gain, offset, unit)

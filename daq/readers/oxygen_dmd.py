@@ -256,15 +256,16 @@ class OxygenRecording:
             samples += signal.setup.offset
         return samples
 
-    def raw(self, name: str) -> RawCounts | None:
+    def raw(self, name: str, start: int = 0, stop: int | None = None) -> RawCounts | None:
         """Return the stored integers; None if the source stored floats."""
         signal = self._find(name)
         dtype = INTEGERS.get(signal.setup.sample_format)
         if dtype is None:
             return None
-        counts = np.empty(signal.pieces.count, dtype)
+        start, stop, _ = slice(start, stop).indices(signal.pieces.count)
+        counts = np.empty(max(stop - start, 0), dtype)
         at = 0
-        for part in self._parts(signal, 0, counts.size):
+        for part in self._parts(signal, start, stop):
             counts[at : at + part.size] = part
             at += part.size
         return RawCounts(counts, signal.setup.gain, signal.setup.offset, signal.setup.unit)

@@ -133,8 +133,8 @@ class Recording(Protocol):
         """
         ...
 
-    def raw(self, name: str) -> RawCounts | None:
-        """Return the integers that the source stored for one signal, if it stored any."""
+    def raw(self, name: str, start: int = 0, stop: int | None = None) -> RawCounts | None:
+        """Return the integers that the source stored for samples of one signal, if it stored any."""
         ...
 
     def time_base(self, name: str) -> TimeBase:

@@ -247,12 +247,12 @@ class SerialRecording:
         values[~np.isfinite(values)] = np.nan
         return values
 
-    def raw(self, name: str) -> RawCounts | None:
+    def raw(self, name: str, start: int = 0, stop: int | None = None) -> RawCounts | None:
         """Return the stored integers; None for a field that is a float or text."""
         series, kept = self._find(name)
         if series.raw.dtype.kind != "i":
             return None
-        return RawCounts(series.raw[kept], series.field.scale, series.field.offset, series.field.unit)
+        return RawCounts(series.raw[kept][start:stop], series.field.scale, series.field.offset, series.field.unit)
 
     def time_base(self, name: str) -> TimeBase:
         """Return the instants of the frames that hold the field."""

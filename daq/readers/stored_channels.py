@@ -22,7 +22,7 @@ from daq.timebase import AbsoluteStart, TimeBase
 from daq.track import Track
 
 
-def _no_counts() -> RawCounts | None:
+def _no_counts(_start: int, _stop: int) -> RawCounts | None:
     return None
 
 
@@ -38,13 +38,13 @@ class StoredChannel:
         Reads samples ``start`` to ``stop`` (0 <= start <= stop <= count) into an array of the caller's own,
         float64, shape (stop - start,), in the file's unit.
     raw : callable
-        Returns the stored integers, or None.
+        Reads the stored integers of the same samples; None if there are none.
     """
 
     header: SignalHeader
     time_base: TimeBase
     samples: Callable[[int, int], NDArray[np.float64]]
-    raw: Callable[[], RawCounts | None] = _no_counts
+    raw: Callable[[int, int], RawCounts | None] = _no_counts
 
 
 @contextmanager
@@ -136,11 +136,12 @@ class StoredRecording:
         with damage_is_reported(self.path, f"a whole file of {self.reader}"):
             return channel.samples(first, max(first, last))
 
-    def raw(self, name: str) -> RawCounts | None:
+    def raw(self, name: str, start: int = 0, stop: int | None = None) -> RawCounts | None:
         """Return the integers that the file holds of one signal, if it holds any."""
         channel = self._find(name)
+        first, last, _ = slice(start, stop).indices(channel.header.sample_count)
         with damage_is_reported(self.path, f"a whole file of {self.reader}"):
-            return channel.raw()
+            return channel.raw(first, max(first, last))
 
     def time_base(self, name: str) -> TimeBase:
         """Return the instants of one signal's samples."""

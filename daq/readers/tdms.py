@@ -311,18 +311,23 @@ def _samples(
     return values
 
 
-def _raw(path: Path, group: str, name: str, kept: NDArray[np.int64] | None, unit: str) -> RawCounts | None:
+def _raw(
+    path: Path, group: str, name: str, kept: NDArray[np.int64] | None, unit: str, start: int, stop: int
+) -> RawCounts | None:
     """Return the integers of a channel that has no scaling or one linear scaling."""
     from nptdms import TdmsFile
 
     with BoundedFile(path) as file, TdmsFile.open(file, raw_timestamps=True) as tdms:
         channel = tdms[group][name]
-        counts = channel.read_data(scaled=False)
+        if kept is None:
+            counts = channel.read_data(start, stop - start, scaled=False)
+        else:
+            counts = channel.read_data(scaled=False)
         levels = (channel.properties, tdms[group].properties, tdms.properties)
     if isinstance(counts, dict):
         counts = next(iter(counts.values())) if len(counts) == 1 else np.empty(0)
     scales = [(k, p) for p in levels for k in p if k.endswith("_Scale_Type")]
-    if counts.dtype.kind not in "iu" or not counts.size or len(scales) > 1:
+    if counts.dtype.kind not in "iu" or len(scales) > 1:
         return None
     gain, offset = 1.0, 0.0
     if scales:
@@ -332,4 +337,4 @@ def _raw(path: Path, group: str, name: str, kept: NDArray[np.int64] | None, unit
             return None
         gain = float(properties[f"{prefix}Linear_Slope"])
         offset = float(properties[f"{prefix}Linear_Y_Intercept"])
-    return RawCounts(counts if kept is None else counts[kept], gain, offset, unit)
+    return RawCounts(counts if kept is None else counts[kept[start:stop]], gain, offset, unit)

@@ -111,7 +111,7 @@ class TextRecording:
         """Read samples of one signal in the file's unit, lost ones NaN, shape (stop - start,)."""
         return self._columns.column(self._index(name), start, stop)
 
-    def raw(self, name: str) -> RawCounts | None:
+    def raw(self, name: str, start: int = 0, stop: int | None = None) -> RawCounts | None:  # noqa: ARG002 - of the protocol
         """Return None: a text table holds no raw counts."""
         self._index(name)
         return None

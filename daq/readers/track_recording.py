@@ -198,7 +198,7 @@ class TrackRecording:
         """Read samples of one signal in the file's unit, lost ones NaN, shape (stop - start,)."""
         return self._values[start:stop, self._index(name)].copy()
 
-    def raw(self, name: str) -> RawCounts | None:
+    def raw(self, name: str, start: int = 0, stop: int | None = None) -> RawCounts | None:  # noqa: ARG002 - of the protocol
         """Return None: a file of tracks holds no raw counts."""
         self._index(name)
         return None

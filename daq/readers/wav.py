@@ -112,7 +112,7 @@ def _open(path: Path, clock: str) -> StoredRecording:
             SignalHeader(f"channel {i + 1}", "", count),
             base,
             partial(_samples, path, data.start, form, i),
-            partial(_raw, path, data.start, form, i, count),
+            partial(_raw, path, data.start, form, i),
         )
         for i in range(form.channels)
     ]
@@ -150,7 +150,7 @@ def _samples(path: Path, at: int, form: SoundFormat, channel: int, start: int, s
     return values if form.code == FLOAT else values * 2.0 ** (1 - form.bits)
 
 
-def _raw(path: Path, at: int, form: SoundFormat, channel: int, count: int) -> RawCounts | None:
+def _raw(path: Path, at: int, form: SoundFormat, channel: int, start: int, stop: int) -> RawCounts | None:
     if form.code == FLOAT:
         return None
-    return RawCounts(_stored(path, at, form, channel, 0, count), 2.0 ** (1 - form.bits), 0.0, "")
+    return RawCounts(_stored(path, at, form, channel, start, stop), 2.0 ** (1 - form.bits), 0.0, "")

@@ -171,8 +171,9 @@ class ArrayRecording:
             raise MissingChannelError(name, list(self.numbers), path=self.path)
         return self.numbers[name][start:stop]
 
-    def raw(self, name: str) -> RawCounts | None:
-        return self.counts.get(name)
+    def raw(self, name: str, start: int = 0, stop: int | None = None) -> RawCounts | None:
+        counts = self.counts.get(name)
+        return None if counts is None else replace(counts, counts=counts.counts[start:stop])
 
     def time_base(self, name: str) -> TimeBase:
         return TimeBase.uniform(self.clock, 0.0, self.step_s, self.numbers[name].size)

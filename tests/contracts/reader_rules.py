@@ -213,6 +213,12 @@ def raw_counts_give_the_samples(case: Case, folder: Path) -> None:
         if raw is not None:
             np.testing.assert_allclose(raw.gain * raw.counts + raw.offset, recording.read(header.name), rtol=1e-12)
             assert raw.unit == header.unit
+            count = raw.counts.size
+            for start, stop in ((0, count // 2), (count // 3, None), (count, None), (1, min(2, count))):
+                part = recording.raw(header.name, start, stop)
+                assert part is not None
+                assert (part.gain, part.offset, part.unit) == (raw.gain, raw.offset, raw.unit)
+                np.testing.assert_array_equal(part.counts, raw.counts[start:stop])
 
 
 def a_missing_file_is_a_read_error(case: Case, folder: Path) -> None:

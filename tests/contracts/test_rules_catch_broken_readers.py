@@ -106,8 +106,8 @@ class ReadsInTheWrongOrder(Broken):
 
 
 class ForgetsTheOffset(Broken):
-    def raw(self, name: str) -> RawCounts | None:
-        raw = self.whole.raw(name)
+    def raw(self, name: str, start: int = 0, stop: int | None = None) -> RawCounts | None:
+        raw = self.whole.raw(name, start, stop)
         return None if raw is None else replace(raw, offset=raw.offset + 1.0)
 
 
