@@ -129,6 +129,13 @@ def ingest(
     accept_incomplete: Annotated[
         bool, typer.Option("--accept-incomplete", help="Take what is there of a file that was cut off.")
     ] = False,
+    at: Annotated[
+        float | None,
+        typer.Option(
+            help="The shot is a part of the recorder's file: seconds at which it was triggered, on its clock.",
+            show_default="the rig's trigger finds it in a long file",
+        ),
+    ] = None,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
@@ -136,8 +143,8 @@ def ingest(
     if live:
         if files:
             raise typer.BadParameter("give either FILES or --live")
-        if overwrite or accept_incomplete:
-            raise typer.BadParameter("--overwrite and --accept-incomplete go with FILES, not with --live")
+        if overwrite or accept_incomplete or at is not None:
+            raise typer.BadParameter("--overwrite, --accept-incomplete and --at go with FILES, not with --live")
         if shot is not None and not shot.isdigit():
             raise typer.BadParameter("with --live, --shot is the number of the first shot")
         _live(rig, out, None if shot is None else int(shot), shots, watch, files_within_s, no_screen, json, debug)
@@ -154,7 +161,7 @@ def ingest(
         with session.steps("ingest") as progress:
             done = ingest_files(
                 load_rig(rig), files, shot=shot, out=out, overwrite=overwrite,
-                accept_incomplete=accept_incomplete, progress=progress,
+                accept_incomplete=accept_incomplete, at_s=at, progress=progress,
             )  # fmt: skip
         document = verdict_document(done)
         session.finish(document, lambda: print_verdict(document), OK if done.shot.usable else NOT_VALID)

@@ -22,6 +22,7 @@ from identification.clocks import align_clocks
 from identification.quality.shot_quality import check_shot
 from recoil_daq import __version__
 from rigs.assemble import assemble_channels, match_files
+from rigs.long_recording import cut_long_recordings
 from rigs.rig import Rig
 
 Progress = Callable[[str], None]
@@ -53,6 +54,7 @@ def ingest_files(
     out: str | Path = "shots",
     overwrite: bool = False,
     accept_incomplete: bool = False,
+    at_s: float | None = None,
     on: dt.date | None = None,
     progress: Progress = lambda _: None,
 ) -> Ingested:
@@ -72,6 +74,9 @@ def ingest_files(
     overwrite : bool
     accept_incomplete : bool
         Take what is there of a file that was cut off, and say so in the verdict.
+    at_s : float, optional
+        Instant of the shot on the reference clock, where the recorder's file is longer than the shot. The rig's
+        trigger finds it if left out, in a file that is too long to be held whole.
     on : date, optional
         Day of the shot, for calibrations' due dates; today if left out.
     progress : callable
@@ -120,6 +125,10 @@ def ingest_files(
                 path=path,
                 remedy="copy it again, or take what is there with --accept-incomplete",
             )
+    progress("find the shot")
+    recordings = cut_long_recordings(rig, recordings, at_s)
+    excerpts = {source: part for source, r in recordings.items() if (part := r.metadata.get("excerpt")) is not None}
+    progress("take the channels")
     channels = assemble_channels(rig, recordings, __version__)
     start = recordings[rig.reference_clock].absolute_start
     assembled = Shot(
@@ -141,7 +150,8 @@ def ingest_files(
     alignments = align_clocks(assembled, rig)
     progress("check")
     quality = check_shot(assembled, rig, alignments, recordings, on or dt.date.today())
-    finished = assembled.with_results(alignments, quality, Step("ingest", __version__, {"rig": rig.path.name}))
+    parameters = {"rig": rig.path.name, **({"excerpts": excerpts} if excerpts else {})}
+    finished = assembled.with_results(alignments, quality, Step("ingest", __version__, parameters))
     progress("write")
     write_shot(finished, target, overwrite=overwrite)
     return Ingested(finished, target)

@@ -53,7 +53,7 @@ def assemble_channels(rig: Rig, recordings: Mapping[str, Recording], version: st
         recording = recordings.get(spec.source)
         if recording is None:
             continue
-        header = _find_signal(recording, spec.signal)
+        header = find_signal(recording, spec.signal)
         unit = unit_of(spec, header, rig.source(spec.source), recording.path, faults)
         if unit is not None:
             units[spec.name] = unit
@@ -65,7 +65,14 @@ def assemble_channels(rig: Rig, recordings: Mapping[str, Recording], version: st
     }
 
 
-def _find_signal(recording: Recording, name: str) -> SignalHeader:
+def find_signal(recording: Recording, name: str) -> SignalHeader:
+    """Return the header of a signal that the rig names.
+
+    Raises
+    ------
+    MissingChannelError
+        If the file does not have it, with the names that it has.
+    """
     for header in recording.signals:
         if header.name == name:
             return header
@@ -116,7 +123,7 @@ def _is_pixels(spelling: str) -> bool:
 
 
 def _channel(spec: ChannelSpec, recording: Recording, header: SignalHeader, unit: Unit, version: str) -> Channel:
-    samples = unit.to_si(recording.read(header.name))
+    samples = in_si(spec, unit, recording.read(header.name))
     history = [
         Step(
             "read",
@@ -127,10 +134,8 @@ def _channel(spec: ChannelSpec, recording: Recording, header: SignalHeader, unit
     ]
     factor = sensor_factor(spec.sensor, "voltage" in unit.quantities)
     if factor != 1.0:
-        samples = samples * factor
         history.append(Step("apply sensitivity", version, {"factor_per_volt": factor}))
     if spec.polarity == -1:
-        samples = -samples
         history.append(Step("turn polarity", version, {}))
     raw = recording.raw(header.name)
     return Channel(
@@ -145,6 +150,27 @@ def _channel(spec: ChannelSpec, recording: Recording, header: SignalHeader, unit
         raw=raw,
         history=tuple(history),
     )
+
+
+def in_si(spec: ChannelSpec, unit: Unit, values: Array) -> Array:
+    """Turn the file's numbers into the channel's SI samples: unit, sensitivity, polarity.
+
+    Parameters
+    ----------
+    spec : ChannelSpec
+    unit : Unit
+        Of the file's numbers; see `unit_of`.
+    values : ndarray of float64, shape (n_samples,)
+
+    Returns
+    -------
+    ndarray of float64, shape (n_samples,)
+    """
+    samples = unit.to_si(values)
+    factor = sensor_factor(spec.sensor, "voltage" in unit.quantities)
+    if factor != 1.0:
+        samples = samples * factor
+    return -samples if spec.polarity == -1 else samples
 
 
 def sensor_factor(sensor: Sensor, in_volts: bool) -> float:

@@ -125,7 +125,11 @@ def _faults_of_layout(where: str, source: Source) -> list[Fault]:
 def faults_of_trigger(
     tables: Mapping[str, Any], channels: Sequence[tuple[str, ChannelSpec]], sources: Sequence[tuple[str, Source]]
 ) -> list[Fault]:
-    """Check the table ``[trigger]``: its own keys, and that its channels belong to sources that are read live."""
+    """Check the table ``[trigger]``: its own keys, and that its channels can be watched.
+
+    On a rig with devices it is for shots that are acquired live, and its channels must come from a bus or a port.
+    Without devices it tells where in a long recording the shot is.
+    """
     table = tables.get("trigger")
     if table is None:
         return []
@@ -135,13 +139,18 @@ def faults_of_trigger(
     if faults:
         return faults
     kinds = {source.name: source.kind for _, source in sources}
+    live = any(source.device is not None for _, source in sources)
     source_of = {channel.name: channel.source for _, channel in channels}
     for key in (key for key in ("any", "all") if key in table):
         for i, row in enumerate(table[key]):
             kind = kinds.get(source_of.get(row["channel"], ""))
-            if kind is not None and kind not in LIVE_KINDS:
+            where = f"trigger.{key}[{i}].channel"
+            if live and kind is not None and kind not in LIVE_KINDS:
                 problem = f"{row['channel']!r} is of a {kind} source, which cannot be read live"
-                faults.append(Fault(f"trigger.{key}[{i}].channel", f"{problem}; take a channel of a bus or port"))
+                faults.append(Fault(where, f"{problem}; take a channel of a bus or port"))
+            elif kind == "camera":
+                problem = f"{row['channel']!r} is of a camera, whose film is one shot's already"
+                faults.append(Fault(where, f"{problem}; take a channel of a recorder, a bus or a port"))
     return faults
 
 

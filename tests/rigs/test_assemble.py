@@ -172,7 +172,9 @@ def test_a_channel_keeps_its_counts_its_clock_and_where_it_came_from():
     counts = RawCounts(np.array([1, 2, 3], dtype=np.int16), 0.5, 0.0, "MPa")
     rig = rig_of('unit = "MPa"\nrole = "breech_pressure"\nsensor = { u_rel = 0.004 }')
     channel = read(rig, "MPa", counts={"AI 1/p": counts})
-    assert channel.raw is counts
+    assert channel.raw is not None
+    np.testing.assert_array_equal(channel.raw.counts, counts.counts)
+    assert (channel.raw.gain, channel.raw.offset, channel.raw.unit) == (0.5, 0.0, "MPa")
     assert channel.resolution == 5e5
     assert (channel.time_base.clock, channel.time_base.count) == ("recorder", 3)
     assert (channel.signal, channel.role, channel.u_rel) == ("AI 1/p", "breech_pressure", 0.004)
