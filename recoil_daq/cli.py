@@ -394,7 +394,7 @@ def show(
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """Print what is in a shot file, or in a file of any instrument."""
+    """Print what is in a shot file, or in a file of any instrument; exit code 1 if that one was cut off."""
     with Session(json, debug) as session:
         from daq.store import is_shot_file, shot_summary
         from recoil_daq.live_tables import print_acquisition
@@ -406,7 +406,7 @@ def show(
             from rigs.rig import load_rig
 
             document = summarise_file(file, None if rig is None else load_rig(rig))
-            session.finish(document, lambda: print_file(document), OK)
+            session.finish(document, lambda: print_file(document), NOT_VALID if document["incomplete"] else OK)
         summary = shot_summary(file)
 
         def print_all() -> None:

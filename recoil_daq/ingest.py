@@ -12,10 +12,10 @@ from pathlib import Path
 from daq.acquisition import Acquisition, is_acquisition, read_acquisition
 from daq.channel import Step
 from daq.errors import CorruptFileError, ReadError, StoreError, UnknownFormatError
-from daq.readers.declared_text import DeclaredTextReader
-from daq.readers.declared_tracks import DeclaredTrackReader
 from daq.readers.reader import Reader, Recording
 from daq.readers.table import READERS, recognise
+from daq.readers.text.declared_table import DeclaredTextReader
+from daq.readers.tracks.declared_table import DeclaredTrackReader
 from daq.shot import InputFile, Shot
 from daq.store import write_shot
 from identification.clocks import align_clocks

@@ -9,7 +9,7 @@ from daq.capture.live_source import LiveChannel, LiveSource
 from daq.errors import DeviceError, Fault, RigError
 from daq.frames.declaration import framing_from_table
 from daq.quantity import SI_UNITS
-from daq.readers.can_messages import load_database
+from daq.readers.can.messages import load_database
 from daq.readers.reader import SignalHeader
 from rigs.assemble import range_si, sensor_factor, unit_of
 from rigs.rig import ChannelSpec, Rig, Source

@@ -10,8 +10,8 @@ from typing import Any
 from daq.errors import Fault, FramingError, nearest_first
 from daq.frames.declaration import framing_from_table
 from daq.quantity import SI_UNITS, UNITS, find_unit, normalise_unit
-from daq.readers.text_layout import layout_faults
-from daq.readers.track_layout import LayoutError, TrackLayout
+from daq.readers.text.layout import layout_faults
+from daq.readers.tracks.layout import LayoutError, TrackLayout
 from daq.trigger.table import trigger_faults
 from rigs.mechanism import Mechanism
 from rigs.rig_alignments import faults_of_alignment

@@ -17,8 +17,8 @@ from daq.frames import can_capture_file as capture
 from daq.frames.decoder import FrameDecoder
 from daq.frames.framing import Framing
 from daq.frames.values import decode_fields
-from daq.readers.can_decoding import SignalLayout, layout_of, present
-from daq.readers.can_messages import load_database
+from daq.readers.can.decoding import SignalLayout, layout_of, present
+from daq.readers.can.messages import load_database
 
 Array = NDArray[np.float64]
 

@@ -15,9 +15,9 @@ from daq.frames import can_capture_file as capture
 from daq.frames.decoder import FrameDecoder
 from daq.frames.framing import Framing
 from daq.frames.values import decode_fields
-from daq.readers.can_decoding import SignalLayout, gather, layout_of
-from daq.readers.can_frames import EXTENDED
-from daq.readers.can_messages import load_database
+from daq.readers.can.decoding import SignalLayout, gather, layout_of
+from daq.readers.can.frames import EXTENDED
+from daq.readers.can.messages import load_database
 
 _BATCH_BYTES = 8192
 

@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 
 from daq.exporters.content import Content
 from daq.exporters.exporter import Carried, Table, exact_table
+from daq.readers.exported.recoil_csv import FIRST_LINE, RecoilCsvReader
 from daq.readers.reader import Declarations
-from daq.readers.recoil_csv import FIRST_LINE, RecoilCsvReader
 from daq.store.table import json_text
 
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")

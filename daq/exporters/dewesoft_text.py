@@ -2,7 +2,7 @@
 
 One heading row, ``Time (s)`` and then ``group/name (unit)`` with the clock as the group, no unit row; numbers with up
 to 15 significant digits; an empty cell is a lost sample. The layout is that of exports which users have published
-(see `daq.readers.dewesoft_text`).
+(see `daq.readers.text.dewesoft`).
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from daq.exporters.content import Content
 from daq.exporters.csv_text import heading_row
 from daq.exporters.exporter import Carried, Table
-from daq.readers.text_file import read_text
-from daq.readers.text_table import find_block, read_block
+from daq.readers.text.text_file import read_text
+from daq.readers.text.text_table import find_block, read_block
 
 ROWS = 65536
 """Rows that are put into text at a time."""

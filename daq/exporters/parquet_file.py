@@ -17,8 +17,8 @@ import numpy as np
 
 from daq.exporters.content import Content
 from daq.exporters.exporter import Carried, Table, exact_table, free_name
+from daq.readers.exported.recoil_parquet import KEY, RecoilParquetReader
 from daq.readers.reader import Declarations
-from daq.readers.recoil_parquet import KEY, RecoilParquetReader
 from daq.store.table import json_text
 
 

@@ -1,1 +1,1 @@
-"""Readers of the instruments' own formats: one module per format, one table, one protocol."""
+"""Readers of the instruments' own formats: one package per family, one module per format, one table, one protocol."""

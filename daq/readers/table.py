@@ -2,7 +2,7 @@
 
 `READERS` is the table. A file is recognised by its content alone (`recognise`): exactly one reader
 claims it, or the error names the candidates. A text table whose layout the rig declares is read by
-`daq.readers.declared_text`, which claims nothing and is not in the table.
+`daq.readers.text.declared_table`, which claims nothing and is not in the table.
 """
 
 from __future__ import annotations
@@ -12,31 +12,31 @@ from pathlib import Path
 from typing import NamedTuple
 
 from daq.errors import ReadError, UnknownFormatError
-from daq.readers.can_capture import CanCaptureReader
-from daq.readers.can_log import AscReader, BlfReader, CanCsvReader, CandumpReader, CanSqliteReader, TrcReader
-from daq.readers.can_mdf import MdfBusReader
-from daq.readers.dasylab_text import DasylabTextReader
-from daq.readers.deeplabcut import DeepLabCutReader
-from daq.readers.dewesoft_native import DewesoftReader
-from daq.readers.dewesoft_text import DewesoftTextReader
-from daq.readers.dltdv import DltdvReader
-from daq.readers.hdf5 import Hdf5Reader
-from daq.readers.mat import MatReader
-from daq.readers.mdf import MdfReader
-from daq.readers.oxygen_dmd import OxygenReader
-from daq.readers.oxygen_text import OxygenTextReader
-from daq.readers.proanalyst_text import ProAnalystTextReader
-from daq.readers.proanalyst_workbook import ProAnalystWorkbookReader
+from daq.readers.can.capture import CanCaptureReader
+from daq.readers.can.log import AscReader, BlfReader, CanCsvReader, CandumpReader, CanSqliteReader, TrcReader
+from daq.readers.can.mdf import MdfBusReader
+from daq.readers.dewesoft.native import DewesoftReader
+from daq.readers.exported.recoil_csv import RecoilCsvReader
+from daq.readers.exported.recoil_parquet import RecoilParquetReader
+from daq.readers.hdf5.reader import Hdf5Reader
+from daq.readers.mat.reader import MatReader
+from daq.readers.mdf.reader import MdfReader
+from daq.readers.oxygen.dmd import OxygenReader
 from daq.readers.reader import HEAD_BYTES, Confirming, Declarations, Reader, Recording, SignalHeader
-from daq.readers.recoil_csv import RecoilCsvReader
-from daq.readers.recoil_parquet import RecoilParquetReader
-from daq.readers.serial_capture import SerialCaptureReader
-from daq.readers.sleap_analysis import SleapAnalysisReader
-from daq.readers.sleap_text import SleapTextReader
-from daq.readers.tdms import TdmsReader
-from daq.readers.tracker_text import TrackerTextReader
-from daq.readers.uff import UffReader
-from daq.readers.wav import WavReader
+from daq.readers.serial.capture import SerialCaptureReader
+from daq.readers.tdms.reader import TdmsReader
+from daq.readers.text.dasylab import DasylabTextReader
+from daq.readers.text.dewesoft import DewesoftTextReader
+from daq.readers.text.oxygen import OxygenTextReader
+from daq.readers.tracks.deeplabcut import DeepLabCutReader
+from daq.readers.tracks.dltdv import DltdvReader
+from daq.readers.tracks.proanalyst_text import ProAnalystTextReader
+from daq.readers.tracks.proanalyst_workbook import ProAnalystWorkbookReader
+from daq.readers.tracks.sleap_analysis import SleapAnalysisReader
+from daq.readers.tracks.sleap_text import SleapTextReader
+from daq.readers.tracks.tracker_text import TrackerTextReader
+from daq.readers.uff.reader import UffReader
+from daq.readers.wav.reader import WavReader
 
 READERS: tuple[Reader, ...] = (
     DewesoftTextReader(),

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from daq.errors import Fault, ReadError, nearest_first
-from daq.readers.can_messages import load_database
+from daq.readers.can.messages import load_database
 from rigs.rig import ChannelSpec, Source
 from rigs.twin.files import CanFrame, can_log
 from rigs.twin.instruments import generator

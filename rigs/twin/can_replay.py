@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from daq.readers.can_decoding import Piece, layout_of
-from daq.readers.can_frames import EXTENDED
-from daq.readers.can_messages import load_database
+from daq.readers.can.decoding import Piece, layout_of
+from daq.readers.can.frames import EXTENDED
+from daq.readers.can.messages import load_database
 from rigs.rig import Rig, Source
 from rigs.twin import TwinShot
 from rigs.twin.faults import ClockStep

@@ -14,14 +14,14 @@ import can
 import numpy as np
 import pytest
 
-from daq.readers.can_asc import read_asc
-from daq.readers.can_blf import read_blf
-from daq.readers.can_candump import read_candump
-from daq.readers.can_decoding import SignalLayout, pieces_of
-from daq.readers.can_frames import CanLog
-from daq.readers.can_mdf import read_mdf
-from daq.readers.can_messages import load_database
-from daq.readers.can_recording import CanRecording
+from daq.readers.can.asc import read_asc
+from daq.readers.can.blf import read_blf
+from daq.readers.can.candump import read_candump
+from daq.readers.can.decoding import SignalLayout, pieces_of
+from daq.readers.can.frames import CanLog
+from daq.readers.can.mdf import read_mdf
+from daq.readers.can.messages import load_database
+from daq.readers.can.recording import CanRecording
 from daq.readers.reader import Declarations
 from tests.builders.can_logs import mdf_bus_log
 

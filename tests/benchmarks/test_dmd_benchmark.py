@@ -26,7 +26,7 @@ READ = """
 import json, sys, time
 from pathlib import Path
 import numpy as np
-from daq.readers.oxygen_dmd import OxygenReader
+from daq.readers.oxygen.dmd import OxygenReader
 from daq.readers.reader import Declarations
 
 def peak_mb():

@@ -29,7 +29,7 @@ OURS = """
 import sys
 from pathlib import Path
 import pandas  # its import is no part of the reading, here or there
-from daq.readers.dewesoft_text import DewesoftTextReader
+from daq.readers.text.dewesoft import DewesoftTextReader
 from daq.readers.reader import Declarations
 before = time.perf_counter()
 recording = DewesoftTextReader().open(Path(sys.argv[1]), Declarations("dewetron"))

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from daq.readers.hdf5 import Hdf5Reader
-from daq.readers.mat import MatReader
-from daq.readers.mdf import MdfReader
+from daq.readers.hdf5.reader import Hdf5Reader
+from daq.readers.mat.reader import MatReader
+from daq.readers.mdf.reader import MdfReader
 from daq.readers.reader import Declarations
-from daq.readers.tdms import TdmsReader
-from daq.readers.uff import UffReader
-from daq.readers.wav import WavReader
+from daq.readers.tdms.reader import TdmsReader
+from daq.readers.uff.reader import UffReader
+from daq.readers.wav.reader import WavReader
 from tests.builders import container_files as build
 from tests.contracts.reader_rules import Case
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from daq.readers.oxygen_dmd import OxygenReader
+from daq.readers.oxygen.dmd import OxygenReader
 from daq.readers.reader import Declarations
 from tests.builders.oxygen_dmd import Stored, oxygen_dmd
 from tests.contracts.reader_rules import Case

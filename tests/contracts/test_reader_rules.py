@@ -23,7 +23,7 @@ CASES: tuple[Case, ...] = tuple(
 
 WITHOUT_CASE: dict[str, str] = {
     "Dewesoft recording": "no file can be built from bytes, as its layout is not published: the rules run over"
-    " a real one in tests/daq/readers/test_dewesoft_native.py",
+    " a real one in tests/daq/readers/dewesoft/test_native.py",
 }
 """Readers whose rules run elsewhere, each with its reason."""
 

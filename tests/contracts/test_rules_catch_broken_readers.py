@@ -14,7 +14,7 @@ import pytest
 from daq.channel import RawCounts
 from daq.errors import MissingChannelError
 from daq.readers.reader import Declarations, SignalHeader
-from daq.readers.serial_capture import SerialCaptureReader, SerialRecording
+from daq.readers.serial.capture import SerialCaptureReader, SerialRecording
 from daq.timebase import TimeBase
 from tests.builders import vendor_files as build
 from tests.contracts import reader_rules as rules

@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.readers.proanalyst_text import ProAnalystTextReader
 from daq.readers.reader import Declarations
+from daq.readers.tracks.proanalyst_text import ProAnalystTextReader
 from processing.film_checks import check_duplicated_pictures, check_frame_rate, duplicated_pictures
 from processing.marker_checks import (
     check_distance,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from daq.errors import ReadError
-from daq.readers.proanalyst_text import ProAnalystTextReader
+from daq.readers.tracks.proanalyst_text import ProAnalystTextReader
 from recoil_daq.ingest import ingest_files, reader_of
 from rigs.rig import Rig, load_rig, parse_rig
 from rigs.twin import simulate_shot

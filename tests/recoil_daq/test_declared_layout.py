@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from daq.errors import UnknownFormatError
-from daq.readers.declared_text import DeclaredTextReader
+from daq.readers.text.declared_table import DeclaredTextReader
 from recoil_daq.ingest import reader_of
 from rigs.rig import Rig, load_rig
 from tests.builders import text_tables as build

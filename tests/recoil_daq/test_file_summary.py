@@ -6,12 +6,14 @@ import json
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from daq.readers.table import EXTRAS, READERS
 from recoil_daq.ingest import BY_LAYOUT
 from rigs.twin import TwinShot
 from tests.builders import vendor_files as build
+from tests.builders.oxygen_dmd import Stored, oxygen_chunks
 
 CONTENTS = {
     "recorder.csv": build.dewesoft_text(build.motion_rows()),
@@ -90,6 +92,30 @@ def test_a_rig_explains_what_a_bus_log_or_a_capture_holds(run, mixed_shot: TwinS
     assert "framing" in refused.output
     # a rig without such a source declares nothing of the file
     assert shown(run, by_kind["can"], "--rig", "field-2013")["signals"] == []
+
+
+def cut_recording() -> bytes:
+    chunks = oxygen_chunks([Stored("AI 1/1", np.arange(24.0), "V")], blocks=((0, 10), (10, 10), (20, 4)))
+    return b"".join(chunks)[:-60]
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "reason"),
+    [
+        ("cut.dmd", cut_recording(), "it ends at byte"),
+        ("cut.csv", CONTENTS["recorder.csv"][:-2], "the last row has no line end and may be cut: it was left out"),
+    ],
+)
+def test_a_file_that_was_cut_off_is_shown_with_the_reason_and_exit_code_1(run, tmp_path, name, content, reason):
+    (tmp_path / name).write_bytes(content)
+    printed = run("show", tmp_path / name)
+    assert printed.exit_code == 1
+    assert "cut off: " in printed.output
+    assert reason in " ".join(printed.output.split())
+    document = run("show", tmp_path / name, "--json")
+    assert document.exit_code == 1
+    assert reason in json.loads(document.stdout)["incomplete"]
+    assert json.loads(document.stdout)["signals"], "what is there is shown all the same"
 
 
 @pytest.mark.parametrize("content", [b"", b"hello\n", b"\x89HDF\r\n\x1a\n" + bytes(64)])

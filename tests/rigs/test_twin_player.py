@@ -22,9 +22,9 @@ from daq.devices.reader_thread import DeviceReader
 from daq.frames.declaration import framing_from_table
 from daq.frames.scan import find_frames
 from daq.frames.values import decode_fields, unwrap
-from daq.readers.can_capture import CanCaptureReader, CanCaptureRecording
-from daq.readers.can_decoding import pieces_of
-from daq.readers.serial_capture import SerialCaptureReader
+from daq.readers.can.capture import CanCaptureReader, CanCaptureRecording
+from daq.readers.can.decoding import pieces_of
+from daq.readers.serial.capture import SerialCaptureReader
 from rigs.rig import Rig, load_rig, parse_rig
 from rigs.twin import TwinShot, simulate_shot
 from rigs.twin.can_replay import can_items, with_bits
@@ -370,7 +370,7 @@ def test_a_counter_is_put_into_its_bits_alone() -> None:
         for value in (0, 1, 513, 1023):
             data = with_bits(b"\xff" * 8, pieces, value)
             assert sum(bin(byte).count("0") - 1 for byte in data) >= 0
-            from daq.readers.can_decoding import gather
+            from daq.readers.can.decoding import gather
 
             rows = np.frombuffer(data, dtype=np.uint8).reshape(1, 8)
             assert int(gather(rows, pieces)[0]) == value

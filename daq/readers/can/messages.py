@@ -1,0 +1,149 @@
+"""The messages of a CAN database, and the frames of a log that carry them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from daq.errors import ReadError
+from daq.readers.can.decoding import SignalLayout, layout_of
+from daq.readers.can.frames import EXTENDED, CanFrames
+
+XML_FORMATS = ("kcd", "arxml")
+
+_ENTITIES = re.compile(r"<!\s*(?:DOCTYPE|ENTITY)", re.IGNORECASE)
+_ROOT = re.compile(r"<(?:[A-Za-z_][\w.-]*:)?([A-Za-z_][\w.-]*)(?=[\s/>])")
+_SYM = re.compile(r"\ufeff?\s*(?://[^\n]*\s*)*FormatVersion\s*=", re.IGNORECASE)
+_DBC = re.compile(r"^\s*(?:VERSION\b|NS_\b|BS_\b|BU_\b|BO_\b)", re.MULTILINE)
+
+
+@dataclass(frozen=True, eq=False)
+class Messages:
+    """One message's frames in a log.
+
+    Attributes
+    ----------
+    name : str
+    layouts : dict of str to SignalLayout
+    time_s : ndarray of float64, shape (n_frames,)
+        Strictly increasing.
+    length : ndarray of int64, shape (n_frames,)
+    data : ndarray of uint8, shape (n_frames, width)
+    """
+
+    name: str
+    layouts: dict[str, SignalLayout]
+    time_s: NDArray[np.float64]
+    length: NDArray[np.int64]
+    data: NDArray[np.uint8]
+
+
+def load_database(text: str, path: Path) -> Any:
+    """Parse the text of a CAN database, strictly; its format is found from its content.
+
+    Parameters
+    ----------
+    text : str
+        DBC, KCD, SYM or ARXML.
+    path : Path
+        The log that needs it, for messages.
+
+    Returns
+    -------
+    cantools.database.can.Database
+
+    Raises
+    ------
+    ReadError
+        If it is none of these formats, defines entities, or with what cantools found wrong.
+    """
+    kind = database_format(text)
+    if not kind or (kind in XML_FORMATS and _ENTITIES.search(text)):
+        raise ReadError(
+            "the CAN database defines entities, which no database needs" if kind else "this is no CAN database",
+            path=path,
+            expected="the text of a DBC, KCD, SYM or ARXML file",
+            remedy="correct the database that the rig file names",
+        )
+    try:
+        return _parse_database(text, kind)
+    except Exception as error:
+        cause: BaseException = getattr(error, f"e_{kind}", None) or error
+        first = str(cause).strip().splitlines()
+        raise ReadError(
+            f"the CAN database cannot be read: {first[0][:200] if first else type(cause).__name__}",
+            path=path,
+            expected=f"the text of a {kind.upper()} file",
+            remedy="correct the database that the rig file names",
+        ) from error
+
+
+def database_format(text: str) -> str:
+    """Tell a database's format from its content: ``kcd``, ``arxml``, ``sym``, ``dbc``, or empty for none of them."""
+    if text.lstrip("\ufeff \t\r\n").startswith("<"):
+        root = _ROOT.search(text)
+        return {"NetworkDefinition": "kcd", "AUTOSAR": "arxml"}.get(root[1] if root else "", "")
+    if _SYM.match(text):
+        return "sym"
+    return "dbc" if _DBC.search(text) else ""
+
+
+@lru_cache(maxsize=4)
+def _parse_database(text: str, kind: str) -> Any:
+    """Parse once per text: a campaign reads hundreds of logs with one database."""
+    import cantools
+
+    return cantools.database.load_string(text, kind, strict=True)
+
+
+def messages_of(message: Any, frames: CanFrames, chosen: NDArray[np.intp], notes: list[str]) -> Messages:
+    """Take one message's frames; those whose stamp does not increase are left out and counted.
+
+    Parameters
+    ----------
+    message : cantools.database.can.Message
+    frames : CanFrames
+    chosen : ndarray of int, shape (n_frames,)
+        Which frames are of that message.
+    notes : list of str
+        What is to be said of them is added.
+    """
+    time_s = np.take(frames.time_s, chosen)
+    kept = chosen
+    if not (np.diff(time_s) > 0).all():
+        newest = np.maximum.accumulate(np.r_[-np.inf, time_s[:-1]])
+        increasing = time_s > newest
+        kept = chosen[increasing]
+        time_s = time_s[increasing]
+        left_out = int((~increasing).sum())
+        notes.append(f"{message.name}: {left_out} of {chosen.size} frames do not increase in time and were left out")
+    channel = np.take(frames.channel, chosen)
+    if (channel != channel[0]).any():
+        notes.append(f"{message.name}: frames of channels {', '.join(map(str, np.unique(channel)))} were merged")
+    layouts = {}
+    for signal in message.signals:
+        layout = layout_of(signal)
+        if layout is None:
+            notes.append(f"{message.name}.{signal.name}: {signal.length} bits are not decoded")
+        else:
+            layouts[signal.name] = layout
+    width = max([layout.bytes_needed for layout in layouts.values()], default=8)
+    data = np.take(frames.data, kept, axis=0)
+    if data.shape[1] < width:
+        data = np.pad(data, ((0, 0), (0, width - data.shape[1])))
+    return Messages(message.name, layouts, time_s, np.take(frames.length, kept), data)
+
+
+def count_identifiers(keys: NDArray[np.uint32]) -> dict[str, int]:
+    """Count the frames per identifier."""
+    found, counts = np.unique(keys, return_counts=True)
+    return {
+        f"{int(k) & ~EXTENDED:#x}{' (29 bit)' if int(k) & EXTENDED else ''}": int(n)
+        for k, n in zip(found, counts, strict=True)
+    }

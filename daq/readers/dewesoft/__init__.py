@@ -1,0 +1,1 @@
+"""Dewesoft's own recordings (.dxd, .d7d), by the vendor's library."""

@@ -1,0 +1,1 @@
+"""Files that this project exports, CSV and Parquet, read back."""

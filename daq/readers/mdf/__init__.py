@@ -1,0 +1,1 @@
+"""MDF 4 files of measured channels, and their blocks."""

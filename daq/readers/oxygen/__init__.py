@@ -1,0 +1,1 @@
+"""DEWETRON OXYGEN's own recordings (.dmd)."""

@@ -1,0 +1,1 @@
+"""TDMS files of National Instruments' programs."""

@@ -1,0 +1,179 @@
+"""The time base of a text table: printed relative time, stamps of a wall clock, or the row number."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from daq.errors import CorruptFileError, ReadError
+from daq.readers.text.column_store import ColumnStore
+from daq.readers.text.dewesoft_time import rate_from_stamps
+from daq.readers.text.text_table import printed_decimals
+from daq.readers.time.printed_time import start_agreeing, uniform_from_printed
+from daq.readers.time.wall_clock import Stamp, Stamps
+from daq.timebase import AbsoluteStart, TimeBase
+
+TIME_UNITS_S = {
+    "s": 1.0, "sec": 1.0, "sec.": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "msec.": 1e-3,
+    "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0,
+}  # fmt: skip
+"""Units of time as recorders write them, in seconds."""
+
+FINE_STEPS = 50
+"""Resolutions of a stamp that a step must be for the stamps to be taken as printed instants."""
+
+DAY_S = 86400.0
+
+
+@dataclass(frozen=True)
+class TimeSource:
+    """Where the time of a table's rows comes from.
+
+    Attributes
+    ----------
+    column : int or None
+        Column of time; None where the rate alone tells.
+    unit_s : float or None
+        Unit of a relative time; None if the column holds stamps, or there is none.
+    parse : callable or None
+        Reads a stamp.
+    rate_hz : float or None
+        Sample rate that the file or the rig states.
+    rate_origin : str
+        What states it.
+    start : AbsoluteStart or None
+        Start that the file states apart from the column.
+    origin : str
+        Where stamps were read.
+    wraps : bool
+        Whether stamps are times of day, which begin anew at midnight.
+    remedy : str
+        What the user can do if the time cannot be used.
+    """
+
+    column: int | None
+    unit_s: float | None = None
+    parse: Callable[[str], Stamp] | None = None
+    rate_hz: float | None = None
+    rate_origin: str = ""
+    start: AbsoluteStart | None = None
+    origin: str = "first row of the time column"
+    wraps: bool = False
+    remedy: str = ""
+
+
+def time_base(
+    source: TimeSource, columns: ColumnStore, stamps: Stamps | None, clock: str
+) -> tuple[TimeBase, tuple[str, ...]]:
+    """Find the time base of a table's rows, and what is to say about it.
+
+    Raises
+    ------
+    ReadError
+        If the rows' instants are not told finely enough.
+    CorruptFileError
+        If a time is missing, time does not increase, or it contradicts the stated rate.
+    """
+    rows = columns.block.row_count
+    if source.column is None:
+        if source.rate_hz is None:
+            raise ReadError(
+                "there is no time column and no sample rate", path=columns.block.file.path, remedy=source.remedy
+            )
+        base = TimeBase.uniform(clock, 0.0, 1.0 / source.rate_hz, rows, source.start)
+        return base, (f"time is the row number over {source.rate_hz:g} Hz, {source.rate_origin}",)
+    printed = columns.column(source.column)
+    _check_complete(columns, source, printed)
+    if stamps is None:
+        return _from_relative(source, columns, printed, clock)
+    return _from_stamps(source, columns, stamps, printed, clock)
+
+
+def _check_complete(columns: ColumnStore, source: TimeSource, printed: NDArray[np.float64]) -> None:
+    if source.column is not None and columns.lost[source.column]:
+        row = int(np.flatnonzero(np.isnan(printed))[0])
+        raise CorruptFileError("the time is missing", path=columns.block.file.path, place=_place(columns, row))
+
+
+def _place(columns: ColumnStore, row: int) -> str:
+    return f"line {columns.block.first_line + row}, time column"
+
+
+def _from_relative(
+    source: TimeSource, columns: ColumnStore, printed: NDArray[np.float64], clock: str
+) -> tuple[TimeBase, tuple[str, ...]]:
+    factor = source.unit_s or 1.0
+    times_s = printed if factor == 1.0 else printed * factor
+    resolution_s = factor * 10.0 ** -printed_decimals(columns.block, source.column or 0)
+    if source.rate_hz is not None:
+        start_s = start_agreeing(times_s, 1.0 / source.rate_hz, resolution_s)
+        if start_s is not None:
+            return TimeBase.uniform(clock, start_s, 1.0 / source.rate_hz, times_s.size, source.start), ()
+        raise CorruptFileError(
+            "the time column contradicts the sample rate", path=columns.block.file.path,
+            expected=f"{source.rate_hz:g} Hz, {source.rate_origin}",
+            found=f"rows from {times_s[0]:g} s to {times_s[-1]:g} s", remedy=source.remedy,
+        )  # fmt: skip
+    uniform = uniform_from_printed(times_s, resolution_s)
+    if uniform is not None:
+        return TimeBase.uniform(clock, *uniform, times_s.size, source.start), ()
+    return _as_printed(source, columns, printed, times_s, clock)
+
+
+def _as_printed(
+    source: TimeSource, columns: ColumnStore, printed: NDArray[np.float64], times_s: NDArray[np.float64], clock: str
+) -> tuple[TimeBase, tuple[str, ...]]:
+    """Take instants as printed, where they agree with no constant step."""
+    steps = np.diff(times_s)
+    if (steps <= 0).any():
+        row = int(np.flatnonzero(steps <= 0)[0]) + 1
+        raise CorruptFileError(
+            "time does not increase", path=columns.block.file.path, place=_place(columns, row),
+            expected=f"more than {printed[row - 1]:g}", found=f"{printed[row]:g}",
+            remedy="export with more decimals, one sample rate and one recording per file",
+        )  # fmt: skip
+    base = TimeBase.stamped(clock, times_s, source.start)
+    if times_s.size < 2:
+        return base, ("there is one row only: no sample rate",)
+    gaps = int((steps > 1.5 * np.median(steps)).sum())
+    note = f"steps of time differ by more than their printed digits ({gaps} gaps): instants are as printed"
+    return base, (note,)
+
+
+def _from_stamps(
+    source: TimeSource, columns: ColumnStore, stamps: Stamps, seconds: NDArray[np.float64], clock: str
+) -> tuple[TimeBase, tuple[str, ...]]:
+    path, resolution_s = columns.block.file.path, stamps.resolution_s
+    if source.wraps:
+        seconds = np.unwrap(seconds, period=DAY_S)
+    start = source.start
+    if start is None and stamps.first is not None and not source.wraps:
+        start = AbsoluteStart(stamps.first.text, stamps.first.zone, source.origin)
+    if source.rate_hz is not None:
+        spread = float(np.ptp(seconds - np.arange(seconds.size) / source.rate_hz))
+        if spread > resolution_s * (1 + 1e-6) + 1e-9:
+            raise CorruptFileError(
+                "the time column contradicts the sample rate", path=path, place="time column",
+                expected=f"{source.rate_hz:g} Hz, {source.rate_origin}", found=f"stamps up to {spread:g} s off",
+                remedy=source.remedy,
+            )  # fmt: skip
+        note = f"time is the row number over {source.rate_hz:g} Hz, {source.rate_origin}"
+        return TimeBase.uniform(clock, 0.0, 1.0 / source.rate_hz, seconds.size, start), (note,)
+    if seconds.size > 1 and float(np.median(np.diff(seconds))) >= FINE_STEPS * resolution_s:
+        uniform = uniform_from_printed(seconds, resolution_s)
+        if uniform is None:
+            base, notes = _as_printed(source, columns, seconds, seconds, clock)
+            return TimeBase.stamped(clock, base.times_s, start), notes
+        return TimeBase.uniform(clock, *uniform, seconds.size, start), ()
+    try:
+        rate_hz, others = rate_from_stamps(seconds, resolution_s)
+    except ValueError as error:
+        raise ReadError(
+            f"absolute time is not fine enough: {error}", path=path, place="time column", remedy=source.remedy
+        ) from error
+    note = f"absolute time resolves only {resolution_s:g} s: time was rebuilt from the row number at {rate_hz:g} Hz"
+    doubt = f"the record is too short to exclude {', '.join(f'{rate:g}' for rate in others)} Hz"
+    return TimeBase.uniform(clock, 0.0, 1.0 / rate_hz, seconds.size, start), (note, doubt) if others else (note,)

@@ -1,0 +1,1 @@
+"""Camera tracks: exports of tracking programs, as text, workbook and HDF5."""

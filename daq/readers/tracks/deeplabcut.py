@@ -1,0 +1,107 @@
+"""DeepLabCut's table of tracked body parts, as text.
+
+The layout is that of pandas' ``to_csv`` of the software's own table: rows ``scorer``, ``individuals`` (several
+animals only), ``bodyparts`` and ``coords``, then one row per frame: its number, counted from 0, and ``x``, ``y``,
+``likelihood`` of every part, in pixels. A part that was not seen has coordinates all the same: only its likelihood
+is low. The file has no time. Source: the DeepLabCut user guide, "How does DeepLabCut store its output?".
+
+The same table as HDF5 is refused: the names of its columns are kept as a Python pickle, which runs code when it is
+read.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from daq.errors import CorruptFileError, ReadError
+from daq.readers.reader import Declarations
+from daq.readers.text.text_file import decode_head, read_text
+from daq.readers.text.text_table import SEPARATORS, find_block, has_decimal_comma, is_number, read_block, split_cells
+from daq.readers.tracks.columns import Column
+from daq.readers.tracks.frame_time import frame_clock
+from daq.readers.tracks.recording import TrackRecording, TrackTable, refuse_layout
+from daq.readers.tracks.signature import signature
+
+HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
+_LEVELS = (("scorer", "bodyparts", "coords"), ("scorer", "individuals", "bodyparts", "coords"))
+_SCORES = ("likelihood",)
+
+
+class DeepLabCutReader:
+    """Reader of DeepLabCut's text table."""
+
+    name = "DeepLabCut"
+    kind = "camera"
+    suffixes = (".csv", ".h5")
+
+    def claims(self, head: bytes) -> bool:
+        """Tell whether the first cell is ``scorer``, or an HDF5 file names the software's table."""
+        if head.startswith(HDF5_MAGIC):
+            return b"df_with_missing" in head
+        return signature(decode_head(head).split("\n")[:4]) == "deeplabcut"
+
+    def open(self, path: Path, declared: Declarations) -> TrackRecording:
+        """Open a table.
+
+        Raises
+        ------
+        ReadError
+            If it is HDF5, labels for training, or no frame rate is declared.
+        CorruptFileError
+            If its header or a row is damaged.
+        """
+        refuse_layout(declared, path)
+        file = read_text(path)
+        if file.data.startswith((HDF5_MAGIC, HDF5_MAGIC.replace(b"\r\n", b"\n"))):
+            raise ReadError(
+                "the HDF5 table of DeepLabCut names its columns by a Python pickle, which is not read",
+                path=path,
+                expected="the same table as text",
+                remedy="export it as csv (`save_as_csv=True`, or `deeplabcut.convert_h5_to_csv`)",
+            )
+        lines = file.lines(0, 6)
+        separator = next((s for s in SEPARATORS if len(split_cells(lines[0], s)) > 1), ",")
+        rows = [split_cells(line, separator) for line in lines]
+        header = tuple(row[0].casefold() for row in rows)
+        levels = next((names for names in _LEVELS if header[: len(names)] == names), None)
+        if levels is None:
+            raise CorruptFileError(
+                "the header is not DeepLabCut's",
+                path=path,
+                place="line 1, column 1",
+                expected="rows scorer, bodyparts, coords",
+                found=", ".join(repr(name[:20]) for name in header[:4]),
+                remedy="export it again",
+            )
+        above, width = rows[: len(levels)], len(rows[0])
+        if any(len(row) != width for row in above):
+            raise CorruptFileError("the header rows differ in width", path=path, place=f"lines 1 to {len(levels)}")
+        data = [row for row in rows[len(levels) :] if len(row) == width]
+        if data and not is_number(data[0][0]):
+            raise ReadError(
+                "these are labels for training, by picture and not by frame",
+                path=path,
+                place=f"line {len(levels) + 1}",
+                found=repr(data[0][0][:40]),
+                remedy="export the analysed video instead",
+            )
+        columns = (Column("frame", "frame", ""), *(_column(cells) for cells in list(zip(*above, strict=True))[1:]))
+        labels = [column.name for column in columns]
+        comma = has_decimal_comma(data, separator)
+        block = find_block(file, file.start_of(len(levels)), separator, labels, decimal_comma=comma)
+        values, _ = read_block(block)
+        clock = frame_clock(block, values, columns, declared.frame_rate_hz)
+        scorers = list(dict.fromkeys(above[0][1:]))
+        metadata = {"scorer": scorers[0] if len(scorers) == 1 else scorers, "encoding": file.encoding}
+        return TrackRecording(
+            TrackTable(path, self.name, columns, values, clock, metadata, incomplete=block.dropped), declared
+        )
+
+
+def _column(cells: tuple[str, ...]) -> Column:
+    """Return the column that stands under one cell of each header row: scorer, individual, part, coordinate."""
+    feature, coordinate = " ".join(cell for cell in cells[1:-1] if cell), cells[-1]
+    name = f"{feature} {coordinate}"
+    if coordinate.casefold() in ("x", "y", "z"):
+        return Column("position", name, "px", feature, coordinate.upper())
+    return Column("score" if coordinate.casefold() in _SCORES else "derived", name, "", feature)

@@ -1,0 +1,65 @@
+"""ProAnalyst's text export of tracked features, and tables like it.
+
+No verbatim export is published, and users strip or edit the header, so the numbers are found
+first: the first of at least five rows of equal width that hold nothing else. What stands above is
+kept verbatim, and its last rows are read as headings. Time is frame number over frame rate, never
+the row number; a frame that is not in the file is a gap. A feature whose coordinates are all exactly
+-1, which is how the software marks a lost feature, or whose cells are empty, is lost in that frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from daq.readers.reader import Declarations
+from daq.readers.text.text_file import decode_head, read_text
+from daq.readers.text.text_table import is_number, split_cells
+from daq.readers.tracks.block import BLOCK_ROWS, HEADER_LINES, find_numbers, read_track_table
+from daq.readers.tracks.columns import columns_from_headings, increasing_whole
+from daq.readers.tracks.recording import TrackRecording, refuse_layout
+from daq.readers.tracks.signature import signature
+
+
+class ProAnalystTextReader:
+    """Reader of ProAnalyst's text export."""
+
+    name = "ProAnalyst text"
+    kind = "camera"
+    suffixes = (".csv", ".txt")
+
+    def claims(self, head: bytes) -> bool:
+        """Tell whether numbers stand under headings of a track, or without any under whole frame numbers."""
+        lines = decode_head(head).split("\n")[:-1][: HEADER_LINES + BLOCK_ROWS]
+        found = find_numbers(lines)
+        if found is None:
+            return False
+        row, separator = found
+        header = [split_cells(line, separator) for line in lines[:row]]
+        if signature(lines) or any(cells and cells[0].casefold().startswith(("time", "scorer")) for cells in header):
+            return False
+        numbers = [split_cells(line, separator) for line in lines[row : row + BLOCK_ROWS]]
+        columns = columns_from_headings(header[-3:], len(numbers[0]))
+        if columns is not None:
+            return any(column.kind in ("frame", "position") for column in columns)
+        first = [cells[0] for cells in numbers]
+        return not any(header) and all(is_number(c) for c in first) and _whole(first)
+
+    def open(self, path: Path, declared: Declarations) -> TrackRecording:
+        """Open an export.
+
+        Raises
+        ------
+        ReadError
+            If there is neither a time column nor a declared frame rate, or a unit is unknown.
+        CorruptFileError
+            If no block of numbers is found, or a row of it is damaged.
+        """
+        refuse_layout(declared, path)
+        return TrackRecording(read_track_table(read_text(path), self.name, declared.frame_rate_hz), declared)
+
+
+def _whole(cells: Sequence[str]) -> bool:
+    return increasing_whole(np.array([float(cell.replace(",", ".")) for cell in cells]))

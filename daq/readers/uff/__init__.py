@@ -1,0 +1,1 @@
+"""Universal Files: time responses of datasets 58 and 58b."""

@@ -1,0 +1,1 @@
+"""WAVE sound files and their chunks."""

@@ -1,0 +1,173 @@
+"""Captures of CAN buses: two stamps per frame, decoded like any log."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from daq.errors import CorruptFileError, ReadError
+from daq.frames import can_capture_file as capture
+from daq.readers.can.capture import CanCaptureReader, CanCaptureRecording
+from daq.readers.can.log import CandumpReader
+from daq.readers.reader import Declarations
+from daq.readers.table import recognise
+from tests.builders import can_captures
+from tests.builders import vendor_files as build
+from tests.contracts import reader_rules as rules
+from tests.contracts.reader_rules import Case
+
+DECLARED = Declarations("can", database=build.DBC)
+MAGNITUDES = {"ACC.ax": (-10, 10), "ACC.p": (0, 20), "GYR.gx": (-1, 10), "EXT.low": (0, 100), "EXT.high": (0, 100)}
+CASE = Case(
+    "can-capture",
+    CanCaptureReader(),
+    can_captures.can_capture(can_captures.can_records(build.can_entries())),
+    DECLARED,
+    MAGNITUDES,
+    can_captures.at_record_end,
+)
+
+
+def opened(folder: Path, content: bytes) -> CanCaptureRecording:
+    path = folder / "bus.rdcc"
+    path.write_bytes(content)
+    return CanCaptureReader().open(path, DECLARED)
+
+
+@pytest.mark.parametrize("rule", rules.RULES, ids=lambda rule: rule.__name__)
+def test_a_can_capture_keeps_every_rule_of_readers(rule: Callable[[Case, Path], None], tmp_path: Path) -> None:
+    rule(CASE, tmp_path)
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(flips=st.lists(st.tuples(st.floats(0, 1), st.integers(0, 255)), min_size=1, max_size=8))
+def test_flipped_bytes_of_a_capture_are_refused_or_read(tmp_path: Path, flips: list[tuple[float, int]]) -> None:
+    rules.flipped_bytes_are_refused_or_read(CASE, tmp_path, flips)
+
+
+def test_a_capture_is_recognised_by_its_first_line(tmp_path: Path) -> None:
+    path = tmp_path / "without_suffix"
+    path.write_bytes(CASE.content)
+    assert isinstance(recognise(path), CanCaptureReader)
+
+
+def test_a_capture_holds_the_same_samples_as_a_log_of_the_same_bus(tmp_path: Path) -> None:
+    entries = build.can_entries()
+    log = tmp_path / "bus.log"
+    log.write_bytes(build.candump_log(entries))
+    vendor = CandumpReader().open(log, DECLARED)
+    live = opened(tmp_path, CASE.content)
+    assert [s.name for s in live.signals] == [s.name for s in vendor.signals]
+    for signal in vendor.signals:
+        np.testing.assert_array_equal(live.read(signal.name), vendor.read(signal.name))
+        np.testing.assert_allclose(
+            live.time_base(signal.name).times_s, vendor.time_base(signal.name).times_s, rtol=0, atol=1e-6
+        )
+
+
+def test_a_capture_without_device_time_is_dated_by_the_host(tmp_path: Path) -> None:
+    records = can_captures.can_records(build.can_entries(), device=False, drift=0.0)
+    live = opened(tmp_path, can_captures.can_capture(records))
+    assert live.metadata["dated_by"] == "host"
+    assert live.clock_fit is None
+    assert any("host's clock" in note for note in live.notes)
+    np.testing.assert_allclose(np.diff(live.time_base("ACC.ax").times_s), 1e-3, rtol=1e-9)
+
+
+def test_both_stamps_and_the_fit_are_kept(tmp_path: Path) -> None:
+    entries = build.can_entries(400)
+    live = opened(tmp_path, can_captures.can_capture(can_captures.can_records(entries)))
+    np.testing.assert_array_equal(live.device_ns, [can_captures.DEVICE_ZERO_NS + t for t, _, _ in entries])
+    assert live.host_ns[0] == can_captures.HOST_ZERO_NS + 300_000
+    assert live.clock_fit is not None
+    assert live.metadata["clock_fit"]["drift"] == pytest.approx(2e-5, abs=1e-8)
+    assert live.metadata["host_time_of_first_frame_ns"] == int(live.host_ns[0])
+    json.dumps(live.metadata)
+
+
+def test_the_anchor_gives_the_wall_clock_of_the_first_frame(tmp_path: Path) -> None:
+    live = opened(tmp_path, CASE.content)
+    assert live.absolute_start is not None
+    assert live.absolute_start.text == "2023-11-14T22:13:20.250300"
+    assert live.absolute_start.zone == "UTC"
+    plain = can_captures.can_capture(can_captures.can_records(build.can_entries()), anchored=False)
+    assert opened(tmp_path, plain).absolute_start is None
+
+
+def test_a_step_of_the_interfaces_clock_costs_no_sample(tmp_path: Path) -> None:
+    entries = build.can_entries(900)
+    stepped = [(t - 300_000_000 if t >= 400_000_000 else t, key, data) for t, key, data in entries]
+    records = [
+        capture.RECORD.pack(*capture.RECORD.unpack(a)[:1], *capture.RECORD.unpack(b)[1:])
+        for a, b in zip(can_captures.can_records(stepped), can_captures.can_records(entries), strict=True)
+    ]
+    live = opened(tmp_path, can_captures.can_capture(records))
+    assert live.read("ACC.ax").size == 900
+    np.testing.assert_allclose(np.diff(live.time_base("ACC.ax").times_s), 1e-3, atol=1e-5)
+    assert [round(step["step_s"], 4) for step in live.metadata["clock_fit"]["steps"]] == [-0.3]
+    assert any("stepped by -0.3000" in note for note in live.notes)
+
+
+def test_single_wrong_stamps_cost_no_sample(tmp_path: Path) -> None:
+    records = can_captures.can_records(build.can_entries(900))
+    late = capture.RECORD.unpack(records[1000])
+    records[1000] = capture.RECORD.pack(late[0] + 41_900_000, *late[1:])
+    live = opened(tmp_path, can_captures.can_capture(records))
+    assert sum(live.read(name).size for name in ("ACC.ax", "GYR.gx", "EXT.kind")) == len(records)
+    assert any("do not fit its clock" in note for note in live.notes)
+
+
+def test_events_and_error_frames_are_told(tmp_path: Path) -> None:
+    records = can_captures.can_records(build.can_entries())
+    host_ns = can_captures.HOST_ZERO_NS + 10_000_000
+    records.insert(25, capture.pack_event(host_ns, "lost: slcan /dev/ttyACM0: gone"))
+    records.insert(26, capture.pack_event(host_ns + 1000, "reopened: slcan /dev/ttyACM0 after 3 tries"))
+    records.insert(
+        27,
+        capture.pack_record(
+            device_ns=1, host_ns=host_ns, identifier=0x4, flags=capture.ERROR, data=bytes([0, 1, 0, 0, 0, 0, 0, 0])
+        ),
+    )
+    live = opened(tmp_path, can_captures.can_capture(records))
+    assert live.read("ACC.ax").size == 30
+    assert live.metadata["error_frames"] == 1
+    assert live.metadata["error_frame_times"] == [{"host_ns": host_ns, "class": 4}]
+    assert [event["text"].split(":")[0] for event in live.metadata["events"]] == ["lost", "reopened"]
+    assert any("lost 1 times" in note for note in live.notes)
+    assert any("1 error frames" in note for note in live.notes)
+
+
+def test_damaged_records_are_counted(tmp_path: Path) -> None:
+    records = can_captures.can_records(build.can_entries())
+    spoilt = bytearray(records[3])
+    spoilt[23] = 65
+    records[3] = bytes(spoilt)
+    live = opened(tmp_path, can_captures.can_capture(records))
+    assert live.metadata["damaged_entries"] == 1
+    assert live.metadata["data_frames"] == len(records) - 1
+
+
+def test_a_capture_without_database_or_frames_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "bus.rdcc"
+    path.write_bytes(CASE.content)
+    with pytest.raises(ReadError, match="without its database"):
+        CanCaptureReader().open(path, Declarations("can"))
+    with pytest.raises(CorruptFileError, match="no data frames"):
+        opened(tmp_path, capture.MAGIC)
+    with pytest.raises(CorruptFileError, match="no first line"):
+        opened(tmp_path, b"something else")
+
+
+def test_a_record_is_as_long_as_documented_and_texts_are_cut_between_characters() -> None:
+    assert capture.RECORD_SIZE == capture.RECORD.size == 88
+    record = capture.parse_records(capture.pack_event(7, "ä" * 40))[0]
+    assert capture.text_of(record) == "ä" * 32
+    assert int(record["host_ns"]) == 7
+    with pytest.raises(ValueError, match="at most 64"):
+        capture.pack_record(device_ns=0, host_ns=0, identifier=1, flags=0, data=bytes(65))

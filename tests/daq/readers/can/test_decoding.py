@@ -1,0 +1,84 @@
+from __future__ import annotations
+
+import random
+
+import cantools
+import numpy as np
+import pytest
+from cantools.database.can import Message, Signal
+from cantools.database.conversion import BaseConversion
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from daq.readers.can.decoding import layout_of, pieces_of, present
+from tests.builders.shared_data import shared_file
+
+
+def random_signal(rng: random.Random, size: int) -> Signal:
+    """A signal of random place, length, byte order and meaning that lies inside a frame."""
+    while True:
+        kind = rng.choice(["unsigned", "signed", "float"])
+        length = rng.choice([16, 32, 64]) if kind == "float" else rng.randint(1, 64)
+        order = rng.choice(["little_endian", "big_endian"])
+        start = rng.randrange(8 * size)
+        places = [p for piece in pieces_of(start, length, little_endian=order == "little_endian") for p in [piece.byte]]
+        if all(0 <= place < size for place in places):
+            scale, offset = rng.choice([(1, 0), (0.01, -5), (2.5, 100), (-0.125, 0.5)])
+            conversion = BaseConversion.factory(scale=scale, offset=offset, is_float=kind == "float")
+            return Signal("s", start, length, order, is_signed=kind == "signed", conversion=conversion)
+
+
+@settings(max_examples=150, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), size=st.sampled_from([8, 64]))
+def test_any_layout_decodes_as_cantools_does(seed: int, size: int) -> None:
+    rng = random.Random(seed)  # noqa: S311  test data, no secret
+    signal = random_signal(rng, size)
+    message = Message(1, "m", size, [signal], is_fd=size > 8, strict=True)
+    frames = [rng.randbytes(size) for _ in range(20)]
+    layout = layout_of(message.signals[0])
+    assert layout is not None
+    data = np.frombuffer(b"".join(frames), dtype=np.uint8).reshape(-1, size)
+    with np.errstate(all="ignore"):
+        found = layout.decode(data)
+    expected = np.array([message.decode(frame, decode_choices=False)["s"] for frame in frames], dtype=np.float64)
+    np.testing.assert_allclose(found, expected, rtol=1e-15, equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    "name", ["vehicle.dbc", "signed.dbc", "floating_point.dbc", "multiplex.dbc", "variable_dlc.dbc", "rig_shot/rig.dbc"]
+)
+def test_every_message_of_real_databases_decodes_as_cantools_does(name: str) -> None:
+    database = cantools.database.load_string(shared_file(f"can/{name}").read_text("cp1252"), "dbc", strict=False)
+    rng = random.Random(7)  # noqa: S311  test data, no secret
+    compared = 0
+    for message in database.messages:
+        frames = [rng.randbytes(message.length) for _ in range(150 if name == "multiplex.dbc" else 12)]
+        layouts = {s.name: layout for s in message.signals if (layout := layout_of(s)) is not None}
+        assert len(layouts) == len(message.signals)
+        data = np.frombuffer(b"".join(frames), dtype=np.uint8).reshape(len(frames), -1)
+        length = np.full(len(frames), message.length)
+        for i, frame in enumerate(frames):
+            try:
+                expected = message.decode(frame, decode_choices=False)
+            except cantools.database.DecodeError:
+                continue
+            for signal_name, layout in layouts.items():
+                held = bool(present(layout, layouts, data[i : i + 1], length[i : i + 1])[0])
+                assert held == (signal_name in expected)
+                if held:
+                    with np.errstate(all="ignore"):
+                        found = layout.decode(data[i : i + 1])[0]
+                    np.testing.assert_allclose(found, float(expected[signal_name]), rtol=1e-15, equal_nan=True)
+                    compared += 1
+    assert compared >= 12
+
+
+def test_signals_that_are_no_number_have_no_layout() -> None:
+    assert layout_of(Signal("wide", 0, 65)) is None
+    odd = Signal("odd", 0, 24, conversion=BaseConversion.factory(is_float=True))
+    assert layout_of(odd) is None
+
+
+def test_a_motorola_signal_runs_from_its_most_significant_bit() -> None:
+    pieces = pieces_of(3, 12, little_endian=False)
+    assert [(p.byte, p.shift, p.count, p.place) for p in pieces] == [(1, 0, 8, 0), (0, 0, 4, 8)]

@@ -1,0 +1,328 @@
+from __future__ import annotations
+
+import struct
+import zlib
+from pathlib import Path
+from typing import Any
+
+import can
+import numpy as np
+import pytest
+
+from daq.errors import CorruptFileError, ReadError
+from daq.readers.can.asc import read_asc
+from daq.readers.can.blf import read_blf
+from daq.readers.can.candump import read_candump
+from daq.readers.can.log import AscReader, BlfReader, CandumpReader, CanRecording
+from daq.readers.reader import Declarations
+from tests.builders.shared_data import shared_file
+from tests.builders.vendor_files import (
+    DBC,
+    EXT,
+    CanEntry,
+    asc_log,
+    blf_log,
+    blf_object,
+    can_entries,
+    candump_log,
+)
+
+READERS = {"asc": AscReader(), "blf": BlfReader(), "log": CandumpReader()}
+WRITERS = {"asc": asc_log, "blf": blf_log, "log": candump_log}
+
+
+def opened(tmp_path: Path, suffix: str, content: bytes, database: str | None = DBC) -> CanRecording:
+    path = tmp_path / f"a.{suffix}"
+    path.write_bytes(content)
+    return READERS[suffix].open(path, Declarations("can", database=database))
+
+
+@pytest.mark.parametrize("suffix", READERS)
+def test_every_format_gives_the_same_signals(suffix: str, tmp_path: Path) -> None:
+    content = WRITERS[suffix](can_entries(30))
+    assert [s for s, reader in READERS.items() if reader.claims(content[:65536])] == [suffix]
+    recording = opened(tmp_path, suffix, content)
+    assert [(s.name, s.unit, s.sample_count) for s in recording.signals] == [
+        ("ACC.ax", "m/s^2", 30),
+        ("ACC.p", "bar", 30),
+        ("GYR.gx", "deg/s", 30),
+        ("EXT.kind", "", 10),
+        ("EXT.low", "V", 5),
+        ("EXT.high", "V", 5),
+    ]
+    i = np.arange(30)
+    np.testing.assert_allclose(recording.read("ACC.ax"), 0.01 * (10 * i - 50), rtol=1e-14)
+    np.testing.assert_allclose(recording.read("ACC.p"), 0.1 * (100 + i) - 5, rtol=1e-14)
+    np.testing.assert_allclose(recording.time_base("GYR.gx").times_s, 1e-3 * i + 2.5e-4, atol=1e-12)
+    np.testing.assert_allclose(recording.time_base("EXT.high").times_s, 1e-3 * i[3::6] + 5e-4, atol=1e-12)
+    np.testing.assert_array_equal(recording.read("EXT.high"), 2 * i[3::6])
+    raw = recording.raw("ACC.ax")
+    assert raw is not None
+    np.testing.assert_array_equal(raw.counts, 10 * i - 50)
+    assert recording.notes == ()
+    start = recording.absolute_start
+    assert start is not None
+    assert start.text.startswith("2023-11-14T22:13:20.25")
+    assert start.zone == ("UTC" if suffix == "log" else "unknown")
+
+
+@pytest.mark.parametrize("suffix", READERS)
+def test_a_frame_too_short_for_a_signal_is_a_lost_sample(suffix: str, tmp_path: Path) -> None:
+    entries = can_entries(10)
+    entries[0] = (0, 0x100, entries[0][2][:4])
+    recording = opened(tmp_path, suffix, WRITERS[suffix](entries))
+    assert np.isnan(recording.read("ACC.p")).tolist() == [True] + [False] * 9
+    assert not np.isnan(recording.read("ACC.ax")).any()
+    assert recording.raw("ACC.p") is None
+    assert any("ACC.p: 1 frames are too short" in note for note in recording.notes)
+
+
+@pytest.mark.parametrize("suffix", READERS)
+def test_stamps_that_do_not_increase_are_left_out_and_counted(suffix: str, tmp_path: Path) -> None:
+    entries: list[CanEntry] = [
+        (t, 0x100, struct.pack("<hHHH", n, 0, 0, 0)) for n, t in enumerate([0, 5_000, 5_000, 3_000, 9_000])
+    ]
+    recording = opened(tmp_path, suffix, WRITERS[suffix](entries))
+    np.testing.assert_allclose(recording.read("ACC.ax"), [0.0, 0.01, 0.04])
+    assert any("2 of 5 frames do not increase" in note for note in recording.notes)
+
+
+@pytest.mark.parametrize("suffix", READERS)
+def test_unknown_identifiers_are_counted_by_name(suffix: str, tmp_path: Path) -> None:
+    entries = [*can_entries(5), (6_000_000, 0x7F0, b"\1"), (7_000_000, 0x80000100, b"\1")]
+    recording = opened(tmp_path, suffix, WRITERS[suffix](entries))
+    assert recording.metadata["unknown_identifiers"] == {"0x7f0": 1, "0x100 (29 bit)": 1}
+    assert any("unknown to the database: 2" in note for note in recording.notes)
+
+
+def test_messages_that_the_log_does_not_hold_are_named(tmp_path: Path) -> None:
+    recording = opened(tmp_path, "log", candump_log([(0, 0x100, bytes(8))]))
+    assert recording.metadata["absent_messages"] == ["GYR", "EXT"]
+    assert any("GYR, EXT" in note for note in recording.notes)
+
+
+@pytest.mark.parametrize("suffix", READERS)
+def test_a_log_without_data_frames_is_refused(suffix: str, tmp_path: Path) -> None:
+    with pytest.raises(CorruptFileError, match="no data frames"):
+        opened(tmp_path, suffix, WRITERS[suffix]([]))
+
+
+def test_the_database_is_needed_and_read_strictly(tmp_path: Path) -> None:
+    with pytest.raises(ReadError, match="without its database"):
+        opened(tmp_path, "log", candump_log(can_entries(3)), None)
+    with pytest.raises(ReadError, match="database cannot be read"):
+        opened(tmp_path, "log", candump_log(can_entries(3)), "BO_ nonsense")
+    overlapping = DBC.replace("SG_ p : 48|16", "SG_ p : 8|16")
+    with pytest.raises(ReadError, match="overlapping"):
+        opened(tmp_path, "log", candump_log(can_entries(3)), overlapping)
+
+
+def test_frames_of_several_channels_are_merged_with_a_note(tmp_path: Path) -> None:
+    text = "(1.000000) can0 100#0000000000000000\n(1.000500) can1 100#0100000000000000\n"
+    recording = opened(tmp_path, "log", text.encode())
+    assert recording.read("ACC.ax").tolist() == [0.0, 0.01]
+    assert any("channels 0, 1 were merged" in note for note in recording.notes)
+
+
+def test_candump_error_frames_never_become_data() -> None:
+    log = read_candump(
+        b"(1.000000) can0 100#00\n(1.100000) can0 20000004#0001000000000000\n"
+        b"(1.200000) can0 20000080#0000000000000000\n"
+        b"(1.300000) can0 100#R8\n(1.400000) can0 101##1AABB\n(1.500000) can0 100#0\nrubbish\n"
+    )
+    assert log.frames.key.tolist() == [0x100, 0x101]
+    assert log.frames.data[1, :3].tolist() == [0xAA, 0xBB, 0]
+    assert (log.metadata["error_frames"], log.metadata["remote_frames"], log.metadata["damaged_entries"]) == (2, 1, 2)
+    assert any("2 error frames" in note for note in log.notes)
+    assert any("2 entries are damaged" in note for note in log.notes)
+
+
+def test_candump_keeps_microseconds_of_epoch_stamps() -> None:
+    log = read_candump(b"(1700000000.000001) can0 001#00\n(1700000000.000002) can0 001#00\n")
+    assert log.frames.time_s.tolist() == [0.0, 1e-6]
+
+
+@pytest.mark.parametrize("base", ["hex", "dec"])
+@pytest.mark.parametrize("relative", [False, True])
+def test_asc_bases_and_relative_stamps_are_understood(base: str, relative: bool) -> None:
+    entries = can_entries(20)
+    log = read_asc(asc_log(entries, base=base, relative=relative))
+    np.testing.assert_allclose(log.frames.time_s, [t / 1e9 for t, _, _ in entries], atol=1e-12)
+    assert log.frames.key.tolist() == [key for _, key, _ in entries]
+    assert [bytes(row[:n]) for row, n in zip(log.frames.data, log.frames.length, strict=True)] == [
+        d for _, _, d in entries
+    ]
+    assert any("summed up" in note for note in log.notes) == relative
+
+
+def test_relative_stamps_count_events_that_are_no_data_frames() -> None:
+    text = (
+        "date Sam Sep 30 15:06:13.191 2017\nbase hex timestamps relative\n"
+        "1.000000 1 100 Rx d 1 00\n0.500000 1 ErrorFrame\n0.250000 1  Statistic: D 0 R 0\n0.250000 1 100 Rx d 1 00\n"
+    )
+    log = read_asc(text.encode())
+    assert log.frames.time_s.tolist() == [1.0, 2.0]
+    assert log.metadata["error_frames"] == 1
+    assert log.metadata["other_events"] == 1
+
+
+def test_negative_times_before_a_trigger_are_kept(tmp_path: Path) -> None:
+    entries = [(t, 0x100, bytes(8)) for t in (-2_000_000, -500_000, 0, 1_000_000)]
+    for suffix in ("asc", "blf"):
+        recording = opened(tmp_path, suffix, WRITERS[suffix](entries))
+        np.testing.assert_allclose(recording.time_base("ACC.ax").times_s, [-2e-3, -5e-4, 0.0, 1e-3], atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("date", "iso"),
+    [
+        ("Sat Sep 30 15:06:13.191 2017", "2017-09-30T15:06:13.191"),
+        ("Sam Okt 30 15:06:13 2017", "2017-10-30T15:06:13.000"),
+        ("Sat Sep 30 03:06:13.191 pm 2017", "2017-09-30T15:06:13.191"),
+        ("Sat Sep 30 12:06:13.191 am 2017", "2017-09-30T00:06:13.191"),
+        ("2017-09-30", None),
+        ("Sat Xyz 30 15:06:13.191 2017", None),
+        ("Sat Sep 31 15:06:13.191 2017", None),
+    ],
+)
+def test_asc_dates_are_local_time_of_an_unknown_zone(date: str, iso: str | None) -> None:
+    start = read_asc(f"date {date}\nbase hex timestamps absolute\n0.1 1 1 Rx d 0\n".encode()).absolute_start
+    assert (start is None) == (iso is None)
+    if start is not None:
+        assert (start.text, start.zone) == (iso, "unknown")
+
+
+def test_asc_damage_is_counted() -> None:
+    log = read_asc(
+        b"base hex timestamps absolute\n1.0 1 100 Rx d 8 00 01\n1.1 1 100 Rx d 2 00 zz\n1.2 1 900 Rx d 1 00\n"
+        b"1.3 1 100 Rx r\n1.4 1 Engine Rx d 1 00\n1.5 CANFD 1 Rx 300 1 0 8 7 00\n1.6 1 100 Rx d 1 05\n"
+    )
+    assert log.frames.time_s.tolist() == [1.6]
+    assert (log.metadata["damaged_entries"], log.metadata["remote_frames"]) == (5, 1)
+
+
+def test_blf_objects_that_are_no_data_frames_are_counted() -> None:
+    extra = (
+        blf_object(73, 0, bytes(32))
+        + blf_object(1, 5, struct.pack("<HBBL8s", 1, 0x80, 8, 0x100, bytes(8)))
+        + blf_object(96, 6, bytes(20))
+        + blf_object(1, 7, b"\0")
+    )
+    log = read_blf(Path("a.blf"), blf_log(can_entries(3), extra=extra))
+    counts = {key: log.metadata[key] for key in ("error_frames", "remote_frames", "other_events", "damaged_entries")}
+    assert counts == {"error_frames": 1, "remote_frames": 1, "other_events": 1, "damaged_entries": 1}
+    assert log.frames.key.size == len(can_entries(3))
+
+
+def test_blf_fd_frames_and_ten_microsecond_stamps_are_read() -> None:
+    head = struct.pack("<4sHHLLLHHq", b"LOBJ", 32, 1, 32 + 84, 100, 1, 0, 0, 7)
+    fd = head + struct.pack("<HBBLLBBB5x64s", 1, 0, 15, 0x300, 0, 0, 1, 64, bytes(range(64)))
+    wide = blf_object(101, 9, struct.pack("<BBBBLLLLLLLHBBL", 1, 9, 12, 0, EXT, 0, 0x1000, *[0] * 8) + bytes(range(12)))
+    log = read_blf(Path("a.blf"), blf_log([], extra=fd + wide))
+    assert log.frames.time_s.tolist() == [7e-5, 9e-9]
+    assert log.frames.length.tolist() == [64, 12]
+    assert log.frames.data[0].tolist() == list(range(64))
+    assert log.frames.key.tolist() == [0x300, EXT]
+
+
+def uncompressed(method: int) -> bytes:
+    objects = blf_object(1, 5, struct.pack("<HBBL8s", 1, 0, 8, 0x100, bytes(8)))
+    body = struct.pack("<H6xL4x", method, len(objects)) + objects
+    whole = blf_log([])[:144]
+    return whole + struct.pack("<4sHHLL", b"LOBJ", 16, 1, 16 + len(body), 10) + body
+
+
+def test_blf_containers_may_be_uncompressed_and_unknown_ones_are_refused() -> None:
+    assert read_blf(Path("a.blf"), uncompressed(0)).frames.key.tolist() == [0x100]
+    with pytest.raises(CorruptFileError, match="compression is unknown"):
+        read_blf(Path("a.blf"), uncompressed(7))
+    with pytest.raises(CorruptFileError, match="does not inflate"):
+        read_blf(Path("a.blf"), uncompressed(2))
+
+
+@pytest.mark.parametrize(
+    ("damage", "problem"),
+    [
+        (lambda c: c[:60], "header is cut"),
+        (lambda c: c[:180] + b"XXXX" + c[184:], "does not inflate"),
+        (lambda c: c[:144] + b"JUNKJUNKJUNK" + c[144:], "no object follows"),
+        (lambda c: c[:144] + struct.pack("<4sHHLL", b"LOBJ", 16, 1, 0, 10) + c[160:], "smaller than its header"),
+        (lambda c: c[:144] + container(b"LOBJ" + bytes(40)), "smaller than its header"),
+        (lambda c: c[:144] + container(b"J" * 60), "no object follows"),
+        (lambda c: c[:144] + container(bytes(60), stated=90), "incomplete"),
+    ],
+)
+def test_blf_damage_is_named(damage: Any, problem: str) -> None:
+    with pytest.raises(CorruptFileError, match=problem):
+        read_blf(Path("a.blf"), damage(blf_log(can_entries(5))))
+
+
+def container(objects: bytes, stated: int | None = None) -> bytes:
+    body = struct.pack("<H6xL4x", 2, len(objects) if stated is None else stated) + zlib.compress(objects)
+    return struct.pack("<4sHHLL", b"LOBJ", 16, 1, 16 + len(body), 10) + body
+
+
+@pytest.mark.parametrize("suffix", READERS)
+def test_logs_that_python_can_wrote_are_read_as_it_reads_them(suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"a.{suffix}"
+    rng = np.random.default_rng(3)
+    with can.Logger(path) as writer:
+        for i in range(300):
+            fd = i % 7 == 0
+            message = can.Message(
+                timestamp=1_700_000_000.25 + 1e-3 * i,
+                arbitration_id=int(rng.integers(0x800)),
+                is_extended_id=i % 5 == 0,
+                is_fd=fd,
+                data=rng.bytes(64 if fd else int(rng.integers(9))),
+                channel=0,
+            )
+            writer.on_message_received(message)
+    with can.LogReader(path) as messages:
+        expected = list(messages)
+    content = path.read_bytes()
+    logs = {"asc": lambda: read_asc(content), "log": lambda: read_candump(content)}
+    frames = (logs[suffix]() if suffix in logs else read_blf(path, content)).frames
+    assert len(expected) == frames.key.size == 300
+    for i, message in enumerate(expected):
+        assert bytes(frames.data[i, : frames.length[i]]) == bytes(message.data)
+        assert int(frames.key[i]) == message.arbitration_id | (message.is_extended_id << 31)
+        assert frames.time_s[i] - frames.time_s[0] == pytest.approx(message.timestamp - expected[0].timestamp, abs=1e-6)
+
+
+@pytest.mark.parametrize("suffix", READERS)
+def test_the_generated_shot_agrees_with_its_truth(suffix: str) -> None:
+    path = shared_file(f"can/rig_shot/rig_shot.{suffix}")
+    truth = np.load(path.parent / "rig_shot_truth.npz")
+    recording = READERS[suffix].open(path, Declarations("can", database=(path.parent / "rig.dbc").read_text()))
+    kept = np.delete(np.arange(1500), truth["dropped_acc_index"])
+    whole = ~np.isnan(recording.read("ACC.p_brake"))
+    assert (~whole).sum() == 1
+    for name in ("ax", "ay", "az", "p_brake"):
+        np.testing.assert_allclose(recording.read(f"ACC.{name}")[whole], truth[name][kept], rtol=1e-12)
+    for name in ("gx", "gy", "gz", "temp"):
+        np.testing.assert_allclose(recording.read(f"GYR.{name}"), truth[name], rtol=1e-12)
+    times_s = recording.time_base("ACC.ax").times_s[whole]
+    np.testing.assert_allclose(times_s - times_s[0], truth["t"][kept] - truth["t"][0], atol=1e-6)
+    assert recording.metadata["error_frames"] == 1
+    assert recording.metadata["data_frames"] == 2999
+    assert recording.metadata["unknown_identifiers"] == {"0x18fef100 (29 bit)": 1}
+
+
+@pytest.mark.parametrize(
+    ("name", "frames", "errors"),
+    [
+        ("logfile.asc", 12, 4),
+        ("logfile_errorframes.asc", 7, 3),
+        ("single_frame_us_locale.asc", 1, 0),
+        ("test_CanFdMessage.asc", 3, 0),
+        ("test_CanMessage.blf", 2, 0),
+        ("test_CanFdMessage.blf", 2, 0),
+        ("test_CanErrorFrameExt.blf", 0, 2),
+        ("test_CanErrorFrames.asc", 0, 4),
+    ],
+)
+def test_logs_of_other_programs_are_counted(name: str, frames: int, errors: int) -> None:
+    path = shared_file(f"can/{name}")
+    log = read_blf(path, path.read_bytes()) if path.suffix == ".blf" else read_asc(path.read_bytes())
+    assert (log.frames.key.size, log.metadata["error_frames"]) == (frames, errors)

@@ -1,0 +1,173 @@
+"""CAN databases in every format, and decoding checked against cantools."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import cantools
+import numpy as np
+import pytest
+from cantools.database.can import Message, Signal
+from cantools.database.conversion import BaseConversion
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from daq.errors import ReadError
+from daq.readers.can.decoding import pieces_of, present
+from daq.readers.can.frames import EXTENDED, CanFrames
+from daq.readers.can.messages import database_format, load_database, messages_of
+from rigs.rig import _database_text
+from tests.builders.shared_data import shared_file
+from tests.builders.vendor_files import DBC
+
+KCD = """<?xml version="1.0" encoding="UTF-8"?>
+<NetworkDefinition xmlns="http://kayak.2codeornot2code.org/1.0">
+  <Document/>
+  <Bus name="bus">
+    <Message id="0x100" name="ACC" length="8">
+      <Signal name="ax" offset="0" length="16"><Value type="signed" slope="0.01" unit="m/s^2"/></Signal>
+    </Message>
+  </Bus>
+</NetworkDefinition>
+"""
+SYM = """FormatVersion=6.0 // Do not edit this line!
+Title="rig"
+
+{SENDRECEIVE}
+
+[ACC]
+ID=100h
+Len=8
+Var=ax signed 0,16 /u:m/s^2 /f:0.01
+"""
+ARXML = """<?xml version="1.0" encoding="UTF-8"?>
+<AUTOSAR xmlns="http://autosar.org/schema/r4.0"
+  xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance"
+  xsi:schemaLocation="http://autosar.org/schema/r4.0 AUTOSAR_4-2-2.xsd">
+  <AR-PACKAGES/>
+</AUTOSAR>
+"""
+
+
+@pytest.mark.parametrize(("text", "kind"), [(DBC, "dbc"), (KCD, "kcd"), (SYM, "sym"), (ARXML, "arxml")])
+def test_the_format_of_a_database_is_found_from_its_content(text: str, kind: str) -> None:
+    assert database_format(text) == database_format("\ufeff" + text) == database_format("\r\n" + text) == kind
+    messages = load_database(text, Path("a.log")).messages
+    if kind == "arxml":
+        assert not messages
+    else:
+        signal = messages[0].signals[0]
+        assert (messages[0].name, signal.name, float(signal.scale), signal.unit) == ("ACC", "ax", 0.01, "m/s^2")
+
+
+@pytest.mark.parametrize("text", ["", "A letter.", "<html></html>", "<!-- NetworkDefinition -->", "timestamp,id"])
+def test_what_is_no_database_is_refused(text: str) -> None:
+    assert database_format(text) == ""
+    with pytest.raises(ReadError, match="no CAN database"):
+        load_database(text, Path("a.log"))
+
+
+@pytest.mark.parametrize("text", [KCD, ARXML])
+@pytest.mark.parametrize("head", ['<!DOCTYPE a [<!ENTITY b "b">]>', '<!ENTITY b "b">', "<! doctype x>"])
+def test_entities_are_refused_before_anything_expands_them(text: str, head: str) -> None:
+    declaration, rest = text.split("\n", 1)
+    with pytest.raises(ReadError, match="defines entities"):
+        load_database(f"{declaration}\n{head}\n{rest}", Path("a.log"))
+
+
+@pytest.mark.parametrize("text", [KCD[:-30], SYM.replace("Len=8", "Len=?"), ARXML[:-20]])
+def test_a_damaged_database_is_refused_with_its_format(text: str) -> None:
+    with pytest.raises(ReadError, match=f"cannot be read.*{database_format(text).upper()} file"):
+        load_database(text, Path("a.log"))
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "iso-8859-1", "cp1252"])
+def test_a_database_is_decoded_as_it_declares(encoding: str) -> None:
+    declared = KCD.replace("UTF-8", encoding.removesuffix("-sig")).replace("m/s^2", "m/s²")
+    text = _database_text(declared.encode(encoding))
+    assert text.removeprefix("\ufeff") == declared
+    assert load_database(text, Path("a")).messages[0].signals[0].unit == "m/s²"
+
+
+def test_a_real_database_says_the_same_in_two_formats() -> None:
+    dbc = load_database(_database_text(shared_file("can/vehicle.dbc").read_bytes()), Path("a"))
+    kcd = load_database(_database_text(shared_file("can/vehicle.kcd").read_bytes()), Path("a"))
+    theirs = {m.name: m for m in kcd.messages}
+    compared = 0
+    for message in dbc.messages:
+        other = theirs[message.name]
+        for signal in message.signals:
+            same = other.get_signal_by_name(signal.name)
+            assert (same.start, same.length, same.byte_order) == (signal.start, signal.length, signal.byte_order)
+            compared += 1
+    assert compared == 462
+
+
+def random_message(rng: random.Random, frame_id: int) -> Message:
+    """Signals of random place that do not overlap, some of them multiplexed."""
+    size = rng.choice([1, 3, 8, 8, 8, 24, 64])
+    free = {(byte, bit) for byte in range(size) for bit in range(8)}
+    signals: list[Signal] = []
+    selects = rng.random() < 0.5 and size > 1
+    if selects:
+        signals.append(Signal("mux", 0, 3, "little_endian", is_multiplexer=True))
+        free -= {(0, bit) for bit in range(3)}
+    for number in range(rng.randint(1, 8)):
+        kind = rng.choice(["unsigned", "signed", "float"])
+        length = rng.choice([16, 32, 64]) if kind == "float" else rng.randint(1, 64)
+        order = rng.choice(["little_endian", "big_endian"])
+        start = rng.randrange(8 * size)
+        bits = {
+            (piece.byte, piece.shift + k)
+            for piece in pieces_of(start, length, little_endian=order == "little_endian")
+            for k in range(piece.count)
+        }
+        if not bits <= free:
+            continue
+        free -= bits
+        conversion = BaseConversion.factory(
+            scale=rng.choice([1, 0.01, -2.5]), offset=rng.choice([0, -40, 0.5]), is_float=kind == "float"
+        )
+        multiplexed = selects and rng.random() < 0.5
+        signals.append(
+            Signal(
+                f"s{number}", start, length, order, is_signed=kind == "signed", conversion=conversion,
+                multiplexer_ids=rng.sample(range(8), 2) if multiplexed else None,
+                multiplexer_signal="mux" if multiplexed else None,
+            )
+        )  # fmt: skip
+    return Message(frame_id, f"m{frame_id}", size, signals, is_fd=size > 8, is_extended_frame=rng.random() < 0.5)
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_random_databases_decode_as_cantools_does_whole_and_cut_frames_alike(seed: int) -> None:
+    rng = random.Random(seed)  # noqa: S311  test data, no secret
+    database = cantools.database.Database([random_message(rng, 0x100 + k) for k in range(3)], strict=True)
+    for message in database.messages:
+        frames = [rng.randbytes(rng.choice([message.length, rng.randint(0, message.length)])) for _ in range(12)]
+        width = max(8, message.length)
+        key = message.frame_id | (EXTENDED if message.is_extended_frame else 0)
+        log = CanFrames(
+            np.arange(12.0),
+            np.full(12, key, dtype=np.uint32),
+            np.zeros(12, dtype=np.int64),
+            np.array([len(frame) for frame in frames]),
+            np.frombuffer(b"".join(f.ljust(width, b"\0") for f in frames), dtype=np.uint8).reshape(12, width),
+        )
+        ours = messages_of(message, log, np.arange(12), [])
+        for i, frame in enumerate(frames):
+            try:
+                expected = message.decode(frame, decode_choices=False, allow_truncated=True)
+            except cantools.database.DecodeError:  # the multiplexer is cut off, or has a value of no signal
+                continue
+            for name, layout in ours.layouts.items():
+                row = ours.data[i : i + 1]
+                held = present(layout, ours.layouts, row, ours.length[i : i + 1])[0]
+                decoded = held and len(frame) >= layout.bytes_needed
+                assert decoded == (name in expected)
+                if decoded:
+                    with np.errstate(all="ignore"):
+                        found = layout.decode(row)[0]
+                    np.testing.assert_allclose(found, float(expected[name]), rtol=1e-15, equal_nan=True)

@@ -1,0 +1,151 @@
+from __future__ import annotations
+
+import struct
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from daq.errors import ReadError
+from daq.readers.containers.stored_channels import StoredRecording
+from daq.readers.mat.reader import MatReader
+from daq.readers.reader import Declarations
+from tests.builders.container_files import dewesoft_variables, mat_file, mat_v73_file, ramp
+
+
+def opened(folder: Path, content: bytes) -> StoredRecording:
+    path = folder / "a.mat"
+    path.write_bytes(content)
+    return MatReader().open(path, Declarations("dewetron"))
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_channels_of_dewesoft_take_the_time_of_their_name(compressed: bool, tmp_path: Path) -> None:
+    recording = opened(tmp_path, mat_file(dewesoft_variables(), compressed=compressed))
+    assert [s.name for s in recording.signals] == ["Data1_AI_1", "Data1_Temp"]
+    assert recording.time_base("Data1_AI_1").step_s == 5e-5
+    assert recording.time_base("Data1_Temp").step_s == 0.1
+    np.testing.assert_array_equal(recording.read("Data1_AI_1"), ramp(16))
+    assert recording.metadata["texts"] == {"File_name": "shot_0001.dxd"}
+    assert recording.metadata["scalars"] == {"Sample_rate": 20000.0}
+    assert "no units" in recording.notes[0]
+
+
+def test_ai_1_is_not_taken_for_ai_10(tmp_path: Path) -> None:
+    variables = {
+        "Data1_time_AI_1": np.arange(6) / 10,
+        "Data1_time_AI_10": np.arange(6) / 20,
+        "Data1_AI_10": ramp(6),
+        "Data1_AI_1_acc": ramp(6),
+    }
+    recording = opened(tmp_path, mat_file(variables))
+    assert recording.time_base("Data1_AI_10").step_s == 0.05
+    assert recording.time_base("Data1_AI_1_acc").step_s == 0.1
+
+
+@pytest.mark.parametrize("dtype", ["f8", "f4", "i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8"])
+@pytest.mark.parametrize("compressed", [False, True])
+def test_every_type_of_number_is_read(dtype: str, compressed: bool, tmp_path: Path) -> None:
+    values = np.array([0, 1, 100, 7, 3], dtype)
+    recording = opened(tmp_path, mat_file({"t": np.arange(5) / 8, "a": values}, compressed=compressed))
+    np.testing.assert_array_equal(recording.read("a"), values.astype(float))
+    assert (recording.raw("a") is None) == (dtype[0] == "f")
+
+
+@settings(max_examples=30, deadline=None)
+@given(values=st.lists(st.floats(allow_nan=False), min_size=2, max_size=40), compressed=st.booleans())
+def test_what_scipy_writes_is_read(
+    values: list[float], compressed: bool, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    content = mat_file({"fs": 100.0, "a": np.array(values)}, compressed=compressed)
+    recording = opened(tmp_path_factory.mktemp("m"), content)
+    np.testing.assert_array_equal(recording.read("a"), values)
+    assert recording.time_base("a").step_s == 0.01
+
+
+def test_date_numbers_give_an_absolute_start_and_the_rate_behind_their_rounding(tmp_path: Path) -> None:
+    days = 740000.5 + np.arange(2000) / 5000 / 86400
+    recording = opened(tmp_path, mat_file({"Data1_time": days, "Data1_AI_1": np.arange(2000.0)}))
+    base = recording.time_base("Data1_AI_1")
+    assert base.step_s == pytest.approx(2e-4, rel=1e-9)
+    assert base.start_s == pytest.approx(0.0, abs=1e-5)
+    start = recording.absolute_start
+    assert start is not None
+    assert (start.text, start.zone) == ("2026-01-18T12:00:00.000000", "unknown")
+    assert any("resolves only 1e-05 s" in note for note in recording.notes)
+
+
+def test_seconds_behind_eight_days_are_not_taken_for_dates_where_a_rate_says_otherwise(tmp_path: Path) -> None:
+    times = 740000.0 + np.arange(10) / 100
+    recording = opened(tmp_path, mat_file({"Sample_rate": 100.0, "time": times, "a": ramp(10)}))
+    assert recording.absolute_start is None
+    assert recording.time_base("a").step_s == pytest.approx(0.01)
+
+
+def test_what_is_no_vector_of_numbers_is_named_and_left_out(tmp_path: Path) -> None:
+    variables: dict[str, Any] = {"t": np.arange(4.0), "a": ramp(4), "matrix": np.zeros((3, 3)), "z": np.ones(4) * 1j}
+    cell = np.empty(2, object)
+    cell[:] = [1, "x"]
+    variables |= {"cell": cell, "struct": {"x": 1.0}, "none": np.zeros((0, 0)), "short": np.ones(3)}
+    recording = opened(tmp_path, mat_file(variables))
+    assert [s.name for s in recording.signals] == ["a"]
+    for name in ("matrix: an array", "z: complex", "cell: cell", "struct: structure", "none: empty", "short: no time"):
+        assert any(note.startswith(name) and note.endswith("left out") for note in recording.notes)
+
+
+def test_time_that_steps_back_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ReadError, match="time steps back by 1 s behind sample 1"):
+        opened(tmp_path, mat_file({"time": np.array([0.0, 2.0, 1.0]), "a": np.ones(3)}))
+
+
+def test_a_file_without_time_says_what_to_add(tmp_path: Path) -> None:
+    with pytest.raises(ReadError, match=r"scalar `Sample_rate` \(Hz\)"):
+        opened(tmp_path, mat_file({"a": ramp()}))
+
+
+def test_two_times_that_would_both_do_are_not_chosen_from(tmp_path: Path) -> None:
+    with pytest.raises(ReadError, match="'t' and 'time' could both be its time"):
+        opened(tmp_path, mat_file({"t": np.arange(3.0), "time": np.arange(3.0), "a": np.ones(3)}))
+
+
+def test_a_compressed_variable_that_states_more_than_deflate_can_hold_is_refused(tmp_path: Path) -> None:
+    content = mat_file({"fs": 10.0, "a": np.zeros(100)}, compressed=False)
+    at = 128
+    while content[at : at + 4] and b"a" not in content[at + 40 : at + 60]:
+        at += 8 + int(struct.unpack_from("<I", content, at + 4)[0])
+    plain = bytearray(content[at:])
+    plain = plain.replace(struct.pack("<ii", 1, 100), struct.pack("<ii", 1, 2**27))
+    plain = plain.replace(struct.pack("<ii", 100, 1), struct.pack("<ii", 2**27, 1))
+    plain = plain.replace(struct.pack("<II", 9, 800), struct.pack("<II", 9, 2**30))
+    struct.pack_into("<I", plain, 4, 2**31 - 8)
+    packed = zlib.compress(bytes(plain))
+    with pytest.raises(ReadError, match="states more than it can hold"):
+        opened(tmp_path, content[:at] + struct.pack("<II", 15, len(packed)) + packed)
+
+
+def test_version_7_3_is_read(tmp_path: Path) -> None:
+    content = mat_v73_file({"time": np.arange(20) / 1000, "a": ramp(20), "n": np.arange(20, dtype=np.int16)})
+    recording = opened(tmp_path, content)
+    assert recording.metadata["version"] == "7.3"
+    np.testing.assert_array_equal(recording.read("a", 3, 7), ramp(20)[3:7])
+    assert recording.time_base("a").step_s == 0.001
+    raw = recording.raw("n")
+    assert raw is not None
+    assert raw.counts.dtype == np.int16
+
+
+def test_a_name_that_only_ends_like_a_time_is_a_channel(tmp_path: Path) -> None:
+    content = mat_file({"time": np.arange(4.0), "alpha_t": ramp(4), "acc": ramp(4), "acc_t": np.arange(4) * 2.0})
+    recording = opened(tmp_path, content)
+    assert [s.name for s in recording.signals] == ["alpha_t", "acc"]
+    assert recording.time_base("alpha_t").step_s == 1.0
+    assert recording.time_base("acc").step_s == 2.0
+
+
+def test_a_time_that_no_channel_has_is_told(tmp_path: Path) -> None:
+    recording = opened(tmp_path, mat_file({"time": np.arange(4.0), "a": ramp(4), "rise_time": np.ones(3)}))
+    assert any(note.startswith("rise_time: a time that no channel was given") for note in recording.notes)

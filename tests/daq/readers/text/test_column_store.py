@@ -1,0 +1,78 @@
+from __future__ import annotations
+
+import gc
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from daq.errors import CorruptFileError
+from daq.readers.text import column_store, text_table
+from daq.readers.text.column_store import ColumnStore
+from daq.readers.text.text_file import LongText
+from daq.readers.text.text_table import Block, find_block
+
+
+def block_of(folder: Path, text: str, encoding: str = "utf-8") -> Block:
+    path = folder / "a.csv"
+    path.write_bytes(text.encode(encoding))
+    return find_block(LongText(path), 0, ";", ["a", "b", "c"], decimal_comma=False)
+
+
+@pytest.fixture
+def _in_many_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(text_table, "PIECE_BYTES", 500)
+
+
+NUMBERS = np.random.default_rng(3).normal(size=(300, 3)) * [1e-9, 1.0, 1e12]
+NUMBERS[[5, 120, 299], [1, 2, 1]] = np.nan
+
+
+def text_of(numbers: np.ndarray, line_end: str = "\n") -> str:
+    return "".join(";".join("" if np.isnan(v) else repr(float(v)) for v in row) + line_end for row in numbers)
+
+
+@pytest.mark.usefixtures("_in_many_pieces")
+@pytest.mark.parametrize("memory", [0, 1 << 26])
+@pytest.mark.parametrize("line_end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_pieces_give_every_number_to_the_last_bit(
+    memory: int, line_end: str, encoding: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(column_store, "MEMORY_BYTES", memory)
+    block = block_of(tmp_path, text_of(NUMBERS, line_end), encoding)
+    assert len(block.pieces) > 10
+    store = ColumnStore(block)
+    for i in range(3):
+        np.testing.assert_array_equal(store.column(i), NUMBERS[:, i])
+        for start, stop in ((0, 1), (17, 250), (299, 300), (300, None), (40, 20)):
+            np.testing.assert_array_equal(store.column(i, start, stop), NUMBERS[start:stop, i])
+    np.testing.assert_array_equal(store.lost, [0, 2, 1])
+    del store
+    gc.collect()
+
+
+@pytest.mark.usefixtures("_in_many_pieces")
+@pytest.mark.parametrize(
+    ("cell", "found"), [("x", "'x'"), ("1,5", "'1,5'"), ("1;2", "4"), ("1\r2", "'1\\\\r2'"), ("ä", "'ä'")]
+)
+def test_a_damaged_cell_in_a_later_piece_is_named_by_its_line(cell: str, found: str, tmp_path: Path) -> None:
+    lines = text_of(NUMBERS).split("\n")
+    lines[250] = f"1;{cell};3"
+    store = ColumnStore(block_of(tmp_path, "\n".join(lines)))
+    with pytest.raises(CorruptFileError, match=f"line 251.*{found}"):
+        store.column(0)
+
+
+@pytest.mark.usefixtures("_in_many_pieces")
+def test_a_row_with_a_cell_less_is_never_filled_up(tmp_path: Path) -> None:
+    lines = text_of(NUMBERS).split("\n")
+    lines[200] = "1;2"
+    with pytest.raises(CorruptFileError, match="line 201: a row does not fit the header; expected 3 cells, found 2"):
+        ColumnStore(block_of(tmp_path, "\n".join(lines))).column(0)
+
+
+@pytest.mark.usefixtures("_in_many_pieces")
+def test_a_line_without_end_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(CorruptFileError, match="a line is longer than 500 bytes"):
+        _ = block_of(tmp_path, "1;2;3\n" + "4" * 2000 + ";5;6\n1;2;3\n").pieces

@@ -1,0 +1,117 @@
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from daq.errors import CorruptFileError, ReadError
+from daq.readers.reader import Declarations
+from daq.readers.text.declared_table import DeclaredTextReader
+from daq.readers.text.layout import TextLayout, layout_faults, layout_from_table
+from daq.readers.text.recording import TextRecording
+from tests.builders import text_tables as build
+
+READER = DeclaredTextReader()
+
+
+def opened(folder: Path, content: bytes, layout: dict[str, Any] | None) -> TextRecording:
+    path = folder / "a.txt"
+    path.write_bytes(content)
+    return READER.open(path, Declarations("dewetron", layout=layout))
+
+
+def test_names_units_and_time_are_where_the_rig_says(tmp_path: Path) -> None:
+    recording = opened(tmp_path, build.DECLARED, build.DECLARED_LAYOUT)
+    assert [(s.name, s.unit) for s in recording.signals] == [("u", "bar"), ("v", "")]
+    np.testing.assert_array_equal(recording.read("u"), [row[0] for row in build.rows()])
+    assert recording.time_base("u").step_s == 5e-4
+    assert recording.notes == ()
+
+
+def test_missing_texts_are_lost_and_comments_are_no_rows(tmp_path: Path) -> None:
+    recording = opened(tmp_path, build.BARE, build.BARE_LAYOUT)
+    samples = recording.read("p")
+    assert samples.size == 40
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(samples)), [7])
+    assert recording.time_base("p").step_s == 1e-3
+    assert any("1 of 40 cells" in note for note in recording.notes)
+    assert any("row number over 1000 Hz, declared by the rig" in note for note in recording.notes)
+
+
+def test_a_fault_behind_comments_is_named_by_its_own_line(tmp_path: Path) -> None:
+    with pytest.raises(CorruptFileError, match="line 27, column 'p'"):
+        opened(tmp_path, build.BARE.replace(b"24,48", b"24,x"), build.BARE_LAYOUT).read("p")
+
+
+def test_a_declared_rate_that_the_time_column_contradicts_is_refused(tmp_path: Path) -> None:
+    recording = opened(tmp_path, build.DECLARED, {**build.DECLARED_LAYOUT, "rate_hz": 1000})
+    with pytest.raises(CorruptFileError, match="contradicts the sample rate; expected 1000 Hz, declared by the rig"):
+        recording.time_base("u")
+
+
+def test_a_declared_unit_of_time_that_differs_from_the_files_is_noted(tmp_path: Path) -> None:
+    recording = opened(tmp_path, build.DECLARED, {**build.DECLARED_LAYOUT, "time_unit": "s"})
+    assert recording.time_base("u").step_s == 0.5
+    assert any("states 'ms', the rig declares 's'" in note for note in recording.notes)
+
+
+@pytest.mark.parametrize(
+    ("change", "key", "problem"),
+    [
+        ({"seperator": ";"}, "seperator", "no such key; the nearest are `separator`"),
+        ({"separator": "x"}, "separator", "must be one of"),
+        ({"decimal": "·"}, "decimal", 'must be "." or ","'),
+        ({"separator": ",", "decimal": ","}, "decimal", "cannot both"),
+        ({"encoding": "utf-9"}, "encoding", "must be one of utf-8"),
+        ({"header_row": 0}, "header_row", "from 1, found 0"),
+        ({"header_row": True}, "header_row", "from 1, found True"),
+        ({"header_row": 9}, "header_row", "must lie above `first_row`, 4, found 9"),
+        ({"unit_row": 2}, "unit_row", "is the row of names as well"),
+        ({"time_column": 0}, "time_column", "its number from 1"),
+        ({"time_unit": "turns"}, "time_unit", "must be one of s, ms"),
+        ({"rate_hz": -1.0}, "rate_hz", "must be a positive number"),
+        ({"rate_hz": float("nan")}, "rate_hz", "must be a positive number"),
+        ({"names": ["a", "a"]}, "names", "different texts"),
+        ({"names": ["t", "a"]}, "names", "is declared twice"),
+        ({"units": ["s"]}, "units", "is declared twice"),
+        ({"missing": "-999"}, "missing", "must be a list of texts"),
+        ({"comment": "1"}, "comment", "begins no number"),
+    ],
+)
+def test_every_fault_of_a_layout_names_its_key(change: dict[str, Any], key: str, problem: str, tmp_path: Path) -> None:
+    layout = {**build.DECLARED_LAYOUT, **change}
+    faults = dict(layout_faults(layout))
+    assert problem in faults[key]
+    with pytest.raises(ReadError, match=r"\[source\.layout\].*" + key):
+        opened(tmp_path, build.DECLARED, layout)
+
+
+def test_a_layout_needs_a_separator_a_first_row_names_and_time() -> None:
+    assert [key for key, _ in layout_faults({})] == ["separator", "first_row"]
+    assert [key for key, _ in layout_faults({"separator": ";", "first_row": 1})] == ["header_row", "time_column"]
+
+
+def test_a_time_column_beside_the_names_names_the_nearest() -> None:
+    table = {"separator": ";", "first_row": 1, "names": ["Zeit", "p"], "time_column": "zeit"}
+    assert layout_faults(table) == [("time_column", "'zeit' is not among `names`; the nearest are 'Zeit', 'p'")]
+    assert [key for key, _ in layout_faults({**table, "time_column": 3})] == ["time_column"]
+
+
+def test_a_sound_layout_is_frozen_and_complete() -> None:
+    layout = layout_from_table(build.BARE_LAYOUT)
+    assert isinstance(layout, TextLayout)
+    assert layout.names == ("count", "p")
+    assert layout.decimal == "."
+
+
+def test_what_the_file_does_not_have_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ReadError, match="declares no layout"):
+        opened(tmp_path, build.DECLARED, None)
+    with pytest.raises(CorruptFileError, match="shorter than its declared layout"):
+        opened(tmp_path, b"a|b\n", build.DECLARED_LAYOUT)
+    with pytest.raises(ReadError, match=r"time column is not in the file.*expected 'T'"):
+        opened(tmp_path, build.DECLARED, {**build.DECLARED_LAYOUT, "time_column": "T"})
+    with pytest.raises(ReadError, match=r"line 2: the declared row of names has one cell only; expected .*';'"):
+        opened(tmp_path, build.DECLARED, {**build.DECLARED_LAYOUT, "separator": ";"})

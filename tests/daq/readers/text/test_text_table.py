@@ -1,0 +1,157 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from daq.errors import CorruptFileError, ReadError
+from daq.readers.text.text_file import TextFile, decode_head, read_text
+from daq.readers.text.text_table import find_block, printed_decimals, read_block, split_cells, split_unit, unique_names
+
+
+@pytest.mark.parametrize(
+    ("heading", "name", "unit"),
+    [
+        ("AI 1/acc (m/s2)", "AI 1/acc", "m/s2"),
+        ("Time int/der 1/AI 1/v (m/s)", "Time int/der 1/AI 1/v", "m/s"),
+        ("AI 1/force (left) (kN)", "AI 1/force (left)", "kN"),
+        ("OT/level (g (peak))", "OT/level", "g (peak)"),
+        ("Video/Camera 0 ()", "Video/Camera 0", ""),
+        ("Time (-)", "Time", ""),
+        ("plain", "plain", ""),
+        ("Feature #1 - X [px]", "Feature #1 - X", "px"),
+        ("Feature #1 - X, mm", "Feature #1 - X", "mm"),
+        ("a, b (V)", "a, b", "V"),
+    ],
+)
+def test_the_last_parentheses_are_the_unit(heading: str, name: str, unit: str) -> None:
+    assert split_unit(heading) == (name, unit)
+
+
+def test_equal_names_are_told_apart_without_taking_a_name_that_exists() -> None:
+    names, notes = unique_names(["a", "b", "a", "a#2", "a"])
+    assert names == ("a", "b", "a#3", "a#2", "a#4")
+    assert len(notes) == 1
+    assert "'a'" in notes[0]
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
+def test_every_usual_encoding_gives_the_same_text(encoding: str, tmp_path: Path) -> None:
+    text = "Größe [°]\r\n1,5\r\n"
+    path = tmp_path / "a.txt"
+    path.write_bytes(text.encode(encoding))
+    assert read_text(path).lines(0, 2) == ["Größe [°]", "1,5"]
+    assert decode_head(text.encode(encoding)) == text.replace("\r\n", "\n")
+
+
+def test_a_head_that_ends_inside_a_character_is_still_utf_8() -> None:
+    assert decode_head("aä".encode()[:-1]) == "a\ufffd"
+
+
+def test_a_damaged_utf_16_file_is_corrupt(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_bytes(b"\xff\xfe\x00\xdc\x00\xdc")
+    with pytest.raises(CorruptFileError, match="UTF-16"):
+        read_text(path)
+
+
+def test_a_missing_file_is_a_read_error(tmp_path: Path) -> None:
+    with pytest.raises(ReadError, match="cannot be read"):
+        read_text(tmp_path / "none")
+
+
+def text_file(text: str) -> TextFile:
+    return TextFile(Path("x.csv"), text.encode(), "utf-8")
+
+
+@settings(deadline=None, max_examples=100)
+@given(
+    rows=st.lists(
+        st.tuples(*[st.one_of(st.none(), st.floats(allow_nan=False, allow_infinity=False))] * 3),
+        min_size=1,
+        max_size=12,
+    ),
+    separator=st.sampled_from(["\t", ";", ","]),
+    comma=st.booleans(),
+    trailing=st.booleans(),
+)
+def test_a_block_gives_back_the_numbers_bit_by_bit(
+    rows: list[tuple[float | None, ...]], separator: str, comma: bool, trailing: bool
+) -> None:
+    comma = comma and separator != ","
+    lines = [separator.join("" if v is None else repr(v) for v in (1.0, *row)) + separator * trailing for row in rows]
+    text = "".join(line.replace(".", "," if comma else ".") + "\n" for line in lines)
+    block = find_block(text_file(text), 0, separator, ["n", "a", "b", "c"], decimal_comma=comma)
+    values, texts = read_block(block)
+    expected = np.array([[1.0, *(np.nan if v is None else v for v in row)] for row in rows])
+    np.testing.assert_array_equal(values, expected)
+    assert not texts
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "found"),
+    [
+        ("1,2\n3,x4\n5,6\n", "line 2, column 'b'", "'x4'"),
+        ("1,2\n3,4,5\n5,6\n", "line 2", "3"),
+        ("1,2\n3\n5,6\n", "line 2", "1"),
+        ("1,2\n\n5,6\n", "line 2", "1"),
+        ("1,2\n3,1_0\n5,6\n", "line 2, column 'b'", "'1_0'"),
+        ("1,2\n3,1.2.3\n5,6\n", "line 2, column 'b'", "'1.2.3'"),
+        ('1,2\n3,"4"\n5,6\n', "line 2, column 'b'", "'\"4\"'"),
+    ],
+)
+def test_a_damaged_row_is_named_by_line_and_column(text: str, place: str, found: str) -> None:
+    block = find_block(text_file(text), 0, ",", ["a", "b"], decimal_comma=False)
+    with pytest.raises(CorruptFileError) as caught:
+        read_block(block)
+    assert caught.value.place == place
+    assert caught.value.found == found
+
+
+def test_infinite_and_named_lost_samples_are_nan() -> None:
+    block = find_block(text_file("1;NaN\n2;-INF\n3; \n4;1e999\n5;2\n"), 0, ";", ["a", "b"], decimal_comma=False)
+    np.testing.assert_array_equal(read_block(block)[0][:, 1], [np.nan, np.nan, np.nan, np.nan, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("text", "rows", "why"),
+    [
+        ("1,2\n3,4\n", 2, ""),
+        ("1,2\n3,4\n\n  \n", 2, ""),
+        ("1,2\n3,4", 1, "no line end"),
+        ("1,2\n3\n", 1, "fewer than 2 cells"),
+        ("1,2\n3", 1, "no line end"),
+    ],
+)
+def test_a_last_row_that_may_be_cut_is_left_out(text: str, rows: int, why: str) -> None:
+    block = find_block(text_file(text), 0, ",", ["a", "b"], decimal_comma=False)
+    assert block.row_count == rows
+    assert why in block.dropped
+    assert bool(why) == bool(block.dropped)
+
+
+def test_no_complete_row_is_an_error() -> None:
+    with pytest.raises(CorruptFileError, match="no complete row"):
+        find_block(text_file("1,2"), 0, ",", ["a", "b"], decimal_comma=False)
+
+
+@pytest.mark.parametrize(
+    ("cells", "decimals"),
+    [(["0.000000", "0.000020"], 6), (["0", "0.5", "1.25"], 2), (["1.5E-008"], 9), (["10", "20"], 0), (["1,25"], 2)],
+)
+def test_the_last_printed_digit_is_found(cells: list[str], decimals: int) -> None:
+    block = find_block(text_file("".join(f"{c};1\n" for c in cells)), 0, ";", ["t", "a"], decimal_comma=True)
+    assert printed_decimals(block, 0) == decimals
+
+
+def test_a_fixed_number_of_digits_counts_where_it_says_least() -> None:
+    rows = [f"{t:.7g}" for t in np.linspace(1.0, 900.0, 3000)]
+    block = find_block(text_file("".join(f"{c};1\n" for c in rows)), 0, ";", ["t", "a"], decimal_comma=False)
+    assert printed_decimals(block, 0) == 4
+
+
+def test_quoted_headings_lose_their_quotes() -> None:
+    assert split_cells('"Time (s)","a, b (V)"', ",") == ["Time (s)", "a, b (V)"]

@@ -1,0 +1,263 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from daq.errors import CorruptFileError, ReadError
+from daq.readers.reader import Declarations
+from daq.readers.tracks.columns import classify, columns_from_headings
+from daq.readers.tracks.proanalyst_text import ProAnalystTextReader
+from daq.readers.tracks.recording import TrackRecording
+from tests.builders.shared_data import shared_file
+from tests.builders.vendor_files import dewesoft_text, motion_rows, tracks_text
+
+READER = ProAnalystTextReader()
+
+
+def opened(tmp_path: Path, content: bytes | str, rate_hz: float | None = None) -> TrackRecording:
+    path = tmp_path / "a.csv"
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    return READER.open(path, Declarations("camera", frame_rate_hz=rate_hz))
+
+
+@pytest.mark.parametrize(
+    ("heading", "kind", "name", "unit", "feature", "axis"),
+    [
+        ("Frame", "frame", "Frame", "", "", ""),
+        ("Frame No.", "frame", "Frame No.", "", "", ""),
+        ("Time (s)", "time", "Time", "s", "", ""),
+        ("t", "time", "t", "", "", ""),
+        ("Feature #1 - X (mm)", "position", "Feature #1 - X", "mm", "Feature #1", "X"),
+        ("HIP_Y", "position", "HIP_Y", "", "HIP", "Y"),
+        ("x", "position", "x", "", "", "X"),
+        ("Feature #1 - Velocity X (mm/s)", "derived", "Feature #1 - Velocity X", "mm/s", "", ""),
+        ("HIP_ANG", "angle", "HIP_ANG", "", "HIP", ""),
+    ],
+)
+def test_headings_are_classified_by_their_words(
+    heading: str, kind: str, name: str, unit: str, feature: str, axis: str
+) -> None:
+    column = classify(heading)
+    assert (column.kind, column.name, column.unit, column.feature, column.axis) == (kind, name, unit, feature, axis)
+
+
+def test_a_merged_row_of_features_stands_over_a_row_of_axes() -> None:
+    rows = [
+        ["Project: a.avi"],
+        ["", "", "Muzzle", "", "Cradle", ""],
+        ["Frame", "Time", "X", "Y", "X", "Y"],
+        ["", "(s)", "(mm)", "(mm)", "(mm)", "(mm)"],
+    ]
+    columns = columns_from_headings(rows, 6)
+    assert columns is not None
+    assert [(c.kind, c.feature, c.axis, c.unit) for c in columns] == [
+        ("frame", "", "", ""),
+        ("time", "", "", "s"),
+        ("position", "Muzzle", "X", "mm"),
+        ("position", "Muzzle", "Y", "mm"),
+        ("position", "Cradle", "X", "mm"),
+        ("position", "Cradle", "Y", "mm"),
+    ]
+
+
+def test_time_is_frame_number_over_rate_and_not_the_printed_time(tmp_path: Path) -> None:
+    recording = opened(tmp_path, tracks_text(200, skip=[7, 8]))
+    numbers = np.delete(np.arange(200), [7, 8])
+    np.testing.assert_array_equal(recording.time_base("Feature #1 - X").times_s, numbers / 6000.0)
+    assert recording.metadata["frame_rate_hz"] == 6000.0
+    assert any(note.startswith("missing frames") and note.endswith(": 2") for note in recording.notes)
+    (track,) = recording.tracks()
+    np.testing.assert_array_equal(track.frame_numbers, numbers)
+    assert (track.name, track.axes, track.unit) == ("Feature #1", ("X", "Y"), "mm")
+
+
+def test_pairs_of_minus_one_are_lost_and_a_single_one_is_a_coordinate(tmp_path: Path) -> None:
+    text = tracks_text(20, lost=[4, 5]).decode().replace("\r\n10,0.001667,3.0000,", "\r\n10,0.001667,-1,")
+    recording = opened(tmp_path, text)
+    x, y = recording.read("Feature #1 - X"), recording.read("Feature #1 - Y")
+    assert np.flatnonzero(np.isnan(x)).tolist() == [4, 5] == np.flatnonzero(np.isnan(y)).tolist()
+    assert x[10] == -1.0
+    assert any("lost in 2 of 20 frames (2 marked -1, 0 empty)" in note for note in recording.notes)
+
+
+def test_blank_and_nan_cells_are_lost_on_every_axis_of_the_track(tmp_path: Path) -> None:
+    lines = tracks_text(20).decode().split("\r\n")
+    lines[4] = "3,0.000500,,1.5"
+    lines[6] = "5,0.000833,NaN,NaN"
+    recording = opened(tmp_path, "\r\n".join(lines))
+    assert np.isnan(recording.tracks()[0].positions).all(axis=1).nonzero()[0].tolist() == [3, 5]
+    assert recording.read("Feature #1 - Y")[3] == 1.5
+    assert any("(0 marked -1, 2 empty)" in note for note in recording.notes)
+
+
+@pytest.mark.parametrize(("separator", "decimal"), [(",", "."), (";", ","), ("\t", ","), ("\t", "."), (";", ".")])
+@pytest.mark.parametrize("header", [None, "Frame,Time (s),Feature #1 - X (mm),Feature #1 - Y (mm)"])
+def test_every_way_of_writing_gives_the_same_track(
+    separator: str, decimal: str, header: str | None, tmp_path: Path
+) -> None:
+    whole = tracks_text(30, header=header).decode().replace(",", separator).replace(".", decimal)
+    assert READER.claims(whole.encode("utf-16"))
+    recording = opened(tmp_path, whole.encode("utf-16"))
+    (track,) = recording.tracks()
+    np.testing.assert_array_equal(track.positions[:, 0], np.round(0.25 * np.arange(30) + 0.5, 4))
+    assert track.unit == ("" if header is None else "mm")
+
+
+def test_a_file_without_header_names_its_features(tmp_path: Path) -> None:
+    recording = opened(tmp_path, tracks_text(header=None))
+    assert [s.name for s in recording.signals] == ["feature1 X", "feature1 Y"]
+    assert recording.metadata["header"] == []
+
+
+def test_fourteen_lines_of_header_with_numbers_are_kept_verbatim(tmp_path: Path) -> None:
+    header = ["ProAnalyst", "Frame rate,6000", "1,2", "3,4", *[f"line {i}" for i in range(9)]]
+    text = "\n".join(header) + "\n" + tracks_text(line_end="\n").decode()
+    assert READER.claims(text.encode())
+    recording = opened(tmp_path, text)
+    assert recording.metadata["header"][:-1] == header
+    assert recording.signals[0].sample_count == 40
+
+
+def test_without_time_the_declared_rate_is_needed(tmp_path: Path) -> None:
+    text = "Frame,x,y\n" + "".join(f"{i},{i}.5,{2 * i}.25\n" for i in range(10, 30))
+    with pytest.raises(ReadError, match="frame rate is unknown") as caught:
+        opened(tmp_path, text)
+    assert "frame_rate" in str(caught.value.remedy)
+    recording = opened(tmp_path, text, 500.0)
+    np.testing.assert_allclose(recording.time_base("x").times_s, np.arange(10, 30) / 500.0)
+
+
+def test_neither_frame_nor_time_says_that_gaps_cannot_be_seen(tmp_path: Path) -> None:
+    recording = opened(tmp_path, "x,y\n" + "".join(f"{i}.5,{2 * i}.25\n" for i in range(20)), 500.0)
+    assert any("missing frame cannot be seen" in note for note in recording.notes)
+
+
+def test_a_declared_rate_that_agrees_within_the_print_is_taken(tmp_path: Path) -> None:
+    recording = opened(tmp_path, tracks_text(40), 6000.05)
+    assert recording.metadata["frame_rate_hz"] == 6000.05
+    assert recording.notes == ()
+
+
+@pytest.mark.parametrize(("declared", "word"), [(30.0, "contradicts"), (6010.0, "differs from")])
+def test_a_declared_rate_that_contradicts_the_file_is_noted(declared: float, word: str, tmp_path: Path) -> None:
+    recording = opened(tmp_path, tracks_text(300), declared)
+    assert recording.metadata["frame_rate_hz"] == 6000.0
+    assert any(word in note for note in recording.notes)
+
+
+def test_time_in_milliseconds_is_converted_and_an_unknown_unit_is_refused(tmp_path: Path) -> None:
+    rows = "".join(f"{i},{i * 0.5:.1f},1.5,{i}.5\n" for i in range(20))
+    recording = opened(tmp_path, "Frame,Time (ms),x,y\n" + rows)
+    assert recording.metadata["frame_rate_hz"] == 2000.0
+    with pytest.raises(ReadError, match="unit of the time column"):
+        opened(tmp_path, "Frame,Time (fields),x,y\n" + rows)
+
+
+def test_frames_are_numbered_by_time_where_they_have_no_number(tmp_path: Path) -> None:
+    times = np.delete(np.arange(40), [12, 13]) / 6000.0
+    text = "x,y,Time (s)\n" + "".join(f"1.5,{i}.5,{t:.6f}\n" for i, t in enumerate(times))
+    recording = opened(tmp_path, text)
+    np.testing.assert_allclose(recording.time_base("x").times_s, times, atol=1e-12)
+    assert any(note.startswith("missing frames") for note in recording.notes)
+
+
+def test_a_wrong_printed_time_does_not_move_the_frames(tmp_path: Path) -> None:
+    text = tracks_text(200).decode().replace("\r\n50,0.008333,", "\r\n50,0.008400,")
+    recording = opened(tmp_path, text)
+    assert recording.metadata["frame_rate_hz"] == 6000.0
+    assert any("printed time of 1 frames disagrees" in note for note in recording.notes)
+
+
+def test_a_time_that_starts_before_the_trigger_keeps_its_zero(tmp_path: Path) -> None:
+    text = "Frame,Time (s),x,y\n" + "".join(f"{i + 1},{(i - 10) / 500:.4f},{i}.5,1.5\n" for i in range(40))
+    recording = opened(tmp_path, text)
+    np.testing.assert_allclose(recording.time_base("x").times_s, (np.arange(40) - 10) / 500, atol=1e-12)
+
+
+@pytest.mark.parametrize("bad", ["4", "5.5", "", "3"])
+def test_a_frame_number_that_does_not_increase_is_refused_with_its_line(bad: str, tmp_path: Path) -> None:
+    text = tracks_text(20).decode().replace("\r\n5,", f"\r\n{bad},")
+    with pytest.raises(CorruptFileError, match="line 7, column 'Frame'"):
+        opened(tmp_path, text)
+
+
+def test_repeated_pictures_are_counted_and_listed(tmp_path: Path) -> None:
+    lines = tracks_text(20).decode().split("\r\n")
+    lines[9] = ",".join([*lines[9].split(",")[:2], *lines[8].split(",")[2:]])
+    recording = opened(tmp_path, "\r\n".join(lines))
+    assert recording.metadata["repeated_frames"] == [8]
+    assert any("repeated pictures" in note for note in recording.notes)
+
+
+def test_derived_columns_are_signals_but_no_tracks(tmp_path: Path) -> None:
+    text = "Frame,x (mm),y (mm),Speed (mm/s)\n" + "".join(f"{i},{i}.5,1.5,{i}.25\n" for i in range(20))
+    recording = opened(tmp_path, text, 100.0)
+    assert [s.name for s in recording.signals] == ["x", "y", "Speed"]
+    assert len(recording.tracks()) == 1
+    assert any("its own filter: Speed" in note for note in recording.notes)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        dewesoft_text(motion_rows()),
+        b"Time (s),x (mm),y (mm)\n" + b"0.1,1,2\n" * 9,
+        b"scorer,a,a,a\nbodyparts,t,t,t\ncoords,x,y,likelihood\n" + b"0,1.5,2.5,0.9\n" * 9,
+        b'schema = "recoil-daq/rig/1"\nname = "x"\n' + b"a = 1\n" * 9,
+        b'{"a": [1, 2, 3]}\n',
+        b"(1700000000.250000) can0 100#0900EFFFFA03C100\n" * 9,
+        b"0.5,1.5\n0.6,1.5\n0.7,1.5\n0.8,1.5\n0.9,1.5\n1.0,1.5\n",
+        b"1,2\n1,3\n1,4\n1,5\n1,6\n1,7\n",
+        bytes(range(256)),
+    ],
+)
+def test_other_files_are_not_claimed(content: bytes) -> None:
+    assert not READER.claims(content)
+
+
+def test_a_file_without_numbers_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(CorruptFileError, match="no block of numbers"):
+        opened(tmp_path, "Frame,x,y\n1,2,3\n")
+
+
+def test_the_synthetic_track_agrees_with_its_truth() -> None:
+    path = shared_file("tracks/SYNTHETIC_proanalyst_like_2000fps.csv")
+    truth = json.loads((path.parent / "SYNTHETIC_truth.json").read_text())
+    recording = READER.open(path, Declarations("camera", frame_rate_hz=truth["fps"]))
+    first = recording.tracks()[0]
+    assert first.frame_numbers[first.lost].tolist() == truth["lost_frames"]
+    assert truth["frame_not_recorded"] not in first.frame_numbers
+    assert recording.metadata["repeated_frames"] == [truth["duplicated_picture_frame"]]
+    assert recording.metadata["frame_rate_hz"] == truth["fps"]
+
+
+@pytest.mark.parametrize("name", ["SYNTHETIC_proanalyst_like_noheader.csv", "SYNTHETIC_proanalyst_like_tab.txt"])
+def test_the_synthetic_variants_give_the_same_track(name: str) -> None:
+    whole = READER.open(shared_file("tracks/SYNTHETIC_proanalyst_like_2000fps.csv"), Declarations("camera"))
+    variant = READER.open(shared_file(f"tracks/{name}"), Declarations("camera"))
+    np.testing.assert_array_equal(variant.tracks()[0].positions, whole.tracks()[0].positions[:400])
+    np.testing.assert_array_equal(variant.tracks()[0].time_base.times_s, np.arange(400) / 2000.0)
+
+
+@pytest.mark.parametrize("name", ["008_129_DB", "100_AJ_DB"])
+def test_real_published_tracks_need_a_declared_rate(name: str) -> None:
+    path = shared_file(f"tracks/proanalyst_paws_jones2020_{name}.csv")
+    assert READER.claims(path.read_bytes()[:65536])
+    with pytest.raises(ReadError, match="frame rate"):
+        READER.open(path, Declarations("camera"))
+    recording = READER.open(path, Declarations("camera", frame_rate_hz=2000.0))
+    assert len(recording.metadata["repeated_frames"]) > 700
+
+
+@pytest.mark.parametrize(("shot", "missing"), [("plain", 7), ("ringing", 8), ("gains", 11)])
+def test_a_shot_of_an_independent_simulation_has_its_track(shot: str, missing: int) -> None:
+    path = shared_file(f"shots/{shot}/camera.csv")
+    recording = READER.open(path, Declarations("camera", frame_rate_hz=6000.0))
+    (track,) = recording.tracks()
+    gaps = int((np.diff(track.frame_numbers) - 1).sum())
+    assert any(note.endswith(f": {gaps}") for note in recording.notes)
+    assert gaps in (missing, 7, 8, 11)
+    np.testing.assert_array_equal(track.time_base.times_s, track.frame_numbers / 6000.0)

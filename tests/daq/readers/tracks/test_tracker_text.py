@@ -1,0 +1,94 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from daq.errors import CorruptFileError, ReadError
+from daq.readers.reader import Declarations
+from daq.readers.table import READERS
+from daq.readers.tracks.recording import TrackRecording
+from daq.readers.tracks.tracker_text import TrackerTextReader
+from tests.builders import track_files as build
+from tests.builders.shared_data import shared_file
+
+READER = TrackerTextReader()
+
+
+def opened(tmp_path: Path, content: bytes, declared: Declarations | None = None) -> TrackRecording:
+    path = tmp_path / "a.txt"
+    path.write_bytes(content)
+    return READER.open(path, declared or Declarations("camera"))
+
+
+@pytest.mark.parametrize("separator", ["\t", ";", ",", "   "])
+def test_one_track_is_read_with_its_lost_steps(separator: str, tmp_path: Path) -> None:
+    content = build.tracker(lost=[] if separator == "   " else [4], separator=separator)
+    assert [r.name for r in READERS if r.claims(content)] == ["Tracker text"]
+    recording = opened(tmp_path, content)
+    (track,) = recording.tracks()
+    assert (track.name, track.unit) == ("cm_A", "")
+    seen = ~track.lost
+    assert np.flatnonzero(track.lost).tolist() == ([] if separator == "   " else [4])
+    np.testing.assert_allclose(track.positions[seen, 0], build.X[seen], rtol=1e-9)
+    np.testing.assert_allclose(track.time_base.times_s, np.arange(build.COUNT) / 500.0, atol=1e-12)
+    assert recording.metadata["frame_rate_hz"] == 500.0
+
+
+def test_a_decimal_comma_is_read(tmp_path: Path) -> None:
+    content = build.tracker(separator=";").replace(b".", b",")
+    np.testing.assert_allclose(opened(tmp_path, content).read("cm_A x"), build.X, rtol=1e-9)
+
+
+def test_several_tracks_share_the_time_and_velocities_are_derived(tmp_path: Path) -> None:
+    recording = opened(tmp_path, build.tracker_several())
+    assert [s.name for s in recording.signals] == ["cm A x", "cm A y", "cm B v_{x}", "cm B v_{y}"]
+    assert [t.name for t in recording.tracks()] == ["cm A"]
+    assert np.flatnonzero(np.isnan(recording.read("cm B v_{x}"))).tolist() == [0, build.COUNT - 1]
+    assert any("its own filter: cm B v_{x}, cm B v_{y}" in note for note in recording.notes)
+
+
+def test_a_frame_column_numbers_the_steps(tmp_path: Path) -> None:
+    rows = "".join(f"{i * 0.01:.3f}\t{5 * i}\t{i}.5\t1.25\n" for i in range(12))
+    recording = opened(tmp_path, f"mass A\nt\tframe\tx\ty\n{rows}".encode())
+    assert recording.tracks()[0].frame_numbers.tolist() == list(range(0, 60, 5))
+
+
+@pytest.mark.parametrize("content", [b"cm_A\nt\tx\ty\n", b"x\ty\n1\t2\n", b"#multi:\n\tA\nt\n0.1\n"])
+def test_a_file_without_header_or_rows_is_refused(content: bytes, tmp_path: Path) -> None:
+    assert not READER.claims(content)
+    with pytest.raises(CorruptFileError, match="no header of a Tracker export"):
+        opened(tmp_path, content)
+
+
+def test_time_that_does_not_increase_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(CorruptFileError, match="time does not increase"):
+        opened(tmp_path, b"cm_A\nt\tx\ty\n0.1\t1\t2\n0.2\t1\t2\n0.1\t1\t2\n")
+
+
+def test_the_three_quoted_variants_are_read_and_the_page_itself_is_not(tmp_path: Path) -> None:
+    page = shared_file("tracks/tracker_export_brocku_snippets.txt").read_text(encoding="utf-8")
+    assert not any(reader.claims(page.encode()) for reader in READERS)
+    variants = [part.strip("\n").partition("---")[0] for part in page.split("---\n")[1:]]
+    assert len(variants) == 3
+    positions, velocities, several = (f"{v.strip(chr(10))}\n".encode() for v in variants)
+    recording = opened(tmp_path, positions)
+    assert [(t.name, t.positions.shape) for t in recording.tracks()] == [("cm_A", (2, 2))]
+    assert recording.read("cm_A x").tolist() == [12.45986911, 11.64289057]
+    recording = opened(tmp_path, velocities)
+    assert [s.name for s in recording.signals] == ["cm_A v_{x}", "cm_A v_{y}"]
+    assert np.isnan(recording.read("cm_A v_{x}")[0])
+    assert recording.tracks() == ()
+    assert READER.claims(several)
+    with pytest.raises(ReadError, match="time does not increase"):
+        opened(tmp_path, several)
+    recording = opened(tmp_path, several.rstrip() + b"\n0.064\t30.1\t23.2\t-26.1\t22.1\n")
+    assert [s.name for s in recording.signals] == ["cm A vx", "cm A vy", "cm B vx", "cm B vy"]
+    assert recording.read("cm B vx").tolist() == [-26.66, -26.1]
+
+
+def test_blanks_between_tabs_are_an_empty_cell(tmp_path: Path) -> None:
+    lines = build.tracker().decode().split("\n")
+    lines[5] = lines[5].split("\t")[0] + "\t  \t   \t"
+    assert np.flatnonzero(opened(tmp_path, "\n".join(lines).encode()).tracks()[0].lost).tolist() == [3]

@@ -1,0 +1,162 @@
+from __future__ import annotations
+
+import gc
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from daq.errors import CorruptFileError, ReadError
+from daq.readers.containers.stored_channels import StoredRecording
+from daq.readers.reader import Declarations
+from daq.readers.uff.reader import UffReader
+from tests.builders.container_files import ramp, uff_binary, uff_text
+from tests.builders.shared_data import shared_file
+
+
+def opened(folder: Path, content: bytes) -> StoredRecording:
+    path = folder / "a.uff"
+    path.write_bytes(content)
+    return UffReader().open(path, Declarations("dewetron"))
+
+
+# pyuff leaves the file open when it writes binary values, and would begin it anew with "overwrite"
+@pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")
+@pytest.mark.parametrize("binary", [0, 1])
+def test_what_pyuff_writes_is_read(binary: int, tmp_path: Path) -> None:
+    import pyuff
+
+    path = tmp_path / "a.uff"
+    dataset = pyuff.prepare_58(
+        binary=binary, func_type=1, rsp_node=3, rsp_dir=1, ref_dir=1, ref_node=3, data=ramp(50), x=np.arange(50) / 2000,
+        rsp_ent_name="acc", abscissa_spec_data_type=17, abscissa_axis_units_lab="s", abscissa_spacing=1,
+        ordinate_axis_units_lab="m/s2", orddenom_spec_data_type=0, z_axis_spec_data_type=0,
+    )  # fmt: skip
+    pyuff.UFF(str(path)).write_sets(dataset, "add")
+    gc.collect()
+    recording = UffReader().open(path, Declarations("dewetron"))
+    assert [(s.name, s.unit, s.sample_count) for s in recording.signals] == [("acc", "m/s2", 50)]
+    np.testing.assert_allclose(recording.read("acc"), ramp(50), rtol=1e-11)
+    assert recording.time_base("acc").step_s == 5e-4
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    values=st.lists(st.floats(width=32, allow_nan=False, allow_infinity=False), min_size=1, max_size=20),
+    big_endian=st.booleans(),
+    width=st.sampled_from([4, 8]),
+)
+def test_binary_values_come_back_as_they_are(
+    values: list[float], big_endian: bool, width: int, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    data = np.array(values, f"f{width}")
+    content = uff_binary(data, big_endian=big_endian, ordinate=2 if width == 4 else 4)
+    recording = opened(tmp_path_factory.mktemp("u"), content)
+    np.testing.assert_array_equal(recording.read("acc"), data.astype(float))
+
+
+@pytest.mark.parametrize("exponent", ["E", "e", "D", "d"])
+@pytest.mark.parametrize("blank", [b"", b"\n", b"   \n\n"])
+def test_exponents_and_blank_lines_of_every_writer_are_read(exponent: str, blank: bytes, tmp_path: Path) -> None:
+    content = uff_text(ramp(), exponent=exponent, blank=blank) + b"\n" + uff_text(ramp(5), entity="p")
+    recording = opened(tmp_path, content)
+    np.testing.assert_array_equal(recording.read("acc"), ramp())
+    np.testing.assert_array_equal(recording.read("p", 1, 4), ramp(5)[1:4])
+    binary = opened(tmp_path, uff_binary(ramp(), blank=b"\n" + blank) + uff_binary(ramp(5), entity="p"))
+    np.testing.assert_array_equal(binary.read("p"), ramp(5))
+
+
+@pytest.mark.parametrize("write", [uff_text, uff_binary])
+def test_an_uneven_abscissa_is_stamps(write: Any, tmp_path: Path) -> None:
+    times, values = np.array([0.0, 0.1, 0.25, 0.3]), ramp(4)
+    recording = opened(tmp_path, write(np.column_stack((times, values)).ravel(), even=False))
+    np.testing.assert_array_equal(recording.time_base("acc").times_s, times)
+    np.testing.assert_array_equal(recording.read("acc"), values)
+
+
+def test_single_times_beside_double_values_are_read(tmp_path: Path) -> None:
+    rows = np.array([(0.0, 1.5), (0.5, 2.5), (2.0, 3.5)], np.dtype([("x", "<f4"), ("y", "<f8")]))
+    plain = uff_binary(np.zeros(3), even=True)
+    content = plain.replace(b"         3         1", b"         3         0").replace(
+        np.zeros(3).tobytes(), rows.tobytes()
+    )
+    recording = opened(tmp_path, content)
+    np.testing.assert_array_equal(recording.time_base("acc").times_s, rows["x"])
+    np.testing.assert_array_equal(recording.read("acc"), rows["y"])
+
+
+def test_spectra_complex_values_and_other_datasets_are_named_and_left_out(tmp_path: Path) -> None:
+    content = (
+        b"    -1\n   151\nname\n    -1\n"
+        + uff_text(ramp(), function=4, entity="frf")
+        + uff_binary(ramp(), ordinate=6, entity="z").replace(b"        12         1", b"         6         1")
+        + uff_text(ramp(), kind=18, entity="hz")
+        + uff_text(ramp())
+    )
+    recording = opened(tmp_path, content)
+    assert [s.name for s in recording.signals] == ["acc"]
+    for text in (
+        "dataset 151 at byte 0",
+        "frf: a frequency response",
+        "z: complex values",
+        "hz: an abscissa of type 18",
+    ):
+        assert any(note.startswith(text) and note.endswith("left out") for note in recording.notes)
+
+
+def test_units_beyond_ascii_are_read_and_told(tmp_path: Path) -> None:
+    recording = opened(tmp_path, uff_text(ramp(), unit="m/s²".encode("latin-1")))
+    assert recording.signals[0].unit == "m/s²"
+    assert any("beyond ASCII" in note for note in recording.notes)
+
+
+def test_equal_names_are_told_apart_by_node_and_direction(tmp_path: Path) -> None:
+    recording = opened(tmp_path, uff_text(ramp()) + uff_text(ramp(5)))
+    assert [s.name for s in recording.signals] == ["acc 1 3", "acc 1 3#2"]
+
+
+def test_a_cut_dataset_is_left_out_and_told(tmp_path: Path) -> None:
+    content = uff_text(ramp()) + uff_binary(ramp(), entity="p")
+    recording = opened(tmp_path, content[:-20])
+    assert [s.name for s in recording.signals] == ["acc"]
+    assert "cut off" in recording.incomplete
+    with pytest.raises(CorruptFileError, match="cut off"):
+        opened(tmp_path, uff_text(ramp())[:-8])
+
+
+def test_missing_values_and_words_are_refused_with_their_dataset(tmp_path: Path) -> None:
+    recording = opened(tmp_path, uff_text(ramp()[:10]).replace(b"        10         1", b"        12         1"))
+    with pytest.raises(CorruptFileError, match="expected 12, found 10"):
+        recording.read("acc")
+    recording = opened(tmp_path, uff_text(ramp()).replace(b"-1.500000000000E+00", b"-1.5000000000x0E+00"))
+    with pytest.raises(CorruptFileError, match="no number"):
+        recording.read("acc")
+
+
+def test_floating_point_of_other_computers_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ReadError, match="not in IEEE floating point"):
+        opened(tmp_path, uff_binary(ramp(), form=1))
+
+
+def test_a_coarsely_printed_step_is_told(tmp_path: Path) -> None:
+    recording = opened(tmp_path, uff_binary(np.zeros(60000), step="1.52588E-05"))
+    assert any("its step has 6 digits" in note for note in recording.notes)
+    assert not any("digits" in note for note in opened(tmp_path, uff_binary(np.zeros(60000))).notes)
+
+
+def test_real_files_are_read_or_refused_by_design() -> None:
+    def read(name: str) -> StoredRecording:
+        return UffReader().open(shared_file(f"containers/{name}"), Declarations("dewetron"))
+
+    sample = read("Sample_UFF58b_bin.uff")
+    assert [(s.name, s.unit, s.sample_count) for s in sample.signals] == [("Mic 01", "Pa", 79292)]
+    assert sample.time_base("Mic 01").step_s == 1.52588e-05
+    assert np.abs(sample.read("Mic 01")).max() < 100
+    sine = read("binary8byte.uff")
+    assert [(s.name, s.unit, s.sample_count) for s in sine.signals] == [("sine 5 Hz", "g", 250)]
+    np.testing.assert_allclose(sine.read("sine 5 Hz"), np.sin(2 * np.pi * 5 * np.arange(250) / 100), atol=1e-5)
+    with pytest.raises(ReadError, match="a frequency response, not a time response"):
+        read("non_ascii_header.uff")
