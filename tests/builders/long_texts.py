@@ -89,7 +89,7 @@ LONG_TEXTS: Mapping[str, LongText] = {
     ),
     "dasylab": LongText(
         BY_NAME["DASYLab ASCII"], RECORDER,
-        lines("Measurement time[s]\tDisp [in]\tLoad [lb]\r\n", lambda i, x, y: f"{i / 5e3:.4f}\t{x:.6f}\t{y:.6f}", "\r\n"),
+        lines("Measurement time[s]\tDisp [in]\tLoad [lb]\n", lambda i, x, y: f"{i / 5e3:.4f}\t{x:.6f}\t{y:.6f}"),
     ),
     "declared-text": LongText(
         DeclaredTextReader(), Declarations("dewetron", layout=tables.DECLARED_LAYOUT),
@@ -109,17 +109,9 @@ LONG_TEXTS: Mapping[str, LongText] = {
               lambda i, x, y: f"{i},{x!r},{y!r},0.999972"),
     ),
     "dltdv": LongText(
-        BY_NAME["DLTdv points"], CAMERA, lines("pt1_cam1_X,pt1_cam1_Y\r\n", lambda _, x, y: f"{x:.6f},{y:.6f}", "\r\n")
-    ),
-    "dltdv-lost": LongText(
-        BY_NAME["DLTdv points"], CAMERA,
-        lines("pt1_cam1_X,pt1_cam1_Y,pt2_cam1_X,pt2_cam1_Y\n", lambda _, x, y: f"{x:.6f},{y:.6f},NaN,NaN"),
+        BY_NAME["DLTdv points"], CAMERA, lines("pt1_cam1_X,pt1_cam1_Y\r\n", lambda _, x, y: f"{x:.3f},{y:.3f}", "\r\n")
     ),
     "tracker": LongText(
-        BY_NAME["Tracker text"], CAMERA,
-        lines("mass_A\nt\tx\ty\t\n", lambda i, x, y: f"{i / 2e3:.9E}\t{x:.9E}\t{y:.9E}\t"),
-    ),
-    "tracker-short": LongText(
         BY_NAME["Tracker text"], CAMERA,
         lines("mass_A\nt\tx\ty\t\n", lambda i, x, y: f"{i / 2e3:.4f}\t{x:.2f}\t{y:.2f}\t"),
     ),
@@ -128,11 +120,6 @@ LONG_TEXTS: Mapping[str, LongText] = {
         lines("          mass_A\nt         x         y\n", lambda i, x, y: f"{i / 2e3:.4f}    {x:.4f}    {y:.4f}"),
     ),
     "sleap": LongText(
-        BY_NAME["SLEAP text"], CAMERA,
-        lines("track,frame_idx,instance.score,tip.x,tip.y,tip.score\n",
-              lambda i, x, y: f"mark,{i},0.9412,{x:.4f},{y:.4f},0.8731"),
-    ),
-    "sleap-two-animals": LongText(
         BY_NAME["SLEAP text"], CAMERA,
         lines("track,frame_idx,instance.score,tip.x,tip.y,tip.score\n",
               lambda i, x, y: f"net_{i % 2},{i // 2},0.9412,{x:.4f},{y:.4f},0.8731"),
