@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.channel import RawCounts
-from daq.errors import MissingChannelError
+from daq.readers.column_recording import ColumnRecording
 from daq.readers.exported.header import ExportedHeader
 from daq.readers.reader import SignalHeader
 from daq.timebase import AbsoluteStart, TimeBase
-from daq.track import Track
 
 
-class ExportedRecording(ABC):
+class ExportedRecording(ColumnRecording):
     """What both formats of an export have in common; the rows are read by the subclass.
 
     Parameters
@@ -35,6 +32,7 @@ class ExportedRecording(ABC):
     reader = ""
 
     def __init__(self, header: ExportedHeader, clock: str, row_count: int) -> None:
+        self.path = header.path
         self._header = header
         self._clock = clock
         self.signals: tuple[SignalHeader, ...] = tuple(replace(s, sample_count=row_count) for s in header.signals)
@@ -50,11 +48,6 @@ class ExportedRecording(ABC):
     @cached_property
     def _time_base(self) -> TimeBase:
         return self._header.time_base(self._clock, self._columns[0], "time column")
-
-    @property
-    def path(self) -> Path:
-        """The file."""
-        return self._header.path
 
     @property
     def metadata(self) -> Mapping[str, Any]:
@@ -83,26 +76,6 @@ class ExportedRecording(ABC):
         """All instants, seconds, shape (n_rows,); those of a file without channels too."""
         return self._time_base.times_s
 
-    def _index(self, name: str) -> int:
-        try:
-            return self._column[name]
-        except KeyError:
-            raise MissingChannelError(name, tuple(self._column), path=self.path) from None
-
     def read(self, name: str, start: int = 0, stop: int | None = None) -> NDArray[np.float64]:
         """Read samples of one channel in SI, lost ones NaN, shape (stop - start,)."""
         return np.array(self._columns[self._index(name)][start:stop])
-
-    def raw(self, name: str, start: int = 0, stop: int | None = None) -> RawCounts | None:  # noqa: ARG002 - of the protocol
-        """Return None: an export holds scaled values alone."""
-        self._index(name)
-        return None
-
-    def time_base(self, name: str) -> TimeBase:
-        """Return the one time base of the file."""
-        self._index(name)
-        return self._time_base
-
-    def tracks(self) -> tuple[Track, ...]:
-        """Return nothing: this is no camera."""
-        return ()

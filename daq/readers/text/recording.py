@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.channel import RawCounts
-from daq.errors import MissingChannelError
+from daq.readers.column_recording import ColumnRecording
 from daq.readers.reader import SignalHeader
 from daq.readers.text.cells import unique_names
 from daq.readers.text.column_store import ColumnStore
@@ -19,10 +17,9 @@ from daq.readers.text.text_table import Block
 from daq.readers.text.time_base import TimeSource, time_base
 from daq.readers.time.wall_clock import Stamps
 from daq.timebase import AbsoluteStart, TimeBase
-from daq.track import Track
 
 
-class TextRecording:
+class TextRecording(ColumnRecording):
     """One opened table; its numbers are read when the first sample is asked for.
 
     Parameters
@@ -55,7 +52,7 @@ class TextRecording:
         text_columns: Sequence[int] = (),
         notes: Sequence[str] = (),
     ) -> None:
-        self.reader, self.metadata = reader, metadata
+        self.path, self.reader, self.metadata = block.file.path, reader, metadata
         self._block, self._clock, self._time_source, self._first_notes = block, clock, time, tuple(notes)
         left_out = {time.column, *text_columns}
         at = [i for i in range(len(headings)) if i not in left_out]
@@ -68,11 +65,6 @@ class TextRecording:
         stamp_column = None if self._stamps is None else time.column
         seconds = None if self._stamps is None else self._stamps.seconds
         self._columns = ColumnStore(block, seconds, stamp_column, text_columns, time.remedy or None)
-
-    @property
-    def path(self) -> Path:
-        """The file."""
-        return self._block.file.path
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -94,33 +86,17 @@ class TextRecording:
     @property
     def absolute_start(self) -> AbsoluteStart | None:
         """Wall-clock time of the first row, if the file states it."""
-        return self._time[0].absolute_start
+        return self._time_base.absolute_start
+
+    @property
+    def _time_base(self) -> TimeBase:
+        return self._time[0]
 
     @cached_property
     def _time(self) -> tuple[TimeBase, tuple[str, ...]]:
         """The one time base of the file and what is to say about it."""
         return time_base(self._time_source, self._columns, self._stamps, self._clock)
 
-    def _index(self, name: str) -> int:
-        try:
-            return self._column[name]
-        except KeyError:
-            raise MissingChannelError(name, tuple(self._column), path=self.path) from None
-
     def read(self, name: str, start: int = 0, stop: int | None = None) -> NDArray[np.float64]:
         """Read samples of one signal in the file's unit, lost ones NaN, shape (stop - start,)."""
         return self._columns.column(self._index(name), start, stop)
-
-    def raw(self, name: str, start: int = 0, stop: int | None = None) -> RawCounts | None:  # noqa: ARG002 - of the protocol
-        """Return None: a text table holds no raw counts."""
-        self._index(name)
-        return None
-
-    def time_base(self, name: str) -> TimeBase:
-        """Return the one time base of the file."""
-        self._index(name)
-        return self._time[0]
-
-    def tracks(self) -> tuple[Track, ...]:
-        """Return nothing: this is no camera."""
-        return ()

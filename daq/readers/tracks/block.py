@@ -12,12 +12,12 @@ from daq.readers.text.text_table import (
     has_decimal_comma,
     is_lost,
     is_number,
-    read_block,
     split_cells,
 )
 from daq.readers.tracks.columns import columns_from_headings, columns_from_numbers
 from daq.readers.tracks.frame_time import frame_clock
 from daq.readers.tracks.recording import TrackTable
+from daq.readers.tracks.rows import read_rows
 
 BLOCK_ROWS = 5
 """Rows of numbers in a row that make a block."""
@@ -77,7 +77,7 @@ def read_track_table(file: TextFile, reader: str, declared_hz: float | None) -> 
     columns = columns_from_headings(header[-3:], width)
     labels = [c.name for c in columns] if columns else [f"column {i + 1}" for i in range(width)]
     block = find_block(file, file.start_of(row), separator, labels, decimal_comma=comma)
-    values, _ = read_block(block)
+    values = read_rows(block)
     metadata = {
         "header": lines[:row],
         "encoding": file.encoding,

@@ -6,22 +6,31 @@ declared line on, columns that are not declared are left out and named.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
+from itertools import islice, pairwise
 from pathlib import Path
 
 import numpy as np
 
 from daq.errors import CorruptFileError, ReadError
 from daq.readers.reader import Declarations
+from daq.readers.text.cells import is_lost, is_number, split_cells
 from daq.readers.text.sheet_text import is_workbook, read_sheets
-from daq.readers.text.text_file import TextFile, read_text
-from daq.readers.text.text_table import Block, is_lost, is_number, read_block, split_cells
+from daq.readers.text.text_file import LongText, Text, TextFile
+from daq.readers.text.text_table import Block
 from daq.readers.tracks.columns import Column
 from daq.readers.tracks.frame_time import frame_clock
 from daq.readers.tracks.layout import ColumnChoice, LayoutError, TrackLayout
 from daq.readers.tracks.recording import TrackRecording, TrackTable
+from daq.readers.tracks.rows import read_rows
+
+PART_BYTES = 1 << 20
+"""Of a text that is held at a time."""
+
+NO_ROW = re.compile("(?!)")
 
 REMEDY = "correct `layout` of this source in the rig file"
 
@@ -59,22 +68,24 @@ class DeclaredTrackReader:
         except LayoutError as error:
             raise ReadError(str(error), place=f"source {declared.clock!r}.layout", path=path, remedy=REMEDY) from error
         file, layout = _text_of(path, layout)
-        lines = file.data.decode(file.encoding, errors="replace").split("\n")
-        headings = _headings(lines, layout, path)
+        header = list(islice(_lines(file), layout.first_row - 1))
+        headings = _headings(header, layout, path)
         columns, at = _columns(layout, headings, path)
-        block, dropped = _block(file, lines, layout, columns, at)
-        values, _ = read_block(block)
-        for value in layout.lost_values:
-            positions = [i for i, c in enumerate(columns) if c.kind not in ("frame", "time")]
-            values[:, positions] = np.where(values[:, positions] == value, np.nan, values[:, positions])
+        block = _block(file, layout, columns, at)
+        values = read_rows(block)
+        for i, column in enumerate(columns):
+            if column.kind not in ("frame", "time") and layout.lost_values:
+                values[np.isin(values[:, i], layout.lost_values), i] = np.nan
         clock = frame_clock(block, values, columns, declared.frame_rate_hz)
         left_out = [name for i, name in enumerate(headings) if i not in at and name]
         notes = (f"columns that the layout does not declare were left out: {', '.join(left_out)}",) if left_out else ()
-        metadata = {"header": lines[: layout.first_row - 1], "encoding": file.encoding}
-        return TrackRecording(TrackTable(path, self.name, columns, values, clock, metadata, notes, dropped), declared)
+        metadata = {"header": header, "encoding": file.encoding}
+        return TrackRecording(
+            TrackTable(path, self.name, columns, values, clock, metadata, notes, block.dropped), declared
+        )
 
 
-def _text_of(path: Path, layout: TrackLayout) -> tuple[TextFile, TrackLayout]:
+def _text_of(path: Path, layout: TrackLayout) -> tuple[Text, TrackLayout]:
     """Return a file's text; that of a workbook is its first sheet's, with tabs and decimal points."""
     try:
         with path.open("rb") as opened:
@@ -84,9 +95,21 @@ def _text_of(path: Path, layout: TrackLayout) -> tuple[TextFile, TrackLayout]:
             f"cannot be read: {error.strerror}", path=path, remedy="check the name and the folder"
         ) from error
     if not is_workbook(head):
-        return read_text(path), layout
+        return LongText(path), layout
     sheet = read_sheets(path)[0]
     return TextFile(path, sheet.text.encode(), "utf-8"), replace(layout, separator="\t", decimal=".")
+
+
+def _lines(file: Text) -> Iterator[str]:
+    """Yield the lines of a text, the last one if it has no end too; a part of the text is held at a time."""
+    at, cut = 0, b""
+    while at < file.size:
+        part = file.read(at, min(at + PART_BYTES, file.size))
+        at += len(part)
+        *whole, cut = (cut + part).split(file.line_end)
+        for line in whole:
+            yield line.removesuffix(b"\r").decode(file.encoding, errors="replace")
+    yield cut.decode(file.encoding, errors="replace")
 
 
 def _cells(line: str, layout: TrackLayout) -> list[str]:
@@ -147,26 +170,33 @@ def _place(choice: ColumnChoice, headings: Sequence[str], key: str, layout: Trac
     )
 
 
-def _block(
-    file: TextFile, lines: Sequence[str], layout: TrackLayout, columns: Sequence[Column], at: Sequence[int]
-) -> tuple[Block, str]:
-    """Return the declared columns alone, written plainly, and why a last row was left out."""
-    rows = list(lines[layout.first_row - 1 :])
-    dropped = ""
-    if rows and rows[-1].strip():
-        dropped = "the last row has no line end and may be cut: it was left out"
-    rows = rows[:-1]
-    while rows and not rows[-1].strip():
-        rows.pop()
-    last, least = len(rows) - 1, max(at) + 1
-    plain = []
+def _rows(lines: Iterator[str]) -> Iterator[str]:
+    """Yield the complete rows: the last line has no end, and blank lines below the last row are none."""
+    waiting: list[str] = []
+    for row, _ in pairwise(lines):
+        waiting.append(row)
+        if row.strip():
+            yield from waiting
+            waiting.clear()
+
+
+def _block(file: Text, layout: TrackLayout, columns: Sequence[Column], at: Sequence[int]) -> Block:
+    """Return the declared columns alone, written plainly; a last row that may be cut is left out."""
+    end = file.read(max(file.size - PART_BYTES, 0), file.size).rpartition(file.line_end)[2]
+    dropped = "the last row has no line end and may be cut: it was left out" if end.strip() else ""
+    body, least = bytearray(), max(at) + 1
+    whole, groups = _row_of_numbers(layout, at), [f"c{i}" for i in at]
+    short: CorruptFileError | None = None
+    rows = _rows(islice(_lines(file), layout.first_row - 1, None))
     for n, row in enumerate(rows):
+        if short is not None:
+            raise short
+        if (found := whole.match(row)) is not None:
+            body += ("\t".join([found[group] for group in groups]).replace(",", ".") + "\n").encode()
+            continue
         cells = _cells(row, layout)
         if len(cells) < least:
-            if n == last and n > 0 and not dropped:
-                dropped = f"the last row has fewer than {least} cells: it was left out"
-                break
-            raise CorruptFileError(
+            short = CorruptFileError(
                 "a row has too few cells for the declared columns",
                 path=file.path,
                 place=f"line {layout.first_row + n}",
@@ -174,15 +204,30 @@ def _block(
                 found=f"{len(cells)}",
                 remedy=f"{REMEDY}: its `separator`, `first_row` or columns",
             )
-        plain.append("\t".join(_plain(cells[i], c, layout, n, file.path) for i, c in zip(at, columns, strict=True)))
-    if not plain:
+            continue
+        plain = (_plain(cells[i], c, layout, n, file.path) for i, c in zip(at, columns, strict=True))
+        body += ("\t".join(plain) + "\n").encode()
+    if short is not None and (dropped or not body):
+        raise short
+    if short is not None:
+        dropped = f"the last row has fewer than {least} cells: it was left out"
+    if not body:
         raise CorruptFileError(
             "there is no complete row of numbers", path=file.path, place=f"line {layout.first_row}", remedy=REMEDY
         )
-    body = "".join(row + "\n" for row in plain).encode()
     names = tuple(column.name for column in columns)
-    written = TextFile(file.path, body, "utf-8")
-    return Block(written, 0, len(body) - 1, layout.first_row, "\t", names, False, dropped), dropped
+    written = TextFile(file.path, bytes(body), "utf-8")
+    return Block(written, 0, len(body) - 1, layout.first_row, "\t", names, False, dropped)
+
+
+def _row_of_numbers(layout: TrackLayout, at: Sequence[int]) -> re.Pattern[str]:
+    """Return what matches a row without quotes whose declared cells are all numbers: as most rows are, at once."""
+    parting, mark = re.escape(layout.separator), re.escape(layout.decimal)
+    number = rf" *(?P<c{{}}>[+-]?(?:[0-9]+(?:{mark}[0-9]*)?|{mark}[0-9]+)(?:[eE][+-]?[0-9]+)?) *"
+    cells = [number.format(i) if i in at else rf'[^{parting}"]*' for i in range(max(at) + 1)]
+    if layout.separator == " ":
+        return NO_ROW
+    return re.compile(parting.join(cells) + rf'(?:{parting}[^"]*)?\Z')
 
 
 def _plain(cell: str, column: Column, layout: TrackLayout, row: int, path: Path) -> str:

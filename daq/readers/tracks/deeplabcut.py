@@ -15,11 +15,13 @@ from pathlib import Path
 
 from daq.errors import CorruptFileError, ReadError
 from daq.readers.reader import Declarations
-from daq.readers.text.text_file import decode_head, read_text
-from daq.readers.text.text_table import SEPARATORS, find_block, has_decimal_comma, is_number, read_block, split_cells
+from daq.readers.text.cells import is_number
+from daq.readers.text.text_file import decode_head
 from daq.readers.tracks.columns import Column
 from daq.readers.tracks.frame_time import frame_clock
+from daq.readers.tracks.headed_text import read_headed_text
 from daq.readers.tracks.recording import TrackRecording, TrackTable, refuse_layout
+from daq.readers.tracks.rows import read_rows
 from daq.readers.tracks.signature import signature
 
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
@@ -51,17 +53,15 @@ class DeepLabCutReader:
             If its header or a row is damaged.
         """
         refuse_layout(declared, path)
-        file = read_text(path)
-        if file.data.startswith((HDF5_MAGIC, HDF5_MAGIC.replace(b"\r\n", b"\n"))):
+        text = read_headed_text(path, lambda cells: len(cells) > 1)
+        if text.file.read(0, len(HDF5_MAGIC)) == HDF5_MAGIC:
             raise ReadError(
                 "the HDF5 table of DeepLabCut names its columns by a Python pickle, which is not read",
                 path=path,
                 expected="the same table as text",
                 remedy="export it as csv (`save_as_csv=True`, or `deeplabcut.convert_h5_to_csv`)",
             )
-        lines = file.lines(0, 6)
-        separator = next((s for s in SEPARATORS if len(split_cells(lines[0], s)) > 1), ",")
-        rows = [split_cells(line, separator) for line in lines]
+        rows = text.rows
         header = tuple(row[0].casefold() for row in rows)
         levels = next((names for names in _LEVELS if header[: len(names)] == names), None)
         if levels is None:
@@ -86,13 +86,11 @@ class DeepLabCutReader:
                 remedy="export the analysed video instead",
             )
         columns = (Column("frame", "frame", ""), *(_column(cells) for cells in list(zip(*above, strict=True))[1:]))
-        labels = [column.name for column in columns]
-        comma = has_decimal_comma(data, separator)
-        block = find_block(file, file.start_of(len(levels)), separator, labels, decimal_comma=comma)
-        values, _ = read_block(block)
+        block = text.block([column.name for column in columns], header_rows=len(levels))
+        values = read_rows(block)
         clock = frame_clock(block, values, columns, declared.frame_rate_hz)
         scorers = list(dict.fromkeys(above[0][1:]))
-        metadata = {"scorer": scorers[0] if len(scorers) == 1 else scorers, "encoding": file.encoding}
+        metadata = {"scorer": scorers[0] if len(scorers) == 1 else scorers, "encoding": text.file.encoding}
         return TrackRecording(
             TrackTable(path, self.name, columns, values, clock, metadata, incomplete=block.dropped), declared
         )

@@ -14,11 +14,12 @@ import numpy as np
 
 from daq.errors import CorruptFileError
 from daq.readers.reader import Declarations
-from daq.readers.text.text_file import decode_head, read_text
-from daq.readers.text.text_table import SEPARATORS, find_block, has_decimal_comma, read_block, split_cells
+from daq.readers.text.text_file import decode_head
 from daq.readers.tracks.columns import Column
 from daq.readers.tracks.frame_time import counted_clock
+from daq.readers.tracks.headed_text import read_headed_text
 from daq.readers.tracks.recording import TrackRecording, TrackTable, refuse_layout
+from daq.readers.tracks.rows import read_rows
 from daq.readers.tracks.signature import POINT_COLUMN, signature
 
 ROWS_ARE_FRAMES = "rows are frames, counted from 1: the file has no frame numbers, and a missing frame cannot be seen"
@@ -46,20 +47,16 @@ class DltdvReader:
             If the header or a row is damaged.
         """
         refuse_layout(declared, path)
-        file = read_text(path)
-        header, *following = file.lines(0, 6)
-        separator = next((s for s in SEPARATORS if len(split_cells(header, s)) > 1), ",")
-        columns = tuple(_column(name, path, i) for i, name in enumerate(split_cells(header, separator), start=1))
-        labels = [column.name for column in columns]
-        comma = has_decimal_comma([split_cells(line, separator) for line in following], separator)
-        block = find_block(file, file.start_of(1), separator, labels, decimal_comma=comma)
-        values, _ = read_block(block)
+        text = read_headed_text(path, lambda cells: len(cells) > 1)
+        columns = tuple(_column(name, path, i) for i, name in enumerate(text.rows[0], start=1))
+        block = text.block([column.name for column in columns])
+        values = read_rows(block)
         clock = counted_clock(np.arange(1, len(values) + 1, dtype=np.int64), declared.frame_rate_hz, path)
         cameras = {column.feature.casefold().rpartition("_cam")[2] for column in columns}
         notes = [ROWS_ARE_FRAMES]
         if len(cameras) > 1:
             notes.append(f"points of {len(cameras)} cameras: frame offsets between them are not in this file")
-        metadata = {"first_pixel": 1, "cameras": len(cameras), "encoding": file.encoding}
+        metadata = {"first_pixel": 1, "cameras": len(cameras), "encoding": text.file.encoding}
         return TrackRecording(
             TrackTable(path, self.name, columns, values, clock, metadata, tuple(notes), block.dropped), declared
         )

@@ -32,6 +32,9 @@ SUSTAINED = 5
 FASTER = 1.5
 """Times the motion's own largest speed that no mark has for a single frame."""
 
+PART_ROWS = 1 << 14
+"""Windows of steps that are held at a time."""
+
 _MAD_TO_SIGMA = 1.482602218505602
 """Median absolute deviation to standard deviation of a normal distribution: 1 / Phi^-1(3/4)."""
 
@@ -139,22 +142,27 @@ def find_jumps(frames: NDArray[np.int64], positions: Positions) -> Flags:
         if seen.size < 4 * SUSTAINED:
             continue
         x, between = axis[seen], np.diff(frames[seen]).astype(np.float64)
-        speed = np.diff(x) / between
-        third = np.abs(np.diff(x, n=3))
-        sigma = _MAD_TO_SIGMA * float(np.median(third)) / 20**0.5
-        windows = np.lib.stride_tricks.sliding_window_view(speed, SUSTAINED)
-        own = float(np.abs(np.median(windows, axis=1)).max())
-        bend = np.zeros(speed.size)
-        bend[1:] = (speed[1:] - speed[:-1]) * np.minimum(between[1:], between[:-1])
-        bend[0] = (speed[0] - speed[1]) * between[0]
+        speed = np.diff(x)
+        speed /= between
+        sigma = _MAD_TO_SIGMA * float(np.median(np.abs(np.diff(x, n=3)))) / 20**0.5
         least = 1e-9 * float(np.ptp(x))
-        found = (np.abs(bend) > JUMP_SIGMA * 6**0.5 * sigma + least) & (
-            np.abs(speed) > FASTER * own + JUMP_SIGMA * 2**0.5 * sigma + least
-        )
-        back = np.zeros(speed.size, dtype=bool)
-        back[1:] = found[1:] & found[:-1] & (np.abs(x[2:] - x[:-2]) < 0.5 * np.abs(np.diff(x)[:-1]))
-        jumps[seen[1:][found & ~back]] = True
+        fast = np.abs(speed) > FASTER * _own_speed(speed) + JUMP_SIGMA * 2**0.5 * sigma + least
+        # few steps are fast, and only of those it matters how far they are off the line
+        at = np.flatnonzero(fast)
+        before = np.where(at > 0, at - 1, 1)
+        bend = (speed[at] - speed[before]) * np.where(at > 0, np.minimum(between[at], between[before]), between[at])
+        at = at[np.abs(bend) > JUMP_SIGMA * 6**0.5 * sigma + least]
+        after = at[np.isin(at - 1, at)]
+        back = after[np.abs(x[after + 1] - x[after - 1]) < 0.5 * np.abs(x[after] - x[after - 1])]
+        jumps[seen[1:][np.setdiff1d(at, back)]] = True
     return jumps
+
+
+def _own_speed(speed: NDArray[np.float64]) -> float:
+    """Return the largest speed that lasts: the largest median of `SUSTAINED` steps in a row."""
+    windows = np.lib.stride_tricks.sliding_window_view(speed, SUSTAINED)
+    parts = [windows[at : at + PART_ROWS] for at in range(0, len(windows), PART_ROWS)]
+    return float(np.max([np.abs(np.median(part, axis=1)).max() for part in parts]))
 
 
 def _repeats(positions: Positions) -> Flags:

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.channel import RawCounts
-from daq.errors import MissingChannelError, ReadError
+from daq.errors import ReadError
 from daq.quantity import find_unit
+from daq.readers.column_recording import ColumnRecording
 from daq.readers.reader import Declarations, SignalHeader
 from daq.readers.text.text_table import unique_names
 from daq.readers.tracks.columns import Column
@@ -101,7 +101,7 @@ def check_units(columns: Sequence[Column], path: Path) -> None:
             )
 
 
-class TrackRecording:
+class TrackRecording(ColumnRecording):
     """One opened file of camera tracks.
 
     Parameters
@@ -124,7 +124,7 @@ class TrackRecording:
         self._columns, self._values = table.columns, table.values
         self._frames = table.clock.numbers
         try:
-            self._time_base = TimeBase.stamped(declared.clock, table.clock.times_s)
+            self._frame_times = TimeBase.stamped(declared.clock, table.clock.times_s)
         except ValueError as error:
             raise ReadError(
                 f"the frames have no times that increase: {error}", path=table.path, remedy="export one clip per file"
@@ -161,6 +161,10 @@ class TrackRecording:
         }
         self.notes = (*notes, *repeats)
 
+    @property
+    def _time_base(self) -> TimeBase:
+        return self._frame_times
+
     def _mark_lost(self, *, minus_one: bool) -> list[str]:
         """Set coordinates of lost features to NaN and count them."""
         notes = []
@@ -188,25 +192,9 @@ class TrackRecording:
                 )
         return notes
 
-    def _index(self, name: str) -> int:
-        try:
-            return self._column[name]
-        except KeyError:
-            raise MissingChannelError(name, tuple(self._column), path=self.path) from None
-
     def read(self, name: str, start: int = 0, stop: int | None = None) -> NDArray[np.float64]:
         """Read samples of one signal in the file's unit, lost ones NaN, shape (stop - start,)."""
         return self._values[start:stop, self._index(name)].copy()
-
-    def raw(self, name: str, start: int = 0, stop: int | None = None) -> RawCounts | None:  # noqa: ARG002 - of the protocol
-        """Return None: a file of tracks holds no raw counts."""
-        self._index(name)
-        return None
-
-    def time_base(self, name: str) -> TimeBase:
-        """Return the frames' instants: frame number over frame rate."""
-        self._index(name)
-        return self._time_base
 
     def tracks(self) -> tuple[Track, ...]:
         """Return the features' paths; a frame that lost one coordinate lost them all."""

@@ -10,7 +10,8 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from daq.readers.text.text_table import SEPARATORS, is_number, split_cells
+from daq.readers.text.cells import SEPARATORS, is_number, split_cells
+from daq.readers.text.text_file import LongText, TextFile, one_line_end
 
 POINT_COLUMN = re.compile(r"(?P<feature>.+_cam_?\d+)_(?P<axis>[xy])", re.IGNORECASE)
 """A column of DLTdv or Argus."""
@@ -18,12 +19,42 @@ POINT_COLUMN = re.compile(r"(?P<feature>.+_cam_?\d+)_(?P<axis>[xy])", re.IGNOREC
 MULTI = "#multi:"
 """First line of Tracker's export of several tracks."""
 
+PART_BYTES = 1 << 20
+"""Of a text whose cells are parted by spaces that is held as lines at a time."""
+
 _WIDE = re.compile(r" {2,}")
+_WIDE_BYTES = re.compile(rb" {2,}")
 
 
 def spread(line: str) -> str:
     """Return a line of Tracker's with a tab where several spaces part its cells; one with separators as it is."""
     return line if "\t" in line or ";" in line else _WIDE.sub("\t", line.strip(" "))
+
+
+def spread_text(file: LongText) -> TextFile:
+    """Return a text with each of its lines `spread`; it is taken part by part, since many lines are large as such.
+
+    Raises
+    ------
+    ReadError
+        If it cannot be read any more.
+    """
+    parts, at = [], 0
+    while at < file.size:
+        part = file.read(at, min(at + PART_BYTES, file.size))
+        if at + len(part) < file.size:
+            part = part[: part.rfind(file.line_end) + 1] or part
+        at += len(part)
+        part = one_line_end(part)
+        if b"\t" in part or b";" in part:
+            lines = part.decode(file.encoding, errors="replace").split("\n")
+            parts.append("\n".join(map(spread, lines)).encode())
+            continue
+        part = _WIDE_BYTES.sub(b"\t", part.strip(b" "))
+        for end in (b"\t\n", b" \n", b"\n\t", b"\n "):
+            part = part.replace(end, b"\n")
+        parts.append(part.decode(file.encoding, errors="replace").encode())
+    return TextFile(file.path, b"".join(parts), "utf-8")
 
 
 def tracker_header(lines: Sequence[str]) -> tuple[int, str] | None:

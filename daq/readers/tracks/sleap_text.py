@@ -8,22 +8,32 @@ documentation, "Export data for analysis", and ``sleap.io.convert``.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.errors import CorruptFileError
+from daq.errors import CorruptFileError, ReadError
 from daq.readers.reader import Declarations
-from daq.readers.text.text_file import decode_head, read_text
-from daq.readers.text.text_table import SEPARATORS, Block, find_block, has_decimal_comma, read_block, split_cells
+from daq.readers.text.text_file import decode_head
+from daq.readers.text.text_table import Block
 from daq.readers.tracks.columns import Column
 from daq.readers.tracks.frame_time import counted_clock
+from daq.readers.tracks.headed_text import read_headed_text
 from daq.readers.tracks.recording import TrackRecording, TrackTable, refuse_layout
+from daq.readers.tracks.rows import iter_rows
 from daq.readers.tracks.signature import signature
 
 MOST_TRACKS = 256
 """Animals of one film; more of them are identities that were lost and found anew."""
+
+MOST_BYTES, MOST_RATIO = 1 << 26, 10
+"""Of animals side by side in every frame: bytes, or so many times the file's size where that is more."""
+
+JOIN = "join the tracks of one animal in SLEAP and export again"
+
+Places = NDArray[np.intp]
 
 
 class SleapTextReader:
@@ -48,53 +58,95 @@ class SleapTextReader:
             If a row is damaged, or an animal is in one frame twice.
         """
         refuse_layout(declared, path)
-        file = read_text(path)
-        lines = file.lines(0, 6)
-        separator = next((s for s in SEPARATORS if "frame_idx" in split_cells(lines[0], s)), ",")
-        names = split_cells(lines[0], separator)
+        text = read_headed_text(path, lambda cells: "frame_idx" in cells)
+        names = text.rows[0]
         if "frame_idx" not in names or len(set(names)) < len(names):
             raise CorruptFileError("no heading of a SLEAP table", path=path, place="line 1", expected="frame_idx, once")
-        texts = names[0] == "track"
-        comma = has_decimal_comma([split_cells(line, separator)[texts:] for line in lines[1:]], separator)
-        block = find_block(file, file.start_of(1), separator, names, decimal_comma=comma)
-        values, tracks = read_block(block, text_first_column=texts)
+        named = names[0] == "track"
+        block = text.block(names, text_columns=int(named))
+        values, animals, animal = _instances(block, named=named)
         at = names.index("frame_idx")
-        numbers = values[:, at]
-        bad = np.flatnonzero(~(np.isfinite(numbers) & (numbers == np.round(numbers)) & (np.abs(numbers) < 2.0**53)))
-        if bad.size:
-            raise CorruptFileError("the frame is no whole number", path=path, place=block.place(int(bad[0]), names[at]))
-        frames, row = np.unique(numbers.astype(np.int64), return_inverse=True)
-        animals = list(dict.fromkeys(tracks)) or [""]
-        kept = [i for i in range(len(names)) if i != at and not (texts and i == 0)]
-        if len(animals) > MOST_TRACKS:
-            raise CorruptFileError(
-                f"{len(animals)} tracks in one film", path=path, expected=f"at most {MOST_TRACKS}",
-                remedy="join the tracks of one animal in SLEAP and export again",
-            )  # fmt: skip
-        index = np.array([animals.index(t) for t in tracks] or np.zeros(len(values)), dtype=np.intp)
-        _refuse_doubles(row, index, len(animals), block)
-        table = np.full((frames.size, len(animals), len(kept)), np.nan)
-        table[row, index] = values[:, kept]
-        columns = tuple(sleap_column(animal if len(animals) > 1 else "", names[i]) for animal in animals for i in kept)
+        frames, row = _frames(values[:, at], block)
+        kept = [i for i in range(len(names)) if i != at and not (named and i == 0)]
+        table = _paths(values, kept, row, animal, (frames.size, len(animals)), block)
+        del values
+        columns = tuple(sleap_column(name if len(animals) > 1 else "", names[i]) for name in animals for i in kept)
         clock = counted_clock(frames, declared.frame_rate_hz, path)
-        metadata = {"tracks": animals, "encoding": file.encoding, "first_pixel": 0}
-        flat = table.reshape(frames.size, -1)
+        metadata = {"tracks": animals, "encoding": text.file.encoding, "first_pixel": 0}
         return TrackRecording(
-            TrackTable(path, self.name, columns, flat, clock, metadata, incomplete=block.dropped), declared
+            TrackTable(path, self.name, columns, table, clock, metadata, incomplete=block.dropped), declared
         )
 
 
-def _refuse_doubles(row: NDArray[np.intp], animal: NDArray[np.intp], animals: int, block: Block) -> None:
-    """Refuse a table in which one animal is in one frame twice."""
-    _, first, count = np.unique(row * animals + animal, return_index=True, return_counts=True)
-    if (count > 1).any():
-        place = block.place(int(first[count > 1][0]), "frame_idx")
+def _instances(block: Block, *, named: bool) -> tuple[NDArray[np.float64], list[str], Places]:
+    """Read the rows, each of which is an animal in a frame; return them, the animals, and the animal of each row."""
+    values = np.empty((block.row_count, len(block.columns)))
+    animal: Places = np.zeros(len(values), dtype=np.intp)
+    number: dict[str, int] = {}
+    for rows, numbers, names in iter_rows(block, named=named):
+        values[rows] = numbers
+        if named:
+            animal[rows] = [number.setdefault(name, len(number)) for name in names]
+    if len(number) > MOST_TRACKS:
         raise CorruptFileError(
-            "a track is in one frame more than once",
-            path=block.file.path,
-            place=place,
-            remedy="track the instances in SLEAP, so that each has a track of its own, and export again",
+            f"{len(number)} tracks in one film", path=block.file.path, expected=f"at most {MOST_TRACKS}", remedy=JOIN
         )
+    return values, list(number) or [""], animal
+
+
+def _frames(numbers: NDArray[np.float64], block: Block) -> tuple[NDArray[np.int64], Places]:
+    """Return the frames, increasing, and which of them each row is of."""
+    bad = np.flatnonzero(~(np.isfinite(numbers) & (numbers == np.round(numbers)) & (np.abs(numbers) < 2.0**53)))
+    if bad.size:
+        place = block.place(int(bad[0]), "frame_idx")
+        raise CorruptFileError("the frame is no whole number", path=block.file.path, place=place)
+    if (np.diff(numbers) > 0).all():
+        return numbers.astype(np.int64), np.arange(numbers.size)
+    frames, row = np.unique(numbers.astype(np.int64), return_inverse=True)
+    return frames, row
+
+
+def _paths(
+    values: NDArray[np.float64], kept: Sequence[int], row: Places, animal: Places, shape: tuple[int, int], block: Block
+) -> NDArray[np.float64]:
+    """Put the animals of a frame side by side; an animal that is not in a frame is NaN there.
+
+    Parameters
+    ----------
+    values : ndarray of float64, shape (n_rows, n_columns)
+    kept : sequence of int
+        Columns that are taken.
+    row, animal : ndarray of intp, shape (n_rows,)
+        Frame and animal of each row.
+    shape : tuple of int
+        Number of frames and of animals.
+    block : Block
+
+    Returns
+    -------
+    ndarray of float64, shape (n_frames, n_animals * n_kept)
+    """
+    frames, animals = shape
+    size = 8 * frames * animals * len(kept)
+    if size > max(MOST_BYTES, MOST_RATIO * block.stop):
+        raise ReadError(
+            f"{animals} tracks over {frames} frames, of which few are in any one frame", path=block.file.path,
+            found=f"{len(values)} rows, {size >> 20} MB side by side", remedy=JOIN,
+        )  # fmt: skip
+    place = row * animals + animal
+    order = np.sort(place)
+    if (order[1:] == order[:-1]).any():
+        _, first, count = np.unique(place, return_index=True, return_counts=True)
+        raise CorruptFileError(
+            "a track is in one frame more than once", path=block.file.path,
+            place=block.place(int(first[count > 1].min()), "frame_idx"),
+            remedy="track the instances in SLEAP, so that each has a track of its own, and export again",
+        )  # fmt: skip
+    del order
+    table = np.full((frames * animals, len(kept)), np.nan)
+    for i, column in enumerate(kept):
+        table[place, i] = values[:, column]
+    return table.reshape(frames, -1)
 
 
 def sleap_column(animal: str, heading: str) -> Column:

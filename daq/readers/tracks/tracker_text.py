@@ -17,12 +17,17 @@ import numpy as np
 
 from daq.errors import CorruptFileError
 from daq.readers.reader import Declarations
-from daq.readers.text.text_file import TextFile, decode_head, read_text
-from daq.readers.text.text_table import find_block, has_decimal_comma, read_block, split_cells
+from daq.readers.text.cells import has_decimal_comma, split_cells
+from daq.readers.text.text_file import LongText, Text, decode_head
+from daq.readers.text.text_table import find_block
 from daq.readers.tracks.columns import AXES, Column
 from daq.readers.tracks.frame_time import frame_clock
 from daq.readers.tracks.recording import TrackRecording, TrackTable, refuse_layout
-from daq.readers.tracks.signature import signature, spread, tracker_header
+from daq.readers.tracks.rows import read_rows
+from daq.readers.tracks.signature import signature, spread, spread_text, tracker_header
+
+HEAD_ROWS = 9
+"""Rows by which header and decimal mark are found."""
 
 
 class TrackerTextReader:
@@ -47,8 +52,9 @@ class TrackerTextReader:
             If its header or a row is damaged, or time does not increase.
         """
         refuse_layout(declared, path)
-        file = read_text(path)
-        found = tracker_header(file.lines(0, 4))
+        file = LongText(path)
+        head = file.lines(HEAD_ROWS)
+        found = tracker_header(head[:4])
         if found is None:
             raise CorruptFileError(
                 "no header of a Tracker export",
@@ -57,21 +63,23 @@ class TrackerTextReader:
                 remedy="export it again with File > Export > Data File",
             )
         row, separator = found
-        lines = [split_cells(spread(line), separator) for line in file.lines(0, row + 6)]
+        lines = [split_cells(spread(line), separator) for line in head[: row + 6]]
         columns = _columns(lines[row - 1], lines[row], single=row == 1)
         comma = has_decimal_comma(lines[row + 1 :], separator)
-        body = "\n".join(spread(line) for line in file.data.decode(file.encoding, errors="replace").split("\n"))
-        spaced = TextFile(path, body.encode(), "utf-8")
-        labels = [column.name for column in columns]
-        block = find_block(spaced, spaced.start_of(row + 1), separator, labels, decimal_comma=comma)
-        values, _ = read_block(block)
+        parted: Text = file
+        start = file.line_start(row + 1)
+        if any(spread(line) != line for line in head):
+            parted = spread_text(file)
+            start = parted.start_of(row + 1)
+        block = find_block(parted, start, separator, [column.name for column in columns], decimal_comma=comma)
+        values = read_rows(block)
         # a frame column of one track of several is empty where that track is
         columns = tuple(
             replace(c, kind="derived") if c.kind == "frame" and np.isnan(values[:, i]).any() else c
             for i, c in enumerate(columns)
         )
         clock = frame_clock(block, values, columns, declared.frame_rate_hz)
-        metadata = {"header": file.lines(0, row + 1), "encoding": file.encoding, "separator": separator}
+        metadata = {"header": head[: row + 1], "encoding": file.encoding, "separator": separator}
         return TrackRecording(
             TrackTable(path, self.name, columns, values, clock, metadata, incomplete=block.dropped), declared
         )

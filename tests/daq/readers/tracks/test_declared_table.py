@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from daq.errors import CorruptFileError, ReadError
 from daq.readers.reader import Declarations
 from daq.readers.table import READERS
+from daq.readers.tracks import declared_table
 from daq.readers.tracks.declared_table import DeclaredTrackReader
 from daq.readers.tracks.recording import TrackRecording
 from tests.builders import track_files as build
@@ -73,6 +74,47 @@ def test_a_cell_that_is_no_number_is_refused_with_its_line_and_what_to_do(tmp_pa
     assert "correct `layout` of this source in the rig file" in str(caught.value)
     with pytest.raises(CorruptFileError, match="a number with decimal ','"):
         opened(tmp_path, table(lost={3: "3.5"}))
+
+
+CELLS = st.sampled_from(
+    ["1", "-2,5", "+3,25e1", " 4 ", ",5", "6.", "7.5", "9999", "weg", "", "nan", "8x", '"9"', "1e", "²"]
+)
+
+
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    rows=st.lists(st.lists(CELLS, min_size=1, max_size=4), min_size=1, max_size=5), ending=st.sampled_from(["", "\n"])
+)
+def test_rows_that_are_read_at_once_are_read_as_cell_by_cell(
+    rows: list[list[str]], ending: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    layout = {"separator": ";", "decimal": ",", "features": [{"name": "a", "x": 2}], "lost": ["weg", "9999"]}
+    content = "\n".join(";".join(row) for row in [["1", "2"], *rows]) + ending
+    found = []
+    for pattern in (declared_table._row_of_numbers, lambda *_: declared_table.NO_ROW):
+        monkeypatch.setattr(declared_table, "_row_of_numbers", pattern)
+        try:
+            recording = opened(tmp_path, content, layout, 1000.0)
+            found.append([repr(recording.read("a x").tolist()), *recording.notes])
+        except (CorruptFileError, ReadError) as error:
+            found.append([str(error)])
+    monkeypatch.undo()
+    assert found[0] == found[1]
+
+
+def test_blank_lines_below_the_last_row_are_none_and_between_rows_an_error(tmp_path: Path) -> None:
+    content = table()
+    assert opened(tmp_path, content + "\n  \n\n").signals[0].sample_count == 24
+    with pytest.raises(CorruptFileError, match=r"line 28: a row has too few cells"):
+        opened(tmp_path, content + "\n" + content.splitlines()[-1] + "\n")
+
+
+def test_a_last_row_of_too_few_cells_is_left_out_and_told(tmp_path: Path) -> None:
+    recording = opened(tmp_path, table() + "124;62,0;1\n\n")
+    assert recording.signals[0].sample_count == 24
+    assert recording.incomplete == "the last row has fewer than 7 cells: it was left out"
+    with pytest.raises(CorruptFileError, match=r"line 28: a row has too few cells"):
+        opened(tmp_path, table() + "124;62,0;1\n124")
 
 
 def test_a_heading_that_is_not_there_names_the_near_ones(tmp_path: Path) -> None:

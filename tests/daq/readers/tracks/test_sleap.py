@@ -54,6 +54,16 @@ def test_an_animal_that_is_not_in_a_frame_is_lost_there_whatever_the_order_of_th
     np.testing.assert_array_equal(a.positions[:, 0], build.X)
 
 
+def test_many_tracks_of_which_few_are_in_any_one_frame_are_refused_before_they_take_the_memory(tmp_path: Path) -> None:
+    head = "track,frame_idx,instance.score,tip.x,tip.y,tip.score\n"
+    many = head + "".join(f"lost_{i % 250},{i},0.9,1.5,2.5,0.8\n" for i in range(20_000))
+    with pytest.raises(ReadError, match=r"250 tracks over 20000 frames.*20000 rows, 152 MB.*join the tracks"):
+        opened(tmp_path, many.encode())
+    few = head + "".join(f"lost_{i % 250},{i},0.9,1.5,2.5,0.8\n" for i in range(1000))
+    tracks = opened(tmp_path, few.encode()).tracks()
+    assert [int((~track.lost).sum()) for track in tracks] == [4] * 250
+
+
 def test_an_empty_track_name_is_one_animal_and_two_of_it_in_one_frame_are_refused(tmp_path: Path) -> None:
     content = build.sleap_text(tracks=("",))
     assert [t.name for t in opened(tmp_path, content).tracks()] == ["tip"]

@@ -4,11 +4,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from daq.errors import CorruptFileError, ReadError
 from daq.readers.reader import Declarations
 from daq.readers.table import READERS
+from daq.readers.text.text_file import LongText
+from daq.readers.tracks import signature as track_signature
 from daq.readers.tracks.recording import TrackRecording
+from daq.readers.tracks.signature import spread_text
 from daq.readers.tracks.tracker_text import TrackerTextReader
 from tests.builders import track_files as build
 from tests.builders.shared_data import shared_file
@@ -34,6 +39,23 @@ def test_one_track_is_read_with_its_lost_steps(separator: str, tmp_path: Path) -
     np.testing.assert_allclose(track.positions[seen, 0], build.X[seen], rtol=1e-9)
     np.testing.assert_allclose(track.time_base.times_s, np.arange(build.COUNT) / 500.0, atol=1e-12)
     assert recording.metadata["frame_rate_hz"] == 500.0
+
+
+@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    lines=st.lists(st.text("  a1.µ", max_size=20) | st.text("  a;\t", max_size=12), min_size=2, max_size=40),
+    encoding=st.sampled_from(["utf-8", "cp1252", "utf-16"]),
+)
+def test_a_text_is_spread_in_parts_as_line_by_line(
+    lines: list[str], encoding: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "a.txt"
+    lines = ["µ", *lines]
+    path.write_bytes("\r\n".join(lines).encode(encoding))
+    with monkeypatch.context() as patched:
+        patched.setattr(track_signature, "PART_BYTES", 64)
+        spread = spread_text(LongText(path))
+    assert spread.data.decode() == "\n".join(map(track_signature.spread, lines))
 
 
 def test_a_decimal_comma_is_read(tmp_path: Path) -> None:
