@@ -100,8 +100,8 @@ def _fitted_step(times_s: NDArray[np.float64], numbers: NDArray[np.int64] | None
     product = square = 0.0
     for times, counts in _parts(times_s, numbers):
         centred = counts - middle
-        product += float(centred @ (times - mean_s))
-        square += float(centred @ centred)
+        product += float(np.multiply(centred, times - mean_s).sum())
+        square += float(np.square(centred).sum())
     return product / square
 
 
