@@ -10,13 +10,15 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from queue import SimpleQueue
 
 import numpy as np
 from numpy.typing import NDArray
 
 from daq.errors import CorruptFileError
 from daq.readers.number_file import NumberFile
-from daq.readers.text_table import Block, Piece, parse_piece
+from daq.readers.row_parser import RowParser
+from daq.readers.text_table import Block, Piece
 
 MEMORY_BYTES = 1 << 26
 """Numbers up to which a table is kept in memory."""
@@ -58,7 +60,6 @@ class ColumnStore:
         self._kept: dict[int, NDArray[np.float64]] = {}
         self._spill: NumberFile | None = None
         self._ends: NDArray[np.int64] | None = None
-        self._gaps = False
         self._lost = np.zeros(len(block.columns), dtype=np.int64)
 
     @property
@@ -126,11 +127,13 @@ class ColumnStore:
     def _parsed(self, pieces: Sequence[Piece], ends: NDArray[np.int64]) -> Iterator[Kept]:
         """Parse and keep pieces in their order, some at a time."""
         waiting: deque[Future[Kept]] = deque()
-        _ = self.block.width  # found once, before the threads ask for it
+        parsers: SimpleQueue[RowParser] = SimpleQueue()
+        for _ in range(THREADS):
+            parsers.put(RowParser(self.block.format, self._text_columns))
         with ThreadPoolExecutor(THREADS) as pool:
             try:
                 for at in range(len(pieces)):
-                    waiting.append(pool.submit(self._keep, at, pieces[at], ends))
+                    waiting.append(pool.submit(self._keep, parsers, at, pieces[at], ends))
                     if len(waiting) > THREADS:
                         yield waiting.popleft().result()
                 while waiting:
@@ -138,10 +141,16 @@ class ColumnStore:
             finally:
                 for future in waiting:
                     future.cancel()
+        while not parsers.empty():
+            parsers.get().close()
 
-    def _keep(self, at: int, piece: Piece, ends: NDArray[np.int64]) -> Kept:
+    def _keep(self, parsers: SimpleQueue[RowParser], at: int, piece: Piece, ends: NDArray[np.int64]) -> Kept:
         """Parse one piece and keep its numbers; return its lost samples per column and its stamps' cells."""
-        values, texts = parse_piece(self.block, piece, self._text_columns, gaps=self._gaps)
+        parser = parsers.get()
+        try:
+            values, texts = parser.parse(self.block.text(piece), piece.line, piece.rows)
+        finally:
+            parsers.put(parser)
         if len(values) != piece.rows:
             raise CorruptFileError(
                 "rows cannot be told apart", path=self.block.file.path, place=f"from line {piece.line} on",
@@ -153,7 +162,6 @@ class ColumnStore:
         lost[doubtful] = np.isnan(values[:, doubtful]).sum(axis=0)
         if self._stamp_column is not None:
             lost[self._stamp_column] = 0  # told from its seconds, later
-        self._gaps = self._gaps or bool(np.delete(lost, self._text_columns).any())
         columns = np.ascontiguousarray(values.T)
         if self._spill is None:
             self._kept[at] = columns
