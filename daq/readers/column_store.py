@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from queue import SimpleQueue
 
 import numpy as np
@@ -18,13 +19,10 @@ from numpy.typing import NDArray
 from daq.errors import CorruptFileError
 from daq.readers.number_file import NumberFile
 from daq.readers.row_parser import RowParser
-from daq.readers.text_table import Block, Piece
+from daq.readers.text_table import THREADS, Block, Piece
 
 MEMORY_BYTES = 1 << 26
 """Numbers up to which a table is kept in memory."""
-
-THREADS = 2
-"""Pieces that are parsed at a time."""
 
 Seconds = Callable[[Sequence[str]], NDArray[np.float64]]
 Kept = tuple[NDArray[np.int64], list[str]]
@@ -148,7 +146,7 @@ class ColumnStore:
         """Parse one piece and keep its numbers; return its lost samples per column and its stamps' cells."""
         parser = parsers.get()
         try:
-            values, texts = parser.parse(self.block.text(piece), piece.line, piece.rows)
+            values, texts = parser.parse(partial(self.block.parts, piece), piece.line, piece.rows)
         finally:
             parsers.put(parser)
         if len(values) != piece.rows:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,13 +29,15 @@ class RowParser:
         self._always_gappy = bool(rows.missing) or rows.ends_with_separator
         self._gaps = False
 
-    def parse(self, text: bytes, line: int, count: int) -> tuple[NDArray[np.float64], list[list[str]]]:
+    def parse(
+        self, parts: Callable[[], Iterator[bytes]], line: int, count: int
+    ) -> tuple[NDArray[np.float64], list[list[str]]]:
         r"""Read some rows.
 
         Parameters
         ----------
-        text : bytes
-            Complete rows, each ended by ``\n``.
+        parts : callable
+            Gives complete rows in parts, each row ended by ``\n``; called again for another attempt.
         line : int
             Number of the first one's line, from 1.
         count : int
@@ -54,21 +56,27 @@ class RowParser:
             If a row has another width or a cell is no number, with line and column.
         """
         parsed = None
-        if not self._rows.comment or self._rows.comment.encode("ascii") not in text:
+        if not self._has_comments(parts):
             if not (self._gaps or self._always_gappy):
-                parsed = self._plain.parse(text, count)
+                parsed = self._plain.parse(parts(), count)
             # What the rows before were like is the best guess at what the next ones are
             self._gaps = parsed is None
             if parsed is None:
-                parsed = self._gappy.parse(text, count)
+                parsed = self._gappy.parse(parts(), count)
                 self._gaps = parsed is not None and _has_gaps(parsed[0], self._text_columns)
-        values, texts = parsed if parsed is not None else parse_strictly(self._rows, text, line, self._text_columns)
+        if parsed is None:
+            parsed = parse_strictly(self._rows, b"".join(parts()), line, self._text_columns)
+        values, texts = parsed
         if self._rows.ends_with_separator:
             extra = np.flatnonzero(~np.isnan(values[:, -1]))
             if extra.size:
                 raise self._rows.wrong_width(line + int(extra[0]), self._rows.width)
             values = values[:, :-1]
         return values, texts
+
+    def _has_comments(self, parts: Callable[[], Iterator[bytes]]) -> bool:
+        comment = self._rows.comment
+        return bool(comment) and comment.encode("utf-8") in b"".join(parts())
 
     def close(self) -> None:
         """Let go of what is kept for the next rows."""

@@ -7,6 +7,7 @@ as numbers, or counts differently, is left to the strict parser, which says what
 
 from __future__ import annotations
 
+import codecs
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -45,27 +46,25 @@ class RowStream:
         self._source = _Source()
         self._reader: TextFileReader | None = None
 
-    def parse(self, text: bytes, count: int) -> Parsed | None:
+    def parse(self, parts: Iterator[bytes], count: int) -> Parsed | None:
         r"""Read some rows; None if they are not plainly numbers, or not all of one width.
 
         Parameters
         ----------
-        text : bytes
-            Complete rows, each ended by ``\n``; a ``\r`` before it belongs to its last cell, as space.
+        parts : iterator of bytes
+            Complete rows in parts, each row ended by ``\n``; a ``\r`` before it belongs to its last cell, as space.
         count : int
-            How many there are.
+            How many rows there are.
         """
-        separator = self._rows.separator.encode()
-        if text[: text.find(b"\n")].count(separator) != self._rows.width - 1:
-            return None
-        self._source.give(text if text.isascii() else text.decode(self._rows.encoding, "replace").encode())
+        counted = self._rows.separator if self._lost or self._text_columns else ""
+        self._source.give(parts, self._rows.encoding, counted)
         try:
             self._reader = self._reader or self._opened()
             table = self._reader.get_chunk(count)
         except (ValueError, OverflowError, UnicodeDecodeError, StopIteration):  # ParserError is a ValueError
             self.close()
             return None
-        if table.shape != (count, self._rows.width) or self._source.left:
+        if table.shape != (count, self._rows.width) or self._source.read():
             self.close()
             return None
         texts = []
@@ -74,12 +73,11 @@ class RowStream:
             table[column] = np.nan
         # Without a copy it may be a view that cannot be written
         values = table.to_numpy(dtype=np.float64, copy=bool(self._text_columns))
-        numbers = np.delete(values, self._text_columns, axis=1) if self._text_columns else values
         with np.errstate(all="ignore"):
-            whole = bool(np.isfinite(numbers.sum(axis=0)).all())
-        if self._text_columns or not whole:
+            whole = bool(np.isfinite(values.sum(axis=0)).all())
+        if not whole:
             # Too many cells are an error of the parser; too few are filled up, and cells behind them seem empty
-            if count_byte(text, separator) != count * (self._rows.width - 1):
+            if not counted or self._source.counted != count * (self._rows.width - 1):
                 return None
             values = np.where(np.isfinite(values), values, np.nan)
         return values, texts
@@ -89,7 +87,7 @@ class RowStream:
         if self._reader is not None:
             self._reader.close()
         self._reader = None
-        self._source.give(b"")
+        self._source.give(iter(()))
 
     def _opened(self) -> TextFileReader:
         import pandas as pd
@@ -103,11 +101,16 @@ class RowStream:
         if self._text_columns:
             dtypes = {i: str if i in self._text_columns else np.float64 for i in range(self._rows.width)}
         source: Any = self._source
-        return pd.read_csv(
+        reader: TextFileReader = pd.read_csv(
             source, sep=self._rows.separator, header=None, dtype=dtypes, engine="c", quoting=3,
             lineterminator="\n", decimal="," if self._rows.decimal_comma else ".", skip_blank_lines=False,
             na_filter=self._lost, low_memory=False, encoding="utf-8", iterator=True, **options,
         )  # fmt: skip
+        # Where pandas has this switch it need not allocate for every piece anew; the result is the same without
+        inner: Any = getattr(getattr(reader, "_engine", None), "_reader", None)
+        if hasattr(inner, "trim_after_read"):
+            inner.trim_after_read = False
+        return reader
 
 
 class _Source:
@@ -118,25 +121,26 @@ class _Source:
     """
 
     def __init__(self) -> None:
-        self._text, self._at = b"", 0
+        self.give(iter(()))
 
-    def give(self, text: bytes) -> None:
-        """Give what is to be read next."""
-        self._text, self._at = text, 0
+    def give(self, parts: Iterator[bytes], encoding: str = "utf-8", counted: str = "") -> None:
+        """Give what is to be read next, its encoding, and a character to be counted."""
+        self._parts, self._count, self.counted = parts, counted.encode(), 0
+        utf_8 = codecs.lookup(encoding).name == "utf-8"
+        self._decoder = None if utf_8 else codecs.getincrementaldecoder(encoding)("replace")
 
-    @property
-    def left(self) -> int:
-        """How many bytes are left to read."""
-        return max(len(self._text) - self._at, 0)
-
-    def read(self, count: int = -1) -> bytes:
-        """Return some bytes; none at the end of the piece."""
-        start, self._at = self._at, self._at + count if count >= 0 else len(self._text)
-        return self._text[start : self._at]
+    def read(self, _count: int = -1) -> bytes:
+        """Return the next part, however many bytes are asked for; nothing at the end of the piece."""
+        part = next(self._parts, b"")
+        if self._count:
+            self.counted += count_byte(part, self._count)
+        if self._decoder is not None and not part.isascii():
+            return self._decoder.decode(part).encode("utf-8")
+        return part
 
     def __iter__(self) -> Iterator[bytes]:
-        """Go through lines: pandas asks for what can, and its C parser never does."""
-        return iter(self.read().splitlines(keepends=True))
+        """Go through what is left: pandas asks for what can, and its C parser never does."""
+        return self._parts
 
 
 def count_byte(text: bytes, byte: bytes) -> int:

@@ -7,9 +7,10 @@ are what `float` makes of their text, to the last bit: pandas' parser does that 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,9 @@ __all__ = [
 
 PIECE_BYTES = 1 << 21
 """Text that is parsed at once; no row is longer."""
+
+THREADS = 2
+"""Pieces that are gone through at a time."""
 
 MOST_LINE_BYTES = 1 << 16
 """Of a line by which the number of cells is found."""
@@ -144,24 +148,35 @@ class Block:
         CorruptFileError
             If a line is longer than a table's rows are.
         """
-        end, at, line, pieces = self.file.line_end, self.start, self.first_line, []
-        while at < self.stop:
-            raw = self.file.read(at, min(at + PIECE_BYTES, self.stop))
-            length = len(raw)
-            if at + length < self.stop:
-                length = raw.rfind(end) + 1
-                if not length:
-                    raise CorruptFileError(
-                        f"a line is longer than {PIECE_BYTES} bytes", path=self.file.path, place=f"line {line}",
-                        expected="a row of numbers", remedy="export it again",
-                    )  # fmt: skip
-            lines = count_byte(raw, end) + (at + length == self.stop)  # the last row's line end lies behind the block
-            piece = Piece(at, at + length, line, lines)
+        windows = range(self.start, self.stop, PIECE_BYTES)
+        if len(windows) > THREADS:
+            with ThreadPoolExecutor(THREADS) as pool:
+                found = list(pool.map(self._line_ends, windows))
+        else:
+            found = [self._line_ends(at) for at in windows]
+        at, line, pieces = self.start, self.first_line, []
+        found[-1] = (found[-1][0] + 1, self.stop)  # the last row's line end lies behind the block
+        for lines, stop in found:
+            if not lines:
+                raise CorruptFileError(
+                    f"a line is longer than {PIECE_BYTES} bytes", path=self.file.path, place=f"line {line}",
+                    expected="a row of numbers", remedy="export it again",
+                )  # fmt: skip
+            piece = Piece(at, stop, line, lines)
             if self.comment:
-                piece = Piece(at, at + length, line, _count_rows(self, self.text(piece)))
+                piece = Piece(at, stop, line, _count_rows(self, self.text(piece)))
             pieces.append(piece)
-            at, line = at + length, line + lines
+            at, line = stop, line + lines
         return tuple(pieces)
+
+    def _line_ends(self, start: int) -> tuple[int, int]:
+        """Count the line ends in as much as is parsed at once; return also where the last of them ends."""
+        count, last, at = 0, start, start
+        for part in self.file.parts(start, min(start + PIECE_BYTES, self.stop)):
+            count += count_byte(part, self.file.line_end)
+            last = max(last, at + part.rfind(self.file.line_end) + 1) if self.file.line_end in part else last
+            at += len(part)
+        return count, last
 
     def text(self, piece: Piece) -> bytes:
         r"""Read a piece, its last row ended and ``\r`` for ``\n`` where that alone ends lines."""
@@ -169,6 +184,16 @@ class Block:
         if not raw.endswith(self.file.line_end):
             raw += self.file.line_end
         return raw if self.file.line_end == b"\n" else one_line_end(raw)
+
+    def parts(self, piece: Piece) -> Iterator[bytes]:
+        """Read a piece as `text` does, some of it at a time."""
+        if self.file.line_end != b"\n":
+            yield self.text(piece)
+            return
+        for part in self.file.parts(piece.start, piece.stop):
+            yield part
+        if not part.endswith(b"\n"):
+            yield b"\n"
 
 
 def find_block(
@@ -236,7 +261,7 @@ def read_block(block: Block, *, text_first_column: bool = False) -> tuple[NDArra
     """
     parser = RowParser(block.format, (0,) if text_first_column else ())
     try:
-        parsed = [parser.parse(block.text(piece), piece.line, piece.rows) for piece in block.pieces]
+        parsed = [parser.parse(partial(block.parts, piece), piece.line, piece.rows) for piece in block.pieces]
     finally:
         parser.close()
     texts = [text for _, found in parsed for text in (found[0] if found else ())]
