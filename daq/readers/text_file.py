@@ -176,21 +176,7 @@ class LongText:
         ReadError
             If the file cannot be read any more.
         """
-        count = max(min(stop, self.size) - start, 0)
-        try:
-            if self._transcoded is not None:
-                with self._lock:
-                    self._transcoded.seek(start)
-                    found = self._transcoded.read(count)
-            else:
-                with self.path.open("rb") as file:
-                    file.seek(self._skip + start)
-                    found = file.read(count)
-        except OSError as error:
-            raise _unreadable(self.path, error) from error
-        if len(found) != count:
-            raise ReadError("became shorter while it was read", path=self.path, remedy="read it when it is complete")
-        return found
+        return b"".join(self._parts(start, stop, max(stop - start, 1)))
 
     def parts(self, start: int, stop: int) -> Iterator[bytes]:
         """Read some of the bytes, a part at a time: what is soon gone through stays near the processor.
@@ -200,8 +186,29 @@ class LongText:
         ReadError
             If the file cannot be read any more.
         """
-        for at in range(start, stop, PART_BYTES):
-            yield self.read(at, min(at + PART_BYTES, stop))
+        return self._parts(start, stop, PART_BYTES)
+
+    def _parts(self, start: int, stop: int, size: int) -> Iterator[bytes]:
+        stop = min(stop, self.size)
+        try:
+            if self._transcoded is None:
+                with self.path.open("rb") as file:
+                    file.seek(self._skip + start)
+                    for at in range(start, stop, size):
+                        yield self._complete(file.read(min(size, stop - at)), min(size, stop - at))
+                return
+            for at in range(start, stop, size):
+                with self._lock:
+                    self._transcoded.seek(at)
+                    part = self._transcoded.read(min(size, stop - at))
+                yield self._complete(part, min(size, stop - at))
+        except OSError as error:
+            raise _unreadable(self.path, error) from error
+
+    def _complete(self, part: bytes, count: int) -> bytes:
+        if len(part) != count:
+            raise ReadError("became shorter while it was read", path=self.path, remedy="read it when it is complete")
+        return part
 
     def lines(self, count: int) -> list[str]:
         """Return up to ``count`` lines from the beginning, without their line ends."""
