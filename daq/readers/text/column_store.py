@@ -7,27 +7,25 @@ short table stays in memory.
 
 from __future__ import annotations
 
-import tempfile
-import weakref
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import IO
+from functools import partial
+from queue import SimpleQueue
 
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.errors import CorruptFileError, ReadError
-from daq.readers.text.text_table import Block, Piece, parse_piece
+from daq.errors import CorruptFileError
+from daq.readers.text.number_file import NumberFile
+from daq.readers.text.row_parser import RowParser
+from daq.readers.text.text_table import THREADS, Block, Piece
 
 MEMORY_BYTES = 1 << 26
 """Numbers up to which a table is kept in memory."""
 
-THREADS = 2
-"""Pieces that are parsed at a time."""
-
 Seconds = Callable[[Sequence[str]], NDArray[np.float64]]
-Parsed = tuple[NDArray[np.float64], list[list[str]]]
+Kept = tuple[NDArray[np.int64], list[str]]
 
 
 class ColumnStore:
@@ -57,9 +55,9 @@ class ColumnStore:
         self.block = block
         self._seconds, self._stamp_column, self._remedy = seconds, stamp_column, remedy
         self._text_columns = (*([] if stamp_column is None else [stamp_column]), *text_columns)
-        self._pieces: list[NDArray[np.float64]] = []
+        self._kept: dict[int, NDArray[np.float64]] = {}
+        self._spill: NumberFile | None = None
         self._ends: NDArray[np.int64] | None = None
-        self._spill: IO[bytes] | None = None
         self._lost = np.zeros(len(block.columns), dtype=np.int64)
 
     @property
@@ -80,20 +78,21 @@ class ColumnStore:
         first, last, _ = slice(start, stop).indices(int(ends[-1]))
         result = np.empty(max(last - first, 0))
         for piece in range(int(np.searchsorted(ends, first, side="right")), len(ends)):
-            begin = int(ends[piece - 1]) if piece else 0
-            span = (begin, int(ends[piece]))
-            low, high = max(first, begin), min(last, span[1])
+            begin, end = int(ends[piece - 1]) if piece else 0, int(ends[piece])
+            low, high = max(first, begin), min(last, end)
             if low >= high:
                 break
-            result[low - first : high - first] = self._part(piece, index, low - begin, high - begin, span)
+            part = result[low - first : high - first]
+            if self._spill is None:
+                part[:] = self._kept[piece][index, low - begin : high - begin]
+            else:
+                self._spill.read(self._offset(piece, ends, index) + low - begin, part)
         return result
 
-    def _part(self, piece: int, index: int, low: int, high: int, span: tuple[int, int]) -> NDArray[np.float64]:
-        """Return rows of one column of one piece, which spans some rows of the block."""
-        if self._spill is None:
-            return self._pieces[piece][index, low:high]
-        self._spill.seek(8 * (span[0] * len(self.block.columns) + index * (span[1] - span[0]) + low))
-        return np.frombuffer(self._spill.read(8 * (high - low)))
+    def _offset(self, piece: int, ends: NDArray[np.int64], index: int) -> int:
+        """Return where a column of a piece begins among the spilled numbers."""
+        begin = int(ends[piece - 1]) if piece else 0
+        return begin * len(self.block.columns) + index * (int(ends[piece]) - begin)
 
     def _ensure_parsed(self) -> NDArray[np.int64]:
         if self._ends is None:
@@ -102,56 +101,71 @@ class ColumnStore:
 
     def _parse(self) -> NDArray[np.int64]:
         """Parse all pieces; return the number of rows at the end of each."""
-        spill = 8 * self.block.row_count * len(self.block.columns) > MEMORY_BYTES
-        pieces: list[NDArray[np.float64]] = []
-        ends: list[int] = []
+        pieces = self.block.pieces
+        ends = np.cumsum([piece.rows for piece in pieces], dtype=np.int64)
         self._lost[:] = 0
-        try:
-            if spill:
-                self._spill = tempfile.TemporaryFile()  # noqa: SIM115 - closed when this object goes
-                weakref.finalize(self, self._spill.close)
-            for piece, (values, texts) in self._parsed():
-                if self._seconds is not None and self._stamp_column is not None:
-                    values[:, self._stamp_column] = self._stamps(self._seconds, texts[0], piece.line)
-                with np.errstate(all="ignore"):
-                    doubtful = np.isnan(values.sum(axis=0))
-                self._lost[doubtful] += np.isnan(values[:, doubtful]).sum(axis=0)
-                ends.append((ends[-1] if ends else 0) + len(values))
-                columns = np.ascontiguousarray(values.T)
-                if self._spill is not None:
-                    self._spill.write(columns.data)
-                else:
-                    pieces.append(columns)
-        except OSError as error:
-            raise ReadError(
-                f"its numbers cannot be kept in a temporary file: {error.strerror}", path=self.block.file.path,
-                remedy="make room in the folder of temporary files, or name another in TMPDIR",
-            ) from error  # fmt: skip
-        if not ends or ends[-1] != self.block.row_count:
-            raise CorruptFileError(
-                "rows cannot be told apart", path=self.block.file.path,
-                expected=f"{self.block.row_count} rows", found=f"{ends[-1] if ends else 0}",
-            )  # fmt: skip
-        self._pieces = pieces
-        return np.array(ends, dtype=np.int64)
+        self._kept = {}
+        spill = 8 * self.block.row_count * len(self.block.columns) > MEMORY_BYTES
+        self._spill = NumberFile(self.block.file.path) if spill else None
+        for at, (lost, cells) in enumerate(self._parsed(pieces, ends)):
+            self._lost += lost
+            if self._seconds is not None and self._stamp_column is not None:
+                self._keep_stamps(self._stamps(self._seconds, cells, pieces[at].line), at, ends)
+        return ends
 
-    def _parsed(self) -> Iterator[tuple[Piece, Parsed]]:
-        """Parse pieces in their order, some at a time."""
-        waiting: deque[tuple[Piece, Future[Parsed]]] = deque()
-        _ = self.block.width  # found once, before the threads ask for it
+    def _keep_stamps(self, seconds: NDArray[np.float64], piece: int, ends: NDArray[np.int64]) -> None:
+        """Put the seconds of a piece's stamps in their column, which are found in the file's order."""
+        index = self._stamp_column or 0
+        self._lost[index] += np.isnan(seconds).sum()
+        if self._spill is None:
+            self._kept[piece][index] = seconds
+        else:
+            self._spill.write(self._offset(piece, ends, index), np.ascontiguousarray(seconds))
+
+    def _parsed(self, pieces: Sequence[Piece], ends: NDArray[np.int64]) -> Iterator[Kept]:
+        """Parse and keep pieces in their order, some at a time."""
+        waiting: deque[Future[Kept]] = deque()
+        parsers: SimpleQueue[RowParser] = SimpleQueue()
+        for _ in range(THREADS):
+            parsers.put(RowParser(self.block.format, self._text_columns))
         with ThreadPoolExecutor(THREADS) as pool:
             try:
-                for piece in self.block.pieces:
-                    waiting.append((piece, pool.submit(parse_piece, self.block, piece, self._text_columns)))
+                for at in range(len(pieces)):
+                    waiting.append(pool.submit(self._keep, parsers, at, pieces[at], ends))
                     if len(waiting) > THREADS:
-                        first, future = waiting.popleft()
-                        yield first, future.result()
+                        yield waiting.popleft().result()
                 while waiting:
-                    first, future = waiting.popleft()
-                    yield first, future.result()
+                    yield waiting.popleft().result()
             finally:
-                for _, future in waiting:
+                for future in waiting:
                     future.cancel()
+        while not parsers.empty():
+            parsers.get().close()
+
+    def _keep(self, parsers: SimpleQueue[RowParser], at: int, piece: Piece, ends: NDArray[np.int64]) -> Kept:
+        """Parse one piece and keep its numbers; return its lost samples per column and its stamps' cells."""
+        parser = parsers.get()
+        try:
+            values, texts = parser.parse(partial(self.block.parts, piece), piece.line, piece.rows)
+        finally:
+            parsers.put(parser)
+        if len(values) != piece.rows:
+            raise CorruptFileError(
+                "rows cannot be told apart", path=self.block.file.path, place=f"from line {piece.line} on",
+                expected=f"{piece.rows} rows", found=f"{len(values)}",
+            )  # fmt: skip
+        with np.errstate(all="ignore"):
+            doubtful = np.isnan(values.sum(axis=0))
+        lost = np.zeros(values.shape[1], dtype=np.int64)
+        lost[doubtful] = np.isnan(values[:, doubtful]).sum(axis=0)
+        if self._stamp_column is not None:
+            lost[self._stamp_column] = 0  # told from its seconds, later
+        columns = np.ascontiguousarray(values.T)
+        if self._spill is None:
+            self._kept[at] = columns
+        else:
+            self._spill.write(self._offset(at, ends, 0), columns)
+        return lost, texts[0] if self._stamp_column is not None else []
 
     def _stamps(self, seconds: Seconds, cells: Sequence[str], line: int) -> NDArray[np.float64]:
         try:

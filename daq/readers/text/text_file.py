@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import codecs
 import tempfile
+import threading
 import weakref
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Protocol
@@ -17,6 +19,9 @@ from daq.errors import CorruptFileError, ReadError
 
 ENCODING_BYTES = 1 << 20
 """How much of a file decides on its encoding: all but numbers stands in the first lines."""
+
+PART_BYTES = 1 << 18
+"""How much is read at a time of what is gone through once."""
 
 CHUNK_BYTES = 1 << 22
 """How much of a file that must be transcoded is held at a time."""
@@ -49,6 +54,10 @@ class Text(Protocol):
         """Read some of the bytes."""
         ...
 
+    def parts(self, start: int, stop: int) -> Iterator[bytes]:
+        """Read some of the bytes, a part at a time."""
+        ...
+
 
 @dataclass(frozen=True)
 class TextFile:
@@ -77,6 +86,11 @@ class TextFile:
     def read(self, start: int, stop: int) -> bytes:
         """Return some of the bytes."""
         return self.data[start:stop]
+
+    def parts(self, start: int, stop: int) -> Iterator[bytes]:
+        """Return some of the bytes, a part at a time."""
+        for at in range(start, stop, PART_BYTES):
+            yield self.data[at : min(at + PART_BYTES, stop)]
 
     def lines(self, start: int, count: int) -> list[str]:
         """Return up to ``count`` lines from byte ``start``, without their line ends."""
@@ -114,6 +128,7 @@ class LongText:
     def __init__(self, path: Path, encoding: str | None = None) -> None:
         self.path = path
         self._transcoded: IO[bytes] | None = None
+        self._lock = threading.Lock()
         try:
             with path.open("rb") as file:
                 head = file.read(ENCODING_BYTES)
@@ -161,20 +176,39 @@ class LongText:
         ReadError
             If the file cannot be read any more.
         """
-        count = max(min(stop, self.size) - start, 0)
+        return b"".join(self._parts(start, stop, max(stop - start, 1)))
+
+    def parts(self, start: int, stop: int) -> Iterator[bytes]:
+        """Read some of the bytes, a part at a time: what is soon gone through stays near the processor.
+
+        Raises
+        ------
+        ReadError
+            If the file cannot be read any more.
+        """
+        return self._parts(start, stop, PART_BYTES)
+
+    def _parts(self, start: int, stop: int, size: int) -> Iterator[bytes]:
+        stop = min(stop, self.size)
         try:
-            if self._transcoded is not None:
-                self._transcoded.seek(start)
-                found = self._transcoded.read(count)
-            else:
+            if self._transcoded is None:
                 with self.path.open("rb") as file:
                     file.seek(self._skip + start)
-                    found = file.read(count)
+                    for at in range(start, stop, size):
+                        yield self._complete(file.read(min(size, stop - at)), min(size, stop - at))
+                return
+            for at in range(start, stop, size):
+                with self._lock:
+                    self._transcoded.seek(at)
+                    part = self._transcoded.read(min(size, stop - at))
+                yield self._complete(part, min(size, stop - at))
         except OSError as error:
             raise _unreadable(self.path, error) from error
-        if len(found) != count:
+
+    def _complete(self, part: bytes, count: int) -> bytes:
+        if len(part) != count:
             raise ReadError("became shorter while it was read", path=self.path, remedy="read it when it is complete")
-        return found
+        return part
 
     def lines(self, count: int) -> list[str]:
         """Return up to ``count`` lines from the beginning, without their line ends."""

@@ -7,11 +7,10 @@ are what `float` makes of their text, to the last bit: pandas' parser does that 
 
 from __future__ import annotations
 
-import io
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +26,9 @@ from daq.readers.text.cells import (
     split_unit,
     unique_names,
 )
+from daq.readers.text.row_format import RowFormat, is_comment
+from daq.readers.text.row_parser import RowParser
+from daq.readers.text.row_stream import count_byte
 from daq.readers.text.text_file import Text, one_line_end
 
 __all__ = [
@@ -37,7 +39,6 @@ __all__ = [
     "has_decimal_comma",
     "is_lost",
     "is_number",
-    "parse_piece",
     "printed_decimals",
     "read_block",
     "split_cells",
@@ -48,10 +49,11 @@ __all__ = [
 PIECE_BYTES = 1 << 21
 """Text that is parsed at once; no row is longer."""
 
+THREADS = 2
+"""Pieces that are gone through at a time."""
+
 MOST_LINE_BYTES = 1 << 16
 """Of a line by which the number of cells is found."""
-
-_LOST_SPELLINGS = ("", "nan", "NaN", "NAN", "-nan", "-NaN")
 
 
 @dataclass(frozen=True)
@@ -118,12 +120,20 @@ class Block:
         at = self.start
         while at < self.stop:
             line = self.file.read(at, min(at + MOST_LINE_BYTES, self.stop)).split(self.file.line_end, 1)[0]
-            if not (self.comment and _is_comment(line, self.comment)):
+            if not (self.comment and is_comment(line, self.comment)):
                 break
             at += len(line) + 1
         first = line
         cells = first.count(self.separator.encode()) + 1
         return len(self.columns) + (cells == len(self.columns) + 1)
+
+    @cached_property
+    def format(self) -> RowFormat:
+        """How the rows are written."""
+        return RowFormat(
+            self.file.path, self.file.encoding, self.separator, self.columns, self.width, self.decimal_comma,
+            self.missing, self.comment,
+        )  # fmt: skip
 
     def place(self, row: int, column: str) -> str:
         """Return the place of a cell for messages."""
@@ -138,24 +148,35 @@ class Block:
         CorruptFileError
             If a line is longer than a table's rows are.
         """
-        end, at, line, pieces = self.file.line_end, self.start, self.first_line, []
-        while at < self.stop:
-            raw = self.file.read(at, min(at + PIECE_BYTES, self.stop))
-            length = len(raw)
-            if at + length < self.stop:
-                length = raw.rfind(end) + 1
-                if not length:
-                    raise CorruptFileError(
-                        f"a line is longer than {PIECE_BYTES} bytes", path=self.file.path, place=f"line {line}",
-                        expected="a row of numbers", remedy="export it again",
-                    )  # fmt: skip
-            lines = raw.count(end) + (at + length == self.stop)  # the last row's line end lies behind the block
-            piece = Piece(at, at + length, line, lines)
+        windows = range(self.start, self.stop, PIECE_BYTES)
+        if len(windows) > THREADS:
+            with ThreadPoolExecutor(THREADS) as pool:
+                found = list(pool.map(self._line_ends, windows))
+        else:
+            found = [self._line_ends(at) for at in windows]
+        at, line, pieces = self.start, self.first_line, []
+        found[-1] = (found[-1][0] + 1, self.stop)  # the last row's line end lies behind the block
+        for lines, stop in found:
+            if not lines:
+                raise CorruptFileError(
+                    f"a line is longer than {PIECE_BYTES} bytes", path=self.file.path, place=f"line {line}",
+                    expected="a row of numbers", remedy="export it again",
+                )  # fmt: skip
+            piece = Piece(at, stop, line, lines)
             if self.comment:
-                piece = Piece(at, at + length, line, _count_rows(self, self.text(piece)))
+                piece = Piece(at, stop, line, _count_rows(self, self.text(piece)))
             pieces.append(piece)
-            at, line = at + length, line + lines
+            at, line = stop, line + lines
         return tuple(pieces)
+
+    def _line_ends(self, start: int) -> tuple[int, int]:
+        """Count the line ends in as much as is parsed at once; return also where the last of them ends."""
+        count, last, at = 0, start, start
+        for part in self.file.parts(start, min(start + PIECE_BYTES, self.stop)):
+            count += count_byte(part, self.file.line_end)
+            last = max(last, at + part.rfind(self.file.line_end) + 1) if self.file.line_end in part else last
+            at += len(part)
+        return count, last
 
     def text(self, piece: Piece) -> bytes:
         r"""Read a piece, its last row ended and ``\r`` for ``\n`` where that alone ends lines."""
@@ -163,6 +184,16 @@ class Block:
         if not raw.endswith(self.file.line_end):
             raw += self.file.line_end
         return raw if self.file.line_end == b"\n" else one_line_end(raw)
+
+    def parts(self, piece: Piece) -> Iterator[bytes]:
+        """Read a piece as `text` does, some of it at a time."""
+        if self.file.line_end != b"\n":
+            yield self.text(piece)
+            return
+        for part in self.file.parts(piece.start, piece.stop):
+            yield part
+        if not part.endswith(b"\n"):
+            yield b"\n"
 
 
 def find_block(
@@ -194,7 +225,7 @@ def find_block(
         dropped = "the last row has no line end and may be cut: it was left out"
     rows = tail[:end].rstrip(b" \r\n")
     last = rows[rows.rfind(file.line_end) + 1 :]
-    if rows and last.count(separator.encode()) < len(columns) - 1 and not (comment and _is_comment(last, comment)):
+    if rows and last.count(separator.encode()) < len(columns) - 1 and not (comment and is_comment(last, comment)):
         rows = rows[: len(rows) - len(last)].rstrip(b" \r\n")
         dropped = f"the last row has fewer than {len(columns)} cells: it was left out"
     if not rows.strip():
@@ -228,147 +259,18 @@ def read_block(block: Block, *, text_first_column: bool = False) -> tuple[NDArra
     CorruptFileError
         If a row has another width or a cell is no number, with line and column.
     """
-    parsed = [parse_piece(block, piece, (0,) if text_first_column else ()) for piece in block.pieces]
+    parser = RowParser(block.format, (0,) if text_first_column else ())
+    try:
+        parsed = [parser.parse(partial(block.parts, piece), piece.line, piece.rows) for piece in block.pieces]
+    finally:
+        parser.close()
     texts = [text for _, found in parsed for text in (found[0] if found else ())]
     return np.concatenate([values for values, _ in parsed]), texts
 
 
-def parse_piece(
-    block: Block, piece: Piece, text_columns: Sequence[int] = ()
-) -> tuple[NDArray[np.float64], list[list[str]]]:
-    """Read the numbers of some rows of a block.
-
-    Parameters
-    ----------
-    block : Block
-    piece : Piece
-    text_columns : sequence of int
-        Columns that are text; their numbers are NaN.
-
-    Returns
-    -------
-    values : ndarray of float64, shape (n_rows, n_columns)
-    texts : list of list of str
-        The cells of each column of text.
-
-    Raises
-    ------
-    CorruptFileError
-        If a row has another width or a cell is no number, with line and column.
-    """
-    text = block.text(piece)
-    plain = not block.comment or block.comment.encode("ascii") not in text
-    parsed = _parse_fast(block, text, piece.rows, text_columns) if plain else None
-    values, texts = parsed if parsed is not None else _parse_strictly(block, text, piece.line, text_columns)
-    if block.width > len(block.columns):
-        extra = np.flatnonzero(~np.isnan(values[:, -1]))
-        if extra.size:
-            raise _wrong_width(block, piece.line + int(extra[0]), block.width)
-        values = values[:, :-1]
-    return values, texts
-
-
-def _parse_fast(
-    block: Block, piece: bytes, rows: int, text_columns: Sequence[int]
-) -> tuple[NDArray[np.float64], list[list[str]]] | None:
-    """Read rows by pandas' parser; None if they are not plainly numbers, or not all of one width."""
-    import pandas as pd
-
-    separator = block.separator.encode()
-    if piece[: piece.find(b"\n")].count(separator) != block.width - 1:
-        return None
-    exact: dict[str, Any] = {} if _by_default_exact(pd.__version__) else {"float_precision": "round_trip"}
-    dtypes: Any = np.float64
-    if text_columns:
-        dtypes = {i: str if i in text_columns else np.float64 for i in range(block.width)}
-    try:
-        table = pd.read_csv(
-            io.BytesIO(piece), sep=block.separator, header=None, dtype=dtypes, engine="c", quoting=3,
-            decimal="," if block.decimal_comma else ".", skip_blank_lines=False, keep_default_na=False,
-            na_values=[*_LOST_SPELLINGS, *block.missing], low_memory=False, encoding=block.file.encoding, **exact,
-        )  # fmt: skip
-    except (ValueError, OverflowError, UnicodeDecodeError):  # its ParserError and EmptyDataError are of ValueError
-        return None
-    if table.shape != (rows, block.width):
-        return None
-    texts = []
-    for column in text_columns:
-        texts.append([cell.strip() if isinstance(cell, str) else "" for cell in table[column].tolist()])
-        table[column] = np.nan
-    values = table.to_numpy(dtype=np.float64, copy=bool(text_columns))  # else it may be a view that cannot be written
-    with np.errstate(all="ignore"):
-        whole = np.isfinite(values.sum(axis=0)).all()
-    if not whole:
-        # Too many cells are an error of the parser; too few are filled up, and cells behind them seem empty
-        if piece.count(separator) != rows * (block.width - 1):
-            return None
-        values = np.where(np.isfinite(values), values, np.nan)
-    return values, texts
-
-
-def _by_default_exact(version: str) -> bool:
-    """Tell whether pandas reads numbers to the last bit without being told to."""
-    major, _, rest = version.partition(".")
-    return (int(major), int(rest.partition(".")[0])) >= (3, 1)
-
-
-def _is_comment(row: bytes, comment: str) -> bool:
-    return row.lstrip(b" ").startswith(comment.encode("utf-8"))
-
-
 def _count_rows(block: Block, text: bytes) -> int:
     """Count the rows of a piece, without comments."""
-    return sum(not _is_comment(row, block.comment) for row in text.split(b"\n")[:-1])
-
-
-def _parse_strictly(
-    block: Block, piece: bytes, line: int, text_columns: Sequence[int]
-) -> tuple[NDArray[np.float64], list[list[str]]]:
-    """Read rows cell by cell, and say which is none."""
-    missing_numbers = {float(m.replace(",", ".")) for m in block.missing if is_number(m)}
-    values: list[list[float]] = []
-    texts: dict[int, list[str]] = {i: [] for i in text_columns}
-    for number, row in enumerate(piece.split(b"\n")[:-1], start=line):
-        if block.comment and _is_comment(row, block.comment):
-            continue
-        cells = [cell.strip() for cell in row.decode(block.file.encoding, errors="replace").split(block.separator)]
-        if len(cells) != block.width:
-            raise _wrong_width(block, number, len(cells))
-        numbers = []
-        for i, text in enumerate(cells):
-            if i in texts:
-                texts[i].append(text)
-                numbers.append(np.nan)
-            elif is_lost(text) or text in block.missing:
-                numbers.append(np.nan)
-            elif is_number(text) and ("." if block.decimal_comma else ",") not in text and text.isascii():
-                value = float(text.replace(",", "."))
-                numbers.append(np.nan if value in missing_numbers else value)
-            else:
-                name = block.columns[i] if i < len(block.columns) else "behind the last"
-                raise CorruptFileError(
-                    "a cell is not a number",
-                    path=block.file.path,
-                    place=f"line {number}, column {name!r}",
-                    expected="a number or an empty cell",
-                    found=repr(text[:40]),
-                )
-        values.append(numbers)
-    table = np.array(values, dtype=np.float64).reshape(-1, block.width)
-    table[~np.isfinite(table)] = np.nan
-    return table, list(texts.values())
-
-
-def _wrong_width(block: Block, line: int, width: int) -> CorruptFileError:
-    comma = block.separator == "," and width > len(block.columns)
-    return CorruptFileError(
-        "a row does not fit the header",
-        path=block.file.path,
-        place=f"line {line}",
-        expected=f"{len(block.columns)} cells",
-        found=f"{width}",
-        remedy="export with a decimal point or with ; between cells" if comma else "export it again",
-    )
+    return sum(not is_comment(row, block.comment) for row in text.split(b"\n")[:-1])
 
 
 def printed_decimals(block: Block, column: int) -> int:

@@ -65,6 +65,31 @@ class TimeSource:
     remedy: str = ""
 
 
+class PrintedColumn:
+    """A column of printed times in seconds, read some at a time: all of it may be more than memory should hold.
+
+    Parameters
+    ----------
+    columns : ColumnStore
+    column : int
+    unit_s : float
+        Unit of the print.
+    """
+
+    def __init__(self, columns: ColumnStore, column: int, unit_s: float) -> None:
+        self._columns, self.column, self.unit_s = columns, column, unit_s
+
+    @property
+    def size(self) -> int:
+        """Number of rows."""
+        return self._columns.block.row_count
+
+    def __getitem__(self, part: slice, /) -> NDArray[np.float64]:
+        """Return the times of some rows."""
+        printed = self._columns.column(self.column, part.start or 0, part.stop)
+        return printed if self.unit_s == 1.0 else printed * self.unit_s
+
+
 def time_base(
     source: TimeSource, columns: ColumnStore, stamps: Stamps | None, clock: str
 ) -> tuple[TimeBase, tuple[str, ...]]:
@@ -85,16 +110,15 @@ def time_base(
             )
         base = TimeBase.uniform(clock, 0.0, 1.0 / source.rate_hz, rows, source.start)
         return base, (f"time is the row number over {source.rate_hz:g} Hz, {source.rate_origin}",)
-    printed = columns.column(source.column)
-    _check_complete(columns, source, printed)
+    _check_complete(columns, source.column)
     if stamps is None:
-        return _from_relative(source, columns, printed, clock)
-    return _from_stamps(source, columns, stamps, printed, clock)
+        return _from_relative(source, columns, PrintedColumn(columns, source.column, source.unit_s or 1.0), clock)
+    return _from_stamps(source, columns, stamps, columns.column(source.column), clock)
 
 
-def _check_complete(columns: ColumnStore, source: TimeSource, printed: NDArray[np.float64]) -> None:
-    if source.column is not None and columns.lost[source.column]:
-        row = int(np.flatnonzero(np.isnan(printed))[0])
+def _check_complete(columns: ColumnStore, column: int) -> None:
+    if columns.lost[column]:
+        row = int(np.flatnonzero(np.isnan(columns.column(column)))[0])
         raise CorruptFileError("the time is missing", path=columns.block.file.path, place=_place(columns, row))
 
 
@@ -103,24 +127,23 @@ def _place(columns: ColumnStore, row: int) -> str:
 
 
 def _from_relative(
-    source: TimeSource, columns: ColumnStore, printed: NDArray[np.float64], clock: str
+    source: TimeSource, columns: ColumnStore, printed: PrintedColumn, clock: str
 ) -> tuple[TimeBase, tuple[str, ...]]:
-    factor = source.unit_s or 1.0
-    times_s = printed if factor == 1.0 else printed * factor
-    resolution_s = factor * 10.0 ** -printed_decimals(columns.block, source.column or 0)
+    resolution_s = printed.unit_s * 10.0 ** -printed_decimals(columns.block, printed.column)
     if source.rate_hz is not None:
-        start_s = start_agreeing(times_s, 1.0 / source.rate_hz, resolution_s)
+        start_s = start_agreeing(printed, 1.0 / source.rate_hz, resolution_s)
         if start_s is not None:
-            return TimeBase.uniform(clock, start_s, 1.0 / source.rate_hz, times_s.size, source.start), ()
+            return TimeBase.uniform(clock, start_s, 1.0 / source.rate_hz, printed.size, source.start), ()
+        first_s, last_s = printed[:1][0], printed[printed.size - 1 :][0]
         raise CorruptFileError(
             "the time column contradicts the sample rate", path=columns.block.file.path,
             expected=f"{source.rate_hz:g} Hz, {source.rate_origin}",
-            found=f"rows from {times_s[0]:g} s to {times_s[-1]:g} s", remedy=source.remedy,
+            found=f"rows from {first_s:g} s to {last_s:g} s", remedy=source.remedy,
         )  # fmt: skip
-    uniform = uniform_from_printed(times_s, resolution_s)
+    uniform = uniform_from_printed(printed, resolution_s)
     if uniform is not None:
-        return TimeBase.uniform(clock, *uniform, times_s.size, source.start), ()
-    return _as_printed(source, columns, printed, times_s, clock)
+        return TimeBase.uniform(clock, *uniform, printed.size, source.start), ()
+    return _as_printed(source, columns, columns.column(printed.column), printed[:], clock)
 
 
 def _as_printed(

@@ -7,6 +7,7 @@ column is a uniform time base whose step is known much better than any two print
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +19,21 @@ SLACK_S = 1e-9
 """Allowance beside half the last printed digit, for the arithmetic of whoever printed."""
 
 
+class Times(Protocol):
+    """Times in seconds, shape (n_rows,): an array, or what gives some of them at a time."""
+
+    @property
+    def size(self) -> int:
+        """How many there are."""
+        ...
+
+    def __getitem__(self, part: slice, /) -> NDArray[np.float64]:
+        """Return some of them."""
+        ...
+
+
 def uniform_from_printed(
-    times_s: NDArray[np.float64], resolution_s: float, numbers: NDArray[np.int64] | None = None
+    times_s: Times, resolution_s: float, numbers: NDArray[np.int64] | None = None
 ) -> tuple[float, float] | None:
     """Find the constant step that printed times agree with, as round as the print allows.
 
@@ -29,7 +43,7 @@ def uniform_from_printed(
 
     Parameters
     ----------
-    times_s : ndarray of float64, shape (n_rows,)
+    times_s : Times
     resolution_s : float
         The last printed digit.
     numbers : ndarray of int64, shape (n_rows,), optional
@@ -53,13 +67,13 @@ def uniform_from_printed(
 
 
 def start_agreeing(
-    times_s: NDArray[np.float64], step_s: float, resolution_s: float, numbers: NDArray[np.int64] | None = None
+    times_s: Times, step_s: float, resolution_s: float, numbers: NDArray[np.int64] | None = None
 ) -> float | None:
     """Return the start with which printed times agree with a step, or None if there is none.
 
     Parameters
     ----------
-    times_s : ndarray of float64, shape (n_rows,)
+    times_s : Times
     step_s, resolution_s : float
     numbers : ndarray of int64, shape (n_rows,), optional
         Of the rows; 0, 1, 2 ... if left out.
@@ -85,7 +99,7 @@ def start_agreeing(
 
 
 def _parts(
-    times_s: NDArray[np.float64], numbers: NDArray[np.int64] | None
+    times_s: Times, numbers: NDArray[np.int64] | None
 ) -> Iterator[tuple[NDArray[np.float64], NDArray[np.int64]]]:
     """Go through times and numbers together, some at a time: long records are large beside the memory they may take."""
     for at in range(0, times_s.size, PART_ROWS):
@@ -93,15 +107,15 @@ def _parts(
         yield times, np.arange(at, at + times.size) if numbers is None else numbers[at : at + PART_ROWS]
 
 
-def _fitted_step(times_s: NDArray[np.float64], numbers: NDArray[np.int64] | None) -> float:
+def _fitted_step(times_s: Times, numbers: NDArray[np.int64] | None) -> float:
     """Return the least-squares step of times by their numbers."""
     middle = (times_s.size - 1) / 2 if numbers is None else float(numbers.mean())
-    mean_s = float(times_s.mean())
+    mean_s = sum(float(times.sum()) for times, _ in _parts(times_s, numbers)) / times_s.size
     product = square = 0.0
     for times, counts in _parts(times_s, numbers):
         centred = counts - middle
-        product += float(centred @ (times - mean_s))
-        square += float(centred @ centred)
+        product += float(np.multiply(centred, times - mean_s).sum())
+        square += float(np.square(centred).sum())
     return product / square
 
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import closing
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from daq.errors import CorruptFileError
-from daq.readers.text.text_table import Block, parse_piece
+from daq.readers.text.row_parser import RowParser
+from daq.readers.text.text_table import Block
 
 
 def read_rows(block: Block) -> NDArray[np.float64]:
@@ -53,12 +56,13 @@ def iter_rows(block: Block, *, named: bool = False) -> Iterator[tuple[slice, NDA
         If a row has another width or a cell is no number, with line and column.
     """
     at = 0
-    for piece in block.pieces:
-        numbers, texts = parse_piece(block, piece, (0,) if named else ())
-        if len(numbers) != piece.rows:
-            raise CorruptFileError(
-                "rows cannot be told apart", path=block.file.path, place=f"line {piece.line}",
-                expected=f"{piece.rows} rows", found=f"{len(numbers)}",
-            )  # fmt: skip
-        yield slice(at, at + len(numbers)), numbers, texts[0] if named else []
-        at += len(numbers)
+    with closing(RowParser(block.format, (0,) if named else ())) as parser:
+        for piece in block.pieces:
+            numbers, texts = parser.parse(partial(block.parts, piece), piece.line, piece.rows)
+            if len(numbers) != piece.rows:
+                raise CorruptFileError(
+                    "rows cannot be told apart", path=block.file.path, place=f"line {piece.line}",
+                    expected=f"{piece.rows} rows", found=f"{len(numbers)}",
+                )  # fmt: skip
+            yield slice(at, at + len(numbers)), numbers, texts[0] if named else []
+            at += len(numbers)
