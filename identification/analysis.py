@@ -26,6 +26,7 @@ from identification.monte_carlo import MonteCarlo, propagate
 from identification.preparation import camera_scale, filmed, prepare
 from identification.regression import Regression
 from identification.rpe import relative_percentage_error, rpe_interval
+from identification.sensor_scales import scale_uncertainty
 from identification.signals import Signals
 from identification.skew import RecorderSkew, find_skew, skew_contribution
 from identification.stress_waves import StressWaves, find_stress_waves
@@ -340,26 +341,6 @@ def _endogeneity(recorded: Regression) -> Endogeneity | None:
         return durbin_wu_hausman(recorded.acceleration_m_s2, force, instrument, used=used)
     except IdentificationError:
         return None
-
-
-def scale_uncertainty(rig: Rig) -> ScaleUncertainty:
-    """Collect the standard uncertainties of the sensors' scales, areas included, and of the friction."""
-    m = rig.mechanism
-
-    def gauge(role: str, area: str) -> float:
-        spec = rig.by_role(role)
-        return math.hypot(spec.sensor.u_rel if spec else 0.0, m.u.get(area, 0.0) / getattr(m, area))
-
-    accelerometer = rig.by_role("recoil_acceleration")
-    return ScaleUncertainty(
-        accelerometer.sensor.u_rel if accelerometer else 0.0,
-        (
-            gauge("breech_pressure", "bore_area"),
-            gauge("brake_pressure", "brake_area"),
-            gauge("recuperator_pressure", "recuperator_area"),
-        ),
-        m.u.get("friction", 0.0),
-    )
 
 
 def _result(

@@ -107,15 +107,34 @@ def inertial_acceleration(signals: Signals, rig: Rig, motion: Turning) -> Array:
 
 
 def travel_acceleration(signals: Signals, rig: Rig, motion: Turning) -> Array:
-    """X'' by the accelerometers, m/s^2, shape (n,): what a camera on the tipping part would see.
+    """X'' by the accelerometers, m/s^2, shape (n,): what a camera on the tipping part would see."""
+    inertial = bridge(inertial_acceleration(signals, rig, motion), otherwise=0.0)
+    return relative_to_tipping_part(inertial, rig.mechanism, motion, signals.step_s)
+
+
+def relative_to_tipping_part(
+    inertial: Array, mechanism: Mechanism, motion: Turning, step_s: float, free: Array | None = None
+) -> Array:
+    """X'' of a recoiling part with a given a', m/s^2, shape (n,).
 
     The travel that it needs itself, in the small centripetal term, is its own double integral.
+
+    Parameters
+    ----------
+    inertial : ndarray, shape (n,)
+        a' of equation (36), without missing samples.
+    mechanism : Mechanism
+    motion : Turning
+    step_s : float
+    free : ndarray, shape (n,), optional
+        0 where the part is held, 1 where it is free; free throughout if left out.
     """
-    inertial = bridge(inertial_acceleration(signals, rig, motion), otherwise=0.0)
     travel = np.zeros_like(inertial)
     for _ in range(2):
-        acceleration = _relative(rig.mechanism, inertial, travel, motion)
-        travel = integrate(integrate(acceleration, signals.step_s), signals.step_s)
+        acceleration = _relative(mechanism, inertial, travel, motion)
+        if free is not None:
+            acceleration = acceleration * free
+        travel = integrate(integrate(acceleration, step_s), step_s)
     return acceleration
 
 

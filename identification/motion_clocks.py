@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from daq.channel import Channel
 from daq.errors import IdentificationError
 from daq.shot import ClockAlignment, Shot
+from identification.force_clocks import align_by_force
 from identification.instants import anti_alias_filter, instants
 from identification.kinematics import bridged_kicks, travel_acceleration, turning
 from identification.signals import Signals, collect_signals
@@ -67,6 +68,8 @@ def align_by_motion(
         return failed_alignment(source.name, "motion", f"{what} is not in this shot")
     if other.time_base.clock != shot.reference_clock:
         return failed_alignment(source.name, "motion", f"channel {against} is not on the reference clock")
+    if other.role == "breech_pressure" and own.role == "recoil_displacement":
+        return align_by_force(shot, rig, own, other, drift_allowance, found)
     if other.quantity not in MOTIONS.get(own.quantity, ()):
         problem = f"a channel of {own.quantity} is not the motion of one of {other.quantity}"
         return failed_alignment(source.name, "motion", problem)

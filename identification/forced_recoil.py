@@ -1,0 +1,186 @@
+"""The recoil as the gauges' forces drive it: what a camera sees of it, where no accelerometer rides along.
+
+The forces over a first mass, with what the carriage's sensors tell of the tipping part's own motion, give the
+acceleration that the camera's displacement is the double integral of. A camera is aligned by it, and the mass is
+what brings both in line.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from daq.errors import IdentificationError
+from daq.shot import Shot
+from identification.estimators.double_impulse import DoubleImpulseMass, double_impulse_mass
+from identification.estimators.estimator_inputs import EstimatorInputs
+from identification.kinematics import Turning, relative_to_tipping_part, turning
+from identification.mass import ScaleUncertainty
+from identification.regression import PRESSURE_ROLES, Regression, build_regression
+from identification.sensor_scales import scale_uncertainty
+from identification.signals import Signals
+from processing.double_integral import integrate
+from rigs.rig import Rig
+
+Array = NDArray[np.float64]
+
+CARRIAGE_ROLES = ("carriage_acceleration_x", "carriage_acceleration_y")
+"""A camera sees the recoil relative to the tipping part; these tell how that moves itself."""
+PASSES = 2
+"""Of the motion and the end of travel that it gives itself: the friction turns with the velocity."""
+ROUGH_STEPS = 3
+"""Of the mass that the model is linearised at; each leaves some thousandths of what the one before did."""
+
+
+@dataclass(frozen=True, eq=False)
+class ForcedRecoil:
+    """A recoil by its forces.
+
+    Attributes
+    ----------
+    shot, rig : Shot, Rig
+    signals : Signals
+    motion : Turning
+    recorded : Regression
+        The forces; its acceleration is zero throughout, for none was measured.
+    mass_kg : float
+        Over which the forces are the acceleration.
+    acceleration_m_s2 : ndarray, shape (n,)
+        Second derivative of the travel, lost samples of the forces bridged.
+    """
+
+    shot: Shot
+    rig: Rig
+    signals: Signals
+    motion: Turning
+    recorded: Regression
+    mass_kg: float
+    acceleration_m_s2: Array
+
+    @classmethod
+    def of(cls, shot: Shot, rig: Rig, signals: Signals, mass_kg: float | None = None) -> ForcedRecoil:
+        """Let the forces drive the recoiling part.
+
+        Parameters
+        ----------
+        shot, rig, signals
+        mass_kg : float, optional
+            The specification mass if left out.
+
+        Raises
+        ------
+        IdentificationError
+            If a pressure is missing, or the forces never drive the part to the rear.
+        """
+        require_forces(signals)
+        mass, motion = mass_kg or rig.mechanism.m3, turning(signals, rig)
+        # until it is known when the part turns back it is taken to recoil
+        velocity = np.ones(signals.times_s.size)
+        nothing = np.zeros(velocity.size)
+        for _ in range(PASSES):
+            recorded = build_regression(signals, rig.mechanism, nothing, velocity, 0.0)
+            inputs = EstimatorInputs(recorded, recorded, signals, shot, rig)
+            acceleration = relative_to_tipping_part(
+                inputs.force_n / mass, rig.mechanism, motion, signals.step_s, recorded.released
+            )
+            velocity = integrate(acceleration, signals.step_s)
+        recorded = build_regression(signals, rig.mechanism, nothing, velocity, 0.0)
+        return cls(shot, rig, signals, motion, recorded, mass, acceleration)
+
+    @cached_property
+    def inputs(self) -> EstimatorInputs:
+        """The forces as the estimators take them."""
+        return EstimatorInputs(self.recorded, self.recorded, self.signals, self.shot, self.rig)
+
+    @cached_property
+    def scales(self) -> ScaleUncertainty:
+        """Of the gauges and the friction."""
+        return scale_uncertainty(self.rig)
+
+    @cached_property
+    def other_m_s2(self) -> Array:
+        """The travel's acceleration that is no force over mass, shape (n,): gravity, and the carriage's motion."""
+        return np.asarray(self.acceleration_m_s2 - self.inputs.force_n / self.mass_kg * (self.recorded.released > 0))
+
+    @property
+    def u_zero_m_s2(self) -> float:
+        """Standard uncertainty of its zero: those of the carriage's accelerometers, by the silence."""
+        offsets = self.signals.offsets
+        return math.hypot(0.0, *(offsets[r].u for r in CARRIAGE_ROLES if r in offsets and math.isfinite(offsets[r].u)))
+
+    def with_recorded(self, recorded: Regression) -> ForcedRecoil:
+        """Take other forces, such as those with a friction that turns when the camera says so."""
+        return replace(self, recorded=recorded)
+
+    def film_mass(
+        self,
+        frame_times_s: Array,
+        displacement_m: Array,
+        *,
+        u_shift_s: float,
+        probes_n: Array | None = None,
+        levels: tuple[float, float] | None = None,
+    ) -> DoubleImpulseMass:
+        """Estimate the mass by a film, the gauges' scales and the friction being unknowns that are restricted.
+
+        Parameters
+        ----------
+        frame_times_s, displacement_m : ndarray, shape (n_frames,)
+            On the reference clock; lost frames NaN.
+        u_shift_s : float
+            What is known of these times beforehand; infinite for nothing.
+        probes_n : ndarray, shape (n, n_probes), optional
+        levels : (float, float), optional
+            As of `double_impulse_mass`.
+
+        Raises
+        ------
+        IdentificationError
+            If too few frames saw the motion, or force and displacement have nothing in common.
+        """
+        r, rough = self.recorded, self.mass_kg
+        for step in range(ROUGH_STEPS):
+            found = double_impulse_mass(
+                frame_times_s,
+                displacement_m,
+                float(r.times_s[0]),
+                r.step_s,
+                self.inputs.force_n,
+                self.other_m_s2,
+                release_s=self.inputs.release_s,
+                end_s=r.interval_s[1],
+                rough_mass_kg=rough,
+                force_sigma_n=self.inputs.slow_force_n,
+                u_shift_s=u_shift_s,
+                u_velocity_m_s=r.u_release_n_s / rough,
+                u_zero_m_s2=self.u_zero_m_s2,
+                levels=levels,
+                probes_n=probes_n if step == ROUGH_STEPS - 1 else None,
+                force_errors_n=np.column_stack([self.inputs.forces_n[:, :3], r.sliding]),
+                u_force_errors=np.array([*self.scales.gauges, self.scales.friction_n]),
+            )
+            rough = found.mass_kg
+        return found
+
+
+def require_forces(signals: Signals) -> None:
+    """Refuse signals that lack a force.
+
+    Raises
+    ------
+    IdentificationError
+        Naming every role that is missing.
+    """
+    missing = [
+        role for role in PRESSURE_ROLES if role not in signals.series or not np.isfinite(signals.series[role]).any()
+    ]
+    if missing:
+        raise IdentificationError(
+            f"no usable channel of role {', '.join(missing)}",
+            expected="breech, brake and recuperator pressure, on clocks that could be aligned",
+            remedy="declare the roles in the rig file, or mend the alignment",
+        )
