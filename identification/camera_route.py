@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from daq.channel import Channel
 from daq.shot import ClockAlignment, Shot
-from identification.calibration import Calibration
+from identification.corrections import Corrections
 from identification.kinematics import Turning, kinematic_acceleration
 from identification.mass import ACCELERATION, MassEstimate, ScaleUncertainty, reverse_mass
 from identification.regression import Regression
@@ -30,7 +30,7 @@ def mass_by_camera(
     alignment: ClockAlignment,
     low_pass: LowPass,
     scales: ScaleUncertainty,
-    calibration: Calibration,
+    calibration: Corrections,
 ) -> tuple[Regression, MassEstimate]:
     """Estimate the mass as `reverse_mass` does, with a' from the camera's displacement.
 
@@ -48,7 +48,7 @@ def mass_by_camera(
         That of the accelerometer's route. A displacement differentiated twice needs a lower cut-off,
         `LARGEST_CUTOFF_HZ` at the most; its forces pass the same filter.
     scales : ScaleUncertainty
-    calibration : Calibration
+    calibration : Corrections
         Under whose corrections the forces are moved by what is uncertain of them.
 
     Returns

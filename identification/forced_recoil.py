@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 CARRIAGE_ROLES = ("carriage_acceleration_x", "carriage_acceleration_y")
 """A camera sees the recoil relative to the tipping part; these tell how that moves itself."""
-PASSES = 2
+PASSES = 3
 """Of the motion and the end of travel that it gives itself: the friction turns with the velocity."""
 ROUGH_STEPS = 3
 """Of the mass that the model is linearised at; each leaves some thousandths of what the one before did."""
@@ -62,7 +62,14 @@ class ForcedRecoil:
     acceleration_m_s2: Array
 
     @classmethod
-    def of(cls, shot: Shot, rig: Rig, signals: Signals, mass_kg: float | None = None) -> ForcedRecoil:
+    def of(
+        cls,
+        shot: Shot,
+        rig: Rig,
+        signals: Signals,
+        mass_kg: float | None = None,
+        velocity_m_s: Array | None = None,
+    ) -> ForcedRecoil:
         """Let the forces drive the recoiling part.
 
         Parameters
@@ -70,6 +77,8 @@ class ForcedRecoil:
         shot, rig, signals
         mass_kg : float, optional
             The specification mass if left out.
+        velocity_m_s : ndarray, shape (n,), optional
+            Of recoil, whose sign is that of the friction; the one that the forces give if left out.
 
         Raises
         ------
@@ -79,7 +88,7 @@ class ForcedRecoil:
         require_forces(signals)
         mass, motion = mass_kg or rig.mechanism.m3, turning(signals, rig)
         # until it is known when the part turns back it is taken to recoil
-        velocity = np.ones(signals.times_s.size)
+        velocity = np.ones(signals.times_s.size) if velocity_m_s is None else velocity_m_s
         nothing = np.zeros(velocity.size)
         for _ in range(PASSES):
             recorded = build_regression(signals, rig.mechanism, nothing, velocity, 0.0)
@@ -87,8 +96,9 @@ class ForcedRecoil:
             acceleration = relative_to_tipping_part(
                 inputs.force_n / mass, rig.mechanism, motion, signals.step_s, recorded.released
             )
+            if velocity_m_s is not None:
+                break
             velocity = integrate(acceleration, signals.step_s)
-        recorded = build_regression(signals, rig.mechanism, nothing, velocity, 0.0)
         return cls(shot, rig, signals, motion, recorded, mass, acceleration)
 
     @cached_property
@@ -106,15 +116,24 @@ class ForcedRecoil:
         """The travel's acceleration that is no force over mass, shape (n,): gravity, and the carriage's motion."""
         return np.asarray(self.acceleration_m_s2 - self.inputs.force_n / self.mass_kg * (self.recorded.released > 0))
 
-    @property
-    def u_zero_m_s2(self) -> float:
-        """Standard uncertainty of its zero: those of the carriage's accelerometers, by the silence."""
-        offsets = self.signals.offsets
-        return math.hypot(0.0, *(offsets[r].u for r in CARRIAGE_ROLES if r in offsets and math.isfinite(offsets[r].u)))
+    def corrected(self, found: DoubleImpulseMass) -> ForcedRecoil:
+        """Take off the forces what a film found wrong with them, and drive the mass that it found.
 
-    def with_recorded(self, recorded: Regression) -> ForcedRecoil:
-        """Take other forces, such as those with a friction that turns when the camera says so."""
-        return replace(self, recorded=recorded)
+        Parameters
+        ----------
+        found : DoubleImpulseMass
+            Of `film_mass`.
+        """
+        r, errors = self.recorded, found.force_errors
+        forces = r.forces_n.copy()
+        forces[:, :3] /= 1.0 + errors[:3]
+        forces[:, 3] -= errors[3] * r.sliding
+        recorded = replace(r, forces_n=forces)
+        force = EstimatorInputs(recorded, recorded, self.signals, self.shot, self.rig).force_n
+        acceleration = relative_to_tipping_part(
+            force / found.mass_kg, self.rig.mechanism, self.motion, self.signals.step_s, r.released
+        )
+        return replace(self, recorded=recorded, mass_kg=found.mass_kg, acceleration_m_s2=acceleration)
 
     def film_mass(
         self,
@@ -157,7 +176,6 @@ class ForcedRecoil:
                 force_sigma_n=self.inputs.slow_force_n,
                 u_shift_s=u_shift_s,
                 u_velocity_m_s=r.u_release_n_s / rough,
-                u_zero_m_s2=self.u_zero_m_s2,
                 levels=levels,
                 probes_n=probes_n if step == ROUGH_STEPS - 1 else None,
                 force_errors_n=np.column_stack([self.inputs.forces_n[:, :3], r.sliding]),

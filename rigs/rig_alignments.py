@@ -17,7 +17,6 @@ from rigs.rig_tables import (
 )
 from rigs.rig_validation import did_you_mean, names_in
 
-
 FORCE_ROLE = "breech_pressure"
 """What stands for the forces, which drive the motion that a camera sees."""
 
