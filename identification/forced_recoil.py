@@ -7,7 +7,6 @@ what brings both in line.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
