@@ -14,10 +14,10 @@ from identification.film_calibration import FilmCalibration
 from identification.film_verdict import notes_on_film, reasons_against_film
 from identification.filmed_recoil import FilmedRecoil
 from identification.filter_choice import FORCE_ROLES, LARGEST_SHARE_OF_RATE, FilterChoice
-from identification.forced_recoil import CARRIAGE_ROLES, ForcedRecoil
+from identification.forced_recoil import CARRIAGE_ROLES, ForcedRecoil, missing_forces
 from identification.identified import Identification, Options
 from identification.method_result import method_result
-from identification.regression import Regression, spaced_rows
+from identification.regression import PRESSURE_ROLES, Regression, spaced_rows
 from identification.signals import collect_signals
 from identification.stress_waves import find_stress_waves
 from identification.trace_window import choose_trace_window
@@ -44,6 +44,9 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
     IdentificationError
         If no number can be given at all; a doubtful number is a result with reasons.
     """
+    missing = [role for role in PRESSURE_ROLES if shot.by_role(role) is None]
+    if missing:
+        raise missing_forces(missing)
     alignments = {a.clock: a for a in shot.alignments}
     filmed = FilmedRecoil.of(shot, rig, collect_signals(shot, rig, alignments))
     forced, found, camera = filmed.forced, filmed.found, filmed.camera

@@ -7,6 +7,7 @@ what brings both in line.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -31,6 +32,13 @@ CARRIAGE_ROLES = ("carriage_acceleration_x", "carriage_acceleration_y")
 """A camera sees the recoil relative to the tipping part; these tell how that moves itself."""
 PASSES = 3
 """Of the motion and the end of travel that it gives itself: the friction turns with the velocity."""
+STRAIGHTNESS = 3e-4
+"""Share of the acceleration's peak that the forces are never taken to be better than: no gauge is straighter, nor is a
+rigid part that slides and strikes what it is written down as."""
+STRAIGHT_S = 1e-3
+"""For how long such an error stays the same."""
+LINEARITY = 1e-5
+"""Share of the travel that the frames are never taken to be better than: no lens is."""
 ROUGH_STEPS = 3
 """Of the mass that the model is linearised at; each leaves some thousandths of what the one before did."""
 
@@ -115,6 +123,14 @@ class ForcedRecoil:
         """The travel's acceleration that is no force over mass, shape (n,): gravity, and the carriage's motion."""
         return np.asarray(self.acceleration_m_s2 - self.inputs.force_n / self.mass_kg * (self.recorded.released > 0))
 
+    @cached_property
+    def least_levels(self) -> tuple[float, float]:
+        """Noise that frames and forces are never taken to be better than: m, and a density of (m/s^2)^2/Hz."""
+        inside = self.recorded.inside
+        peak = float(np.max(np.abs(self.acceleration_m_s2[inside])))
+        travel = float(np.ptp(integrate(integrate(self.acceleration_m_s2, self.signals.step_s), self.signals.step_s)))
+        return LINEARITY * travel, (STRAIGHTNESS * peak) ** 2 * STRAIGHT_S
+
     def corrected(self, found: DoubleImpulseMass) -> ForcedRecoil:
         """Take off the forces what a film found wrong with them, and drive the mass that it found.
 
@@ -176,6 +192,7 @@ class ForcedRecoil:
                 u_shift_s=u_shift_s,
                 u_velocity_m_s=r.u_release_n_s / rough,
                 levels=levels,
+                least_levels=self.least_levels,
                 probes_n=probes_n if step == ROUGH_STEPS - 1 else None,
                 force_errors_n=np.column_stack([self.inputs.forces_n[:, :3], r.sliding]),
                 u_force_errors=np.array([*self.scales.gauges, self.scales.friction_n]),
@@ -196,8 +213,13 @@ def require_forces(signals: Signals) -> None:
         role for role in PRESSURE_ROLES if role not in signals.series or not np.isfinite(signals.series[role]).any()
     ]
     if missing:
-        raise IdentificationError(
-            f"no usable channel of role {', '.join(missing)}",
-            expected="breech, brake and recuperator pressure, on clocks that could be aligned",
-            remedy="declare the roles in the rig file, or mend the alignment",
-        )
+        raise missing_forces(missing)
+
+
+def missing_forces(roles: Sequence[str]) -> IdentificationError:
+    """Return what a shot without some of its forces is refused with."""
+    return IdentificationError(
+        f"no usable channel of role {', '.join(roles)}: without all forces a motion tells no mass",
+        expected="breech, brake and recuperator pressure, on clocks that could be aligned",
+        remedy="declare the roles in the rig file, or mend the alignment",
+    )

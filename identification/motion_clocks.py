@@ -61,6 +61,9 @@ def align_by_motion(
     spec = rig.motion_channel(source)
     own = None if spec is None else shot.channels.get(spec.name)
     other = shot.channels.get(against)
+    if own is not None and own.role == "recoil_displacement" and _silent(other) and _rode_along(rig, against):
+        # what rode along recorded nothing; what drives the motion did
+        other = shot.by_role("breech_pressure") or other
     if own is None or other is None:
         what = (
             f"channel {against}" if own is not None else f"channel {spec.name}" if spec else "a channel of the motion"
@@ -81,6 +84,14 @@ def align_by_motion(
     return align_by_comparison(
         shot, rig, own, other, reference, drift_allowance=drift_allowance, method="motion", derivative=derivative
     )
+
+
+def _silent(channel: Channel | None) -> bool:
+    return channel is None or not np.isfinite(channel.measured).any()
+
+
+def _rode_along(rig: Rig, name: str) -> bool:
+    return any(c.name == name and c.role == "recoil_acceleration" for c in rig.channels)
 
 
 def align_by_comparison(

@@ -96,7 +96,7 @@ def faults_of_alignment(
         pulses = check("channel", align.channel, reference, of_reference)
         if pulses and pulses.source == reference and pulses.quantity not in ("voltage", "count"):
             faults.append(Fault(f"{where}.channel", f"{pulses.name!r} must be a voltage, found {pulses.quantity}"))
-        if against and against.quantity != "acceleration":
+        if against and against.quantity != "acceleration" and against.role != FORCE_ROLE:
             problem = f"{against.name!r} must be an acceleration, found {against.quantity}"
             faults.append(Fault(f"{where}.against", problem))
     if isinstance(align, RedundantAlignment) and own and against:

@@ -113,6 +113,7 @@ def double_impulse_mass(
     u_velocity_m_s: float = 0.0,
     u_zero_m_s2: float = 0.0,
     levels: tuple[float, float] | None = None,
+    least_levels: tuple[float, float] = (LEAST_MARKER_M, LEAST_DENSITY),
     probes_n: Array | None = None,
     force_errors_n: Array | None = None,
     u_force_errors: Array | None = None,
@@ -141,6 +142,8 @@ def double_impulse_mass(
         Standard uncertainties of tau, v0 and c, which are zero to this; 0 to hold them, infinite to free them.
     levels : (float, float), optional
         Marker's noise in m and the walk's density, if they are known; otherwise the likeliest.
+    least_levels : (float, float)
+        What they are never taken to be better than.
     probes_n : ndarray, shape (n, n_probes), optional
         Errors that the force may have, finite, zero before the release.
     force_errors_n : ndarray, shape (n, n_errors), optional
@@ -191,12 +194,13 @@ def double_impulse_mass(
         )
     table[:, :-1] /= scale
     priors = np.array([knowledge[j] for j in free]) * scale
-    least = max((force_sigma_n / rough_mass_kg) ** 2 * step_s, LEAST_DENSITY)
+    least = max((force_sigma_n / rough_mass_kg) ** 2 * step_s, least_levels[1])
     if levels is not None:
         found = ImpulseFit.of(film, table, priors, *levels)
     else:
-        sigma = max(noise_sigma(film.positions_m), LEAST_MARKER_M)
-        found = ImpulseFit.likeliest(film, table, priors, sigma, [inflation * least for inflation in INFLATIONS])
+        sigma = max(noise_sigma(film.positions_m), least_levels[0])
+        densities = [inflation * least for inflation in INFLATIONS]
+        found = ImpulseFit.likeliest(film, table, priors, sigma, densities, least_levels[0])
     values = dict(zip(free, (found.solution / scale).tolist(), strict=True))
     inverse = values[0]
     if not inverse > 0:

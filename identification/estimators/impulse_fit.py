@@ -89,7 +89,15 @@ class ImpulseFit:
         return cls(solution, inverse @ inverse.T, by_rows, by_priors, residuals, sigma, density, -0.5 * misfit)
 
     @classmethod
-    def likeliest(cls, film: Film, table: Array, priors: Array, sigma: float, densities: Sequence[float]) -> ImpulseFit:
+    def likeliest(
+        cls,
+        film: Film,
+        table: Array,
+        priors: Array,
+        sigma: float,
+        densities: Sequence[float],
+        least_sigma: float = LEAST_MARKER_M,
+    ) -> ImpulseFit:
         """Find the marker's noise for each density of the walk, and the density that makes the positions likeliest.
 
         Parameters
@@ -100,6 +108,8 @@ class ImpulseFit:
             A first guess of the marker's noise.
         densities : sequence of float
             Rising.
+        least_sigma : float
+            What the marker's noise is never taken to be better than.
 
         Raises
         ------
@@ -112,7 +122,7 @@ class ImpulseFit:
             for _ in range(SIGMA_STEPS):
                 freedom = max(tried.residuals.size - tried.solution.size, 1)
                 own = tried.sigma * math.sqrt(float(tried.residuals @ tried.residuals) / freedom)
-                tried = cls.of(film, table, priors, max(own, LEAST_MARKER_M), density)
+                tried = cls.of(film, table, priors, max(own, least_sigma), density)
             if best is not None and tried.log_likelihood <= best.log_likelihood + LIKELIER:
                 break
             best, sigma = tried, tried.sigma

@@ -111,7 +111,7 @@ def report_document(
         "quality": [
             {"channel": c.channel, "check": c.check, "verdict": c.verdict, "detail": c.detail} for c in shot.quality
         ],
-        "filter": {**found.filter_choice.to_json(), "mass_cutoff_hz": found.mass_low_pass.cutoff_hz},
+        "filter": {**found.filter_choice.to_json(), "mass_cutoff_hz": _mass_cutoff_hz(found)},
         "zero_shift": _zero_shift(found.zero_shift),
         "repairs": [*(one.to_json() for one in found.signals.repairs), *_fitted_zero(shot, found)],
         "skew": _skew(found.skew),
@@ -158,6 +158,11 @@ def provenance_inputs(shot: Shot, shot_file: InputFile) -> list[dict[str, Any]]:
         {"file": f.name, "sha256": f.sha256, "size": f.size, "source": f.source, "reader": f.reader}
         for f in (shot_file, *shot.inputs)
     ]
+
+
+def _mass_cutoff_hz(found: Identification) -> float | None:
+    """Return the cut-off of the mass's own fit; None for the camera's, which passes no filter."""
+    return None if found.method == "camera" else found.mass_low_pass.cutoff_hz
 
 
 def _zero_shift(shift: ZeroShift | None) -> dict[str, Any] | None:

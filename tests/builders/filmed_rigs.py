@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import re
+import tempfile
+from functools import cache
+from pathlib import Path
 
+from recoil_daq.ingest import ingest_files
 from rigs.rig import Rig, find_rig, parse_rig
+from rigs.twin import simulate_shot
+from tests.builders.virtual_shots import SHORTER, VirtualShot
 
 RECOIL_ACCELEROMETERS = ("acc_recoil", "acc_recoil_can")
 
@@ -43,3 +50,13 @@ def filmed_rig(name: str, **settings: float | bool | str) -> Rig:
         key: f"{key} = {value if isinstance(value, str) else str(value).lower()}" for key, value in settings.items()
     }
     return parse_rig("\n".join([f"{head}[twin]", *lines.values(), ""]), path)
+
+
+@cache
+def filmed_shot(name: str = "field-2013", seed: int = 3, **settings: float | bool | str) -> VirtualShot:
+    """Simulate and ingest a shot of such a rig, in a shorter record than the rig's own; a few seconds, once."""
+    rig = filmed_rig(name, **SHORTER | settings)
+    with tempfile.TemporaryDirectory() as folder:
+        simulated = simulate_shot(rig, Path(folder) / "files", seed=seed, shot="s1")
+        ingested = ingest_files(rig, simulated.files, shot="s1", out=Path(folder) / "shots", on=dt.date(2026, 6, 1))
+    return VirtualShot(rig, ingested.shot, simulated.truth)
