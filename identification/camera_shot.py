@@ -62,7 +62,7 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
         shot,
         rig,
         camera,
-        filmed.clock,
+        replace(filmed.clock, offset_s=filmed.clock.offset_s + found.shift_s),
         choice.low_pass,
         forced.scales,
         calibration,

@@ -83,7 +83,7 @@ class FilmCalibration:
         Parameters
         ----------
         found : DoubleImpulseMass
-            With three gauges and the friction as errors of the force.
+            With three gauges and the friction as the first errors of the force.
         u_random_kg : float
             Standard uncertainty of the mass by noise alone; it is widened by what correlation the residuals have left.
         scales : ScaleUncertainty
@@ -117,7 +117,7 @@ class FilmCalibration:
             found.force_errors[:3].copy(),
             float(found.force_errors[3]),
             found.velocity_m_s,
-            found.force_error_covariance,
+            found.force_error_covariance[: u.size, : u.size].copy(),
             u_camera,
             departures,
             significances,

@@ -14,7 +14,8 @@ from daq.shot import ClockAlignment, Shot
 from identification.estimators.double_impulse import DoubleImpulseMass
 from identification.force_clocks import METHOD as BY_FORCE
 from identification.force_clocks import recoil_only
-from identification.forced_recoil import CARRIAGE_ROLES, ForcedRecoil, require_forces
+from identification.force_errors import NamedErrors, force_errors
+from identification.forced_recoil import CARRIAGE_ROLES, RATE_ROLES, ForcedRecoil, require_forces
 from identification.kinematics import fused_motion, travel_and_velocity
 from identification.signals import Signals, at_instants
 from processing.fusion import FusedMotion
@@ -32,10 +33,12 @@ class FilmedRecoil:
     camera : Channel
         Displacement on its own clock, without the delay of its chain.
     clock : ClockAlignment
-        Of that clock, moved to where film and forces agree.
+        Of that clock, without what `found` says is left of its offset.
     by_force : bool
         Whether nothing but the forces tells the clock's offset.
     forced : ForcedRecoil
+    errors : NamedErrors
+        What is unknown besides the scales.
     found : DoubleImpulseMass
     fused : FusedMotion or None
         Film and forces together.
@@ -46,6 +49,7 @@ class FilmedRecoil:
     clock: ClockAlignment
     by_force: bool
     forced: ForcedRecoil
+    errors: NamedErrors
     found: DoubleImpulseMass
     fused: FusedMotion | None
     travel_m: Array
@@ -89,28 +93,60 @@ class FilmedRecoil:
         fused = fused_motion(signals, corrected.acceleration_m_s2, replace(camera, samples=positions), clock)
         travel, velocity = travel_and_velocity(fused, corrected.acceleration_m_s2, signals.step_s)
         forced = ForcedRecoil.of(shot, rig, signals, first.mass_kg, velocity)
-        probes = forced.inputs.probes.table[:, forced.inputs.probes.per_unit.shape[1] :]
-        found = forced.film_mass(clock.to_reference(times), positions, u_shift_s=u_shift_s, probes_n=probes)
-        moved = replace(clock, offset_s=clock.offset_s + found.shift_s)
-        return cls(camera, moved, by_force, forced, found, fused, travel, velocity)
+        errors = force_errors(forced)
+        found = forced.film_mass(clock.to_reference(times), positions, u_shift_s=u_shift_s, further_n=errors.columns_n)
+        return cls(camera, clock, by_force, forced, errors, found, fused, travel, velocity)
+
+    @property
+    def u_shift_s(self) -> float:
+        """What is known of the clock's offset without the film and the forces."""
+        return math.inf if self.by_force else self.clock.u_offset_s
+
+    def mass_with(self, *, held: bool = False, stretch: float = 0.0) -> DoubleImpulseMass:
+        """Estimate the mass again, with the noise as found.
+
+        Parameters
+        ----------
+        held : bool
+            Whether the clock's offset is known, as it was found.
+        stretch : float
+            By how much longer the camera's seconds are, relative.
+        """
+        times = self.frame_times_s
+        times = times + stretch * (times - float(np.mean(self.forced.recorded.interval_s)))
+        return self.forced.film_mass(
+            times + (self.found.shift_s if held else 0.0),
+            self.positions_m,
+            u_shift_s=0.0 if held else self.u_shift_s,
+            further_n=self.errors.columns_n,
+            levels=(self.found.marker_sigma_m, self.found.density),
+        )
 
 
 def require_carriage(signals: Signals) -> None:
     """Refuse signals that do not tell how the tipping part moves, on which the camera's origin is.
+
+    Both accelerometers of the carriage are needed, and one of the two rates: how much a rig turns nothing else tells.
 
     Raises
     ------
     IdentificationError
         Naming every role that is missing.
     """
-    missing = [r for r in CARRIAGE_ROLES if r not in signals.series or not np.isfinite(signals.series[r]).any()]
+    missing = [role for role in CARRIAGE_ROLES if not _usable(signals, role)]
+    if not any(_usable(signals, role) for role in RATE_ROLES):
+        missing.append(" or ".join(RATE_ROLES))
     if missing:
         raise IdentificationError(
-            f"no usable channel of role {', '.join(missing)}: a camera sees the recoil relative to the "
-            "tipping part, and without them nothing tells how that moves itself",
-            expected="accelerometers on the carriage, or one on the recoiling part",
+            f"no usable channel of role {', '.join(missing)}: a camera sees the recoil relative to the tipping part, "
+            "and nothing tells how that moves itself",
+            expected="accelerometers and a gyro on the carriage or the tipping part, or one on the recoiling part",
             remedy="declare their roles in the rig file, or mend the alignment",
         )
+
+
+def _usable(signals: Signals, role: str) -> bool:
+    return role in signals.series and bool(np.isfinite(signals.series[role]).any())
 
 
 def _camera_of(shot: Shot, rig: Rig) -> tuple[Channel, ClockAlignment]:

@@ -37,6 +37,8 @@ SETTLED_S = 1e-7
 """Step after which there is none."""
 MOST_OFF = 0.25
 """By which the mass may be off the specification; what is more is a wrong scale or area, or another shot's film."""
+U_MODEL_S = 5e-6
+"""Of the offset: what a rigid part, its release and the chains of camera and gauges, taken as simultaneous, are off."""
 MEDIAN_FRAMES = 5
 """Frames in a row that tell where the recoil ends."""
 LEAST_NOISE_M_S2 = 1e-6
@@ -103,7 +105,7 @@ def align_by_force(
         judged = replace(judged, status="ambiguous", reasons=(*judged.reasons, doubt))
     return with_uncertainty(
         judged,
-        math.hypot(judged.u_offset_s, one.u_s, two.u_s),
+        math.hypot(judged.u_offset_s, U_MODEL_S, one.u_s, two.u_s),
         delays=[*one.delay.to_json(own.name), *two.delay.to_json(other.name)],
         stamps=one.stamps_to_json(),
     )

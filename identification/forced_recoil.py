@@ -30,6 +30,10 @@ Array = NDArray[np.float64]
 
 CARRIAGE_ROLES = ("carriage_acceleration_x", "carriage_acceleration_y")
 """A camera sees the recoil relative to the tipping part; these tell how that moves itself."""
+RATE_ROLES = ("carriage_rate", "tipping_rate")
+"""And these how it turns."""
+SCALES = 4
+"""Errors of the force that are scales: of three gauges and the friction, in this order."""
 PASSES = 3
 """Of the motion and the end of travel that it gives itself: the friction turns with the velocity."""
 STRAIGHTNESS = 3e-4
@@ -156,7 +160,7 @@ class ForcedRecoil:
         displacement_m: Array,
         *,
         u_shift_s: float,
-        probes_n: Array | None = None,
+        further_n: Array | None = None,
         levels: tuple[float, float] | None = None,
     ) -> DoubleImpulseMass:
         """Estimate the mass by a film, the gauges' scales and the friction being unknowns that are restricted.
@@ -167,7 +171,8 @@ class ForcedRecoil:
             On the reference clock; lost frames NaN.
         u_shift_s : float
             What is known of these times beforehand; infinite for nothing.
-        probes_n : ndarray, shape (n, n_probes), optional
+        further_n : ndarray, shape (n, n_errors), optional
+            Errors of the force beyond its scales, each of one standard uncertainty.
         levels : (float, float), optional
             As of `double_impulse_mass`.
 
@@ -177,7 +182,11 @@ class ForcedRecoil:
             If too few frames saw the motion, or force and displacement have nothing in common.
         """
         r, rough = self.recorded, self.mass_kg
-        for step in range(ROUGH_STEPS):
+        errors = np.column_stack([self.inputs.forces_n[:, :3], r.sliding])
+        u = np.array([*self.scales.gauges, self.scales.friction_n])
+        if further_n is not None:
+            errors, u = np.column_stack([errors, further_n]), np.append(u, np.ones(further_n.shape[1]))
+        for _ in range(ROUGH_STEPS):
             found = double_impulse_mass(
                 frame_times_s,
                 displacement_m,
@@ -193,9 +202,8 @@ class ForcedRecoil:
                 u_velocity_m_s=r.u_release_n_s / rough,
                 levels=levels,
                 least_levels=self.least_levels,
-                probes_n=probes_n if step == ROUGH_STEPS - 1 else None,
-                force_errors_n=np.column_stack([self.inputs.forces_n[:, :3], r.sliding]),
-                u_force_errors=np.array([*self.scales.gauges, self.scales.friction_n]),
+                force_errors_n=errors,
+                u_force_errors=u,
             )
             rough = found.mass_kg
         return found

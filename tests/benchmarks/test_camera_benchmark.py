@@ -151,7 +151,7 @@ def test_nothing_that_is_wrong_is_valid(benchmark, capsys):
             done = [o for o in outcomes if isinstance(o, Outcome)]
             off = [abs(o.methods["camera"][0] - o.truth_kg) / o.methods["camera"][1] for o in done]
             print(
-                f"{fault:26} {sum(o.valid for o in done):6d} {len(outcomes) - len(done):8d} {max(off, default=0.0):21.2f}"
+                f"{fault:26} {sum(o.valid for o in done):6d} {len(outcomes) - len(done):8d} {max(off, default=0):21.2f}"
             )
             for reason in sorted({reason[:110] for o in done for reason in o.reasons}):
                 print("   not valid:", reason)
