@@ -182,7 +182,8 @@ def double_impulse_mass(
     columns = [impulse.at(t)[0], np.ones_like(t), rough.at(t)[1], since, 0.5 * since**2]
     columns += [-DoubleIntegral.of(e / rough_mass_kg, start_s, step_s).at(t)[0] for e in own_errors.T]
     knowledge = [math.inf, math.inf, u_shift_s, u_velocity_m_s, u_zero_m_s2, *u_errors.tolist()]
-    free = [j for j, u in enumerate(knowledge) if u > 0]
+    # an error that moves nothing is none
+    free = [j for j, u in enumerate(knowledge) if u > 0 and (j < _ERRORS or np.any(columns[j]))]
     target = film.positions_m - given.at(t)[0]
     table = np.column_stack([*(columns[j] for j in free), target])
     scale = np.sqrt((table[:, :-1] ** 2).sum(axis=0))
