@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from daq.errors import IdentificationError
 from daq.shot import Shot
-from identification.camera_route import LARGEST_CUTOFF_HZ, mass_by_camera
+from identification.camera_route import LARGEST_CUTOFF_HZ, mass_by_camera, regression_by_camera
 from identification.constancy.mass_constancy import MassConstancy, constancy_of
 from identification.film_budget import film_contributions
 from identification.film_calibration import FilmCalibration
@@ -23,6 +23,9 @@ from identification.stress_waves import find_stress_waves
 from identification.trace_window import choose_trace_window
 from processing.filters import LowPass
 from rigs.rig import Rig
+
+LONGEST_GAP_S = 1e-3
+"""Of lost frames: a tenth of the low-pass's period, over which a travel bends less than its frames are uncertain."""
 
 
 def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification:
@@ -55,22 +58,37 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
     u_random_kg, further = film_contributions(filmed)
     residual = 0.0
     calibration = FilmCalibration.of(found, u_random_kg, forced.scales, camera.u_rel, residual)
-    regression, kinematic = mass_by_camera(
+    clock = replace(filmed.clock, offset_s=filmed.clock.offset_s + found.shift_s)
+    regression = regression_by_camera(
         forced.recorded,
         signals,
         forced.motion,
-        shot,
         rig,
         camera,
-        replace(filmed.clock, offset_s=filmed.clock.offset_s + found.shift_s),
+        clock,
         choice.low_pass,
-        forced.scales,
-        calibration,
+        longest_gap_s=LONGEST_GAP_S,
     )
     residual = _residual_m_s2(regression, calibration)
     calibration = replace(calibration, estimate=replace(calibration.estimate, residual_m_s2=residual))
     estimate = replace(calibration.estimate, budget=(*calibration.estimate.budget, *further))
-    estimates = {"camera": estimate, "kinematic": kinematic}
+    estimates, missing_routes = {"camera": estimate}, ()
+    try:
+        _, estimates["kinematic"] = mass_by_camera(
+            forced.recorded,
+            signals,
+            forced.motion,
+            shot,
+            rig,
+            camera,
+            clock,
+            choice.low_pass,
+            forced.scales,
+            calibration,
+            longest_gap_s=LONGEST_GAP_S,
+        )
+    except IdentificationError as error:
+        missing_routes = (f"no mass by the acceleration from the camera: {error}",)
     constancy = _constancy(regression, calibration, forced)
     window_s, window_choice = options.window_s, None
     if window_s is None:
@@ -105,7 +123,7 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
         fused=filmed.fused,
         alignments=alignments,
         reasons=reasons_against_film(shot, rig, filmed, regression, trace, calibration, constancy),
-        notes=notes_on_film(shot, filmed, regression, trace, constancy),
+        notes=(*notes_on_film(shot, filmed, regression, trace, constancy), *missing_routes),
     )
 
 

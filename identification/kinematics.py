@@ -139,7 +139,14 @@ def relative_to_tipping_part(
 
 
 def kinematic_acceleration(
-    signals: Signals, rig: Rig, motion: Turning, camera: Channel, alignment: ClockAlignment, low_pass: LowPass
+    signals: Signals,
+    rig: Rig,
+    motion: Turning,
+    camera: Channel,
+    alignment: ClockAlignment,
+    low_pass: LowPass,
+    *,
+    longest_gap_s: float = 0.0,
 ) -> tuple[Array, Filtered]:
     """Return a' of equation (36) by the camera, already low-pass filtered, and what it was computed from.
 
@@ -152,6 +159,8 @@ def kinematic_acceleration(
         Of that clock.
     low_pass : LowPass
         The filter of the regression; a displacement can only be differentiated behind it.
+    longest_gap_s : float
+        As of `identification.signals.on_grid`.
 
     Returns
     -------
@@ -159,7 +168,8 @@ def kinematic_acceleration(
     made_of : Filtered
         Not trusted near lost frames and beyond the track's ends.
     """
-    recorded = {"travel": on_grid(camera, alignment, signals.times_s), "f_x": motion.f_x, "f_y": motion.f_y}
+    travel = on_grid(camera, alignment, signals.times_s, longest_gap_s=longest_gap_s)
+    recorded = {"travel": travel, "f_x": motion.f_x, "f_y": motion.f_y}
     smooth = filter_alike(low_pass, recorded, signals.rate_hz)
     ddx = second_derivative(smooth["travel"], signals.step_s)
     acceleration = specific_acceleration_kinematic(
