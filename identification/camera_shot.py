@@ -72,7 +72,8 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
     residual = _residual_m_s2(regression, calibration)
     calibration = replace(calibration, estimate=replace(calibration.estimate, residual_m_s2=residual))
     estimate = replace(calibration.estimate, budget=(*calibration.estimate.budget, *further))
-    estimates, missing_routes = {"camera": estimate}, ()
+    estimates = {"camera": estimate}
+    missing_routes: tuple[str, ...] = ()
     try:
         _, estimates["kinematic"] = mass_by_camera(
             forced.recorded,
