@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from daq.timebase import TimeBase
 from identification.clocks import align_clocks
 from identification.force_clocks import recoil_only
 from tests.builders.filmed_rigs import filmed_shot
@@ -45,7 +46,7 @@ def test_without_a_force_the_camera_is_not_aligned():
 def test_a_shift_of_the_film_is_found_to_its_uncertainty():
     virtual = filmed_shot()
     camera = virtual.shot.channels["x_camera"]
-    base = replace(camera.time_base, start_s=camera.time_base.start_s + 0.0123)
+    base = TimeBase.stamped("camera", camera.time_base.times_s + 0.0123)
     moved = replace(virtual.shot, channels={**virtual.shot.channels, "x_camera": replace(camera, time_base=base)})
     (before,), (after,) = (align_clocks(shot, virtual.rig) for shot in (virtual.shot, moved))
     assert abs(before.offset_s - after.offset_s - 0.0123) < before.u_offset_s
