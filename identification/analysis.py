@@ -12,19 +12,20 @@ from identification.calibration import Calibration
 from identification.camera_route import mass_by_camera
 from identification.camera_shot import identify_by_camera
 from identification.constancy.mass_constancy import MassConstancy, constancy_of
+from identification.default_method import DEFAULTS, default_method
 from identification.estimators.endogeneity import Endogeneity, durbin_wu_hausman
 from identification.estimators.errors_in_variables import neighbouring_force
 from identification.estimators.estimates import FilmedShot, further_estimates, other_acceleration
 from identification.filter_choice import choose_filter, mass_filter
 from identification.identified import (
     DEFAULT_WINDOW_S,
+    FILMED_METHODS,
     FURTHER,
     METHODS,
     Identification,
     Method,
     Options,
     Result,
-    default_method,
 )
 from identification.mass import ScaleUncertainty, forward_mass, reverse_mass
 from identification.method_result import method_result
@@ -42,7 +43,9 @@ from processing.repeatability import shot_peaks
 from rigs.rig import Rig
 
 __all__ = [
+    "DEFAULTS",
     "DEFAULT_WINDOW_S",
+    "FILMED_METHODS",
     "FURTHER",
     "METHODS",
     "Identification",

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from daq.channel import Channel
 from daq.errors import IdentificationError
-from daq.shot import ClockAlignment, Shot
+from daq.shot import ClockAlignment
 from identification.calibration import Calibration
 from identification.constancy.mass_constancy import MassConstancy
 from identification.estimators.endogeneity import Endogeneity
@@ -40,25 +39,13 @@ Method = Literal[
 METHODS: tuple[Method, ...] = ("calibrated", "reverse", "forward", "paper")
 """Computed for every shot with forces and an accelerometer on the recoiling part. The default is then ``calibrated``,
 because the scales of the sensors are less certain than the shot is random; a camera that was aligned adds its own."""
-FILMED_METHODS: tuple[Method, ...] = ("camera", "camera-gls")
-"""Computed for a shot with forces and a camera, but no such accelerometer; the default is then ``camera``. It may be
-asked for where there is one: nothing of the accelerometer is used then but, if the rig says so, the camera's clock."""
+FILMED_METHODS: tuple[Method, ...] = ("camera",)
+"""Computed for a shot with forces and a camera, but no such accelerometer: the default then. It may be asked for where
+there is one: nothing of the accelerometer is used then but, if the rig says so, for the camera's clock."""
 FURTHER: tuple[Method, ...] = ("tls", "ar-gls", "weak", "camera-gls", "joint")
 """Computed when asked for, see `identification.estimators.estimates`; the last two need a camera that was aligned."""
 
 DEFAULT_WINDOW_S = 0.02
-
-DEFAULTS: Mapping[str, Method] = MappingProxyType(
-    {"recoil_acceleration": "calibrated", "recoil_displacement": "camera"}
-)
-"""Role of the recoiling part's motion -> the default with it and the forces; the first that the shot has counts."""
-MOTION_CHANNELS = MappingProxyType(
-    {
-        "recoil_acceleration": "the recoiling part's accelerometer",
-        "recoil_displacement": "the camera's track of the recoiling part",
-    }
-)
-"""The same roles in words."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +56,7 @@ class Options:
     ----------
     method : str or None
         One of `METHODS`, ``camera`` or `FURTHER`; it gives the mass and the trace of the report. None for the one that
-        `default_method` says.
+        `identification.default_method` says.
     cutoff_hz : float or None
         -3 dB point of the zero-phase low-pass of both sides; None to choose it from the data.
     window_s : float or None
@@ -234,7 +221,7 @@ class Identification:
             raise IdentificationError(
                 "this needs the route by the accelerometer on the recoiling part",
                 found=f"the method {self.method}",
-                remedy="take another --method",
+                remedy="record one, or take another --method",
             )
         return Inertial(self.calibration, self.zero_shift, self.skew, self.peaks)
 
@@ -252,46 +239,3 @@ class Identification:
         estimate = self.chosen.estimate
         expanded = 2 * math.hypot(estimate.u_kg, self.u_specification_kg)
         return (estimate.mass_kg - self.specification_kg) / expanded if expanded > 0 else math.nan
-
-
-def default_method(shot: Shot) -> Method:
-    """Return the method for the channels that a shot has.
-
-    ``calibrated`` where the recoiling part's acceleration was recorded, ``camera`` where only its travel was: what a
-    channel without a sample, or on a clock that could not be aligned, recorded does not count.
-
-    Parameters
-    ----------
-    shot : Shot
-        With its alignments.
-
-    Raises
-    ------
-    IdentificationError
-        If neither was recorded.
-    """
-    found = {role: _missing(shot, role, name) for role, name in MOTION_CHANNELS.items()}
-    for role, method in DEFAULTS.items():
-        if not found[role]:
-            return method
-    raise IdentificationError(
-        ", and ".join(found.values()),
-        expected="an accelerometer on the recoiling part, or a camera that follows it, and the three pressures",
-        found=", ".join(c.role for c in shot.channels.values() if c.role) or "no roles",
-        remedy="add its file, or declare its role in the rig file",
-    )
-
-
-def _missing(shot: Shot, role: str, name: str) -> str:
-    """Say why a role's channel cannot be used; empty if it can."""
-    channel = shot.by_role(role)
-    if channel is None:
-        return f"no channel of role {role}"
-    if not np.isfinite(channel.measured).any():
-        return f"no sample of {name} can be used"
-    clock = channel.time_base.clock
-    if clock != shot.reference_clock:
-        known = next((a for a in shot.alignments if a.clock == clock), None)
-        if known is None or known.status == "failed":
-            return f"{name} is on a clock that could not be aligned"
-    return ""

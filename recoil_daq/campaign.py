@@ -9,8 +9,8 @@ from typing import Any
 
 from daq.shot import Verdict
 from daq.store import read_shot
+from identification.default_method import default_method
 from identification.filter_choice import campaign_choice, force_spectra
-from identification.identified import default_method
 from identification.preparation import prepare
 from processing.cutoff import CutoffChoice
 from processing.repeatability import ShotPeaks, check_repeat_peaks

@@ -178,3 +178,14 @@ def test_a_camera_that_could_not_be_aligned_is_refused():
     failed = [replace(a, status="failed", reasons=("no pulse",)) for a in virtual.shot.alignments]
     with pytest.raises(IdentificationError, match="track of the recoiling part is on a clock that could not be"):
         identify_shot(replace(virtual.shot, alignments=tuple(failed)), virtual.rig, Options())
+
+
+def test_a_clock_that_film_and_forces_contradict_is_a_reason():
+    virtual = filmed_shot()
+    (clock,) = virtual.shot.alignments
+    late = replace(clock, offset_s=clock.offset_s + 5e-4, u_offset_s=2e-5, method="fixed")
+    found = identify_shot(replace(virtual.shot, alignments=(late,)), virtual.rig, Options())
+    assert not found.valid
+    assert any("call for an offset of clock camera -" in reason for reason in found.reasons)
+    sound = replace(clock, u_offset_s=2e-5, method="fixed")
+    assert identify_shot(replace(virtual.shot, alignments=(sound,)), virtual.rig, Options()).valid
