@@ -181,7 +181,7 @@ def _travel(found: Identification, camera: Channel | None, alignment: ClockAlign
     return Figure(
         "travel",
         "Recoil travel and velocity",
-        "The camera's track on the reference clock, and camera and accelerometers together with their 95 % band.",
+        f"The camera's track on the reference clock, and camera and {_others(found)} together with their 95 % band.",
         TIME,
         (
             Panel("travel, mm", tuple(traces), spans=_interval(found)),
@@ -189,6 +189,11 @@ def _travel(found: Identification, camera: Channel | None, alignment: ClockAlign
         ),
         shown=_shown(found),
     )
+
+
+def _others(found: Identification) -> str:
+    """Name what the camera's track is compared and fused with."""
+    return "forces" if found.method == "camera" else "accelerometers"
 
 
 def _banded(name: str, times_s: Array, values: Array, u: Array, unit: str) -> Trace:
@@ -243,12 +248,12 @@ def _motion_alignment(alignment: ClockAlignment, found: Identification, camera: 
     return Figure(
         f"alignment-{alignment.clock}",
         f"Alignment of clock {alignment.clock}",
-        f"Camera less accelerometers, and the likelihood around the offset of {1e3 * alignment.offset_s:+.4f} ms "
+        f"Camera less {_others(found)}, and the likelihood around the offset of {1e3 * alignment.offset_s:+.4f} ms "
         f"(u {1e6 * alignment.u_offset_s:.1f} us).",
         TIME,
         (
             Panel(
-                "camera - accelerometers, mm",
+                f"camera - {_others(found)}, mm",
                 (Trace("difference", signals.times_s, residual, "measured", "mm"),),
                 (HorizontalLine("zero", 0.0, "mean"),),
                 _interval(found),
