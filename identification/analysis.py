@@ -2,209 +2,63 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import Literal
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from daq.channel import Channel
 from daq.errors import IdentificationError
-from daq.shot import ClockAlignment, Shot
+from daq.shot import Shot
 from identification.calibration import Calibration
 from identification.camera_route import mass_by_camera
+from identification.camera_shot import identify_by_camera
 from identification.constancy.mass_constancy import MassConstancy, constancy_of
+from identification.default_method import DEFAULTS, default_method
 from identification.estimators.endogeneity import Endogeneity, durbin_wu_hausman
 from identification.estimators.errors_in_variables import neighbouring_force
 from identification.estimators.estimates import FilmedShot, further_estimates, other_acceleration
-from identification.filter_choice import FilterChoice, choose_filter, mass_filter
-from identification.mass import RANDOM, MassEstimate, ScaleUncertainty, forward_mass, reverse_mass
-from identification.memory.window_length import WindowChoice
-from identification.monte_carlo import MonteCarlo, propagate
+from identification.filter_choice import choose_filter, mass_filter
+from identification.identified import (
+    DEFAULT_WINDOW_S,
+    FILMED_METHODS,
+    FURTHER,
+    METHODS,
+    Identification,
+    Method,
+    Options,
+    Result,
+)
+from identification.mass import ScaleUncertainty, forward_mass, reverse_mass
+from identification.method_result import method_result
+from identification.monte_carlo import propagate
 from identification.preparation import camera_scale, filmed, prepare
 from identification.regression import Regression
-from identification.rpe import relative_percentage_error, rpe_interval
-from identification.signals import Signals
-from identification.skew import RecorderSkew, find_skew, skew_contribution
-from identification.stress_waves import StressWaves, find_stress_waves
-from identification.trace import LARGEST_RELATIVE_U, MassTrace, mass_trace
+from identification.sensor_scales import scale_uncertainty
+from identification.skew import find_skew, skew_contribution
+from identification.stress_waves import find_stress_waves
 from identification.trace_window import choose_trace_window
 from identification.uncertainty import further_contributions
 from identification.verdict import notes_on, reasons_against
 from identification.zero_shift import ZeroShift, calibrated_with_zero_shift
-from processing.cutoff import CutoffChoice
-from processing.filters import LowPass
-from processing.fusion import FusedMotion
-from processing.repeatability import ShotPeaks, shot_peaks
+from processing.repeatability import shot_peaks
 from rigs.rig import Rig
 
-Array = NDArray[np.float64]
-Method = Literal["calibrated", "reverse", "forward", "paper", "tls", "ar-gls", "weak", "camera-gls", "joint"]
-METHODS: tuple[Method, ...] = ("calibrated", "reverse", "forward", "paper")
-"""Computed for every shot. The default is ``calibrated`` wherever forces and accelerometer are there, because the
-scales of the sensors are less certain than the shot is random; a camera that was aligned adds its own scale."""
-FURTHER: tuple[Method, ...] = ("tls", "ar-gls", "weak", "camera-gls", "joint")
-"""Computed when asked for, see `identification.estimators.estimates`; the last two need a camera that was aligned."""
+__all__ = [
+    "DEFAULTS",
+    "DEFAULT_WINDOW_S",
+    "FILMED_METHODS",
+    "FURTHER",
+    "METHODS",
+    "Identification",
+    "Method",
+    "Options",
+    "Result",
+    "default_method",
+    "identify_shot",
+    "scale_uncertainty",
+]
 
-DEFAULT_WINDOW_S = 0.02
 INSTRUMENT_LAG_S = 2.5e-4
 """Of the force that is the instrument of the test on bias: beyond its noise's correlation, short against the pulse."""
-
-
-@dataclass(frozen=True)
-class Options:
-    """What the user may choose.
-
-    Attributes
-    ----------
-    method : str
-        One of `METHODS` or `FURTHER`; it gives the mass and the trace of the report.
-    cutoff_hz : float or None
-        -3 dB point of the zero-phase low-pass of both sides; None to choose it from the data.
-    window_s : float or None
-        Memory of the trace; None to choose it from the shot, see `identification.trace_window`.
-    campaign : CutoffChoice or None
-        The cut-off chosen for several shots, this one among them.
-    compare : bool
-        Whether those of `FURTHER` are all computed.
-
-    Raises
-    ------
-    ValueError
-        If the method is unknown, or cut-off or window are not positive.
-    """
-
-    method: Method = "calibrated"
-    cutoff_hz: float | None = None
-    window_s: float | None = DEFAULT_WINDOW_S
-    campaign: CutoffChoice | None = None
-    compare: bool = False
-
-    def __post_init__(self) -> None:
-        if self.method not in (*METHODS, *FURTHER):
-            raise ValueError(f"method must be one of {', '.join((*METHODS, *FURTHER))}, not {self.method!r}")
-        for name in ("cutoff_hz", "window_s"):
-            value = getattr(self, name)
-            if value is not None and not (math.isfinite(value) and value > 0):
-                raise ValueError(f"{name} must be positive, not {value}")
-
-
-@dataclass(frozen=True, eq=False)
-class Result:
-    """One method's mass, trace and RPE.
-
-    Attributes
-    ----------
-    estimate : MassEstimate
-    trace : MassTrace
-    rpe_percent : float
-    rpe_interval_percent : tuple of float
-        95 %.
-    """
-
-    estimate: MassEstimate
-    trace: MassTrace
-    rpe_percent: float
-    rpe_interval_percent: tuple[float, float]
-
-
-@dataclass(frozen=True, eq=False)
-class Identification:
-    """Everything that was found out about one shot.
-
-    Attributes
-    ----------
-    options : Options
-    specification_kg, u_specification_kg : float
-    results : mapping of str to Result
-        By method, the inertial route; ``kinematic`` is the reverse estimate by the camera's route.
-    calibration : Calibration
-    filter_choice : FilterChoice
-        The low-pass, and why that one.
-    mass_low_pass : LowPass
-        That of the fit of the mass, the force's own band within it.
-    zero_shift : ZeroShift
-        Of the recoiling part's accelerometer.
-    monte_carlo : MonteCarlo or None
-        Of the mass by the calibrated method; None where a draw has no mass.
-    endogeneity : Endogeneity or None
-        Whether force on acceleration, as recorded, is biased here; None where that cannot be told.
-    constancy : MassConstancy or None
-        Whether one mass explains the shot; None where that cannot be told.
-    window_choice : WindowChoice or None
-        Why the trace has this memory, where it was chosen from the shot.
-    skew : RecorderSkew
-        Of acceleration and force.
-    stress_waves : tuple of StressWaves
-        By channel.
-    peaks : ShotPeaks
-        Of the recoil acceleration, recorded and filtered.
-    signals : Signals
-    recorded, filtered, fitted : Regression
-        Both sides of the equation of motion as recorded, behind the low-pass, and behind that of the fit of the mass.
-    kinematic : Regression or None
-        With a' by the camera.
-    camera : Channel or None
-        Displacement on its own clock, without the delay of its chain.
-    travel_m, velocity_m_s : ndarray, shape (n,)
-    fused : FusedMotion or None
-        Camera and accelerometers together, with their standard uncertainties.
-    alignments : mapping of str to ClockAlignment
-    reasons : tuple of str
-        Why the result is not valid; empty if it is.
-    notes : tuple of str
-        What a reader should know although it does not make the result invalid.
-    """
-
-    options: Options
-    specification_kg: float
-    u_specification_kg: float
-    results: Mapping[str, Result]
-    calibration: Calibration
-    filter_choice: FilterChoice
-    mass_low_pass: LowPass
-    zero_shift: ZeroShift
-    monte_carlo: MonteCarlo | None
-    endogeneity: Endogeneity | None
-    constancy: MassConstancy | None
-    window_choice: WindowChoice | None
-    skew: RecorderSkew
-    stress_waves: tuple[StressWaves, ...]
-    peaks: ShotPeaks
-    signals: Signals
-    recorded: Regression
-    filtered: Regression
-    fitted: Regression
-    kinematic: Regression | None
-    camera: Channel | None
-    travel_m: Array
-    velocity_m_s: Array
-    fused: FusedMotion | None
-    alignments: Mapping[str, ClockAlignment]
-    reasons: tuple[str, ...]
-    notes: tuple[str, ...] = field(default=())
-
-    @property
-    def chosen(self) -> Result:
-        """The result of the method that was asked for."""
-        return self.results[self.options.method]
-
-    @property
-    def valid(self) -> bool:
-        """Whether nothing speaks against the result."""
-        return not self.reasons
-
-    @property
-    def normalised_error(self) -> float:
-        """``E_n = (m - m_spec) / sqrt(U^2 + U_spec^2)`` (ISO/IEC 17043, annex B), with k = 2 throughout.
-
-        NaN where neither mass has an uncertainty.
-        """
-        estimate = self.chosen.estimate
-        expanded = 2 * math.hypot(estimate.u_kg, self.u_specification_kg)
-        return (estimate.mass_kg - self.specification_kg) / expanded if expanded > 0 else math.nan
 
 
 def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
@@ -226,6 +80,9 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
     IdentificationError
         If no number can be given at all; a doubtful number is a result with reasons.
     """
+    method = options.method or default_method(shot)
+    if method == "camera":
+        return identify_by_camera(shot, rig, options)
     prepared = prepare(shot, rig)
     signals, recorded = prepared.signals, prepared.recorded
     camera, camera_clock = prepared.camera, prepared.camera_clock
@@ -259,7 +116,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         "paper": replace(forward_mass(recorded, scales), method="paper"),
     }
     estimates = {k: replace(e, budget=(*e.budget, *further)) for k, e in estimates.items()}
-    if options.compare or options.method in FURTHER:
+    if options.compare or method in FURTHER:
         film = None
         if camera is not None and camera_clock is not None:
             # a clock that was aligned by the accelerometer is as much less late as that was
@@ -267,9 +124,9 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
             other = other_acceleration(prepared.acceleration_m_s2, prepared.inertial_m_s2)
             film = FilmedShot(camera, clock, other)
         estimates |= further_estimates(narrow, recorded, signals, shot, rig, scales, further, film)
-    if options.method not in estimates:
+    if method not in estimates:
         raise IdentificationError(
-            f"this shot allows no estimate by the method {options.method}",
+            f"this shot allows no estimate by the method {method}",
             found=f"estimates by {', '.join(estimates)}",
             remedy="take another --method, or mend the camera's alignment and what was lost",
         )
@@ -287,11 +144,13 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
     if window_s is None:
         window_s, window_choice = choose_trace_window(filtered, *calibration.correct(filtered))
     results = {
-        name: _result(estimate, regressions[name], calibration, window_s, rig) for name, estimate in estimates.items()
+        name: method_result(estimate, regressions[name], calibration, window_s, rig)
+        for name, estimate in estimates.items()
     }
-    trace = results[options.method].trace
+    trace = results[method].trace
     return Identification(
         options=options,
+        method=method,
         specification_kg=rig.mechanism.m3,
         u_specification_kg=rig.mechanism.u.get("m3", 0.0),
         results=results,
@@ -340,56 +199,3 @@ def _endogeneity(recorded: Regression) -> Endogeneity | None:
         return durbin_wu_hausman(recorded.acceleration_m_s2, force, instrument, used=used)
     except IdentificationError:
         return None
-
-
-def scale_uncertainty(rig: Rig) -> ScaleUncertainty:
-    """Collect the standard uncertainties of the sensors' scales, areas included, and of the friction."""
-    m = rig.mechanism
-
-    def gauge(role: str, area: str) -> float:
-        spec = rig.by_role(role)
-        return math.hypot(spec.sensor.u_rel if spec else 0.0, m.u.get(area, 0.0) / getattr(m, area))
-
-    accelerometer = rig.by_role("recoil_acceleration")
-    return ScaleUncertainty(
-        accelerometer.sensor.u_rel if accelerometer else 0.0,
-        (
-            gauge("breech_pressure", "bore_area"),
-            gauge("brake_pressure", "brake_area"),
-            gauge("recuperator_pressure", "recuperator_area"),
-        ),
-        m.u.get("friction", 0.0),
-    )
-
-
-def _result(
-    estimate: MassEstimate, regression: Regression, calibration: Calibration, window_s: float, rig: Rig
-) -> Result:
-    systematic = common = math.hypot(*(r.u_kg for r in estimate.budget if r.source != RANDOM)) / estimate.mass_kg
-    left = None
-    if estimate.method == "calibrated":
-        acceleration, force = calibration.correct(regression)
-        # what the sensors' errors do differs from window to window
-        left, sensors = calibration.errors_left(regression), {r.source for r in calibration.estimate.budget}
-        common = math.hypot(0.0, *(r.u_kg for r in estimate.budget if r.source not in sensors)) / estimate.mass_kg
-    else:
-        acceleration, force = regression.acceleration_m_s2, regression.force_n
-    direction: Literal["reverse", "forward"] = "forward" if estimate.method in ("forward", "paper") else "reverse"
-    guard = math.inf if estimate.method == "paper" else LARGEST_RELATIVE_U
-    trace = mass_trace(
-        regression,
-        acceleration,
-        force,
-        window_s,
-        direction=direction,
-        systematic_rel=common,
-        errors_m_s2=left,
-        largest_relative_u=guard,
-    )
-    m = rig.mechanism
-    return Result(
-        estimate,
-        trace,
-        relative_percentage_error(trace.mass_kg, m.m3),
-        rpe_interval(trace.mass_kg, m.m3, systematic, m.u.get("m3", 0.0)),
-    )

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from daq.channel import Channel
 from daq.shot import ClockAlignment, Shot
-from identification.calibration import Calibration
+from identification.corrections import Corrections
 from identification.kinematics import Turning, kinematic_acceleration
 from identification.mass import ACCELERATION, MassEstimate, ScaleUncertainty, reverse_mass
 from identification.regression import Regression
@@ -30,7 +30,9 @@ def mass_by_camera(
     alignment: ClockAlignment,
     low_pass: LowPass,
     scales: ScaleUncertainty,
-    calibration: Calibration,
+    calibration: Corrections,
+    *,
+    longest_gap_s: float = 0.0,
 ) -> tuple[Regression, MassEstimate]:
     """Estimate the mass as `reverse_mass` does, with a' from the camera's displacement.
 
@@ -48,8 +50,10 @@ def mass_by_camera(
         That of the accelerometer's route. A displacement differentiated twice needs a lower cut-off,
         `LARGEST_CUTOFF_HZ` at the most; its forces pass the same filter.
     scales : ScaleUncertainty
-    calibration : Calibration
+    calibration : Corrections
         Under whose corrections the forces are moved by what is uncertain of them.
+    longest_gap_s : float
+        Of lost frames that are bridged in any case.
 
     Returns
     -------
@@ -62,8 +66,9 @@ def mass_by_camera(
     """
 
     def behind(filter_: LowPass) -> Regression:
-        acceleration, made_of = kinematic_acceleration(signals, rig, motion, camera, alignment, filter_)
-        return recorded.filtered(filter_).with_acceleration(acceleration, made_of)
+        return regression_by_camera(
+            recorded, signals, motion, rig, camera, alignment, filter_, longest_gap_s=longest_gap_s
+        )
 
     slow = LowPass(min(low_pass.cutoff_hz, LARGEST_CUTOFF_HZ), low_pass.half_order)
     own_scales = replace(scales, acceleration=camera.u_rel)
@@ -75,3 +80,28 @@ def mass_by_camera(
     budget += zero_contributions(regression, calibration, signals, rig)
     budget.append(cutoff_contribution([estimate.mass_kg, *others]))
     return regression, replace(estimate, method="kinematic", budget=tuple(budget))
+
+
+def regression_by_camera(
+    recorded: Regression,
+    signals: Signals,
+    motion: Turning,
+    rig: Rig,
+    camera: Channel,
+    alignment: ClockAlignment,
+    low_pass: LowPass,
+    *,
+    longest_gap_s: float = 0.0,
+) -> Regression:
+    """Put a' from the camera's displacement beside the forces, both behind one low-pass.
+
+    Parameters
+    ----------
+    recorded, signals, motion, rig, camera, alignment, longest_gap_s
+        As of `mass_by_camera`.
+    low_pass : LowPass
+    """
+    acceleration, made_of = kinematic_acceleration(
+        signals, rig, motion, camera, alignment, low_pass, longest_gap_s=longest_gap_s
+    )
+    return recorded.filtered(low_pass).with_acceleration(acceleration, made_of)

@@ -107,20 +107,46 @@ def inertial_acceleration(signals: Signals, rig: Rig, motion: Turning) -> Array:
 
 
 def travel_acceleration(signals: Signals, rig: Rig, motion: Turning) -> Array:
-    """X'' by the accelerometers, m/s^2, shape (n,): what a camera on the tipping part would see.
+    """X'' by the accelerometers, m/s^2, shape (n,): what a camera on the tipping part would see."""
+    inertial = bridge(inertial_acceleration(signals, rig, motion), otherwise=0.0)
+    return relative_to_tipping_part(inertial, rig.mechanism, motion, signals.step_s)
+
+
+def relative_to_tipping_part(
+    inertial: Array, mechanism: Mechanism, motion: Turning, step_s: float, free: Array | None = None
+) -> Array:
+    """X'' of a recoiling part with a given a', m/s^2, shape (n,).
 
     The travel that it needs itself, in the small centripetal term, is its own double integral.
+
+    Parameters
+    ----------
+    inertial : ndarray, shape (n,)
+        a' of equation (36), without missing samples.
+    mechanism : Mechanism
+    motion : Turning
+    step_s : float
+    free : ndarray, shape (n,), optional
+        0 where the part is held, 1 where it is free; free throughout if left out.
     """
-    inertial = bridge(inertial_acceleration(signals, rig, motion), otherwise=0.0)
     travel = np.zeros_like(inertial)
     for _ in range(2):
-        acceleration = _relative(rig.mechanism, inertial, travel, motion)
-        travel = integrate(integrate(acceleration, signals.step_s), signals.step_s)
+        acceleration = _relative(mechanism, inertial, travel, motion)
+        if free is not None:
+            acceleration = acceleration * free
+        travel = integrate(integrate(acceleration, step_s), step_s)
     return acceleration
 
 
 def kinematic_acceleration(
-    signals: Signals, rig: Rig, motion: Turning, camera: Channel, alignment: ClockAlignment, low_pass: LowPass
+    signals: Signals,
+    rig: Rig,
+    motion: Turning,
+    camera: Channel,
+    alignment: ClockAlignment,
+    low_pass: LowPass,
+    *,
+    longest_gap_s: float = 0.0,
 ) -> tuple[Array, Filtered]:
     """Return a' of equation (36) by the camera, already low-pass filtered, and what it was computed from.
 
@@ -133,6 +159,8 @@ def kinematic_acceleration(
         Of that clock.
     low_pass : LowPass
         The filter of the regression; a displacement can only be differentiated behind it.
+    longest_gap_s : float
+        As of `identification.signals.on_grid`.
 
     Returns
     -------
@@ -140,7 +168,8 @@ def kinematic_acceleration(
     made_of : Filtered
         Not trusted near lost frames and beyond the track's ends.
     """
-    recorded = {"travel": on_grid(camera, alignment, signals.times_s), "f_x": motion.f_x, "f_y": motion.f_y}
+    travel = on_grid(camera, alignment, signals.times_s, longest_gap_s=longest_gap_s)
+    recorded = {"travel": travel, "f_x": motion.f_x, "f_y": motion.f_y}
     smooth = filter_alike(low_pass, recorded, signals.rate_hz)
     ddx = second_derivative(smooth["travel"], signals.step_s)
     acceleration = specific_acceleration_kinematic(

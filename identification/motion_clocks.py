@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from daq.channel import Channel
 from daq.errors import IdentificationError
 from daq.shot import ClockAlignment, Shot
+from identification.force_clocks import align_by_force
 from identification.instants import anti_alias_filter, instants
 from identification.kinematics import bridged_kicks, travel_acceleration, turning
 from identification.signals import Signals, collect_signals
@@ -60,6 +61,9 @@ def align_by_motion(
     spec = rig.motion_channel(source)
     own = None if spec is None else shot.channels.get(spec.name)
     other = shot.channels.get(against)
+    if own is not None and own.role == "recoil_displacement" and _silent(other) and _rode_along(rig, against):
+        # what rode along recorded nothing; what drives the motion did
+        other = shot.by_role("breech_pressure") or other
     if own is None or other is None:
         what = (
             f"channel {against}" if own is not None else f"channel {spec.name}" if spec else "a channel of the motion"
@@ -67,6 +71,8 @@ def align_by_motion(
         return failed_alignment(source.name, "motion", f"{what} is not in this shot")
     if other.time_base.clock != shot.reference_clock:
         return failed_alignment(source.name, "motion", f"channel {against} is not on the reference clock")
+    if other.role == "breech_pressure" and own.role == "recoil_displacement":
+        return align_by_force(shot, rig, own, other, drift_allowance, found)
     if other.quantity not in MOTIONS.get(own.quantity, ()):
         problem = f"a channel of {own.quantity} is not the motion of one of {other.quantity}"
         return failed_alignment(source.name, "motion", problem)
@@ -78,6 +84,14 @@ def align_by_motion(
     return align_by_comparison(
         shot, rig, own, other, reference, drift_allowance=drift_allowance, method="motion", derivative=derivative
     )
+
+
+def _silent(channel: Channel | None) -> bool:
+    return channel is None or not np.isfinite(channel.measured).any()
+
+
+def _rode_along(rig: Rig, name: str) -> bool:
+    return any(c.name == name and c.role == "recoil_acceleration" for c in rig.channels)
 
 
 def align_by_comparison(

@@ -218,7 +218,7 @@ def at_instants(channel: Channel, shot: Shot, rig: Rig) -> Channel:
     return replace(channel, time_base=TimeBase.stamped(base.clock, found.times_s, base.absolute_start))
 
 
-def on_grid(channel: Channel, alignment: ClockAlignment | None, grid_s: Array) -> Array:
+def on_grid(channel: Channel, alignment: ClockAlignment | None, grid_s: Array, *, longest_gap_s: float = 0.0) -> Array:
     """Evaluate a channel at instants of the reference clock.
 
     Parameters
@@ -227,6 +227,8 @@ def on_grid(channel: Channel, alignment: ClockAlignment | None, grid_s: Array) -
     alignment : ClockAlignment or None
         None for a channel of the reference clock.
     grid_s : ndarray, shape (n,)
+    longest_gap_s : float
+        What may be bridged although it is longer than `LONGEST_STEP`.
 
     Returns
     -------
@@ -251,7 +253,7 @@ def on_grid(channel: Channel, alignment: ClockAlignment | None, grid_s: Array) -
     step = float(np.median(np.diff(t)))
     after = np.clip(np.searchsorted(t, grid_s, side="right"), 1, t.size - 1)
     between = np.minimum(np.abs(grid_s - t[after - 1]), np.abs(grid_s - t[after])) > 1e-9
-    in_gap = (t[after] - t[after - 1] > LONGEST_STEP * step) & between
+    in_gap = (t[after] - t[after - 1] > max(LONGEST_STEP * step, longest_gap_s)) & between
     values[in_gap | (grid_s < t[0] - 1e-9) | (grid_s > t[-1] + 1e-9)] = np.nan
     return np.asarray(values)
 

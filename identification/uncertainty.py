@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from daq.shot import Shot
 from identification.budget import BudgetRow
-from identification.calibration import Calibration
+from identification.corrections import Corrections
 from identification.regression import AREAS, PRESSURE_ROLES, Regression, spaced_rows
 from identification.signals import Signals
 from processing.filters import LowPass
@@ -28,7 +28,7 @@ CUTOFF_FACTORS = (0.7, 1.4)
 def further_contributions(
     recorded: Regression,
     filtered: Regression,
-    calibration: Calibration,
+    calibration: Corrections,
     signals: Signals,
     shot: Shot,
     rig: Rig,
@@ -39,7 +39,7 @@ def further_contributions(
     ----------
     recorded, filtered : Regression
         Before and behind the low-pass.
-    calibration : Calibration
+    calibration : Corrections
         Gives the correction under which the mass is evaluated.
     signals : Signals
         Gives the uncertainty of the zeros.
@@ -62,7 +62,7 @@ def further_contributions(
     )
 
 
-def corrected_mass(regression: Regression, calibration: Calibration) -> float:
+def corrected_mass(regression: Regression, calibration: Corrections) -> float:
     """Mass by acceleration on force, with the sensors' errors as identified taken off, kg."""
     acceleration, force = calibration.correct(regression)
     rows = spaced_rows(regression)
@@ -71,7 +71,7 @@ def corrected_mass(regression: Regression, calibration: Calibration) -> float:
 
 
 def clock_contributions(
-    filtered: Regression, calibration: Calibration, shot: Shot, acceleration_role: str
+    filtered: Regression, calibration: Corrections, shot: Shot, acceleration_role: str
 ) -> list[BudgetRow]:
     """Move all that hangs on a clock by the clock's uncertainty; the change of the mass is the contribution.
 
@@ -81,7 +81,7 @@ def clock_contributions(
     Parameters
     ----------
     filtered : Regression
-    calibration : Calibration
+    calibration : Corrections
     shot : Shot
     acceleration_role : str
         Role of the channel that the acceleration comes from.
@@ -113,7 +113,7 @@ def _moved(regression: Regression, on_it: Sequence[bool], shift_s: float) -> Reg
     return replace(regression, forces_n=forces, acceleration_m_s2=acceleration)
 
 
-def zero_contributions(filtered: Regression, calibration: Calibration, signals: Signals, rig: Rig) -> list[BudgetRow]:
+def zero_contributions(filtered: Regression, calibration: Corrections, signals: Signals, rig: Rig) -> list[BudgetRow]:
     """Move every force by the uncertainty of its gauge's zero, from the noise of the silence before the shot.
 
     A gauge whose zero is not known at all has no row: no number could be given.
@@ -131,7 +131,7 @@ def zero_contributions(filtered: Regression, calibration: Calibration, signals: 
     return rows
 
 
-def repair_contributions(filtered: Regression, calibration: Calibration, signals: Signals, rig: Rig) -> list[BudgetRow]:
+def repair_contributions(filtered: Regression, calibration: Corrections, signals: Signals, rig: Rig) -> list[BudgetRow]:
     """Add to a force, or to the acceleration, what a repair of its channel may have left wrong in it."""
     mass = corrected_mass(filtered, calibration)
     rows = []

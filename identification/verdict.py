@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 from daq.shot import Shot
 from identification.calibration import LARGEST_RESIDUAL, LARGEST_SIGNIFICANCE, Calibration
 from identification.constancy.mass_constancy import MassConstancy
+from identification.corrections import Corrections
 from identification.mass import ACCELERATION, RANDOM, MassEstimate
 from identification.regression import Regression
 from identification.sensor_observations import CAMERA_SCALE, RELEASE
@@ -58,27 +59,8 @@ def reasons_against(
     tuple of str
         One sentence each, with its limit; empty if nothing does.
     """
-    failed = [c for c in shot.quality if c.verdict == "fail" and c.check != "alignment"]
-    reasons = [f"quality: {c.channel}: {c.detail}" for c in failed]
-    doubtful = [a for a in shot.alignments if a.status != "ok"]
-    reasons += [f"clock {a.clock}: alignment {a.status}: {'; '.join(a.reasons)}" for a in doubtful]
-    if signals.quiet_s[0] == signals.quiet_s[1]:
-        reasons.append("no silence before the shot: the zeros of the sensors, and their uncertainties, are not known")
-    recuperator = rig.by_role("recuperator_pressure")
-    if recuperator is not None and recuperator.sensor.time_constant_s is not None:
-        reasons.append(f"{recuperator.name} is AC-coupled (time_constant_s): it does not read the pressure at rest")
-    lost = _lost_excitation(filtered)
-    if lost > LARGEST_LOSS:
-        channels = [c.channel for c in shot.quality if c.check in ("losses", "held values") and c.verdict != "ok"]
-        reasons.append(
-            f"{100 * lost:.0f} % of the shot's force lies where samples are lost, limit {100 * LARGEST_LOSS:.0f} %"
-            + (f": see the losses of {', '.join(channels)}" if channels else "")
-        )
-    if trace.share < LEAST_SHARE:
-        reasons.append(
-            f"only {100 * trace.share:.0f} % of the interval could be identified (limit {100 * LEAST_SHARE:.0f} %)"
-        )
-    reasons += _doubted_sensors(calibration)
+    reasons = reasons_against_record(shot, rig, signals, trace, filtered)
+    reasons += doubted_sensors(calibration)
     if shift.demanded and not shift.confirmed:
         reasons.append(
             f"either the accelerometer's zero shifted at the shot {shift}, or a gauge is off: without a camera that is "
@@ -100,12 +82,50 @@ def reasons_against(
                 f"the accelerometer gives {inertial.mass_kg:.1f} kg and the camera {camera.mass_kg:.1f} kg, "
                 f"{apart / own:.1f} standard uncertainties apart (limit {LARGEST_ROUTE_GAP:g})"
             )
-    if constancy is not None and _varies(constancy, CERTAINLY_VARIES, calibration.estimate):
+    if constancy is not None and varies(constancy, CERTAINLY_VARIES, calibration.estimate):
         reasons.append(f"{str(constancy).rstrip('.')}: see the mass over time, one number does not describe it")
     return tuple(reasons)
 
 
-def _varies(constancy: MassConstancy, level: float, estimate: MassEstimate) -> bool:
+def reasons_against_record(
+    shot: Shot, rig: Rig, signals: Signals, trace: MassTrace, filtered: Regression, unused: Collection[str] = ()
+) -> list[str]:
+    """Say what speaks against the record of a shot, whatever its mass was found by.
+
+    Parameters
+    ----------
+    shot, rig, signals
+    trace : MassTrace
+        Of the method that gives the mass.
+    filtered : Regression
+        Tells what of the pulse was lost.
+    unused : collection of str
+        Channels that the mass does not hang on.
+    """
+    failed = [c for c in shot.quality if c.verdict == "fail" and c.check != "alignment" and c.channel not in unused]
+    reasons = [f"quality: {c.channel}: {c.detail}" for c in failed]
+    doubtful = [a for a in shot.alignments if a.status != "ok"]
+    reasons += [f"clock {a.clock}: alignment {a.status}: {'; '.join(a.reasons)}" for a in doubtful]
+    if signals.quiet_s[0] == signals.quiet_s[1]:
+        reasons.append("no silence before the shot: the zeros of the sensors, and their uncertainties, are not known")
+    recuperator = rig.by_role("recuperator_pressure")
+    if recuperator is not None and recuperator.sensor.time_constant_s is not None:
+        reasons.append(f"{recuperator.name} is AC-coupled (time_constant_s): it does not read the pressure at rest")
+    lost = _lost_excitation(filtered)
+    if lost > LARGEST_LOSS:
+        channels = [c.channel for c in shot.quality if c.check in ("losses", "held values") and c.verdict != "ok"]
+        reasons.append(
+            f"{100 * lost:.0f} % of the shot's force lies where samples are lost, limit {100 * LARGEST_LOSS:.0f} %"
+            + (f": see the losses of {', '.join(channels)}" if channels else "")
+        )
+    if trace.share < LEAST_SHARE:
+        reasons.append(
+            f"only {100 * trace.share:.0f} % of the interval could be identified (limit {100 * LEAST_SHARE:.0f} %)"
+        )
+    return reasons
+
+
+def varies(constancy: MassConstancy, level: float, estimate: MassEstimate) -> bool:
     """Tell whether the mass changes beyond chance, and by more than it is uncertain anyway."""
     return not constancy.constant(level) and abs(constancy.change_kg) > estimate.u_kg
 
@@ -120,7 +140,7 @@ def _lost_excitation(filtered: Regression) -> float:
     return max(shares)
 
 
-def _doubted_sensors(calibration: Calibration) -> list[str]:
+def doubted_sensors(calibration: Corrections) -> list[str]:
     """Name the calibrations that contradict the shot, the least likely first.
 
     One wrong sensor pulls on those that it is compared with; which of them it is the shot alone may

@@ -45,7 +45,14 @@ MOST_DRIFT = 1e-3
 
 
 def judge_motion(
-    clock: str, fit: MotionFit | str, *, u_gain: float, noise_density: float, frame_period_s: float
+    clock: str,
+    fit: MotionFit | str,
+    *,
+    u_gain: float,
+    noise_density: float,
+    frame_period_s: float,
+    against: str = "accelerometer",
+    method: str = "motion",
 ) -> ClockAlignment:
     """Judge a camera's alignment by motion.
 
@@ -59,6 +66,8 @@ def judge_motion(
     noise_density : float
         The accelerometer's white noise density before the shot, (m/s^2)^2/Hz, two-sided.
     frame_period_s : float
+    against, method : str
+        What it was aligned by, in words, and as it is reported.
 
     Returns
     -------
@@ -75,9 +84,9 @@ def judge_motion(
     if not noise_density > 0:
         raise ValueError(f"noise_density must be positive, not {noise_density}")
     if isinstance(fit, str):
-        return failed_alignment(clock, "motion", fit)
+        return failed_alignment(clock, method, fit)
     if not _finite(fit.offset_s, fit.u_offset_s, fit.drift, fit.gain, fit.u_gain, fit.innovation_statistic):
-        return failed_alignment(clock, "motion", "the fit gives no finite number: check both records for spikes")
+        return failed_alignment(clock, method, "the fit gives no finite number: check both records for spikes")
     # what a missing frame or a jump does to the fit is said by itself; the rest is judged without it
     sound = fit.corrected or fit
     doubts, failures = _common_doubts(sound)
@@ -99,13 +108,13 @@ def judge_motion(
     inflation = sound.acceleration_density / noise_density
     if inflation > MOST_INFLATION:
         failures.append(
-            f"camera and accelerometer do not show the same motion: {inflation:.0f} times the accelerometer's noise "
+            f"camera and {against} do not show the same motion: {inflation:.0f} times the {against}'s noise "
             "would be needed to explain the difference"
         )
     off = abs(sound.gain - 1.0) / max(math.hypot(u_gain, sound.u_gain), 1e-12)
     if off > GAIN_LIMIT_SIGMA:
         failures.append(
-            f"the camera's travel is {100 * (sound.gain - 1):+.2f} % off the accelerometer's, "
+            f"the camera's travel is {100 * (sound.gain - 1):+.2f} % off the {against}'s, "
             f"{off:.1f} standard uncertainties: another shot's file, a wrong scale or a wrong sensitivity"
         )
     if not failures and abs(sound.drift) <= MOST_DRIFT and sound.drift_departure > DRIFT_LIMIT_SIGMA:
@@ -160,7 +169,7 @@ def judge_motion(
             "corrected_drift": fit.corrected.drift,
         }
     return ClockAlignment(
-        clock, fit.offset_s, fit.u_offset_s, fit.drift, fit.u_drift, *_status(doubts, failures, "motion"), details
+        clock, fit.offset_s, fit.u_offset_s, fit.drift, fit.u_drift, *_status(doubts, failures, method), details
     )
 
 

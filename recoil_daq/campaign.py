@@ -9,6 +9,7 @@ from typing import Any
 
 from daq.shot import Verdict
 from daq.store import read_shot
+from identification.default_method import default_method
 from identification.filter_choice import campaign_choice, force_spectra
 from identification.preparation import prepare
 from processing.cutoff import CutoffChoice
@@ -63,7 +64,9 @@ def survey(paths: Sequence[Path], *, progress: Progress = lambda _: None) -> Cam
         shot = read_shot(path)
         rigs[path] = shot.rig_name
         rig = parse_rig(shot.rig_text, path, shot.databases)
-        spectra.setdefault(shot.rig_name, []).append(force_spectra(prepare(shot, rig).recorded))
+        if default_method(shot) == "calibrated":
+            # a displacement has a low-pass of its own, and no spectrum to choose it by
+            spectra.setdefault(shot.rig_name, []).append(force_spectra(prepare(shot, rig).recorded))
     chosen = {name: campaign_choice(shots) for name, shots in spectra.items() if len(shots) >= LEAST_SHOTS}
     return Campaign({name: choice for name, choice in chosen.items() if choice is not None}, rigs)
 
@@ -84,5 +87,8 @@ def repeatability(documents: Sequence[Mapping[str, Any]]) -> dict[str, tuple[Ver
     peaks: dict[str, list[ShotPeaks]] = {}
     for d in documents:
         figures = d["peak_acceleration"]
+        if figures["recorded_m_s2"] is None:
+            # no accelerometer recorded any
+            continue
         peaks.setdefault(d["rig"], []).append(ShotPeaks(d["shot"], figures["recorded_m_s2"], figures["filtered_m_s2"]))
     return {rig: check_repeat_peaks(shots) for rig, shots in peaks.items() if len(shots) >= LEAST_SHOTS}

@@ -37,9 +37,11 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON documen
 DebugOption = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
 OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="Replace what exists.")]
 MethodOption = Annotated[
-    Literal["calibrated", "reverse", "forward", "paper", "tls", "ar-gls", "weak", "camera-gls", "joint"],
+    Literal["calibrated", "reverse", "forward", "paper", "camera", "tls", "ar-gls", "weak", "camera-gls", "joint"]
+    | None,
     typer.Option(
-        help="Estimator of the reported mass. `paper` is the published one: unfiltered, force on acceleration."
+        help="Estimator of the reported mass. `paper` is the published one: unfiltered, force on acceleration.",
+        show_default="calibrated; camera without an accelerometer on the recoiling part",
     ),
 ]
 
@@ -219,7 +221,7 @@ def recover(
 def identify(
     shots: Annotated[list[Path], typer.Argument(help="Shot files, or folders of them.", show_default=False)],
     out: Annotated[Path, typer.Option(help="Folder of the reports.")] = Path("reports"),
-    method: MethodOption = "calibrated",
+    method: MethodOption = None,
     cutoff_hz: Annotated[
         float | None,
         typer.Option(

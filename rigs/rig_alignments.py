@@ -17,6 +17,9 @@ from rigs.rig_tables import (
 )
 from rigs.rig_validation import did_you_mean, names_in
 
+FORCE_ROLE = "breech_pressure"
+"""What stands for the forces, which drive the motion that a camera sees."""
+
 
 def motion_channels(
     source: str, channel: str | None, against: str, channels: Sequence[ChannelSpec]
@@ -39,8 +42,12 @@ def motion_channels(
     """
     if channel is not None:
         return [c for c in channels if c.name == channel]
-    reference = next((c.quantity for c in channels if c.name == against), "")
-    fitting = [c for c in channels if c.source == source and reference in MOTIONS.get(c.quantity, ())]
+    reference = next((c for c in channels if c.name == against), None)
+    if reference is None:
+        return []
+    if reference.role == FORCE_ROLE:
+        return [c for c in channels if c.source == source and c.role == "recoil_displacement"]
+    fitting = [c for c in channels if c.source == source and reference.quantity in MOTIONS.get(c.quantity, ())]
     return sorted(fitting, key=lambda c: (c.role != "recoil_displacement", c.quantity != "displacement"))
 
 
@@ -89,7 +96,7 @@ def faults_of_alignment(
         pulses = check("channel", align.channel, reference, of_reference)
         if pulses and pulses.source == reference and pulses.quantity not in ("voltage", "count"):
             faults.append(Fault(f"{where}.channel", f"{pulses.name!r} must be a voltage, found {pulses.quantity}"))
-        if against and against.quantity != "acceleration":
+        if against and against.quantity != "acceleration" and against.role != FORCE_ROLE:
             problem = f"{against.name!r} must be an acceleration, found {against.quantity}"
             faults.append(Fault(f"{where}.against", problem))
     if isinstance(align, RedundantAlignment) and own and against:
@@ -116,6 +123,8 @@ def _faults_of_motion(
     if own is not None and own.quantity == against.quantity:
         problem = f"{own.name!r} repeats {against.name!r}: the method for one and the same quantity is `redundant`"
         return [Fault(f"{where}.method", problem)]
+    if against.role == FORCE_ROLE:
+        return _faults_of_force(where, source, own, channels)
     comparable = [quantity for quantity, others in MOTIONS.items() if against.quantity in others]
     if not comparable or (source.kind == "camera" and against.quantity != "acceleration"):
         problem = f"{against.name!r} must be an acceleration, found {against.quantity}"
@@ -137,6 +146,18 @@ def _faults_of_motion(
         problem = f"is needed: {', '.join(c.name for c in found)} may all be meant"
         return [Fault(f"{where}.channel", problem)]
     return _faults_of_bodies(where, found[0], against)
+
+
+def _faults_of_force(
+    where: str, source: Source, own: ChannelSpec | None, channels: Sequence[ChannelSpec] | None
+) -> list[Fault]:
+    """Check that a source has the travel that the forces drive."""
+    role = "recoil_displacement"
+    if own is not None:
+        return [] if own.role == role else [Fault(f"{where}.channel", f"{own.name!r} must have the role {role}")]
+    if channels is not None and not any(c.source == source.name and c.role == role for c in channels):
+        return [Fault(where, f"motion against the forces needs a channel of role {role} of this source")]
+    return []
 
 
 def _faults_of_bodies(where: str, own: ChannelSpec, against: ChannelSpec) -> list[Fault]:

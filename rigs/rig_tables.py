@@ -58,6 +58,7 @@ class Table(BaseModel):
 class MotionAlignment(Table):
     """Align a source by a motion that the reference clock has in another quantity, see `MOTIONS`.
 
+    A camera may be aligned ``against`` the breech pressure: by the motion that the forces drive.
     ``channel`` is the source's; without it its travel, or its one channel that ``against`` can be compared with.
     """
 

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from daq.errors import IdentificationError
-from identification.calibration import SMALLEST_RESIDUAL, Calibration
+from identification.calibration import SMALLEST_RESIDUAL
 from identification.constancy.mass_step import DRAWS, StepTest, step_test
 from identification.constancy.recursive_residuals import (
     Cusum,
@@ -30,6 +30,7 @@ from identification.constancy.recursive_residuals import (
     long_run_factor,
     recursive_residuals,
 )
+from identification.corrections import Corrections
 from identification.mass import LEAST_ROWS, ScaleUncertainty
 from identification.regression import Regression, spaced_rows
 from processing.filters import filter_alike
@@ -227,7 +228,7 @@ def mass_constancy(
 
 def constancy_of(
     regression: Regression,
-    calibration: Calibration,
+    calibration: Corrections,
     scales: ScaleUncertainty,
     u_zero_m_s2: float,
     u_delays_s: tuple[float, float, float] = (0.0, 0.0, 0.0),
@@ -238,7 +239,7 @@ def constancy_of(
     ----------
     regression : Regression
         Filtered; shapes of a shifted zero are free.
-    calibration : Calibration
+    calibration : Corrections
         Gives the first estimate of the mass.
     scales : ScaleUncertainty
     u_zero_m_s2 : float

@@ -23,8 +23,11 @@ from numpy.typing import NDArray
 
 from daq.errors import IdentificationError
 from identification.estimators.film import Film
+from identification.estimators.impulse_fit import LEAST_MARKER_M, LIKELIER, START, ImpulseFit
 from processing.double_integral import DoubleIntegral
 from processing.noise import noise_sigma
+
+__all__ = ["INFLATIONS", "LEAST_DENSITY", "LEAST_MARKER_M", "LIKELIER", "DoubleImpulseMass", "double_impulse_mass"]
 
 Array = NDArray[np.float64]
 
@@ -32,14 +35,8 @@ INFLATIONS = (1.0, 4.0, 16.0, 64.0, 256.0, 1024.0, 4096.0)
 """Of the walk's density over that of the force's noise: what the model leaves out walks too."""
 LEAST_DENSITY = 1e-9
 """Of the walk, (m/s^2)^2/Hz: a force without noise has some."""
-LIKELIER = 0.5
-"""By which the log-likelihood must rise for a larger density."""
-LEAST_MARKER_M = 1e-9
-"""Noise of a marker; no camera is better."""
-SIGMA_STEPS = 3
-"""Of the marker's noise towards what its residuals call for; each one's error is a fraction of the one before."""
-_MASS, _START, _SHIFT, _VELOCITY, _ZERO = range(5)
-"""Columns: the force's double integral, x0, tau, v0 and c."""
+_SHIFT, _VELOCITY, _ZERO, _ERRORS = range(2, 6)
+"""Columns behind the force's double integral and x0: tau, v0, c, and the force's errors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +66,13 @@ class DoubleImpulseMass:
     scale_answer_kg : float
         By how much per relative error of the displacement's scale.
     frames, set_aside : int
+    u_shift_s : float
+        Standard uncertainty of `shift_s`, with what was known of it; 0 where it was held.
+    force_errors : ndarray, shape (n_errors,)
+        Of the force, as the film and what was known of them say.
+    force_error_covariance : ndarray, shape (n_errors, n_errors)
+    force_answers_kg : ndarray, shape (n_errors,)
+        By how much the mass is too large if the force is by one standard uncertainty of each.
     """
 
     mass_kg: float
@@ -87,6 +91,10 @@ class DoubleImpulseMass:
     scale_answer_kg: float
     frames: int
     set_aside: int
+    u_shift_s: float
+    force_errors: Array
+    force_error_covariance: Array
+    force_answers_kg: Array
 
 
 def double_impulse_mass(
@@ -105,7 +113,10 @@ def double_impulse_mass(
     u_velocity_m_s: float = 0.0,
     u_zero_m_s2: float = 0.0,
     levels: tuple[float, float] | None = None,
+    least_levels: tuple[float, float] = (LEAST_MARKER_M, LEAST_DENSITY),
     probes_n: Array | None = None,
+    force_errors_n: Array | None = None,
+    u_force_errors: Array | None = None,
 ) -> DoubleImpulseMass:
     """Estimate the mass by generalized least squares of the displacement on the force's double integral.
 
@@ -131,8 +142,14 @@ def double_impulse_mass(
         Standard uncertainties of tau, v0 and c, which are zero to this; 0 to hold them, infinite to free them.
     levels : (float, float), optional
         Marker's noise in m and the walk's density, if they are known; otherwise the likeliest.
+    least_levels : (float, float)
+        What they are never taken to be better than.
     probes_n : ndarray, shape (n, n_probes), optional
         Errors that the force may have, finite, zero before the release.
+    force_errors_n : ndarray, shape (n, n_errors), optional
+        The same, each by one unit, that are unknowns: what a shot sees in different mixtures it tells apart.
+    u_force_errors : ndarray, shape (n_errors,), optional
+        Standard uncertainties of these, which are zero to this.
 
     Raises
     ------
@@ -155,12 +172,18 @@ def double_impulse_mass(
     impulse = DoubleIntegral.of(force_n, start_s, step_s)
     given = DoubleIntegral.of(other, start_s, step_s)
     rough = DoubleIntegral.of(force_n / rough_mass_kg + other, start_s, step_s)
+    own_errors = np.zeros((force_n.size, 0)) if force_errors_n is None else force_errors_n
+    u_errors = np.zeros(0) if u_force_errors is None else u_force_errors
+    if own_errors.shape != (force_n.size, u_errors.size):
+        raise ValueError(f"{u_errors.size} uncertainties do not fit errors of shape {own_errors.shape}")
     film = Film.of(frame_times_s, displacement_m, release_s, end_s, rough)
     t = film.times_s
     since = t - release_s
     columns = [impulse.at(t)[0], np.ones_like(t), rough.at(t)[1], since, 0.5 * since**2]
-    knowledge = [math.inf, math.inf, u_shift_s, u_velocity_m_s, u_zero_m_s2]
-    free = [j for j, u in enumerate(knowledge) if u > 0]
+    columns += [-DoubleIntegral.of(e / rough_mass_kg, start_s, step_s).at(t)[0] for e in own_errors.T]
+    knowledge = [math.inf, math.inf, u_shift_s, u_velocity_m_s, u_zero_m_s2, *u_errors.tolist()]
+    # an error that moves nothing is none
+    free = [j for j, u in enumerate(knowledge) if u > 0 and (j < _ERRORS or np.any(columns[j]))]
     target = film.positions_m - given.at(t)[0]
     table = np.column_stack([*(columns[j] for j in free), target])
     scale = np.sqrt((table[:, :-1] ** 2).sum(axis=0))
@@ -172,12 +195,13 @@ def double_impulse_mass(
         )
     table[:, :-1] /= scale
     priors = np.array([knowledge[j] for j in free]) * scale
-    least = max((force_sigma_n / rough_mass_kg) ** 2 * step_s, LEAST_DENSITY)
+    least = max((force_sigma_n / rough_mass_kg) ** 2 * step_s, least_levels[1])
     if levels is not None:
-        found = _fit(film, table, priors, *levels)
+        found = ImpulseFit.of(film, table, priors, *levels)
     else:
-        sigma = max(noise_sigma(film.positions_m), LEAST_MARKER_M)
-        found = _likeliest(film, table, priors, sigma, [inflation * least for inflation in INFLATIONS])
+        sigma = max(noise_sigma(film.positions_m), least_levels[0])
+        densities = [inflation * least for inflation in INFLATIONS]
+        found = ImpulseFit.likeliest(film, table, priors, sigma, densities, least_levels[0])
     values = dict(zip(free, (found.solution / scale).tolist(), strict=True))
     inverse = values[0]
     if not inverse > 0:
@@ -191,13 +215,18 @@ def double_impulse_mass(
     probes = np.zeros((force_n.size, 0)) if probes_n is None else probes_n
     errors = [inverse * DoubleIntegral.of(probe, start_s, step_s).at(t)[0] for probe in probes.T]
     answers = own * found.answers(film, np.column_stack([*errors, film.from_rest_m]))
-    by_prior = {j: own * abs(float(weight)) for j, weight in zip(free, found.by_priors, strict=True)}
+    by_prior = {j: own * float(weight) for j, weight in zip(free, found.by_priors, strict=True)}
+    told = [i for i, j in enumerate(free) if j >= _ERRORS]
+    at = [free[i] - _ERRORS for i in told]
+    unscaled = found.covariance / np.outer(scale, scale)
+    covariance = np.zeros((u_errors.size, u_errors.size))
+    covariance[np.ix_(at, at)] = unscaled[np.ix_(told, told)]
     return DoubleImpulseMass(
         mass_kg=mass,
         u_kg=own * found.u_by_rows,
-        u_shift_kg=by_prior.get(_SHIFT, 0.0),
+        u_shift_kg=abs(by_prior.get(_SHIFT, 0.0)),
         u_zero_kg=math.hypot(by_prior.get(_VELOCITY, 0.0), by_prior.get(_ZERO, 0.0)),
-        start_m=values[_START],
+        start_m=values[START],
         velocity_m_s=values.get(_VELOCITY, 0.0),
         zero_m_s2=values.get(_ZERO, 0.0),
         shift_s=values.get(_SHIFT, 0.0),
@@ -209,64 +238,8 @@ def double_impulse_mass(
         scale_answer_kg=float(answers[-1]),
         frames=int(t.size),
         set_aside=film.set_aside,
+        u_shift_s=math.sqrt(float(unscaled[free.index(_SHIFT), free.index(_SHIFT)])) if _SHIFT in free else 0.0,
+        force_errors=np.array([values.get(_ERRORS + j, 0.0) for j in range(u_errors.size)]),
+        force_error_covariance=covariance,
+        force_answers_kg=np.array([by_prior.get(_ERRORS + j, 0.0) for j in range(u_errors.size)]),
     )
-
-
-@dataclass(frozen=True, eq=False)
-class _Fit:
-    """Solution for one pair of noise levels: the first unknown's answers to rows, and to one u of each prior."""
-
-    solution: Array
-    by_rows: Array
-    by_priors: Array
-    residuals: Array
-    sigma: float
-    density: float
-    log_likelihood: float
-
-    @property
-    def u_by_rows(self) -> float:
-        return float(np.linalg.norm(self.by_rows))
-
-    def answers(self, film: Film, errors_m: Array) -> Array:
-        """Return by how much errors of the modelled travel lower the first unknown; at rest there are none."""
-        rows = film.whiten(errors_m, self.density / self.sigma**2)[0] / self.sigma
-        return np.asarray(self.by_rows[: rows.shape[0]] @ rows)
-
-
-def _fit(film: Film, table: Array, priors: Array, sigma: float, density: float) -> _Fit:
-    rows, log_determinant = film.whiten(table, density / sigma**2)
-    rows /= sigma
-    rest = np.zeros((1, table.shape[1]))
-    if film.rest_frames:
-        weight = math.sqrt(film.rest_frames) / sigma
-        # the column of ones was scaled with the others
-        rest[0, _START] = weight * float(table[0, _START])
-        rest[0, -1] = weight * film.rest_m
-    known = np.zeros((priors.size, table.shape[1]))
-    known[:, :-1] = np.diag(np.where(np.isfinite(priors), 1.0 / np.where(priors > 0, priors, 1.0), 0.0))
-    full = np.vstack([rows, rest, known])
-    design, target = full[:, :-1], full[:, -1]
-    inverse = np.linalg.pinv(design)
-    solution = inverse @ target
-    residuals = (target - design @ solution)[: rows.shape[0]]
-    by_rows, by_priors = inverse[0, : rows.shape[0] + 1], inverse[0, rows.shape[0] + 1 :]
-    misfit = float(residuals @ residuals) + log_determinant + 2.0 * rows.shape[0] * math.log(sigma)
-    return _Fit(solution, by_rows, by_priors, residuals, sigma, density, -0.5 * misfit)
-
-
-def _likeliest(film: Film, table: Array, priors: Array, sigma: float, densities: list[float]) -> _Fit:
-    """Find the marker's noise for each density of the walk, and the density that makes the positions likeliest."""
-    best: _Fit | None = None
-    for density in densities:
-        tried = _fit(film, table, priors, sigma, density)
-        for _ in range(SIGMA_STEPS):
-            freedom = max(tried.residuals.size - tried.solution.size, 1)
-            own = tried.sigma * math.sqrt(float(tried.residuals @ tried.residuals) / freedom)
-            tried = _fit(film, table, priors, max(own, LEAST_MARKER_M), density)
-        if best is not None and tried.log_likelihood <= best.log_likelihood + LIKELIER:
-            break
-        best, sigma = tried, tried.sigma
-    if best is None:
-        raise ValueError("there must be a density to try")
-    return best

@@ -102,21 +102,41 @@ class EstimatorInputs:
         return bridge(self.recorded.acceleration_m_s2, otherwise=0.0)
 
     @cached_property
+    def silent(self) -> Flags:
+        """Samples of the silence before the shot, shape (n,)."""
+        times = self.recorded.times_s
+        return np.asarray((times >= self.signals.quiet_s[0]) & (times < self.signals.quiet_s[1]))
+
+    @cached_property
+    def held_force_n(self) -> Array:
+        """Sum of the gauges' forces, their noise also where the part is held and F' is zero by construction."""
+        force = np.zeros(self.recorded.times_s.size)
+        for role, area in zip(PRESSURE_ROLES, AREAS, strict=True):
+            force += bridge(self.signals.get(role), otherwise=0.0) * getattr(self.rig.mechanism, area)
+        return force
+
+    @cached_property
+    def slow_force_n(self) -> float:
+        """Noise of the force at low frequency, per sample; zero without a silence."""
+        if np.count_nonzero(self.silent) < LEAST_SILENCE:
+            return 0.0
+        force = self.held_force_n[self.silent]
+        return math.sqrt(fit_noise([force - force.mean()], QUIET_ORDER).slow_density)
+
+    @cached_property
     def quiet(self) -> QuietNoise:
         """Noise of the silence; without a silence it is zero, and nothing is claimed by it."""
-        times = self.recorded.times_s
-        silent = (times >= self.signals.quiet_s[0]) & (times < self.signals.quiet_s[1])
+        silent = self.silent
         if np.count_nonzero(silent) < LEAST_SILENCE:
             return QuietNoise()
-        force = np.zeros(times.size)
-        for role, area in zip(PRESSURE_ROLES, AREAS, strict=True):
-            # before the release the regression's forces are zero by construction
-            force += bridge(self.signals.get(role), otherwise=0.0) * getattr(self.rig.mechanism, area)
+        force = self.held_force_n
         a, f = (side[silent] - side[silent].mean() for side in (self.acceleration_m_s2, force))
-        slow = [math.sqrt(fit_noise([side], QUIET_ORDER).slow_density) for side in (a, f)]
+        slow_acceleration = math.sqrt(fit_noise([a], QUIET_ORDER).slow_density)
         low_pass, rate_hz = self.filtered.low_pass, self.recorded.rate_hz
         behind = [side if low_pass is None else low_pass.apply(side, rate_hz) for side in (a, f)]
-        return QuietNoise(float(f.std()), slow[0], slow[1], float(behind[0].std()), float(behind[1].std()))
+        return QuietNoise(
+            float(f.std()), slow_acceleration, self.slow_force_n, float(behind[0].std()), float(behind[1].std())
+        )
 
     @cached_property
     def probes(self) -> ForceErrors:

@@ -27,6 +27,11 @@ from rigs.rig import Rig
 
 Array = NDArray[np.float64]
 
+UNCHECKED = (
+    "no accelerometer on the recoiling part: the camera's scale and velocity, and the forces' sign, impulse and skew, "
+    "cannot be checked by it; the residual of film and forces is what there is"
+)
+
 
 def check_shot(
     shot: Shot,
@@ -117,6 +122,8 @@ def _channels(
         checks += [QualityCheck(channel.name, name, verdict, detail) for name, (verdict, detail) in found]
     if recoil is not None and camera is not None and not recoil.turned:
         checks += check_carriage_by_camera(shot, rig, recoil, camera, by_clock.get(camera.time_base.clock))
+    if camera is not None and shot.by_role("recoil_acceleration") is None:
+        checks.append(QualityCheck(camera.name, "second sensor", "warn", UNCHECKED))
     if recoil is not None:
         checks += check_motion(shot, rig, recoil, rest_s, zero_by_camera=zero_by_camera)
     return checks

@@ -13,7 +13,9 @@ import numpy as np
 from daq.shot import InputFile, Shot
 from identification.analysis import Identification, Result
 from identification.budget import COVERAGE
+from identification.skew import RecorderSkew
 from identification.stress_waves import StressWaves
+from identification.zero_shift import ZeroShift
 
 SCHEMA = "recoil-daq/report/1"
 REPORT_FILE = "report.json"
@@ -24,6 +26,7 @@ METHOD_NOTES = {
     "calibrated": "acceleration on forces, both filtered alike, every sensor's scale restricted by its calibration",
     "reverse": "acceleration on force, both filtered alike",
     "forward": "force on acceleration, both filtered alike",
+    "camera": "displacement on the double integral of all forces, every gauge's scale restricted by its calibration",
     "kinematic": "as reverse, with the acceleration from the camera's displacement",
     "paper": "force on acceleration, unfiltered, as published in 2013: low by errors in variables",
     "tls": "total least squares behind the low-pass, the noises' ratio from the silence; over time as reverse",
@@ -108,31 +111,15 @@ def report_document(
         "quality": [
             {"channel": c.channel, "check": c.check, "verdict": c.verdict, "detail": c.detail} for c in shot.quality
         ],
-        "filter": {**found.filter_choice.to_json(), "mass_cutoff_hz": found.mass_low_pass.cutoff_hz},
-        "zero_shift": {
-            "demanded": found.zero_shift.demanded,
-            "confirmed": found.zero_shift.confirmed,
-            "criterion": found.zero_shift.criterion,
-            "step_m_s2": found.zero_shift.step_m_s2,
-            "u_step_m_s2": found.zero_shift.u_step_m_s2,
-            "decaying_m_s2": found.zero_shift.decaying_m_s2,
-            "u_decaying_m_s2": found.zero_shift.u_decaying_m_s2,
-            "time_constant_s": found.zero_shift.time_constant_s,
-            "kick_m_s": found.zero_shift.kick_m_s,
-            "u_kick_m_s": found.zero_shift.u_kick_m_s,
-        },
+        "filter": {**found.filter_choice.to_json(), "mass_cutoff_hz": _mass_cutoff_hz(found)},
+        "zero_shift": _zero_shift(found.zero_shift),
         "repairs": [*(one.to_json() for one in found.signals.repairs), *_fitted_zero(shot, found)],
-        "skew": {
-            "skew_s": found.skew.skew_s,
-            "u_skew_s": found.skew.u_s,
-            "corrected_s": found.skew.corrected_s,
-            "reason": found.skew.reason,
-        },
+        "skew": _skew(found.skew),
         "fusion": _fusion(found),
         "ringing": [_ringing(one) for one in found.stress_waves],
         "peak_acceleration": {
-            "recorded_m_s2": found.peaks.raw,
-            "filtered_m_s2": found.peaks.filtered,
+            "recorded_m_s2": None if found.peaks is None else found.peaks.raw,
+            "filtered_m_s2": None if found.peaks is None else found.peaks.filtered,
         },
         "methods": [_method(name, result, found) for name, result in found.results.items()],
         "sensors": [
@@ -150,7 +137,7 @@ def report_document(
             "version": version,
             "inputs": provenance_inputs(shot, shot_file),
             "parameters": {
-                "method": found.options.method,
+                "method": found.method,
                 "cutoff_hz": found.filtered.low_pass.cutoff_hz if found.filtered.low_pass else None,
                 "half_order": found.filtered.low_pass.half_order if found.filtered.low_pass else None,
                 "window_s": found.options.window_s,
@@ -171,6 +158,39 @@ def provenance_inputs(shot: Shot, shot_file: InputFile) -> list[dict[str, Any]]:
         {"file": f.name, "sha256": f.sha256, "size": f.size, "source": f.source, "reader": f.reader}
         for f in (shot_file, *shot.inputs)
     ]
+
+
+def _mass_cutoff_hz(found: Identification) -> float | None:
+    """Return the cut-off of the mass's own fit; None for the camera's, which passes no filter."""
+    return None if found.method == "camera" else found.mass_low_pass.cutoff_hz
+
+
+def _zero_shift(shift: ZeroShift | None) -> dict[str, Any] | None:
+    if shift is None:
+        return None
+    return {
+        "demanded": shift.demanded,
+        "confirmed": shift.confirmed,
+        "criterion": shift.criterion,
+        "step_m_s2": shift.step_m_s2,
+        "u_step_m_s2": shift.u_step_m_s2,
+        "decaying_m_s2": shift.decaying_m_s2,
+        "u_decaying_m_s2": shift.u_decaying_m_s2,
+        "time_constant_s": shift.time_constant_s,
+        "kick_m_s": shift.kick_m_s,
+        "u_kick_m_s": shift.u_kick_m_s,
+    }
+
+
+def _skew(skew: RecorderSkew | None) -> dict[str, Any] | None:
+    if skew is None:
+        return None
+    return {
+        "skew_s": skew.skew_s,
+        "u_skew_s": skew.u_s,
+        "corrected_s": skew.corrected_s,
+        "reason": skew.reason,
+    }
 
 
 def _endogeneity(found: Identification) -> dict[str, Any] | None:
@@ -204,13 +224,13 @@ def _constancy(found: Identification) -> dict[str, Any] | None:
 def _uncertainty(found: Identification) -> dict[str, Any]:
     """State how the interval came about, and what a Monte Carlo method says of it."""
     estimate = found.chosen.estimate
-    forward, reverse = (found.results[name].estimate.mass_kg for name in ("forward", "reverse"))
+    ends = [found.results[name].estimate.mass_kg for name in ("forward", "reverse") if name in found.results]
     stated: dict[str, Any] = {
         "degrees_of_freedom": estimate.degrees_of_freedom,
         "coverage": COVERAGE,
         "coverage_factor": estimate.coverage_factor,
         "U_kg": estimate.coverage_factor * estimate.u_kg,
-        "frisch_bracket_kg": sorted((forward, reverse)),
+        "frisch_bracket_kg": sorted(ends) or None,
         "monte_carlo": None,
     }
     drawn = found.monte_carlo
@@ -251,7 +271,7 @@ def _fusion(found: Identification) -> dict[str, Any] | None:
 def _fitted_zero(shot: Shot, found: Identification) -> list[dict[str, Any]]:
     """List a shifted zero among the repairs: it is taken off every sample since the onset."""
     accelerometer = shot.by_role("recoil_acceleration")
-    if not found.zero_shift.demanded or accelerometer is None:
+    if found.zero_shift is None or not found.zero_shift.demanded or accelerometer is None:
         return []
     times_s, onset_s = found.signals.times_s, found.signals.onset_s
     count = int(np.count_nonzero(times_s >= onset_s))

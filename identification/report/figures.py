@@ -11,6 +11,7 @@ from daq.channel import Channel
 from daq.shot import ClockAlignment
 from identification.analysis import Identification
 from identification.budget import COVERAGE_FACTOR
+from identification.method_result import CORRECTED
 from identification.regression import FORCES
 from identification.report.figure import Figure, HorizontalLine, Panel, Span, Trace
 from identification.signals import Signals, on_grid
@@ -141,7 +142,7 @@ def _force(found: Identification) -> Figure:
     ]
     m = found.chosen.estimate.mass_kg
     acceleration, force = r.acceleration_m_s2, r.force_n
-    if found.options.method == "calibrated":
+    if found.method in CORRECTED:
         acceleration, force = found.calibration.correct(r)
     return Figure(
         "force",
@@ -180,7 +181,7 @@ def _travel(found: Identification, camera: Channel | None, alignment: ClockAlign
     return Figure(
         "travel",
         "Recoil travel and velocity",
-        "The camera's track on the reference clock, and camera and accelerometers together with their 95 % band.",
+        f"The camera's track on the reference clock, and camera and {_others(found)} together with their 95 % band.",
         TIME,
         (
             Panel("travel, mm", tuple(traces), spans=_interval(found)),
@@ -188,6 +189,11 @@ def _travel(found: Identification, camera: Channel | None, alignment: ClockAlign
         ),
         shown=_shown(found),
     )
+
+
+def _others(found: Identification) -> str:
+    """Name what the camera's track is compared and fused with."""
+    return "forces" if found.method == "camera" else "accelerometers"
 
 
 def _banded(name: str, times_s: Array, values: Array, u: Array, unit: str) -> Trace:
@@ -242,12 +248,12 @@ def _motion_alignment(alignment: ClockAlignment, found: Identification, camera: 
     return Figure(
         f"alignment-{alignment.clock}",
         f"Alignment of clock {alignment.clock}",
-        f"Camera less accelerometers, and the likelihood around the offset of {1e3 * alignment.offset_s:+.4f} ms "
+        f"Camera less {_others(found)}, and the likelihood around the offset of {1e3 * alignment.offset_s:+.4f} ms "
         f"(u {1e6 * alignment.u_offset_s:.1f} us).",
         TIME,
         (
             Panel(
-                "camera - accelerometers, mm",
+                f"camera - {_others(found)}, mm",
                 (Trace("difference", signals.times_s, residual, "measured", "mm"),),
                 (HorizontalLine("zero", 0.0, "mean"),),
                 _interval(found),
@@ -268,19 +274,26 @@ def _spectrum(found: Identification) -> Figure:
     part = slice(inside[0], inside[-1] + 1)
     window = np.hanning(inside.size)
     density = []
-    for column in (r.acceleration_m_s2[part], found.filtered.acceleration_m_s2[part], r.force_n[part]):
+    columns = [found.filtered.acceleration_m_s2[part], r.force_n[part], r.acceleration_m_s2[part]]
+    for column in columns[: 2 if found.method == "camera" else 3]:
         clean = np.nan_to_num(column)
         spectrum = np.abs(np.fft.rfft(window * clean)) ** 2 * 2 / (r.rate_hz * float(window @ window))
         density.append(np.maximum(spectrum, 1e-30))
     frequency = np.fft.rfftfreq(inside.size, r.step_s)
     keep = frequency > 0
     m = found.chosen.estimate.mass_kg
-    floor = 1e-9 * float(density[0][keep].max())
+    floor = 1e-9 * float(density[-1][keep].max() if len(density) == 3 else density[0][keep].max())
     cutoff_hz = _cutoff(found.filtered.low_pass)
     spans = [Span("cut-off", cutoff_hz, cutoff_hz)]
     said = found.filter_choice.cutoff
     if said is not None and math.isfinite(said.valley_hz) and math.isfinite(said.shoulder_hz):
         spans.append(Span(f"gap, {said.depth_db:.0f} dB deep", said.valley_hz, said.shoulder_hz))
+    traces = [
+        Trace("a', filtered", frequency[keep], np.maximum(density[0][keep], floor), "filtered", ""),
+        Trace("F'/m, recorded", frequency[keep], density[1][keep] / m**2, "model", ""),
+    ]
+    if len(density) == 3:
+        traces.insert(0, Trace("a', recorded", frequency[keep], density[2][keep], "measured", ""))
     return Figure(
         "spectrum",
         "Spectrum of the acceleration before and after the filter",
@@ -290,11 +303,7 @@ def _spectrum(found: Identification) -> Figure:
         (
             Panel(
                 "(m/s^2)^2/Hz",
-                (
-                    Trace("a', recorded", frequency[keep], density[0][keep], "measured", ""),
-                    Trace("a', filtered", frequency[keep], np.maximum(density[1][keep], floor), "filtered", ""),
-                    Trace("F'/m, recorded", frequency[keep], density[2][keep] / m**2, "model", ""),
-                ),
+                tuple(traces),
                 spans=tuple(spans),
                 y_scale="log",
             ),

@@ -160,11 +160,12 @@ def coverage(report: Report) -> list[str]:
             f"{'within' if drawn['agrees'] else 'beyond'} the numerical tolerance of {plain(drawn['tolerance_kg'])} kg"
             f"{'' if drawn['converged'] else ', which the draws have not reached'}."
         )
-    low, high = (fixed(limit, 2) for limit in stated["frisch_bracket_kg"])
-    sentences.append(
-        f"Frisch's bracket, force on acceleration and acceleration on force, both filtered: {low} kg to {high} kg; its "
-        "width is what noise in both can do to a regression of one on the other."
-    )
+    if stated.get("frisch_bracket_kg"):
+        low, high = (fixed(limit, 2) for limit in stated["frisch_bracket_kg"])
+        sentences.append(
+            f"Frisch's bracket, force on acceleration and acceleration on force, both filtered: {low} kg to {high} kg; "
+            "its width is what noise in both can do to a regression of one on the other."
+        )
     for key in ("endogeneity", "constancy"):
         detail = (report.get(key) or {}).get("detail")
         if detail:
@@ -215,6 +216,8 @@ def conditioning(report: Report) -> list[str]:
         basis = {"given": "as asked for", "shot": "chosen from this shot's spectra",
                  "campaign": "chosen from the spectra of all shots together", "default": "a fixed one"}  # fmt: skip
         order = 2 * said.get("half_order", 4)
+        if report["mass"].get("method") == "camera":
+            sentences.append("The mass is that of displacement and forces as recorded; no filter is in it.")
         sentences.append(
             f"Both sides of the equation of motion pass one zero-phase Butterworth low-pass of order {order}, "
             f"-3 dB at {plain(float(significant(said['cutoff_hz'], 3)))} Hz, {basis.get(str(said.get('basis')), '')}: "

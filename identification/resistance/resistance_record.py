@@ -153,7 +153,7 @@ def resistance_record(
         noise_n=math.hypot(*(n for n in noise if math.isfinite(n))),
         u_mass_kg=m.u.get("m3", 0.0),
         u_velocity_scale=u_scale,
-        u_clock_s=found.skew.u_s if math.isfinite(found.skew.u_s) else 0.0,
+        u_clock_s=found.inertial.skew.u_s if math.isfinite(found.inertial.skew.u_s) else 0.0,
     )
     return ResistanceRecord(
         times_s=times,

@@ -179,7 +179,7 @@ def find(case: Case) -> Finding:
 
 def _identify(case: Case) -> _Found:
     shot = case.identified
-    filtered, calibration = shot.filtered, shot.calibration
+    filtered, calibration = shot.filtered, shot.inertial.calibration
     acceleration, force = calibration.correct(filtered)
     grid = order_grid(range(LARGEST_NA + 1), range(LARGEST_NB + 1), DELAYS)
     choice = choose_model(lambda share: decimated(filtered, acceleration, force, share=share), BANDS, grid)

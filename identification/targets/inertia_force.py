@@ -98,8 +98,10 @@ def find(case: Case) -> Finding:
     agreement = float(np.mean(ratio <= COVERAGE_FACTOR)) if ratio.size else math.nan
     plausible = float(np.mean(ratio <= LARGEST_SIGNIFICANCE)) if ratio.size else math.nan
     reasons = [f"the recoiling mass is doubtful: {reason}" for reason in case.identified.reasons]
-    if case.identified.zero_shift.demanded:
-        reasons.append(f"the zero of the recoil accelerometer shifted at the shot: {case.identified.zero_shift}.")
+    if case.identified.inertial.zero_shift.demanded:
+        reasons.append(
+            f"the zero of the recoil accelerometer shifted at the shot: {case.identified.inertial.zero_shift}."
+        )
     if not plausible >= LEAST_AGREEMENT:
         reasons.append(
             f"inertia force and gauges differ by more than {LARGEST_SIGNIFICANCE} standard uncertainties in "

@@ -103,7 +103,7 @@ def _parts(case: Case, found: Identification) -> _Parts:
     curve = fit_brake(record, m.brake_area, np.linspace(low, high, CURVE))
     friction = packing_friction(
         found.filtered,
-        found.calibration,
+        found.inertial.calibration,
         scales,
         prepared.signals.offsets["recoil_acceleration"].u,
         camera_scale(found.camera, prepared.camera_clock),

@@ -8,7 +8,7 @@ import pytest
 
 from identification.budget import BudgetRow
 from identification.mass import MassEstimate
-from identification.verdict import CERTAINLY_VARIES, _varies
+from identification.verdict import CERTAINLY_VARIES, varies
 
 
 @dataclass
@@ -26,7 +26,7 @@ ESTIMATE = MassEstimate("calibrated", 782.0, (BudgetRow("all", 3.0, "B"),), 100,
 
 
 @pytest.mark.parametrize(
-    ("p", "change_kg", "varies"), [(1e-4, -8.0, True), (1e-4, 8.0, True), (1e-4, -0.4, False), (0.03, -8.0, False)]
+    ("p", "change_kg", "expected"), [(1e-4, -8.0, True), (1e-4, 8.0, True), (1e-4, -0.4, False), (0.03, -8.0, False)]
 )
-def test_only_a_change_beyond_chance_and_beyond_the_uncertainty_counts(p, change_kg, varies):
-    assert _varies(Judged(p, change_kg), CERTAINLY_VARIES, ESTIMATE) is varies
+def test_only_a_change_beyond_chance_and_beyond_the_uncertainty_counts(p, change_kg, expected):
+    assert varies(Judged(p, change_kg), CERTAINLY_VARIES, ESTIMATE) is expected

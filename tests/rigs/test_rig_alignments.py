@@ -177,3 +177,18 @@ def test_delays_of_a_chain_are_declared_with_their_sensor():
     sensor = sound.channel("acc").sensor
     assert (sensor.filter_type, sensor.filter_order, sensor.u_delay_s) == ("bessel", 8, 1e-6)
     assert (sensor.resonance_hz, sensor.resonance_damping) == (900.0, 0.03)
+
+
+def test_a_camera_is_aligned_by_the_forces_where_it_has_the_travel():
+    breech = channel("p", "daq", "pressure", "breech_pressure")
+    align = source('method = "motion", against = "p"', kind="camera", more="frame_rate = 1000.0\n")
+    sound = rig(align, breech, channel("x", "other", "displacement", "recoil_displacement"))
+    found = sound.motion_channel(sound.source("other"))
+    assert found is not None
+    assert found.name == "x"
+    told = fault(align, breech, channel("x", "other", "displacement"))
+    assert "motion against the forces needs a channel of role recoil_displacement" in told
+    brake = channel("p", "daq", "pressure", "brake_pressure")
+    assert "must be an acceleration" in fault(
+        align, brake, channel("x", "other", "displacement", "recoil_displacement")
+    )

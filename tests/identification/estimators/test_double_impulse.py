@@ -134,3 +134,41 @@ def test_arguments_that_are_none_are_refused():
         estimated(u_shift_s=-1.0)
     with pytest.raises(ValueError, match="rough_mass_kg"):
         estimated(rough_mass_kg=0.0)
+
+
+def restricted(force_n: np.ndarray, u: tuple[float, ...]) -> DoubleImpulseMass:
+    """Estimate with an error of each gauge's force as an unknown of its own."""
+    errors = record_errors()
+    return estimated(force=force_n, force_errors_n=errors, u_force_errors=np.array(u), levels=(MARKER_SIGMA_M, 1e-4))
+
+
+def record_errors() -> np.ndarray:
+    return TRUE.forces_n[:, :2]
+
+
+def test_an_error_of_a_force_that_is_free_is_found_and_does_not_move_the_mass():
+    wrong = FORCE + 0.02 * record_errors()[:, 1]
+    assert estimated(force=wrong, levels=(MARKER_SIGMA_M, 1e-4)).mass_kg != pytest.approx(MASS_KG, rel=5e-4)
+    found = restricted(wrong, (1e-6, 1.0))
+    assert found.mass_kg == pytest.approx(MASS_KG, rel=5e-4)
+    assert found.force_errors[1] == pytest.approx(0.02, abs=1e-3)
+    assert found.force_error_covariance[1, 1] < 1e-4
+
+
+def test_errors_that_are_known_to_be_none_change_nothing():
+    plain, held = estimated(levels=(MARKER_SIGMA_M, 1e-4)), restricted(FORCE, (0.0, 0.0))
+    assert held.mass_kg == plain.mass_kg
+    assert held.u_kg == plain.u_kg
+    assert np.array_equal(held.force_answers_kg, [0.0, 0.0])
+
+
+def test_the_answer_to_a_calibration_is_that_of_a_gauge_which_is_off_by_its_uncertainty():
+    u = 0.01
+    found = restricted(FORCE, (1e-9, u))
+    off = restricted(FORCE + u * record_errors()[:, 1], (1e-9, u))
+    assert off.mass_kg - found.mass_kg == pytest.approx(found.force_answers_kg[1], rel=0.05)
+
+
+def test_uncertainties_that_do_not_fit_the_errors_are_refused():
+    with pytest.raises(ValueError, match="do not fit errors"):
+        estimated(force_errors_n=record_errors(), u_force_errors=np.ones(3))
