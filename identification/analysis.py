@@ -39,7 +39,7 @@ from identification.trace_window import choose_trace_window
 from identification.uncertainty import further_contributions
 from identification.verdict import notes_on, reasons_against
 from identification.zero_shift import ZeroShift, calibrated_with_zero_shift
-from processing.repeatability import shot_peaks
+from processing.quality.repeatability import shot_peaks
 from rigs.rig import Rig
 
 __all__ = [

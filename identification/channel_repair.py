@@ -1,7 +1,7 @@
 """What is mended of a channel before the equation of motion uses it, and what the mending leaves uncertain.
 
 What an instrument did to its own samples is mended on them: drop-outs are masked, clipped tips are rebuilt
-where the rule of `processing.clipping` allows it, and masked where it does not. What it added to all of them is
+where the rule of `processing.repairs.clipping` allows it, and masked where it does not. What it added to all of them is
 taken off on the grid, where the silence is known: the mains' hum, and the droop of an AC-coupled chain.
 """
 
@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from daq.channel import Channel
 from daq.quantity import SI_UNITS
-from processing.clipping import find_clipped, repair_clipping
-from processing.droop import invert_droop
-from processing.dropouts import find_drop_outs
-from processing.hum import subtract_hum
-from processing.repair import Repair, Repaired, runs_of
+from processing.repairs.clipping import find_clipped, repair_clipping
+from processing.repairs.droop import invert_droop
+from processing.repairs.dropouts import find_drop_outs
+from processing.repairs.hum import subtract_hum
+from processing.repairs.repair import Repair, Repaired, runs_of
 from rigs.assemble import range_si
 from rigs.rig import ChannelSpec
 

@@ -13,9 +13,9 @@ from daq.channel import Channel
 from daq.shot import ClockAlignment, Shot
 from identification.instants import Instants, instants
 from identification.motion_clocks import align_by_comparison, align_by_motion, evenly, samples_of
-from processing.align import failed_alignment, judge_edges
-from processing.alignment_budget import with_second_opinion, with_uncertainty
-from processing.trigger_alignment import align_edges, rising_edges
+from processing.alignment.align import failed_alignment, judge_edges
+from processing.alignment.alignment_budget import with_second_opinion, with_uncertainty
+from processing.alignment.trigger_alignment import align_edges, rising_edges
 from rigs.rig import (
     ExposureAlignment,
     FixedAlignment,

@@ -12,7 +12,7 @@ from identification.filmed_recoil import FilmedRecoil
 from identification.regression import Regression
 from identification.trace import MassTrace
 from identification.verdict import CERTAINLY_VARIES, doubted_sensors, reasons_against_record, varies
-from processing.align import INNOVATION_LIMITS, MOST_INFLATION, MOST_SET_ASIDE
+from processing.alignment.align import INNOVATION_LIMITS, MOST_INFLATION, MOST_SET_ASIDE
 from processing.noise import noise_sigma
 from rigs.rig import Rig
 

@@ -18,7 +18,7 @@ from identification.force_errors import NamedErrors, force_errors
 from identification.forced_recoil import CARRIAGE_ROLES, RATE_ROLES, ForcedRecoil, require_forces
 from identification.kinematics import fused_motion, travel_and_velocity
 from identification.signals import Signals, at_instants
-from processing.fusion import FusedMotion
+from processing.motion.fusion import FusedMotion
 from rigs.rig import Rig
 
 Array = NDArray[np.float64]

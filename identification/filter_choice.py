@@ -1,8 +1,8 @@
 """Which low-pass both sides of the equation of motion pass, and why that one.
 
 The cut-off is chosen from the data: where the spectra of the acceleration and of the force say that
-motion and stress waves part (`processing.cutoff`). Several shots of one rig are given one cut-off
-(`processing.campaign_cutoff`). Where no spectrum tells, a fixed one stands in, and the report says so.
+motion and stress waves part (`processing.spectra.cutoff`). Several shots of one rig are given one cut-off
+(`processing.spectra.campaign_cutoff`). Where no spectrum tells, a fixed one stands in, and the report says so.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ import numpy as np
 
 from daq.shot import Shot
 from identification.regression import Regression
-from processing.campaign_cutoff import campaign_cutoff
-from processing.cutoff import CutoffChoice
 from processing.filters import LowPass
-from processing.spectral_gap import ShotSpectrum, shot_spectrum
+from processing.spectra.campaign_cutoff import campaign_cutoff
+from processing.spectra.cutoff import CutoffChoice
+from processing.spectra.spectral_gap import ShotSpectrum, shot_spectrum
 
 Basis = Literal["given", "shot", "campaign", "default"]
 

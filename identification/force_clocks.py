@@ -21,10 +21,10 @@ from identification.estimators.double_impulse import DoubleImpulseMass
 from identification.forced_recoil import ForcedRecoil
 from identification.instants import instants
 from identification.signals import collect_signals
-from processing.align import failed_alignment, judge_motion
-from processing.alignment_budget import with_uncertainty
-from processing.motion_alignment import align_motion
-from processing.motion_fit import MotionFit
+from processing.alignment.align import failed_alignment, judge_motion
+from processing.alignment.alignment_budget import with_uncertainty
+from processing.alignment.motion_alignment import align_motion
+from processing.alignment.motion_fit import MotionFit
 from rigs.rig import Rig
 
 Array = NDArray[np.float64]

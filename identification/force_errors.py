@@ -16,7 +16,7 @@ from identification.forced_recoil import CARRIAGE_ROLES, RATE_ROLES, ForcedRecoi
 from identification.kinematics import Turning, relative_to_tipping_part
 from identification.regression import AREAS, PRESSURE_ROLES
 from identification.signals import static_value
-from processing.double_integral import integrate
+from processing.motion.double_integral import integrate
 
 Array = NDArray[np.float64]
 

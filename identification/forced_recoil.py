@@ -23,7 +23,7 @@ from identification.mass import ScaleUncertainty
 from identification.regression import PRESSURE_ROLES, Regression, build_regression
 from identification.sensor_scales import scale_uncertainty
 from identification.signals import Signals
-from processing.double_integral import integrate
+from processing.motion.double_integral import integrate
 from rigs.rig import Rig
 
 Array = NDArray[np.float64]

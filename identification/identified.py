@@ -27,10 +27,10 @@ from identification.skew import RecorderSkew
 from identification.stress_waves import StressWaves
 from identification.trace import MassTrace
 from identification.zero_shift import ZeroShift
-from processing.cutoff import CutoffChoice
 from processing.filters import LowPass
-from processing.fusion import FusedMotion
-from processing.repeatability import ShotPeaks
+from processing.motion.fusion import FusedMotion
+from processing.quality.repeatability import ShotPeaks
+from processing.spectra.cutoff import CutoffChoice
 
 Array = NDArray[np.float64]
 Method = Literal[

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from daq.channel import Channel
 from daq.frames.values import unwrap
 from daq.shot import Shot
-from processing.aliasing import USUAL_ORDER
-from processing.analog_filter import AnalogLowPass
-from processing.delays import Delay, declared_delay, exposure_delay, filter_delay, mount_delay, sum_of
-from processing.stamps import EvenStamps, even_stamps
+from processing.alignment.aliasing import USUAL_ORDER
+from processing.alignment.delays import Delay, declared_delay, exposure_delay, filter_delay, mount_delay, sum_of
+from processing.alignment.stamps import EvenStamps, even_stamps
+from processing.filters.analog_filter import AnalogLowPass
 from rigs.rig import ChannelSpec, Rig, Sensor, Source
 
 Array = NDArray[np.float64]

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from daq.channel import Channel
 from daq.shot import ClockAlignment
 from identification.signals import Signals, on_grid
-from processing.bridged_gaps import bridge_errors
-from processing.derivative import second_derivative
+from processing.alignment.motion_alignment import INFLATIONS, integrate
 from processing.filters import Filtered, LowPass, filter_alike
-from processing.fusion import FusedMotion, fuse
 from processing.gaps import bridge
-from processing.motion_alignment import INFLATIONS, integrate
+from processing.motion.derivative import second_derivative
+from processing.motion.fusion import FusedMotion, fuse
 from processing.noise import noise_sigma
+from processing.repairs.bridged_gaps import bridge_errors
 from rigs.mechanism import (
     Mechanism,
     relative_acceleration,

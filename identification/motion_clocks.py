@@ -1,9 +1,9 @@
 """A clock from a motion that both it and the reference clock recorded, in the same quantity or in two.
 
-Travel against acceleration is `processing.motion_alignment`: the accelerometer's noise, integrated twice, is a part of
-that model. Quantities one integral apart are compared as a channel and its repeat
-(`processing.redundant_alignment`), the integral differentiated first: behind the common low-pass a derivative is sound,
-where an integrated acceleration has a walk of its own.
+Travel against acceleration is `processing.alignment.motion_alignment`: the accelerometer's noise, integrated twice, is
+a part of that model. Quantities one integral apart are compared as a channel and its repeat
+(`processing.alignment.redundant_alignment`), the integral differentiated first: behind the common low-pass a derivative
+is sound, where an integrated acceleration has a walk of its own.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from identification.force_clocks import align_by_force
 from identification.instants import anti_alias_filter, instants
 from identification.kinematics import bridged_kicks, travel_acceleration, turning
 from identification.signals import Signals, collect_signals
-from processing.align import failed_alignment, judge_motion, judge_redundant
-from processing.alignment_budget import with_uncertainty
+from processing.alignment.align import failed_alignment, judge_motion, judge_redundant
+from processing.alignment.alignment_budget import with_uncertainty
+from processing.alignment.motion_alignment import align_motion
+from processing.alignment.redundant_alignment import align_redundant
 from processing.gaps import bridge
-from processing.motion_alignment import align_motion
 from processing.noise import noise_sigma
-from processing.redundant_alignment import align_redundant
 from rigs.rig import MOTIONS, Rig, Source
 
 Array = NDArray[np.float64]

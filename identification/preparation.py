@@ -25,10 +25,10 @@ from identification.sensor_observations import CameraScale
 from identification.signals import Signals, at_instants, collect_signals, static_value
 from identification.skew import without_skew
 from identification.zero_shift import Filmed
-from processing.double_integral import DoubleIntegral
-from processing.fusion import FusedMotion
-from processing.motion_alignment import INFLATIONS
-from processing.scale_and_zero import filmed_motion
+from processing.alignment.motion_alignment import INFLATIONS
+from processing.motion.double_integral import DoubleIntegral
+from processing.motion.fusion import FusedMotion
+from processing.motion.scale_and_zero import filmed_motion
 from rigs.rig import MotionAlignment, RedundantAlignment, Rig
 
 Array = NDArray[np.float64]

@@ -18,7 +18,7 @@ from identification.budget import BudgetRow
 from identification.calibration import Calibration
 from identification.regression import Regression
 from identification.uncertainty import corrected_mass
-from processing.channel_skew import COVERAGE, measure_skew
+from processing.alignment.channel_skew import COVERAGE, measure_skew
 
 Array = NDArray[np.float64]
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from daq.shot import Shot
 from identification.filter_choice import FilterChoice
 from identification.signals import Signals
-from processing.cutoff import CutoffChoice, refusal
-from processing.stress_wave import StressWaveReport, strip_stress_waves
+from processing.spectra.cutoff import CutoffChoice, refusal
+from processing.stress_waves.stress_wave import StressWaveReport, strip_stress_waves
 
 RINGING_ROLES = {
     "recoil_acceleration": "acceleration",

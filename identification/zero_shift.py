@@ -23,7 +23,7 @@ from identification.mass import ScaleUncertainty
 from identification.regression import Regression
 from identification.sensor_observations import CAMERA_SCALE, CAMERA_SHIFT, CameraScale
 from processing.filters import LowPass
-from processing.scale_and_zero import FilmedMotion, ScaleAndZero
+from processing.motion.scale_and_zero import FilmedMotion, ScaleAndZero
 
 Array = NDArray[np.float64]
 

@@ -12,9 +12,9 @@ from daq.store import read_shot
 from identification.default_method import default_method
 from identification.filter_choice import campaign_choice, force_spectra
 from identification.preparation import prepare
-from processing.cutoff import CutoffChoice
-from processing.repeatability import ShotPeaks, check_repeat_peaks
-from processing.spectral_gap import ShotSpectrum
+from processing.quality.repeatability import ShotPeaks, check_repeat_peaks
+from processing.spectra.cutoff import CutoffChoice
+from processing.spectra.spectral_gap import ShotSpectrum
 from rigs.rig import parse_rig
 
 Progress = Callable[[str], None]

@@ -8,7 +8,7 @@ with D_F and D_K the double integrals of the force and of the acceleration that 
 carriage's motion), tau what is left of the clocks' offset, c a zero of the motion's other sensors, n the marker's white
 noise and w the walk that the force's noise integrates to. No acceleration is measured: stress waves and zero shifts
 of accelerometers do not matter. It is generalized least squares: a Kalman filter of the walk makes the rows
-independent (`processing.velocity_walk`). At rest before the release all that is unknown is x0.
+independent (`processing.alignment.velocity_walk`). At rest before the release all that is unknown is x0.
 
 Noise levels are those that make the positions likeliest; the walk has at least the force's noise of the silence.
 """
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from daq.errors import IdentificationError
 from identification.estimators.film import Film
 from identification.estimators.impulse_fit import LEAST_MARKER_M, LIKELIER, START, ImpulseFit
-from processing.double_integral import DoubleIntegral
+from processing.motion.double_integral import DoubleIntegral
 from processing.noise import noise_sigma
 
 __all__ = ["INFLATIONS", "LEAST_DENSITY", "LEAST_MARKER_M", "LIKELIER", "DoubleImpulseMass", "double_impulse_mass"]

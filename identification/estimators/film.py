@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from daq.errors import IdentificationError
-from processing.double_integral import DoubleIntegral
+from processing.alignment.velocity_walk import WalkFilter
+from processing.motion.double_integral import DoubleIntegral
 from processing.noise import noise_sigma
 from processing.outliers import isolated_outliers, stuck_repeats
-from processing.velocity_walk import WalkFilter
 
 Array = NDArray[np.float64]
 

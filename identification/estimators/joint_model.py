@@ -12,7 +12,7 @@ from identification.estimators.autoregressive_noise import AutoregressiveNoise, 
 from identification.estimators.double_impulse import INFLATIONS, LEAST_DENSITY, LEAST_MARKER_M, LIKELIER
 from identification.estimators.film import Film
 from identification.estimators.joint_recoil import Knowledge, NoiseLevels, Recoil
-from processing.double_integral import DoubleIntegral
+from processing.motion.double_integral import DoubleIntegral
 
 Array = NDArray[np.float64]
 

@@ -4,8 +4,8 @@ State of a Kalman smoother: travel, velocity, 1/m, the shift b of the accelerome
 the force's record is later than the motion's, the camera's rest position and clock, and the errors g and c of the
 accelerometer's and the camera's scale. 1/m to the last are constants and the model is nearly linear in them, so that
 the iterated smoother is Gauss and Newton's iteration (B. M. Bell, SIAM J. Optim. 4(3), 1994): travel and velocity are
-filtered out of every column of the linearised model (`processing.velocity_walk`), the constants follow by least
-squares, and the smoothed walk makes up travel and velocity.
+filtered out of every column of the linearised model (`processing.alignment.velocity_walk`), the constants follow by
+least squares, and the smoothed walk makes up travel and velocity.
 
 Force and accelerometer both tell the true acceleration, and which of them drives the filter matters: what is best is
 their mean, weighted by their noise at low frequency, because its error and that of their difference are
@@ -41,8 +41,8 @@ from identification.estimators.joint_model import (
 )
 from identification.estimators.joint_recoil import Knowledge, NoiseLevels, Recoil
 from identification.estimators.prewhitening import prewhitened_mass
+from processing.motion.walk_smoother import WalkSmoother
 from processing.noise import noise_sigma
-from processing.walk_smoother import WalkSmoother
 
 Array = NDArray[np.float64]
 

@@ -27,7 +27,7 @@ from identification.forces.input_smoother import InputModel, Smoothed, follow_in
 from identification.forces.measured_force import FilmedTravel, MeasuredForce
 from processing.filters import LowPass
 from processing.gaps import bridge
-from processing.ringing import Mode
+from processing.stress_waves.ringing import Mode
 
 Array = NDArray[np.float64]
 

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from identification.forces.measured_force import FilmedTravel, MeasuredForce
 from identification.forces.regularised_inversion import Inversion, invert
-from processing.double_integral import DoubleIntegral
 from processing.gaps import bridge
+from processing.motion.double_integral import DoubleIntegral
 
 Array = NDArray[np.float64]
 

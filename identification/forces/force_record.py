@@ -23,8 +23,8 @@ from identification.signals import Signals, at_instants, collect_signals, static
 from processing.filters import LowPass
 from processing.gaps import bridge
 from processing.noise import noise_sigma
-from processing.ringing import Mode
-from processing.stress_wave import strip_stress_waves
+from processing.stress_waves.ringing import Mode
+from processing.stress_waves.stress_wave import strip_stress_waves
 from rigs.rig import Rig
 
 Array = NDArray[np.float64]

@@ -16,10 +16,10 @@ from identification.parameters.mechanism_rows import MechanismRows
 from identification.parameters.sensor_errors import sensor_errors
 from identification.preparation import Prepared
 from identification.regression import FORCES, PRESSURE_ROLES, Regression
-from processing.analog_filter import AnalogLowPass
+from processing.alignment.motion_alignment import integrate
 from processing.filters import LowPass, filter_alike
+from processing.filters.analog_filter import AnalogLowPass
 from processing.gaps import bridge
-from processing.motion_alignment import integrate
 from rigs.mechanism_regressor import Geometry
 from rigs.rig import Rig
 

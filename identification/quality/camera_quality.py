@@ -13,9 +13,7 @@ from daq.channel import Channel
 from daq.quantity import SI_UNITS
 from daq.readers.reader import Recording
 from daq.shot import ClockAlignment, QualityCheck
-from processing.align import INNOVATION_LIMITS
-from processing.film_checks import duplicated_pictures
-from processing.marker_checks import marker_noise
+from processing.alignment.align import INNOVATION_LIMITS
 from processing.quality import (
     Outcome,
     check_battery,
@@ -30,7 +28,9 @@ from processing.quality import (
     check_repeated_frames,
     check_residual,
 )
-from processing.track_quality import rest_begin
+from processing.quality.film_checks import duplicated_pictures
+from processing.quality.marker_checks import marker_noise
+from processing.quality.track_quality import rest_begin
 from rigs.rig import ChannelSpec, Source
 
 Array = NDArray[np.float64]

@@ -18,7 +18,7 @@ from daq.shot import ClockAlignment, QualityCheck, Shot
 from identification.preparation import filmed
 from identification.quality.motion_quality import Recoil
 from identification.signals import at_instants
-from processing.align import INNOVATION_LIMITS
+from processing.alignment.align import INNOVATION_LIMITS
 from processing.quality import check_carriage
 from rigs.rig import Rig
 

@@ -16,7 +16,6 @@ from identification.quality.motion_quality import CUTOFF_HZ, SLOWEST_SHARE
 from identification.signals import QUIET_MARGIN_S, static_value
 from processing.filters import LowPass
 from processing.gaps import bridge, near
-from processing.hum import Hum, subtract_hum
 from processing.quality import (
     Outcome,
     check_aliasing,
@@ -36,8 +35,9 @@ from processing.quality import (
     check_steady_silence,
     check_time_steps,
 )
-from processing.spectral_checks import last_octave_fall_db
-from processing.spectral_gap import SpectralGap, find_gap
+from processing.quality.spectral_checks import last_octave_fall_db
+from processing.repairs.hum import Hum, subtract_hum
+from processing.spectra.spectral_gap import SpectralGap, find_gap
 from rigs.assemble import range_si
 from rigs.rig import ChannelSpec, ExposureAlignment, MotionAlignment, RedundantAlignment, Rig, TriggerAlignment
 

@@ -15,11 +15,10 @@ from daq.shot import ClockAlignment, QualityCheck, Shot
 from identification.kinematics import Turning, inertial_acceleration, travel_acceleration, turning
 from identification.regression import AREAS, PRESSURE_ROLES, Regression, build_regression
 from identification.signals import Signals, collect_signals, static_value
-from processing.channel_skew import Skew, measure_skew
-from processing.double_integral import DoubleIntegral, integrate
+from processing.alignment.channel_skew import Skew, measure_skew
 from processing.filters import LowPass
 from processing.gaps import bridge
-from processing.motion_checks import velocity_error
+from processing.motion.double_integral import DoubleIntegral, integrate
 from processing.quality import (
     Outcome,
     check_braking,
@@ -30,6 +29,7 @@ from processing.quality import (
     check_velocity,
     check_zero_shift,
 )
+from processing.quality.motion_checks import velocity_error
 from rigs.rig import Rig
 
 Array = NDArray[np.float64]

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.budget import COVERAGE_FACTOR
-from processing.double_integral import integrate
+from processing.motion.double_integral import integrate
 
 Array = NDArray[np.float64]
 

@@ -19,8 +19,8 @@ from identification.instants import anti_alias_filter
 from identification.preparation import Prepared
 from identification.regression import AREAS, PRESSURE_ROLES
 from identification.supports.mechanism_loads import MeasuredMotion
-from processing.analog_filter import AnalogLowPass
 from processing.filters import LowPass, filter_alike
+from processing.filters.analog_filter import AnalogLowPass
 from rigs.mechanism import Mechanism
 from rigs.rig import Rig
 

@@ -25,7 +25,7 @@ from identification.estimators.joint_recoil import Knowledge, Recoil
 from identification.estimators.joint_smoother import JointMass, joint_mass
 from identification.estimators.prewhitening import prewhitened_mass
 from identification.estimators.weak_form import weak_displacement_mass, weak_mass
-from processing.double_integral import DoubleIntegral
+from processing.motion.double_integral import DoubleIntegral
 from tests.builders.recoil_scenario import (
     ACCELERATION_NOISE,
     AMPLITUDE_SPREAD,

@@ -16,9 +16,8 @@ import numpy as np
 import pytest
 from scipy.signal import sosfiltfilt
 
-from processing import interleaved_kernel
-from processing.filter_engine import filter_channels, usable_processors
-from processing.filters import LowPass
+from processing.filters import LowPass, interleaved_kernel
+from processing.filters.filter_engine import filter_channels, usable_processors
 
 RATE_HZ = 50_000.0
 CHANNELS = 16

@@ -22,7 +22,7 @@ from daq.timebase import AbsoluteStart, TimeBase
 from daq.track import Track
 from identification.regression import Regression, build_regression
 from identification.signals import Signals, collect_signals
-from processing.motion_alignment import integrate
+from processing.alignment.motion_alignment import integrate
 from rigs.assemble import assemble_channels
 from rigs.rig import Rig, parse_rig
 

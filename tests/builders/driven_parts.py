@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.forces.measured_force import FilmedTravel, MeasuredForce
-from processing.double_integral import DoubleIntegral
-from processing.ringing import Mode
+from processing.motion.double_integral import DoubleIntegral
+from processing.stress_waves.ringing import Mode
 
 MASS_KG = 800.0
 ONSET_S = 0.004

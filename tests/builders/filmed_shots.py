@@ -18,9 +18,9 @@ from daq.shot import ClockAlignment, Shot
 from daq.timebase import TimeBase
 from identification.kinematics import travel_acceleration, turning
 from identification.signals import collect_signals
-from processing.align import judge_motion
-from processing.motion_alignment import align_motion
-from processing.motion_fit import MotionFit
+from processing.alignment.align import judge_motion
+from processing.alignment.motion_alignment import align_motion
+from processing.alignment.motion_fit import MotionFit
 from rigs.rig import Rig
 from rigs.twin import draw_scene
 from rigs.twin.instruments import generator, sample

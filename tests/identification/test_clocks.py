@@ -11,7 +11,7 @@ from daq.shot import ClockAlignment, Shot
 from daq.timebase import TimeBase
 from identification.analysis import Options, identify_shot
 from identification.clocks import align_clocks
-from processing.motion_alignment import integrate
+from processing.alignment.motion_alignment import integrate
 from rigs.rig import Rig
 from tests.builders.bench_shots import ELEVATION_RAD, GRAVITY_M_S2, bench_motion, bench_rig, bench_shot
 from tests.builders.virtual_shots import virtual_shot, with_channels, without_channels

@@ -16,7 +16,7 @@ from identification.filter_choice import (
     mass_filter,
 )
 from identification.regression import Regression
-from processing.cutoff import refusal
+from processing.spectra.cutoff import refusal
 from tests.builders.bench_shots import bench_regression, bench_shot
 
 RATE_HZ = 20_000.0

@@ -9,8 +9,8 @@ from daq.shot import ClockAlignment
 from identification.analysis import Options, identify_shot
 from identification.kinematics import fused_motion, travel_acceleration, travel_and_velocity, turning
 from identification.signals import Signals, collect_signals
-from processing.double_integral import integrate
-from processing.fusion import FusedMotion
+from processing.motion.double_integral import integrate
+from processing.motion.fusion import FusedMotion
 from tests.builders.virtual_shots import VirtualShot, virtual_shot
 
 

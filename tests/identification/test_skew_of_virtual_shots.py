@@ -7,7 +7,7 @@ import pytest
 
 from identification.analysis import Options, identify_shot
 from identification.skew import SOURCE
-from processing.channel_skew import Skew, measure_skew
+from processing.alignment.channel_skew import Skew, measure_skew
 from tests.builders.virtual_shots import VirtualShot, identified, virtual_shot
 
 LATE = {"skew_s": "{ acc_recoil = 5e-4 }"}

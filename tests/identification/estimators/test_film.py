@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identification.estimators.film import LEAST_FRAMES, Film
-from processing.double_integral import DoubleIntegral
+from processing.motion.double_integral import DoubleIntegral
 from tests.builders.recoil_scenario import RATE_HZ, record_recoil, true_recoil
 
 TRUE = true_recoil()

@@ -9,7 +9,7 @@ import pytest
 from identification.forces.force_input import InputEstimate, estimate_input, thinning_factor
 from identification.forces.force_inversion import InvertedForce, invert_force
 from identification.forces.force_peak import find_peak
-from processing.ringing import Mode
+from processing.stress_waves.ringing import Mode
 from tests.builders.driven_parts import GAIN_ERROR, HELD_N, ONSET_S, DrivenPart, driven_part
 
 

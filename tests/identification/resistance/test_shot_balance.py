@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from identification.resistance.shot_balance import BalancePoint, Terms, energy_balance, momentum_balance
-from processing.double_integral import integrate
+from processing.motion.double_integral import integrate
 
 STEP = 1e-5
 

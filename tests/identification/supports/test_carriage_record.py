@@ -11,7 +11,7 @@ from daq.errors import IdentificationError
 from identification.preparation import prepare
 from identification.supports.carriage_record import MOTION_ROLES, carriage_record, with_response
 from identification.supports.supports import PARAMETERS, Assumptions, supports_of
-from processing.analog_filter import AnalogLowPass
+from processing.filters.analog_filter import AnalogLowPass
 from rigs.rig import Rig
 from tests.builders.virtual_shots import virtual_shot, without_channels
 

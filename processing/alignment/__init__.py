@@ -1,0 +1,1 @@
+"""One clock for all: what one clock is to another, by motion, by edges and by channels that repeat each other."""

@@ -1,0 +1,1 @@
+"""Displacement, velocity and acceleration, from one another and together."""

@@ -1,0 +1,1 @@
+"""What instruments do to samples, found and mended."""

@@ -1,0 +1,1 @@
+"""Spectra, and the cut-off that they show."""

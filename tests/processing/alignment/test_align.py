@@ -1,0 +1,216 @@
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from daq.shot import ClockAlignment
+from processing.alignment.align import judge_edges, judge_motion, judge_redundant
+from processing.alignment.frame_fault import FrameFault
+from processing.alignment.motion_fit import MotionFit
+from processing.alignment.redundant_alignment import RedundantFit
+from processing.alignment.trigger_alignment import EdgeFit
+
+MOTION = MotionFit(
+    offset_s=0.05,
+    drift=1e-5,
+    u_offset_s=4e-6,
+    u_drift=5e-5,
+    gain=1.002,
+    u_gain=0.003,
+    u_bias_m_s2=0.1,
+    gain_bias_correlation=-0.3,
+    integration_constants=(0.001, -0.02, 0.3),
+    origin_s=0.4,
+    marker_sigma_m=5e-5,
+    acceleration_density=1.25e-3,
+    innovation_statistic=1.02,
+    coarse_offset_s=0.0502,
+    correlation=0.99,
+    second_peak=0.2,
+    at_search_edge=False,
+    candidates_s=np.linspace(0.049, 0.051, 5),
+    log_likelihood=np.array([-9.0, -2.0, 0.0, -2.0, -9.0]),
+    free_drift=2e-4,
+    u_free_drift=3e-4,
+    frames=1500,
+    frames_set_aside=2,
+    converged=True,
+)
+FAULT = FrameFault(1234, 1230, 1236, 0.20567, 1, 1 / 6000, 90.0)
+REDUNDANT = RedundantFit(
+    offset_s=0.04,
+    drift=0.0,
+    u_offset_s=2e-5,
+    u_drift=5e-5,
+    gain=1.0,
+    u_gain=0.01,
+    coarse_offset_s=0.041,
+    correlation=0.98,
+    second_peak=0.3,
+    at_search_edge=False,
+    cutoff_hz=150.0,
+    residual_share=0.05,
+    rows=12.0,
+    u_alias_s=2e-6,
+)
+EDGES = EdgeFit(offset_s=3.0, u_offset_s=1e-5, drift=1e-6, u_drift=5e-5, edges=4, residual_s=2e-5)
+
+
+def motion_verdict(**changes) -> ClockAlignment:
+    return judge_motion("camera", replace(MOTION, **changes), u_gain=0.01, noise_density=1.25e-3, frame_period_s=5e-4)
+
+
+def test_a_good_fit_is_ok_and_reported_as_it_is():
+    verdict = motion_verdict()
+    assert (verdict.clock, verdict.status, verdict.method, verdict.reasons) == ("camera", "ok", "motion", ())
+    assert (verdict.offset_s, verdict.u_offset_s, verdict.drift, verdict.u_drift) == (0.05, 4e-6, 1e-5, 5e-5)
+    assert verdict.details["gain"] == 1.002
+    assert verdict.details["noise_inflation"] == pytest.approx(1.0)
+    assert verdict.details["integration_constants"] == [0.001, -0.02, 0.3]
+
+
+@pytest.mark.parametrize(
+    "verdict",
+    [
+        motion_verdict(),
+        judge_redundant("bus", REDUNDANT),
+        judge_edges("camera", EDGES, u_edge_s=1e-5),
+    ],
+    ids=["motion", "redundant", "trigger"],
+)
+def test_details_are_json(verdict):
+    assert json.loads(json.dumps(verdict.details, allow_nan=False)) == verdict.details
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"second_peak": 0.97}, "a second offset fits nearly as well"),
+        ({"at_search_edge": True}, "edge of the search"),
+        ({"u_offset_s": 3e-4}, "known to 0.30 ms only"),
+        ({"drift": 2e-3, "free_drift": 2e-3}, "check the source's declared rate"),
+        ({"converged": False}, "did not settle"),
+        ({"innovation_statistic": 2.6}, "a dropped frame, a wrong frame rate or another motion"),
+        ({"innovation_statistic": 0.2}, "the track was smoothed or filled"),
+        ({"innovation_statistic": math.inf}, None),
+        ({"free_drift": 0.01}, "check the frame rate"),
+        ({"frames_set_aside": 50}, "50 of 1550 frames contradict their neighbours"),
+        ({"coarse_offset_s": 0.06}, "velocity correlation and likelihood are 10.00 ms apart"),
+        (
+            {"velocity_offset_s": 0.05004, "u_velocity_offset_s": 1e-5},
+            "velocities alone give an offset +40 us from the likelihood's, 3.7 combined standard uncertainties",
+        ),
+        ({"frame_faults": (FAULT,)}, "one frame is missing near frame 1234 (t = 0.2057 s; 95 %: 1230 to 1236"),
+    ],
+)
+def test_what_allows_doubt_is_ambiguous(changes, reason):
+    verdict = motion_verdict(**changes)
+    if reason is None:
+        assert verdict.status == "failed"
+        return
+    assert verdict.status == "ambiguous"
+    assert len(verdict.reasons) == 1
+    assert reason in verdict.reasons[0]
+    assert verdict.offset_s == 0.05
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"correlation": 0.5}, "correlation 0.50 is below 0.8"),
+        ({"acceleration_density": 1.25}, "do not show the same motion: 1000 times"),
+        ({"gain": 1.2}, "+20.00 % off the accelerometer's"),
+        ({"gain": -1.0}, "-200.00 % off"),
+    ],
+)
+def test_what_cannot_be_one_motion_is_failed(changes, reason):
+    verdict = motion_verdict(**changes)
+    assert verdict.status == "failed"
+    assert reason in verdict.reasons[0]
+
+
+def test_velocities_that_agree_within_their_uncertainty_are_no_doubt():
+    verdict = motion_verdict(velocity_offset_s=0.05002, u_velocity_offset_s=1e-5)
+    assert verdict.status == "ok"
+    assert verdict.details["velocity_apart_s"] == pytest.approx(2e-5)
+
+
+def test_a_film_with_a_missing_frame_is_judged_by_the_corrected_one_and_keeps_its_own_figures():
+    broken = {"innovation_statistic": 3.0, "acceleration_density": 1.25, "frame_faults": (FAULT,)}
+    verdict = motion_verdict(**broken, corrected=replace(MOTION, offset_s=0.05003))
+    assert verdict.status == "ambiguous"
+    assert verdict.reasons == (str(FAULT),)
+    assert verdict.offset_s == 0.05
+    assert verdict.details["corrected_offset_s"] == 0.05003
+    assert verdict.details["frame_faults"][0]["index"] == 1234
+    assert json.loads(json.dumps(verdict.details, allow_nan=False)) == verdict.details
+    assert motion_verdict(**broken, corrected=replace(MOTION, gain=1.2)).status == "failed"
+    assert motion_verdict(**broken).status == "failed"
+
+
+def test_what_the_record_could_tell_of_the_drift_is_stated():
+    details = motion_verdict().details
+    assert not details["drift_earned"]
+    assert details["drift_told_from"] == pytest.approx(3.5 * math.hypot(3e-4, 5e-5))
+    assert details["drift_departure"] == pytest.approx(2e-4 / math.hypot(3e-4, 5e-5))
+    assert motion_verdict(u_free_drift=1e-5, free_drift=1e-5).details["drift_earned"]
+    # the clocks' own allowance is among the uncertainties: a drift within it is none to doubt
+    assert motion_verdict(u_free_drift=1e-6, free_drift=1e-4).status == "ok"
+
+
+@pytest.mark.parametrize("name", ["offset_s", "u_offset_s", "drift", "gain", "u_gain", "innovation_statistic"])
+def test_a_figure_that_is_none_never_passes(name):
+    assert motion_verdict(**{name: math.nan}).status == "failed"
+    if hasattr(REDUNDANT, name):
+        assert judge_redundant("bus", replace(REDUNDANT, **{name: math.nan})).status == "failed"
+
+
+def test_far_from_the_clocks_zero_a_drift_is_no_distance_between_the_estimates():
+    assert motion_verdict(origin_s=1000.0, offset_s=0.05 - 1e-5 * 1000.0).status == "ok"
+
+
+def test_a_failure_keeps_the_doubts_behind_it():
+    verdict = motion_verdict(correlation=0.5, second_peak=0.49)
+    assert [reason.split()[0] for reason in verdict.reasons] == ["correlation", "a"]
+
+
+def test_a_noise_density_that_is_none_is_refused():
+    with pytest.raises(ValueError, match="noise_density must be positive"):
+        judge_motion("camera", MOTION, u_gain=0.01, noise_density=0.0, frame_period_s=5e-4)
+
+
+def test_a_sentence_becomes_a_failed_clock():
+    for verdict in (
+        judge_motion("c", "no motion", u_gain=0.01, noise_density=1.0, frame_period_s=5e-4),
+        judge_redundant("c", "no motion"),
+        judge_edges("c", "no motion", u_edge_s=1e-5),
+    ):
+        assert (verdict.clock, verdict.status, verdict.reasons) == ("c", "failed", ("no motion",))
+        assert verdict.u_offset_s == math.inf
+
+
+def test_a_redundant_channel_is_judged_alike():
+    assert judge_redundant("bus", REDUNDANT).status == "ok"
+    assert judge_redundant("bus", replace(REDUNDANT, second_peak=0.97)).status == "ambiguous"
+    assert judge_redundant("bus", replace(REDUNDANT, u_offset_s=1e-3)).status == "ambiguous"
+    assert judge_redundant("bus", replace(REDUNDANT, converged=False)).status == "ambiguous"
+    assert judge_redundant("bus", replace(REDUNDANT, correlation=0.3)).status == "failed"
+    assert judge_redundant("bus", REDUNDANT).details["cutoff_hz"] == 150.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "status"),
+    [
+        ({}, "ok"),
+        ({"edges": 1, "residual_s": 0.0}, "ok"),
+        ({"residual_s": 1e-4}, "ambiguous"),
+        ({"edges": 2, "residual_s": 1e-4}, "ambiguous"),
+        ({"drift": 0.4}, "ambiguous"),
+    ],
+)
+def test_edges_are_judged_by_the_line_through_them(changes, status):
+    verdict = judge_edges("camera", replace(EDGES, **changes), u_edge_s=1e-5)
+    assert verdict.status == status
+    assert bool(verdict.reasons) == (status != "ok")

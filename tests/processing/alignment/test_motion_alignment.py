@@ -1,0 +1,375 @@
+import csv
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from daq.shot import ClockAlignment
+from processing.alignment.align import judge_motion
+from processing.alignment.motion_alignment import INFLATIONS, MotionFit, align_motion
+from tests.builders.motions import ONSET_S, RecordedMotion, record_motion, travel, velocity
+from tests.builders.shared_data import shared_file
+
+SEEDS = range(12)
+
+
+def align(motion: RecordedMotion, *, drift_allowance: float = 5e-5, kicks_s: tuple[float, ...] = ()) -> MotionFit | str:
+    return align_motion(
+        motion.camera_times_s,
+        motion.displacement_m,
+        motion.start_s,
+        motion.step_s,
+        motion.acceleration_m_s2,
+        acceleration_sigma_m_s2=motion.acceleration_sigma_m_s2,
+        drift_allowance=drift_allowance,
+        kicks_s=kicks_s,
+    )
+
+
+def fit_of(motion: RecordedMotion, *, drift_allowance: float = 5e-5, kicks_s: tuple[float, ...] = ()) -> MotionFit:
+    fit = align(motion, drift_allowance=drift_allowance, kicks_s=kicks_s)
+    assert isinstance(fit, MotionFit), fit
+    return fit
+
+
+def verdict_on(motion: RecordedMotion, fit: MotionFit | str) -> ClockAlignment:
+    density = motion.acceleration_sigma_m_s2**2 * motion.step_s
+    return judge_motion("camera", fit, u_gain=0.01, noise_density=density, frame_period_s=5e-4)
+
+
+def error_s(motion: RecordedMotion, fit: MotionFit) -> float:
+    """Error of the mapped time in the middle of the motion, where its uncertainty is stated."""
+    speed = velocity((1 + motion.drift) * motion.camera_times_s + motion.offset_s)
+    middle = float(np.average(motion.camera_times_s, weights=speed**2))
+    return fit.offset_s - motion.offset_s + (fit.drift - motion.drift) * middle
+
+
+def rms(values: list[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+@pytest.mark.parametrize(
+    "conditions",
+    [
+        {},
+        {"lost_share": 0.3},
+        {"marker_sigma_m": 2e-4, "acceleration_sigma_m_s2": 20.0},
+        {"frame_rate_hz": 1000.0, "frames": 750},
+        {"rate_hz": 5000.0},
+    ],
+    ids=["usual", "a third lost", "noisy", "1000 frames per second", "slow recorder"],
+)
+def test_errors_are_what_the_uncertainty_says(conditions):
+    offsets, gains, biases, drifts = [], [], [], []
+    for seed in SEEDS:
+        drift = float(5e-5 * np.random.default_rng(500 + seed).standard_normal())
+        motion = record_motion(seed, drift=drift, **conditions)
+        fit = fit_of(motion)
+        offsets.append(error_s(motion, fit) / fit.u_offset_s)
+        gains.append((fit.gain - motion.gain) / fit.u_gain)
+        # the accelerometer felt 2 m/s^2 too much: the camera's scale takes them off
+        biases.append((fit.integration_constants[2] + 2.0 * motion.gain) / fit.u_bias_m_s2)
+        drifts.append((fit.drift - drift) / fit.u_drift)
+        assert verdict_on(motion, fit).status == "ok", verdict_on(motion, fit).reasons
+    for pulls in (offsets, gains, biases, drifts):
+        # the root of chi-square over 12 stays between 0.43 and 1.66 in 999 of 1000 cases
+        assert 0.43 < rms(pulls) < 1.66
+    assert abs(np.mean(offsets)) < 1.0
+
+
+def test_a_drift_within_reach_of_the_record_is_found():
+    motion = record_motion(4, drift=0.004)
+    fit = fit_of(motion, drift_allowance=0.01)
+    assert abs(fit.drift - 0.004) < 4 * fit.u_drift
+    assert fit.u_drift < 1e-3
+    assert abs(error_s(motion, fit)) < 4 * fit.u_offset_s
+
+
+def test_the_uncertainty_reaches_the_bound_of_a_known_reference():
+    motion = record_motion(5, acceleration_sigma_m_s2=1e-3, bias_m_s2=0.0, gain=1.0)
+    fit = fit_of(motion, drift_allowance=1e-12)
+    reference = motion.camera_times_s + motion.offset_s
+    since = motion.camera_times_s - motion.camera_times_s.mean()
+    jacobian = np.column_stack([velocity(reference), travel(reference), np.ones(since.size), since, since**2])
+    bound = motion.marker_sigma_m * np.sqrt(np.linalg.inv(jacobian.T @ jacobian)[0, 0])
+    # the marker's noise is estimated from the record, to about 3 %
+    assert fit.u_offset_s == pytest.approx(bound, rel=0.08)
+
+
+def test_the_bound_of_a_known_reference_is_reached_with_drift_among_the_unknowns():
+    motion = record_motion(5, acceleration_sigma_m_s2=1e-3, bias_m_s2=0.0, gain=1.0)
+    fit = fit_of(motion, drift_allowance=10.0)
+    reference = motion.camera_times_s + motion.offset_s
+    since = motion.camera_times_s - motion.camera_times_s.mean()
+    v = velocity(reference)
+    jacobian = np.column_stack([v, v * since, travel(reference), np.ones(since.size), since, since**2])
+    covariance = motion.marker_sigma_m**2 * np.linalg.inv(jacobian.T @ jacobian)
+    pick = np.array([1.0, np.average(since, weights=v**2), 0, 0, 0, 0])
+    assert fit.u_offset_s == pytest.approx(np.sqrt(pick @ covariance @ pick), rel=0.08)
+    assert fit.u_drift == pytest.approx(np.sqrt(covariance[1, 1]), rel=0.08)
+
+
+@pytest.mark.parametrize("drift_allowance", [1e-12, 5e-5, 10.0])
+@pytest.mark.parametrize("acceleration_sigma_m_s2", [1e-3, 1.0, 5.0, 20.0])
+def test_the_uncertainty_is_never_below_the_bound_and_a_perfect_accelerometer_reaches_it(
+    acceleration_sigma_m_s2, drift_allowance
+):
+    """Cramer-Rao with scale, constants and drift unknown: ``(J'J)^-1 sigma^2``, the drift's allowance added."""
+    for seed in range(40, 43):
+        motion = record_motion(seed, acceleration_sigma_m_s2=acceleration_sigma_m_s2)
+        fit = fit_of(motion, drift_allowance=drift_allowance)
+        reference = motion.camera_times_s + motion.offset_s
+        since = motion.camera_times_s - motion.camera_times_s.mean()
+        v = velocity(reference)
+        jacobian = np.column_stack([v, v * since, travel(reference), np.ones(since.size), since, since**2])
+        jacobian = np.vstack([jacobian / fit.marker_sigma_m, [0, 1 / drift_allowance, 0, 0, 0, 0]])
+        scale = np.sqrt((jacobian**2).sum(axis=0))
+        covariance = np.linalg.inv((jacobian / scale).T @ (jacobian / scale)) / np.outer(scale, scale)
+        pick = np.array([1.0, np.average(since, weights=v**2), 0, 0, 0, 0])
+        bound = float(np.sqrt(pick @ covariance @ pick))
+        # the middle is weighted by the recorded velocity, and the residuals may call for more
+        assert fit.u_offset_s > 0.99 * bound
+        if acceleration_sigma_m_s2 == 1e-3:
+            assert fit.u_offset_s < 1.1 * bound
+
+
+@pytest.mark.parametrize("acceleration_sigma_m_s2", [0.3, 1.0, 2.0])
+def test_a_frame_rate_a_tenth_of_a_percent_off_never_passes_where_the_record_can_tell_it(acceleration_sigma_m_s2):
+    for seed in range(6):
+        motion = record_motion(seed, acceleration_sigma_m_s2=acceleration_sigma_m_s2)
+        assert verdict_on(motion, fit_of(motion)).status == "ok"
+        wrong = replace(motion, camera_times_s=motion.camera_times_s / 1.001)
+        verdict = verdict_on(wrong, fit_of(wrong))
+        assert verdict.status == "ambiguous"
+        assert "check the frame rate" in verdict.reasons[0]
+        assert verdict.details["drift_told_from"] < 1e-3
+
+
+def test_a_drift_is_earned_where_the_record_knows_it_better_than_the_clocks_quality():
+    quiet = fit_of(record_motion(4, drift=4e-5, acceleration_sigma_m_s2=0.1))
+    assert quiet.drift_earned
+    assert abs(quiet.drift - 4e-5) < 3 * quiet.u_drift
+    usual = fit_of(record_motion(4, drift=4e-5))
+    assert not usual.drift_earned
+    assert usual.u_drift == pytest.approx(5e-5, rel=0.05)
+    assert abs(usual.drift) < 5e-5
+
+
+@settings(deadline=None, max_examples=10)
+@given(st.floats(-1e5, 1e5), st.floats(-1e5, 1e5))
+def test_where_the_clocks_have_their_zeros_changes_nothing(camera_zero, reference_zero):
+    motion = record_motion(6)
+    here = fit_of(motion)
+    there = fit_of(
+        replace(
+            motion,
+            camera_times_s=motion.camera_times_s + camera_zero,
+            start_s=motion.start_s + reference_zero,
+            offset_s=motion.offset_s - camera_zero + reference_zero,
+        )
+    )
+    mapped = (1 + there.drift) * (motion.camera_times_s[700] + camera_zero) + there.offset_s - reference_zero
+    # float64 tells instants at 1e5 s to 1.5e-11 s; the search grid begins at another fraction of a frame
+    assert mapped == pytest.approx((1 + here.drift) * motion.camera_times_s[700] + here.offset_s, abs=2e-7)
+    assert there.u_offset_s == pytest.approx(here.u_offset_s, rel=0.01)
+    assert verdict_on(motion, there).status == "ok"
+
+
+@pytest.mark.parametrize(
+    "conditions",
+    [
+        {"first_frame_s": 0.05, "frames": 200},
+        {"frames": 4000},
+        {"first_frame_s": -0.4, "frames": 2000},
+        {"duration_s": 0.3},
+        {"start_s": 0.09, "duration_s": 0.5},
+    ],
+    ids=["camera within the motion", "camera goes on", "camera begins before", "recorder ends", "recorder begins late"],
+)
+def test_records_that_overlap_in_part_are_aligned(conditions):
+    motion = record_motion(7, **conditions)
+    fit = fit_of(motion)
+    assert abs(error_s(motion, fit)) < 4 * fit.u_offset_s
+    assert fit.u_offset_s < 5e-5
+
+
+def test_the_likelihood_has_its_maximum_at_the_offset():
+    fit = fit_of(record_motion(8))
+    assert fit.candidates_s[np.argmax(fit.log_likelihood)] == pytest.approx(fit.offset_s, abs=1e-12)
+    assert fit.log_likelihood.max() == 0.0
+    assert fit.log_likelihood[[0, -1]].max() < -10
+
+
+def test_a_spike_and_a_duplicated_picture_are_set_aside_and_counted():
+    motion = record_motion(9)
+    clean = fit_of(motion)
+    faulty = motion.displacement_m.copy()
+    faulty[655] += 0.012
+    faulty[160] = faulty[159]
+    fit = fit_of(replace(motion, displacement_m=faulty))
+    assert fit.frames_set_aside == 2
+    assert fit.frames == 1498
+    assert abs(fit.offset_s - clean.offset_s) < 0.5 * clean.u_offset_s
+    assert verdict_on(motion, fit).status == "ok"
+    assert verdict_on(motion, fit).details["frames_set_aside"] == 2
+
+
+def test_a_dropped_frame_with_uncorrected_times_shows_in_the_residuals():
+    motion = record_motion(10)
+    assert 0.8 < fit_of(motion).innovation_statistic < 1.2
+    at = round((ONSET_S + 0.025 - motion.offset_s) * 2000)
+    dropped = replace(
+        motion, displacement_m=np.delete(motion.displacement_m, at), camera_times_s=motion.camera_times_s[:-1]
+    )
+    fit = fit_of(dropped)
+    assert fit.innovation_statistic > 1.6
+    assert verdict_on(dropped, fit).status in ("ambiguous", "failed")
+
+
+@pytest.mark.parametrize("factor", [0.5, 0.99, 1.01, 2.0])
+def test_a_wrong_frame_rate_is_noticed(factor):
+    motion = record_motion(11)
+    wrong = replace(motion, camera_times_s=factor * motion.camera_times_s)
+    verdict = verdict_on(wrong, align(wrong))
+    assert verdict.status in ("ambiguous", "failed")
+    if 0.9 < factor < 1.1:
+        assert "check the frame rate" in "".join(verdict.reasons)
+
+
+@pytest.mark.parametrize(
+    "pulses",
+    [
+        ((2000.0, ONSET_S, 0.010), (-100.0, ONSET_S + 0.003, 0.200), (-8.0, 0.35, 0.3), (8.0, 0.7, 0.3)),
+        ((1800.0, ONSET_S, 0.008), (-120.0, ONSET_S + 0.004, 0.120), (-15.0, 0.25, 0.2), (15.0, 0.53, 0.2)),
+        ((60.0, ONSET_S, 0.100), (-60.0, ONSET_S + 0.3, 0.100)),
+        ((-2400.0, ONSET_S, 0.008), (160.0, ONSET_S + 0.004, 0.120), (20.0, 0.25, 0.2), (-20.0, 0.53, 0.2)),
+    ],
+    ids=["another charge", "three quarters of it", "a push", "the other way round"],
+)
+def test_another_motion_is_not_ok(pulses):
+    motion = record_motion(12)
+    other = replace(motion, displacement_m=record_motion(13, pulses=pulses).displacement_m)
+    verdict = verdict_on(other, align(other))
+    assert verdict.status in ("ambiguous", "failed")
+    assert verdict.reasons
+
+
+def test_noise_that_was_stated_too_low_is_found_and_widens_the_uncertainty():
+    motion = record_motion(14, acceleration_sigma_m_s2=40.0)
+    fit = fit_of(replace(motion, acceleration_sigma_m_s2=5.0))
+    assert fit.acceleration_density / (25.0 * motion.step_s) in INFLATIONS[2:5]
+    assert abs(error_s(motion, fit)) < 4 * fit.u_offset_s
+
+
+def test_positions_that_were_held_tell_nothing_of_the_markers_noise():
+    motion = record_motion(15, frames=2400, duration_s=1.4)
+    held = motion.displacement_m.copy()
+    held[:90], held[1200:] = held[89], held[1199]
+    fit = fit_of(replace(motion, displacement_m=held))
+    assert fit.marker_sigma_m == pytest.approx(motion.marker_sigma_m, rel=0.1)
+    assert abs(error_s(motion, fit)) < 2e-5
+
+
+def test_never_four_frames_in_a_row_still_give_an_offset():
+    motion = record_motion(16)
+    thinned = motion.displacement_m.copy()
+    thinned[::3] = np.nan
+    motion = replace(motion, displacement_m=thinned)
+    fit = fit_of(motion)
+    assert abs(error_s(motion, fit)) < 4 * fit.u_offset_s
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"displacement_m": 5e-5 * np.random.default_rng(1).standard_normal(1500)}, "does not move"),
+        ({"displacement_m": np.zeros(1500)}, "does not move"),
+        ({"displacement_m": np.full(1500, np.nan)}, "only 0 frames have a position"),
+        ({"displacement_m": np.append(np.arange(49.0), np.full(1451, np.nan))}, "only 49 frames have a position"),
+        ({"displacement_m": np.empty(0), "camera_times_s": np.empty(0)}, "only 0 frames have a position"),
+        ({"acceleration_m_s2": np.zeros(18_000)}, "a constant signal cannot be aligned"),
+        ({"acceleration_m_s2": np.empty(0)}, "only 0 samples of the acceleration"),
+        ({"acceleration_m_s2": np.ones(5)}, "only 5 samples"),
+    ],
+)
+def test_nothing_to_align_by_gives_a_sentence_and_a_failed_clock(changes, sentence):
+    motion = replace(record_motion(17), **changes)
+    found = align(motion)
+    assert isinstance(found, str)
+    assert sentence in found
+    verdict = verdict_on(motion, found)
+    assert verdict.status == "failed"
+    assert verdict.reasons == (found,)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"camera_times_s": np.zeros(1500)}, "camera_times_s must increase strictly"),
+        ({"camera_times_s": np.arange(3.0)}, "equally many"),
+        ({"acceleration_m_s2": np.full(100, np.nan)}, "acceleration_m_s2 must be finite"),
+        ({"acceleration_sigma_m_s2": 0.0}, "acceleration_sigma_m_s2 must be positive"),
+        ({"step_s": -1.0}, "step_s must be positive"),
+    ],
+)
+def test_a_callers_mistakes_are_refused(changes, message):
+    with pytest.raises(ValueError, match=message):
+        align(replace(record_motion(17), **changes))
+
+
+def test_the_inputs_are_left_alone():
+    motion = record_motion(18, lost_share=0.1)
+    kept = motion.displacement_m.copy(), motion.acceleration_m_s2.copy(), motion.camera_times_s.copy()
+    align(motion)
+    assert np.array_equal(motion.displacement_m, kept[0], equal_nan=True)
+    assert np.array_equal(motion.acceleration_m_s2, kept[1])
+    assert np.array_equal(motion.camera_times_s, kept[2])
+
+
+@pytest.mark.parametrize("corrected", [True, False], ids=["faults taken out by hand", "faults left in"])
+def test_a_track_of_another_hand_is_aligned_within_its_uncertainty(corrected):
+    truth = json.loads(shared_file("tracks/SYNTHETIC_truth.json").read_text(encoding="utf-8"))
+    numbers, positions = [], []
+    with shared_file("tracks/SYNTHETIC_proanalyst_like_2000fps.csv").open(encoding="utf-8", newline="") as file:
+        for row in list(csv.reader(file))[1:]:
+            lost = row[2] == row[3] == truth["missing_marker"]
+            faulty = corrected and int(row[0]) in (truth["spike_frame"], truth["duplicated_picture_frame"])
+            numbers.append(int(row[0]))
+            positions.append(np.nan if lost or faulty else 1e-3 * float(row[2]))
+    record = np.loadtxt(shared_file("tracks/SYNTHETIC_accel_20kHz.csv"), delimiter=",", skiprows=1)
+    silent = record[:1000, 1]
+    fit = align_motion(
+        np.array(numbers) / truth["fps"],
+        np.array(positions),
+        record[0, 0],
+        1.0 / truth["accel_fs"],
+        record[:, 1] - silent.mean(),
+        acceleration_sigma_m_s2=float(silent.std()),
+        drift_allowance=5e-5,
+    )
+    assert isinstance(fit, MotionFit), fit
+    # at the camera time where the motion has its weight, 0.1 s into the record
+    error = fit.offset_s - truth["offset_s"] + 0.1 * (fit.drift - 1e-6 * truth["ppm"])
+    assert abs(error) < 3 * fit.u_offset_s
+    assert fit.u_offset_s < 1e-5
+    assert abs(fit.gain - 1 / (1 + truth["accel_gain_error"])) < 4 * fit.u_gain
+    assert fit.marker_sigma_m == pytest.approx(1e-3 * truth["sigma_track_mm"], rel=0.1)
+    assert corrected == (fit.frames_set_aside == 0)
+
+
+@pytest.mark.parametrize("kick_m_s", [0.2, -0.3])
+def test_a_velocity_that_a_bridged_gap_got_wrong_costs_nothing_where_the_gap_is_told(kick_m_s):
+    motion = record_motion(3)
+    at_s = ONSET_S + 0.06
+    index = round((at_s - motion.start_s) / motion.step_s)
+    wrong = motion.acceleration_m_s2.copy()
+    wrong[index - 10 : index + 11] += kick_m_s / (21 * motion.step_s)
+    kicked = replace(motion, acceleration_m_s2=wrong)
+    untold, told = fit_of(kicked), fit_of(kicked, kicks_s=(at_s,))
+    assert told.acceleration_density < untold.acceleration_density
+    assert verdict_on(kicked, told).status == "ok", verdict_on(kicked, told).reasons
+    assert abs(error_s(kicked, told)) < 4 * told.u_offset_s
+    assert told.u_offset_s < 1.5 * fit_of(motion).u_offset_s

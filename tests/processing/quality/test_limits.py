@@ -1,0 +1,48 @@
+import inspect
+import math
+import re
+from pathlib import Path
+
+import pytest
+
+import processing
+from processing import quality
+from processing.quality.limits import LIMITS, Limit
+
+
+@pytest.mark.parametrize("name", LIMITS)
+def test_every_limit_says_what_it_limits_and_where_it_comes_from(name):
+    limit = LIMITS[name]
+    assert limit.what
+    assert limit.source
+    assert not any("\n" in text or text.endswith(".") for text in (limit.what, limit.source))
+    assert limit.fail <= limit.warn if limit.below else limit.warn <= limit.fail
+
+
+def test_every_limit_is_used_and_every_limit_that_is_used_exists():
+    modules = Path(str(processing.__file__)).parent
+    text = "".join(p.read_text(encoding="utf-8") for p in modules.rglob("*.py") if p.stem != "limits")
+    used = set(re.findall(r'LIMITS\["(\w+)"\]', text))
+    assert used == set(LIMITS)
+
+
+def test_limits_cannot_be_changed():
+    with pytest.raises(TypeError):
+        LIMITS["clipped_share"] = Limit(0.0, 1.0, "", "")
+
+
+@pytest.mark.parametrize(
+    ("figure", "verdict"),
+    [(0.0, "ok"), (1.0, "ok"), (1.5, "warn"), (2.5, "fail"), (math.inf, "fail"), (math.nan, "warn")],
+)
+def test_a_figure_is_judged_beyond_its_limits(figure, verdict):
+    assert Limit(1.0, 2.0, "", "").verdict(figure) == verdict
+    assert Limit(-1.0, -2.0, "", "", below=True).verdict(-figure) == verdict
+
+
+def test_every_check_says_what_it_takes_and_returns_a_verdict():
+    for name in quality.__all__:
+        function = getattr(quality, name)
+        if name.startswith("check_"):
+            assert inspect.signature(function).return_annotation == "Outcome", name
+            assert "Parameters" in (function.__doc__ or ""), name

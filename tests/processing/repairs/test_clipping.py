@@ -1,0 +1,193 @@
+"""Clipped tips of waves are repaired, clipped pulses refused, and both are told."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from processing.filters import LowPass
+from processing.quality import check_clipping
+from processing.repairs.clipped_wave import LARGEST_PEAK
+from processing.repairs.clipping import ClippingRepair, find_clipped, repair_clipping
+from processing.repairs.repair import Repaired, changed
+from tests.builders.faulty_records import FULL_SCALE_G, twin_record
+from tests.builders.ringing import MASS_KG, PULSE_M_S2, RATE_HZ, RingingRecord, ringing_record
+from tests.builders.shared_data import shared_file
+
+LOW_PASS = LowPass(450.0)
+
+
+def sine(amplitude: float, period: float = 40.0, count: int = 1200) -> np.ndarray:
+    t = np.arange(count)
+    return np.asarray(amplitude * np.sin(2 * np.pi * t / period) * np.exp(-t / 2000.0))
+
+
+def repaired_ringing(record: RingingRecord, level: float) -> ClippingRepair:
+    limit = level * PULSE_M_S2
+    return repair_clipping(np.clip(record.recorded_m_s2, -limit, limit), -limit, limit, unit="m/s^2")
+
+
+@settings(max_examples=25)
+@given(st.integers(0, 2**32 - 1))
+def test_a_record_within_its_range_comes_back_bit_for_bit(seed):
+    samples = np.random.default_rng(seed).normal(0.0, 1.0, 500)
+    samples[:3] = np.nan
+    found = repair_clipping(samples, -10.0, 10.0)
+    assert found.samples.tobytes() == samples.tobytes()
+    assert found.runs == ()
+    assert found.repairs == ()
+    assert not found.u.any()
+
+
+@settings(max_examples=5)
+@given(st.integers(0, 2**32 - 1), st.floats(0.6, 0.98))
+def test_only_flagged_samples_are_touched_and_none_lies_inside_its_clip_level(seed, share):
+    samples = sine(1.0, 40.0) + 0.01 * np.random.default_rng(seed).standard_normal(1200)
+    limit = share * float(np.abs(samples).max())
+    clipped = np.clip(samples, -limit, limit)
+    found = repair_clipping(clipped, -limit, limit)
+    flags = find_clipped(clipped, -limit, limit).flags
+    touched = np.zeros(1200, dtype=bool)
+    for repair in found.repairs:
+        touched |= repair.flags
+    assert np.array_equal(touched, flags)
+    Repaired(clipped).then(found.samples, *found.repairs)
+    there = flags & np.isfinite(found.samples)
+    assert np.all(np.abs(found.samples[there]) >= np.abs(clipped[there]) * (1 - 1e-9))
+    assert np.all(np.abs(found.samples[there]) <= LARGEST_PEAK * limit * (1 + 1e-9))
+
+
+@settings(max_examples=10)
+@given(st.integers(-30, 30), st.sampled_from([-1.0, 1.0]))
+def test_units_and_sign_do_not_matter(exponent, sign):
+    factor = sign * 2.0**exponent
+    clipped = np.clip(sine(1.1), -1.0, 1.0)
+    one = repair_clipping(clipped, -1.0, 1.0)
+    other = repair_clipping(factor * clipped, -abs(factor), abs(factor))
+    assert np.allclose(other.samples / factor, one.samples, rtol=1e-6, atol=1e-6, equal_nan=True)
+    assert [bool(run.refusal) for run in other.runs] == [bool(run.refusal) for run in one.runs]
+
+
+def test_tips_of_a_wave_are_found_again():
+    truth = sine(1.1)
+    found = repair_clipping(np.clip(truth, -1.0, 1.0), -1.0, 1.0, unit="Pa")
+    assert not any(run.refusal for run in found.runs)
+    assert np.max(np.abs(found.samples - truth)) < 0.01
+    (repair,) = found.repairs
+    assert repair.kind == "clipped repaired"
+    assert "no peak may be claimed from them" in repair.sentence
+    assert repair.count == find_clipped(np.clip(truth, -1.0, 1.0), -1.0, 1.0).flags.sum()
+    assert Repaired(truth).then(found.samples, repair).unmeasured.sum() == repair.count
+
+
+def test_a_run_of_a_quarter_of_its_wave_is_masked_and_says_so():
+    found = repair_clipping(np.clip(sine(2.0), -1.0, 1.0), -1.0, 1.0, unit="Pa")
+    early = [run for run in found.runs if run.start < 200]
+    assert all("not less than a quarter of the wave's" in run.refusal for run in early)
+    masked = next(r for r in found.repairs if r.kind == "clipped masked")
+    assert np.isnan(found.samples[masked.flags]).all()
+    assert "left out" in masked.sentence
+
+
+def test_a_wave_that_would_reach_too_far_is_masked():
+    t = np.arange(-300.0, 301.0)
+    summit = 1.5 / (1.0 + (t / 25.0) ** 2)
+    found = repair_clipping(np.minimum(summit, 1.0), -1.0, 1.0)
+    (run,) = found.runs
+    assert run.count < 0.25 * run.width
+    assert run.peak > LARGEST_PEAK
+    assert f"more than {LARGEST_PEAK:g}: too far beyond what was seen" in run.refusal
+    assert np.isnan(found.samples[run.start : run.stop]).all()
+
+
+def test_a_wave_that_the_record_cuts_tells_nothing():
+    samples = np.minimum(1.05 * np.cos(np.arange(300) / 9.0), 1.0)
+    first, second, *_ = repair_clipping(samples, -2.0, 1.0).runs
+    assert "it begins or ends with the record, or in a gap" in first.refusal
+    assert second.refusal == ""
+    samples[second.stop] = np.nan
+    assert "or in a gap" in repair_clipping(samples, -2.0, 1.0).runs[1].refusal
+
+
+def test_a_run_that_goes_on_beyond_the_range_was_not_clipped_there():
+    found = repair_clipping(sine(1.1), -1.0, 1.0)
+    assert all("that range is wrong" in run.refusal for run in found.runs if run.count > 6)
+    assert np.isnan(found.samples).any()
+
+
+def test_below_a_range_that_begins_at_zero_a_gauge_still_reads():
+    samples = np.maximum(sine(1.0), -0.2)
+    found = repair_clipping(samples, 0.0, 5.0)
+    assert found.samples.tobytes() == samples.tobytes()
+    assert find_clipped(samples, 0.0, 5.0).below.any()
+
+
+def test_the_check_counts_what_is_found_here():
+    samples = np.clip(sine(1.3), -1.0, 1.0)
+    count = int(find_clipped(samples, -1.0, 1.0).flags.sum())
+    assert f"{count} samples" in check_clipping(samples, -1.0, 1.0, unit="Pa")[1]
+    with pytest.raises(ValueError, match="a range needs low < high"):
+        find_clipped(samples, 1.0, 1.0)
+
+
+def test_a_record_that_is_clipped_throughout_is_refused_and_quickly():
+    samples = np.clip(sine(1.05, 20.0, 20_000) * np.exp(np.arange(20_000) / 2000.0), -1.0, 1.0)
+    found = repair_clipping(samples, -1.0, 1.0)
+    assert all(run.refusal for run in found.runs)
+    assert sum("too much is clipped to be told" in run.refusal for run in found.runs) > 100
+    assert np.isnan(found.samples).sum() == find_clipped(samples, -1.0, 1.0).flags.sum()
+
+
+def test_with_what_is_repaired_and_what_is_left_out_the_mass_is_right():
+    """Ringing that is clipped at 1.5 times the pulse: as recorded the mass is high by 3 % and more in the mean."""
+    biases, as_recorded = [], []
+    for seed in range(100, 106):
+        record = ringing_record(seed)
+        found = repaired_ringing(record, 1.5)
+        force = LOW_PASS.apply(record.force_n, RATE_HZ)
+        a, trusted = LOW_PASS.apply_with_gaps(found.samples, RATE_HZ)
+        used = trusted & (record.times_s > -5e-3) & (record.times_s < 0.12)
+        biases.append(force[used] @ a[used] / (a[used] @ a[used]) / MASS_KG - 1)
+        limit = 1.5 * PULSE_M_S2
+        a = LOW_PASS.apply(np.clip(record.recorded_m_s2, -limit, limit), RATE_HZ)
+        used = (record.times_s > -5e-3) & (record.times_s < 0.12)
+        as_recorded.append(force[used] @ a[used] / (a[used] @ a[used]) / MASS_KG - 1)
+    assert np.mean(as_recorded) > 0.02
+    assert abs(np.mean(biases)) < 0.002
+    assert np.max(np.abs(biases)) < 0.005
+
+
+def test_tips_that_are_left_out_alone_bias_the_mass_more_than_clipped_ones():
+    record = ringing_record(101)
+    found = repaired_ringing(record, 1.5)
+    there = np.isfinite(found.samples) & (record.times_s > -5e-3) & (record.times_s < 0.12)
+    force, a = record.force_n[there], found.samples[there]
+    assert force @ force / (force @ a) / MASS_KG - 1 > 0.04
+
+
+@pytest.mark.parametrize(
+    ("name", "count", "error"), [("4mps_sphere_1_event", 8, -0.035), ("6mps_150degcone_1_event", 4, -0.023)]
+)
+def test_the_impulse_of_a_real_clipped_impact_is_right_within_one_percent(name, count, error):
+    twin = twin_record(shared_file(f"shock/{name}.npz"))
+    found = repair_clipping(twin.clipped_g, -FULL_SCALE_G, FULL_SCALE_G, unit="g")
+    (run,) = found.runs
+    assert run.count == count
+    assert run.refusal == ""
+    assert twin.impulse_error(twin.clipped_g) == pytest.approx(error, abs=0.003)
+    assert abs(twin.impulse_error(found.samples)) < 0.01
+    assert not changed(twin.clipped_g, found.samples)[~found.repairs[0].flags].any()
+
+
+@pytest.mark.parametrize("name", ["4mps_sphere_1_event", "6mps_150degcone_1_event"])
+def test_a_real_pulse_that_is_clipped_at_two_thirds_is_refused(name):
+    """As a 63 g impact on a 42 g range: 13 samples or so of a pulse of 35."""
+    twin = twin_record(shared_file(f"shock/{name}.npz"))
+    limit = twin.truth_g.max() / 1.5
+    found = repair_clipping(np.minimum(twin.truth_g, limit), -limit, limit, unit="g")
+    (run,) = found.runs
+    assert run.count >= 8
+    assert run.refusal
+    assert np.isnan(found.samples[run.start : run.stop]).all()

@@ -1,0 +1,86 @@
+"""What was done to samples is told: which ones, in what order, and nothing else has changed."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from processing.repairs.repair import STEPS, Repair, Repaired, changed, runs_of
+
+SAMPLES = np.arange(10.0)
+FIRST_THREE = SAMPLES < 3
+
+
+def test_a_repair_is_written_with_runs_and_counts_and_no_number_that_json_has_not():
+    flags = np.array([False, True, True, False, True])
+    repair = Repair("clipped masked", flags, "why", {"peak_m_s2": math.nan, "runs": 2.0, "tau_s": math.inf})
+    assert repair.count == 3
+    assert json.loads(json.dumps(repair.to_json(), allow_nan=False)) == {
+        "what": "clipped masked",
+        "count": 3,
+        "of": 5,
+        "runs": [[1, 2], [4, 1]],
+        "figures": {"peak_m_s2": None, "runs": 2.0, "tau_s": None},
+        "detail": "why",
+    }
+
+
+def test_a_kind_that_is_none_and_flags_that_are_none_are_refused():
+    with pytest.raises(ValueError, match="unknown kind of repair 'polished'; one of drop-outs masked"):
+        Repair("polished", FIRST_THREE, "")  # type: ignore[arg-type]  # the fault under test
+    with pytest.raises(ValueError, match="flags must be one series of bool, not float64"):
+        Repair("clipped masked", SAMPLES, "")  # type: ignore[arg-type]  # the fault under test
+
+
+def test_a_step_may_touch_flagged_samples_only():
+    masked = np.where(FIRST_THREE, np.nan, SAMPLES)
+    repair = Repair("drop-outs masked", FIRST_THREE, "")
+    done = Repaired(SAMPLES).then(masked, repair)
+    assert done.repairs == (repair,)
+    assert np.array_equal(done.unmeasured, FIRST_THREE)
+    assert np.array_equal(done.weights, 1.0 - FIRST_THREE)
+    with pytest.raises(ValueError, match="1 samples changed that no repair flags, first 7"):
+        Repaired(SAMPLES).then(np.where(SAMPLES == 7, 0.0, masked), repair)
+    with pytest.raises(ValueError, match="a repair keeps the number of samples"):
+        Repaired(SAMPLES).then(SAMPLES[1:], repair)
+    with pytest.raises(ValueError, match="flags 3 samples of 10"):
+        Repaired(SAMPLES).then(SAMPLES, Repair("drop-outs masked", np.ones(3, dtype=bool), ""))
+
+
+def test_steps_keep_their_order():
+    droop = Repair("droop corrected", np.ones(10, dtype=bool), "")
+    hum = Repair("hum subtracted", np.ones(10, dtype=bool), "")
+    assert [r["what"] for r in Repaired(SAMPLES).then(SAMPLES + 1, hum).then(SAMPLES, droop).to_json()] == [
+        "hum subtracted",
+        "droop corrected",
+    ]
+    with pytest.raises(ValueError, match="'hum subtracted' comes before 'droop corrected', not after it"):
+        Repaired(SAMPLES).then(SAMPLES + 1, droop).then(SAMPLES, hum)
+
+
+@pytest.mark.parametrize("kind", STEPS)
+def test_no_peak_may_be_claimed_from_what_was_not_measured(kind):
+    repair = Repair(kind, FIRST_THREE, "")
+    claimed = Repaired(SAMPLES).then(SAMPLES, repair).unmeasured
+    assert claimed.any() == (kind in ("drop-outs masked", "clipped repaired", "clipped masked"))
+
+
+@given(arrays(np.bool_, st.integers(0, 60)))
+def test_runs_are_the_flags(flags):
+    again = np.zeros(flags.size, dtype=bool)
+    for start, stop in runs_of(flags):
+        assert stop > start
+        again[start:stop] = True
+    assert np.array_equal(again, flags)
+
+
+def test_a_sample_that_stays_lost_has_not_changed():
+    lost = np.array([np.nan, 1.0, np.nan, 2.0])
+    found = np.array([np.nan, 1.0, 3.0, np.nan])
+    assert changed(lost, found).tolist() == [False, False, True, True]
