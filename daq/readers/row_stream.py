@@ -64,7 +64,8 @@ class RowStream:
         except (ValueError, OverflowError, UnicodeDecodeError, StopIteration):  # ParserError is a ValueError
             self.close()
             return None
-        if table.shape != (count, self._rows.width) or self._source.read():
+        # Rows that are more than they were counted would wait in the parser for the next piece
+        if table.shape != (count, self._rows.width) or self._source.read() or self._source.lines != count:
             self.close()
             return None
         texts = []
@@ -96,7 +97,8 @@ class RowStream:
         if self._lost:
             # The carriage return of a line end stays with the last cell
             spellings = [s + end for s in (*_LOST_SPELLINGS, *self._rows.missing) for end in ("", "\r")]
-            options |= {"keep_default_na": False, "na_values": spellings}
+            numbers = [i for i in range(self._rows.width) if i not in self._text_columns]
+            options |= {"keep_default_na": False, "na_values": dict.fromkeys(numbers, spellings)}
         dtypes: Any = np.float64
         if self._text_columns:
             dtypes = {i: str if i in self._text_columns else np.float64 for i in range(self._rows.width)}
@@ -124,14 +126,15 @@ class _Source:
         self.give(iter(()))
 
     def give(self, parts: Iterator[bytes], encoding: str = "utf-8", counted: str = "") -> None:
-        """Give what is to be read next, its encoding, and a character to be counted."""
-        self._parts, self._count, self.counted = parts, counted.encode(), 0
+        """Give what is to be read next, its encoding, and a character to be counted beside the lines."""
+        self._parts, self._count, self.counted, self.lines = parts, counted.encode(), 0, 0
         utf_8 = codecs.lookup(encoding).name == "utf-8"
         self._decoder = None if utf_8 else codecs.getincrementaldecoder(encoding)("replace")
 
     def read(self, _count: int = -1) -> bytes:
         """Return the next part, however many bytes are asked for; nothing at the end of the piece."""
         part = next(self._parts, b"")
+        self.lines += count_byte(part, b"\n")
         if self._count:
             self.counted += count_byte(part, self._count)
         if self._decoder is not None and not part.isascii():

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 SEPARATORS = ("\t", ";", ",")
 """Separators in the order in which they are tried: a comma may also be a decimal mark."""
 
-LOST_WORDS = ("nan", "-nan", "inf", "+inf", "-inf")
+LOST_WORDS = ("nan", "-nan", "inf", "+inf", "-inf", "infinity", "+infinity", "-infinity")
 """Words, in any case, that stand for a sample that is no number."""
 
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
