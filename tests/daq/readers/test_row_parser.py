@@ -15,38 +15,16 @@ from daq.readers.row_parser import RowParser
 from daq.readers.row_stream import RowStream, count_byte
 from daq.readers.strict_rows import parse_strictly
 
+WORDS = "|nan|-NaN|Nan|INF|-inf|Infinity|1e999| 2 |-9|--|1.|.5|+3|1e|x|1_0|4\r5"
 CELLS = st.one_of(
     st.floats(allow_nan=False, allow_infinity=False).map(repr),
-    st.sampled_from(
-        [
-            "",
-            "nan",
-            "-NaN",
-            "Nan",
-            "INF",
-            "-inf",
-            "Infinity",
-            "1e999",
-            " 2 ",
-            "-9",
-            "--",
-            "1.",
-            ".5",
-            "+3",
-            "1e",
-            "x",
-            "1_0",
-            "4\r5",
-        ]
-    ),
+    st.sampled_from(WORDS.split("|")),
     st.text(st.sampled_from("0123456789.,eE+- \r\t"), max_size=4),
 )
 
 
-def row_format(
-    separator: str = ";", columns: Sequence[str] = ("a", "b", "c"), missing: Sequence[str] = ()
-) -> RowFormat:
-    return RowFormat(Path("x.csv"), "utf-8", separator, tuple(columns), len(columns), False, tuple(missing))
+def row_format(missing: tuple[str, ...] = ()) -> RowFormat:
+    return RowFormat(Path("x.csv"), "utf-8", ";", ("a", "b", "c"), 3, decimal_comma=False, missing=missing)
 
 
 def parts_of(text: bytes, size: int = 7) -> Callable[[], Iterator[bytes]]:
