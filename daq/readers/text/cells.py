@@ -9,7 +9,7 @@ from collections.abc import Sequence
 SEPARATORS = ("\t", ";", ",")
 """Separators in the order in which they are tried: a comma may also be a decimal mark."""
 
-LOST_WORDS = ("nan", "-nan", "inf", "+inf", "-inf")
+LOST_WORDS = ("nan", "-nan", "inf", "+inf", "-inf", "infinity", "+infinity", "-infinity")
 """Words, in any case, that stand for a sample that is no number."""
 
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
@@ -88,3 +88,12 @@ def unique_names(names: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]
         f"{count} signals are named {n!r}: the later ones read {n}#2 ..." for n, count in seen.items() if count > 1
     )
     return tuple(unique), notes
+
+
+def decimals(cell: str) -> int:
+    """Return the place of a number's last printed digit: 6 for ``0.000020``, 9 for ``1.5E-008``; 0 if it is none."""
+    mantissa, _, exponent = cell.strip().casefold().replace(",", ".").partition("e")
+    try:
+        return len(mantissa.partition(".")[2]) - (int(exponent) if exponent else 0)
+    except ValueError:
+        return 0

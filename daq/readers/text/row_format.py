@@ -60,3 +60,8 @@ class RowFormat:
 def is_comment(row: bytes, comment: str) -> bool:
     """Tell whether a line is a comment, which may be indented."""
     return row.lstrip(b" ").startswith(comment.encode("utf-8"))
+
+
+def count_rows(text: bytes, comment: str) -> int:
+    r"""Count complete rows, each ended by ``\n``, without comments."""
+    return sum(not is_comment(row, comment) for row in text.split(b"\n")[:-1])

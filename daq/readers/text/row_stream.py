@@ -56,15 +56,18 @@ class RowStream:
         count : int
             How many rows there are.
         """
-        counted = self._rows.separator if self._lost or self._text_columns else ""
-        self._source.give(parts, self._rows.encoding, counted)
+        every_row = self._lost or bool(self._text_columns)
+        self._source.give(parts, self._rows.encoding, self._rows.separator, every_row=every_row)
         try:
             self._reader = self._reader or self._opened()
             table = self._reader.get_chunk(count)
         except (ValueError, OverflowError, UnicodeDecodeError, StopIteration):  # ParserError is a ValueError
             self.close()
             return None
-        if table.shape != (count, self._rows.width) or self._source.read():
+        # Rows that are more than they were counted would wait in the parser for the next piece
+        read_all = not self._source.read() and self._source.lines == count
+        # Not every version of pandas refuses too many cells in the first row of a piece
+        if table.shape != (count, self._rows.width) or not read_all or self._source.in_first != self._rows.width - 1:
             self.close()
             return None
         texts = []
@@ -77,7 +80,7 @@ class RowStream:
             whole = bool(np.isfinite(values.sum(axis=0)).all())
         if not whole:
             # Too many cells are an error of the parser; too few are filled up, and cells behind them seem empty
-            if not counted or self._source.counted != count * (self._rows.width - 1):
+            if not every_row or self._source.separators != count * (self._rows.width - 1):
                 return None
             values = np.where(np.isfinite(values), values, np.nan)
         return values, texts
@@ -96,7 +99,8 @@ class RowStream:
         if self._lost:
             # The carriage return of a line end stays with the last cell
             spellings = [s + end for s in (*_LOST_SPELLINGS, *self._rows.missing) for end in ("", "\r")]
-            options |= {"keep_default_na": False, "na_values": spellings}
+            numbers = [i for i in range(self._rows.width) if i not in self._text_columns]
+            options |= {"keep_default_na": False, "na_values": dict.fromkeys(numbers, spellings)}
         dtypes: Any = np.float64
         if self._text_columns:
             dtypes = {i: str if i in self._text_columns else np.float64 for i in range(self._rows.width)}
@@ -123,17 +127,23 @@ class _Source:
     def __init__(self) -> None:
         self.give(iter(()))
 
-    def give(self, parts: Iterator[bytes], encoding: str = "utf-8", counted: str = "") -> None:
-        """Give what is to be read next, its encoding, and a character to be counted."""
-        self._parts, self._count, self.counted = parts, counted.encode(), 0
+    def give(
+        self, parts: Iterator[bytes], encoding: str = "utf-8", separator: str = "", *, every_row: bool = False
+    ) -> None:
+        """Give what is to be read next, its encoding, and what is to be counted in the first or every row."""
+        self._parts, self._separator, self._every_row = parts, separator.encode(), every_row
+        self.lines = self.separators = self.in_first = 0
         utf_8 = codecs.lookup(encoding).name == "utf-8"
         self._decoder = None if utf_8 else codecs.getincrementaldecoder(encoding)("replace")
 
     def read(self, _count: int = -1) -> bytes:
         """Return the next part, however many bytes are asked for; nothing at the end of the piece."""
         part = next(self._parts, b"")
-        if self._count:
-            self.counted += count_byte(part, self._count)
+        if not self.lines:
+            self.in_first += part[: part.find(b"\n") if b"\n" in part else None].count(self._separator)
+        self.lines += count_byte(part, b"\n")
+        if self._every_row:
+            self.separators += count_byte(part, self._separator)
         if self._decoder is not None and not part.isascii():
             return self._decoder.decode(part).encode("utf-8")
         return part

@@ -19,6 +19,7 @@ from daq.errors import CorruptFileError
 from daq.readers.text.cells import (
     LOST_WORDS,
     SEPARATORS,
+    decimals,
     has_decimal_comma,
     is_lost,
     is_number,
@@ -26,7 +27,7 @@ from daq.readers.text.cells import (
     split_unit,
     unique_names,
 )
-from daq.readers.text.row_format import RowFormat, is_comment
+from daq.readers.text.row_format import RowFormat, count_rows, is_comment
 from daq.readers.text.row_parser import RowParser
 from daq.readers.text.row_stream import count_byte
 from daq.readers.text.text_file import Text, one_line_end
@@ -46,7 +47,7 @@ __all__ = [
     "unique_names",
 ]
 
-PIECE_BYTES = 1 << 21
+PIECE_BYTES = 3 << 20
 """Text that is parsed at once; no row is longer."""
 
 THREADS = 2
@@ -155,7 +156,8 @@ class Block:
         else:
             found = [self._line_ends(at) for at in windows]
         at, line, pieces = self.start, self.first_line, []
-        found[-1] = (found[-1][0] + 1, self.stop)  # the last row's line end lies behind the block
+        if found:
+            found[-1] = (found[-1][0] + 1, self.stop)  # the last row's line end lies behind the block
         for lines, stop in found:
             if not lines:
                 raise CorruptFileError(
@@ -164,7 +166,7 @@ class Block:
                 )  # fmt: skip
             piece = Piece(at, stop, line, lines)
             if self.comment:
-                piece = Piece(at, stop, line, _count_rows(self, self.text(piece)))
+                piece = Piece(at, stop, line, count_rows(self.text(piece), self.comment))
             pieces.append(piece)
             at, line = stop, line + lines
         return tuple(pieces)
@@ -268,11 +270,6 @@ def read_block(block: Block, *, text_first_column: bool = False) -> tuple[NDArra
     return np.concatenate([values for values, _ in parsed]), texts
 
 
-def _count_rows(block: Block, text: bytes) -> int:
-    """Count the rows of a piece, without comments."""
-    return sum(not is_comment(row, block.comment) for row in text.split(b"\n")[:-1])
-
-
 def printed_decimals(block: Block, column: int) -> int:
     """Return the place of a column's last printed digit: 6 for ``0.000020``, 9 for ``1.5E-008``.
 
@@ -288,7 +285,7 @@ def printed_decimals(block: Block, column: int) -> int:
     return min(
         max(
             (
-                _decimals(cells[column].decode("ascii", errors="replace"))
+                decimals(cells[column].decode("ascii", errors="replace"))
                 for cells in (row.split(separator) for row in rows)
                 if len(cells) > column
             ),
@@ -296,11 +293,3 @@ def printed_decimals(block: Block, column: int) -> int:
         )
         for rows in ends
     )
-
-
-def _decimals(cell: str) -> int:
-    mantissa, _, exponent = cell.strip().casefold().replace(",", ".").partition("e")
-    try:
-        return len(mantissa.partition(".")[2]) - (int(exponent) if exponent else 0)
-    except ValueError:
-        return 0

@@ -1,13 +1,14 @@
 from __future__ import annotations
 
 import gc
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from daq.errors import CorruptFileError
-from daq.readers.text import column_store, text_table
+from daq.errors import CorruptFileError, ReadError
+from daq.readers.text import column_store, text_file, text_table
 from daq.readers.text.column_store import ColumnStore
 from daq.readers.text.text_file import LongText
 from daq.readers.text.text_table import Block, find_block
@@ -76,3 +77,38 @@ def test_a_row_with_a_cell_less_is_never_filled_up(tmp_path: Path) -> None:
 def test_a_line_without_end_is_refused(tmp_path: Path) -> None:
     with pytest.raises(CorruptFileError, match="a line is longer than 500 bytes"):
         _ = block_of(tmp_path, "1;2;3\n" + "4" * 2000 + ";5;6\n1;2;3\n").pieces
+
+
+@pytest.mark.usefixtures("_in_many_pieces")
+def test_stamps_are_told_in_the_order_of_the_file_and_kept_beside_the_numbers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(column_store, "MEMORY_BYTES", 0)
+    block = block_of(tmp_path, "".join(f"t{i};{i * 0.5};{'' if i == 7 else i}\n" for i in range(500)))
+    told: list[str] = []
+
+    def seconds(cells: Sequence[str]) -> np.ndarray:
+        told.extend(cells)
+        return np.array([float(cell[1:]) for cell in cells])
+
+    store = ColumnStore(block, seconds, 0)
+    np.testing.assert_array_equal(store.column(0), np.arange(500.0))
+    np.testing.assert_array_equal(store.column(1, 100, 300), np.arange(100, 300) * 0.5)
+    np.testing.assert_array_equal(store.lost, [0, 0, 1])
+    assert told == [f"t{i}" for i in range(500)]
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_parts_are_what_reading_at_once_gives(encoding: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(text_file, "PART_BYTES", 11)
+    file = block_of(tmp_path, text_of(NUMBERS), encoding).file
+    for start, stop in ((0, file.size), (5, 300), (40, 40), (file.size - 3, file.size + 5)):
+        assert b"".join(file.parts(start, stop)) == file.read(start, stop)
+
+
+def test_a_file_that_becomes_shorter_is_an_error(tmp_path: Path) -> None:
+    block = block_of(tmp_path, text_of(NUMBERS))
+    assert block.row_count == len(NUMBERS)
+    (tmp_path / "a.csv").write_bytes(b"1;2;3\n")
+    with pytest.raises(ReadError, match="became shorter"):
+        ColumnStore(block).column(0)
