@@ -20,6 +20,9 @@ _HEADER_AT = 64
 _LARGEST_RATIO = 100
 """Unpacked blocks take no more than so many times the file's size: samples shrink to a tenth, not to a hundredth."""
 
+_PART_BYTES = 1 << 16
+"""Of a compressed block that are held at a time."""
+
 _CHAINED: Mapping[bytes, tuple[int, ...]] = {b"HD": (0,), b"DG": (0, 1, 2), b"CG": (0, 1), b"CN": (0, 1), b"HL": (0,)}
 """Links that make up the tree of groups and channels: each block of it is reached once."""
 
@@ -99,13 +102,13 @@ def _check_packed(path: Path, content: bytes, at: int, length: int, limit: int) 
     if length < _BLOCK.size + _PACKED.size:
         raise CorruptFileError("a compressed block is shorter than its header", path=path, place=f"byte {at}")
     _, method, _, stated, size = _PACKED.unpack_from(content, body)
-    packed = content[body + _PACKED.size : at + length]
+    packed = memoryview(content)[body + _PACKED.size : at + length]
     if method not in (0, 1):
         raise CorruptFileError(
             "a block's compression is unknown", path=path, place=f"byte {at}", expected="0 or 1", found=str(method)
         )
     try:
-        fits = stated <= limit and len(zlib.decompressobj().decompress(packed[:size], stated + 1)) == stated
+        fits = stated <= limit and _unpacked_size(packed[:size], stated) == stated
     except (zlib.error, OverflowError) as error:
         raise CorruptFileError("a compressed block does not unpack", path=path, place=f"byte {at}") from error
     if not fits or size > len(packed):
@@ -116,3 +119,15 @@ def _check_packed(path: Path, content: bytes, at: int, length: int, limit: int) 
             expected=f"{stated} bytes",
         )
     return int(stated)
+
+
+def _unpacked_size(packed: memoryview, most: int) -> int:
+    """Return the size to which a block unpacks, or some larger one than ``most``; little of it is held at a time."""
+    unpacking = zlib.decompressobj()
+    size = 0
+    for at in range(0, len(packed), _PART_BYTES):
+        part: bytes | memoryview = packed[at : at + _PART_BYTES]
+        while part and not unpacking.eof and size <= most:
+            size += len(unpacking.decompress(part, _PART_BYTES))
+            part = unpacking.unconsumed_tail
+    return size if size > most else size + len(unpacking.flush())

@@ -11,7 +11,6 @@ index; time stamps count from 1904-01-01 UTC in 2^-64 s). Read by npTDMS.
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
@@ -19,26 +18,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from daq.channel import RawCounts
-from daq.errors import CorruptFileError, ReadError
+from daq.errors import ReadError
 from daq.readers.bounded_file import BoundedFile
 from daq.readers.containers.stored_channels import StoredChannel, StoredRecording, damage_is_reported
 from daq.readers.containers.stored_time import StoredTime, resolution_of, time_from_stamps
 from daq.readers.reader import Declarations, SignalHeader
+from daq.readers.tdms.channel import TdmsChannel, why_no_channel
+from daq.readers.tdms.segments import INDEX_TAG, LEAD_IN_BYTES, TAG, how_it_ends
 from daq.timebase import AbsoluteStart, TimeBase
 
-TAG, INDEX_TAG = b"TDSm", b"TDSh"
-LEAD_IN_BYTES = 28
-BIG_ENDIAN = 1 << 6
-OPEN_SEGMENT = 0xFFFFFFFFFFFFFFFF
-"""Length of a segment that its writer never closed."""
-SCALINGS = frozenset(
-    {"Linear", "Polynomial", "RTD", "Table", "Thermocouple", "Thermistor", "Strain", "Add", "Subtract"}
-)
-"""Scalings that npTDMS carries out; it would pass over any other in silence."""
-MOST_SCALES = 256
 ROUNDING = 1e-6
 """Share of a sample below which two starts are the same: LabVIEW's starts of one task differ by 10^-16 s."""
 TIME_NAMES = ("time", "time (s)", "time [s]", "t", "t (s)", "zeit", "time_s")
@@ -68,7 +57,7 @@ class TdmsReader:
             If it is damaged.
         """
         with damage_is_reported(path, "a whole TDMS file"):
-            incomplete = _how_it_ends(path)
+            incomplete = how_it_ends(path)
             try:
                 from nptdms import TdmsFile
             except ImportError as error:
@@ -77,35 +66,6 @@ class TdmsReader:
             with BoundedFile(path) as file:
                 tdms = TdmsFile.read_metadata(file, raw_timestamps=True)
                 return _recording(path, tdms, declared.clock, incomplete)
-
-
-def _how_it_ends(path: Path) -> str:
-    """Walk the segments and tell how the file was cut off; empty if nothing shows that."""
-    size = path.stat().st_size
-    at = 0
-    with path.open("rb") as file:
-        while at < size:
-            file.seek(at)
-            lead_in = file.read(LEAD_IN_BYTES)
-            if lead_in[:4] == INDEX_TAG:
-                raise ReadError(
-                    "this is the index of a TDMS file, without samples", path=path, remedy="take the .tdms file"
-                )
-            if at and len(lead_in) < LEAD_IN_BYTES:
-                return f"{len(lead_in)} bytes of a further segment at byte {at}: left out"
-            if len(lead_in) < LEAD_IN_BYTES or lead_in[:4] != TAG:
-                raise CorruptFileError(
-                    "no segment", path=path, place=f"byte {at}", expected="TDSm", found=repr(lead_in[:4])
-                )
-            flags = struct.unpack_from("<I", lead_in, 4)[0]
-            length = struct.unpack_from(">Q" if flags & BIG_ENDIAN else "<Q", lead_in, 12)[0]
-            if length == OPEN_SEGMENT:
-                return f"the segment at byte {at} was never closed by its writer: read as far as it goes"
-            end = at + LEAD_IN_BYTES + length
-            if end > size:
-                return f"the segment at byte {at} ends at byte {size} of {end}: read as far as it goes"
-            at = end
-    return ""
 
 
 def _recording(path: Path, tdms: Any, clock: str, incomplete: str) -> StoredRecording:
@@ -117,7 +77,7 @@ def _recording(path: Path, tdms: Any, clock: str, incomplete: str) -> StoredReco
         members = list(group.channels())
         for channel in members:
             label = f"{group.name}/{channel.name}"
-            reason = _why_not(channel, (channel.properties, group.properties, tdms.properties), size, path)
+            reason = why_no_channel(channel, (channel.properties, group.properties, tdms.properties), size, path)
             if reason:
                 notes.append(f"{label}: {reason}: left out")
                 continue
@@ -163,34 +123,6 @@ class _Candidate:
         return stamp if hasattr(stamp, "second_fractions") and stamp.seconds else None
 
 
-def _why_not(channel: Any, levels: tuple[Mapping[str, Any], ...], size: int, path: Path) -> str:
-    """Say why a channel is no channel of numbers; empty if it is one."""
-    from nptdms import types
-
-    if not len(channel):
-        return "no samples"
-    if channel.data_type in (types.TimeStamp, types.String):
-        return "time stamps" if channel.data_type is types.TimeStamp else "texts"
-    for properties in levels:
-        for name, value in properties.items():
-            if name.endswith("_Scale_Type") and value not in SCALINGS:
-                return f"its scaling {value!r} is not covered"
-            counted = name == "NI_Number_Of_Scales" or (name.startswith("NI_Scale[") and name.endswith("_Size"))
-            if counted and not (isinstance(value, (int, np.integer)) and 0 <= value <= MOST_SCALES):
-                return f"damaged: {name} is {value!r}"
-    dtype = np.dtype(channel.dtype)
-    if dtype.kind not in "fiub" or dtype.itemsize > 8:
-        return f"not real numbers ({dtype})"
-    types_stored = list((channel.scaler_data_types or {}).values()) or [channel.data_type]
-    width = max((t.size or 0 for t in types_stored), default=0)
-    if not width or len(channel) * width > size:
-        raise CorruptFileError(
-            "more samples are stated than the file can hold", path=path, place=f"channel {channel.path}",
-            expected=f"at most {size} bytes", found=f"{len(channel)} samples of {width} bytes",
-        )  # fmt: skip
-    return ""
-
-
 def _read_times(path: Path, channel: Any, clock: str, notes: list[str], label: str) -> StoredTime | str:
     unit = str(channel.properties.get("unit_string", "")).strip()
     if unit and unit not in TIME_UNITS_S:
@@ -198,7 +130,7 @@ def _read_times(path: Path, channel: Any, clock: str, notes: list[str], label: s
     if not unit and not channel.name.endswith(("(s)", "[s]", "_s")):
         notes.append(f"{label}: no unit is stated: read as seconds")
     factor = TIME_UNITS_S.get(unit, 1.0)
-    values = _read(path, channel.group_name, channel.name, 0, len(channel), True)
+    values = TdmsChannel(path, channel.group_name, channel.name).read(0, len(channel))
     try:
         time = time_from_stamps(clock, values.astype(np.float64) * factor, resolution_of(values) * factor)
     except ValueError as error:
@@ -255,9 +187,9 @@ def _with_starts(
         )
         unit = str(properties.get("unit_string", ""))
         header = SignalHeader(candidate.label, unit, base.count, metadata={"properties": _plain(properties)})
-        place = (path, channel.group_name, channel.name)
+        stored = TdmsChannel(path, channel.group_name, channel.name)
         channels.append(
-            StoredChannel(header, base, partial(_samples, *place, time.kept), partial(_raw, *place, time.kept, unit))
+            StoredChannel(header, base, partial(stored.samples, time.kept), partial(stored.counts, time.kept, unit))
         )
     return channels, absolute
 
@@ -287,54 +219,3 @@ def _plain(properties: Mapping[str, Any]) -> dict[str, Any]:
         own = value.item() if isinstance(value, np.generic) else value
         plain[name] = own if isinstance(own, (bool, int, float, str)) else str(own)
     return plain
-
-
-def _read(path: Path, group: str, name: str, start: int, count: int, scaled: bool) -> Any:
-    from nptdms import TdmsFile
-
-    with BoundedFile(path) as file, TdmsFile.open(file, raw_timestamps=True) as tdms:
-        return tdms[group][name].read_data(start, count, scaled=scaled)
-
-
-def _samples(
-    path: Path, group: str, name: str, kept: NDArray[np.int64] | None, start: int, stop: int
-) -> NDArray[np.float64]:
-    if stop == start:
-        return np.empty(0)
-    if kept is not None:
-        first, last = int(kept[start]), int(kept[stop - 1])
-        values = np.asarray(_read(path, group, name, first, last + 1 - first, True))
-        return np.asarray(values[kept[start:stop] - first], np.float64)
-    values = np.asarray(_read(path, group, name, start, stop - start, True)).astype(np.float64)
-    if values.size != stop - start:
-        raise ValueError(f"{values.size} samples of {stop - start}")
-    return values
-
-
-def _raw(
-    path: Path, group: str, name: str, kept: NDArray[np.int64] | None, unit: str, start: int, stop: int
-) -> RawCounts | None:
-    """Return the integers of a channel that has no scaling or one linear scaling."""
-    from nptdms import TdmsFile
-
-    with BoundedFile(path) as file, TdmsFile.open(file, raw_timestamps=True) as tdms:
-        channel = tdms[group][name]
-        if kept is None:
-            counts = channel.read_data(start, stop - start, scaled=False)
-        else:
-            counts = channel.read_data(scaled=False)
-        levels = (channel.properties, tdms[group].properties, tdms.properties)
-    if isinstance(counts, dict):
-        counts = next(iter(counts.values())) if len(counts) == 1 else np.empty(0)
-    scales = [(k, p) for p in levels for k in p if k.endswith("_Scale_Type")]
-    if counts.dtype.kind not in "iu" or len(scales) > 1:
-        return None
-    gain, offset = 1.0, 0.0
-    if scales:
-        key, properties = scales[0]
-        prefix = key.removesuffix("Scale_Type")
-        if properties[key] != "Linear" or properties.get("NI_Scaling_Status", "unscaled") == "scaled":
-            return None
-        gain = float(properties[f"{prefix}Linear_Slope"])
-        offset = float(properties[f"{prefix}Linear_Y_Intercept"])
-    return RawCounts(counts if kept is None else counts[kept[start:stop]], gain, offset, unit)

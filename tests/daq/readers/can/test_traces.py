@@ -7,6 +7,7 @@ import gzip
 import math
 import sqlite3
 import struct
+import time
 import zlib
 from datetime import UTC, datetime
 from pathlib import Path
@@ -315,13 +316,47 @@ def test_several_members_of_a_compressed_log_are_read_and_a_cut_one_is_told(tmp_
     assert any("the compressed file is cut" in note for note in recording.notes)
 
 
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    texts=st.lists(st.binary(max_size=60), min_size=1, max_size=6), padding=st.integers(0, 20), part=st.integers(1, 40),
+    cut=st.integers(0, 30),
+)  # fmt: skip
+def test_members_of_a_compressed_log_may_lie_in_any_part_of_it(
+    texts: list[bytes], padding: int, part: int, cut: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    members = [gzip.compress(text, mtime=0) for text in texts]
+    monkeypatch.setattr(packed_file, "PART_BYTES", part)
+    path = written(tmp_path, "a.gz", b"".join(members) + bytes(padding))
+    assert packed_file.read_unpacked(path) == (b"".join(texts), "")
+    whole = b"".join(members[:-1])
+    if cut >= len(packed_file.MAGIC):
+        content, told = packed_file.read_unpacked(written(tmp_path, "a.gz", whole + members[-1][: min(cut, 12)]))
+        assert content.startswith(b"".join(texts[:-1]))
+        assert "the compressed file is cut" in told
+    monkeypatch.undo()
+
+
+def test_a_compressed_log_of_many_members_takes_time_by_its_size(tmp_path: Path) -> None:
+    lines = [b"%d,1.5,2.5\n" % i for i in range(40_000)]
+    members = [gzip.compress(line, 1, mtime=0) for line in lines]
+    took_s = []
+    for count in (10_000, 40_000):
+        path = written(tmp_path, "a.gz", b"".join(members[:count]))
+        before = time.process_time()
+        assert packed_file.read_unpacked(path) == (b"".join(lines[:count]), "")
+        took_s.append(time.process_time() - before)
+    assert took_s[1] < 9 * took_s[0] + 0.2
+
+
 def test_compressed_logs_that_are_damaged_or_grow_without_bound_are_refused(tmp_path: Path) -> None:
     content = bytearray(gzip.compress(candump_log(ENTRIES)))
     content[-6] ^= 1
     with pytest.raises(CorruptFileError, match="does not unpack"):
         packed_file.read_unpacked(written(tmp_path, "a.gz", bytes(content)))
-    with pytest.raises(CorruptFileError, match="something else follows"):
-        packed_file.read_unpacked(written(tmp_path, "a.gz", gzip.compress(b"x") + b"junk"))
+    once = gzip.compress(b"x")
+    with pytest.raises(CorruptFileError, match=f"byte {len(once) + 7}: something else follows"):
+        packed_file.read_unpacked(written(tmp_path, "a.gz", once + bytes(7) + b"junk"))
+    assert packed_file.read_unpacked(written(tmp_path, "a.gz", once + bytes(7))) == (b"x", "")
     with pytest.raises(ReadError, match="more than 100 times"):
         packed_file.read_unpacked(written(tmp_path, "a.gz", gzip.compress(bytes(20_000_000))))
 
