@@ -17,7 +17,7 @@ from identification.filter_choice import FORCE_ROLES, LARGEST_SHARE_OF_RATE, Fil
 from identification.forced_recoil import CARRIAGE_ROLES, ForcedRecoil, missing_forces
 from identification.identified import Identification, Options
 from identification.method_result import method_result
-from identification.regression import PRESSURE_ROLES, Regression, spaced_rows
+from identification.regression import PRESSURE_ROLES, Regression
 from identification.signals import collect_signals
 from identification.stress_waves import find_stress_waves
 from identification.trace_window import choose_trace_window
@@ -56,8 +56,7 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
     signals = forced.signals
     choice = _slow_filter(shot, options)
     u_random_kg, further = film_contributions(filmed)
-    residual = 0.0
-    calibration = FilmCalibration.of(found, u_random_kg, forced.scales, camera.u_rel, residual)
+    calibration = FilmCalibration.of(found, u_random_kg, forced.scales, camera.u_rel)
     clock = replace(filmed.clock, offset_s=filmed.clock.offset_s + found.shift_s)
     regression = regression_by_camera(
         forced.recorded,
@@ -69,8 +68,7 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
         choice.low_pass,
         longest_gap_s=LONGEST_GAP_S,
     )
-    residual = _residual_m_s2(regression, calibration)
-    calibration = replace(calibration, estimate=replace(calibration.estimate, residual_m_s2=residual))
+    calibration = calibration.with_residual(regression)
     estimate = replace(calibration.estimate, budget=(*calibration.estimate.budget, *further))
     estimates = {"camera": estimate}
     missing_routes: tuple[str, ...] = ()
@@ -137,16 +135,9 @@ def _slow_filter(shot: Shot, options: Options) -> FilterChoice:
     cutoff_hz = min(LARGEST_CUTOFF_HZ, LARGEST_SHARE_OF_RATE * slowest)
     reason = (
         f"the fixed {cutoff_hz:g} Hz: a displacement that is differentiated twice for the mass over time bears no more"
+        + ("" if options.cutoff_hz is None else f", {options.cutoff_hz:g} Hz were asked for")
     )
     return FilterChoice(LowPass(cutoff_hz), "default", None, reason)
-
-
-def _residual_m_s2(regression: Regression, calibration: FilmCalibration) -> float:
-    """Find the standard deviation of the acceleration by the camera less force over mass, behind the low-pass."""
-    rows = spaced_rows(regression)
-    acceleration, force = calibration.correct(regression)
-    residual = acceleration[rows] - force[rows] / calibration.estimate.mass_kg
-    return math.sqrt(float(residual @ residual) / max(rows.size - 1, 1))
 
 
 def _constancy(regression: Regression, calibration: FilmCalibration, forced: ForcedRecoil) -> MassConstancy | None:

@@ -9,7 +9,7 @@ release and the clocks' offset are solved for at once, each restricted by what i
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from identification.mass import (
     correlation_factor,
     independent_rows,
 )
-from identification.regression import Regression
+from identification.regression import Regression, spaced_rows
 from identification.sensor_observations import CAMERA_SCALE, RELEASE
 
 Array = NDArray[np.float64]
@@ -45,7 +45,8 @@ class FilmCalibration:
     Attributes
     ----------
     estimate : MassEstimate
-        With the rows of noise, gauges, friction, release and the camera's scale.
+        With the rows of noise, gauges, friction, release and the camera's scale; its residual is that of the
+        acceleration by the camera, NaN before `with_residual`.
     gauge_errors : ndarray, shape (3,)
         Relative errors of breech, brake and recuperator force.
     friction_error_n : float
@@ -71,12 +72,7 @@ class FilmCalibration:
 
     @classmethod
     def of(
-        cls,
-        found: DoubleImpulseMass,
-        u_random_kg: float,
-        scales: ScaleUncertainty,
-        u_camera: float,
-        residual_m_s2: float,
+        cls, found: DoubleImpulseMass, u_random_kg: float, scales: ScaleUncertainty, u_camera: float
     ) -> FilmCalibration:
         """State what a film found.
 
@@ -89,8 +85,6 @@ class FilmCalibration:
         scales : ScaleUncertainty
         u_camera : float
             Relative, of the camera's scale.
-        residual_m_s2 : float
-            Of the acceleration by the camera behind the low-pass.
         """
         u = np.array([*scales.gauges, scales.friction_n])
         random = BudgetRow(
@@ -113,7 +107,7 @@ class FilmCalibration:
         answer = found.scale_answer_kg
         budget.append(BudgetRow(CAMERA_SCALE, abs(answer) * u_camera, "B", answer))
         return cls(
-            MassEstimate("camera", found.mass_kg, tuple(budget), found.frames, residual_m_s2),
+            MassEstimate("camera", found.mass_kg, tuple(budget), found.frames, math.nan),
             found.force_errors[:3].copy(),
             float(found.force_errors[3]),
             found.velocity_m_s,
@@ -122,6 +116,14 @@ class FilmCalibration:
             departures,
             significances,
         )
+
+    def with_residual(self, regression: Regression) -> FilmCalibration:
+        """State the residual of a filtered regression, so that estimates by other methods compare."""
+        rows = spaced_rows(regression)
+        acceleration, force = self.correct(regression)
+        residual = acceleration[rows] - force[rows] / self.estimate.mass_kg
+        deviation = math.sqrt(float(residual @ residual) / max(rows.size - 1, 1))
+        return replace(self, estimate=replace(self.estimate, residual_m_s2=deviation))
 
     def correct(self, regression: Regression) -> tuple[Array, Array]:
         """Return a' and F' with the gauges' errors and the release taken off, shape (n,) each."""
