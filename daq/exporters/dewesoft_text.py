@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from daq.exporters.content import Content
 from daq.exporters.csv_text import heading_row
 from daq.exporters.exporter import Carried, Table
+from daq.readers.text.rows import read_rows
 from daq.readers.text.text_file import read_text
-from daq.readers.text.text_table import find_block, read_block
+from daq.readers.text.text_table import find_block
 
 ROWS = 65536
 """Rows that are put into text at a time."""
@@ -69,7 +70,7 @@ class DewesoftTextExporter:
         values = np.empty((0, 1 + len(names)))
         if group.time_base.count:
             body = file.data.find(b"\n") + 1
-            values, _ = read_block(find_block(file, body, ",", ["time", *names], decimal_comma=False))
+            values = read_rows(find_block(file, body, ",", ["time", *names], decimal_comma=False))
         columns = [np.ascontiguousarray(column) for column in values.T]
         return (Table(group.name, columns[0], dict(zip(names, columns[1:], strict=True))),)
 

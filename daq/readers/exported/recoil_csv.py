@@ -17,8 +17,9 @@ from daq.errors import CorruptFileError, ReadError
 from daq.readers.exported.header import ExportedHeader, exported_header, parse_json
 from daq.readers.exported.recording import ExportedRecording
 from daq.readers.reader import Declarations
+from daq.readers.text.rows import read_rows
 from daq.readers.text.text_file import TextFile, decode_head, read_text
-from daq.readers.text.text_table import Block, find_block, read_block, split_cells
+from daq.readers.text.text_table import Block, find_block, split_cells
 
 FIRST_LINE = '# recoil-daq: "csv/1"'
 _LEAST_ROW_BYTES = 4
@@ -86,7 +87,7 @@ class RecoilCsvRecording(ExportedRecording):
     def _columns(self) -> tuple[NDArray[np.float64], ...]:
         if self._block is None:
             return tuple(np.empty(0) for _ in range(len(self.signals) + 1))
-        values, _ = read_block(self._block)
+        values = read_rows(self._block)
         body = self._block.file.read(self._block.start, self._block.stop)
         if b"inf" in body.lower():
             # An infinite sample is told apart from a lost one here, because the shot does

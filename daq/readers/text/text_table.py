@@ -10,10 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property, partial
-
-import numpy as np
-from numpy.typing import NDArray
+from functools import cached_property
 
 from daq.errors import CorruptFileError
 from daq.readers.text.cells import (
@@ -28,7 +25,6 @@ from daq.readers.text.cells import (
     unique_names,
 )
 from daq.readers.text.row_format import RowFormat, count_rows, is_comment
-from daq.readers.text.row_parser import RowParser
 from daq.readers.text.row_stream import count_byte
 from daq.readers.text.text_file import Text, one_line_end
 
@@ -41,7 +37,6 @@ __all__ = [
     "is_lost",
     "is_number",
     "printed_decimals",
-    "read_block",
     "split_cells",
     "split_unit",
     "unique_names",
@@ -238,36 +233,6 @@ def find_block(
         file, start, base + len(rows), first_line, separator, tuple(columns), decimal_comma, dropped,
         tuple(missing), comment,
     )  # fmt: skip
-
-
-def read_block(block: Block, *, text_first_column: bool = False) -> tuple[NDArray[np.float64], list[str]]:
-    """Read all numbers of a block.
-
-    Parameters
-    ----------
-    block : Block
-    text_first_column : bool
-        Whether the first column is text, which is returned apart; its column of numbers is NaN.
-
-    Returns
-    -------
-    values : ndarray of float64, shape (n_rows, n_columns)
-        NaN where a cell is empty or says that there is no number.
-    texts : list of str
-        The first column's cells; empty unless it is text.
-
-    Raises
-    ------
-    CorruptFileError
-        If a row has another width or a cell is no number, with line and column.
-    """
-    parser = RowParser(block.format, (0,) if text_first_column else ())
-    try:
-        parsed = [parser.parse(partial(block.parts, piece), piece.line, piece.rows) for piece in block.pieces]
-    finally:
-        parser.close()
-    texts = [text for _, found in parsed for text in (found[0] if found else ())]
-    return np.concatenate([values for values, _ in parsed]), texts
 
 
 def printed_decimals(block: Block, column: int) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from daq.errors import CorruptFileError
+from daq.readers.text.rows import read_rows
 from daq.readers.text.text_file import TextFile
 from daq.readers.text.text_table import (
     SEPARATORS,
@@ -17,7 +18,6 @@ from daq.readers.text.text_table import (
 from daq.readers.tracks.columns import columns_from_headings, columns_from_numbers
 from daq.readers.tracks.frame_time import frame_clock
 from daq.readers.tracks.recording import TrackTable
-from daq.readers.tracks.rows import read_rows
 
 BLOCK_ROWS = 5
 """Rows of numbers in a row that make a block."""

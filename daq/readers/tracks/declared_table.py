@@ -18,6 +18,7 @@ import numpy as np
 from daq.errors import CorruptFileError, ReadError
 from daq.readers.reader import Declarations
 from daq.readers.text.cells import is_lost, is_number, split_cells
+from daq.readers.text.rows import read_rows
 from daq.readers.text.sheet_text import is_workbook, read_sheets
 from daq.readers.text.text_file import LongText, Text, TextFile
 from daq.readers.text.text_table import Block
@@ -25,7 +26,6 @@ from daq.readers.tracks.columns import Column
 from daq.readers.tracks.frame_time import frame_clock
 from daq.readers.tracks.layout import ColumnChoice, LayoutError, TrackLayout
 from daq.readers.tracks.recording import TrackRecording, TrackTable
-from daq.readers.tracks.rows import read_rows
 
 PART_BYTES = 1 << 20
 """Of a text that is held at a time."""

@@ -16,12 +16,12 @@ from pathlib import Path
 from daq.errors import CorruptFileError, ReadError
 from daq.readers.reader import Declarations
 from daq.readers.text.cells import is_number
+from daq.readers.text.rows import read_rows
 from daq.readers.text.text_file import decode_head
 from daq.readers.tracks.columns import Column
 from daq.readers.tracks.frame_time import frame_clock
 from daq.readers.tracks.headed_text import read_headed_text
 from daq.readers.tracks.recording import TrackRecording, TrackTable, refuse_layout
-from daq.readers.tracks.rows import read_rows
 from daq.readers.tracks.signature import signature
 
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"

@@ -14,12 +14,12 @@ import numpy as np
 
 from daq.errors import CorruptFileError
 from daq.readers.reader import Declarations
+from daq.readers.text.rows import read_rows
 from daq.readers.text.text_file import decode_head
 from daq.readers.tracks.columns import Column
 from daq.readers.tracks.frame_time import counted_clock
 from daq.readers.tracks.headed_text import read_headed_text
 from daq.readers.tracks.recording import TrackRecording, TrackTable, refuse_layout
-from daq.readers.tracks.rows import read_rows
 from daq.readers.tracks.signature import POINT_COLUMN, signature
 
 ROWS_ARE_FRAMES = "rows are frames, counted from 1: the file has no frame numbers, and a missing frame cannot be seen"

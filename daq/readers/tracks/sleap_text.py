@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from daq.errors import CorruptFileError, ReadError
 from daq.readers.reader import Declarations
+from daq.readers.text.rows import iter_rows
 from daq.readers.text.text_file import decode_head
 from daq.readers.text.text_table import Block
 from daq.readers.tracks.columns import Column
 from daq.readers.tracks.frame_time import counted_clock
 from daq.readers.tracks.headed_text import read_headed_text
 from daq.readers.tracks.recording import TrackRecording, TrackTable, refuse_layout
-from daq.readers.tracks.rows import iter_rows
 from daq.readers.tracks.signature import signature
 
 MOST_TRACKS = 256

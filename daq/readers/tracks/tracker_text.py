@@ -18,12 +18,12 @@ import numpy as np
 from daq.errors import CorruptFileError
 from daq.readers.reader import Declarations
 from daq.readers.text.cells import has_decimal_comma, split_cells
+from daq.readers.text.rows import read_rows
 from daq.readers.text.text_file import LongText, Text, decode_head
 from daq.readers.text.text_table import find_block
 from daq.readers.tracks.columns import AXES, Column
 from daq.readers.tracks.frame_time import frame_clock
 from daq.readers.tracks.recording import TrackRecording, TrackTable, refuse_layout
-from daq.readers.tracks.rows import read_rows
 from daq.readers.tracks.signature import signature, spread, spread_text, tracker_header
 
 HEAD_ROWS = 9

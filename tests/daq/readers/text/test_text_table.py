@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from daq.errors import CorruptFileError, ReadError
+from daq.readers.text.rows import read_rows
 from daq.readers.text.text_file import TextFile, decode_head, read_text
-from daq.readers.text.text_table import find_block, printed_decimals, read_block, split_cells, split_unit, unique_names
+from daq.readers.text.text_table import find_block, printed_decimals, split_cells, split_unit, unique_names
 
 
 @pytest.mark.parametrize(
@@ -85,10 +86,9 @@ def test_a_block_gives_back_the_numbers_bit_by_bit(
     lines = [separator.join("" if v is None else repr(v) for v in (1.0, *row)) + separator * trailing for row in rows]
     text = "".join(line.replace(".", "," if comma else ".") + "\n" for line in lines)
     block = find_block(text_file(text), 0, separator, ["n", "a", "b", "c"], decimal_comma=comma)
-    values, texts = read_block(block)
+    values = read_rows(block)
     expected = np.array([[1.0, *(np.nan if v is None else v for v in row)] for row in rows])
     np.testing.assert_array_equal(values, expected)
-    assert not texts
 
 
 @pytest.mark.parametrize(
@@ -106,14 +106,14 @@ def test_a_block_gives_back_the_numbers_bit_by_bit(
 def test_a_damaged_row_is_named_by_line_and_column(text: str, place: str, found: str) -> None:
     block = find_block(text_file(text), 0, ",", ["a", "b"], decimal_comma=False)
     with pytest.raises(CorruptFileError) as caught:
-        read_block(block)
+        read_rows(block)
     assert caught.value.place == place
     assert caught.value.found == found
 
 
 def test_infinite_and_named_lost_samples_are_nan() -> None:
     block = find_block(text_file("1;NaN\n2;-INF\n3; \n4;1e999\n5;2\n"), 0, ";", ["a", "b"], decimal_comma=False)
-    np.testing.assert_array_equal(read_block(block)[0][:, 1], [np.nan, np.nan, np.nan, np.nan, 2.0])
+    np.testing.assert_array_equal(read_rows(block)[:, 1], [np.nan, np.nan, np.nan, np.nan, 2.0])
 
 
 @pytest.mark.parametrize(
