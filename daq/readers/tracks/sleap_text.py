@@ -85,8 +85,10 @@ def _instances(block: Block, *, named: bool) -> tuple[NDArray[np.float64], list[
     number: dict[str, int] = {}
     for rows, numbers, names in iter_rows(block, named=named):
         values[rows] = numbers
-        if named:
-            animal[rows] = [number.setdefault(name, len(number)) for name in names]
+        for name in dict.fromkeys(names):
+            number.setdefault(name, len(number))
+        if len(number) > 1:
+            animal[rows] = list(map(number.__getitem__, names))
     if len(number) > MOST_TRACKS:
         raise CorruptFileError(
             f"{len(number)} tracks in one film", path=block.file.path, expected=f"at most {MOST_TRACKS}", remedy=JOIN
