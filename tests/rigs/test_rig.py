@@ -339,8 +339,8 @@ def test_every_role_has_a_quantity_that_exists(role: str) -> None:
         ),
         (
             'against = "acc_recoil"',
-            'against = "p_breech"',
-            r"source\[1\] 'camera'\.align\.against: 'p_breech' must be an acceleration, found pressure",
+            'against = "trigger"',
+            r"source\[1\] 'camera'\.align\.against: 'trigger' must be an acceleration, found voltage",
         ),
         (
             'against = "rate_daq"',
