@@ -10,8 +10,8 @@ import datetime as dt
 import re
 
 import numpy as np
-from numpy.typing import NDArray
 
+from daq.readers.time.printed_time import PART_ROWS, Times
 from daq.readers.time.wall_clock import Stamp, nanoseconds
 
 DECADE_RATES_HZ = tuple(m * 10.0**k for k in range(7) for m in (1.0, 2.0, 5.0))
@@ -80,7 +80,17 @@ def parse_dewesoft_stamp(cell: str) -> Stamp:
     return Stamp(instant, nanoseconds(fraction), len(fraction or ""))
 
 
-def rate_from_stamps(seconds: NDArray[np.float64], resolution_s: float) -> tuple[float, tuple[float, ...]]:
+def spread_s(seconds: Times, rate_hz: float) -> float:
+    """Return the range of what stamps are beyond the row number over a rate, seconds."""
+    low, high = np.inf, -np.inf
+    for at in range(0, seconds.size, PART_ROWS):
+        part = seconds[at : at + PART_ROWS]
+        beyond = part - np.arange(at, at + part.size) / rate_hz
+        low, high = min(low, float(beyond.min())), max(high, float(beyond.max()))
+    return high - low
+
+
+def rate_from_stamps(seconds: Times, resolution_s: float) -> tuple[float, tuple[float, ...]]:
     """Find the nominal sample rate that stamps of coarse resolution agree with.
 
     Row ``i`` is stamped at ``t0 + i / rate``, cut or rounded to the resolution. A rate agrees if
@@ -88,7 +98,7 @@ def rate_from_stamps(seconds: NDArray[np.float64], resolution_s: float) -> tuple
 
     Parameters
     ----------
-    seconds : ndarray of float64, shape (n_rows,)
+    seconds : Times
     resolution_s : float
 
     Returns
@@ -105,10 +115,12 @@ def rate_from_stamps(seconds: NDArray[np.float64], resolution_s: float) -> tuple
     """
     if seconds.size < FEWEST_STAMPS:
         raise ValueError(f"{seconds.size} rows are too few to find the sample rate from stamps of {resolution_s:g} s")
-    rows = np.arange(seconds.size)
+    few = seconds[:PART_ROWS]
 
     def agrees(rate_hz: float) -> bool:
-        return bool(np.ptp(seconds - rows / rate_hz) <= resolution_s * (1 + 1e-6) + 1e-9)
+        most_s = resolution_s * (1 + 1e-6) + 1e-9
+        # most rates are far off already within the first rows
+        return spread_s(few, rate_hz) <= most_s and spread_s(seconds, rate_hz) <= most_s
 
     decades = tuple(rate for rate in DECADE_RATES_HZ if agrees(rate))
     others = tuple(rate for rate in OTHER_RATES_HZ if rate not in DECADE_RATES_HZ and agrees(rate))

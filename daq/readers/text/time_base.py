@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from daq.errors import CorruptFileError, ReadError
 from daq.readers.text.column_store import ColumnStore
-from daq.readers.text.dewesoft_time import rate_from_stamps
+from daq.readers.text.dewesoft_time import rate_from_stamps, spread_s
 from daq.readers.text.text_table import printed_decimals
-from daq.readers.time.printed_time import start_agreeing, uniform_from_printed
+from daq.readers.time.printed_time import PART_ROWS, Times, start_agreeing, uniform_from_printed
 from daq.readers.time.wall_clock import Stamp, Stamps
 from daq.timebase import AbsoluteStart, TimeBase
 
@@ -113,7 +113,10 @@ def time_base(
     _check_complete(columns, source.column)
     if stamps is None:
         return _from_relative(source, columns, PrintedColumn(columns, source.column, source.unit_s or 1.0), clock)
-    return _from_stamps(source, columns, stamps, columns.column(source.column), clock)
+    column = PrintedColumn(columns, source.column, 1.0)
+    if source.wraps:
+        return _from_stamps(source, columns, stamps, np.unwrap(column[:], period=DAY_S), clock)
+    return _from_stamps(source, columns, stamps, column, clock)
 
 
 def _check_complete(columns: ColumnStore, column: int) -> None:
@@ -166,17 +169,21 @@ def _as_printed(
     return base, (note,)
 
 
+def _usual_step(seconds: Times) -> float:
+    """Return the median step between neighbours: that of the parts' medians, where all would take too much memory."""
+    parts = (seconds[at : at + PART_ROWS + 1] for at in range(0, seconds.size - 1, PART_ROWS))
+    return float(np.median([np.median(np.diff(part)) for part in parts]))
+
+
 def _from_stamps(
-    source: TimeSource, columns: ColumnStore, stamps: Stamps, seconds: NDArray[np.float64], clock: str
+    source: TimeSource, columns: ColumnStore, stamps: Stamps, seconds: Times, clock: str
 ) -> tuple[TimeBase, tuple[str, ...]]:
     path, resolution_s = columns.block.file.path, stamps.resolution_s
-    if source.wraps:
-        seconds = np.unwrap(seconds, period=DAY_S)
     start = source.start
     if start is None and stamps.first is not None and not source.wraps:
         start = AbsoluteStart(stamps.first.text, stamps.first.zone, source.origin)
     if source.rate_hz is not None:
-        spread = float(np.ptp(seconds - np.arange(seconds.size) / source.rate_hz))
+        spread = spread_s(seconds, source.rate_hz)
         if spread > resolution_s * (1 + 1e-6) + 1e-9:
             raise CorruptFileError(
                 "the time column contradicts the sample rate", path=path, place="time column",
@@ -185,10 +192,10 @@ def _from_stamps(
             )  # fmt: skip
         note = f"time is the row number over {source.rate_hz:g} Hz, {source.rate_origin}"
         return TimeBase.uniform(clock, 0.0, 1.0 / source.rate_hz, seconds.size, start), (note,)
-    if seconds.size > 1 and float(np.median(np.diff(seconds))) >= FINE_STEPS * resolution_s:
+    if seconds.size > 1 and _usual_step(seconds) >= FINE_STEPS * resolution_s:
         uniform = uniform_from_printed(seconds, resolution_s)
         if uniform is None:
-            base, notes = _as_printed(source, columns, seconds, seconds, clock)
+            base, notes = _as_printed(source, columns, seconds[:], seconds[:], clock)
             return TimeBase.stamped(clock, base.times_s, start), notes
         return TimeBase.uniform(clock, *uniform, seconds.size, start), ()
     try:

@@ -1,0 +1,73 @@
+import datetime as dt
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from daq.readers.text.dewesoft_time import parse_dewesoft_stamp
+from daq.readers.time.wall_clock import LEAST_ALIKE, Stamps, parse_time_of_day, parse_wall_clock
+
+START = dt.datetime(2026, 8, 3, 23, 59, 58)
+
+
+def printed(ns: int, form: str, decimals: int, ending: str) -> str:
+    second, fraction = divmod(ns, 1_000_000_000)
+    whole = (START + dt.timedelta(seconds=second)).strftime(form)
+    return f"{whole}.{f'{fraction:09d}'[:decimals]}{ending}"
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    form=st.sampled_from(["%Y-%m-%dT%H:%M:%S", "%d.%m.%Y %H:%M:%S", "%Y/%m/%d %H:%M:%S"]),
+    decimals=st.integers(1, 9),
+    ending=st.sampled_from(["", "Z", " UTC", "+02:00", "-0330"]),
+    step_ns=st.integers(1, 400_000_000),
+    count=st.integers(1, 60),
+)
+def test_stamps_of_one_layout_are_read_as_each_of_them_would_be(form, decimals, ending, step_ns, count):
+    cells = [printed(i * step_ns, form, decimals, ending) for i in range(count)]
+    together, alone = Stamps(parse_wall_clock), Stamps(parse_wall_clock)
+    np.testing.assert_array_equal(together.seconds(cells), [alone.seconds([cell])[0] for cell in cells])
+    assert together.first == alone.first
+    assert together.resolution_s == alone.resolution_s == 10.0**-decimals
+
+
+@pytest.mark.parametrize(
+    ("parse", "cell"),
+    [(parse_wall_clock, "2026-08-03 12:00:00.{}"), (parse_dewesoft_stamp, "3-Aug-26 12:00:00.{}"),
+     (parse_time_of_day, "12:00:00,{}")],
+)  # fmt: skip
+def test_each_kind_of_stamp_is_read_alike_in_a_row(parse, cell):
+    cells = [cell.format(f"{i:03d}") for i in range(100)]
+    np.testing.assert_allclose(Stamps(parse).seconds(cells), 1e-3 * np.arange(100), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("cell", "problem"),
+    [
+        ("2026-08-03 12:00:00.12x", "is not a stamp"),
+        ("2026-08-03 12:00:00", ""),
+        ("2026-08-03 12:61:00.123", "minute must be in"),
+        ("2026-08-03 12:00:00;123", "is not a stamp"),
+        ("2026-08-03 12:00:00.١٢٣", ""),
+        ("2026-08-03 12:00:00.123\0", "is not a stamp"),
+        ("", "is not a stamp"),
+    ],
+)
+def test_a_cell_that_is_unlike_its_neighbours_is_read_for_itself(cell, problem):
+    cells = [f"2026-08-03 12:00:00.{i:03d}" for i in range(4 * LEAST_ALIKE)]
+    cells[2 * LEAST_ALIKE] = cell
+    if not problem:
+        assert np.isfinite(Stamps(parse_wall_clock).seconds(cells)).all()
+        return
+    with pytest.raises(ValueError, match=problem) as caught:
+        Stamps(parse_wall_clock).seconds(cells)
+    assert caught.value.args[1] == 2 * LEAST_ALIKE
+
+
+def test_a_change_of_zone_is_named_with_its_row():
+    cells = [f"2026-08-03 12:00:{i // 20:02d}.{5 * (i % 20):02d}{'Z' if i < 40 else '+02:00'}" for i in range(60)]
+    with pytest.raises(ValueError, match="the zone changes from UTC to") as caught:
+        Stamps(parse_wall_clock).seconds(cells)
+    assert caught.value.args[1] == 40
