@@ -230,7 +230,7 @@ def a_cut_file_is_refused_or_shorter_with_a_note(case: Case, folder: Path) -> No
     whole = read_everything(case.open(folder))
     size = len(case.content)
     places = sorted(
-        {*range(min(size, 40)), *np.linspace(0, size - 1, 120).astype(int).tolist(), *range(size - 40, size)}
+        {*range(min(size, 25)), *np.linspace(0, size - 1, 70).astype(int).tolist(), *range(size - 25, size)}
     )
     for at in places:
         cut = case.content[: max(at, 0)]
