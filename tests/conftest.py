@@ -6,8 +6,8 @@ import pytest
 from hypothesis import settings
 
 LONG_FILES = (
-    "recoil_daq/test_live.py", "recoil_daq/test_cli.py", "contracts/test_reader_rules.py", "recoil_daq/test_live_crash.py",
-    "recoil_daq/test_bad_input.py",
+    "recoil_daq/test_live.py", "recoil_daq/test_cli.py", "contracts/test_reader_rules.py",
+    "recoil_daq/test_live_crash.py", "recoil_daq/test_bad_input.py",
 )  # fmt: skip
 """Files that take longest, as most of them wait for devices: begun first, they do not keep one worker for the end."""
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from daq.errors import CorruptFileError
 from daq.readers.text.number_file import NumberFile
+from daq.readers.text.row_kernel import LEAST_BYTES, kernel_at_hand
 from daq.readers.text.row_parser import RowParser
 from daq.readers.text.text_table import THREADS, Block, Piece
 
@@ -126,8 +127,9 @@ class ColumnStore:
         """Parse and keep pieces in their order, some at a time."""
         waiting: deque[Future[Kept]] = deque()
         parsers: SimpleQueue[RowParser] = SimpleQueue()
+        compiled = self.block.stop - self.block.start >= LEAST_BYTES and kernel_at_hand()
         for _ in range(THREADS):
-            parsers.put(RowParser(self.block.format, self._text_columns))
+            parsers.put(RowParser(self.block.format, self._text_columns, compiled=compiled))
         with ThreadPoolExecutor(THREADS) as pool:
             try:
                 for at in range(len(pieces)):
