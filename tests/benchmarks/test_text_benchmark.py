@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-MEGABYTES = float(os.environ.get("RECOIL_DAQ_TEXT_MB", "200"))
-"""Size of the export."""
+MEGABYTES = float(os.environ.get("RECOIL_DAQ_TEXT_MB", "1000"))
+"""Size of the export; below some 250 loading the compiled parser takes what it saves."""
 
 CHANNELS = 8
 ROUNDS = 3
