@@ -179,7 +179,7 @@ class LiveProcess:
         self.process.wait()
         return before_ns
 
-    def end(self, number: int, within_s: float = 20.0) -> int:
+    def end(self, number: int, within_s: float = 60.0) -> int:
         """Send it a signal, wait for its end and return its exit code."""
         self.process.send_signal(number)
         return self.process.wait(within_s)

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from rigs.twin import TwinShot
+from tests.builders.machine_stalls import MachineStalls
 
 COMMANDS = ("ingest", "recover", "identify", "simulate", "demo", "check", "formats", "show", "export")
 
@@ -259,9 +260,13 @@ def test_a_rig_without_devices_is_no_rig_for_live(run, tmp_path):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals for the virtual port")
 def test_a_demonstrated_range_day_identifies_three_masses(run, tmp_path):
-    result = run("demo", "--live", "--out", tmp_path, "--json")
+    with MachineStalls() as machine:
+        result = run("demo", "--live", "--out", tmp_path, "--json")
     document = json.loads(result.stdout)
-    assert [shot["state"] for shot in document["session"]["shots"]] == ["usable"] * 3
+    states = [shot["state"] for shot in document["session"]["shots"]]
+    # devices that play late, because the machine did nothing for so long, rightly cost a shot its verdict
+    late = machine.largest_s > 0.1 and set(states) == {"usable", "not usable"}
+    assert states == ["usable"] * 3 or late, machine.largest_s
     assert document["session"]["journal"] is None
     assert len(document["reports"]) == 3
     for report in document["reports"]:
