@@ -38,7 +38,8 @@ SETTLED_S = 1e-7
 MOST_OFF = 0.25
 """By which the mass may be off the specification; what is more is a wrong scale or area, or another shot's film."""
 U_MODEL_S = 5e-6
-"""Of the offset: what a rigid part, its release and the chains of camera and gauges, taken as simultaneous, are off."""
+"""Of the offset: what a rigid part, its release and the chains of camera and gauges, taken as simultaneous, are off.
+Assumed, from no certificate: `tests/benchmarks/test_camera_benchmark.py` prints the offset's error over its u."""
 MEDIAN_FRAMES = 5
 """Frames in a row that tell where the recoil ends."""
 LEAST_NOISE_M_S2 = 1e-6

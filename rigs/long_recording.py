@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.errors import Fault, MissingChannelError, ReadError, RigError
+from daq.errors import Fault, ReadError, RigError
 from daq.readers.excerpt import Excerpt
 from daq.readers.reader import Recording
 from daq.trigger import Trigger, TriggerDetector
@@ -194,8 +194,6 @@ def _triggering_source(rig: Rig, trigger: Trigger, recording: Recording) -> str:
 def _only_shot(rig: Rig, trigger: Trigger, recording: Recording, source: str) -> FoundShot:
     try:
         found = find_shots(rig, trigger, recording, source)
-    except MissingChannelError:
-        raise
     except ValueError as error:
         raise ReadError(f"the trigger cannot run over it: {error}", path=recording.path) from error
     if len(found) == 1:

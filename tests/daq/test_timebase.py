@@ -153,3 +153,39 @@ def test_a_time_base_is_frozen_and_a_replaced_one_computes_anew() -> None:
     with pytest.raises(FrozenInstanceError):
         base.count = 4  # type: ignore[misc]  # what the test is about
     assert replace(base, count=5).end_s == 2.0
+
+
+@given(
+    start=st.floats(-1e4, 1e4),
+    step=st.floats(1e-6, 10.0),
+    count=st.integers(0, 200),
+    low=st.floats(-3.0, 203.0),
+    high=st.floats(-3.0, 203.0),
+    stamped=st.booleans(),
+)
+def test_a_span_holds_the_instants_from_its_start_to_before_its_stop(start, step, count, low, high, stamped):
+    times_s = start + step * np.arange(count)
+    base = TimeBase.stamped("daq", times_s) if stamped else TimeBase.uniform("daq", start, step, count)
+    start_s, stop_s = start + low * step, start + high * step
+    first, stop = base.span(start_s, stop_s)
+    assert 0 <= first <= stop <= count
+    np.testing.assert_array_equal(np.flatnonzero((times_s >= start_s) & (times_s < stop_s)), np.arange(first, stop))
+
+
+@pytest.mark.parametrize("instant_s", [-math.inf, math.inf])
+def test_a_span_may_be_open(instant_s):
+    base = TimeBase.uniform("daq", 1.0, 0.1, 10)
+    assert base.span(-math.inf, instant_s) == ((0, 10) if instant_s > 0 else (0, 0))
+
+
+@given(first=st.integers(0, 50), length=st.integers(0, 50), stamped=st.booleans())
+def test_a_part_is_the_instants_of_its_numbers(first, length, stamped):
+    whole = TimeBase.uniform("daq", 12.5, 2e-5, 100, AbsoluteStart("2026-08-03T12:23:05", "UTC", "header"))
+    if stamped:
+        whole = TimeBase.stamped("daq", whole.times_s, whole.absolute_start)
+    part = whole.part(first, first + length)
+    assert part.count == length
+    np.testing.assert_allclose(part.times_s, whole.times_s[first : first + length], rtol=0, atol=4e-15)
+    assert (part.clock, part.absolute_start) == (whole.clock, whole.absolute_start)
+    if length:
+        assert part.end_s == part.times_s[-1]

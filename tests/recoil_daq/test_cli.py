@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from rigs.twin import TwinShot
+from tests.builders.long_recordings import triggered_rig
 from tests.builders.machine_stalls import MachineStalls
 
 COMMANDS = ("ingest", "recover", "identify", "simulate", "demo", "check", "formats", "show", "export")
@@ -239,6 +240,7 @@ def test_ctrl_c_ends_with_130(run, monkeypatch, stored: Path, tmp_path):
     [
         (("--live", "a.csv"), "either FILES or --live"),
         (("--live", "--overwrite"), "go with FILES"),
+        (("--live", "--at", "1"), "go with FILES"),
         (("--live", "--shot", "first"), "number of the first shot"),
         ((), "FILES, or --live"),
         (("a.csv", "--shots", "2"), "go with --live"),
@@ -249,6 +251,19 @@ def test_live_and_files_do_not_mix(run, arguments, says):
     result = run("ingest", "mixed", *arguments)
     assert result.exit_code == 2
     assert says in " ".join(result.stderr.split())
+
+
+def test_the_shot_at_a_given_time_is_taken_out_of_a_recording(run, field_shot, tmp_path):
+    rig = tmp_path / "rig.toml"
+    rig.write_text(triggered_rig().text, encoding="utf-8")
+    result = run("ingest", rig, *field_shot.files, "--shot", "1", "--out", tmp_path, "--at", "0.06", "--json")
+    assert result.exit_code == 0, result.output
+    channels = {c["name"]: c for c in json.loads(run("show", tmp_path / "1.h5", "--json").stdout)["channels"]}
+    assert channels["p_breech"]["start_s"] == pytest.approx(0.01, abs=3e-5)
+    outside = run("ingest", rig, *field_shot.files, "--shot", "2", "--out", tmp_path, "--at", "99")
+    assert outside.exit_code == 3
+    assert "--at 99 s is not within this recording" in " ".join(outside.stderr.split())
+    assert not (tmp_path / "2.h5").exists()
 
 
 def test_a_rig_without_devices_is_no_rig_for_live(run, tmp_path):

@@ -17,9 +17,10 @@ from daq.errors import CorruptFileError, ReadError
 from daq.readers.exported.header import ExportedHeader, exported_header, parse_json
 from daq.readers.exported.recording import ExportedRecording
 from daq.readers.reader import Declarations
+from daq.readers.text.cells import split_cells
 from daq.readers.text.rows import read_rows
 from daq.readers.text.text_file import TextFile, decode_head, read_text
-from daq.readers.text.text_table import Block, find_block, split_cells
+from daq.readers.text.text_table import Block, find_block
 
 FIRST_LINE = '# recoil-daq: "csv/1"'
 _LEAST_ROW_BYTES = 4

@@ -33,7 +33,7 @@ from daq.readers.mdf.kind import (
 )
 from daq.readers.mdf.master import time_of_group
 from daq.readers.reader import Declarations, SignalHeader
-from daq.readers.text.text_table import unique_names
+from daq.readers.text.cells import unique_names
 from daq.timebase import AbsoluteStart
 
 LOCAL_TIME = 1

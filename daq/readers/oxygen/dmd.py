@@ -25,7 +25,7 @@ from daq.readers.oxygen.samples import INTEGERS, Pieces
 from daq.readers.oxygen.signal import Signal, signal_of
 from daq.readers.oxygen.storing import choose_windows
 from daq.readers.reader import Declarations, SignalHeader
-from daq.readers.text.text_table import unique_names
+from daq.readers.text.cells import unique_names
 from daq.timebase import TimeBase
 from daq.track import Track
 

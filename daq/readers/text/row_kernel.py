@@ -18,10 +18,10 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-LEAST_BYTES = 1 << 27
-"""Size of a table from which reading it so saves more time than it takes to load the compiler's library."""
+LEAST_BYTES = 1 << 28
+"""Size of a table from which reading it so saves more time than it takes to load the compiler and what it compiled."""
 
-SEPARATORS = ",;\t|"
+PLAIN_SEPARATORS = ",;\t|"
 """Between cells that are read here; a space could be either a separator or beside one."""
 
 INEXACT_SHARE = 16
@@ -55,7 +55,7 @@ def read_plain_rows(text: bytes, separator: str, point: str, width: int, count: 
     ndarray of float64, shape (width, count), or None
         Column by column, NaN where a cell is empty; None if anything is written otherwise.
     """
-    if len(separator) != 1 or separator not in SEPARATORS or separator == point or not text.endswith(b"\n"):
+    if len(separator) != 1 or separator not in PLAIN_SEPARATORS or separator == point or not text.endswith(b"\n"):
         return None
     columns = np.empty((width, count))
     inexact = np.empty((width * count // INEXACT_SHARE + 16, 4), dtype=np.int64)

@@ -13,34 +13,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from daq.errors import CorruptFileError
-from daq.readers.text.cells import (
-    LOST_WORDS,
-    SEPARATORS,
-    decimals,
-    has_decimal_comma,
-    is_lost,
-    is_number,
-    split_cells,
-    split_unit,
-    unique_names,
-)
+from daq.readers.text.cells import decimals
 from daq.readers.text.row_format import RowFormat, count_rows, is_comment
 from daq.readers.text.row_stream import count_byte
 from daq.readers.text.text_file import Text, one_line_end
-
-__all__ = [
-    "LOST_WORDS",
-    "SEPARATORS",
-    "Block",
-    "find_block",
-    "has_decimal_comma",
-    "is_lost",
-    "is_number",
-    "printed_decimals",
-    "split_cells",
-    "split_unit",
-    "unique_names",
-]
 
 PIECE_BYTES = 3 << 20
 """Text that is parsed at once; no row is longer."""

@@ -5,16 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from daq.errors import CorruptFileError
+from daq.readers.text.cells import SEPARATORS, has_decimal_comma, is_lost, is_number, split_cells
 from daq.readers.text.rows import read_rows
 from daq.readers.text.text_file import TextFile
-from daq.readers.text.text_table import (
-    SEPARATORS,
-    find_block,
-    has_decimal_comma,
-    is_lost,
-    is_number,
-    split_cells,
-)
+from daq.readers.text.text_table import find_block
 from daq.readers.tracks.columns import columns_from_headings, columns_from_numbers
 from daq.readers.tracks.frame_time import frame_clock
 from daq.readers.tracks.recording import TrackTable

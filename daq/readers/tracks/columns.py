@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.readers.text.text_table import split_unit
+from daq.readers.text.cells import split_unit
 
 AXES = ("x", "y", "z")
 _DERIVED = re.compile(r"vel|speed|acc|ang|theta|rot|dist|likelihood|score")

@@ -24,7 +24,7 @@ from difflib import get_close_matches
 from typing import Any
 
 from daq.quantity import find_unit
-from daq.readers.text.text_table import is_number
+from daq.readers.text.cells import is_number
 from daq.readers.tracks.frame_time import TIME_UNITS_S
 
 SEPARATOR_NAMES = {"tab": "\t", "space": " ", "comma": ",", "semicolon": ";"}

@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from daq.readers.reader import Declarations
+from daq.readers.text.cells import is_number, split_cells
 from daq.readers.text.text_file import decode_head, read_text
-from daq.readers.text.text_table import is_number, split_cells
 from daq.readers.tracks.block import BLOCK_ROWS, HEADER_LINES, find_numbers, read_track_table
 from daq.readers.tracks.columns import columns_from_headings, increasing_whole
 from daq.readers.tracks.recording import TrackRecording, refuse_layout

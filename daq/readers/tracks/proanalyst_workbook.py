@@ -11,9 +11,9 @@ from pathlib import Path
 
 from daq.errors import CorruptFileError
 from daq.readers.reader import Declarations
+from daq.readers.text.cells import is_number
 from daq.readers.text.sheet_text import Sheet, is_workbook, read_sheets
 from daq.readers.text.text_file import TextFile
-from daq.readers.text.text_table import is_number
 from daq.readers.tracks.block import BLOCK_ROWS, HEADER_LINES, find_numbers, read_track_table
 from daq.readers.tracks.recording import TrackRecording, refuse_layout
 

@@ -14,7 +14,7 @@ from daq.errors import ReadError
 from daq.quantity import find_unit
 from daq.readers.column_recording import ColumnRecording
 from daq.readers.reader import Declarations, SignalHeader
-from daq.readers.text.text_table import unique_names
+from daq.readers.text.cells import unique_names
 from daq.readers.tracks.columns import Column
 from daq.readers.tracks.faults import find_track_faults
 from daq.readers.tracks.frame_time import FrameClock

@@ -19,7 +19,7 @@ from daq.errors import CorruptFileError
 from daq.readers.containers.stored_channels import StoredChannel, StoredRecording, damage_is_reported
 from daq.readers.containers.stored_time import StoredTime, resolution_of, time_from_stamps
 from daq.readers.reader import Declarations, SignalHeader
-from daq.readers.text.text_table import unique_names
+from daq.readers.text.cells import unique_names
 from daq.readers.uff.dataset import (
     DOUBLE,
     FUNCTIONS,

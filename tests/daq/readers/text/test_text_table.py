@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from daq.errors import CorruptFileError, ReadError
+from daq.readers.text.cells import split_cells, split_unit, unique_names
 from daq.readers.text.rows import read_rows
 from daq.readers.text.text_file import TextFile, decode_head, read_text
-from daq.readers.text.text_table import find_block, printed_decimals, split_cells, split_unit, unique_names
+from daq.readers.text.text_table import find_block, printed_decimals
 
 
 @pytest.mark.parametrize(
