@@ -1,0 +1,83 @@
+"""The memory that a damaged file makes its reader take: lengths and offsets blown up, bytes flipped, ends cut off."""
+
+from __future__ import annotations
+
+import random
+import time
+import tracemalloc
+from pathlib import Path
+
+import pytest
+
+from daq.errors import ReadError
+from daq.readers.reader import HEAD_BYTES
+from tests.contracts.reader_rules import Case
+from tests.contracts.test_reader_rules import CASES
+
+FILES_PER_CASE = 400
+BLOWN_UP = (b"\xff" * 4, b"\xff\xff\xff\x7f", b"\x7f" + b"\xff" * 7, b"\xff" * 8, b"9" * 8)
+LARGEST_GROWTH = 10
+OF_ITS_OWN_BYTES = 16e6
+"""What a reader may take whatever the file's size: pieces, parsers, tables of a library."""
+LONGEST_S = 5.0
+
+
+@pytest.fixture(autouse=True)
+def _only_when_asked_for(request):
+    if not request.config.getoption("benchmark_enable"):
+        pytest.skip("a benchmark of minutes: ask for it with --benchmark-enable")
+
+
+def damaged(content: bytes, draw: random.Random) -> bytes:
+    """Cut a file off, flip bytes of it, or write a huge number over a few of them."""
+    kind, at = draw.randrange(3), draw.randrange(len(content))
+    if kind == 0:
+        return content[: max(at, 1)]
+    spoilt = bytearray(content)
+    if kind == 1:
+        for _ in range(draw.randrange(1, 6)):
+            spoilt[draw.randrange(len(spoilt))] = draw.randrange(256)
+    else:
+        number = draw.choice(BLOWN_UP)
+        spoilt[at : at + len(number)] = number
+    return bytes(spoilt[: len(content)])
+
+
+def read_all(case: Case, path: Path, content: bytes) -> None:
+    path.write_bytes(content)
+    if not case.reader.claims(content[:HEAD_BYTES]):
+        return
+    try:
+        recording = case.reader.open(path, case.declared)
+        for signal in recording.signals:
+            recording.read(signal.name)
+            recording.time_base(signal.name)
+        _ = recording.notes, recording.tracks()
+    except ReadError:
+        pass
+
+
+def test_a_damaged_file_takes_little_memory_and_time(tmp_path: Path, capsys):
+    draw, worst = random.Random(3), []  # noqa: S311 - damage that can be repeated
+    for case in CASES:
+        path = tmp_path / "damaged"
+        read_all(case, path, case.content)  # libraries are loaded
+        peaks, longest_s = [0], 0.0
+        tracemalloc.start()
+        for _ in range(FILES_PER_CASE):
+            content = damaged(case.content, draw)
+            tracemalloc.reset_peak()
+            held, begin = tracemalloc.get_traced_memory()[0], time.perf_counter()
+            read_all(case, path, content)
+            longest_s = max(longest_s, time.perf_counter() - begin)
+            peaks.append(tracemalloc.get_traced_memory()[1] - held)
+        tracemalloc.stop()
+        worst.append((max(peaks), longest_s, case))
+    worst.sort(key=lambda one: -one[0])
+    with capsys.disabled():
+        print(f"\n{FILES_PER_CASE * len(CASES)} damaged files; the largest peaks, MB, and the longest times, s:")
+        for peak, longest_s, case in worst[:8]:
+            print(f"  {peak / 1e6:6.2f} MB {longest_s:6.3f} s  {case.name} ({len(case.content)} bytes)")
+    for peak, longest_s, case in worst:
+        assert peak <= LARGEST_GROWTH * len(case.content) + OF_ITS_OWN_BYTES, case.name
+        assert longest_s < LONGEST_S, case.name
