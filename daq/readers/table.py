@@ -90,7 +90,6 @@ class Extra(NamedTuple):
 EXTRAS: Mapping[str, Extra] = {
     "Dewesoft recording": Extra("dewesoft", "dwdatareader"),
     "MDF 4": Extra("mdf", "asammdf"),
-    "MDF4 bus logging": Extra("mdf", "asammdf"),
     "ProAnalyst workbook": Extra("xlsx", "openpyxl"),
     "TDMS": Extra("tdms", "nptdms"),
     "recoil-daq Parquet": Extra("parquet", "pyarrow"),

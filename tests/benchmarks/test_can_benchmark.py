@@ -23,7 +23,7 @@ from daq.readers.can.mdf import read_mdf
 from daq.readers.can.messages import load_database
 from daq.readers.can.recording import CanRecording
 from daq.readers.reader import Declarations
-from tests.builders.can_logs import mdf_bus_log
+from tests.builders.mdf_logs import bus_log
 
 FRAMES = 100_000
 DECODED = 1_000_000
@@ -124,7 +124,7 @@ def test_decoding_is_faster_than_asammdfs_extraction(tmp_path: Path, capsys: Any
 
     data = np.random.default_rng(4).bytes(8 * FRAMES)
     path = tmp_path / "bus.mf4"
-    path.write_bytes(mdf_bus_log([(i * 100_000, 0x100 + i % 2, data[8 * i : 8 * i + 8]) for i in range(FRAMES)]))
+    path.write_bytes(bus_log([(i * 100_000, 0x100 + i % 2, data[8 * i : 8 * i + 8]) for i in range(FRAMES)]))
     dbc = tmp_path / "bus.dbc"
     dbc.write_text(DBC)
     database = load_database(DBC, path)

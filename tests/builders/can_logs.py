@@ -1,10 +1,9 @@
-"""Logs of CAN buses built from bytes: traces of PEAK, python-can's tables, and MDF bus logging."""
+"""Logs of CAN buses built from bytes: traces of PEAK and python-can's tables."""
 
 from __future__ import annotations
 
 import base64
 import sqlite3
-import struct
 import tempfile
 from collections.abc import Sequence
 from contextlib import closing
@@ -69,64 +68,3 @@ def can_sqlite(
                 base.executemany("INSERT INTO messages VALUES (?, ?, ?, ?, ?, ?, ?)", [*rows, *extra])
             base.commit()
         return path.read_bytes()
-
-
-class _Blocks:
-    """Blocks of MDF 4, each with the address that it will have."""
-
-    def __init__(self, head: bytes) -> None:
-        self.content = bytearray(head)
-
-    def add(self, kind: str, links: Sequence[int], body: bytes) -> int:
-        at = len(self.content)
-        size = 24 + 8 * len(links) + len(body)
-        self.content += struct.pack(f"<4s4xQQ{len(links)}Q", kind.encode(), size, len(links), *links) + body
-        self.content += bytes(-len(self.content) % 8)
-        return at
-
-    def text(self, text: str) -> int:
-        return self.add("##TX", (), text.encode() + bytes(8 - len(text) % 8))
-
-
-MDF_START_NS = 1_700_000_000_000_000_000
-
-
-def mdf_bus_log(
-    entries: Sequence[CanEntry], *, first_s: float = 0.25, errors: int = 0, identification: bytes = b"MDF     "
-) -> bytes:
-    """A sorted, finished file of one or two groups, whose texts stand before its samples."""
-    head = identification + b"4.10    tests   ".ljust(20, b"\0") + struct.pack("<H", 410)
-    blocks = _Blocks(head.ljust(64, b"\0") + bytes(104))
-    groups = [("CAN_DataFrame", entries)]
-    if errors:
-        groups.append(("CAN_ErrorFrame", [(0, 0, bytes(8))] * errors))
-    following = 0
-    for name, frames in reversed(groups):
-        following = _mdf_group(blocks, name, frames, first_s, following)
-    header = struct.pack(
-        "<4s4xQQ6QQhhBBBBdd", b"##HD", 104, 6, following, 0, 0, 0, 0, 0, MDF_START_NS, 0, 0, 0, 0, 0, 0, 0, 0
-    )
-    blocks.content[64 : 64 + len(header)] = header
-    return bytes(blocks.content)
-
-
-def _mdf_group(blocks: _Blocks, name: str, frames: Sequence[CanEntry], first_s: float, following: int) -> int:
-    """Columns from the last to the first, because each links to the next."""
-
-    def column(title: str, kind: int, data_type: int, at: int, bits: int, following: int, inside: int = 0) -> int:
-        body = struct.pack("<BBBBLLLLBBHdddddd", kind, kind // 2, data_type, 0, at, bits, 0, 0, 0, 0, 0, *[0.0] * 6)
-        return blocks.add("##CN", (following, inside, blocks.text(title), 0, 0, 0, 0, 0), body)
-
-    parts = [("ID", 0, 8, 32), ("IDE", 0, 12, 8), ("BusChannel", 0, 13, 8), ("DataLength", 0, 14, 8)]
-    inside = 0
-    for title, data_type, at, bits in reversed([*parts, ("DataBytes", 10, 15, 64)]):
-        inside = column(f"{name}.{title}", 0, data_type, at, bits, inside)
-    link = column("t", 2, 4, 0, 64, column(name, 0, 10, 8, 120, 0, inside))
-    source = blocks.add("##SI", (blocks.text("CAN"), 0, 0), struct.pack("<BBB5x", 2, 2, 0))
-    rows = b"".join(
-        struct.pack("<dIBBB8s", first_s + t / 1e9, key & 0x1FFFFFFF, key >> 31, 1, len(data), data)
-        for t, key, data in frames
-    )
-    group = blocks.add("##CG", (0, link, 0, source, 0, 0), struct.pack("<QQHHLLL", 0, len(frames), 6, 0, 0, 23, 0))
-    samples = blocks.add("##DT", (), rows)
-    return blocks.add("##DG", (following, group, samples, 0), bytes(8))

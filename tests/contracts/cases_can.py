@@ -6,7 +6,7 @@ import gzip
 
 from daq.readers.reader import Declarations
 from daq.readers.table import READERS
-from tests.builders import can_logs
+from tests.builders import can_logs, mdf_logs
 from tests.builders import vendor_files as build
 from tests.contracts.reader_rules import Case
 
@@ -44,6 +44,8 @@ CASES = (
     *TRACES,
     Case("can-csv", BY_NAME["python-can CSV log"], can_logs.can_csv(ENTRIES), CAN, MAGNITUDES, at_line_end),
     Case("can-sqlite", BY_NAME["python-can SQLite log"], can_logs.can_sqlite(ENTRIES), CAN, MAGNITUDES),
-    Case("mdf-bus-logging", BY_NAME["MDF4 bus logging"], can_logs.mdf_bus_log(ENTRIES), CAN, MAGNITUDES),
+    Case("mdf-bus-logging", BY_NAME["MDF4 bus logging"], mdf_logs.bus_log(ENTRIES), CAN, MAGNITUDES),
+    Case("mdf-logger", BY_NAME["MDF4 bus logging"], mdf_logs.logger_file(ENTRIES), CAN, MAGNITUDES),
+    Case("mdf-listed", BY_NAME["MDF4 bus logging"], mdf_logs.listed_log(ENTRIES), CAN, MAGNITUDES),
     *PACKED,
 )

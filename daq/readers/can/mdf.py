@@ -2,38 +2,39 @@
 
 Layout: "ASAM MDF 4, bus logging": a group per kind of event has a channel ``CAN_DataFrame``, ``CAN_RemoteFrame``,
 ``CAN_ErrorFrame`` or ``CAN_OverloadFrame`` composed of ``.ID``, ``.IDE``, ``.BusChannel``, ``.DataLength`` and
-``.DataBytes``. The columns are taken by asammdf as they are stored; frames are decoded like those of any log.
+``.DataBytes``, the last of fixed or variable length. Loggers store their groups together, and are often stopped before
+they wrote how many records there are.
 """
 
 from __future__ import annotations
 
 import datetime as dt
-import logging
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
-from io import BytesIO
+import struct
 from pathlib import Path
-from traceback import walk_tb
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from daq.errors import CorruptFileError, ReadError
-from daq.readers.can.frames import EXTENDED, ID_MASK, LATEST_NS, CanLog, FrameBlock, FrameList
+from daq.readers.can.frames import EXTENDED, ID_MASK, CanLog, FrameBlock, FrameList
 from daq.readers.can.recording import CanRecording, declared_database
-from daq.readers.mdf.blocks import check_blocks
-from daq.readers.mdf.kind import is_bus_file, is_bus_logging, is_undecided
+from daq.readers.mdf.channel_groups import HD_AT, MASTERS, Channel, ChannelGroup, MdfDamageError, iter_groups
+from daq.readers.mdf.data_blocks import DataBlocks
+from daq.readers.mdf.kind import Unfinished, is_bus_file, is_bus_logging, is_undecided, unfinished
+from daq.readers.mdf.records import Records, VariableSamples, split
+from daq.readers.mdf.stamps import times_ns
 from daq.readers.reader import Declarations
 from daq.timebase import AbsoluteStart
 
 FRAME = "CAN_DataFrame"
-LARGEST_RATIO = 100
-"""Unpacked frames take no more than so many times the file's size."""
-
 _COLUMNS = ("ID", "DataLength", "DataBytes")
 _OPTIONAL = ("IDE", "BusChannel")
+_VARIABLE = 1
+"""Type of a channel whose samples have each a length of their own."""
+_LARGEST_FRAME = 64
 _LOCAL_TIME = 0x1
+_HEADER = struct.Struct("<QhhB")
+"""Start in ns, two zones, flags."""
 
 
 class MdfBusReader:
@@ -52,7 +53,7 @@ class MdfBusReader:
         return is_bus_file(path)
 
     def open(self, path: Path, declared: Declarations) -> CanRecording:
-        """Open a log; raises `ReadError` if it is damaged, or the extra or the database is missing or wrong."""
+        """Open a log; raises `ReadError` if it is damaged, or the database is missing or wrong."""
         database = declared_database(declared, path)
         return CanRecording(path, self.name, read_mdf(path), database, declared)
 
@@ -68,154 +69,146 @@ def read_mdf(path: Path) -> CanLog:
     Raises
     ------
     ReadError
-        If the file cannot be read, or asammdf is not installed.
+        If the file cannot be read.
     CorruptFileError
-        If asammdf cannot make sense of it.
+        If its blocks do not fit together.
     """
     try:
         content = path.read_bytes()
     except OSError as error:
         raise ReadError(f"cannot be read: {error.strerror}", path=path, remedy="check its permissions") from error
     try:
-        from asammdf import MDF
-    except ImportError as error:
-        raise ReadError(
-            "MDF files need the library asammdf", path=path, remedy="pip install 'recoil-daq[mdf]'"
-        ) from error
-    unfinished = content.startswith(b"UnFin")
-    check_blocks(path, content, finished=not unfinished)
-    try:
-        # from memory: asammdf finishes an unfinished file where it reads it, and a recording is never written to
-        with _quiet(), MDF(BytesIO(content)) as file:
-            return _read_groups(path, len(content), file, unfinished=unfinished)
-    except ReadError:
-        raise
-    except Exception as error:  # whatever a damaged file makes of asammdf
-        _close_what_was_half_opened(error)
+        return _read_groups(content)
+    except MdfDamageError as error:
         raise CorruptFileError(
-            "asammdf cannot read the file",
-            path=path,
-            found=f"{type(error).__name__}: {str(error)[:200]}",
-            remedy="copy the file again",
+            "the file's blocks do not fit together", path=path, found=str(error), remedy="copy the file again"
         ) from error
 
 
-def _close_what_was_half_opened(error: BaseException) -> None:
-    """Close what asammdf left: its own closing fails on a file that it could not open, once it is collected."""
-    for frame, _ in walk_tb(error.__traceback__):
-        half_opened: Any = frame.f_locals.get("self")
-        if type(half_opened).__name__ == "MDF4" and not half_opened._closed:
-            half_opened._closed = True
-            half_opened._tempfile.close()
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep asammdf from talking: what it would say of a file, the notes say."""
-    logger = logging.getLogger("asammdf")
-    level = logger.level
-    logger.setLevel(logging.CRITICAL + 1)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            yield
-    finally:
-        logger.setLevel(level)
-
-
-def _read_groups(path: Path, size: int, file: Any, *, unfinished: bool) -> CanLog:
-    found = FrameList()
-    notes: list[str] = []
-    missing = 0
-    blocks: list[FrameBlock] = []
-    for number, group in enumerate(file.groups):
-        names = [channel.name for channel in group.channels]
-        count = int(group.channel_group.cycles_nr)
-        kinds = {name.partition(".")[0] for name in names}
-        if FRAME in kinds:
-            if count * int(group.channel_group.samples_byte_nr) > LARGEST_RATIO * size:
-                raise CorruptFileError(
-                    "a group states more frames than the file can hold",
-                    path=path,
-                    place=f"group {number}",
-                    found=f"{count} frames in {size} bytes",
-                )
-            if count:
-                block, damaged = _block(path, file, number, names)
-                found.damaged += damaged
-                missing += max(0, count - block.key.size - damaged)
-                blocks.append(block)
-        else:
-            found.error_frames += count * ("CAN_ErrorFrame" in kinds)
-            found.remote_frames += count * ("CAN_RemoteFrame" in kinds)
-            other = not {"CAN_ErrorFrame", "CAN_RemoteFrame"} & kinds
-            found.other_events += count * other
-            if count and other:
-                notes.append(
-                    f"group {number} ({names[1] if len(names) > 1 else 'no channels'}): no CAN frames, not read"
-                )
-    for block in _by_time(blocks):
+def _read_groups(content: bytes) -> CanLog:
+    not_closed = unfinished(content)
+    left = not_closed or Unfinished(0)
+    groups = list(iter_groups(content))
+    by_data: dict[int, list[ChannelGroup]] = {}
+    for group in groups:
+        by_data.setdefault(group.stored.at, []).append(group)
+    plain = [g.stored.data_at for g in groups if content[g.stored.data_at : g.stored.data_at + 4] == b"##DT"]
+    blocks = DataBlocks(content, max(plain, default=0) if left.last_length else 0)
+    found, notes, frames, missing = FrameList(), [], [], 0
+    for together in by_data.values():
+        if not any(group.is_bus for group in together):
+            found.other_events += sum(group.count for group in together)
+            notes += [_note_of_others(group, group.count) for group in together if group.count]
+            continue
+        records, _ = split(blocks.read(together[0].stored.data_at), together, counted=not left.counts)
+        for one in records:
+            names = {channel.name.partition(".")[0] for channel in one.group.channels}
+            count = len(one.rows)
+            missing += 0 if left.counts or one.samples else max(0, one.group.count - count)
+            if FRAME in names:
+                if count:
+                    block = _frames_of(content, one, _variable_samples(one, records, blocks), left)
+                    found.damaged += count - block.key.size
+                    frames.append(block)
+            elif "CAN_ErrorFrame" in names:
+                found.error_frames += count
+            elif "CAN_RemoteFrame" in names:
+                found.remote_frames += count
+            elif count:
+                found.other_events += count
+                notes.append(_note_of_others(one.group, count))
+    for block in _by_time(frames):
         found.add_block(block)
-    frames, zero_ns = found.frames(from_first=True)
+    can_frames, zero_ns = found.frames(from_first=True)
     cuts = []
     if missing:
         cuts.append(f"the file is cut: {missing} frames that it states are not there")
-    if unfinished:
+    if not_closed:
         cuts.append("the recorder did not close the file: its last frames may be missing")
-    header = file.header
+    start_ns, flags = _header(content)
     metadata = {
         **found.counts(),
-        "version": str(file.version),
+        "version": content[8:16].split(b"\0")[0].decode("latin-1").strip(),
         "first_stamp_s": zero_ns / 1e9,
-        "recorder_did_not_close_the_file": unfinished,
+        "recorder_did_not_close_the_file": not_closed is not None,
     }
-    start = _start(int(header.abs_time) + zero_ns, int(header.time_flags))
-    return CanLog(frames, start, (*found.notes(), *notes, *cuts), "; ".join(cuts[:1] if missing else []), metadata)
+    start = _start(start_ns + zero_ns, flags)
+    return CanLog(can_frames, start, (*found.notes(), *notes, *cuts), "; ".join(cuts[:1] if missing else []), metadata)
 
 
-def _block(path: Path, file: Any, group: int, names: list[str]) -> tuple[FrameBlock, int]:
-    """Take the columns of one group in one select; return its frames, and how many are damaged."""
-    absent = [name for name in _COLUMNS if f"{FRAME}.{name}" not in names]
+def _note_of_others(group: ChannelGroup, count: int) -> str:
+    named = [channel.name for channel in group.channels if channel.kind not in MASTERS]
+    return f"{count} records of {named[0] if named else 'no channels'}: no CAN frames, not read"
+
+
+def _header(content: bytes) -> tuple[int, int]:
+    """Return the start in ns since 1970 and the flags of the header block."""
+    (links,) = struct.unpack_from("<Q", content, HD_AT + 16)
+    at = HD_AT + 24 + 8 * links
+    if at + _HEADER.size > len(content):
+        raise MdfDamageError("the header block ends early")
+    start_ns, _, _, flags = _HEADER.unpack_from(content, at)
+    return start_ns, flags
+
+
+def _variable_samples(frames: Records, together: list[Records], blocks: DataBlocks) -> VariableSamples | None:
+    """Return the samples of variable length that the frames' data are, if they are."""
+    channel = next((one for one in frames.group.channels if one.name == f"{FRAME}.DataBytes"), None)
+    if channel is None or channel.kind != _VARIABLE:
+        return None
+    for one in together:
+        if one.group.at == channel.data_at:
+            return one.samples
+    return VariableSamples(blocks.read(channel.data_at))
+
+
+def _frames_of(content: bytes, records: Records, samples: VariableSamples | None, left: Unfinished) -> FrameBlock:
+    """Return the sound frames of one group."""
+    columns = {one.name.removeprefix(f"{FRAME}."): one for one in records.group.channels}
+    absent = [name for name in _COLUMNS if name not in columns]
     if absent:
-        raise CorruptFileError(
-            "a group of CAN frames lacks columns",
-            path=path,
-            place=f"group {group}",
-            expected=", ".join(f"{FRAME}.{name}" for name in _COLUMNS),
-            found=", ".join(names[:20]),
+        raise MdfDamageError(
+            f"the group of CAN frames at byte {records.group.at} has no {', '.join(absent)}, "
+            f"but {', '.join(list(columns)[:20])}"
         )
-    wanted = [name for name in (*_COLUMNS, *_OPTIONAL) if f"{FRAME}.{name}" in names]
-    chosen = [(f"{FRAME}.{name}", group, names.index(f"{FRAME}.{name}")) for name in wanted]
-    signals = dict(zip(wanted, file.select(chosen, raw=True, copy_master=False), strict=True))
-    time_s = np.asarray(signals["ID"].timestamps, dtype=np.float64)
-    stored = signals["ID"].samples.astype(np.int64)
-    data = np.asarray(signals["DataBytes"].samples)
-    if data.dtype != np.uint8 or data.ndim != 2 or data.shape[1] > 64:
-        raise CorruptFileError("the data of CAN frames are no bytes", path=path, place=f"group {group}")
-    length = signals["DataLength"].samples.astype(np.int64)
-    extended = signals["IDE"].samples != 0 if "IDE" in signals else stored & EXTENDED != 0
-    channel = signals["BusChannel"].samples.astype(np.int64) if "BusChannel" in signals else np.zeros_like(stored)
+    chosen = {name: columns[name] for name in (*_COLUMNS, *_OPTIONAL) if name in columns}
+    stored = records.numbers(chosen["ID"]).astype(np.int64)
+    length = records.numbers(chosen["DataLength"]).astype(np.int64)
+    data, held = _data_bytes(records, chosen["DataBytes"], samples, left)
+    extended = records.numbers(chosen["IDE"]) != 0 if "IDE" in chosen else stored & EXTENDED != 0
+    channel = records.numbers(chosen["BusChannel"]).astype(np.int64) if "BusChannel" in chosen else 0 * stored
     key = stored & ID_MASK
-    sound = np.isfinite(time_s) & (np.abs(np.nan_to_num(time_s)) < LATEST_NS / 2e9) & (length <= data.shape[1])
-    sound &= extended | (key <= 0x7FF)
-    for signal in signals.values():
-        if signal.invalidation_bits is not None:
-            sound &= ~np.asarray(signal.invalidation_bits, dtype=bool)
+    time_ns, sound = times_ns(content, records)
+    sound &= (length >= 0) & (length <= held) & (extended | (key <= 0x7FF))
+    for one in chosen.values():
+        sound &= records.valid(one)
     width = max(8, data.shape[1])
     padded = np.zeros((int(sound.sum()), width), dtype=np.uint8)
     padded[:, : data.shape[1]] = data[sound]
     padded[np.arange(width) >= length[sound, None]] = 0
-    whole_s = np.floor(time_s[sound])
-    time_ns = whole_s.astype(np.int64) * 1_000_000_000 + np.rint((time_s[sound] - whole_s) * 1e9).astype(np.int64)
-    block = FrameBlock(
+    return FrameBlock(
         place=np.arange(len(padded), dtype=np.int64),
-        time_ns=time_ns,
+        time_ns=time_ns[sound],
         key=(key[sound] | np.where(extended[sound], EXTENDED, 0)).astype(np.uint32),
         channel=channel[sound],
         length=length[sound],
         data=padded,
     )
-    return block, int((~sound).sum())
+
+
+def _data_bytes(
+    records: Records, channel: Channel, samples: VariableSamples | None, left: Unfinished
+) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
+    """Return the data of the frames, and how many bytes of them are there."""
+    if samples is None:
+        if channel.bits % 8 or channel.bit or not 0 < channel.bits <= 8 * _LARGEST_FRAME:
+            raise MdfDamageError(f"the data of CAN frames are no bytes: {channel.bits} bits from bit {channel.bit}")
+        count = channel.bits // 8
+        data = records.rows[:, channel.byte : channel.byte + count]
+        return data, np.full(len(data), count, np.int64)
+    if left.offsets and samples.starts is not None:
+        return samples.in_order(len(records.rows), _LARGEST_FRAME)
+    return samples.taken(records.offsets(channel), _LARGEST_FRAME)
 
 
 def _by_time(blocks: list[FrameBlock]) -> list[FrameBlock]:

@@ -17,11 +17,13 @@ NUMERIC_CONVERSIONS = frozenset({NO_CONVERSION, LINEAR, 2, 4, 5, 6})
 CONVERSIONS = {3: "a formula as text", 7: "an enumeration (value to text)", 8: "an enumeration (range to text)",
                9: "text to value", 10: "text to text", 11: "a bit field as text"}  # fmt: skip
 ALL_INVALID = 1
+INVALIDATION = 2
+"""Flag of a channel that has a bit in each record that says whether its sample is invalid."""
 TIME = 1
 """Synchronisation type of a master channel."""
 
 
-def why_no_channel(channel: Any, record: Any, dependencies: Any, record_bytes: int) -> str:
+def why_no_channel(channel: Any, record: Any, dependencies: Any, group: Any) -> str:
     """Say why a channel is not read; empty if it is.
 
     Parameters
@@ -31,7 +33,8 @@ def why_no_channel(channel: Any, record: Any, dependencies: Any, record_bytes: i
         asammdf's type, size, offset and first bit of the channel in a record.
     dependencies : list or None
         The blocks that a structure or an array consists of.
-    record_bytes : int
+    group : asammdf.blocks.v4_blocks.ChannelGroup
+        Whose records the channel is in.
     """
     if dependencies:
         return "an array or a structure"
@@ -47,9 +50,12 @@ def why_no_channel(channel: Any, record: Any, dependencies: Any, record_bytes: i
     if record is None:
         return "its place in a record is not stated"
     dtype, size, offset, _ = record
+    record_bytes = group.samples_byte_nr
     # asammdf's fast path takes these numbers on trust, outside Python
     if dtype.kind not in "iuf" or dtype.itemsize > 8 or not 0 < size <= 8 or not 0 <= offset <= record_bytes - size:
         return f"damaged: {size} bytes at {offset} of {record_bytes}"
+    if channel.flags & INVALIDATION and channel.pos_invalidation_bit >= 8 * group.invalidation_bytes_nr:
+        return f"damaged: invalidation bit {channel.pos_invalidation_bit} of {8 * group.invalidation_bytes_nr}"
     return ""
 
 

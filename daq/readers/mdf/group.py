@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from daq.channel import RawCounts
 from daq.readers.bounded_file import BoundedFile
+from daq.readers.mdf.library import opened
 
 Kept = NDArray[np.int64] | None
 """Indices of the samples that the time base has; None if it has all."""
@@ -43,9 +43,7 @@ class HeldGroup:
     def signal(self, channel: int) -> Any:
         """Return one channel as stored, with its conversion."""
         if not self.signals:
-            from asammdf import MDF
-
-            with BoundedFile(self.path) as file, closing(MDF(file)) as mdf:
+            with BoundedFile(self.path) as file, opened(self.path, file) as mdf:
                 wanted = [(None, self.index, c) for c in self.channels]
                 read = mdf.select(wanted, raw=True, copy_master=False, ignore_value2text_conversions=True)
             if any(len(signal.samples) != self.count for signal in read):

@@ -86,7 +86,7 @@ def _why_no_time(master: Any, group: Any, at: int) -> str:
     if master.channel_type != 2:
         return "not stored"
     # A master is checked as any other channel of fixed length
-    return why_no_channel(_AsData(master), record, None, group.channel_group.samples_byte_nr)
+    return why_no_channel(_AsData(master), record, None, group.channel_group)
 
 
 class _AsData:
@@ -96,6 +96,7 @@ class _AsData:
 
     def __init__(self, master: Any) -> None:
         self.data_type, self.conversion, self.flags = master.data_type, master.conversion, master.flags
+        self.pos_invalidation_bit = master.pos_invalidation_bit
 
 
 def _check_size(path: Path, group: Any, count: int, label: str) -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import mmap
 from collections.abc import Mapping
-from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,17 +19,10 @@ from daq.readers.bounded_file import BoundedFile
 from daq.readers.containers.stored_channels import StoredChannel, StoredRecording, damage_is_reported
 from daq.readers.containers.stored_time import StoredTime
 from daq.readers.mdf.channel import INTEGERS, linear, unit_of, why_no_channel
+from daq.readers.mdf.channel_groups import BUS_EVENT, BUS_NAMES, MdfDamageError, iter_groups
 from daq.readers.mdf.group import HeldGroup
-from daq.readers.mdf.kind import (
-    BUS_EVENT,
-    BUS_NAMES,
-    UNFINALISED,
-    MdfChainError,
-    is_bus_file,
-    is_bus_logging,
-    is_mdf4,
-    iter_groups,
-)
+from daq.readers.mdf.kind import UNFINALISED, is_bus_file, is_bus_logging, is_mdf4
+from daq.readers.mdf.library import opened
 from daq.readers.mdf.master import time_of_group
 from daq.readers.reader import Declarations, SignalHeader
 from daq.readers.text.cells import unique_names
@@ -66,13 +58,7 @@ class MdfReader:
         """
         with damage_is_reported(path, "a whole MDF 4 file"):
             bus = _check_blocks(path)
-            try:
-                from asammdf import MDF
-            except ImportError as error:
-                raise ReadError("MDF needs asammdf", path=path, remedy="pip install 'recoil-daq[mdf]'") from error
-            # Never from a path: asammdf's reader of mapped files trusts sizes outside Python, and a file that it
-            # refused raises a second time, where nobody can catch it, when it is let go
-            with BoundedFile(path) as file, closing(MDF(file)) as mdf:
+            with BoundedFile(path) as file, opened(path, file) as mdf:
                 return _recording(path, mdf, declared.clock, bus)
 
 
@@ -84,7 +70,7 @@ def _check_blocks(path: Path) -> bool:
         unfinalised = data[:10] == UNFINALISED
         try:
             groups = list(iter_groups(data))
-        except MdfChainError as error:
+        except MdfDamageError as error:
             raise CorruptFileError(
                 "the blocks do not hang together", path=path, found=str(error), remedy="copy or export it again"
             ) from error
@@ -151,9 +137,8 @@ def _group_label(group: Any, index: int) -> str:
 
 
 def _left_out(channel: Any, group: Any, index: int, label: str, notes: list[str]) -> bool:
-    width = group.channel_group.samples_byte_nr
     record = group.record[index] if group.record is not None else None
-    reason = why_no_channel(channel, record, group.channel_dependencies[index], width)
+    reason = why_no_channel(channel, record, group.channel_dependencies[index], group.channel_group)
     if reason:
         notes.append(f"{channel.name} of {label}: {reason}: left out")
     return bool(reason)

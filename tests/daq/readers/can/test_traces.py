@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import builtins
 import gzip
 import math
 import sqlite3
-import struct
 import time
-import zlib
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import can
 import numpy as np
@@ -30,10 +26,9 @@ from daq.readers.can.frames import CanFrames, CanLog
 from daq.readers.can.mdf import read_mdf
 from daq.readers.can.sqlite import read_can_sqlite
 from daq.readers.can.trc import read_trc
-from daq.readers.mdf.kind import is_bus_logging
 from daq.readers.reader import Declarations
 from daq.readers.table import recognise
-from tests.builders import can_logs
+from tests.builders import can_logs, mdf_logs
 from tests.builders.shared_data import shared_file
 from tests.builders.vendor_files import DBC, EXT, CanEntry, asc_log, blf_log, can_entries, candump_log
 
@@ -79,7 +74,7 @@ def test_every_version_of_a_trace_gives_the_same_frames(version: str) -> None:
 def test_every_other_log_gives_the_same_frames(tmp_path: Path) -> None:
     csv = read_can_csv(can_logs.can_csv(ENTRIES))
     sqlite = read_can_sqlite(written(tmp_path, "a.db", can_logs.can_sqlite(ENTRIES)))
-    mdf = read_mdf(written(tmp_path, "a.mf4", can_logs.mdf_bus_log(ENTRIES, errors=2)))
+    mdf = read_mdf(written(tmp_path, "a.mf4", mdf_logs.bus_log(ENTRIES, errors=2)))
     assert as_entries(csv.frames) == ENTRIES
     for log in (sqlite, mdf):  # their stamps are float64 seconds
         assert [e[1:] for e in as_entries(log.frames)] == [e[1:] for e in ENTRIES]
@@ -237,73 +232,6 @@ def test_a_database_of_python_can_is_read(tmp_path: Path) -> None:
         assert log.frames.key.size == base.execute("SELECT COUNT(*) FROM messages").fetchone()[0] == 20
     base.close()
     assert log.frames.key.tolist() == [i | (0x80000000 if i % 2 == 0 else 0) for i in range(20)]
-
-
-def test_bus_logging_that_was_not_closed_is_told() -> None:
-    path = shared_file("can/00000170.MF4")
-    log = read_mdf(path)
-    assert log.metadata["data_frames"] == 2010
-    assert any("did not close the file" in note for note in log.notes)
-    assert log.absolute_start is not None
-    assert (log.absolute_start.text[:19], log.absolute_start.zone) == ("2020-12-15T14:14:59", "UTC")
-    np.testing.assert_array_equal(np.unique(log.frames.key), [0x7BB, 0x7EC])
-
-
-def test_bus_logging_is_told_from_measurements() -> None:
-    assert is_bus_logging(can_logs.mdf_bus_log(ENTRIES)[:65536])
-    assert not is_bus_logging(b"MDF     3.30 CAN_DataFrame")
-
-
-def test_mdf_without_its_library_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    real = builtins.__import__
-
-    def absent(name: str, *rest: Any, **more: Any) -> Any:
-        if name.startswith("asammdf"):
-            raise ImportError(name)
-        return real(name, *rest, **more)
-
-    monkeypatch.setattr(builtins, "__import__", absent)
-    with pytest.raises(ReadError, match=r"recoil-daq\[mdf\]"):
-        read_mdf(written(tmp_path, "a.mf4", can_logs.mdf_bus_log(ENTRIES)))
-
-
-@pytest.mark.parametrize(
-    ("kind", "link", "problem"),
-    [(b"##CN", 0, "lead back"), (b"##DG", 0, "lead back"), (b"##CG", 1, "no block"), (b"##DG", 2, "beyond its end")],
-)
-def test_blocks_that_lead_astray_are_refused(kind: bytes, link: int, problem: str, tmp_path: Path) -> None:
-    content = bytearray(can_logs.mdf_bus_log(ENTRIES))
-    at = content.rfind(kind)
-    target = {"lead back": at, "no block": 70, "beyond its end": 1 << 60}[problem]
-    struct.pack_into("<Q", content, at + 24 + 8 * link, target)
-    with pytest.raises(CorruptFileError, match=problem):
-        read_mdf(written(tmp_path, "a.mf4", bytes(content)))
-
-
-def packed_samples(content: bytes, stated: int, method: int = 0) -> bytes:
-    """Replace the samples of a file by a compressed block of them."""
-    at = content.rfind(b"##DT")
-    size = struct.unpack_from("<Q", content, at + 8)[0]
-    packed = zlib.compress(content[at + 24 : at + size])
-    block = struct.pack("<4s4xQQ2sBxLQQ", b"##DZ", 48 + len(packed), 0, b"DT", method, 0, stated, len(packed))
-    return content[:at] + (block + packed).ljust(size + 8, b"\0") + content[at + size + (-size) % 8 :]
-
-
-def test_compressed_bus_logging_is_read_and_one_that_grows_beyond_its_size_refused(tmp_path: Path) -> None:
-    content = can_logs.mdf_bus_log(ENTRIES)
-    size = 23 * len(ENTRIES)
-    dg = content.rfind(b"##DG")
-    whole = packed_samples(content, size)
-    whole = whole[: whole.rfind(b"##DG")] + content[dg:]
-    moved = bytearray(whole)
-    struct.pack_into("<Q", moved, 64 + 24, whole.rfind(b"##DG"))
-    log = read_mdf(written(tmp_path, "a.mf4", bytes(moved)))
-    assert [e[1:] for e in as_entries(log.frames)] == [e[1:] for e in ENTRIES]
-    at = moved.rfind(b"##DZ") + 24
-    for stated in (size - 1, size + 1, 1 << 50):
-        struct.pack_into("<Q", moved, at + 8, stated)
-        with pytest.raises(CorruptFileError, match="stated size"):
-            read_mdf(written(tmp_path, "a.mf4", bytes(moved)))
 
 
 def test_several_members_of_a_compressed_log_are_read_and_a_cut_one_is_told(tmp_path: Path) -> None:

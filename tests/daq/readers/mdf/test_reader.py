@@ -11,7 +11,8 @@ import pytest
 
 from daq.errors import CorruptFileError, ReadError
 from daq.readers.containers.stored_channels import StoredRecording
-from daq.readers.mdf.kind import MdfChainError, is_bus_logging, iter_groups
+from daq.readers.mdf.channel_groups import MdfDamageError, iter_groups
+from daq.readers.mdf.kind import is_bus_logging
 from daq.readers.mdf.reader import MdfReader
 from daq.readers.reader import HEAD_BYTES, Declarations
 from tests.builders.container_files import mdf_file, ramp, small_mdf
@@ -152,7 +153,7 @@ def test_a_chain_that_comes_back_to_itself_is_refused(tmp_path: Path) -> None:
         looped = bytearray(content)
         at = looped.index(name)
         struct.pack_into("<Q", looped, at + 24, at)
-        with pytest.raises(MdfChainError, match=r"comes back|leads nowhere"):
+        with pytest.raises(MdfDamageError, match=r"leads back|leads nowhere"):
             list(iter_groups(bytes(looped)))
         with pytest.raises(CorruptFileError, match="do not hang together"):
             opened(tmp_path, bytes(looped))

@@ -1,0 +1,297 @@
+"""The channel groups of an MDF 4 file, as its blocks describe them.
+
+The blocks are chains of links: one that comes back to itself would never end, and is refused. asammdf reads the groups
+of buses as soon as it opens a file, outside of Python, and trusts where a channel lies in a record and how many records
+there are: both are held against the record and the file here.
+
+Layout: ASAM MDF 4.1, as published in asammdf's documentation and in the *MDF4 programming specification*:
+identification 64 bytes; each block begins with its id, 4 bytes, 4 empty ones, its length, its number of links, of
+8 bytes each, and the links; HD -> DG -> CG -> CN; names are TX blocks.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+BUS_NAMES = (
+    "CAN_DataFrame", "CAN_RemoteFrame", "CAN_ErrorFrame", "CAN_OverloadFrame", "LIN_Frame", "LIN_WakeUp",
+    "LIN_ChecksumError", "LIN_TransmissionError", "LIN_SyncError", "LIN_ReceiveError", "LIN_Spike", "LIN_LongDom",
+    "FLX_Frame", "FLX_Pdu", "ETH_Frame", "MOST_Message", "MOST_Packet",
+)  # fmt: skip
+"""Beginnings of the channel names that ASAM's bus logging standard fixes."""
+BUS_EVENT = 0x0002
+"""Flag of a channel group that holds frames of a bus."""
+VARIABLE_LENGTH = 0x0001
+"""Flag of a channel group whose records have each a length of their own."""
+ALL_INVALID, INVALIDATION = 0x0001, 0x0002
+"""Flags of a channel: none of its samples is valid; a bit of each record says whether its sample is."""
+MASTERS = (2, 3)
+"""Types of channels that are times: stored, and computed from the number of the record."""
+HD_AT = 64
+MOST_BLOCKS = 500_000
+
+_DATA_GROUP = struct.Struct("<B")
+_GROUP = struct.Struct("<QQH6xII")
+_CHANNEL = struct.Struct("<BBBBIIII")
+_PACKED = struct.Struct("<8xQQ")
+_DEFLATE_RATIO = 1032
+
+
+class MdfDamageError(ValueError):
+    """Blocks that do not hang together, or do not fit into the file."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """What a CN block says of a channel.
+
+    Attributes
+    ----------
+    at : int
+        Address of the block.
+    name : str
+    kind, sync, data_type : int
+        Type of channel, of what it synchronises over, and of its data, as numbered by the standard.
+    bit, byte, bits : int
+        First bit, in the first byte of a record, and number of bits.
+    flags, invalid_at : int
+        The bit of the invalidation bytes that says that a sample is not valid, where a flag says that there is one.
+    conversion_at, data_at : int
+        Addresses of its conversion and of its samples of variable length, or 0.
+    """
+
+    at: int
+    name: str
+    kind: int
+    sync: int
+    data_type: int
+    bit: int
+    byte: int
+    bits: int
+    flags: int
+    invalid_at: int
+    conversion_at: int
+    data_at: int
+
+
+@dataclass(frozen=True)
+class DataGroup:
+    """Channel groups whose records are stored together.
+
+    Attributes
+    ----------
+    at, data_at : int
+        Addresses of the block and of its records.
+    id_bytes : int
+        Size of the number before each record that says of which group it is; 0 if there is one group alone.
+    """
+
+    at: int
+    data_at: int
+    id_bytes: int
+
+
+@dataclass(frozen=True)
+class ChannelGroup:
+    """What a CG block says of records of one kind.
+
+    Attributes
+    ----------
+    at : int
+        Address of the block.
+    stored : DataGroup
+        Where the records are.
+    record_id, count, flags : int
+    width, invalidation_width : int
+        Bytes of a record, and of its invalidation bits behind them.
+    channels : tuple of Channel
+        Each structure is followed by its parts.
+    channel_count : int
+        Channels beside the time, parts of structures not counted.
+    is_array : bool
+        Whether one of the channels consists of anything but channels.
+    """
+
+    at: int
+    stored: DataGroup
+    record_id: int
+    count: int
+    flags: int
+    width: int
+    invalidation_width: int
+    channels: tuple[Channel, ...]
+    channel_count: int
+    is_array: bool
+
+    @property
+    def is_bus(self) -> bool:
+        """Tell whether the samples are events of a bus."""
+        return bool(self.flags & BUS_EVENT) or any(one.name.startswith(BUS_NAMES) for one in self.channels)
+
+    @property
+    def stated_bytes(self) -> int:
+        """Return what all records take; a group of variable length has both halves of its size in its widths."""
+        if self.flags & VARIABLE_LENGTH:
+            return self.width | self.invalidation_width << 32
+        return self.count * (self.width + self.invalidation_width)
+
+    def misfit(self) -> str:
+        """Say which channel is not within a record; empty if all are."""
+        if self.is_array:
+            return f"a channel of the group at byte {self.at} is an array"
+        for one in self.channels:
+            if 8 * one.byte + one.bit + one.bits > 8 * self.width:
+                return f"the channel {one.name} has {one.bits} bits from byte {one.byte} of {self.width} in a record"
+            if one.flags & INVALIDATION and one.invalid_at >= 8 * self.invalidation_width:
+                return f"the channel {one.name} has its invalidation bit beyond the record"
+        return ""
+
+
+def iter_groups(data: Any, *, strict: bool = True) -> Iterator[ChannelGroup]:
+    """Walk the channel groups of a file.
+
+    Parameters
+    ----------
+    data : bytes or mmap
+        All of a file, or its head.
+    strict : bool
+        Whether a chain that leaves the data is an error, or the end of what can be told. Where it is one, groups of a
+        bus are checked.
+
+    Raises
+    ------
+    MdfDamageError
+        With `strict`, if a chain leaves the data, comes back to itself, or has another block than it must; or if a
+        group of a bus states more records than the file can hold, or a channel beyond them.
+    """
+    walk = _Walk(data)
+    try:
+        for at in walk.chain(walk.links(HD_AT, b"##HD")[0], b"##DG"):
+            links = walk.links(at, b"##DG")
+            (id_bytes,) = walk.fields(at, len(links), _DATA_GROUP)
+            if strict:
+                walk.follow_data(links[2])
+            stored = DataGroup(at, links[2], id_bytes)
+            for group_at in walk.chain(links[1], b"##CG"):
+                group = walk.group(group_at, stored)
+                if strict and group.is_bus:
+                    _check(group, len(data) + walk.unpacked)
+                yield group
+    except MdfDamageError:
+        if strict:
+            raise
+
+
+def _check(group: ChannelGroup, most_bytes: int) -> None:
+    problem = group.misfit()
+    if not problem and group.stated_bytes > most_bytes:
+        problem = (
+            f"the group at byte {group.at} states {group.count} records, {group.stated_bytes} bytes: more than the "
+            "file can hold"
+        )
+    if problem:
+        raise MdfDamageError(problem)
+
+
+class _Walk:
+    """A walk over blocks, each of which is met once."""
+
+    def __init__(self, data: Any) -> None:
+        self.data, self.size = data, len(data)
+        self.met: set[int] = set()
+        self.unpacked = 0
+
+    def links(self, at: int, name: bytes = b"##") -> tuple[int, ...]:
+        if not HD_AT <= at <= self.size - 24 or at in self.met or len(self.met) > MOST_BLOCKS:
+            raise MdfDamageError(f"a link to byte {at} leads nowhere, or back")
+        self.met.add(at)
+        found, _, count = struct.unpack_from("<4s4xQQ", self.data, at)
+        if not found.startswith(name):
+            raise MdfDamageError(f"a link to byte {at} leads to {found!r}, not to a block {name.decode()}")
+        if count > (self.size - at - 24) // 8:
+            raise MdfDamageError(f"the block at byte {at} has no {count} links")
+        links: tuple[int, ...] = struct.unpack_from(f"<{count}Q", self.data, at + 24)
+        least = {b"##HD": 1, b"##DG": 3, b"##CG": 2, b"##CN": 3, b"##DL": 1, b"##HL": 1, b"##LD": 1}
+        if count < least.get(found, 0):
+            raise MdfDamageError(f"the block at byte {at} has {count} links")
+        return links
+
+    def fields(self, at: int, links: int, layout: struct.Struct) -> tuple[Any, ...]:
+        """Return what stands behind a block's links."""
+        body_at = at + 24 + 8 * links
+        if body_at + layout.size > self.size:
+            raise MdfDamageError(f"the block at byte {at} ends early")
+        return layout.unpack_from(self.data, body_at)
+
+    def chain(self, at: int, name: bytes) -> Iterator[int]:
+        while at:
+            here = at
+            yield here
+            if here not in self.met:
+                self.links(here, name)
+            at = struct.unpack_from("<Q", self.data, here + 24)[0]
+            if at in self.met:
+                raise MdfDamageError(f"the chain of blocks {name.decode()} leads back to byte {at}")
+
+    def group(self, at: int, stored: DataGroup) -> ChannelGroup:
+        links = self.links(at, b"##CG")
+        record_id, records, flags, width, invalidation_width = self.fields(at, len(links), _GROUP)
+        channels: list[Channel] = []
+        is_array, count = False, 0
+        for channel_at in self.chain(links[1], b"##CN"):
+            first = len(channels)
+            is_array |= self.channel(channel_at, channels, 0)
+            count += channels[first].kind not in MASTERS
+        return ChannelGroup(
+            at, stored, record_id, records, flags, width, invalidation_width, tuple(channels), count, is_array
+        )
+
+    def channel(self, at: int, channels: list[Channel], depth: int) -> bool:
+        """Add a channel and its parts; tell whether it consists of anything but channels."""
+        if depth > 20:
+            raise MdfDamageError(f"structures within structures at byte {at}")
+        links = self.links(at, b"##CN")
+        conversion_at, data_at = (links[n] if len(links) > n else 0 for n in (4, 5))
+        kind, sync, data_type, bit, byte, bits, flags, invalid_at = self.fields(at, len(links), _CHANNEL)
+        name = self.text(links[2])
+        channels.append(
+            Channel(at, name, kind, sync, data_type, bit, byte, bits, flags, invalid_at, conversion_at, data_at)
+        )
+        if not links[1]:
+            return False
+        if self.name(links[1]) != b"##CN":
+            return True
+        is_array = False
+        for part in self.chain(links[1], b"##CN"):
+            is_array |= self.channel(part, channels, depth + 1)
+        return is_array
+
+    def follow_data(self, at: int) -> None:
+        """Follow the lists of a group's samples."""
+        if at and self.name(at) == b"##HL":
+            at = self.links(at)[0]
+        if at and self.name(at) not in (b"##DL", b"##LD"):
+            self.count_unpacked(at)
+            return
+        while at:
+            at, *parts = self.links(at)
+            for part in parts:
+                self.count_unpacked(part)
+
+    def count_unpacked(self, at: int) -> None:
+        """Add what a compressed block states that it unpacks to, as far as deflate can."""
+        if self.name(at) == b"##DZ":
+            stated, packed = self.fields(at, 0, _PACKED)
+            self.unpacked += min(stated, _DEFLATE_RATIO * min(packed, self.size - at))
+
+    def name(self, at: int) -> bytes:
+        """Return the four letters of a block."""
+        return bytes(self.data[at : at + 4]) if HD_AT <= at <= self.size - 24 else b""
+
+    def text(self, at: int) -> str:
+        if self.name(at) not in (b"##TX", b"##MD"):
+            return ""
+        return bytes(self.data[at + 24 : at + 88]).split(b"\0")[0].decode("utf-8", "replace")

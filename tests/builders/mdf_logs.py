@@ -1,0 +1,177 @@
+"""MDF 4 bus logging built from bytes: closed files of sorted groups, and what loggers write until they are stopped."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Sequence
+
+from tests.builders.vendor_files import CanEntry
+
+START_NS = 1_700_000_000_000_000_000
+
+
+class _Blocks:
+    """Blocks of MDF 4, each with the address that it will have."""
+
+    def __init__(self, head: bytes) -> None:
+        self.content = bytearray(head)
+
+    def add(self, kind: str, links: Sequence[int], body: bytes) -> int:
+        at = len(self.content)
+        size = 24 + 8 * len(links) + len(body)
+        self.content += struct.pack(f"<4s4xQQ{len(links)}Q", kind.encode(), size, len(links), *links) + body
+        self.content += bytes(-len(self.content) % 8)
+        return at
+
+    def text(self, text: str) -> int:
+        return self.add("##TX", (), text.encode() + bytes(8 - len(text) % 8))
+
+    def column(
+        self,
+        title: str,
+        kind: int,
+        data_type: int,
+        at: int,
+        bits: int,
+        following: int,
+        *,
+        inside: int = 0,
+        conversion: int = 0,
+        data: int = 0,
+        bit: int = 0,
+    ) -> int:
+        body = struct.pack("<BBBBLLLLBBHdddddd", kind, kind // 2, data_type, bit, at, bits, 0, 0, 0, 0, 0, *[0.0] * 6)
+        return self.add("##CN", (following, inside, self.text(title), 0, conversion, data, 0, 0), body)
+
+    def linear(self, offset: float, factor: float) -> int:
+        return self.add("##CC", (0, 0, 0, 0), struct.pack("<BBHHHdddd", 1, 0, 0, 0, 2, 0.0, 0.0, offset, factor))
+
+    def closed(self, first_group: int) -> bytes:
+        """All of the file, with its header."""
+        header = struct.pack(
+            "<4s4xQQ6QQhhBBBBdd", b"##HD", 104, 6, first_group, 0, 0, 0, 0, 0, START_NS, 0, 0, 0, 0, 0, 0, 0, 0
+        )
+        self.content[64 : 64 + len(header)] = header
+        return bytes(self.content)
+
+
+def bus_log(
+    entries: Sequence[CanEntry], *, first_s: float = 0.25, errors: int = 0, identification: bytes = b"MDF     "
+) -> bytes:
+    """A sorted, finished file of one or two groups, whose texts stand before its samples."""
+    blocks = _Blocks(_identification(identification))
+    groups = [("CAN_DataFrame", entries)]
+    if errors:
+        groups.append(("CAN_ErrorFrame", [(0, 0, bytes(8))] * errors))
+    following = 0
+    for name, frames in reversed(groups):
+        following = _mdf_group(blocks, name, frames, first_s, following)
+    return blocks.closed(following)
+
+
+def _mdf_group(blocks: _Blocks, name: str, frames: Sequence[CanEntry], first_s: float, following: int) -> int:
+    """Columns from the last to the first, because each links to the next."""
+
+    parts = [("ID", 0, 8, 32), ("IDE", 0, 12, 8), ("BusChannel", 0, 13, 8), ("DataLength", 0, 14, 8)]
+    inside = 0
+    for title, data_type, at, bits in reversed([*parts, ("DataBytes", 10, 15, 64)]):
+        inside = blocks.column(f"{name}.{title}", 0, data_type, at, bits, inside)
+    link = blocks.column("t", 2, 4, 0, 64, blocks.column(name, 0, 10, 8, 120, 0, inside=inside))
+    source = blocks.add("##SI", (blocks.text("CAN"), 0, 0), struct.pack("<BBB5x", 2, 2, 0))
+    rows = b"".join(
+        struct.pack("<dIBBB8s", first_s + t / 1e9, key & 0x1FFFFFFF, key >> 31, 1, len(data), data)
+        for t, key, data in frames
+    )
+    group = blocks.add("##CG", (0, link, 0, source, 0, 0), struct.pack("<QQHHLLL", 0, len(frames), 6, 0, 0, 23, 0))
+    samples = blocks.add("##DT", (), rows)
+    return blocks.add("##DG", (following, group, samples, 0), bytes(8))
+
+
+def _identification(mark: bytes, flags: int = 0) -> bytes:
+    head = mark + b"4.10    tests   ".ljust(20, b"\0") + struct.pack("<H", 410)
+    return head.ljust(60, b"\0") + struct.pack("<HH", flags, 0) + bytes(104)
+
+
+COUNTS, LAST_LENGTH, OFFSETS = 0x0001, 0x0004, 0x0040
+"""What a recorder has not written when it is stopped."""
+
+
+def logger_file(entries: Sequence[CanEntry], *, unwritten: int = 0, first_ns: int = 250_000_000) -> bytes:
+    """Frames, their data of variable length, and error frames, stored together as they came: stamps are whole ns.
+
+    An identifier has 29 bits, and the byte behind them its flag, as loggers pack them.
+    """
+    mark = b"UnFinMF " if unwritten else b"MDF     "
+    blocks = _Blocks(_identification(mark, unwritten))
+    rows, written = b"", 0
+    for time_ns, key, data in entries:
+        offset = 0 if unwritten & OFFSETS else written
+        packed_id = key & 0x1FFFFFFF | (key >> 31) << 31
+        rows += struct.pack("<BQIBBQ", 1, first_ns + time_ns, packed_id, 1, len(data), offset)
+        rows += struct.pack("<BI", 2, len(data)) + data
+        written += 4 + len(data)
+    rows += struct.pack("<BQ", 3, first_ns) * 2
+    counts = (0, 0, 0) if unwritten & COUNTS else (len(entries), 0, 2)
+    size = 0 if unwritten else written
+    nanoseconds = blocks.linear(0.0, 1e-9)
+    values = blocks.add("##CG", (0, 0, 0, 0, 0, 0), struct.pack("<QQHHLLL", 2, counts[0], 1, 0, 0, size, 0))
+    name = "CAN_DataFrame"
+    parts = [("ID", 0, 8, 29, 0), ("IDE", 0, 11, 1, 7), ("BusChannel", 0, 12, 8, 0), ("DataLength", 0, 13, 8, 0)]
+    inside = blocks.column(f"{name}.DataBytes", 1, 10, 14, 64, 0, data=values)
+    for title, data_type, at, bits, bit in reversed(parts):
+        inside = blocks.column(f"{name}.{title}", 0, data_type, at, bits, inside, bit=bit)
+    frames = blocks.column(name, 0, 10, 8, 112, 0, inside=inside)
+    errors = blocks.column("t", 2, 0, 0, 64, blocks.column("CAN_ErrorFrame", 0, 10, 8, 0, 0), conversion=nanoseconds)
+    last = blocks.add("##CG", (0, errors, 0, 0, 0, 0), struct.pack("<QQHHLLL", 3, counts[2], 6, 0, 0, 8, 0))
+    struct.pack_into("<Q", blocks.content, values + 24, last)
+    times = blocks.column("t", 2, 0, 0, 64, frames, conversion=nanoseconds)
+    first = blocks.add("##CG", (values, times, 0, 0, 0, 0), struct.pack("<QQHHLLL", 1, counts[0], 6, 0, 0, 22, 0))
+    group_at = blocks.add("##DG", (0, first, 0, 0), struct.pack("<B7x", 1))
+    samples = blocks.add("##DT", (), rows)
+    del blocks.content[samples + 24 + len(rows) :]
+    struct.pack_into("<Q", blocks.content, group_at + 24 + 16, samples)
+    if unwritten & LAST_LENGTH:
+        struct.pack_into("<Q", blocks.content, samples + 8, 24)
+    return blocks.closed(group_at)
+
+
+def listed_log(entries: Sequence[CanEntry], *, transposed: bool = False, first_s: float = 0.25) -> bytes:
+    """Frames in several blocks, every other one packed, and their data in blocks of their own."""
+    blocks = _Blocks(_identification(b"MDF     "))
+    rows, values = [], b""
+    for time_ns, key, data in entries:
+        rows.append(struct.pack(">dIBBQ", first_s + time_ns / 1e9, key, key >> 31, len(data), 0)[:14])
+        rows[-1] += struct.pack("<Q", len(values))
+        values += struct.pack("<I", len(data)) + data
+    half = len(rows) // 2
+    name = "CAN_DataFrame"
+    inside = blocks.column(f"{name}.DataBytes", 1, 10, 14, 64, 0, data=_list_of(blocks, [values], b"SD", transposed))
+    for title, data_type, at, bits in [("DataLength", 0, 13, 8), ("IDE", 0, 12, 8), ("ID", 1, 8, 32)]:
+        inside = blocks.column(f"{name}.{title}", 0, data_type, at, bits, inside)
+    times = blocks.column("t", 2, 5, 0, 64, blocks.column(name, 0, 10, 8, 112, 0, inside=inside))
+    group = blocks.add("##CG", (0, times, 0, 0, 0, 0), struct.pack("<QQHHLLL", 0, len(entries), 6, 0, 0, 22, 0))
+    stored = _list_of(blocks, [b"".join(rows[:half]), b"".join(rows[half:])], b"DT", transposed)
+    return blocks.closed(blocks.add("##DG", (0, group, stored, 0), bytes(8)))
+
+
+def _list_of(blocks: _Blocks, parts: Sequence[bytes], kind: bytes, transposed: bool) -> int:
+    """A header of a list, and a list per part."""
+    following = 0
+    for number, part in reversed(list(enumerate(parts))):
+        if number % 2:
+            block = blocks.add(f"##{kind.decode()}", (), part)
+        else:
+            columns = 22 if transposed else 0
+            packed = zlib.compress(_turned(part, columns) if transposed else part)
+            block = blocks.add(
+                "##DZ", (), struct.pack("<2sBxLQQ", kind, bool(transposed), columns, len(part), len(packed)) + packed
+            )
+        following = blocks.add("##DL", (following, block), struct.pack("<B3xLQ", 0, 1, 0))
+    return blocks.add("##HL", (following,), struct.pack("<HBB4x", 0, bool(transposed), 0))
+
+
+def _turned(data: bytes, columns: int) -> bytes:
+    rows = len(data) // columns
+    whole = data[: rows * columns]
+    return b"".join(whole[column::columns] for column in range(columns)) + data[rows * columns :]

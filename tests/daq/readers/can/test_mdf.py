@@ -1,0 +1,222 @@
+"""Bus logging in MDF 4, of every way to store it; asammdf reads the same."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from daq.errors import CorruptFileError, ReadError
+from daq.readers.can.frames import CanFrames
+from daq.readers.can.mdf import read_mdf
+from daq.readers.mdf.kind import is_bus_logging
+from tests.builders import mdf_logs
+from tests.builders.shared_data import shared_file
+from tests.builders.vendor_files import EXT, CanEntry, can_entries
+
+ENTRIES = can_entries(30)
+VARIED = [(1000 * i, (0x100 + i) | (EXT if i % 3 == 0 else 0), bytes(range(i % 9))) for i in range(40)]
+KEYS = st.integers(0, 0x7FF) | st.integers(EXT, EXT + 2**29 - 1)
+COUNTS, LAST_LENGTH, OFFSETS = mdf_logs.COUNTS, mdf_logs.LAST_LENGTH, mdf_logs.OFFSETS
+
+
+def as_entries(frames: CanFrames) -> list[CanEntry]:
+    rows = zip(frames.time_s, frames.key, frames.data, frames.length, strict=True)
+    return [(round(t * 1e9), int(key), bytes(data[:n])) for t, key, data, n in rows]
+
+
+def written(folder: Path, content: bytes) -> Path:
+    path = folder / "a.mf4"
+    path.write_bytes(content)
+    return path
+
+
+@pytest.mark.parametrize("unwritten", [0, COUNTS, COUNTS | LAST_LENGTH, COUNTS | LAST_LENGTH | OFFSETS])
+def test_what_a_logger_stored_together_is_told_apart(unwritten: int, tmp_path: Path) -> None:
+    log = read_mdf(written(tmp_path, mdf_logs.logger_file(VARIED, unwritten=unwritten)))
+    assert as_entries(log.frames) == VARIED
+    assert log.metadata["error_frames"] == 2
+    assert any("did not close" in note for note in log.notes) == bool(unwritten)
+    assert log.absolute_start is not None
+    assert log.absolute_start.text == "2023-11-14T22:13:20.250000"
+
+
+@pytest.mark.parametrize("transposed", [False, True])
+def test_lists_of_packed_and_plain_blocks_are_put_together(transposed: bool, tmp_path: Path) -> None:
+    log = read_mdf(written(tmp_path, mdf_logs.listed_log(VARIED, transposed=transposed)))
+    assert as_entries(log.frames) == VARIED
+    assert log.notes == ()
+
+
+def test_a_logger_stopped_within_a_frame_keeps_those_before_it(tmp_path: Path) -> None:
+    content = mdf_logs.logger_file(VARIED[:10], unwritten=COUNTS | LAST_LENGTH)
+    errors, last = 2 * 9, 1 + 4 + len(VARIED[9][2])
+    log = read_mdf(written(tmp_path, content[: -errors - last - 3]))
+    assert as_entries(log.frames) == VARIED[:9]
+
+
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    entries=st.lists(
+        st.tuples(st.integers(0, 10**12), KEYS, st.binary(max_size=64)),
+        min_size=1, max_size=20,
+    )
+)  # fmt: skip
+def test_asammdf_reads_the_same_frames(entries: list[CanEntry], tmp_path: Path) -> None:
+    path = written(tmp_path, mdf_logs.listed_log(sorted(entries, key=lambda one: one[0])))
+    assert as_asammdf_reads_them(path) == as_read_here(path)
+
+
+def test_asammdf_reads_the_same_frames_of_a_logger(tmp_path: Path) -> None:
+    path = written(tmp_path, mdf_logs.logger_file(VARIED))
+    assert as_asammdf_reads_them(path) == as_read_here(path)
+
+
+@pytest.mark.parametrize("name", ["00000170.MF4", "rig_shot/rig_shot.mf4"])
+def test_asammdf_reads_the_same_frames_of_real_logs(name: str) -> None:
+    path = shared_file(f"can/{name}")
+    assert as_asammdf_reads_them(path) == as_read_here(path)
+
+
+def as_read_here(path: Path) -> list[tuple[int, int, int, bytes]]:
+    frames = read_mdf(path).frames
+    return [
+        (round(t * 1e6), int(key) & 0x1FFFFFFF, int(channel), bytes(data[:n]))
+        for t, key, channel, data, n in zip(
+            frames.time_s, frames.key, frames.channel, frames.data, frames.length, strict=True
+        )
+    ]
+
+
+def as_asammdf_reads_them(path: Path) -> list[tuple[int, int, int, bytes]]:
+    from io import BytesIO
+
+    from asammdf import MDF
+
+    found: list[tuple[float, int, int, bytes]] = []
+    with MDF(BytesIO(path.read_bytes())) as file:
+        for number, group in enumerate(file.groups):
+            names = {channel.name for channel in group.channels}
+            if "CAN_DataFrame.ID" not in names or not group.channel_group.cycles_nr:
+                continue
+
+            def column(name: str, number: int = number) -> np.ndarray:
+                return np.asarray(file.get(f"CAN_DataFrame.{name}", group=number, raw=True, samples_only=True)[0])
+
+            times_s = file.get_master(number)
+            buses = column("BusChannel") if "CAN_DataFrame.BusChannel" in names else np.zeros(len(times_s))
+            rows = zip(times_s, column("ID"), buses, column("DataBytes"), column("DataLength"), strict=True)
+            found += [(t, int(key) & 0x1FFFFFFF, int(bus), bytes(data)[: int(n)]) for t, key, bus, data, n in rows]
+    found.sort(key=lambda one: one[0])
+    return [(round((t - found[0][0]) * 1e6), *rest) for t, *rest in found]
+
+
+def test_stamps_of_whole_nanoseconds_are_kept_exactly(tmp_path: Path) -> None:
+    late = 2**53 + 1
+    log = read_mdf(written(tmp_path, mdf_logs.logger_file([(0, 0x100, b""), (1, 0x100, b"")], first_ns=late)))
+    assert as_entries(log.frames) == [(0, 0x100, b""), (1, 0x100, b"")]
+
+
+def test_data_that_are_not_where_a_frame_says_make_it_a_damaged_one(tmp_path: Path) -> None:
+    content = bytearray(mdf_logs.logger_file(VARIED))
+    first = content.find(b"##DT") + 24
+    struct.pack_into("<Q", content, first + 15, 3)  # into the middle of a sample
+    log = read_mdf(written(tmp_path, bytes(content)))
+    assert as_entries(log.frames) == [(t - 1000, key, data) for t, key, data in VARIED[1:]]
+    assert log.metadata["damaged_entries"] == 1
+
+
+@pytest.mark.parametrize(
+    ("kind", "at", "value", "problem"),
+    [
+        (b"##CG", 24 + 48 + 8, struct.pack("<Q", 2**40), "more than the file can hold"),
+        (b"##CG", 24 + 48 + 24, struct.pack("<I", 4), "in a record"),
+        (b"##CN", 24 + 64 + 4, struct.pack("<I", 2**30), "in a record"),
+        (b"##CN", 24 + 64 + 12, struct.pack("<II", 2, 9), "invalidation bit beyond"),
+        (b"##CN", 24 + 64, struct.pack("<BB", 0, 0), "has no times"),
+        (b"##DG", 24 + 32, struct.pack("<B", 3), "have 3 bytes"),
+        (b"##DG", 24 + 32, struct.pack("<B", 0), "without numbers before their records"),
+        (b"##DG", 24 + 32, struct.pack("<B", 2), "a record is of no group"),
+        (b"##HD", 24, struct.pack("<Q", 0), ""),
+    ],
+)  # fmt: skip
+def test_groups_that_cannot_be_are_refused(kind: bytes, at: int, value: bytes, problem: str, tmp_path: Path) -> None:
+    content = bytearray(mdf_logs.logger_file(VARIED))
+    # the times' channel is the last one written, and the group of frames behind it
+    place = content.rfind(kind) + at
+    content[place : place + len(value)] = value
+    path = written(tmp_path, bytes(content))
+    if problem:
+        with pytest.raises(CorruptFileError, match=problem):
+            read_mdf(path)
+    else:
+        assert read_mdf(path).metadata["data_frames"] == 0
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ReadError, match="cannot be read"):
+        read_mdf(tmp_path / "none.mf4")
+
+
+def test_bus_logging_that_was_not_closed_is_told() -> None:
+    path = shared_file("can/00000170.MF4")
+    log = read_mdf(path)
+    assert log.metadata["data_frames"] == 2010
+    assert any("did not close the file" in note for note in log.notes)
+    assert log.absolute_start is not None
+    assert (log.absolute_start.text[:19], log.absolute_start.zone) == ("2020-12-15T14:14:59", "UTC")
+    np.testing.assert_array_equal(np.unique(log.frames.key), [0x7BB, 0x7EC])
+
+
+def test_bus_logging_is_told_from_measurements() -> None:
+    assert is_bus_logging(mdf_logs.bus_log(ENTRIES)[:65536])
+    assert not is_bus_logging(b"MDF     3.30 CAN_DataFrame")
+
+
+@pytest.mark.parametrize(
+    ("kind", "link", "problem"),
+    [
+        (b"##CN", 0, "leads back"),
+        (b"##DG", 0, "leads back"),
+        (b"##CG", 1, "not to a block"),
+        (b"##DG", 2, "the file is cut"),
+    ],
+)
+def test_blocks_that_lead_astray_are_refused(kind: bytes, link: int, problem: str, tmp_path: Path) -> None:
+    content = bytearray(mdf_logs.bus_log(ENTRIES))
+    at = content.rfind(kind)
+    target = {"leads back": at, "not to a block": 70, "the file is cut": 1 << 60}[problem]
+    struct.pack_into("<Q", content, at + 24 + 8 * link, target)
+    with pytest.raises(CorruptFileError, match=problem):
+        read_mdf(written(tmp_path, bytes(content)))
+
+
+def packed_samples(content: bytes, stated: int, method: int = 0) -> bytes:
+    """Replace the samples of a file by a compressed block of them."""
+    at = content.rfind(b"##DT")
+    size = struct.unpack_from("<Q", content, at + 8)[0]
+    packed = zlib.compress(content[at + 24 : at + size])
+    block = struct.pack("<4s4xQQ2sBxLQQ", b"##DZ", 48 + len(packed), 0, b"DT", method, 0, stated, len(packed))
+    return content[:at] + (block + packed).ljust(size + 8, b"\0") + content[at + size + (-size) % 8 :]
+
+
+def test_compressed_bus_logging_is_read_and_one_that_grows_beyond_its_size_refused(tmp_path: Path) -> None:
+    content = mdf_logs.bus_log(ENTRIES)
+    size = 23 * len(ENTRIES)
+    dg = content.rfind(b"##DG")
+    whole = packed_samples(content, size)
+    whole = whole[: whole.rfind(b"##DG")] + content[dg:]
+    moved = bytearray(whole)
+    struct.pack_into("<Q", moved, 64 + 24, whole.rfind(b"##DG"))
+    log = read_mdf(written(tmp_path, bytes(moved)))
+    assert [e[1:] for e in as_entries(log.frames)] == [e[1:] for e in ENTRIES]
+    at = moved.rfind(b"##DZ") + 24
+    for stated in (size - 1, size + 1, 1 << 50):
+        struct.pack_into("<Q", moved, at + 8, stated)
+        with pytest.raises(CorruptFileError, match="stated size"):
+            read_mdf(written(tmp_path, bytes(moved)))
