@@ -273,6 +273,7 @@ def test_a_rig_without_devices_is_no_rig_for_live(run, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.real_time
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals for the virtual port")
 def test_a_demonstrated_range_day_identifies_three_masses(run, tmp_path):
     with MachineStalls() as machine:
@@ -295,6 +296,7 @@ def test_a_demonstrated_range_day_identifies_three_masses(run, tmp_path):
     assert "an earlier range day is here" in again.stderr
 
 
+@pytest.mark.real_time
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals for the virtual port")
 def test_check_listens_to_devices(run):
     result = run("check", "mixed", "--devices")

@@ -14,6 +14,8 @@ from recoil_daq.device_check import _judge, check_devices
 from rigs.rig import load_rig, parse_rig
 from tests.builders.live_sources import bus, port
 
+pytestmark = pytest.mark.real_time
+
 NOISE = np.random.default_rng(1).normal(0.0, 0.01, 2000)
 CHANNEL = LiveChannel("rate", "w", 1.0, 0.0, "rad/s", (-1.0, 1.0))
 

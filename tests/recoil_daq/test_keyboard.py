@@ -19,6 +19,8 @@ from hypothesis import strategies as st
 from recoil_daq import keyboard as module
 from recoil_daq.keyboard import Keyboard
 
+pytestmark = pytest.mark.real_time
+
 posix = pytest.mark.skipif(os.name == "nt", reason="Windows has no pseudo-terminals")
 
 

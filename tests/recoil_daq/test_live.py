@@ -27,7 +27,10 @@ from rigs.rig import Rig, load_rig, parse_rig
 from rigs.twin.faults import ClockStep, Faults, Interval
 from rigs.twin.range_day import RangeDay
 
-pytestmark = pytest.mark.skipif(os.name == "nt", reason="Windows has no pseudo-terminals for the virtual port")
+pytestmark = [
+    pytest.mark.real_time,
+    pytest.mark.skipif(os.name == "nt", reason="Windows has no pseudo-terminals for the virtual port"),
+]
 
 RECORD_BEGINS_S = 1.0
 

@@ -36,7 +36,10 @@ from tests.builders.live_rigs import (
 )
 from tests.builders.port_player import FRAME_BYTES, PortPlayer
 
-pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs pseudo-terminals and SIGKILL")
+pytestmark = [
+    pytest.mark.real_time,
+    pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs pseudo-terminals and SIGKILL"),
+]
 
 
 CHOICE = random.Random()  # noqa: S311 - a test's choice of moments, no secret; different ones at every run

@@ -35,6 +35,8 @@ from rigs.twin.timeline import DeviceClock, Timeline
 from rigs.twin.transports import PseudoTerminal
 from tests.builders.machine_stalls import MachineStalls
 
+pytestmark = pytest.mark.real_time
+
 needs_pty = pytest.mark.skipif(not hasattr(os, "openpty"), reason="this system has no pseudo-terminals")
 COUNTER = "RecoilNode.counter"
 

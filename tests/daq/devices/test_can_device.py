@@ -22,6 +22,8 @@ from daq.frames import can_capture_file as capture
 from rigs.twin.can_replay import CanItem
 from rigs.twin.transports import SlcanAdapter
 
+pytestmark = pytest.mark.real_time
+
 needs_pty = pytest.mark.skipif(not hasattr(os, "openpty"), reason="this system has no pseudo-terminals")
 NUMBERS = itertools.count()
 

@@ -30,6 +30,8 @@ from daq.frames.capture_file import parse_capture
 from tests.builders import can_captures
 from tests.builders import vendor_files as build
 
+pytestmark = pytest.mark.real_time
+
 
 def test_an_event_survives_as_bytes_in_one_line() -> None:
     block = event_block("bus", 5, "lost", "über\nUSB")

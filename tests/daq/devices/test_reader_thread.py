@@ -13,6 +13,8 @@ from daq.devices.device import SERIAL, Block, Counters, Device, event_block
 from daq.devices.opening import open_device
 from daq.devices.reader_thread import DeviceReader
 
+pytestmark = pytest.mark.real_time
+
 
 class Scripted:
     """A device that gives numbered blocks, some of them only when it is closed."""

@@ -20,6 +20,8 @@ from daq.errors import DeviceError
 from daq.frames.framing import Command, Poll
 from rigs.twin.transports import PseudoTerminal
 
+pytestmark = pytest.mark.real_time
+
 needs_pty = pytest.mark.skipif(not hasattr(os, "openpty"), reason="this system has no pseudo-terminals")
 
 
