@@ -147,6 +147,40 @@ def test_samples_beyond_the_end_of_the_file_are_refused(tmp_path: Path) -> None:
         opened(tmp_path, bytes(content))
 
 
+def last_channel(content: bytes) -> int:
+    """Where the fields of the channel `p`, the last one, begin: it has a bit per sample that says it is invalid."""
+    at = content.rindex(b"##CN")
+    return at + 24 + 8 * int(struct.unpack_from("<Q", content, at + 16)[0])
+
+
+def test_an_invalidation_bit_beyond_the_record_leaves_its_channel_out(tmp_path: Path) -> None:
+    content = bytearray(small_mdf())
+    struct.pack_into("<I", content, last_channel(content) + 16, 2**24)
+    recording = opened(tmp_path, bytes(content))
+    assert [s.name for s in recording.signals] == ["acc"]
+    assert any("p of group 0: damaged: invalidation bit 16777216" in note for note in recording.notes)
+
+
+def test_what_asammdf_prints_of_a_group_that_it_cannot_read_is_not_shown(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    content = bytearray(small_mdf())
+    (name_at,) = struct.unpack_from("<Q", content, content.rindex(b"##CN") + 24 + 16)
+    content[name_at + 1] = 0  # its name is no block of a text
+    with pytest.raises(ReadError):
+        opened(tmp_path, bytes(content)).read("")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_groups_of_a_bus_that_cannot_be_are_refused_before_asammdf_follows_them(tmp_path: Path) -> None:
+    content = bytearray(mdf_file([frames()], [signal("a", ramp())]))
+    at = content.index(b"##CG")
+    links = struct.unpack_from("<Q", content, at + 16)[0]
+    struct.pack_into("<Q", content, at + 24 + 8 * links + 8, 2**40)
+    with pytest.raises(CorruptFileError, match="more than the file can hold"):
+        opened(tmp_path, bytes(content))
+
+
 def test_a_chain_that_comes_back_to_itself_is_refused(tmp_path: Path) -> None:
     content = bytearray(small_mdf())
     for name in (b"##CG", b"##DG", b"##CN"):
