@@ -8,8 +8,6 @@ in the block that the channel links to, or in the records of variable length as 
 
 from __future__ import annotations
 
-import struct
-from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -24,8 +22,8 @@ from daq.readers.mdf.channel_groups import (
     ChannelGroup,
     MdfDamageError,
 )
+from daq.readers.mdf.record_places import record_places
 
-_LENGTH = struct.Struct("<I")
 _ID_SIZES = (1, 2, 4, 8)
 _BIG_ENDIAN = frozenset({1, 3, 5})
 _SIGNED = frozenset({2, 3})
@@ -199,8 +197,9 @@ def split(data: NDArray[np.uint8], groups: Sequence[ChannelGroup], *, counted: b
         return [Records(groups[0], data[: count * width].reshape(-1, width))], data.size - count * width
     if id_bytes not in _ID_SIZES:
         raise MdfDamageError(f"the numbers before records have {id_bytes} bytes")
-    starts, left = _starts(data, groups, id_bytes)
-    return [_gathered(data, group, starts[group.record_id]) for group in groups], left
+    strides = {g.record_id: 0 if g.flags & VARIABLE_LENGTH else id_bytes + _width(g) for g in groups}
+    places, numbers, left = record_places(data, strides, id_bytes)
+    return [_gathered(data, group, places[numbers == group.record_id] + id_bytes) for group in groups], left
 
 
 def _width(group: ChannelGroup) -> int:
@@ -210,36 +209,10 @@ def _width(group: ChannelGroup) -> int:
     return width
 
 
-def _starts(
-    data: NDArray[np.uint8], groups: Sequence[ChannelGroup], id_bytes: int
-) -> tuple[dict[int, array[int]], int]:
-    """Return where the records of each group begin, behind their numbers."""
-    widths = {group.record_id: 0 if group.flags & VARIABLE_LENGTH else _width(group) for group in groups}
-    starts = {record_id: array("q") for record_id in widths}
-    content, size, at = data.tobytes(), data.size, 0
-    length_at = _LENGTH.unpack_from
-    while at + id_bytes <= size:
-        number = content[at] if id_bytes == 1 else int.from_bytes(content[at : at + id_bytes], "little")
-        if number not in widths:
-            raise MdfDamageError(f"a record is of no group: number {number}, {at} bytes behind the first record")
-        begin = at + id_bytes
-        width = widths[number]
-        if not width:
-            if begin + 4 > size:
-                break
-            width = 4 + length_at(content, begin)[0]
-        if begin + width > size:
-            break
-        starts[number].append(begin)
-        at = begin + width
-    return starts, size - at
-
-
-def _gathered(data: NDArray[np.uint8], group: ChannelGroup, starts: array[int]) -> Records:
-    begins = np.frombuffer(starts, np.int64)
+def _gathered(data: NDArray[np.uint8], group: ChannelGroup, begins: NDArray[np.int64]) -> Records:
     if group.flags & VARIABLE_LENGTH:
         return Records(group, np.zeros((0, 0), np.uint8), VariableSamples(data, begins))
     width = _width(group)
-    if not starts:
+    if not begins.size:
         return Records(group, np.zeros((0, width), np.uint8))
     return Records(group, np.lib.stride_tricks.sliding_window_view(data, width)[begins])
