@@ -118,6 +118,6 @@ def _repeated(
         good = (block == expected).all(axis=1)
         count += rows if good.all() else int(np.argmin(good))
         if rows < tried or not good.all():
-            begins: NDArray[np.int64] = at + size * np.arange(count)
-            return begins[:, None] + (last - last[0])
+            begins = at + size * np.arange(count)
+            return np.asarray(begins[:, None] + (last - last[0]), np.int64)
         tried = min(2 * tried, _MOST_REPEATS)
