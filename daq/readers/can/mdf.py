@@ -87,27 +87,29 @@ def read_mdf(path: Path) -> CanLog:
 
 def _read_groups(content: bytes) -> CanLog:
     not_closed = unfinished(content)
-    left = not_closed or Unfinished(0)
+    unwritten = not_closed or Unfinished(0)
     groups = list(iter_groups(content))
     by_data: dict[int, list[ChannelGroup]] = {}
     for group in groups:
         by_data.setdefault(group.stored.at, []).append(group)
     plain = [g.stored.data_at for g in groups if content[g.stored.data_at : g.stored.data_at + 4] == b"##DT"]
-    blocks = DataBlocks(content, max(plain, default=0) if left.last_length else 0)
+    blocks = DataBlocks(content, max(plain, default=0) if unwritten.last_length else 0)
     found, notes, frames, missing = FrameList(), [], [], 0
     for together in by_data.values():
         if not any(group.is_bus for group in together):
             found.other_events += sum(group.count for group in together)
             notes += [_note_of_others(group, group.count) for group in together if group.count]
             continue
-        records, _ = split(blocks.read(together[0].stored.data_at), together, counted=not left.counts)
+        if unwritten.offsets and sum(FRAME in _event_names(group) for group in together) > 1:
+            raise MdfDamageError("frames of several groups share data whose places the recorder did not write")
+        records, _ = split(blocks.read(together[0].stored.data_at), together, counted=not unwritten.counts)
         for one in records:
-            names = {channel.name.partition(".")[0] for channel in one.group.channels}
+            names = _event_names(one.group)
             count = len(one.rows)
-            missing += 0 if left.counts or one.samples else max(0, one.group.count - count)
+            missing += 0 if unwritten.counts or one.samples else max(0, one.group.count - count)
             if FRAME in names:
                 if count:
-                    block = _frames_of(content, one, _variable_samples(one, records, blocks), left)
+                    block = _frames_of(content, one, _variable_samples(one, records, blocks), unwritten)
                     found.damaged += count - block.key.size
                     frames.append(block)
             elif "CAN_ErrorFrame" in names:
@@ -136,6 +138,10 @@ def _read_groups(content: bytes) -> CanLog:
     return CanLog(can_frames, start, (*found.notes(), *notes, *cuts), "; ".join(cuts[:1] if missing else []), metadata)
 
 
+def _event_names(group: ChannelGroup) -> set[str]:
+    return {channel.name.partition(".")[0] for channel in group.channels}
+
+
 def _note_of_others(group: ChannelGroup, count: int) -> str:
     named = [channel.name for channel in group.channels if channel.kind not in MASTERS]
     return f"{count} records of {named[0] if named else 'no channels'}: no CAN frames, not read"
@@ -162,7 +168,7 @@ def _variable_samples(frames: Records, together: list[Records], blocks: DataBloc
     return VariableSamples(blocks.read(channel.data_at))
 
 
-def _frames_of(content: bytes, records: Records, samples: VariableSamples | None, left: Unfinished) -> FrameBlock:
+def _frames_of(content: bytes, records: Records, samples: VariableSamples | None, unwritten: Unfinished) -> FrameBlock:
     """Return the sound frames of one group."""
     columns = {one.name.removeprefix(f"{FRAME}."): one for one in records.group.channels}
     absent = [name for name in _COLUMNS if name not in columns]
@@ -172,11 +178,11 @@ def _frames_of(content: bytes, records: Records, samples: VariableSamples | None
             f"but {', '.join(list(columns)[:20])}"
         )
     chosen = {name: columns[name] for name in (*_COLUMNS, *_OPTIONAL) if name in columns}
-    stored = records.numbers(chosen["ID"]).astype(np.int64)
-    length = records.numbers(chosen["DataLength"]).astype(np.int64)
-    data, held = _data_bytes(records, chosen["DataBytes"], samples, left)
-    extended = records.numbers(chosen["IDE"]) != 0 if "IDE" in chosen else stored & EXTENDED != 0
-    channel = records.numbers(chosen["BusChannel"]).astype(np.int64) if "BusChannel" in chosen else 0 * stored
+    stored = records.integers(chosen["ID"]).astype(np.int64)
+    length = records.integers(chosen["DataLength"]).astype(np.int64)
+    data, held = _data_bytes(records, chosen["DataBytes"], samples, unwritten)
+    extended = records.integers(chosen["IDE"]) != 0 if "IDE" in chosen else stored & EXTENDED != 0
+    channel = records.integers(chosen["BusChannel"]).astype(np.int64) if "BusChannel" in chosen else 0 * stored
     key = stored & ID_MASK
     time_ns, sound = times_ns(content, records)
     sound &= (length >= 0) & (length <= held) & (extended | (key <= 0x7FF))
@@ -197,7 +203,7 @@ def _frames_of(content: bytes, records: Records, samples: VariableSamples | None
 
 
 def _data_bytes(
-    records: Records, channel: Channel, samples: VariableSamples | None, left: Unfinished
+    records: Records, channel: Channel, samples: VariableSamples | None, unwritten: Unfinished
 ) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
     """Return the data of the frames, and how many bytes of them are there."""
     if samples is None:
@@ -206,7 +212,7 @@ def _data_bytes(
         count = channel.bits // 8
         data = records.rows[:, channel.byte : channel.byte + count]
         return data, np.full(len(data), count, np.int64)
-    if left.offsets and samples.starts is not None:
+    if unwritten.offsets and samples.starts is not None:
         return samples.in_order(len(records.rows), _LARGEST_FRAME)
     return samples.taken(records.offsets(channel), _LARGEST_FRAME)
 

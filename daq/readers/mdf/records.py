@@ -58,14 +58,18 @@ class Records:
         MdfDamageError
             If the channel is no number of at most 64 bits.
         """
-        if channel.data_type in _FLOATS:
-            if channel.bits not in (16, 32, 64) or channel.bit:
-                raise MdfDamageError(f"the channel {channel.name} is a float of {channel.bits} bits")
-            count = channel.bits // 8
-            stored = np.ascontiguousarray(self.rows[:, channel.byte : channel.byte + count])
-            return stored.view(f"{'>' if channel.data_type in _BIG_ENDIAN else '<'}f{count}")[:, 0].astype(np.float64)
+        if channel.data_type not in _FLOATS:
+            return self.integers(channel)
+        if channel.bits not in (16, 32, 64) or channel.bit:
+            raise MdfDamageError(f"the channel {channel.name} is a float of {channel.bits} bits")
+        count = channel.bits // 8
+        stored = np.ascontiguousarray(self.rows[:, channel.byte : channel.byte + count])
+        return stored.view(f"{'>' if channel.data_type in _BIG_ENDIAN else '<'}f{count}")[:, 0].astype(np.float64)
+
+    def integers(self, channel: Channel) -> NDArray[np.int64] | NDArray[np.uint64]:
+        """Return the whole numbers of a channel as they are stored, shape (n_records,); raises as `numbers` does."""
         if channel.data_type not in _UNSIGNED | _SIGNED:
-            raise MdfDamageError(f"the channel {channel.name} is no number, but of data type {channel.data_type}")
+            raise MdfDamageError(f"the channel {channel.name} is no integer, but of data type {channel.data_type}")
         numbers = self._unsigned(channel, big_endian=channel.data_type in _BIG_ENDIAN)
         if channel.data_type in _UNSIGNED:
             return numbers

@@ -158,6 +158,12 @@ def test_groups_that_cannot_be_are_refused(kind: bytes, at: int, value: bytes, p
         assert read_mdf(path).metadata["data_frames"] == 0
 
 
+def test_frames_of_two_groups_without_places_of_their_data_are_refused(tmp_path: Path) -> None:
+    content = mdf_logs.logger_file(VARIED, unwritten=COUNTS | OFFSETS).replace(b"CAN_ErrorFrame", b"CAN_DataFrame\0")
+    with pytest.raises(CorruptFileError, match="share data whose places"):
+        read_mdf(written(tmp_path, content))
+
+
 def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(ReadError, match="cannot be read"):
         read_mdf(tmp_path / "none.mf4")

@@ -1,0 +1,105 @@
+"""The numbers that a channel has in the records of its group."""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from daq.readers.mdf.channel_groups import Channel, ChannelGroup, DataGroup, MdfDamageError
+from daq.readers.mdf.records import Records, VariableSamples, split
+
+UNSIGNED, UNSIGNED_BIG, SIGNED, SIGNED_BIG, FLOAT, FLOAT_BIG, BYTES = 0, 1, 2, 3, 4, 5, 10
+
+
+def channel(data_type: int, bit: int = 0, byte: int = 0, bits: int = 8, flags: int = 0, invalid_at: int = 0) -> Channel:
+    return Channel(0, "n", 0, 0, data_type, bit, byte, bits, flags, invalid_at, 0, 0)
+
+
+def group(width: int, *, count: int = 1, invalidation: int = 0, flags: int = 0, id_bytes: int = 0) -> ChannelGroup:
+    return ChannelGroup(0, DataGroup(0, 0, id_bytes), 7, count, flags, width, invalidation, (), 1, False)
+
+
+def records(rows: list[bytes], invalidation: int = 0) -> Records:
+    width = len(rows[0])
+    data = np.frombuffer(b"".join(rows), np.uint8).reshape(-1, width)
+    return Records(group(width - invalidation, count=len(rows), invalidation=invalidation), data)
+
+
+@given(st.integers(1, 57), st.integers(0, 7), st.integers(0, 3), st.booleans(), st.booleans(), st.data())
+def test_integers_of_any_size_anywhere_are_read(bits, bit, byte, signed: bool, big: bool, data) -> None:
+    low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if signed else (0, (1 << bits) - 1)
+    numbers = data.draw(st.lists(st.integers(low, high), min_size=1, max_size=4))
+    count = (bit + bits + 7) // 8
+    noise = data.draw(st.binary(min_size=count, max_size=count))
+    mask = ((1 << bits) - 1) << bit
+    rows = []
+    for number in numbers:
+        whole = int.from_bytes(noise, "little") & ~mask | (number << bit) & mask
+        rows.append(bytes(byte) + whole.to_bytes(count, "big" if big else "little") + b"\xff")
+    data_type = (SIGNED_BIG if big else SIGNED) if signed else (UNSIGNED_BIG if big else UNSIGNED)
+    assert records(rows).numbers(channel(data_type, bit, byte, bits)).tolist() == numbers
+
+
+@pytest.mark.parametrize(("bits", "letter"), [(16, "e"), (32, "f"), (64, "d")])
+def test_floats_of_both_orders_are_read(bits: int, letter: str) -> None:
+    numbers = [0.5, -1.25, 1024.0]
+    for data_type, order in ((FLOAT, "<"), (FLOAT_BIG, ">")):
+        rows = [b"x" + struct.pack(order + letter, number) for number in numbers]
+        assert records(rows).numbers(channel(data_type, byte=1, bits=bits)).tolist() == numbers
+
+
+@pytest.mark.parametrize(
+    "bad", [channel(BYTES), channel(UNSIGNED, 1, bits=64), channel(UNSIGNED, bits=0), channel(FLOAT, bits=24)]
+)
+def test_what_is_no_number_is_refused(bad: Channel) -> None:
+    with pytest.raises(MdfDamageError, match="the channel n"):
+        records([bytes(16)]).numbers(bad)
+
+
+def test_a_float_is_no_integer() -> None:
+    with pytest.raises(MdfDamageError, match="no integer"):
+        records([bytes(8)]).integers(channel(FLOAT, bits=64))
+
+
+def test_samples_are_valid_unless_their_bit_or_their_channel_says_otherwise() -> None:
+    stored = records([b"a\x00", b"b\x04", b"c\xfb"], invalidation=1)
+    assert stored.valid(channel(UNSIGNED)).tolist() == [True, True, True]
+    assert stored.valid(channel(UNSIGNED, flags=2, invalid_at=2)).tolist() == [True, False, True]
+    assert stored.valid(channel(UNSIGNED, flags=1)).tolist() == [False, False, False]
+
+
+def test_samples_of_variable_length_are_taken_where_they_are_or_not_at_all() -> None:
+    data = np.frombuffer(b"\x02\0\0\0ab\x00\0\0\0\x09\0\0\0cd", np.uint8)
+    samples, lengths = VariableSamples(data).taken(np.array([0, 6, 10, 15, 2**63], np.uint64), 64)
+    assert lengths.tolist() == [2, 0, -1, -1, -1]
+    assert bytes(samples[0]) == b"ab"
+    by_starts = VariableSamples(data, np.array([0, 6]))
+    assert by_starts.taken(np.array([0, 6, 5], np.uint64), 64)[1].tolist() == [2, 0, -1]
+    assert by_starts.in_order(3, 1)[1].tolist() == [-1, 0, -1]
+    assert VariableSamples(data[:0], np.zeros(0, np.int64)).taken(np.array([0], np.uint64), 64)[1].tolist() == [-1]
+
+
+def test_records_are_counted_by_the_file_or_by_what_it_holds() -> None:
+    data = np.arange(10, dtype=np.uint8)
+    for counted, rows, left in ((True, 2, 4), (False, 3, 1)):
+        (one,), spare = split(data, [group(3, count=2)], counted=counted)
+        assert one.rows.shape == (rows, 3)
+        assert spare == left
+
+
+@pytest.mark.parametrize(
+    ("groups", "problem"),
+    [
+        ([group(0)], "have no width"),
+        ([group(3), group(3)], "without numbers"),
+        ([group(3, flags=1)], "without numbers"),
+        ([group(3, id_bytes=3)], "have 3 bytes"),
+    ],
+)
+def test_records_that_cannot_be_told_apart_are_refused(groups: list[ChannelGroup], problem: str) -> None:
+    with pytest.raises(MdfDamageError, match=problem):
+        split(np.zeros(9, np.uint8), groups, counted=True)
