@@ -16,9 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from daq.errors import CorruptFileError, ReadError
-from daq.readers.can.frames import EXTENDED, ID_MASK, CanLog, FrameBlock, FrameList
+from daq.readers.can.frames import EXTENDED, FD_LENGTHS, ID_MASK, LARGEST_CHANNEL, CanLog, FrameBlock, FrameList
 from daq.readers.can.recording import CanRecording, declared_database
-from daq.readers.mdf.channel_groups import HD_AT, MASTERS, Channel, ChannelGroup, MdfDamageError, iter_groups
+from daq.readers.mdf.channel_groups import (
+    HD_AT,
+    MASTERS,
+    Channel,
+    ChannelGroup,
+    MdfDamageError,
+    MdfUnsupportedError,
+    iter_groups,
+)
 from daq.readers.mdf.data_blocks import DataBlocks
 from daq.readers.mdf.kind import Unfinished, is_bus_file, is_bus_logging, is_undecided, unfinished
 from daq.readers.mdf.records import Records, VariableSamples, split
@@ -28,10 +36,12 @@ from daq.timebase import AbsoluteStart
 
 FRAME = "CAN_DataFrame"
 _COLUMNS = ("ID", "DataLength", "DataBytes")
-_OPTIONAL = ("IDE", "BusChannel")
-_VARIABLE = 1
-"""Type of a channel whose samples have each a length of their own."""
+_OPTIONAL = ("IDE", "BusChannel", "DLC", "EDL")
+_FIXED, _VARIABLE, _UP_TO = 0, 1, 5
+"""Types of channels: in the record; of variable length, elsewhere; in the record, with a length of their own."""
 _LARGEST_FRAME = 64
+_PADDING = 8
+"""Bytes, fewer than which may fill up a block behind its records."""
 _LOCAL_TIME = 0x1
 _HEADER = struct.Struct("<QhhB")
 """Start in ns, two zones, flags."""
@@ -69,7 +79,7 @@ def read_mdf(path: Path) -> CanLog:
     Raises
     ------
     ReadError
-        If the file cannot be read.
+        If the file cannot be read, or stores frames in a way that is not read here.
     CorruptFileError
         If its blocks do not fit together.
     """
@@ -83,6 +93,11 @@ def read_mdf(path: Path) -> CanLog:
         raise CorruptFileError(
             "the file's blocks do not fit together", path=path, found=str(error), remedy="copy the file again"
         ) from error
+    except MdfUnsupportedError as error:
+        raise ReadError(
+            "the file stores frames in a way that is not read", path=path, found=str(error),
+            remedy="let the program that wrote it export it as MDF 4.1, ASC or BLF",
+        ) from error  # fmt: skip
 
 
 def _read_groups(content: bytes) -> CanLog:
@@ -92,24 +107,24 @@ def _read_groups(content: bytes) -> CanLog:
     by_data: dict[int, list[ChannelGroup]] = {}
     for group in groups:
         by_data.setdefault(group.stored.at, []).append(group)
-    plain = [g.stored.data_at for g in groups if content[g.stored.data_at : g.stored.data_at + 4] == b"##DT"]
+    lasts = [places[-1] for g in groups if (places := DataBlocks(content).places(g.stored.data_at))]
+    plain = [at for at in lasts if content[at : at + 4] == b"##DT"]
     blocks = DataBlocks(content, max(plain, default=0) if unwritten.last_length else 0)
-    found, notes, frames, missing = FrameList(), [], [], 0
+    found, notes, cuts, frames, missing = FrameList(), [], [], [], 0
     for together in by_data.values():
         if not any(group.is_bus for group in together):
             found.other_events += sum(group.count for group in together)
             notes += [_note_of_others(group, group.count) for group in together if group.count]
             continue
-        if unwritten.offsets and sum(FRAME in _event_names(group) for group in together) > 1:
-            raise MdfDamageError("frames of several groups share data whose places the recorder did not write")
-        records, _ = split(blocks.read(together[0].stored.data_at), together, counted=not unwritten.counts)
+        records, left = split(blocks.read(together[0].stored.data_at), together, counted=not unwritten.counts)
+        cuts += _cut(together, left, unwritten)
         for one in records:
             names = _event_names(one.group)
             count = len(one.rows)
-            missing += 0 if unwritten.counts or one.samples else max(0, one.group.count - count)
             if FRAME in names:
+                missing += 0 if unwritten.counts else max(0, one.group.count - count)
                 if count:
-                    block = _frames_of(content, one, _variable_samples(one, records, blocks), unwritten)
+                    block = _frames_of(content, one, _variable_samples(one, records, blocks, unwritten), unwritten)
                     found.damaged += count - block.key.size
                     frames.append(block)
             elif "CAN_ErrorFrame" in names:
@@ -122,9 +137,9 @@ def _read_groups(content: bytes) -> CanLog:
     for block in _by_time(frames):
         found.add_block(block)
     can_frames, zero_ns = found.frames(from_first=True)
-    cuts = []
     if missing:
         cuts.append(f"the file is cut: {missing} frames that it states are not there")
+    incomplete = "; ".join(cuts)
     if not_closed:
         cuts.append("the recorder did not close the file: its last frames may be missing")
     start_ns, flags = _header(content)
@@ -135,7 +150,29 @@ def _read_groups(content: bytes) -> CanLog:
         "recorder_did_not_close_the_file": not_closed is not None,
     }
     start = _start(start_ns + zero_ns, flags)
-    return CanLog(can_frames, start, (*found.notes(), *notes, *cuts), "; ".join(cuts[:1] if missing else []), metadata)
+    return CanLog(can_frames, start, (*found.notes(), *notes, *cuts), incomplete, metadata)
+
+
+def _cut(together: list[ChannelGroup], left: int, unwritten: Unfinished) -> list[str]:
+    """Say what the bytes behind the records mean, if they are no frame that the recorder had not finished.
+
+    Raises
+    ------
+    MdfDamageError
+        If the recorder closed the file, and the bytes of one group are not whole records.
+    """
+    group = together[0]
+    width = group.width + group.invalidation_width
+    alone = not group.stored.id_bytes
+    if alone and not unwritten.flags:
+        if left % width >= _PADDING:
+            raise MdfDamageError(f"the group at byte {group.at} has {left % width} bytes more than records of {width}")
+        several = f"{left} bytes behind the {group.count} records that a group states were not read"
+        return [several] if left >= width else []
+    widest = max(one.width + one.invalidation_width for one in together) + 8 + 4 + _LARGEST_FRAME
+    if not left or (unwritten.flags and left <= widest):
+        return []
+    return [f"the file is cut or damaged: {left} bytes behind the last whole record could not be read"]
 
 
 def _event_names(group: ChannelGroup) -> set[str]:
@@ -157,35 +194,57 @@ def _header(content: bytes) -> tuple[int, int]:
     return start_ns, flags
 
 
-def _variable_samples(frames: Records, together: list[Records], blocks: DataBlocks) -> VariableSamples | None:
+def _variable_samples(
+    frames: Records, together: list[Records], blocks: DataBlocks, unwritten: Unfinished
+) -> VariableSamples | None:
     """Return the samples of variable length that the frames' data are, if they are."""
-    channel = next((one for one in frames.group.channels if one.name == f"{FRAME}.DataBytes"), None)
+    channel = _columns(frames.group).get("DataBytes")
     if channel is None or channel.kind != _VARIABLE:
         return None
-    for one in together:
-        if one.group.at == channel.data_at:
-            return one.samples
-    return VariableSamples(blocks.read(channel.data_at))
+    linked = next((one for one in together if one.group.at == channel.data_at), None)
+    if linked is None:
+        return VariableSamples(blocks.read(channel.data_at))
+    if linked.samples is None or linked.samples.starts is None:
+        raise MdfDamageError(f"the data of frames are said to be the records of the group at byte {channel.data_at}")
+    if unwritten.offsets:
+        users = [c for one in together for c in one.group.channels if c.data_at == channel.data_at]
+        if len(users) > 1 or abs(linked.samples.starts.size - len(frames.rows)) > 1:
+            raise MdfDamageError("which data are whose is not told: the recorder did not write their places")
+    return linked.samples
+
+
+def _columns(group: ChannelGroup) -> dict[str, Channel]:
+    """Return the first channel of each name that the standard gives to a part of a frame."""
+    columns: dict[str, Channel] = {}
+    for channel in group.channels:
+        if channel.name.startswith(f"{FRAME}."):
+            columns.setdefault(channel.name.removeprefix(f"{FRAME}."), channel)
+    return columns
 
 
 def _frames_of(content: bytes, records: Records, samples: VariableSamples | None, unwritten: Unfinished) -> FrameBlock:
     """Return the sound frames of one group."""
-    columns = {one.name.removeprefix(f"{FRAME}."): one for one in records.group.channels}
+    columns = _columns(records.group)
     absent = [name for name in _COLUMNS if name not in columns]
+    if "DLC" in columns and absent == ["DataLength"]:
+        absent = []
     if absent:
-        raise MdfDamageError(
-            f"the group of CAN frames at byte {records.group.at} has no {', '.join(absent)}, "
-            f"but {', '.join(list(columns)[:20])}"
-        )
+        raise MdfUnsupportedError(f"frames without {', '.join(absent)}, but with {', '.join(list(columns)[:20])}")
     chosen = {name: columns[name] for name in (*_COLUMNS, *_OPTIONAL) if name in columns}
+    for name, one in chosen.items():
+        # the data may be of variable length, or of a largest one that is kept in the record
+        in_record = one.kind == _FIXED and not one.data_at
+        if not (in_record or (name == "DataBytes" and one.kind in (_VARIABLE, _UP_TO))):
+            raise MdfUnsupportedError(f"the channel {one.name} is of type {one.kind} with data of its own")
     stored = records.integers(chosen["ID"]).astype(np.int64)
-    length = records.integers(chosen["DataLength"]).astype(np.int64)
+    length = _lengths(records, chosen)
     data, held = _data_bytes(records, chosen["DataBytes"], samples, unwritten)
     extended = records.integers(chosen["IDE"]) != 0 if "IDE" in chosen else stored & EXTENDED != 0
-    channel = records.integers(chosen["BusChannel"]).astype(np.int64) if "BusChannel" in chosen else 0 * stored
+    channel = records.integers(chosen["BusChannel"]) if "BusChannel" in chosen else np.zeros(stored.size, np.uint64)
     key = stored & ID_MASK
     time_ns, sound = times_ns(content, records)
-    sound &= (length >= 0) & (length <= held) & (extended | (key <= 0x7FF))
+    sound &= (length >= 0) & (extended | (key <= 0x7FF)) & (channel <= LARGEST_CHANNEL)
+    sound &= length == held if samples is not None and unwritten.offsets else length <= held
     for one in chosen.values():
         sound &= records.valid(one)
     width = max(8, data.shape[1])
@@ -196,10 +255,19 @@ def _frames_of(content: bytes, records: Records, samples: VariableSamples | None
         place=np.arange(len(padded), dtype=np.int64),
         time_ns=time_ns[sound],
         key=(key[sound] | np.where(extended[sound], EXTENDED, 0)).astype(np.uint32),
-        channel=channel[sound],
+        channel=channel[sound].astype(np.int64),
         length=length[sound],
         data=padded,
     )
+
+
+def _lengths(records: Records, chosen: dict[str, Channel]) -> NDArray[np.int64]:
+    """Return the bytes of the frames' data: as stated, else by their data length codes."""
+    if "DataLength" in chosen:
+        return records.integers(chosen["DataLength"]).astype(np.int64)
+    code = np.minimum(records.integers(chosen["DLC"]).astype(np.uint64), 15).astype(np.int64)
+    fd = records.integers(chosen["EDL"]) != 0 if "EDL" in chosen else np.zeros(code.size, bool)
+    return np.where(fd, np.array(FD_LENGTHS)[code], np.minimum(code, 8))
 
 
 def _data_bytes(

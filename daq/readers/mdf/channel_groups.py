@@ -44,6 +44,10 @@ class MdfDamageError(ValueError):
     """Blocks that do not hang together, or do not fit into the file."""
 
 
+class MdfUnsupportedError(ValueError):
+    """Blocks that a sound file may have, and that are not read here."""
+
+
 @dataclass(frozen=True)
 class Channel:
     """What a CN block says of a channel.
@@ -111,8 +115,6 @@ class ChannelGroup:
         Each structure is followed by its parts.
     channel_count : int
         Channels beside the time, parts of structures not counted.
-    is_array : bool
-        Whether one of the channels consists of anything but channels.
     """
 
     at: int
@@ -124,7 +126,6 @@ class ChannelGroup:
     invalidation_width: int
     channels: tuple[Channel, ...]
     channel_count: int
-    is_array: bool
 
     @property
     def is_bus(self) -> bool:
@@ -140,8 +141,6 @@ class ChannelGroup:
 
     def misfit(self) -> str:
         """Say which channel is not within a record; empty if all are."""
-        if self.is_array:
-            return f"a channel of the group at byte {self.at} is an array"
         for one in self.channels:
             if 8 * one.byte + one.bit + one.bits > 8 * self.width:
                 return f"the channel {one.name} has {one.bits} bits from byte {one.byte} of {self.width} in a record"
@@ -158,8 +157,8 @@ def iter_groups(data: Any, *, strict: bool = True) -> Iterator[ChannelGroup]:
     data : bytes or mmap
         All of a file, or its head.
     strict : bool
-        Whether a chain that leaves the data is an error, or the end of what can be told. Where it is one, groups of a
-        bus are checked.
+        Whether the data are all of a file: a chain that leaves them is an error then, and groups of a bus are checked;
+        of a head it is the end of what can be told.
 
     Raises
     ------
@@ -167,7 +166,7 @@ def iter_groups(data: Any, *, strict: bool = True) -> Iterator[ChannelGroup]:
         With `strict`, if a chain leaves the data, comes back to itself, or has another block than it must; or if a
         group of a bus states more records than the file can hold, or a channel beyond them.
     """
-    walk = _Walk(data)
+    walk = _Walk(data, whole=strict)
     try:
         for at in walk.chain(walk.links(HD_AT, b"##HD")[0], b"##DG"):
             links = walk.links(at, b"##DG")
@@ -187,6 +186,8 @@ def iter_groups(data: Any, *, strict: bool = True) -> Iterator[ChannelGroup]:
 
 def _check(group: ChannelGroup, most_bytes: int) -> None:
     problem = group.misfit()
+    if group.flags & VARIABLE_LENGTH and group.channels:
+        problem = f"the group at byte {group.at} is of variable length and has channels"
     if not problem and group.stated_bytes > most_bytes:
         problem = (
             f"the group at byte {group.at} states {group.count} records, {group.stated_bytes} bytes: more than the "
@@ -199,8 +200,8 @@ def _check(group: ChannelGroup, most_bytes: int) -> None:
 class _Walk:
     """A walk over blocks, each of which is met once."""
 
-    def __init__(self, data: Any) -> None:
-        self.data, self.size = data, len(data)
+    def __init__(self, data: Any, *, whole: bool) -> None:
+        self.data, self.size, self.whole = data, len(data), whole
         self.met: set[int] = set()
         self.unpacked = 0
 
@@ -208,11 +209,11 @@ class _Walk:
         if not HD_AT <= at <= self.size - 24 or at in self.met or len(self.met) > MOST_BLOCKS:
             raise MdfDamageError(f"a link to byte {at} leads nowhere, or back")
         self.met.add(at)
-        found, _, count = struct.unpack_from("<4s4xQQ", self.data, at)
+        found, length, count = struct.unpack_from("<4s4xQQ", self.data, at)
         if not found.startswith(name):
             raise MdfDamageError(f"a link to byte {at} leads to {found!r}, not to a block {name.decode()}")
-        if count > (self.size - at - 24) // 8:
-            raise MdfDamageError(f"the block at byte {at} has no {count} links")
+        if count > (min(length, self.size - at) - 24) // 8 or (self.whole and length > self.size - at):
+            raise MdfDamageError(f"the block at byte {at} has no {count} links in {length} bytes")
         links: tuple[int, ...] = struct.unpack_from(f"<{count}Q", self.data, at + 24)
         least = {b"##HD": 1, b"##DG": 3, b"##CG": 2, b"##CN": 3, b"##DL": 1, b"##HL": 1, b"##LD": 1}
         if count < least.get(found, 0):
@@ -222,7 +223,8 @@ class _Walk:
     def fields(self, at: int, links: int, layout: struct.Struct) -> tuple[Any, ...]:
         """Return what stands behind a block's links."""
         body_at = at + 24 + 8 * links
-        if body_at + layout.size > self.size:
+        (length,) = struct.unpack_from("<Q", self.data, at + 8)
+        if body_at + layout.size > min(at + length, self.size):
             raise MdfDamageError(f"the block at byte {at} ends early")
         return layout.unpack_from(self.data, body_at)
 
@@ -240,17 +242,15 @@ class _Walk:
         links = self.links(at, b"##CG")
         record_id, records, flags, width, invalidation_width = self.fields(at, len(links), _GROUP)
         channels: list[Channel] = []
-        is_array, count = False, 0
+        count = 0
         for channel_at in self.chain(links[1], b"##CN"):
             first = len(channels)
-            is_array |= self.channel(channel_at, channels, 0)
+            self.channel(channel_at, channels, 0)
             count += channels[first].kind not in MASTERS
-        return ChannelGroup(
-            at, stored, record_id, records, flags, width, invalidation_width, tuple(channels), count, is_array
-        )
+        return ChannelGroup(at, stored, record_id, records, flags, width, invalidation_width, tuple(channels), count)
 
-    def channel(self, at: int, channels: list[Channel], depth: int) -> bool:
-        """Add a channel and its parts; tell whether it consists of anything but channels."""
+    def channel(self, at: int, channels: list[Channel], depth: int) -> None:
+        """Add a channel and its parts."""
         if depth > 20:
             raise MdfDamageError(f"structures within structures at byte {at}")
         links = self.links(at, b"##CN")
@@ -260,14 +260,9 @@ class _Walk:
         channels.append(
             Channel(at, name, kind, sync, data_type, bit, byte, bits, flags, invalid_at, conversion_at, data_at)
         )
-        if not links[1]:
-            return False
-        if self.name(links[1]) != b"##CN":
-            return True
-        is_array = False
-        for part in self.chain(links[1], b"##CN"):
-            is_array |= self.channel(part, channels, depth + 1)
-        return is_array
+        if links[1] and self.name(links[1]) == b"##CN":
+            for part in self.chain(links[1], b"##CN"):
+                self.channel(part, channels, depth + 1)
 
     def follow_data(self, at: int) -> None:
         """Follow the lists of a group's samples."""
@@ -277,6 +272,8 @@ class _Walk:
             self.count_unpacked(at)
             return
         while at:
+            if self.name(at) not in (b"##DL", b"##LD"):
+                raise MdfDamageError(f"a link to byte {at} leads to no list of data")
             at, *parts = self.links(at)
             for part in parts:
                 self.count_unpacked(part)
@@ -293,5 +290,7 @@ class _Walk:
 
     def text(self, at: int) -> str:
         if self.name(at) not in (b"##TX", b"##MD"):
+            if at and self.whole:
+                raise MdfDamageError(f"a link to byte {at} leads to no text")
             return ""
         return bytes(self.data[at + 24 : at + 88]).split(b"\0")[0].decode("utf-8", "replace")

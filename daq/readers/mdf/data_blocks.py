@@ -1,26 +1,30 @@
 """The bytes of an MDF 4 file's records and of its samples of variable length, put together from their blocks.
 
-Layout (ASAM MDF 4.1): a DT, SD, RD or DV block is its bytes; a DZ block is one of them packed by deflate, its rows and
+Layout (ASAM MDF 4.1): a DT, SD or DV block is its bytes; a DZ block is one of them packed by deflate, its rows and
 columns exchanged or not; a DL or LD block lists them and links to the next one; an HL block links to the first DL.
 """
 
 from __future__ import annotations
 
+import re
 import struct
 import zlib
 
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.readers.mdf.channel_groups import MdfDamageError
+from daq.readers.mdf.channel_groups import MdfDamageError, MdfUnsupportedError
 
-LARGEST_RATIO = 100
-"""Unpacked blocks take no more than so many times the file's size: frames shrink to a tenth, not to a hundredth."""
+LARGEST_RATIO = 300
+"""Unpacked blocks take no more than so many times the file's size, beside what any file may: frames of a bus shrink to
+a tenth, the same frame at the same pace to a two hundredth."""
+SPARE_BYTES = 1 << 26
 
+_BEGINNING = re.compile(rb"##[A-Z]{2}\0{4}")
 _BLOCK = struct.Struct("<4s4xQQ")
 _PACKED = struct.Struct("<2sBxLQQ")
 _LIST_OF_COLUMNS = struct.Struct("<II")
-_PLAIN = frozenset({b"##DT", b"##SD", b"##RD", b"##DV"})
+_PLAIN = frozenset({b"##DT", b"##SD", b"##DV"})
 _HAS_INVALIDATION = 0x8000_0000
 _PLAIN_METHOD, _TRANSPOSED = 0, 1
 
@@ -33,14 +37,14 @@ class DataBlocks:
     content : bytes
         The whole file.
     open_at : int
-        Address of a block whose recorder did not write its length: it reaches to the end of the file.
+        Address of a block whose recorder did not write its length: it reaches to the next block, or the file's end.
     """
 
     def __init__(self, content: bytes, open_at: int = 0) -> None:
         self.content = content
         self.open_at = open_at
         self.given: set[int] = set()
-        self.left = LARGEST_RATIO * len(content)
+        self.left = LARGEST_RATIO * len(content) + SPARE_BYTES
 
     def read(self, at: int) -> NDArray[np.uint8]:
         """Return the bytes that one link leads to, shape (n_bytes,).
@@ -50,17 +54,24 @@ class DataBlocks:
         MdfDamageError
             If a link leads out of the file, to no data or to data that were given before; if a block is longer than
             the file, or a packed one does not unpack to its stated size.
+        MdfUnsupportedError
+            If a block is packed otherwise than by deflate, or invalidation bits are kept apart.
         """
-        parts = [self._part(block) for block in self._listed(at)] if at else []
+        parts = [self._part(block) for block in self.places(at)]
         if not parts:
             return np.zeros(0, np.uint8)
         return np.concatenate(parts) if len(parts) > 1 else parts[0]
 
-    def _listed(self, at: int) -> list[int]:
+    def places(self, at: int) -> list[int]:
+        """Return the addresses of the blocks that one link leads to; raises as `read` does."""
+        if not at:
+            return []
         kind, _, links = self._block(at)
         if kind == b"##HL" and links:
             at = links[0]
-            kind, _, links = self._block(at) if at else (b"##DL", 0, ())
+            if not at:
+                return []
+            kind, _, links = self._block(at)
         if kind not in (b"##DL", b"##LD"):
             return [at]
         found: list[int] = []
@@ -79,7 +90,7 @@ class DataBlocks:
             raise MdfDamageError(f"the block at byte {at} ends early")
         flags, count = _LIST_OF_COLUMNS.unpack_from(self.content, fields_at)
         if flags & _HAS_INVALIDATION:
-            raise MdfDamageError(f"the list at byte {at} keeps invalidation bits apart, which is not read here")
+            raise MdfUnsupportedError("invalidation bits that are kept apart from the records")
         return int(count)
 
     def _part(self, at: int) -> NDArray[np.uint8]:
@@ -87,12 +98,19 @@ class DataBlocks:
         kind, length, links = self._block(at)
         body_at, end = at + _BLOCK.size + 8 * len(links), at + length
         if at == self.open_at:
-            end = len(self.content)
+            end = self._next_block(body_at)
         if kind in _PLAIN:
             return np.frombuffer(self.content, np.uint8, max(0, end - body_at), min(body_at, len(self.content)))
         if kind == b"##DZ":
             return self._unpacked(at, body_at, end)
         raise MdfDamageError(f"the block at byte {at} is {kind!r}, which holds no data")
+
+    def _next_block(self, at: int) -> int:
+        """Return where the next block begins behind a place, which is a multiple of 8, or the end of the file."""
+        for found in _BEGINNING.finditer(self.content, at):
+            if found.start() % 8 == 0:
+                return found.start()
+        return len(self.content)
 
     def _take(self, at: int) -> None:
         if at in self.given:
@@ -105,9 +123,9 @@ class DataBlocks:
             raise MdfDamageError(f"the file is cut: a block at byte {at} lies beyond its {len(self.content)} bytes")
         kind, length, count = _BLOCK.unpack_from(self.content, at)
         left = len(self.content) - at
-        if count > (left - _BLOCK.size) // 8:
-            raise MdfDamageError(f"the file is cut, or the block at byte {at} has no {count} links")
-        if at != self.open_at and not _BLOCK.size + 8 * count <= length <= left:
+        if at == self.open_at:
+            return kind, length, ()
+        if not _BLOCK.size + 8 * count <= length <= left:
             raise MdfDamageError(f"the file is cut, or the block at byte {at} has no {length} bytes: {left} to the end")
         return kind, length, struct.unpack_from(f"<{count}Q", self.content, at + _BLOCK.size)
 
@@ -116,8 +134,10 @@ class DataBlocks:
             raise MdfDamageError(f"the packed block at byte {at} is shorter than its header")
         _, method, columns, stated, size = _PACKED.unpack_from(self.content, body_at)
         packed = memoryview(self.content)[body_at + _PACKED.size : end]
-        if method not in (_PLAIN_METHOD, _TRANSPOSED) or (method == _TRANSPOSED and not columns):
-            raise MdfDamageError(f"the packed block at byte {at} has the method {method} with {columns} columns")
+        if method not in (_PLAIN_METHOD, _TRANSPOSED):
+            raise MdfUnsupportedError(f"a block that is packed by the method {method}")
+        if method == _TRANSPOSED and not columns:
+            raise MdfDamageError(f"the packed block at byte {at} has rows without columns")
         if stated > self.left or size > len(packed):
             raise MdfDamageError(f"the packed block at byte {at} cannot have its stated size, {stated} bytes")
         self.left -= stated

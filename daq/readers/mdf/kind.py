@@ -6,7 +6,6 @@ From the head of a file alone its groups are walked as far as the head reaches.
 from __future__ import annotations
 
 import mmap
-import struct
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -44,7 +43,7 @@ def unfinished(head: bytes) -> Unfinished | None:
     """Return what the recorder left unwritten; None if it closed the file."""
     if not head.startswith(UNFINALISED):
         return None
-    return Unfinished(struct.unpack_from("<H", head, _FLAGS_AT)[0])
+    return Unfinished(int.from_bytes(head[_FLAGS_AT : _FLAGS_AT + 2], "little"))
 
 
 def is_mdf4(head: bytes) -> bool:

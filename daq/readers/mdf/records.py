@@ -145,6 +145,7 @@ class VariableSamples:
         eight = self.data[at[there, None] + np.arange(4)] if there.any() else np.zeros((0, 4), np.uint8)
         lengths[there] = np.ascontiguousarray(eight).view("<u4")[:, 0]
         lengths[(lengths > most) | (at + 4 + lengths > self.data.size)] = -1
+        lengths[_overlapping(at, lengths)] = -1
         samples = np.zeros((at.size, int(lengths.max(initial=0))), np.uint8)
         columns = np.arange(samples.shape[1])
         for start in range(0, at.size, _PIECE):
@@ -168,6 +169,20 @@ class VariableSamples:
         return np.where(within & (begins[found] == at), self.starts[found], -1)
 
 
+def _overlapping(at: NDArray[np.int64], lengths: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Tell which samples share bytes with another one, shape (n,); several records may have the very same sample."""
+    there = np.flatnonzero(lengths >= 0)
+    begins, first, inverse = np.unique(at[there], return_index=True, return_inverse=True)
+    ends = begins + 4 + lengths[there][first]
+    into_next = np.zeros(begins.size, bool)
+    into_next[:-1] = ends[:-1] > begins[1:]
+    shared = into_next.copy()
+    shared[1:] |= into_next[:-1]
+    overlapping = np.zeros(at.size, bool)
+    overlapping[there] = shared[inverse]
+    return overlapping
+
+
 def split(data: NDArray[np.uint8], groups: Sequence[ChannelGroup], *, counted: bool) -> tuple[list[Records], int]:
     """Split the records of one data group by their channel groups.
 
@@ -177,7 +192,8 @@ def split(data: NDArray[np.uint8], groups: Sequence[ChannelGroup], *, counted: b
     groups : sequence of ChannelGroup
         All groups that are stored together.
     counted : bool
-        Whether their numbers of records are written; if not, there are as many as the data hold.
+        Whether the number of records is written where a group is stored alone; if not, and where several groups are
+        stored together, there are as many as the data hold.
 
     Returns
     -------
@@ -189,7 +205,7 @@ def split(data: NDArray[np.uint8], groups: Sequence[ChannelGroup], *, counted: b
     Raises
     ------
     MdfDamageError
-        If records have no width, or a record is of no group.
+        If records have no width, or a record is of no group or could be of two.
     """
     id_bytes = groups[0].stored.id_bytes
     if not id_bytes:
@@ -201,6 +217,8 @@ def split(data: NDArray[np.uint8], groups: Sequence[ChannelGroup], *, counted: b
         return [Records(groups[0], data[: count * width].reshape(-1, width))], data.size - count * width
     if id_bytes not in _ID_SIZES:
         raise MdfDamageError(f"the numbers before records have {id_bytes} bytes")
+    if len({group.record_id for group in groups}) < len(groups) or max(g.record_id for g in groups) >= 2**63:
+        raise MdfDamageError("groups that are stored together have no numbers of their own")
     strides = {g.record_id: 0 if g.flags & VARIABLE_LENGTH else id_bytes + _width(g) for g in groups}
     places, numbers, left = record_places(data, strides, id_bytes)
     return [_gathered(data, group, places[numbers == group.record_id] + id_bytes) for group in groups], left

@@ -1,7 +1,7 @@
 """The times of a group's records, in ns.
 
-Layout (ASAM MDF 4.1): a conversion block has its type behind its links, 8 bytes, the range, 16 bytes, and its numbers:
-of a linear one the offset and the factor.
+Layout (ASAM MDF 4.1): a conversion block has its type behind its links, the numbers of its references and its values,
+8 bytes in all, the range, 16 bytes, and its values: of a linear one the offset and the factor.
 """
 
 from __future__ import annotations
@@ -12,13 +12,14 @@ import struct
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.readers.mdf.channel_groups import MASTERS, Channel, MdfDamageError
+from daq.readers.mdf.channel_groups import MASTERS, Channel, MdfDamageError, MdfUnsupportedError
 from daq.readers.mdf.records import Records
 
 _TIME = 1
 _VIRTUAL = 3
 _NONE, _LINEAR = 0, 1
-_CONVERSION = struct.Struct("<B7x16x")
+_CONVERSION = struct.Struct("<B3xHH16x")
+"""Type, numbers of links beyond the first four and of values, range."""
 _NUMBERS = struct.Struct("<dd")
 _LATEST_S = 2.0**61 / 1e9
 """146 years: a stamp beyond is damage, and differences of two fit 64 bits."""
@@ -43,17 +44,21 @@ def times_ns(content: bytes, records: Records) -> tuple[NDArray[np.int64], NDArr
     Raises
     ------
     MdfDamageError
-        If the group has no channel of times, or its conversion is not linear.
+        If the group has no channel of times, or their conversion is damaged.
+    MdfUnsupportedError
+        If their conversion is not linear.
     """
     master = next((c for c in records.group.channels if c.kind in MASTERS and c.sync == _TIME), None)
     if master is None:
         raise MdfDamageError(f"the group at byte {records.group.at} has no times")
     offset_s, factor_s = _linear(content, master)
-    counts = np.arange(len(records.rows)) if master.kind == _VIRTUAL else records.numbers(master)
     valid = records.valid(master)
+    with np.errstate(over="ignore", invalid="ignore"):
+        counts = np.arange(len(records.rows)) if master.kind == _VIRTUAL else records.numbers(master)
     factor_ns, offset_ns = _whole(factor_s * 1e9), _whole(offset_s * 1e9)
     if counts.dtype.kind in "iu" and factor_ns is not None and offset_ns is not None:
-        sound = valid & (np.abs(counts.astype(np.float64)) * abs(factor_s) + abs(offset_s) < _LATEST_S)
+        with np.errstate(over="ignore"):
+            sound = valid & (np.abs(counts.astype(np.float64)) * abs(factor_s) + abs(offset_s) < _LATEST_S)
         kept = np.where(sound, counts, 0).astype(np.int64)
         return kept * factor_ns + offset_ns, sound
     with np.errstate(over="ignore", invalid="ignore"):
@@ -66,7 +71,9 @@ def times_ns(content: bytes, records: Records) -> tuple[NDArray[np.int64], NDArr
 
 def _whole(number: float) -> int | None:
     """Return the whole number of 64 bits that a float is but for its rounding, None if it is none."""
-    whole = round(number) if abs(number) < _LATEST_S * 1e9 else 0
+    if not abs(number) < _LATEST_S * 1e9:
+        return None
+    whole = round(number)
     return whole if abs(number - whole) <= 1e-12 * abs(number) else None
 
 
@@ -77,14 +84,20 @@ def _linear(content: bytes, master: Channel) -> tuple[float, float]:
         return 0.0, 1.0
     if content[at : at + 4] != b"##CC" or at + 24 > len(content):
         raise MdfDamageError(f"the link to byte {at} leads to no conversion")
-    (links,) = struct.unpack_from("<Q", content, at + 16)
-    body_at = at + 24 + 8 * links
-    if body_at + _CONVERSION.size + _NUMBERS.size > len(content):
+    length, links = struct.unpack_from("<QQ", content, at + 8)
+    body_at, end = at + 24 + 8 * links, min(at + length, len(content))
+    if body_at + _CONVERSION.size > end:
         raise MdfDamageError(f"the conversion at byte {at} ends early")
-    (kind,) = _CONVERSION.unpack_from(content, body_at)
+    kind, references, values = _CONVERSION.unpack_from(content, body_at)
+    if links != 4 + references or body_at + _CONVERSION.size + 8 * values > end:
+        raise MdfDamageError(f"the conversion at byte {at} has not the {links} links and {values} values it states")
     if kind == _NONE:
         return 0.0, 1.0
+    if kind != _LINEAR:
+        raise MdfUnsupportedError("times whose conversion is not linear")
+    if values < 2:
+        raise MdfDamageError(f"the conversion at byte {at} is linear and has {values} values")
     offset, factor = _NUMBERS.unpack_from(content, body_at + _CONVERSION.size)
-    if kind != _LINEAR or not (math.isfinite(offset) and math.isfinite(factor)):
-        raise MdfDamageError(f"the times' conversion at byte {at} is not linear")
+    if not (math.isfinite(offset) and math.isfinite(factor)):
+        raise MdfDamageError(f"the conversion at byte {at} has no numbers")
     return offset, factor

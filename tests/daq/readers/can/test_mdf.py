@@ -158,10 +158,138 @@ def test_groups_that_cannot_be_are_refused(kind: bytes, at: int, value: bytes, p
         assert read_mdf(path).metadata["data_frames"] == 0
 
 
-def test_frames_of_two_groups_without_places_of_their_data_are_refused(tmp_path: Path) -> None:
-    content = mdf_logs.logger_file(VARIED, unwritten=COUNTS | OFFSETS).replace(b"CAN_ErrorFrame", b"CAN_DataFrame\0")
-    with pytest.raises(CorruptFileError, match="share data whose places"):
+def channel_at(content: bytes, name: str) -> int:
+    """Where the block of a channel of a name begins."""
+    text_at = content.index(b"##TX" + struct.pack("<4xQQ", 24 + len(name) + 8 - len(name) % 8, 0) + name.encode())
+    return content.index(b"##CN", content.index(struct.pack("<Q", text_at)) - 48)
+
+
+def with_number(content: bytes, at: int, layout: str, *numbers: int) -> bytes:
+    changed = bytearray(content)
+    struct.pack_into(layout, changed, at, *numbers)
+    return bytes(changed)
+
+
+LOGGED = mdf_logs.logger_file(VARIED)
+DATA_AT = channel_at(LOGGED, "CAN_DataFrame.DataBytes")
+FIELDS, DATA_LINK, NAME_LINK = 24 + 64, 24 + 40, 24 + 16
+FRAMES_AT = LOGGED.rindex(b"##CG")
+
+
+@pytest.mark.parametrize("kind", [0, 5, 9])
+def test_places_of_data_are_never_taken_for_the_data(kind: int, tmp_path: Path) -> None:
+    content = with_number(LOGGED, DATA_AT + FIELDS, "<B", kind)
+    if kind == 5:  # data of a largest length lie in the record, which this file's do not
+        assert read_mdf(written(tmp_path, content)).metadata["data_frames"] == len(VARIED)
+        return
+    with pytest.raises(ReadError, match="DataBytes is of type"):
         read_mdf(written(tmp_path, content))
+
+
+def test_data_that_are_said_to_be_other_records_are_refused(tmp_path: Path) -> None:
+    content = with_number(LOGGED, DATA_AT + DATA_LINK, "<Q", FRAMES_AT)
+    with pytest.raises(CorruptFileError, match="said to be the records"):
+        read_mdf(written(tmp_path, content))
+
+
+def test_a_channel_that_has_a_columns_short_name_is_another_one(tmp_path: Path) -> None:
+    long = b"CAN_DataFrame.BusChannel"
+    content = mdf_logs.bus_log(VARIED).replace(long, b"ID".ljust(len(long), b"\0"))
+    assert as_entries(read_mdf(written(tmp_path, content)).frames) == VARIED
+
+
+def test_a_damaged_name_is_refused_and_no_column_vanishes(tmp_path: Path) -> None:
+    content = with_number(LOGGED, channel_at(LOGGED, "CAN_DataFrame.IDE") + NAME_LINK, "<Q", DATA_AT)
+    with pytest.raises(CorruptFileError, match="leads to no text"):
+        read_mdf(written(tmp_path, content))
+
+
+def test_frames_of_variable_length_themselves_are_refused(tmp_path: Path) -> None:
+    content = with_number(LOGGED, FRAMES_AT + 24 + 48 + 16, "<H", 7)
+    with pytest.raises(CorruptFileError, match="of variable length and has channels"):
+        read_mdf(written(tmp_path, content))
+
+
+def test_groups_of_one_number_are_refused(tmp_path: Path) -> None:
+    content = with_number(LOGGED, FRAMES_AT + 24 + 48, "<Q", 3)
+    with pytest.raises(CorruptFileError, match="no numbers of their own"):
+        read_mdf(written(tmp_path, content))
+
+
+def test_records_behind_those_that_a_group_states_are_told(tmp_path: Path) -> None:
+    content = mdf_logs.bus_log(VARIED)
+    group = content.rindex(b"##CG") + 24 + 48
+    fewer = read_mdf(written(tmp_path, with_number(content, group + 8, "<Q", 8)))
+    assert fewer.metadata["data_frames"] == 8
+    assert fewer.incomplete == f"{32 * 23} bytes behind the 8 records that a group states were not read"
+    with pytest.raises(CorruptFileError, match="more than records of 31"):
+        read_mdf(written(tmp_path, with_number(content, group + 24, "<I", 31)))
+
+
+def test_damage_in_the_middle_of_an_unclosed_file_is_more_than_its_last_frames(tmp_path: Path) -> None:
+    content = mdf_logs.logger_file(VARIED, unwritten=COUNTS | LAST_LENGTH)
+    at = content.index(b"##DT") + 24 + 3 * 23 + 5 + 6 + 1  # the length of the third frame's data, after 0 and 1 bytes
+    log = read_mdf(written(tmp_path, with_number(content, at, "<I", 1 << 30)))
+    assert log.metadata["data_frames"] == 2
+    assert "bytes behind the last whole record could not be read" in log.incomplete
+
+
+def test_data_that_two_groups_use_are_refused_if_their_places_were_not_written(tmp_path: Path) -> None:
+    content = mdf_logs.logger_file(VARIED, unwritten=COUNTS | LAST_LENGTH | OFFSETS)
+    values = struct.unpack_from("<Q", content, channel_at(content, "CAN_DataFrame.DataBytes") + DATA_LINK)[0]
+    other = channel_at(content, "CAN_ErrorFrame")
+    with pytest.raises(CorruptFileError, match="which data are whose"):
+        read_mdf(written(tmp_path, with_number(content, other + DATA_LINK, "<Q", values)))
+
+
+def test_a_missing_sample_leaves_no_frame_with_another_ones_data(tmp_path: Path) -> None:
+    entries = [(1000 * i, 0x100 + i, bytes([i]) * (1 + i % 3)) for i in range(9)]
+    content = mdf_logs.logger_file(entries, unwritten=COUNTS | LAST_LENGTH | OFFSETS)
+    first = content.index(b"##DT") + 24
+    sample = slice(first + 23, first + 23 + 6)
+    found = as_entries(read_mdf(written(tmp_path, content[: sample.start] + content[sample.stop :])).frames)
+    assert all(len(data) == len(entries[key - 0x100][2]) for _, key, data in found)
+
+
+def test_samples_that_share_bytes_make_their_frames_damaged_ones(tmp_path: Path) -> None:
+    content = mdf_logs.listed_log([(0, 0x100, bytes([0, 1, 0, 0, 0, 9])), (1000, 0x101, b"abc"), (2000, 0x102, b"d")])
+    rows = content.index(b"##DT", content.rindex(b"##DZ")) if b"##DT" in content[content.rindex(b"##DZ") :] else -1
+    rows = content.rindex(b"##DT") if rows < 0 else rows
+    log = read_mdf(written(tmp_path, with_number(content, rows + 24 + 14, "<Q", 5)))
+    assert 0x101 not in log.frames.key.tolist()
+    assert log.metadata["damaged_entries"] == 2
+
+
+def test_links_beyond_a_blocks_length_are_refused(tmp_path: Path) -> None:
+    for mark, links in ((b"##CC", 5), (b"##CN", 72)):
+        at = LOGGED.index(mark)
+        with pytest.raises(CorruptFileError, match=r"has not the 5 links|has no 72 links"):
+            read_mdf(written(tmp_path, with_number(LOGGED, at + 16, "<Q", links)))
+
+
+def test_the_last_block_of_a_list_reaches_to_the_next_one_if_its_length_was_not_written(tmp_path: Path) -> None:
+    content = bytearray(mdf_logs.listed_log(VARIED))
+    content[:8] = b"UnFinMF "
+    struct.pack_into("<H", content, 60, LAST_LENGTH)
+    struct.pack_into("<Q", content, content.rindex(b"##DT") + 8, 24)
+    assert as_entries(read_mdf(written(tmp_path, bytes(content))).frames) == VARIED
+
+
+def test_lengths_are_told_by_the_codes_where_there_are_no_others(tmp_path: Path) -> None:
+    long = b"CAN_DataFrame.DataLength"
+    content = mdf_logs.bus_log(VARIED).replace(long, b"CAN_DataFrame.DLC".ljust(len(long), b"\0"))
+    assert as_entries(read_mdf(written(tmp_path, content)).frames) == VARIED
+
+
+def test_a_list_that_goes_on_with_no_list_is_refused(tmp_path: Path) -> None:
+    content = mdf_logs.listed_log(VARIED)
+    with pytest.raises(CorruptFileError, match="to no list of data"):
+        read_mdf(written(tmp_path, with_number(content, content.rindex(b"##DL") + 24, "<Q", content.rindex(b"##DT"))))
+
+
+def test_the_beginning_of_a_file_alone_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(CorruptFileError):
+        read_mdf(written(tmp_path, b"UnFinMF 4.10"))
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:

@@ -7,7 +7,8 @@ import zlib
 
 import pytest
 
-from daq.readers.mdf.channel_groups import MdfDamageError
+from daq.readers.mdf import data_blocks
+from daq.readers.mdf.channel_groups import MdfDamageError, MdfUnsupportedError
 from daq.readers.mdf.data_blocks import DataBlocks
 
 AT = 64
@@ -67,7 +68,6 @@ def chained_to_itself() -> bytes:
 @pytest.mark.parametrize(
     ("content", "problem"),
     [
-        (listed(b"LD", flags=COLUMNS_APART), "keeps invalidation bits apart"),
         (chained_to_itself(), "lead back"),
         (file_of(block(b"TX", (), b"text")), "holds no data"),
         (file_of(block(b"DT", (), b"abc"))[:-1], "the file is cut"),
@@ -75,8 +75,7 @@ def chained_to_itself() -> bytes:
         (file_of(packed(b"abc" * 9, stated=26)), "does not unpack to its stated size"),
         (file_of(packed(b"abc" * 9, stated=28)), "does not unpack to its stated size"),
         (file_of(packed(b"abc" * 9, stated=1 << 40)), "cannot have its stated size"),
-        (file_of(packed(b"abc", method=2)), "has the method 2"),
-        (file_of(packed(b"abc", method=1)), "with 0 columns"),
+        (file_of(packed(b"abc", method=1)), "rows without columns"),
         (file_of(packed(b"abc"))[:-3] + b"xyz", "does not unpack"),
         (file_of(block(b"DZ", (), b"DT")), "shorter than its header"),
         (file_of(block(b"LD", (0,), b"")), "ends early"),
@@ -87,8 +86,33 @@ def test_blocks_that_cannot_be_are_refused(content: bytes, problem: str) -> None
         DataBlocks(content).read(AT)
 
 
-def test_unpacked_blocks_take_no_more_than_a_hundred_times_the_file() -> None:
+@pytest.mark.parametrize(
+    ("content", "what"),
+    [
+        (listed(b"LD", flags=COLUMNS_APART), "invalidation bits that are kept apart"),
+        (file_of(packed(b"abc", method=2)), "packed by the method 2"),
+    ],
+)
+def test_what_is_not_read_is_named(content: bytes, what: str) -> None:
+    with pytest.raises(MdfUnsupportedError, match=what):
+        DataBlocks(content).read(AT)
+
+
+def test_unpacked_blocks_have_a_bound(monkeypatch: pytest.MonkeyPatch) -> None:
     content = file_of(packed(bytes(200_000)))
-    assert len(content) * 100 < 200_000
+    assert DataBlocks(content).read(AT).size == 200_000
+    monkeypatch.setattr(data_blocks, "SPARE_BYTES", 0)
+    assert len(content) * data_blocks.LARGEST_RATIO < 200_000
     with pytest.raises(MdfDamageError, match="cannot have its stated size"):
         DataBlocks(content).read(AT)
+
+
+def test_a_list_header_without_a_list_has_no_data_however_often_it_is_read() -> None:
+    blocks = DataBlocks(file_of(block(b"HL", (0,), bytes(8))))
+    assert blocks.read(AT).size == blocks.read(AT).size == 0
+
+
+def test_a_block_whose_length_was_not_written_ends_at_the_next_block() -> None:
+    content = bytearray(file_of(block(b"DT", (), b"abcdefgh"), block(b"TX", (), b"text")))
+    struct.pack_into("<Q", content, AT + 8, 24)
+    assert bytes(DataBlocks(bytes(content), AT).read(AT)) == b"abcdefgh"

@@ -20,7 +20,7 @@ def channel(data_type: int, bit: int = 0, byte: int = 0, bits: int = 8, flags: i
 
 
 def group(width: int, *, count: int = 1, invalidation: int = 0, flags: int = 0, id_bytes: int = 0) -> ChannelGroup:
-    return ChannelGroup(0, DataGroup(0, 0, id_bytes), 7, count, flags, width, invalidation, (), 1, False)
+    return ChannelGroup(0, DataGroup(0, 0, id_bytes), 7, count, flags, width, invalidation, (), 1)
 
 
 def records(rows: list[bytes], invalidation: int = 0) -> Records:
