@@ -172,8 +172,11 @@ class VariableSamples:
 def _overlapping(at: NDArray[np.int64], lengths: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Tell which samples share bytes with another one, shape (n,); several records may have the very same sample."""
     there = np.flatnonzero(lengths >= 0)
+    ends_in_order = (at + 4 + lengths)[there]
+    if (at[there][1:] >= ends_in_order[:-1]).all():  # one behind the other, as they are written
+        return np.zeros(at.size, bool)
     begins, first, inverse = np.unique(at[there], return_index=True, return_inverse=True)
-    ends = begins + 4 + lengths[there][first]
+    ends = ends_in_order[first]
     into_next = np.zeros(begins.size, bool)
     into_next[:-1] = ends[:-1] > begins[1:]
     shared = into_next.copy()
