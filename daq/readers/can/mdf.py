@@ -13,15 +13,14 @@ import struct
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from daq.errors import CorruptFileError, ReadError
-from daq.readers.can.frames import EXTENDED, FD_LENGTHS, ID_MASK, LARGEST_CHANNEL, CanLog, FrameBlock, FrameList
+from daq.readers.can.frames import CanLog, FrameBlock, FrameList
+from daq.readers.can.mdf_frames import FRAME, LARGEST_FRAME, frames_of, variable_samples
 from daq.readers.can.recording import CanRecording, declared_database
 from daq.readers.mdf.channel_groups import (
     HD_AT,
     MASTERS,
-    Channel,
     ChannelGroup,
     MdfDamageError,
     MdfUnsupportedError,
@@ -29,17 +28,10 @@ from daq.readers.mdf.channel_groups import (
 )
 from daq.readers.mdf.data_blocks import DataBlocks
 from daq.readers.mdf.kind import Unfinished, is_bus_file, is_bus_logging, is_undecided, unfinished
-from daq.readers.mdf.records import Records, VariableSamples, split
-from daq.readers.mdf.stamps import times_ns
+from daq.readers.mdf.records import split
 from daq.readers.reader import Declarations
 from daq.timebase import AbsoluteStart
 
-FRAME = "CAN_DataFrame"
-_COLUMNS = ("ID", "DataLength", "DataBytes")
-_OPTIONAL = ("IDE", "BusChannel", "DLC", "EDL")
-_FIXED, _VARIABLE, _UP_TO = 0, 1, 5
-"""Types of channels: in the record; of variable length, elsewhere; in the record, with a length of their own."""
-_LARGEST_FRAME = 64
 _PADDING = 8
 """Bytes, fewer than which may fill up a block behind its records."""
 _LOCAL_TIME = 0x1
@@ -124,7 +116,7 @@ def _read_groups(content: bytes) -> CanLog:
             if FRAME in names:
                 missing += 0 if unwritten.counts else max(0, one.group.count - count)
                 if count:
-                    block = _frames_of(content, one, _variable_samples(one, records, blocks, unwritten), unwritten)
+                    block = frames_of(content, one, variable_samples(one, records, blocks, unwritten), unwritten)
                     found.damaged += count - block.key.size
                     frames.append(block)
             elif "CAN_ErrorFrame" in names:
@@ -169,7 +161,7 @@ def _cut(together: list[ChannelGroup], left: int, unwritten: Unfinished) -> list
             raise MdfDamageError(f"the group at byte {group.at} has {left % width} bytes more than records of {width}")
         several = f"{left} bytes behind the {group.count} records that a group states were not read"
         return [several] if left >= width else []
-    widest = max(one.width + one.invalidation_width for one in together) + 8 + 4 + _LARGEST_FRAME
+    widest = max(one.width + one.invalidation_width for one in together) + 8 + 4 + LARGEST_FRAME
     if not left or (unwritten.flags and left <= widest):
         return []
     return [f"the file is cut or damaged: {left} bytes behind the last whole record could not be read"]
@@ -192,97 +184,6 @@ def _header(content: bytes) -> tuple[int, int]:
         raise MdfDamageError("the header block ends early")
     start_ns, _, _, flags = _HEADER.unpack_from(content, at)
     return start_ns, flags
-
-
-def _variable_samples(
-    frames: Records, together: list[Records], blocks: DataBlocks, unwritten: Unfinished
-) -> VariableSamples | None:
-    """Return the samples of variable length that the frames' data are, if they are."""
-    channel = _columns(frames.group).get("DataBytes")
-    if channel is None or channel.kind != _VARIABLE:
-        return None
-    linked = next((one for one in together if one.group.at == channel.data_at), None)
-    if linked is None:
-        return VariableSamples(blocks.read(channel.data_at))
-    if linked.samples is None or linked.samples.starts is None:
-        raise MdfDamageError(f"the data of frames are said to be the records of the group at byte {channel.data_at}")
-    if unwritten.offsets:
-        users = [c for one in together for c in one.group.channels if c.data_at == channel.data_at]
-        if len(users) > 1 or abs(linked.samples.starts.size - len(frames.rows)) > 1:
-            raise MdfDamageError("which data are whose is not told: the recorder did not write their places")
-    return linked.samples
-
-
-def _columns(group: ChannelGroup) -> dict[str, Channel]:
-    """Return the first channel of each name that the standard gives to a part of a frame."""
-    columns: dict[str, Channel] = {}
-    for channel in group.channels:
-        if channel.name.startswith(f"{FRAME}."):
-            columns.setdefault(channel.name.removeprefix(f"{FRAME}."), channel)
-    return columns
-
-
-def _frames_of(content: bytes, records: Records, samples: VariableSamples | None, unwritten: Unfinished) -> FrameBlock:
-    """Return the sound frames of one group."""
-    columns = _columns(records.group)
-    absent = [name for name in _COLUMNS if name not in columns]
-    if "DLC" in columns and absent == ["DataLength"]:
-        absent = []
-    if absent:
-        raise MdfUnsupportedError(f"frames without {', '.join(absent)}, but with {', '.join(list(columns)[:20])}")
-    chosen = {name: columns[name] for name in (*_COLUMNS, *_OPTIONAL) if name in columns}
-    for name, one in chosen.items():
-        # the data may be of variable length, or of a largest one that is kept in the record
-        in_record = one.kind == _FIXED and not one.data_at
-        if not (in_record or (name == "DataBytes" and one.kind in (_VARIABLE, _UP_TO))):
-            raise MdfUnsupportedError(f"the channel {one.name} is of type {one.kind} with data of its own")
-    stored = records.integers(chosen["ID"]).astype(np.int64)
-    length = _lengths(records, chosen)
-    data, held = _data_bytes(records, chosen["DataBytes"], samples, unwritten)
-    extended = records.integers(chosen["IDE"]) != 0 if "IDE" in chosen else stored & EXTENDED != 0
-    channel = records.integers(chosen["BusChannel"]) if "BusChannel" in chosen else np.zeros(stored.size, np.uint64)
-    key = stored & ID_MASK
-    time_ns, sound = times_ns(content, records)
-    sound &= (length >= 0) & (extended | (key <= 0x7FF)) & (channel <= LARGEST_CHANNEL)
-    sound &= length == held if samples is not None and unwritten.offsets else length <= held
-    for one in chosen.values():
-        sound &= records.valid(one)
-    width = max(8, data.shape[1])
-    padded = np.zeros((int(sound.sum()), width), dtype=np.uint8)
-    padded[:, : data.shape[1]] = data[sound]
-    padded[np.arange(width) >= length[sound, None]] = 0
-    return FrameBlock(
-        place=np.arange(len(padded), dtype=np.int64),
-        time_ns=time_ns[sound],
-        key=(key[sound] | np.where(extended[sound], EXTENDED, 0)).astype(np.uint32),
-        channel=channel[sound].astype(np.int64),
-        length=length[sound],
-        data=padded,
-    )
-
-
-def _lengths(records: Records, chosen: dict[str, Channel]) -> NDArray[np.int64]:
-    """Return the bytes of the frames' data: as stated, else by their data length codes."""
-    if "DataLength" in chosen:
-        return records.integers(chosen["DataLength"]).astype(np.int64)
-    code = np.minimum(records.integers(chosen["DLC"]).astype(np.uint64), 15).astype(np.int64)
-    fd = records.integers(chosen["EDL"]) != 0 if "EDL" in chosen else np.zeros(code.size, bool)
-    return np.where(fd, np.array(FD_LENGTHS)[code], np.minimum(code, 8))
-
-
-def _data_bytes(
-    records: Records, channel: Channel, samples: VariableSamples | None, unwritten: Unfinished
-) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
-    """Return the data of the frames, and how many bytes of them are there."""
-    if samples is None:
-        if channel.bits % 8 or channel.bit or not 0 < channel.bits <= 8 * _LARGEST_FRAME:
-            raise MdfDamageError(f"the data of CAN frames are no bytes: {channel.bits} bits from bit {channel.bit}")
-        count = channel.bits // 8
-        data = records.rows[:, channel.byte : channel.byte + count]
-        return data, np.full(len(data), count, np.int64)
-    if unwritten.offsets and samples.starts is not None:
-        return samples.in_order(len(records.rows), _LARGEST_FRAME)
-    return samples.taken(records.offsets(channel), _LARGEST_FRAME)
 
 
 def _by_time(blocks: list[FrameBlock]) -> list[FrameBlock]:
