@@ -94,9 +94,10 @@ def frames_of(content: bytes, records: Records, samples: VariableSamples | None,
         raise MdfUnsupportedError(f"frames without {', '.join(absent)}, but with {', '.join(list(columns)[:20])}")
     chosen = {name: columns[name] for name in (*_COLUMNS, *_OPTIONAL) if name in columns}
     for name, one in chosen.items():
-        # the data may be of variable length, or of a largest one that is kept in the record
+        # the data may be of variable length, or of a largest one that is kept in the record, with a channel of lengths
         in_record = one.kind == _FIXED and not one.data_at
-        if not (in_record or (name == "DataBytes" and one.kind in (_VARIABLE, _UP_TO))):
+        up_to = one.kind == _UP_TO and content[one.data_at : one.data_at + 4] == b"##CN"
+        if not (in_record or (name == "DataBytes" and (up_to or one.kind == _VARIABLE))):
             raise MdfUnsupportedError(f"the channel {one.name} is of type {one.kind} with data of its own")
     stored = records.integers(chosen["ID"]).astype(np.int64)
     length = _lengths(records, chosen)

@@ -179,11 +179,15 @@ FRAMES_AT = LOGGED.rindex(b"##CG")
 @pytest.mark.parametrize("kind", [0, 5, 9])
 def test_places_of_data_are_never_taken_for_the_data(kind: int, tmp_path: Path) -> None:
     content = with_number(LOGGED, DATA_AT + FIELDS, "<B", kind)
-    if kind == 5:  # data of a largest length lie in the record, which this file's do not
-        assert read_mdf(written(tmp_path, content)).metadata["data_frames"] == len(VARIED)
-        return
     with pytest.raises(ReadError, match="DataBytes is of type"):
         read_mdf(written(tmp_path, content))
+
+
+def test_data_of_a_largest_length_lie_in_the_record(tmp_path: Path) -> None:
+    content = mdf_logs.bus_log(VARIED)
+    data, lengths = (channel_at(content, f"CAN_DataFrame.{name}") for name in ("DataBytes", "DataLength"))
+    content = with_number(with_number(content, data + FIELDS, "<B", 5), data + DATA_LINK, "<Q", lengths)
+    assert as_entries(read_mdf(written(tmp_path, content)).frames) == VARIED
 
 
 def test_data_that_are_said_to_be_other_records_are_refused(tmp_path: Path) -> None:
