@@ -99,9 +99,7 @@ def _read_groups(content: bytes) -> CanLog:
     by_data: dict[int, list[ChannelGroup]] = {}
     for group in groups:
         by_data.setdefault(group.stored.at, []).append(group)
-    lasts = [places[-1] for g in groups if (places := DataBlocks(content).places(g.stored.data_at))]
-    plain = [at for at in lasts if content[at : at + 4] == b"##DT"]
-    blocks = DataBlocks(content, max(plain, default=0) if unwritten.last_length else 0)
+    blocks = DataBlocks(content, _open_block(content, groups) if unwritten.last_length else 0)
     found, notes, cuts, frames, missing = FrameList(), [], [], [], 0
     for together in by_data.values():
         if not any(group.is_bus for group in together):
@@ -143,6 +141,13 @@ def _read_groups(content: bytes) -> CanLog:
     }
     start = _start(start_ns + zero_ns, flags)
     return CanLog(can_frames, start, (*found.notes(), *notes, *cuts), incomplete, metadata)
+
+
+def _open_block(content: bytes, groups: list[ChannelGroup]) -> int:
+    """Return the address of the last block of records, whose length the recorder did not write; 0 if there is none."""
+    blocks = DataBlocks(content)
+    lasts = [places[-1] for at in {group.stored.data_at for group in groups} if (places := blocks.places(at))]
+    return max((at for at in lasts if content[at : at + 4] == b"##DT"), default=0)
 
 
 def _cut(together: list[ChannelGroup], left: int, unwritten: Unfinished) -> list[str]:

@@ -106,7 +106,7 @@ def frames_of(content: bytes, records: Records, samples: VariableSamples | None,
     channel = records.integers(chosen["BusChannel"]) if "BusChannel" in chosen else np.zeros(stored.size, np.uint64)
     key = stored & ID_MASK
     time_ns, sound = times_ns(content, records)
-    sound &= (length >= 0) & (extended | (key <= 0x7FF)) & (channel <= LARGEST_CHANNEL)
+    sound &= (length >= 0) & (extended | (key <= 0x7FF)) & (channel >= 0) & (channel <= LARGEST_CHANNEL)
     sound &= length == held if samples is not None and unwritten.offsets else length <= held
     for one in chosen.values():
         sound &= records.valid(one)

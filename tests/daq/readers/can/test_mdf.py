@@ -202,6 +202,15 @@ def test_a_channel_that_has_a_columns_short_name_is_another_one(tmp_path: Path) 
     assert as_entries(read_mdf(written(tmp_path, content)).frames) == VARIED
 
 
+def test_a_frame_of_a_negative_channel_is_damaged(tmp_path: Path) -> None:
+    content = mdf_logs.bus_log([(0, 0x100, b"\x01"), (1000, 0x101, b"\xff")])
+    fields = channel_at(content, "CAN_DataFrame.BusChannel") + FIELDS
+    signed = with_number(content, fields, "<BBBBI", 0, 0, 2, 0, 15)  # the first byte of the data
+    log = read_mdf(written(tmp_path, signed))
+    assert log.frames.channel.tolist() == [1]
+    assert log.metadata["damaged_entries"] == 1
+
+
 def test_a_damaged_name_is_refused_and_no_column_vanishes(tmp_path: Path) -> None:
     content = with_number(LOGGED, channel_at(LOGGED, "CAN_DataFrame.IDE") + NAME_LINK, "<Q", DATA_AT)
     with pytest.raises(CorruptFileError, match="leads to no text"):
