@@ -53,7 +53,10 @@ def variable_samples(
         raise MdfDamageError(f"the data of frames are said to be the records of the group at byte {channel.data_at}")
     if unwritten.offsets:
         users = [c for one in together for c in one.group.channels if c.data_at == channel.data_at]
-        if len(users) > 1 or abs(linked.samples.starts.size - len(frames.rows)) > 1:
+        more = linked.samples.starts.size - len(frames.rows)
+        # one more of either is the last record that was written, and no other
+        whole = more == 0 or (abs(more) == 1 and (linked.last_at > frames.last_at) == (more > 0))
+        if len(users) > 1 or not whole:
             raise MdfDamageError("which data are whose is not told: the recorder did not write their places")
     return linked.samples
 

@@ -44,11 +44,14 @@ class Records:
         With the invalidation bytes; empty for a group of variable length.
     samples : VariableSamples or None
         Those of a group of variable length.
+    last_at : int
+        Where the last one begins in the data that several groups share; -1 if there is none, or one group alone.
     """
 
     group: ChannelGroup
     rows: NDArray[np.uint8]
     samples: VariableSamples | None = None
+    last_at: int = -1
 
     def numbers(self, channel: Channel) -> NDArray[np.int64] | NDArray[np.uint64] | NDArray[np.float64]:
         """Return the numbers of a channel as they are stored, shape (n_records,).
@@ -235,9 +238,10 @@ def _width(group: ChannelGroup) -> int:
 
 
 def _gathered(data: NDArray[np.uint8], group: ChannelGroup, begins: NDArray[np.int64]) -> Records:
+    last_at = int(begins[-1]) if begins.size else -1
     if group.flags & VARIABLE_LENGTH:
-        return Records(group, np.zeros((0, 0), np.uint8), VariableSamples(data, begins))
+        return Records(group, np.zeros((0, 0), np.uint8), VariableSamples(data, begins), last_at)
     width = _width(group)
     if not begins.size:
         return Records(group, np.zeros((0, width), np.uint8))
-    return Records(group, np.lib.stride_tricks.sliding_window_view(data, width)[begins])
+    return Records(group, np.lib.stride_tricks.sliding_window_view(data, width)[begins], last_at=last_at)

@@ -255,13 +255,15 @@ def test_data_that_two_groups_use_are_refused_if_their_places_were_not_written(t
         read_mdf(written(tmp_path, with_number(content, other + DATA_LINK, "<Q", values)))
 
 
-def test_a_missing_sample_leaves_no_frame_with_another_ones_data(tmp_path: Path) -> None:
-    entries = [(1000 * i, 0x100 + i, bytes([i]) * (1 + i % 3)) for i in range(9)]
+def test_a_missing_sample_gives_no_frame_another_ones_data(tmp_path: Path) -> None:
+    entries = [(1000 * i, 0x100 + i, bytes([i]) * 8) for i in range(9)]
     content = mdf_logs.logger_file(entries, unwritten=COUNTS | LAST_LENGTH | OFFSETS)
-    first = content.index(b"##DT") + 24
-    sample = slice(first + 23, first + 23 + 6)
-    found = as_entries(read_mdf(written(tmp_path, content[: sample.start] + content[sample.stop :])).frames)
-    assert all(len(data) == len(entries[key - 0x100][2]) for _, key, data in found)
+    errors, sample = 2 * 9, 1 + 4 + 8
+    stopped = read_mdf(written(tmp_path, content[: -errors - sample]))
+    assert as_entries(stopped.frames) == entries[:8]
+    first = content.index(b"##DT") + 24 + 23
+    with pytest.raises(CorruptFileError, match="which data are whose"):
+        read_mdf(written(tmp_path, content[:first] + content[first + sample :]))
 
 
 def test_samples_that_share_bytes_make_their_frames_damaged_ones(tmp_path: Path) -> None:
