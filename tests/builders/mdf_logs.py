@@ -47,6 +47,11 @@ class _Blocks:
     def linear(self, offset: float, factor: float) -> int:
         return self.add("##CC", (0, 0, 0, 0), struct.pack("<BBHHHdddd", 1, 0, 0, 0, 2, 0.0, 0.0, offset, factor))
 
+    def table(self, pairs: Sequence[tuple[float, float]], kind: int = 5) -> int:
+        numbers = [number for pair in pairs for number in pair]
+        body = struct.pack(f"<BBHHHdd{len(numbers)}d", kind, 0, 0, 0, len(numbers), 0.0, 0.0, *numbers)
+        return self.add("##CC", (0, 0, 0, 0), body)
+
     def closed(self, first_group: int) -> bytes:
         """All of the file, with its header."""
         header = struct.pack(
@@ -133,6 +138,51 @@ def logger_file(entries: Sequence[CanEntry], *, unwritten: int = 0, first_ns: in
     struct.pack_into("<Q", blocks.content, group_at + 24 + 16, samples)
     if unwritten & LAST_LENGTH:
         struct.pack_into("<Q", blocks.content, samples + 8, 24)
+    return blocks.closed(group_at)
+
+
+LENGTH_CODES = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
+
+
+def virtual_log(entries: Sequence[CanEntry], *, bus: float = 9.0, computed_times: bool = False) -> bytes:
+    """Frames of FD, plain and extended ones in groups of their own, stored together.
+
+    What all frames of a group share takes no bits of a record, but is the constant of a conversion; a frame has a
+    code of its length, whose conversion is a table.
+
+    Parameters
+    ----------
+    entries : sequence of (time_ns, key, data)
+    bus : float
+    computed_times : bool
+        Whether the times are the numbers of the records, a millisecond each, too.
+    """
+    blocks = _Blocks(_identification(b"MDF     "))
+    name, time_bytes = "CAN_DataFrame", 0 if computed_times else 8
+    rows, following = b"", 0
+    for time_ns, key, data in entries:
+        time = b"" if computed_times else struct.pack("<Q", time_ns)
+        code = struct.pack("<IB", key & 0x1FFFFFFF, LENGTH_CODES.index(len(data)))
+        rows += bytes([1 + (key >> 31)]) + time + code + data.ljust(64, b"\0")
+    lengths = blocks.table(list(enumerate(map(float, LENGTH_CODES))))
+    for extended in (1, 0):
+        inside = blocks.column(f"{name}.DataBytes", 0, 10, time_bytes + 5, 512, 0)
+        inside = blocks.column(f"{name}.DataLength", 0, 0, time_bytes + 4, 4, inside, conversion=lengths)
+        for title, value in (("EDL", 1.0), ("IDE", float(extended)), ("BusChannel", bus)):
+            constant = blocks.linear(value, 0.0)
+            inside = blocks.column(f"{name}.{title}", 6, 0, 0, 0, inside, conversion=constant)
+        inside = blocks.column(f"{name}.ID", 0, 0, time_bytes, 29 if extended else 11, inside)
+        frames = blocks.column(name, 0, 10, time_bytes, 8 * 69, 0, inside=inside)
+        kind, bits = (3, 0) if computed_times else (2, 64)
+        unit = blocks.linear(0.0, 1e-3 if computed_times else 1e-9)
+        times = blocks.column("t", kind, 0, 0, bits, frames, conversion=unit)
+        count = sum(key >> 31 == extended for _, key, _ in entries)
+        fields = struct.pack("<QQHHLLL", 1 + extended, count, 6, 0, 0, time_bytes + 69, 0)
+        following = blocks.add("##CG", (following, times, 0, 0, 0, 0), fields)
+    group_at = blocks.add("##DG", (0, following, 0, 0), struct.pack("<B7x", 1))
+    samples = blocks.add("##DT", (), rows)
+    del blocks.content[samples + 24 + len(rows) :]
+    struct.pack_into("<Q", blocks.content, group_at + 24 + 16, samples)
     return blocks.closed(group_at)
 
 

@@ -6,11 +6,14 @@ that says of itself what cannot be, or whose data are not where it says, is left
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
 from daq.readers.can.frames import EXTENDED, FD_LENGTHS, ID_MASK, LARGEST_CHANNEL, FrameBlock
 from daq.readers.mdf.channel_groups import Channel, ChannelGroup, MdfDamageError, MdfUnsupportedError
+from daq.readers.mdf.conversion import VIRTUAL, whole_numbers
 from daq.readers.mdf.data_blocks import DataBlocks
 from daq.readers.mdf.kind import Unfinished
 from daq.readers.mdf.records import Records, VariableSamples
@@ -99,14 +102,16 @@ def frames_of(content: bytes, records: Records, samples: VariableSamples | None,
     for name, one in chosen.items():
         # the data may be of variable length, or of a largest one that is kept in the record, with a channel of lengths
         in_record = one.kind == _FIXED and not one.data_at
+        nowhere = one.kind == VIRTUAL and not one.bits and not one.data_at and name != "DataBytes"
         up_to = one.kind == _UP_TO and content[one.data_at : one.data_at + 4] == b"##CN"
-        if not (in_record or (name == "DataBytes" and (up_to or one.kind == _VARIABLE))):
+        if not (in_record or nowhere or (name == "DataBytes" and (up_to or one.kind == _VARIABLE))):
             raise MdfUnsupportedError(f"the channel {one.name} is of type {one.kind} with data of its own")
-    stored = records.integers(chosen["ID"]).astype(np.int64)
-    length = _lengths(records, chosen)
+    whole = {name: whole_numbers(content, records, one) for name, one in chosen.items() if name != "DataBytes"}
+    stored = whole["ID"].astype(np.int64)
+    length = _lengths(whole)
     data, held = _data_bytes(records, chosen["DataBytes"], samples, unwritten)
-    extended = records.integers(chosen["IDE"]) != 0 if "IDE" in chosen else stored & EXTENDED != 0
-    channel = records.integers(chosen["BusChannel"]) if "BusChannel" in chosen else np.zeros(stored.size, np.uint64)
+    extended = whole["IDE"] != 0 if "IDE" in whole else stored & EXTENDED != 0
+    channel = whole.get("BusChannel", np.zeros(stored.size, np.uint64))
     key = stored & ID_MASK
     time_ns, sound = times_ns(content, records)
     sound &= (length >= 0) & (extended | (key <= 0x7FF)) & (channel >= 0) & (channel <= LARGEST_CHANNEL)
@@ -127,12 +132,12 @@ def frames_of(content: bytes, records: Records, samples: VariableSamples | None,
     )
 
 
-def _lengths(records: Records, chosen: dict[str, Channel]) -> NDArray[np.int64]:
+def _lengths(whole: Mapping[str, NDArray[np.int64] | NDArray[np.uint64]]) -> NDArray[np.int64]:
     """Return the bytes of the frames' data: as stated, else by their data length codes."""
-    if "DataLength" in chosen:
-        return records.integers(chosen["DataLength"]).astype(np.int64)
-    code = np.minimum(records.integers(chosen["DLC"]).astype(np.uint64), 15).astype(np.int64)
-    fd = records.integers(chosen["EDL"]) != 0 if "EDL" in chosen else np.zeros(code.size, bool)
+    if "DataLength" in whole:
+        return whole["DataLength"].astype(np.int64)
+    code = np.minimum(whole["DLC"].astype(np.uint64), 15).astype(np.int64)
+    fd = whole["EDL"] != 0 if "EDL" in whole else np.zeros(code.size, bool)
     return np.where(fd, np.array(FD_LENGTHS)[code], np.minimum(code, 8))
 
 

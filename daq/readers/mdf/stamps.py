@@ -1,26 +1,15 @@
-"""The times of a group's records, in ns.
-
-Layout (ASAM MDF 4.1): a conversion block has its type behind its links, the numbers of its references and its values,
-8 bytes in all, the range, 16 bytes, and its values: of a linear one the offset and the factor.
-"""
+"""The times of a group's records, in ns."""
 
 from __future__ import annotations
-
-import math
-import struct
 
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.readers.mdf.channel_groups import MASTERS, Channel, MdfDamageError, MdfUnsupportedError
+from daq.readers.mdf.channel_groups import MASTERS, MdfDamageError
+from daq.readers.mdf.conversion import VIRTUAL_MASTER, linear
 from daq.readers.mdf.records import Records
 
 _TIME = 1
-_VIRTUAL = 3
-_NONE, _LINEAR = 0, 1
-_CONVERSION = struct.Struct("<B3xHH16x")
-"""Type, numbers of links beyond the first four and of values, range."""
-_NUMBERS = struct.Struct("<dd")
 _LATEST_S = 2.0**61 / 1e9
 """146 years: a stamp beyond is damage, and differences of two fit 64 bits."""
 
@@ -51,10 +40,10 @@ def times_ns(content: bytes, records: Records) -> tuple[NDArray[np.int64], NDArr
     master = next((c for c in records.group.channels if c.kind in MASTERS and c.sync == _TIME), None)
     if master is None:
         raise MdfDamageError(f"the group at byte {records.group.at} has no times")
-    offset_s, factor_s = _linear(content, master)
+    offset_s, factor_s = linear(content, master)
     valid = records.valid(master)
     with np.errstate(over="ignore", invalid="ignore"):
-        counts = np.arange(len(records.rows)) if master.kind == _VIRTUAL else records.numbers(master)
+        counts = np.arange(len(records.rows)) if master.kind == VIRTUAL_MASTER else records.numbers(master)
     factor_ns, offset_ns = _whole(factor_s * 1e9), _whole(offset_s * 1e9)
     if counts.dtype.kind in "iu" and factor_ns is not None and offset_ns is not None:
         with np.errstate(over="ignore"):
@@ -75,29 +64,3 @@ def _whole(number: float) -> int | None:
         return None
     whole = round(number)
     return whole if abs(number - whole) <= 1e-12 * abs(number) else None
-
-
-def _linear(content: bytes, master: Channel) -> tuple[float, float]:
-    """Return the offset and the factor of a channel."""
-    at = master.conversion_at
-    if not at:
-        return 0.0, 1.0
-    if content[at : at + 4] != b"##CC" or at + 24 > len(content):
-        raise MdfDamageError(f"the link to byte {at} leads to no conversion")
-    length, links = struct.unpack_from("<QQ", content, at + 8)
-    body_at, end = at + 24 + 8 * links, min(at + length, len(content))
-    if body_at + _CONVERSION.size > end:
-        raise MdfDamageError(f"the conversion at byte {at} ends early")
-    kind, references, values = _CONVERSION.unpack_from(content, body_at)
-    if links != 4 + references or body_at + _CONVERSION.size + 8 * values > end:
-        raise MdfDamageError(f"the conversion at byte {at} has not the {links} links and {values} values it states")
-    if kind == _NONE:
-        return 0.0, 1.0
-    if kind != _LINEAR:
-        raise MdfUnsupportedError("times whose conversion is not linear")
-    if values < 2:
-        raise MdfDamageError(f"the conversion at byte {at} is linear and has {values} values")
-    offset, factor = _NUMBERS.unpack_from(content, body_at + _CONVERSION.size)
-    if not (math.isfinite(offset) and math.isfinite(factor)):
-        raise MdfDamageError(f"the conversion at byte {at} has no numbers")
-    return offset, factor

@@ -15,6 +15,8 @@ from daq.errors import CorruptFileError, ReadError
 from daq.readers.can.frames import CanFrames
 from daq.readers.can.mdf import read_mdf
 from daq.readers.mdf.kind import is_bus_logging
+from daq.readers.reader import Declarations
+from daq.readers.table import recognise
 from tests.builders import mdf_logs
 from tests.builders.shared_data import shared_file
 from tests.builders.vendor_files import EXT, CanEntry, can_entries
@@ -44,6 +46,50 @@ def test_what_a_logger_stored_together_is_told_apart(unwritten: int, tmp_path: P
     assert any("did not close" in note for note in log.notes) == bool(unwritten)
     assert log.absolute_start is not None
     assert log.absolute_start.text == "2023-11-14T22:13:20.250000"
+
+
+OF_FD = [
+    (1000 * i, (0x100 + i) | (EXT if i % 3 == 0 else 0), bytes(range(n)))
+    for i, n in enumerate([*mdf_logs.LENGTH_CODES, 8, 64])
+]
+
+
+def test_what_all_frames_share_is_the_constant_of_a_virtual_channel(tmp_path: Path) -> None:
+    path = written(tmp_path, mdf_logs.virtual_log(OF_FD))
+    log = read_mdf(path)
+    assert as_entries(log.frames) == OF_FD
+    assert set(log.frames.channel.tolist()) == {9}
+    assert log.notes == ()
+    assert as_asammdf_reads_them(path) == as_read_here(path)
+
+
+def test_times_may_be_the_numbers_of_the_records(tmp_path: Path) -> None:
+    plain = [entry for entry in OF_FD if not entry[1] & EXT]
+    path = written(tmp_path, mdf_logs.virtual_log(plain, computed_times=True))
+    assert [entry[0] for entry in as_entries(read_mdf(path).frames)] == [1_000_000 * i for i in range(len(plain))]
+    assert as_asammdf_reads_them(path) == as_read_here(path)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "problem"),
+    [
+        (struct.pack("<dd", 9.0, 0.0), struct.pack("<dd", 9.5, 0.0), "not whole"),
+        (struct.pack("<dd", 9.0, 0.0), struct.pack("<dd", float("nan"), 0.0), "has the numbers"),
+        (struct.pack("<dd", 3.0, 3.0), struct.pack("<dd", 99.0, 3.0), "has the number 3, which its conversion has not"),
+        (
+            struct.pack("<BBHHH", 5, 0, 0, 0, 32),
+            struct.pack("<BBHHH", 3, 0, 0, 0, 32),
+            "has a conversion that is not linear",
+        ),
+    ],
+)
+def test_a_conversion_that_gives_no_whole_numbers_is_refused(
+    before: bytes, after: bytes, problem: str, tmp_path: Path
+) -> None:
+    content = mdf_logs.virtual_log(OF_FD)
+    assert before in content
+    with pytest.raises(ReadError, match=problem):
+        read_mdf(written(tmp_path, content.replace(before, after)))
 
 
 @pytest.mark.parametrize("transposed", [False, True])
@@ -77,10 +123,30 @@ def test_asammdf_reads_the_same_frames_of_a_logger(tmp_path: Path) -> None:
     assert as_asammdf_reads_them(path) == as_read_here(path)
 
 
-@pytest.mark.parametrize("name", ["00000170.MF4", "rig_shot/rig_shot.mf4"])
+@pytest.mark.parametrize("name", ["00000170.MF4", "rig_shot/rig_shot.mf4", "63BEFDF9.MF4"])
 def test_asammdf_reads_the_same_frames_of_real_logs(name: str) -> None:
     path = shared_file(f"can/{name}")
     assert as_asammdf_reads_them(path) == as_read_here(path)
+
+
+def test_a_log_of_virtual_channels_is_read_whole_and_decoded() -> None:
+    """All of its records, 17 bytes each, are frames; the signals are those that cantools decodes."""
+    path, database = shared_file("can/63BEFDF9.MF4"), shared_file("can/gnss.dbc").read_text()
+    log = read_mdf(path)
+    assert log.metadata["data_frames"] == (path.stat().st_size - 106_776 - 24) / 17
+    assert set(log.frames.channel.tolist()) == {1, 2}
+    recording = recognise(path).open(path, Declarations(clock="bus", database=database))
+    import cantools
+
+    message = cantools.database.load_string(database, "dbc").get_message_by_frame_id(0x19)
+    expected = [
+        message.decode(bytes(data[:n]), decode_choices=False)
+        for key, data, n in zip(log.frames.key, log.frames.data, log.frames.length, strict=True)
+        if key == 0x19
+    ]
+    for signal in message.signals:
+        found = recording.read(f"{message.name}.{signal.name}")
+        np.testing.assert_allclose(found, [one[signal.name] for one in expected], rtol=1e-12)
 
 
 def as_read_here(path: Path) -> list[tuple[int, int, int, bytes]]:
@@ -106,7 +172,7 @@ def as_asammdf_reads_them(path: Path) -> list[tuple[int, int, int, bytes]]:
                 continue
 
             def column(name: str, number: int = number) -> np.ndarray:
-                return np.asarray(file.get(f"CAN_DataFrame.{name}", group=number, raw=True, samples_only=True)[0])
+                return np.asarray(file.get(f"CAN_DataFrame.{name}", group=number, samples_only=True)[0])
 
             times_s = file.get_master(number)
             buses = column("BusChannel") if "CAN_DataFrame.BusChannel" in names else np.zeros(len(times_s))
