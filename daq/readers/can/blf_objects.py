@@ -105,7 +105,7 @@ def _walk_at_once(objects: bytes, found: FrameList) -> bool | None:
         flags, ticks = _STAMP.unpack_from(objects, begin + OBJECT.size)
         body = objects[begin + int(header[at]) : begin + int(size[at])]
         try:
-            _read_object(int(head["kind"][at]), ticks * _TICKS_NS.get(flags, 1), body, found)
+            _read_object(int(head["kind"][at]), ticks * _TICKS_NS.get(flags, 1), int(header[at]), body, found)
         except struct.error:
             found.damaged += 1
     return not bool(whole[-1])
@@ -175,7 +175,7 @@ def _walk(path: Path, objects: bytes, found: FrameList) -> bool:
             flags, ticks = _STAMP.unpack_from(objects, at + OBJECT.size)
             body = objects[at + _HEADER_SIZES[version] : at + size]
             try:
-                _read_object(kind, ticks * _TICKS_NS.get(flags, 1), body, found)
+                _read_object(kind, ticks * _TICKS_NS.get(flags, 1), _HEADER_SIZES[version], body, found)
             except struct.error:
                 found.damaged += 1
         else:
@@ -183,8 +183,8 @@ def _walk(path: Path, objects: bytes, found: FrameList) -> bool:
         at += size
 
 
-def _read_object(kind: int, time_ns: int, body: bytes, found: FrameList) -> None:
-    """Read one object; whatever is no data frame is counted."""
+def _read_object(kind: int, time_ns: int, header: int, body: bytes, found: FrameList) -> None:
+    """Read one object behind its header of some bytes; whatever is no data frame is counted."""
     if kind in _CLASSIC_TYPES:
         channel, flags, length, identifier, data = _CLASSIC.unpack_from(body)
         remote, data = bool(flags & _REMOTE), data[: min(length, 8)]
@@ -192,9 +192,12 @@ def _read_object(kind: int, time_ns: int, body: bytes, found: FrameList) -> None
         channel, flags, _, identifier, _, _, _, valid, data = _FD.unpack_from(body)
         remote, data = bool(flags & _REMOTE), data[: min(valid, 64)]
     elif kind == 101:
-        channel, _, valid, _, identifier, _, flags = _FD_64.unpack_from(body)[:7]
+        fields = _FD_64.unpack_from(body)
+        channel, _, valid, _, identifier, _, flags = fields[:7]
         remote = bool(flags & _REMOTE_FD_64)
-        data = body[_FD_64.size : _FD_64.size + min(valid, 64)]
+        # writers leave out the zeros at the end of the data; an extension may follow, which its offset tells
+        further_at = fields[13] - header if fields[13] else len(body)
+        data = body[_FD_64.size : max(_FD_64.size, further_at)][: min(valid, 64)].ljust(min(valid, 64), b"\0")
     else:
         found.error_frames += kind in _ERROR_TYPES
         found.other_events += kind not in _ERROR_TYPES

@@ -232,6 +232,31 @@ def uncompressed(method: int) -> bytes:
     return whole + struct.pack("<4sHHLL", b"LOBJ", 16, 1, 16 + len(body), 10) + body
 
 
+@pytest.mark.parametrize(("valid", "stored"), [(64, 48), (64, 0), (12, 12), (8, 20)])
+@pytest.mark.parametrize("extended", [False, True])
+def test_zeros_that_a_blf_frame_leaves_off_are_given_back(valid: int, stored: int, extended: bool) -> None:
+    """The length of the data is what the frame says of them; what follows at the extension's offset is no data."""
+    body_at = 32 + 40
+    fields = [1, 15, valid, 0, 0x123, 0, 0x1000, 0, 0, 0, 0, 0, 0, body_at + stored if extended else 0, 0]
+    body = struct.pack("<BBBBLLLLLLLHBBL", *fields) + bytes(range(1, stored + 1)) + b"\xee" * 8 * extended
+    log = read_blf(Path("a.blf"), blf_log([], extra=blf_object(101, 9, body)))
+    assert log.frames.length.tolist() == [valid]
+    assert bytes(log.frames.data[0, :valid]) == bytes(range(1, stored + 1))[:valid].ljust(valid, b"\0")
+    assert not log.incomplete
+
+
+def test_python_can_gives_the_same_zeros_back() -> None:
+    import can
+
+    path = shared_file("can/issue_1905.blf")
+    frames = read_blf(path, path.read_bytes()).frames
+    with can.BLFReader(path) as log:
+        expected = [bytes(message.data) for message in log]
+    assert len(expected) == 22
+    assert [bytes(row[:n]) for row, n in zip(frames.data, frames.length, strict=True)] == expected
+    assert {len(data) for data in expected} == {64}
+
+
 def test_blf_containers_may_be_uncompressed_and_unknown_ones_are_refused() -> None:
     assert read_blf(Path("a.blf"), uncompressed(0)).frames.key.tolist() == [0x100]
     with pytest.raises(CorruptFileError, match="compression is unknown"):
