@@ -147,7 +147,7 @@ def ingest(
             raise typer.BadParameter("give either FILES or --live")
         if overwrite or accept_incomplete or at is not None:
             raise typer.BadParameter("--overwrite, --accept-incomplete and --at go with FILES, not with --live")
-        if shot is not None and not shot.isdigit():
+        if shot is not None and not (shot.isdecimal() and len(shot) <= 9):
             raise typer.BadParameter("with --live, --shot is the number of the first shot")
         _live(rig, out, None if shot is None else int(shot), shots, watch, files_within_s, no_screen, json, debug)
         return

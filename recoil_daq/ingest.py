@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime as dt
 import hashlib
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +16,7 @@ from daq.readers.table import READERS, recognise
 from daq.readers.text.declared_table import DeclaredTextReader
 from daq.readers.tracks.declared_table import DeclaredTrackReader
 from daq.shot import InputFile, Shot
+from daq.shot_name import shot_name_fault
 from daq.store import write_shot
 from identification.clocks import align_clocks
 from identification.quality.shot_quality import check_shot
@@ -92,6 +92,8 @@ def ingest_files(
     ReadError, RigError, StoreError
         If the data or the rig are at fault; nothing is written then.
     """
+    if shot is not None:
+        _check_name(shot)
     progress("recognise")
     given = [Path(f) for f in files]
     record = _acquisition_among(given)
@@ -108,10 +110,7 @@ def ingest_files(
         )
     own_name = matched[rig.reference_clock].stem if acquisition is None else acquisition.shot
     name = own_name if shot is None else shot
-    if not re.fullmatch(r"[\w.+-]+", name) or name.startswith("."):
-        raise StoreError(
-            f"{name!r} is no shot identifier", expected="letters, digits, `_`, `-`, `+` and `.`", remedy="choose --shot"
-        )
+    _check_name(name)
     target = Path(out) / f"{name}.h5"
     if target.exists() and not overwrite:
         raise StoreError("the shot file exists already", path=target, remedy="give another --shot, or --overwrite")
@@ -155,6 +154,12 @@ def ingest_files(
     progress("write")
     write_shot(finished, target, overwrite=overwrite)
     return Ingested(finished, target)
+
+
+def _check_name(name: str) -> None:
+    """Refuse a name that no shot can bear, before any work is done for it."""
+    if fault := shot_name_fault(name):
+        raise StoreError(f"the shot's name {name!r} {fault}", remedy="choose another with --shot")
 
 
 def _acquisition_among(paths: Sequence[Path]) -> Path | None:

@@ -108,10 +108,10 @@ def test_no_file_of_the_reference_clock_is_refused(run, files, tmp_path):
     refused(result, tmp_path / "out", "reference source 'dewetron'")
 
 
-@pytest.mark.parametrize("name", ["../x", "a/b", "", ".hidden", "x y"])
+@pytest.mark.parametrize("name", ["../x", "a/b", "", ".hidden", "x y", "-rf", "con", "COM1.x", "x.", "x" * 251])
 def test_a_shot_name_that_is_no_file_name_is_refused(run, files, tmp_path, name):
-    result = run("ingest", "field-2013", *files.values(), "--out", tmp_path / "out", "--shot", name)
-    refused(result, tmp_path / "out", "identifier")
+    result = run("ingest", "field-2013", *files.values(), "--out", tmp_path / "out", f"--shot={name}")
+    refused(result, tmp_path / "out", "the shot's name")
 
 
 def test_a_folder_that_cannot_be_made_is_refused(run, files, tmp_path):

@@ -242,6 +242,7 @@ def test_ctrl_c_ends_with_130(run, monkeypatch, stored: Path, tmp_path):
         (("--live", "--overwrite"), "go with FILES"),
         (("--live", "--at", "1"), "go with FILES"),
         (("--live", "--shot", "first"), "number of the first shot"),
+        (("--live", "--shot", "²"), "number of the first shot"),
         ((), "FILES, or --live"),
         (("a.csv", "--shots", "2"), "go with --live"),
         (("a.csv", "--watch", "in"), "go with --live"),
