@@ -40,6 +40,7 @@ from identification.uncertainty import further_contributions
 from identification.verdict import notes_on, reasons_against
 from identification.zero_shift import ZeroShift, calibrated_with_zero_shift
 from processing.quality.repeatability import shot_peaks
+from rigs.assumptions import assumptions_of
 from rigs.rig import Rig
 
 __all__ = [
@@ -176,7 +177,8 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         fused=prepared.fused,
         alignments=prepared.alignments,
         reasons=reasons_against(shot, rig, signals, estimates, trace, calibration, zero_shift, filtered, constancy),
-        notes=(*notes_on(signals, recorded, trace, zero_shift, constancy), *notes),
+        assumptions=assumptions_of(rig),
+        notes=(*notes_on(rig, signals, recorded, trace, zero_shift, constancy), *notes),
     )
 
 

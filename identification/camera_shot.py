@@ -22,6 +22,7 @@ from identification.signals import collect_signals
 from identification.stress_waves import find_stress_waves
 from identification.trace_window import choose_trace_window
 from processing.filters import LowPass
+from rigs.assumptions import assumptions_of
 from rigs.rig import Rig
 
 LONGEST_GAP_S = 1e-3
@@ -122,6 +123,7 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
         fused=filmed.fused,
         alignments=alignments,
         reasons=reasons_against_film(shot, rig, filmed, regression, trace, calibration, constancy),
+        assumptions=assumptions_of(rig),
         notes=(*notes_on_film(shot, filmed, regression, trace, constancy), *missing_routes),
     )
 

@@ -112,7 +112,7 @@ def notes_on_film(
     notes += [
         f"no usable channel of role {role}: its term in the equation of motion is taken at rest"
         for role in ("carriage_rate", "tipping_rate")
-        if role not in signals.series
+        if role not in signals.series and filmed.forced.rig.by_role(role) is not None
     ]
     ignored = [c for c in shot.quality if c.verdict == "fail" and c.channel in unused_channels(shot, filmed.forced.rig)]
     notes += [f"not used: {c.channel}: {c.detail}" for c in ignored]

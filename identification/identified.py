@@ -165,6 +165,8 @@ class Identification:
     alignments : mapping of str to ClockAlignment
     reasons : tuple of str
         Why the result is not valid; empty if it is.
+    assumptions : list of dict
+        What is taken for granted because the rig file does not say otherwise, see `rigs.assumptions`.
     notes : tuple of str
         What a reader should know although it does not make the result invalid.
     """
@@ -196,6 +198,7 @@ class Identification:
     fused: FusedMotion | None
     alignments: Mapping[str, ClockAlignment]
     reasons: tuple[str, ...]
+    assumptions: list[dict[str, str]]
     notes: tuple[str, ...] = field(default=())
 
     @property

@@ -15,6 +15,7 @@ from identification.sensor_observations import CAMERA_SCALE, RELEASE
 from identification.signals import Signals
 from identification.trace import MassTrace
 from identification.zero_shift import ZeroShift
+from rigs.assumptions import CARRIAGE_ROLES
 from rigs.rig import Rig
 
 LEAST_SHARE = 0.5
@@ -104,6 +105,7 @@ def reasons_against_record(
     """
     failed = [c for c in shot.quality if c.verdict == "fail" and c.check != "alignment" and c.channel not in unused]
     reasons = [f"quality: {c.channel}: {c.detail}" for c in failed]
+    reasons += doubts_of(rig)
     doubtful = [a for a in shot.alignments if a.status != "ok"]
     reasons += [f"clock {a.clock}: alignment {a.status}: {'; '.join(a.reasons)}" for a in doubtful]
     if signals.quiet_s[0] == signals.quiet_s[1]:
@@ -123,6 +125,11 @@ def reasons_against_record(
             f"only {100 * trace.share:.0f} % of the interval could be identified (limit {100 * LEAST_SHARE:.0f} %)"
         )
     return reasons
+
+
+def doubts_of(rig: Rig) -> list[str]:
+    """Say what a rig file would be refused for, where a shot has been recorded with it all the same."""
+    return [f"rig file: {doubt}" for doubt in rig.doubts]
 
 
 def varies(constancy: MassConstancy, level: float, estimate: MassEstimate) -> bool:
@@ -161,12 +168,19 @@ def _not_shared(source: str) -> bool:
 
 
 def notes_on(
-    signals: Signals, recorded: Regression, trace: MassTrace, shift: ZeroShift, constancy: MassConstancy | None
+    rig: Rig,
+    signals: Signals,
+    recorded: Regression,
+    trace: MassTrace,
+    shift: ZeroShift,
+    constancy: MassConstancy | None,
 ) -> tuple[str, ...]:
     """Say what a reader should know although it does not make the result invalid.
 
     Parameters
     ----------
+    rig : Rig
+        A role that it has no channel of is one of its assumptions, and no note.
     signals : Signals
     recorded : Regression
     trace : MassTrace
@@ -177,8 +191,8 @@ def notes_on(
     """
     notes = [
         f"no usable channel of role {role}: its term in the equation of motion is taken at rest"
-        for role in ("carriage_acceleration_x", "carriage_acceleration_y", "carriage_rate", "tipping_rate")
-        if role not in signals.series
+        for role in CARRIAGE_ROLES
+        if role not in signals.series and rig.by_role(role) is not None
     ]
     if recorded.interval_s[1] >= recorded.times_s[-1]:
         notes.append("the record ends before the recoil does: the interval ends with it")

@@ -30,15 +30,17 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Ingested:
-    """A shot and where it was written.
+    """A shot, its rig, and where it was written.
 
     Attributes
     ----------
     shot : Shot
+    rig : Rig
     path : Path
     """
 
     shot: Shot
+    rig: Rig
     path: Path
 
 
@@ -153,7 +155,7 @@ def ingest_files(
     finished = assembled.with_results(alignments, quality, Step("ingest", __version__, parameters))
     progress("write")
     write_shot(finished, target, overwrite=overwrite)
-    return Ingested(finished, target)
+    return Ingested(finished, rig, target)
 
 
 def _check_name(name: str) -> None:

@@ -138,7 +138,7 @@ def recover_journal(folder: Path, out: Path, *, keep: bool = False, progress: Pr
     progress(f"read {folder.name}")
     journal = read_journal(folder)
     record = live_record_of(journal)
-    rig = parse_rig(record.rig_text, Path(record.rig_path), record.databases)
+    rig = parse_rig(record.rig_text, Path(record.rig_path), record.databases, refuse_doubts=False)
     if rig.trigger is None:
         raise StoreError("the rig in this journal has no trigger", path=folder)
     decisions, known, in_order = operator_records(journal)

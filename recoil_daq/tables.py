@@ -60,6 +60,8 @@ def say(text: str) -> None:
 
 def verdict_document(done: Ingested) -> dict[str, Any]:
     """Build the document of ``ingest --json``."""
+    from rigs.assumptions import assumptions_of
+
     shot = done.shot
     return {
         "schema": "recoil-daq/ingest/1",
@@ -68,6 +70,7 @@ def verdict_document(done: Ingested) -> dict[str, Any]:
         "file": str(done.path),
         "usable": shot.usable,
         "reasons": list(shot.reasons),
+        "assumptions": assumptions_of(done.rig),
         "channels": [
             {
                 "name": c.name,
@@ -126,6 +129,7 @@ def print_verdict(document: Mapping[str, Any], console: Console | None = None) -
         numeric=(2, 3),
         console=console,
     )
+    _print_assumptions(document, console)
     from rich.text import Text
 
     # one line in one piece: a live region would swallow what does not end a line
@@ -138,6 +142,14 @@ def print_verdict(document: Mapping[str, Any], console: Console | None = None) -
         line.append(f": {'; '.join(document['reasons'])}\n", style="default not bold")
     line.append(f"{' ' if document['usable'] else ''}-> {document['file']}", style="default not bold")
     console.print(line, soft_wrap=True)
+
+
+def _print_assumptions(document: Mapping[str, Any], console: Console) -> None:
+    """Print what is taken for granted, a line for each kind of it."""
+    from rigs.assumptions import assumption_lines
+
+    for line in assumption_lines(document.get("assumptions", ())):
+        console.print(line, markup=False, soft_wrap=True)
 
 
 def _worst(quality: Sequence[Mapping[str, str]], channel: str) -> tuple[str, str]:
@@ -213,6 +225,7 @@ def print_report(report: Reported) -> None:
         markup=False,
         soft_wrap=True,
     )
+    _print_assumptions(d, console)
     if d["valid"]:
         console.print("[bold green]VALID[/]", end=" ")
     else:
@@ -263,11 +276,14 @@ def print_demo(done: Demonstration) -> None:
 
 def rig_document(rig: Rig) -> dict[str, Any]:
     """Build the document of ``check --json``."""
+    from rigs.assumptions import assumptions_of
+
     return {
         "schema": "recoil-daq/check/1",
         "rig": rig.name,
         "file": str(rig.path),
         "faults": [],
+        "assumptions": assumptions_of(rig),
         "sources": [{"name": s.name, "kind": s.kind} for s in rig.sources],
         "channels": [{"name": c.name, "source": c.source, "role": c.role} for c in rig.channels],
     }
@@ -277,7 +293,8 @@ def print_rig(rig: Rig) -> None:
     """Print a sound rig's channels."""
     rows = [
         (
-            c.name, c.source, c.signal, c.unit or "as in the file", c.role, f"{100 * c.sensor.u_rel:g}",
+            c.name, c.source, c.signal, c.unit or "as in the file", c.role,
+            f"{100 * c.sensor.u_rel:g}" if c.sensor.states_u_rel else "-",
             "" if c.sensor.due is None else str(c.sensor.due),
         )
         for c in rig.channels
@@ -288,6 +305,7 @@ def print_rig(rig: Rig) -> None:
         rows,
         numeric=(5,),
     )
+    _print_assumptions(rig_document(rig), output_console())
 
 
 def print_summary(summary: Mapping[str, Any]) -> None:

@@ -24,7 +24,13 @@ from daq.trigger.detector import Trigger
 from daq.trigger.table import trigger_from_table
 from rigs.mechanism import Mechanism
 from rigs.rig_alignments import motion_channels
-from rigs.rig_faults import checked_mechanism, faults_of_channels, faults_of_sources, faults_of_trigger
+from rigs.rig_faults import (
+    checked_mechanism,
+    faults_of_channels,
+    faults_of_sources,
+    faults_of_trigger,
+    unstated_uncertainties,
+)
 from rigs.rig_tables import (
     MOTIONS,
     ROLES,
@@ -88,6 +94,8 @@ class Rig:
         When a live shot begins, and how much is kept around it.
     twin : mapping
         The table ``[twin]`` of a virtual rig, as read; empty if there is none.
+    doubts : tuple of Fault
+        For which a rig file is refused and a shot that was recorded all the same is not valid, see `parse_rig`.
     """
 
     name: str
@@ -100,6 +108,7 @@ class Rig:
     databases: Mapping[str, str] = field(default_factory=dict)
     trigger: Trigger | None = None
     twin: Mapping[str, Any] = field(default_factory=dict)
+    doubts: tuple[Fault, ...] = ()
 
     def source(self, name: str) -> Source:
         """Return a source by its name; KeyError if there is none."""
@@ -202,8 +211,11 @@ def load_rig(name_or_path: str | Path) -> Rig:
     return parse_rig(text, path)
 
 
-def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None) -> Rig:
+def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None, *, refuse_doubts: bool = True) -> Rig:
     """Validate the text of a rig file.
+
+    Some faults do not keep a shot from being read, they only leave its result in doubt: that the uncertainty of a
+    sensor is not stated, for one.
 
     Parameters
     ----------
@@ -212,6 +224,8 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None)
         Where it came from; the files it names are looked up beside it.
     databases : mapping of str to str, optional
         Text of the CAN databases by name, where they are at hand already (in a shot file).
+    refuse_doubts : bool
+        Whether such faults are faults as any other. Where the shot has been recorded they are kept in the rig.
 
     Raises
     ------
@@ -237,6 +251,9 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None)
     faults += faults_of_channels(channels, sources, tables)
     faults += faults_of_trigger(tables, channels, sources)
     texts = _databases([s for _, s in sources], path, databases, faults)
+    doubts = unstated_uncertainties(channels)
+    if refuse_doubts:
+        faults += doubts
     if faults or mechanism is None:
         raise RigError(path, faults)
     return Rig(
@@ -250,6 +267,7 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None)
         databases=texts,
         trigger=_trigger(tables, path),
         twin=tables.get("twin", {}),
+        doubts=tuple(doubts),
     )
 
 

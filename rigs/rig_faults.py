@@ -174,6 +174,19 @@ def faults_of_channels(
     return faults
 
 
+def unstated_uncertainties(channels: Sequence[tuple[str, ChannelSpec]]) -> list[Fault]:
+    """Name the channels that enter the estimate and do not state how uncertain their scale is."""
+    return [
+        Fault(
+            f"{where}.sensor.u_rel",
+            f"is missing: role {channel.role!r} enters the estimate; state the relative standard uncertainty of its "
+            "scale, such as 0.005, and 0 only where it is exact",
+        )
+        for where, channel in channels
+        if channel.enters_estimate and not channel.sensor.states_u_rel
+    ]
+
+
 def _faults_of_role(where: str, channel: ChannelSpec, channels: Sequence[ChannelSpec]) -> list[Fault]:
     faults = []
     if not channel.role:

@@ -33,7 +33,7 @@ ROLES = MappingProxyType(
         "trigger": "voltage",
     }
 )
-"""Role -> the quantity that its channel must have.
+"""Role -> the quantity that its channel must have; each but the trigger's enters the estimate.
 
 The ground's forces are those on the carriage, positive forward and up: ``x`` and ``y`` at its base point C, ``d``
 upward and ``friction_d`` forward at the contact D. The elevating gear's moment is that on the tipping part,
@@ -197,7 +197,8 @@ class Sensor(Table):
 
     ``delay_s`` is the delay of the whole chain behind the sensor, its anti-alias filter included; without it that of
     ``filter_hz`` counts, by ``filter_type`` and ``filter_order``. ``resonance_hz`` and ``resonance_damping`` are those
-    of the sensor on its mount, and come on top.
+    of the sensor on its mount, and come on top. The 0 of a ``u_rel`` that is left out is no statement, see
+    `states_u_rel`.
     """
 
     model: str = ""
@@ -241,6 +242,11 @@ class Sensor(Table):
             raise ValueError("; ".join(faults))
         return self
 
+    @property
+    def states_u_rel(self) -> bool:
+        """Whether ``u_rel`` was written down."""
+        return "u_rel" in self.model_fields_set
+
 
 class ChannelSpec(Table):
     """One channel: which signal of which source it is, what it measures and with which sensor."""
@@ -253,3 +259,8 @@ class ChannelSpec(Table):
     role: str = ""
     polarity: Literal[1, -1] = 1
     sensor: Sensor = Sensor()
+
+    @property
+    def enters_estimate(self) -> bool:
+        """Whether the channel's role is one of which the estimate is made: any but the trigger's."""
+        return self.role in ROLES and self.role != "trigger"

@@ -133,6 +133,7 @@ def report_document(
         "valid": found.valid,
         "reasons": list(found.reasons),
         "notes": list(found.notes),
+        "assumptions": found.assumptions,
         "provenance": {
             "version": version,
             "inputs": provenance_inputs(shot, shot_file),

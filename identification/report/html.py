@@ -125,6 +125,7 @@ def render_page(report: Mapping[str, Any], figures: Sequence[Figure]) -> str:
         figures,
         verdict=tables.verdict(report),
         facts=tables.facts(report),
+        notes=tables.notes(report),
         methods=tables.methods(report),
         budget=budget_rows,
         combined=combined,

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from identification.report.rounding import NO_NUMBER, fixed, plain, rounded, significant
+from rigs.assumptions import assumption_lines
 
 Report = Mapping[str, Any]
 Row = dict[str, Any]
@@ -84,6 +85,11 @@ def facts(report: Report) -> list[tuple[str, str]]:
         number = isinstance(value, int | float) and not isinstance(value, bool)
         found.append((str(name).replace("_", " "), plain(value) if number else str(value)))
     return found
+
+
+def notes(report: Report) -> list[str]:
+    """Say what a reader should know: the notes, and in a line for each kind what is taken for granted."""
+    return [*(report.get("notes") or ()), *assumption_lines(report.get("assumptions") or ())]
 
 
 def methods(report: Report) -> list[Row]:

@@ -20,6 +20,7 @@ from identification.forces.force_record import force_record
 from identification.forces.motion_force import MotionForce, estimate_motion_force
 from identification.report.rounding import rounded, significant
 from identification.targets.target import Case, Finding, Quantity, Series, Table
+from identification.verdict import doubts_of
 from rigs.mechanism import Mechanism
 
 Array = NDArray[np.float64]
@@ -78,7 +79,7 @@ def find(case: Case) -> Finding:
         figures=force_figures(found, peak, m.bore_area),
         series=_series(found, m),
         tables=(_budget(found, peak), _table(quantities)),
-        reasons=_reasons(found, quantities),
+        reasons=(*doubts_of(case.rig), *_reasons(found, quantities)),
         notes=_notes(found, m, end_s),
         parameters={
             "thinned_by": found.kalman.factor,

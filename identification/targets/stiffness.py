@@ -19,6 +19,7 @@ from identification.supports.support_modes import DERIVED, derived_with_u
 from identification.supports.support_traces import noise_shares, trace_supports
 from identification.supports.supports import PARAMETERS, SUPPORT_NAMES, Assumptions, supports_of
 from identification.targets.target import Case, Finding, Quantity, Series, Table
+from identification.verdict import doubts_of
 from rigs.mechanism import Mechanism
 
 Array = NDArray[np.float64]
@@ -74,7 +75,7 @@ def find(case: Case) -> Finding:
     record = carriage_record(prepared, case.rig)
     found = estimate_supports(record, prepared.signals, case.shot, case.rig)
     judged, reasons = judge(found)
-    reasons = (*reasons, *_unknown_zeros(prepared.signals))
+    reasons = (*doubts_of(case.rig), *reasons, *_unknown_zeros(prepared.signals))
     noisy = list(noisy_records(record, prepared.signals, case.shot, TRACE_DRAWS, zeros=True))
     traces = trace_supports(record, noisy, mechanism, found, WINDOW_S)
     supports = supports_of(record, mechanism, Assumptions())

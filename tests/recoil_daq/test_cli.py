@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from recoil_daq.ingest import ingest_files
+from rigs.rig import load_rig, parse_rig
 from rigs.twin import TwinShot
 from tests.builders.long_recordings import triggered_rig
 from tests.builders.machine_stalls import MachineStalls
@@ -165,6 +167,56 @@ def test_check_reports_every_fault_on_a_line_of_its_own(run, tmp_path, field_sho
     assert any("did you mean `phi10`" in line for line in lines)
     document = json.loads(run("check", rig, "--json").stdout)
     assert len(document["faults"]) == len(lines) - 1
+
+
+def without_uncertainty(rig: Path, field_shot: TwinShot) -> Path:
+    """Write the rig without the uncertainties of the two most important sensors."""
+    text = field_shot.rig_file.read_text(encoding="utf-8")
+    assert text.count(", u_rel = 0.005") == 2
+    rig.write_text(text.replace(", u_rel = 0.005", ""), encoding="utf-8")
+    return rig
+
+
+def test_a_role_without_a_stated_uncertainty_is_refused_before_the_day(run, field_shot: TwinShot, tmp_path):
+    rig = without_uncertainty(tmp_path / "rig.toml", field_shot)
+    for command in (("check", rig), ("ingest", rig, *field_shot.files, "--out", tmp_path / "shots")):
+        result = run(*command)
+        assert result.exit_code == 3
+        for channel in ("acc_recoil", "p_breech"):
+            assert f"'{channel}'.sensor.u_rel: is missing" in result.stderr
+    assert not (tmp_path / "shots").exists()
+
+
+def test_a_shot_that_was_recorded_without_uncertainties_is_identified_and_not_valid(
+    run, field_shot: TwinShot, tmp_path
+):
+    rig = load_rig(field_shot.rig_file)
+    less = parse_rig(rig.text.replace(", u_rel = 0.005", ""), rig.path, refuse_doubts=False)
+    path = ingest_files(less, field_shot.files, shot="old", out=tmp_path).path
+    assert run("show", path).exit_code == 0
+    result = run("identify", path, "--out", tmp_path / "reports", "--json")
+    assert result.exit_code == 1, result.output
+    report = json.loads(result.stdout)["reports"][0]
+    assert abs(report["mass"]["value"] / field_shot.truth["m3"] - 1) < 0.05
+    assert [reason.split(":")[1].strip() for reason in report["reasons"] if "u_rel" in reason] == [
+        "channel[0] 'acc_recoil'.sensor.u_rel",
+        "channel[5] 'p_breech'.sensor.u_rel",
+    ]
+
+
+def test_what_is_taken_as_exact_is_said_in_check_verdict_and_report(run, field_shot: TwinShot, stored, tmp_path):
+    said = "taken as exact: bore_area, brake_area, recuperator_area"
+    ingest = ("ingest", "field-2013", *field_shot.files, "--shot", "9", "--out", tmp_path)
+    for command in (("check", "field-2013"), ingest, ("identify", stored, "--out", tmp_path / "reports")):
+        result = run(*command)
+        assert result.exit_code == 0
+        assert said in result.stdout.splitlines()
+    for command in (("check", "field-2013"), (*ingest, "--overwrite")):
+        rows = json.loads(run(*command, "--json").stdout)["assumptions"]
+        assert (rows[0]["quantity"], rows[0]["taken"]) == ("bore_area", "taken as exact")
+    folder = tmp_path / "reports" / "0001"
+    assert json.loads((folder / "report.json").read_text(encoding="utf-8"))["assumptions"] == rows
+    assert f"<li>{said}</li>" in (folder / "report.html").read_text(encoding="utf-8")
 
 
 def test_check_reports_an_overdue_calibration(run, tmp_path, field_shot: TwinShot):

@@ -92,7 +92,7 @@ signal = "AI 2/p_breech"
 quantity = "pressure"
 unit = "V"
 role = "breech_pressure"
-sensor = { sensitivity = 4.4e-8, sensitivity_unit = "pC", amplifier = 2e-3, due = 2026-12-31 }
+sensor = { sensitivity = 4.4e-8, sensitivity_unit = "pC", amplifier = 2e-3, due = 2026-12-31, u_rel = 0.004 }
 
 [[channel]]
 name = "trigger"
@@ -108,6 +108,7 @@ signal = "AI 4/rate"
 quantity = "angular_rate"
 unit = "°/s"
 role = "tipping_rate"
+sensor = { u_rel = 0.01 }
 
 [[channel]]
 name = "x_recoil"
@@ -116,6 +117,7 @@ signal = "Feature #1 - X"
 quantity = "displacement"
 unit = "mm"
 role = "recoil_displacement"
+sensor = { u_rel = 0 }
 
 [[channel]]
 name = "rate_can"
@@ -490,9 +492,38 @@ def test_one_fault_is_told_with_its_key_path_and_what_would_be_right(old: str, n
     assert re.match(fault, only_fault_of((old, new)))
 
 
+def test_every_channel_that_enters_the_estimate_without_an_uncertainty_is_named_at_once() -> None:
+    faults = faults_of((", u_rel = 0.005", ""), (", u_rel = 0.004", ""), ("sensor = { u_rel = 0 }\n", ""))
+    assert [fault.key for fault in faults] == [
+        "channel[0] 'acc_recoil'.sensor.u_rel",
+        "channel[1] 'p_breech'.sensor.u_rel",
+        "channel[4] 'x_recoil'.sensor.u_rel",
+    ]
+    assert "is missing: role 'breech_pressure' enters the estimate" in faults[1].problem
+
+
+def test_zero_uncertainty_counts_where_it_is_written() -> None:
+    assert rig_of(changed(("u_rel = 0.005", "u_rel = 0"))).channel("acc_recoil").sensor.states_u_rel
+    assert not rig_of().channel("trigger").sensor.states_u_rel
+
+
+def test_a_recorded_shots_rig_is_read_with_its_doubts() -> None:
+    text = changed((", u_rel = 0.004", ""))
+    rig = parse_rig(text, PATH, {"rig.dbc": DATABASE}, refuse_doubts=False)
+    assert [doubt.key for doubt in rig.doubts] == ["channel[1] 'p_breech'.sensor.u_rel"]
+    assert rig_of().doubts == ()
+    with pytest.raises(RigError, match="unknown key"):
+        parse_rig(text.replace("serial =", "serail ="), PATH, {"rig.dbc": DATABASE}, refuse_doubts=False)
+
+
 def test_two_channels_of_one_role_are_both_named() -> None:
     role = 'role = "recoil_displacement"'
-    faults = faults_of(('quantity = "angular_rate"\n\n', 'quantity = "angular_rate"\nrole = "tipping_rate"\n\n'))
+    faults = faults_of(
+        (
+            'quantity = "angular_rate"\n\n',
+            'quantity = "angular_rate"\nrole = "tipping_rate"\nsensor = { u_rel = 0.02 }\n\n',
+        )
+    )
     assert [str(f) for f in faults] == [
         "channel[3] 'rate_daq'.role: 'tipping_rate' is also the role of rate_can; one channel per role",
         "channel[5] 'rate_can'.role: 'tipping_rate' is also the role of rate_daq; one channel per role",

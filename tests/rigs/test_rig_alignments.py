@@ -33,7 +33,8 @@ def channel(name: str, source: str, quantity: str, role: str = "", sensor: str =
     text = (
         f'[[channel]]\nname = "{name}"\nsource = "{source}"\nsignal = "s"\nquantity = "{quantity}"\nrole = "{role}"\n'
     )
-    return text + (f"sensor = {{ {sensor} }}\n" if sensor else "")
+    keys = ", ".join(filter(None, ("u_rel = 0.01" if role else "", sensor)))
+    return text + (f"sensor = {{ {keys} }}\n" if keys else "")
 
 
 ACC = channel("acc", "daq", "acceleration", "recoil_acceleration")

@@ -1,0 +1,29 @@
+"""What a rig file leaves unsaid is said for it."""
+
+from __future__ import annotations
+
+from rigs.assumptions import assumption_lines, assumptions_of
+from rigs.rig import load_rig, parse_rig
+from tests.builders.bench_shots import bench_rig
+
+
+def test_what_has_no_uncertainty_no_sensor_and_no_date_is_named() -> None:
+    lines = assumption_lines(assumptions_of(bench_rig()))
+    assert lines == [
+        "taken as exact: bore_area, brake_area, recuperator_area",
+        "not measured: carriage_acceleration_x, carriage_acceleration_y, carriage_rate, tipping_rate",
+        "no calibration date: acc, p_breech, p_brake, p_recuperator",
+    ]
+
+
+def test_a_friction_without_an_uncertainty_is_taken_as_exact() -> None:
+    text = bench_rig().text.replace("u_friction = 150.0\n", "")
+    rows = assumptions_of(parse_rig(text, bench_rig().path))
+    assert [row["detail"] for row in rows if row["quantity"] == "friction"] == [
+        "[mechanism] has no u_friction: 1500 N is taken"
+    ]
+
+
+def test_what_is_stated_is_no_assumption() -> None:
+    rig = load_rig("field-2013")
+    assert assumption_lines(assumptions_of(rig)) == ["taken as exact: bore_area, brake_area, recuperator_area"]
