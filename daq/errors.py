@@ -98,7 +98,9 @@ class UnknownFormatError(ReadError):
         Names of the readers that claim it.
     """
 
-    def __init__(self, path: Path, candidates: Sequence[str], known: Sequence[str]) -> None:
+    def __init__(
+        self, path: Path, candidates: Sequence[str], known: Sequence[str], *, found: str = "", remedy: str = ""
+    ) -> None:
         self.candidates = tuple(candidates)
         if candidates:
             super().__init__(
@@ -112,8 +114,9 @@ class UnknownFormatError(ReadError):
                 "no reader recognises this file's content",
                 path=path,
                 expected=f"one of the {len(known)} formats that `recoil-daq formats` lists",
-                remedy="export it in one of these, declare the `layout` of its source if it is a table of text, "
-                "or leave it out",
+                found=found or None,
+                remedy=(f"{remedy}, or" if remedy else "export it in one of these,")
+                + " declare the `layout` of its source if it is a table of text; or leave it out",
             )
 
 

@@ -200,20 +200,22 @@ def _input_file(path: Path, source: str, reader: str) -> InputFile:
 def reader_of(path: Path, rig: Rig | None) -> Reader:
     """Return the reader of a file: its source's declared layout decides, then the file's content.
 
-    Raw serial bytes are known by their source's pattern alone, and so is a table whose layout is declared; a file
-    that no reader recognises is of the one source that declares a layout and has no pattern.
+    A table that only its shape speaks for is of the kind of the sources whose pattern fits, or, where none does, of
+    those that have no pattern. Raw serial bytes are known by their source's pattern alone, and so is a table whose
+    layout is declared; a file that no reader recognises is of the one source that declares a layout and has no pattern.
     """
     matching = () if rig is None else rig.matching(path.name)
     if len(matching) == 1 and matching[0].layout is not None:
         return BY_LAYOUT[matching[0].kind]
+    unnamed = [s for s in (() if rig is None else rig.sources) if s.match is None]
     try:
-        return recognise(path)
+        return recognise(path, {s.kind for s in matching or unnamed})
     except UnknownFormatError as error:
         if error.candidates:
             raise
         if any(s.kind == "serial" for s in matching):
             return next(reader for reader in READERS if reader.kind == "serial")
-        laid_out = [s for s in (() if rig is None else rig.sources) if s.layout is not None and s.match is None]
+        laid_out = [s for s in unnamed if s.layout is not None]
         if not matching and len(laid_out) == 1:
             return BY_LAYOUT[laid_out[0].kind]
         raise

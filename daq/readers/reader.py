@@ -161,6 +161,15 @@ class Confirming(Protocol):
         ...
 
 
+@runtime_checkable
+class Shaped(Protocol):
+    """A reader that takes tables which nothing but their shape speaks for, where a rig says what they are."""
+
+    def suits(self, head: bytes) -> str:
+        """Say what a file has of a table of this shape; empty if it is none."""
+        ...
+
+
 class Reader(Protocol):
     """One format."""
 

@@ -1,13 +1,14 @@
 """The table of readers, and how a file finds its reader.
 
-`READERS` is the table. A file is recognised by its content alone (`recognise`): exactly one reader
-claims it, or the error names the candidates. A text table whose layout the rig declares is read by
-`daq.readers.text.declared_table`, which claims nothing and is not in the table.
+`READERS` is the table. A file is recognised by its content (`recognise`): exactly one reader claims it, or the error
+names the candidates. A table that only its shape speaks for, as other programs write it too, is taken where a rig says
+of which kind its source is. A text table whose layout the rig declares is read by `daq.readers.text.declared_table`,
+which claims nothing and is not in the table.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,7 +23,7 @@ from daq.readers.hdf5.reader import Hdf5Reader
 from daq.readers.mat.reader import MatReader
 from daq.readers.mdf.reader import MdfReader
 from daq.readers.oxygen.dmd import OxygenReader
-from daq.readers.reader import HEAD_BYTES, Confirming, Declarations, Reader, Recording, SignalHeader
+from daq.readers.reader import HEAD_BYTES, Confirming, Declarations, Reader, Recording, Shaped, SignalHeader
 from daq.readers.serial.capture import SerialCaptureReader
 from daq.readers.tdms.reader import TdmsReader
 from daq.readers.text.dasylab import DasylabTextReader
@@ -36,6 +37,7 @@ from daq.readers.tracks.sleap_analysis import SleapAnalysisReader
 from daq.readers.tracks.sleap_text import SleapTextReader
 from daq.readers.tracks.tracker_text import TrackerTextReader
 from daq.readers.uff.reader import UffReader
+from daq.readers.unread import foreign_format
 from daq.readers.wav.reader import WavReader
 
 READERS: tuple[Reader, ...] = (
@@ -119,8 +121,15 @@ def read_head(path: Path) -> bytes:
     return head
 
 
-def recognise(path: Path) -> Reader:
+def recognise(path: Path, kinds: Collection[str] = ()) -> Reader:
     """Find the one reader that claims a file by its content.
+
+    Parameters
+    ----------
+    path : Path
+    kinds : collection of str
+        Kinds of the sources that a rig says the file may be of: a table of the shape that is read for one of them is
+        taken, though nothing in it says whose it is.
 
     Raises
     ------
@@ -133,9 +142,22 @@ def recognise(path: Path) -> Reader:
     claiming = [reader for reader in READERS if reader.claims(head)]
     if len(claiming) > 1:
         claiming = [reader for reader in claiming if not isinstance(reader, Confirming) or reader.confirms(path)]
-    if len(claiming) != 1:
+    if len(claiming) == 1:
+        return claiming[0]
+    if claiming:
         raise UnknownFormatError(path, [r.name for r in claiming], [r.name for r in READERS])
-    return claiming[0]
+    found, remedy = foreign_format(path, head)
+    if not found:
+        shapes = {r: shape for r in READERS if isinstance(r, Shaped) and (shape := r.suits(head))}
+        suiting = [reader for reader in shapes if reader.kind in kinds]
+        if len(suiting) == 1:
+            return suiting[0]
+        if shapes:
+            reader, found = next(iter(shapes.items()))
+            remedy = (
+                f'say in a rig whose it is, a source with `kind = "{reader.kind}"` and a `match` of the file\'s name'
+            )
+    raise UnknownFormatError(path, [], [r.name for r in READERS], found=found, remedy=remedy)
 
 
 __all__ = [

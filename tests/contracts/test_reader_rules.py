@@ -41,7 +41,9 @@ def test_every_reader_keeps(rule: Callable[[Case, Path], None], case: Case, tmp_
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_exactly_one_reader_claims_each_file(case: Case) -> None:
-    assert [reader.name for reader in READERS if reader.claims(case.content)] == [case.reader.name]
+    claiming = [reader.name for reader in READERS if reader.claims(case.content)]
+    assert claiming or [reader.name for reader in READERS if rules.takes(reader, case.content)] == [case.reader.name]
+    assert claiming in ([], [case.reader.name])
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.errors import ReadError
+from daq.errors import ReadError, UnknownFormatError
 from daq.readers.tracks.proanalyst_text import ProAnalystTextReader
 from recoil_daq.ingest import ingest_files, reader_of
 from rigs.rig import Rig, load_rig, parse_rig
@@ -29,6 +29,16 @@ def test_a_declared_layout_chooses_the_reader_by_the_sources_pattern(tmp_path: P
     path.write_bytes(tracks_text())
     assert reader_of(path, load_rig("field-2013")).name == "ProAnalyst text"
     assert reader_of(path, with_layout()).name == "declared track table"
+
+
+def test_numbers_alone_are_tracks_where_the_name_is_a_cameras(tmp_path: Path) -> None:
+    rig = load_rig("field-2013")
+    for name in ("s1_camera.csv", "s1_other.csv", "s1_dewetron.csv"):
+        (tmp_path / name).write_bytes(tracks_text(header=None))
+    assert reader_of(tmp_path / "s1_camera.csv", rig).name == "ProAnalyst text"
+    for name in ("s1_other.csv", "s1_dewetron.csv"):
+        with pytest.raises(UnknownFormatError, match="say in a rig whose it is"):
+            reader_of(tmp_path / name, rig)
 
 
 def test_a_recognised_file_never_hides_a_declared_layout(tmp_path: Path) -> None:

@@ -1,8 +1,9 @@
 """OXYGEN's text export, whose layout is not published.
 
-So nothing is assumed: header row, a row of units or units in brackets, separator, decimal mark and the
-column of time are found from the file, and where it can be read in more than one way it is refused. Such a
-file is read by what the rig declares in ``[source.layout]``.
+So a file is known as one of OXYGEN's by the names in it alone, or where a rig says that its source is a recorder: many
+programs write a table of time and units. Nothing is assumed of it: header row, a row of units or units in brackets,
+separator, decimal mark and the column of time are found from the file, and where it can be read in more than one way
+it is refused. Such a file is read by what the rig declares in ``[source.layout]``.
 """
 
 from __future__ import annotations
@@ -35,6 +36,8 @@ DECLARE = (
 )
 
 _TIME = re.compile(r"(time|zeit|timestamp|date ?/? ?time|date and time|datetime)\s*(\[[^\[\]]*\])?", re.IGNORECASE)
+_OXYGEN = re.compile(r"oxygen|dewetron|\b(?:AI|DI|CNT) \d+/[A-Z]?\d+\b|@POWER/\d", re.IGNORECASE)
+"""Names of the program and its maker, and how it names its channels."""
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}([.,]\d{3})")
 
 
@@ -78,6 +81,10 @@ def readings(lines: Sequence[str]) -> list[Reading]:
                 found.append(reading)
             break
     return found
+
+
+def _tables(lines: Sequence[str]) -> list[Reading]:
+    return [] if lines[0].startswith("DASYLab") else readings(lines)
 
 
 def _reading(lines: Sequence[str], i: int, separator: str, cells: list[str]) -> Reading | None:
@@ -144,11 +151,14 @@ class OxygenTextReader:
     suffixes = (".csv", ".txt")
 
     def claims(self, head: bytes) -> bool:
-        """Tell whether a heading of time, with units in brackets or in a row below, stands over a row of numbers."""
+        """Tell whether a heading of time with units stands over a row of numbers, and OXYGEN's own words with it."""
         lines = decode_head(head).split("\n")[: HEADER_LINES + 3]
-        if lines[0].startswith("DASYLab"):
-            return False
-        return bool(readings(lines))
+        return any(_OXYGEN.search(line) for found in _tables(lines) for line in lines[: found.header_row + 1])
+
+    def suits(self, head: bytes) -> str:
+        """Say so if a heading of time, with units in brackets or in a row below, stands over a row of numbers."""
+        lines = decode_head(head).split("\n")[: HEADER_LINES + 3]
+        return "a table under a heading of time, as many recorders export it" if _tables(lines) else ""
 
     def open(self, path: Path, declared: Declarations) -> TextRecording:
         """Open an export.

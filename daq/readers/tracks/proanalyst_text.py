@@ -31,21 +31,17 @@ class ProAnalystTextReader:
     suffixes = (".csv", ".txt")
 
     def claims(self, head: bytes) -> bool:
-        """Tell whether numbers stand under headings of a track, or without any under whole frame numbers."""
-        lines = decode_head(head).split("\n")[:-1][: HEADER_LINES + BLOCK_ROWS]
-        found = find_numbers(lines)
-        if found is None:
-            return False
-        row, separator = found
-        header = [split_cells(line, separator) for line in lines[:row]]
-        if signature(lines) or any(cells and cells[0].casefold().startswith(("time", "scorer")) for cells in header):
-            return False
-        numbers = [split_cells(line, separator) for line in lines[row : row + BLOCK_ROWS]]
-        columns = columns_from_headings(header[-3:], len(numbers[0]))
-        if columns is not None:
-            return any(column.kind in ("frame", "position") for column in columns)
+        """Tell whether numbers stand under headings of a track."""
+        header, numbers = _parts(head)
+        columns = columns_from_headings(header[-3:], len(numbers[0])) if numbers else None
+        return columns is not None and any(column.kind in ("frame", "position") for column in columns)
+
+    def suits(self, head: bytes) -> str:
+        """Say so if there is nothing but numbers under whole ones that increase, as they stand in many a table."""
+        header, numbers = _parts(head)
         first = [cells[0] for cells in numbers]
-        return not any(header) and all(is_number(c) for c in first) and _whole(first)
+        bare = bool(numbers) and not any(header) and all(map(is_number, first)) and _whole(first)
+        return "numbers without headings, as of camera tracks and of other tables" if bare else ""
 
     def open(self, path: Path, declared: Declarations) -> TrackRecording:
         """Open an export.
@@ -59,6 +55,19 @@ class ProAnalystTextReader:
         """
         refuse_layout(declared, path)
         return TrackRecording(read_track_table(read_text(path), self.name, declared.frame_rate_hz), declared)
+
+
+def _parts(head: bytes) -> tuple[list[list[str]], list[list[str]]]:
+    """Return the cells of the rows above the numbers and of the first rows of them, none if it is another's table."""
+    lines = decode_head(head).split("\n")[:-1][: HEADER_LINES + BLOCK_ROWS]
+    found = find_numbers(lines)
+    if found is None or signature(lines):
+        return [], []
+    row, separator = found
+    header = [split_cells(line, separator) for line in lines[:row]]
+    if any(cells and cells[0].casefold().startswith(("time", "scorer")) for cells in header):
+        return [], []
+    return header, [split_cells(line, separator) for line in lines[row : row + BLOCK_ROWS]]
 
 
 def _whole(cells: Sequence[str]) -> bool:

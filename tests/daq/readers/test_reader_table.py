@@ -39,6 +39,62 @@ def test_a_file_that_no_reader_claims_says_where_the_formats_are_listed(content:
     assert caught.value.candidates == ()
 
 
+BARE = build.tracks_text(header=None)
+WHOLE = "".join(f"{i},{72500 + 833 * i},{-83 + 60 * i},{i % 7},0,0\n" for i in range(1, 41)).encode()
+TEMA = b"Time [s]\tPoint#1 X [mm]\tPoint#1 Y [mm]\n" + b"0.0\t1.5\t2.5\n0.1\t1.6\t2.5\n"
+CATMAN = b"HBM catman data\nZeit\tKraft\tWeg\ns\tkN\tmm\n" + b"0,0\t1,5\t2,5\n0,1\t1,6\t2,5\n"
+
+
+@pytest.mark.parametrize(
+    ("content", "kind", "name"),
+    [
+        (BARE, "camera", "ProAnalyst text"),
+        (WHOLE, "camera", "ProAnalyst text"),
+        (TEMA, "dewetron", "OXYGEN text export"),
+        (CATMAN, "dewetron", "OXYGEN text export"),
+    ],
+)
+def test_a_table_that_only_its_shape_speaks_for_is_what_a_rig_says(
+    content: bytes, kind: str, name: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "a.csv"
+    path.write_bytes(content)
+    for kinds in ((), ("can", "serial"), ("camera",) if kind == "dewetron" else ("dewetron",)):
+        with pytest.raises(UnknownFormatError, match=rf'say in a rig whose it is.*`kind = "{kind}"`'):
+            recognise(path, kinds)
+    assert recognise(path, (kind,)).name == name
+    assert recognise(path, ("camera", "can", "dewetron")).name == name
+
+
+OWN_WORDS = ("Time [s],AI 1/1 [V]", "Time [s],AI 2/I3 Sim_AVG [A]", "Recorded by DEWETRON OXYGEN\nTime [s],a [V]")
+
+
+@pytest.mark.parametrize("header", OWN_WORDS)
+def test_oxygens_own_words_are_enough(header: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(f"{header}\n0.0,1.5\n0.1,1.6\n")
+    assert recognise(path).name == "OXYGEN text export"
+
+
+COMTRADE = "STATION,DEVICE,2013\r\n6, 4A,2D\r\n1,IA ,,Line, A,0.1,0.05,0,-32768,32767,933,1,s\r\n"
+
+
+@pytest.mark.parametrize("suffix", [".cfg", ".CFG"])
+def test_a_record_of_a_protection_relay_is_named_whatever_a_rig_says(suffix: str, tmp_path: Path) -> None:
+    (tmp_path / f"a{suffix}").write_text(COMTRADE)
+    (tmp_path / "a.dat").write_bytes(WHOLE)
+    for name in ("a.dat", f"a{suffix}"):
+        with pytest.raises(UnknownFormatError, match=r"found COMTRADE.*export it as a table of text") as caught:
+            recognise(tmp_path / name, ("camera", "dewetron"))
+        assert "\n" not in str(caught.value)
+
+
+def test_a_real_record_of_a_protection_relay_is_named() -> None:
+    for name in ("sample_ascii.dat", "sample_ascii.cfg"):
+        with pytest.raises(UnknownFormatError, match="COMTRADE"):
+            recognise(shared_file(f"other/{name}"), ("camera",))
+
+
 def test_two_claims_name_the_candidates(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "a.blf"
     path.write_bytes(build.blf_log(build.can_entries()))

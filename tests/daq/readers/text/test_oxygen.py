@@ -83,7 +83,7 @@ def test_what_can_be_read_in_two_ways_is_refused_and_says_how_to_declare(text: s
         recording = opened(tmp_path, text)  # only `;` leaves a heading of time alone: one way
         np.testing.assert_array_equal(recording.read("x,a"), [2.3, 2.3])
         return
-    assert READER.claims(text.encode())
+    assert READER.suits(text.encode())
     with pytest.raises(ReadError, match=why) as caught:
         opened(tmp_path, text)
     assert caught.value.remedy is not None

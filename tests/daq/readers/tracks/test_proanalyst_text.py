@@ -99,7 +99,8 @@ def test_every_way_of_writing_gives_the_same_track(
     separator: str, decimal: str, header: str | None, tmp_path: Path
 ) -> None:
     whole = tracks_text(30, header=header).decode().replace(",", separator).replace(".", decimal)
-    assert READER.claims(whole.encode("utf-16"))
+    assert READER.claims(whole.encode("utf-16")) == (header is not None)
+    assert bool(READER.suits(whole.encode("utf-16"))) == (header is None)
     recording = opened(tmp_path, whole.encode("utf-16"))
     (track,) = recording.tracks()
     np.testing.assert_array_equal(track.positions[:, 0], np.round(0.25 * np.arange(30) + 0.5, 4))

@@ -28,6 +28,8 @@ EXPECTED = {
     "proanalyst_paws_jones2020_008_129_DB.csv": ("ProAnalyst text", 2000.0, (("feature1", 856, 0),), 787),
     "proanalyst_paws_jones2020_100_AJ_DB.csv": ("ProAnalyst text", 2000.0, (("feature1", 1041, 0),), 935),
 }  # fmt: skip
+BARE = ("SYNTHETIC_proanalyst_like_noheader.csv",)
+"""Nothing in them says that they are tracks: a rig must."""
 REFUSED = ("SYNTHETIC_truth.json", "tracker_export_brocku_snippets.txt")
 
 
@@ -35,14 +37,22 @@ REFUSED = ("SYNTHETIC_truth.json", "tracker_export_brocku_snippets.txt")
 def test_a_file_is_read_by_exactly_one_reader_with_its_counts(name: str) -> None:
     path = shared_file(f"tracks/{name}")
     reader, rate_hz, tracks, repeated = EXPECTED[name]
-    assert [r.name for r in READERS if r.claims(path.read_bytes()[:HEAD_BYTES])] == [reader]
-    recording = recognise(path).open(path, Declarations("camera", frame_rate_hz=rate_hz))
+    assert [r.name for r in READERS if r.claims(path.read_bytes()[:HEAD_BYTES])] == [reader] * (name not in BARE)
+    recording = recognise(path, {"camera"} if name in BARE else ()).open(
+        path, Declarations("camera", frame_rate_hz=rate_hz)
+    )
     assert tuple((t.name, len(t.positions), int(t.lost.sum())) for t in recording.tracks()) == tracks
     assert recording.incomplete == ""
     if repeated is not None:
         assert len(recording.metadata["repeated_frames"]) == repeated
         told = [note for note in recording.notes if note.startswith("repeated pictures")]
         assert [f": {repeated}, frames" in note for note in told] == [True] * bool(repeated)
+
+
+@pytest.mark.parametrize("name", BARE)
+def test_tracks_without_headings_are_none_before_a_rig_says_so(name: str) -> None:
+    with pytest.raises(UnknownFormatError, match=r"found numbers without headings.*`kind = \"camera\"` and a `match`"):
+        recognise(shared_file(f"tracks/{name}"))
 
 
 @pytest.mark.parametrize("name", REFUSED)
