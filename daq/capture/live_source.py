@@ -145,11 +145,11 @@ class CanSignals:
     """
 
     def __init__(self, source: LiveSource, channels: Sequence[LiveChannel]) -> None:
-        messages = load_database(source.database or "", source.path).messages
+        database = load_database(source.database or "", source.path)
         names: list[str] = []
         self._wanted: dict[tuple[int, bool], list[tuple[LiveChannel, SignalLayout, dict[str, SignalLayout]]]] = {}
         found: set[str] = set()
-        for message in messages:
+        for message in database.messages:
             layouts = {s.name: layout for s in message.signals if (layout := layout_of(s)) is not None}
             names += [f"{message.name}.{name}" for name in layouts]
             key = int(message.frame_id), bool(message.is_extended_frame)
@@ -160,6 +160,7 @@ class CanSignals:
                     found.add(channel.name)
         for channel in channels:
             if channel.name not in found:
+                database.refuse_faulty(channel.signal, source.path)
                 raise MissingChannelError(channel.signal, tuple(names), path=source.path)
 
     def feed(self, block: Block) -> list[LiveSamples]:

@@ -165,13 +165,13 @@ def can_counter_check(source: str, names: Sequence[str], database: str, path: Pa
         If the database is at fault.
     """
     counters: dict[tuple[int, bool], SignalLayout] = {}
+    parsed = load_database(database, path)
     known = {
-        f"{message.name}.{signal.name}": (message, signal)
-        for message in load_database(database, path).messages
-        for signal in message.signals
+        f"{message.name}.{signal.name}": (message, signal) for message in parsed.messages for signal in message.signals
     }
     for name in names:
         if name not in known:
+            parsed.refuse_faulty(name, path)
             raise DeviceError(
                 f"source '{source}': the database has no signal {name!r}",
                 found=", ".join(nearest_first(name, tuple(known))[:5]),

@@ -32,7 +32,7 @@ def can_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile:
         messages = load_database(scene.rig.databases[str(source.database)], Path(str(source.database))).messages
     except ReadError as error:
         faults.append(Fault(f"source '{source.name}'.database", str(error)))
-        messages = []
+        messages = ()
     node = Clock(clock.offset_s + 1e-3 * float(rng.uniform(1.0, 2.0)), s.clock_drift * float(rng.uniform(-1.0, 1.0)))
     at = node.to_reference(scene.instants(node, s.can_rate_hz))
     by_message: dict[str, list[ChannelSpec]] = {}

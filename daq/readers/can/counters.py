@@ -17,6 +17,7 @@ import numpy as np
 from daq.errors import ReadError, nearest_first
 from daq.readers.can.decoding import SignalLayout, layout_of, present
 from daq.readers.can.frames import EXTENDED, CanFrames
+from daq.readers.can.messages import CanDatabase
 from daq.readers.counter_gaps import CounterGaps, find_gaps
 
 _NEVER_WRAPS_BITS = 63
@@ -78,14 +79,14 @@ class MessageCount:
         return [f"{self.name}: {places} gaps, {sum(c.missing for c in self.channels)} messages are missing"]
 
 
-def declared_counters(names: Sequence[str], database: Any, path: Path) -> list[MessageCounter]:
+def declared_counters(names: Sequence[str], database: CanDatabase, path: Path) -> list[MessageCounter]:
     """Find the counters that a rig declares in its database.
 
     Parameters
     ----------
     names : sequence of str
         Such as ``Message.Signal``.
-    database : cantools.database.can.Database
+    database : CanDatabase
     path : Path
         The log, for messages.
 
@@ -110,6 +111,7 @@ def declared_counters(names: Sequence[str], database: Any, path: Path) -> list[M
     for name in names:
         if name in integers:
             continue
+        database.refuse_faulty(name, path)
         nearest = nearest_first(name, integers)
         raise ReadError(
             f"the counter {name!r} is a float in the CAN database"

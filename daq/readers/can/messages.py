@@ -44,8 +44,63 @@ class Messages:
     data: NDArray[np.uint8]
 
 
-def load_database(text: str, path: Path) -> Any:
-    """Parse the text of a CAN database, strictly; its format is found from its content.
+@dataclass(frozen=True)
+class FaultyMessage:
+    """A message of a database whose signals overlap, or do not fit into it.
+
+    Attributes
+    ----------
+    name : str
+    key : int
+        Identifier, with bit 31 for 29 bits.
+    fault : str
+        As cantools found it.
+    """
+
+    name: str
+    key: int
+    fault: str
+
+
+@dataclass(frozen=True, eq=False)
+class CanDatabase:
+    """A parsed CAN database.
+
+    Attributes
+    ----------
+    messages : tuple of cantools.database.can.Message
+        The sound ones.
+    faulty : tuple of FaultyMessage
+        None of their signals is read.
+    """
+
+    messages: tuple[Any, ...]
+    faulty: tuple[FaultyMessage, ...] = ()
+
+    def refuse_faulty(self, signal: str, path: Path) -> None:
+        """Raise `ReadError` if a signal, such as ``Message.Signal``, is of a faulty message."""
+        for one in self.faulty:
+            if signal.partition(".")[0] == one.name:
+                raise ReadError(
+                    f"the message {one.name!r} of the CAN database is faulty, and {signal!r} is used",
+                    path=path,
+                    found=one.fault,
+                    remedy="correct the message in the database that the rig file names",
+                )
+
+    def notes(self) -> list[str]:
+        """Say which messages are faulty."""
+        if not self.faulty:
+            return []
+        shown = "; ".join(f"{one.name} ({one.fault.rstrip('.')})" for one in self.faulty[:8])
+        more = " ..." if len(self.faulty) > 8 else ""
+        return [f"faulty messages of the database, {len(self.faulty)}, were left out: {shown}{more}"]
+
+
+def load_database(text: str, path: Path) -> CanDatabase:
+    """Parse the text of a CAN database; its format is found from its content.
+
+    Faulty messages among sound ones are named in what is returned, and left to be refused where they are used.
 
     Parameters
     ----------
@@ -53,10 +108,6 @@ def load_database(text: str, path: Path) -> Any:
         DBC, KCD, SYM or ARXML.
     path : Path
         The log that needs it, for messages.
-
-    Returns
-    -------
-    cantools.database.can.Database
 
     Raises
     ------
@@ -95,11 +146,24 @@ def database_format(text: str) -> str:
 
 
 @lru_cache(maxsize=4)
-def _parse_database(text: str, kind: str) -> Any:
+def _parse_database(text: str, kind: str) -> CanDatabase:
     """Parse once per text: a campaign reads hundreds of logs with one database."""
     import cantools
+    from cantools.database.errors import Error
 
-    return cantools.database.load_string(text, kind, strict=True)
+    loose: Any = cantools.database.load_string(text, kind, strict=False)
+    sound, faulty = [], []
+    for message in loose.messages:
+        try:
+            message.refresh(strict=True)
+        except Error as fault:
+            key = message.frame_id | (EXTENDED if message.is_extended_frame else 0)
+            faulty.append(FaultyMessage(message.name, key, str(fault)))
+        else:
+            sound.append(message)
+    if faulty and not sound:
+        raise ValueError(faulty[0].fault)
+    return CanDatabase(tuple(sound), tuple(faulty))
 
 
 def messages_of(message: Any, frames: CanFrames, chosen: NDArray[np.intp], notes: list[str]) -> Messages:

@@ -7,7 +7,6 @@ decoded at once.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,18 +16,14 @@ from daq.errors import CorruptFileError, MissingChannelError, ReadError
 from daq.readers.can.counters import count_messages, counts_as_json, declared_counters
 from daq.readers.can.decoding import SignalLayout, present
 from daq.readers.can.frames import EXTENDED, CanLog
-from daq.readers.can.messages import Messages, count_identifiers, load_database, messages_of
+from daq.readers.can.messages import CanDatabase, Messages, count_identifiers, load_database, messages_of
 from daq.readers.reader import Declarations, SignalHeader
 from daq.timebase import AbsoluteStart, TimeBase
 from daq.track import Track
 
 
-def declared_database(declared: Declarations, path: Path) -> Any:
+def declared_database(declared: Declarations, path: Path) -> CanDatabase:
     """Return the database that a rig declares for a file of a CAN bus.
-
-    Returns
-    -------
-    cantools.database.can.Database
 
     Raises
     ------
@@ -52,7 +47,7 @@ class CanRecording:
     path : Path
     reader : str
     log : CanLog
-    database : cantools.database.can.Database
+    database : CanDatabase
     declared : Declarations
         Its clock, and its counters: gaps and missing messages of each are counted (`MessageCount`).
 
@@ -64,13 +59,14 @@ class CanRecording:
         If a counter that is declared is none of the database.
     """
 
-    def __init__(self, path: Path, reader: str, log: CanLog, database: Any, declared: Declarations) -> None:
+    def __init__(self, path: Path, reader: str, log: CanLog, database: CanDatabase, declared: Declarations) -> None:
         self.path = path
         self.reader = reader
         self.absolute_start: AbsoluteStart | None = log.absolute_start
         self.incomplete = log.incomplete
         self._clock = declared.clock
-        notes = list(log.notes)
+        self._database = database
+        notes = [*log.notes, *database.notes()]
         counters = declared_counters(declared.counters, database, path)
         if not log.frames.key.size:
             raise CorruptFileError(
@@ -81,6 +77,7 @@ class CanRecording:
             )
         self._signals: dict[str, tuple[Messages, SignalLayout, NDArray[np.bool_]]] = {}
         foreign = np.ones(log.frames.key.size, dtype=bool)
+        foreign &= ~np.isin(log.frames.key, [one.key for one in database.faulty])
         absent: list[str] = []
         headers: list[SignalHeader] = []
         for message in database.messages:
@@ -127,6 +124,7 @@ class CanRecording:
         try:
             return self._signals[name]
         except KeyError:
+            self._database.refuse_faulty(name, self.path)
             raise MissingChannelError(name, tuple(self._signals), path=self.path) from None
 
     def read(self, name: str, start: int = 0, stop: int | None = None) -> NDArray[np.float64]:

@@ -13,13 +13,16 @@ from cantools.database.conversion import BaseConversion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.errors import ReadError
+from daq.errors import MissingChannelError, ReadError
+from daq.readers.can.counters import declared_counters
 from daq.readers.can.decoding import pieces_of, present
 from daq.readers.can.frames import EXTENDED, CanFrames
+from daq.readers.can.log import CandumpReader
 from daq.readers.can.messages import database_format, load_database, messages_of
+from daq.readers.reader import Declarations
 from rigs.rig import _database_text
 from tests.builders.shared_data import shared_file
-from tests.builders.vendor_files import DBC
+from tests.builders.vendor_files import DBC, can_entries, candump_log
 
 KCD = """<?xml version="1.0" encoding="UTF-8"?>
 <NetworkDefinition xmlns="http://kayak.2codeornot2code.org/1.0">
@@ -59,6 +62,40 @@ def test_the_format_of_a_database_is_found_from_its_content(text: str, kind: str
     else:
         signal = messages[0].signals[0]
         assert (messages[0].name, signal.name, float(signal.scale), signal.unit) == ("ACC", "ax", 0.01, "m/s^2")
+
+
+FAULTY = (
+    DBC.replace("48|16@1+ (0.1,-5)", "8|16@1+ (0.1,-5)"),
+    DBC.replace("48|16@1+ (0.1,-5)", "56|16@1+ (0.1,-5)"),
+    KCD.replace("  </Bus>", '<Message id="0x101" name="GYR" length="8"><Signal name="gx" offset="0"/></Message></Bus>')
+    .replace('offset="0" length="16"', 'offset="60" length="16"'),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("text", FAULTY)
+def test_a_faulty_message_leaves_the_others_readable_and_is_refused_where_it_is_used(text: str, tmp_path: Path) -> None:
+    database = load_database(text, Path("a.log"))
+    assert [one.name for one in database.faulty] == ["ACC"]
+    assert next(message.name for message in database.messages) == "GYR"
+    path = tmp_path / "a.log"
+    path.write_bytes(candump_log([*can_entries(9), (10**9, 0x101, bytes(8))]))
+    recording = CandumpReader().open(path, Declarations("bus", database=text))
+    assert "ACC.ax" not in [header.name for header in recording.signals]
+    assert recording.read("GYR.gx").size
+    told = [note for note in recording.notes if "messages of the database, 1, were left out: ACC (" in note]
+    assert len(told) == 1
+    assert "0x100" not in " ".join(recording.notes)
+    for use in (lambda: recording.read("ACC.ax"), lambda: declared_counters(["ACC.ax"], database, path)):
+        with pytest.raises(ReadError, match=r"message 'ACC' of the CAN database is faulty.*'ACC.ax' is used"):
+            use()
+    with pytest.raises(MissingChannelError):
+        recording.read("GYR.gy")
+
+
+def test_a_database_of_faulty_messages_alone_is_refused() -> None:
+    text = KCD.replace('offset="0" length="16"', 'offset="60" length="16"')
+    with pytest.raises(ReadError, match="cannot be read: The signal ax does not fit in message ACC"):
+        load_database(text, Path("a.log"))
 
 
 @pytest.mark.parametrize("text", ["", "A letter.", "<html></html>", "<!-- NetworkDefinition -->", "timestamp,id"])
