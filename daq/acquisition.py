@@ -16,9 +16,11 @@ from types import UnionType
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
 from daq.errors import CorruptFileError, ReadError, StoreError
+from daq.regular_file import read_beginning, read_small
 
 SCHEMA = "recoil-daq/acquisition/1"
 _HEAD_BYTES = 256
+_LARGEST_BYTES = 16_000_000
 
 
 @dataclass(frozen=True)
@@ -149,9 +151,8 @@ class Acquisition:
 def is_acquisition(path: Path) -> bool:
     """Tell from its beginning whether a file is one of these."""
     try:
-        with path.open("rb") as stream:
-            head = stream.read(_HEAD_BYTES)
-    except OSError:
+        head = read_beginning(path, _HEAD_BYTES)
+    except ReadError:
         return False
     return head.lstrip().startswith(b"{") and SCHEMA.encode() in head
 
@@ -178,10 +179,9 @@ def read_acquisition(path: Path) -> Acquisition:
     CorruptFileError
         If it is not such a file, or damaged.
     """
+    content = read_small(path, _LARGEST_BYTES, "a record of an acquisition")
     try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise ReadError(f"cannot be read: {error.strerror or error}", path=path) from error
+        text = content.decode("utf-8")
     except UnicodeDecodeError as error:
         raise CorruptFileError("is not UTF-8 text", path=path, place=f"byte {error.start}") from error
     try:

@@ -15,6 +15,7 @@ from daq.readers.reader import Reader, Recording
 from daq.readers.table import READERS, recognise
 from daq.readers.text.declared_table import DeclaredTextReader
 from daq.readers.tracks.declared_table import DeclaredTrackReader
+from daq.regular_file import check_regular
 from daq.shot import InputFile, Shot
 from daq.shot_name import shot_name_fault
 from daq.store import write_shot
@@ -204,6 +205,7 @@ def reader_of(path: Path, rig: Rig | None) -> Reader:
     those that have no pattern. Raw serial bytes are known by their source's pattern alone, and so is a table whose
     layout is declared; a file that no reader recognises is of the one source that declares a layout and has no pattern.
     """
+    check_regular(path)
     matching = () if rig is None else rig.matching(path.name)
     if len(matching) == 1 and matching[0].layout is not None:
         return BY_LAYOUT[matching[0].kind]

@@ -10,7 +10,6 @@ import codecs
 import datetime as dt
 import fnmatch
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import resources
@@ -18,8 +17,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from daq.bounded_toml import LARGEST_BYTES, parse_toml
 from daq.errors import Fault, ReadError, RigError
+from daq.readers.can.messages import load_database
 from daq.readers.reader import Declarations
+from daq.regular_file import check_regular, read_small
 from daq.trigger.detector import Trigger
 from daq.trigger.table import trigger_from_table
 from rigs.mechanism import Mechanism
@@ -69,6 +71,9 @@ __all__ = [
 ]
 
 SCHEMA = "recoil-daq/rig/1"
+
+LARGEST_DATABASE_BYTES = 4_000_000
+"""Some 15,000 signals have 2 MB; parsing takes 300 bytes of memory for each byte."""
 
 _TOP_LEVEL_KEYS = ("schema", "name", "reference_clock", "mechanism", "source", "channel", "trigger", "twin")
 
@@ -187,8 +192,10 @@ def find_rig(name_or_path: str) -> Path:
         return path
     if name_or_path in bundled_rigs():
         return Path(str(resources.files("rigs") / f"{name_or_path}.toml"))
-    problem = "this is a directory" if path.is_dir() else "no such rig file"
-    raise ReadError(problem, path=path, expected=f"a TOML file or one of the bundled rigs {', '.join(bundled_rigs())}")
+    expected = f"a TOML file or one of the bundled rigs {', '.join(bundled_rigs())}"
+    if path.exists():
+        check_regular(path)
+    raise ReadError("no such rig file", path=path, expected=expected)
 
 
 def load_rig(name_or_path: str | Path) -> Rig:
@@ -197,18 +204,17 @@ def load_rig(name_or_path: str | Path) -> Rig:
     Raises
     ------
     ReadError
-        If there is no such file, or it is not readable UTF-8.
+        If there is no such file, it is larger than a rig file is, or not readable UTF-8.
     RigError
         With every fault of the file.
     """
     path = find_rig(str(name_or_path))
+    content = read_small(path, LARGEST_BYTES, "a rig file")
     try:
-        text = path.read_text(encoding="utf-8-sig")  # Windows editors begin a file with a byte order mark
-    except OSError as error:
-        raise ReadError(f"cannot be read: {error.strerror}", path=path) from error
+        text = content.decode("utf-8-sig")  # Windows editors begin a file with a byte order mark
     except UnicodeDecodeError as error:
         raise ReadError("is not UTF-8 text", path=path, place=f"byte {error.start}", expected="a TOML file") from error
-    return parse_rig(text, path)
+    return parse_rig(text.replace("\r\n", "\n").replace("\r", "\n"), path)
 
 
 def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None, *, refuse_doubts: bool = True) -> Rig:
@@ -233,8 +239,8 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None,
         With every fault of the text.
     """
     try:
-        tables = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        tables = parse_toml(text)
+    except ValueError as error:
         raise RigError(path, [Fault("TOML", str(error))]) from error
     faults = unknown_keys(tables, _TOP_LEVEL_KEYS, "")
     if tables.get("schema") != SCHEMA:
@@ -280,7 +286,10 @@ def _trigger(tables: Mapping[str, Any], path: Path) -> Trigger | None:
 def _databases(
     sources: Sequence[Source], path: Path, given: Mapping[str, str] | None, faults: list[Fault]
 ) -> Mapping[str, str]:
-    """Read the CAN databases that the sources name, from beside the rig file unless they are given."""
+    """Read the CAN databases that the sources name, used or not, from beside the rig file unless they are given.
+
+    Their texts go into every shot file, so that each must be a database: what else a rig names stays where it is.
+    """
     texts: dict[str, str] = {}
     for source in sources:
         if source.kind != "can" or source.database is None:
@@ -290,9 +299,11 @@ def _databases(
             continue
         file = path.parent / source.database
         try:
-            texts[source.database] = _database_text(file.read_bytes())
-        except OSError as error:
-            faults.append(Fault(f"source '{source.name}'.database", f"{file}: {error.strerror}"))
+            text = _database_text(read_small(file, LARGEST_DATABASE_BYTES, "a CAN database"))
+            load_database(text, file)
+            texts[source.database] = text
+        except ReadError as error:
+            faults.append(Fault(f"source '{source.name}'.database", str(error)))
     return MappingProxyType(texts)
 
 

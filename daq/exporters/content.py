@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import json
 import math
-import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from daq.bounded_toml import parse_toml
 from daq.channel import Channel
 from daq.errors import StoreError, nearest_first
 from daq.shot import Shot
@@ -253,8 +253,8 @@ def _document(shot: Shot, provenance: Mapping[str, Any], aligned: bool) -> dict[
 def _sensors(rig_text: str) -> dict[str, Any]:
     """Read what the rig file says about each channel's sensor; nothing where it cannot be read."""
     try:
-        channels = tomllib.loads(rig_text).get("channel", [])
-    except (tomllib.TOMLDecodeError, RecursionError):
+        channels = parse_toml(rig_text).get("channel", [])
+    except ValueError:
         return {}
     if not isinstance(channels, list):
         return {}

@@ -39,6 +39,7 @@ from daq.readers.tracks.tracker_text import TrackerTextReader
 from daq.readers.uff.reader import UffReader
 from daq.readers.unread import foreign_format
 from daq.readers.wav.reader import WavReader
+from daq.regular_file import read_beginning
 
 READERS: tuple[Reader, ...] = (
     DewesoftTextReader(),
@@ -105,17 +106,9 @@ def read_head(path: Path) -> bytes:
     Raises
     ------
     ReadError
-        If the file is missing, a directory, empty or not readable.
+        If the file is missing, no file but a directory, a pipe or a device, empty or not readable.
     """
-    if path.is_dir():
-        raise ReadError("this is a directory", path=path, expected="a file", remedy="name the files in it")
-    try:
-        with path.open("rb") as file:
-            head = file.read(HEAD_BYTES)
-    except FileNotFoundError as error:
-        raise ReadError("no such file", path=path, remedy="check the name and the folder") from error
-    except OSError as error:
-        raise ReadError(f"cannot be read: {error.strerror}", path=path, remedy="check its permissions") from error
+    head = read_beginning(path, HEAD_BYTES)
     if not head:
         raise ReadError("the file is empty", path=path, remedy="export it again")
     return head

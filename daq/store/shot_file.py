@@ -14,8 +14,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from daq.errors import StoreError
+from daq.errors import ReadError, StoreError
 from daq.new_file import rename_to_new, sync_folder
+from daq.regular_file import read_beginning
 from daq.shot import Shot
 from daq.store.difference import first_difference
 from daq.store.layout import SCHEMA, read_layout, write_layout
@@ -116,10 +117,9 @@ def is_shot_file(path: Path) -> bool:
         False for one that cannot be read.
     """
     try:
-        with Path(path).open("rb") as stream:
-            if stream.read(len(HDF5_SIGNATURE)) != HDF5_SIGNATURE:
-                return False
-    except OSError:
+        if read_beginning(Path(path), len(HDF5_SIGNATURE)) != HDF5_SIGNATURE:
+            return False
+    except ReadError:
         return False
 
     import h5py
@@ -172,10 +172,9 @@ def _opened(path: Path) -> Iterator[Any]:
     """Open a file that claims to be a shot file; map everything that its content can cause to `StoreError`."""
     expected = f"a shot file, {SCHEMA}"
     try:
-        with path.open("rb") as stream:
-            head = stream.read(len(HDF5_SIGNATURE))
-    except OSError as error:
-        raise StoreError(f"cannot be read: {error.strerror}", path=path, expected=expected) from error
+        head = read_beginning(path, len(HDF5_SIGNATURE))
+    except ReadError as error:
+        raise StoreError(error.problem, path=path, expected=expected) from error
     if head != HDF5_SIGNATURE:
         found = "an empty file" if not head else f"a file that begins with {head!r}"
         raise StoreError("this is not an HDF5 file", path=path, expected=expected, found=found)

@@ -1,7 +1,9 @@
 from __future__ import annotations
 
 import datetime as dt
+import os
 import re
+import sys
 from pathlib import Path
 
 import pytest
@@ -640,6 +642,44 @@ def test_a_missing_database_is_one_of_the_faults(tmp_path: Path) -> None:
         load_rig(tmp_path / "bench.toml")
     assert [f.key for f in caught.value.faults] == ["mechanism.m3", "source 'can'.database"]
     assert str(tmp_path / "rig.dbc") in caught.value.faults[1].problem
+
+
+SECOND_BUS = """
+[[source]]
+name = "spare"
+kind = "can"
+database = "other.dbc"
+align = { method = "fixed", offset_s = 0.0 }
+"""
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        (b"root:x:0:0:root:/root:/bin/bash\n" * 20, "this is no CAN database; expected the text of a DBC"),
+        (b"\0" * 5_000_000, "too large; expected a CAN database of at most 4 MB"),
+        (b'VERSION ""\nBO_ x', "cannot be read: Invalid syntax at line 2"),
+        (b'VERSION ""\nBO_ 1 M: 64000000 A\n SG_ s : 0|8@1+ (1,0) [0|1] "" A', "as long as 64000000 bytes"),
+    ],
+)
+def test_a_database_that_no_channel_uses_must_be_one_too(tmp_path: Path, content: bytes, problem: str) -> None:
+    (tmp_path / "bench.toml").write_text(RIG + SECOND_BUS, encoding="utf-8")
+    (tmp_path / "rig.dbc").write_text(DATABASE, encoding="utf-8")
+    (tmp_path / "other.dbc").write_bytes(content)
+    with pytest.raises(RigError) as caught:
+        load_rig(tmp_path / "bench.toml")
+    (fault,) = caught.value.faults
+    assert fault.key == "source 'spare'.database"
+    assert str(tmp_path / "other.dbc") in fault.problem
+    assert problem in fault.problem
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pipes among files")
+def test_a_database_is_a_file(tmp_path: Path) -> None:
+    (tmp_path / "bench.toml").write_text(RIG, encoding="utf-8")
+    os.mkfifo(tmp_path / "rig.dbc")
+    with pytest.raises(RigError, match="this is a pipe"):
+        load_rig(tmp_path / "bench.toml")
 
 
 def test_a_byte_order_mark_is_no_fault(tmp_path: Path) -> None:

@@ -113,6 +113,28 @@ def test_entities_are_refused_before_anything_expands_them(text: str, head: str)
         load_database(f"{declaration}\n{head}\n{rest}", Path("a.log"))
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        DBC.replace(": 8 ", ": 650000 "),
+        DBC.replace("0|16@", "0 |\n 6500000 @"),
+        DBC.replace("0|16@", "6500000|16@"),
+        DBC + "".join(f"BO_ {i + 5} M{i}: 8000 Vector__XXX\n" for i in range(50)),
+        KCD.replace('length="8"', "length = ' +6_5000'"),
+        KCD.replace('length="16"', 'length="6500000"'),
+        KCD.replace('offset="0"', 'offset="6500000"'),
+        SYM.replace("Len=8", "DLC=650000"),
+        SYM.replace("0,16", "0,6500000"),
+        SYM.replace("0,16", "6500000,16"),
+        ARXML.replace("<AR-PACKAGES/>", "<AR-PACKAGES><FRAME-LENGTH>650000</FRAME-LENGTH></AR-PACKAGES>"),
+    ],
+)
+def test_a_length_that_no_bus_has_is_refused_before_its_bits_are_listed(text: str) -> None:
+    assert text not in (DBC, KCD, SYM, ARXML)
+    with pytest.raises(ReadError, match="messages and signals as long as"):
+        load_database(text, Path("a.log"))
+
+
 @pytest.mark.parametrize("text", [KCD[:-30], SYM.replace("Len=8", "Len=?"), ARXML[:-20]])
 def test_a_damaged_database_is_refused_with_its_format(text: str) -> None:
     with pytest.raises(ReadError, match=f"cannot be read.*{database_format(text).upper()} file"):

@@ -1,0 +1,62 @@
+"""TOML of a rig file within bounds: the parser alone takes minutes and gigabytes over a key of many parts."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from typing import Any
+
+LARGEST_BYTES = 1_000_000
+"""The largest rig file that is read; one of 500 channels has some 150,000 bytes."""
+LONGEST_WORD = 1000
+"""Characters of a number or a bare key."""
+MOST_KEY_PARTS = 16
+DEEPEST_NESTING = 32
+MOST_TABLES = 5000
+
+_STRING_OR_COMMENT = re.compile(
+    r'"""[^\\"]*(?:(?:\\.|"(?!""))[^\\"]*)*"""'
+    r"|'''.*?'''"
+    r'|"(?:[^"\\\n]|\\.)*"'
+    r"|'[^'\n]*'"
+    r"|\#[^\n]*",
+    re.DOTALL,
+)
+_LONG_WORD = re.compile(rf"[\w.+:-]{{{LONGEST_WORD + 1}}}")
+_LONG_KEY = re.compile(rf"(?:[\w-]+[ \t]*\.[ \t]*){{{MOST_KEY_PARTS}}}")
+_BRACKET = re.compile(r"[\[\]{}]")
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Parse a text within bounds.
+
+    Raises
+    ------
+    ValueError
+        If it is no TOML, or beyond the bounds.
+    """
+    _check_bounds(text)
+    try:
+        return tomllib.loads(text)
+    except RecursionError as error:
+        raise ValueError("nested too deeply") from error
+
+
+def _check_bounds(text: str) -> None:
+    if len(text) > LARGEST_BYTES:
+        raise ValueError(f"{len(text)} characters; a rig file has up to {LARGEST_BYTES}")
+    # A string may be a part of a key, and so leaves a word; a comment leaves nothing
+    plain = _STRING_OR_COMMENT.sub(lambda found: "" if found[0].startswith("#") else "s", text)
+    word = _LONG_WORD.search(plain)
+    if word is not None:
+        raise ValueError(f"a number or key of more than {LONGEST_WORD} characters: {word[0][:20]}...")
+    key = _LONG_KEY.search(plain)
+    if key is not None:
+        raise ValueError(f"a key of more than {MOST_KEY_PARTS} parts: {key[0][:20]}...")
+    if plain.count("[[") > MOST_TABLES:
+        raise ValueError(f"more than {MOST_TABLES} tables `[[...]]`")
+    depth = 0
+    for bracket in _BRACKET.finditer(plain):
+        depth += 1 if bracket[0] in "[{" else -1
+        if depth > DEEPEST_NESTING:
+            raise ValueError(f"arrays or tables nested more than {DEEPEST_NESTING} deep")
