@@ -31,6 +31,8 @@ def foreign_format(path: Path, head: bytes) -> tuple[str, str]:
             "COMTRADE, a record of a protection relay",
             "export it as a table of text under `Time (s)` and `name (unit)`",
         )
+    if head.startswith(b"RIFX"):
+        return "RIFX, sound samples of a big-endian program", "export it as WAV, which begins with RIFF"
     return "", ""
 
 

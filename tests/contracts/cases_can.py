@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+from collections.abc import Callable
 
 from daq.readers.reader import Declarations
 from daq.readers.table import READERS
@@ -20,16 +21,17 @@ def at_line_end(cut: bytes) -> bool:
     return cut.endswith((b"\n", b"\r"))
 
 
+def at_entry_end(content: bytes) -> Callable[[bytes], bool]:
+    """An entry states its length, so that nothing shows that more followed it."""
+    whole = {line.strip() for line in content.splitlines() if not line.startswith(b";")}
+    return lambda cut: at_line_end(cut) or cut.splitlines()[-1].strip() in whole
+
+
 TRACES = tuple(
-    Case(
-        f"trc-{version}",
-        BY_NAME["PEAK TRC trace"],
-        can_logs.trc_log(ENTRIES, version=version),
-        CAN,
-        MAGNITUDES,
-        at_line_end,
+    Case(f"trc-{version}", BY_NAME["PEAK TRC trace"], content, CAN, MAGNITUDES, at_entry_end(content))
+    for version, content in (
+        (version, can_logs.trc_log(ENTRIES, version=version)) for version in ("1.0", "1.1", "1.3", "2.0", "2.1")
     )
-    for version in ("1.0", "1.1", "1.3", "2.0", "2.1")
 )
 PACKED = tuple(
     Case(f"{name}-gz", BY_NAME[reader], gzip.compress(content, mtime=0), CAN, MAGNITUDES)

@@ -28,6 +28,7 @@ _USUAL = re.compile(
     rb"\s*(-?)(\d{1,9})\.(\d{1,9})\s+(\d{1,9})\s+([0-9a-f]{1,8})(x?)\s+[RT]x\s+d ([0-8])((?: [0-9a-f]{2})*)(?=\s|$)",
     re.IGNORECASE | re.ASCII,
 )
+_CLASSIC_BYTES = 8
 _NUMBER = re.compile(r"-?\d{1,9}\.\d+", re.ASCII)
 _DATE = re.compile(r"(\w{3})\w*\.?\s+(\d+)\s+(\d+):(\d+):(\d+)(?:\.(\d{1,6}))?\s*(am|pm)?\s+(\d{4})", re.IGNORECASE)
 
@@ -146,10 +147,36 @@ def _read_classic(words: Sequence[str], time_ns: int, base: int, found: FrameLis
     try:
         if kind != "d":
             raise ValueError(kind)
-        length = min(8, int(words[5], base))
+        length = _classic_length(words, base)
         _add(words[2], words[1], time_ns, _bytes(words[6 : 6 + length], length, base), base, found)
     except (ValueError, IndexError):
         found.damaged += 1
+
+
+def _classic_length(words: Sequence[str], base: int) -> int:
+    """Return how many bytes an entry has whose length may be a code of CAN FD.
+
+    A code from 9 on stands for 8 bytes of a classic frame, or for 12 to 64 of an FD frame; which, the bytes tell.
+    """
+    code = int(words[5], base)
+    if code <= _CLASSIC_BYTES:
+        return code
+    there = 0
+    for word in words[6:]:
+        if not (word.isascii() and word.isalnum() and len(word) <= 3 and _is_byte(word, base)):
+            break
+        there += 1
+    stated = {_CLASSIC_BYTES, FD_LENGTHS[code]} if code < len(FD_LENGTHS) else {int(words[5])} & set(FD_LENGTHS)
+    if there not in stated:
+        raise ValueError(f"{there} bytes")
+    return there
+
+
+def _is_byte(word: str, base: int) -> bool:
+    try:
+        return int(word, base) <= 0xFF
+    except ValueError:
+        return False
 
 
 def _read_fd(words: Sequence[str], time_ns: int, base: int, found: FrameList) -> None:

@@ -102,9 +102,17 @@ class CandumpReader:
 
     def open(self, path: Path, declared: Declarations) -> CanRecording:
         """Open a log; raises `ReadError` if the database is missing or wrong."""
-        return _open(
-            path, declared, self.name, lambda path: _read_lines(path, lambda text, _encoding: read_candump(text))
-        )
+
+        def read(path: Path) -> CanLog:
+            try:
+                return _read_lines(path, lambda text, _encoding: read_candump(text))
+            except ValueError as error:
+                raise ReadError(
+                    "the log does not say when its frames came", path=path, found=str(error),
+                    remedy="record with `candump -L`, or with `-ta` or `-tz` on a screen",
+                ) from error  # fmt: skip
+
+        return _open(path, declared, self.name, read)
 
 
 class TrcReader:

@@ -69,10 +69,12 @@ class CanRecording:
         notes = [*log.notes, *database.notes()]
         counters = declared_counters(declared.counters, database, path)
         if not log.frames.key.size:
+            kinds = ("error_frames", "remote_frames", "other_events", "damaged_entries")
+            counted = [f"{n} {kind.replace('_', ' ')}" for kind in kinds if (n := log.metadata.get(kind))]
             raise CorruptFileError(
                 "the log has no data frames",
                 path=path,
-                found=str(log.metadata),
+                found=", ".join(counted) or "no entries at all",
                 remedy="check the recorder's channel and filters",
             )
         self._signals: dict[str, tuple[Messages, SignalLayout, NDArray[np.bool_]]] = {}

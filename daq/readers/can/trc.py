@@ -101,8 +101,16 @@ def read_trc(path: Path, text: bytes, encoding: str = "utf-8") -> CanLog:
         words = row.split()
         if words and not words[0].startswith(";"):
             overruns += _read_entry(words, header, found)
-    frames, _ = found.frames()
     cut = bool(lines.cut) and not lines.cut.startswith(b";")  # blanks too: entries begin with them
+    if cut and lines.cut.strip():
+        # a data frame states its length: with so many bytes behind it, nothing but a line end is missing
+        last = FrameList()
+        words = lines.cut.decode(encoding, errors="replace").split()
+        _read_entry(words, header, last)
+        if last.counts()["data_frames"]:
+            _read_entry(words, header, found)
+            cut = False
+    frames, _ = found.frames()
     notes = found.notes() + [CUT] * cut
     if overruns:
         notes.append(f"{overruns} status entries report an overrun: frames are missing before them")

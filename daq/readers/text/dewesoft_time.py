@@ -51,6 +51,8 @@ MONTHS = {name: number for number, names in enumerate(_NAMES, start=1) for name 
 FEWEST_STAMPS = 20
 """Below this number of rows no rate is sought in whole milliseconds."""
 
+_FIRST_OF_1900 = 69
+"""Years of two digits from here on are of the 20th century, as POSIX has it."""
 _STAMP = re.compile(r"(\d{1,2})-([^\W\d_]{3,5})\.?-(\d{2}|\d{4}) (\d{1,2}):(\d{2}):(\d{2})(?:[.,](\d{1,9}))?")
 
 
@@ -74,9 +76,8 @@ def parse_dewesoft_stamp(cell: str) -> Stamp:
     number = MONTHS.get(month.casefold())
     if number is None:
         raise ValueError(f"{month!r} is not known as the name of one month")
-    instant = dt.datetime(
-        int(year) + (2000 if len(year) == 2 else 0), number, int(day), int(hour), int(minute), int(second)
-    )
+    century = 0 if len(year) == 4 else 2000 if int(year) < _FIRST_OF_1900 else 1900
+    instant = dt.datetime(century + int(year), number, int(day), int(hour), int(minute), int(second))
     return Stamp(instant, nanoseconds(fraction), len(fraction or ""))
 
 

@@ -165,8 +165,11 @@ def _widths(ordinate: int, even: bool) -> tuple[int, ...]:
 
 
 def _text(line: bytes) -> str:
-    """Decode a line; the format is ASCII, and programs put Latin-1 into it."""
-    return line.rstrip(b"\r").decode("latin-1")
+    """Decode a line; the format is ASCII, and programs put UTF-8 or Latin-1 into it."""
+    try:
+        return line.rstrip(b"\r").decode("utf-8")
+    except UnicodeDecodeError:
+        return line.rstrip(b"\r").decode("latin-1")
 
 
 def _name(text: str) -> str:

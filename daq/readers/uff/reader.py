@@ -20,6 +20,7 @@ from daq.readers.containers.stored_channels import StoredChannel, StoredRecordin
 from daq.readers.containers.stored_time import StoredTime, resolution_of, time_from_stamps
 from daq.readers.reader import Declarations, SignalHeader
 from daq.readers.text.cells import unique_names
+from daq.readers.text.dewesoft_time import is_absolute, parse_dewesoft_stamp
 from daq.readers.uff.dataset import (
     DOUBLE,
     FUNCTIONS,
@@ -31,11 +32,15 @@ from daq.readers.uff.dataset import (
     is_uff,
     iter_datasets,
 )
-from daq.timebase import TimeBase
+from daq.timebase import AbsoluteStart, TimeBase
 
 TIME_UNITS_S = {"": 1.0, "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
 PRINTED_DIGITS = 6
 """Of the abscissa's start and step in the header (format E13.5)."""
+
+
+_DATE_LINE = 2
+"""Of a dataset's five lines of identification, the one whose beginning is by convention the date and time."""
 
 
 class UffReader:
@@ -87,7 +92,9 @@ def _recording(path: Path, found: list[UffDataset | Remark], clock: str) -> Stor
     channels = []
     for name, (data, time) in zip(names, chosen, strict=True):
         if any(ord(c) > 126 for c in data.unit + data.label):
-            notes.append(f"{name}: signs beyond ASCII in its unit or label were read as Latin-1: {data.unit!r}")
+            notes.append(
+                f"{name}: signs beyond ASCII in its unit or label, whose encoding is not stated: {data.unit!r}"
+            )
         if not data.unit:
             notes.append(f"{name}: no unit is stated")
         header = SignalHeader(
@@ -96,7 +103,24 @@ def _recording(path: Path, found: list[UffDataset | Remark], clock: str) -> Stor
         )  # fmt: skip
         channels.append(StoredChannel(header, time.time_base, partial(_samples, path, data, time.kept)))
     metadata = {"datasets": len(found)}
-    return StoredRecording(path, UffReader.name, channels, metadata, [*notes, *name_notes], incomplete)
+    start = _start([data for data, _ in chosen], notes)
+    return StoredRecording(path, UffReader.name, channels, metadata, [*notes, *name_notes], incomplete, start)
+
+
+def _start(chosen: list[UffDataset], notes: list[str]) -> AbsoluteStart | None:
+    """Return the date that all datasets state; if they do not agree there is none."""
+    stated = {data.lines[_DATE_LINE].strip() for data in chosen}
+    dates = sorted(text for text in stated if is_absolute(text))
+    if len(dates) == 1 and len(stated) == 1:
+        try:
+            instant = parse_dewesoft_stamp(dates[0]).second
+        except ValueError:
+            return None
+        return AbsoluteStart(instant.isoformat(), "unknown", "third identification line of the datasets")
+    if dates:
+        shown = ", ".join(dates[:4]) + (" ..." if len(dates) > 4 else "")
+        notes.append(f"not all datasets state the same date ({shown}): the start is not known")
+    return None
 
 
 def _label(data: UffDataset) -> str:

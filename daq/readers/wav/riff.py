@@ -95,15 +95,15 @@ def parse_format(content: bytes) -> SoundFormat:
     if len(content) < 16:
         raise ValueError(f"a fmt chunk of {len(content)} bytes, not at least 16")
     code, channels, rate_hz, _, frame_bytes, bits = struct.unpack_from("<HHIIHH", content)
-    valid_bits = bits
+    valid_bits, bits = bits, (bits + 7) // 8 * 8
     if code == EXTENSIBLE:
         if len(content) < 40:
             raise ValueError(f"an extensible fmt chunk of {len(content)} bytes, not 40")
-        valid_bits, _, code = struct.unpack_from("<HIH", content, 18)
+        stated_bits, _, code = struct.unpack_from("<HIH", content, 18)
         if content[26:40] != _GUID_TAIL:
             raise ValueError("a fmt chunk whose sub-format is not of WAVE")
-        valid_bits = valid_bits or bits
-    if not channels or not rate_hz or bits % 8 or frame_bytes != channels * bits // 8 or not 0 < valid_bits <= bits:
+        valid_bits = stated_bits or valid_bits
+    if not channels or not rate_hz or frame_bytes != channels * bits // 8 or not 0 < valid_bits <= bits:
         raise ValueError(
             f"{channels} channels of {bits} bits ({valid_bits} valid) in frames of {frame_bytes} bytes at {rate_hz} Hz"
         )

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from daq.errors import CorruptFileError, ReadError
 from daq.readers.can.asc import read_asc
 from daq.readers.can.blf import read_blf
 from daq.readers.can.candump import read_candump
+from daq.readers.can.frames import FD_LENGTHS, CanFrames
 from daq.readers.can.log import AscReader, BlfReader, CandumpReader, CanRecording
 from daq.readers.reader import Declarations
 from tests.builders.shared_data import shared_file
@@ -35,6 +37,11 @@ def opened(tmp_path: Path, suffix: str, content: bytes, database: str | None = D
     path = tmp_path / f"a.{suffix}"
     path.write_bytes(content)
     return READERS[suffix].open(path, Declarations("can", database=database))
+
+
+def as_entries(frames: CanFrames) -> list[CanEntry]:
+    rows = zip(frames.time_s, frames.key, frames.data, frames.length, strict=True)
+    return [(round(t * 1e9), int(key), bytes(data[:n])) for t, key, data, n in rows]
 
 
 @pytest.mark.parametrize("suffix", READERS)
@@ -107,6 +114,105 @@ def test_a_log_without_data_frames_is_refused(suffix: str, tmp_path: Path) -> No
         opened(tmp_path, suffix, WRITERS[suffix]([]))
 
 
+def test_a_log_of_remote_frames_alone_says_so_in_a_sentence(tmp_path: Path) -> None:
+    text = "(1700000000.000000) can0 123#R\n(1700000000.100000) can0 20000004#0001000000000000\n"
+    with pytest.raises(CorruptFileError, match="no data frames; found 1 error frames, 1 remote frames; check"):
+        opened(tmp_path, "log", text.encode())
+    with pytest.raises(CorruptFileError, match="found no entries at all"):
+        opened(tmp_path, "asc", b"date Tue Nov 14 22:13:20.250 2023\nbase hex\n")
+
+
+def screen(entries: Sequence[CanEntry], stamp: str, *, extra: str = "") -> str:
+    lines = []
+    for time_ns, key, data in entries:
+        number = f"{key & 0x1FFFFFFF:08X}" if key >> 31 else f"{key:03X}"
+        octets = data.hex(" ").upper()
+        lines.append(f" ({stamp}{time_ns // 1000:06d})  can0  {extra}{number}   [{len(data)}]  {octets}")
+    return "".join(line + "\n" for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("stamp", "zone", "text"),
+    [
+        ("1700000000.", "UTC", "2023-11-14T22:13:20.000000"),
+        ("2023-11-14 22:13:20.", "unknown", "2023-11-14T22:13:20.000000"),
+        ("000.", "", ""),
+    ],
+)
+@pytest.mark.parametrize("extra", ["", "RX - -  ", "TX B E  "])
+def test_what_candump_prints_on_a_screen_is_read(stamp: str, zone: str, text: str, extra: str) -> None:
+    entries = [*can_entries(9), (900_000_000, 0x101, bytes(range(12))), (900_001_000, 0x102, b"")]
+    printed = screen(entries, stamp, extra=extra)
+    printed += f" ({stamp}950000)  can0  123   [0]  remote request\n ({stamp}960000)  can0  20000004   [8]  "
+    printed += "00 01 00 00 00 00 00 00   ERRORFRAME\n"
+    assert CandumpReader().claims(printed.encode())
+    log = read_candump(printed.encode())
+    assert as_entries(log.frames) == entries
+    assert (log.metadata["remote_frames"], log.metadata["error_frames"]) == (1, 1)
+    start = log.absolute_start
+    assert (zone, text) == ("", "") if start is None else (start.zone, start.text) == (zone, text)
+
+
+def test_text_beside_the_bytes_of_a_screen_is_no_data() -> None:
+    log = read_candump(b" (1700000000.000000)  can0  123   [2]  41 42   'AB'\n (1700000000.1)  can0\n")
+    assert as_entries(log.frames) == [(0, 0x123, b"AB")]
+    assert log.metadata["damaged_entries"] == 1
+    short = read_candump(b" (1700000000.000000)  can0  123   [3]  41 42   'AB'\n")
+    assert short.metadata["damaged_entries"] == 1
+
+
+def test_codes_of_lengths_beyond_eight_are_no_data() -> None:
+    log = read_candump(b"(1700000000.000000) can0 123#1122334455667788_C\n(1700000000.000001) can0 124#R8_F\n")
+    assert as_entries(log.frames) == [(0, 0x123, bytes.fromhex("1122334455667788"))]
+    assert log.metadata["remote_frames"] == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("  can0  123   [2]  41 42\n", "entries without stamps"),
+        (
+            "".join(f"(000.{t}) can0 123#00\n" for t in ("000000", "010000", "009000", "010000", "009000")),
+            "differences",
+        ),
+    ],
+)
+def test_a_log_that_does_not_say_when_is_refused(text: str, found: str, tmp_path: Path) -> None:
+    with pytest.raises(ReadError, match=f"does not say when.*{found}.*candump -L"):
+        opened(tmp_path, "log", text.encode())
+
+
+def test_stamps_from_the_programs_start_are_no_date(tmp_path: Path) -> None:
+    recording = opened(
+        tmp_path, "log", b"(000.000000) can0 100#0000000000000000\n(000.500000) can0 100#0100000000000000\n"
+    )
+    assert recording.absolute_start is None
+    assert recording.time_base("ACC.ax").times_s.tolist() == [0.0, 0.5]
+
+
+@pytest.mark.parametrize("base", ["hex", "dec"])
+@pytest.mark.parametrize("code", range(9, 16))
+def test_a_length_code_of_an_asc_entry_stands_for_the_bytes_that_follow(code: int, base: str) -> None:
+    """A classic frame of a code beyond eight has eight bytes, an FD frame those of its code; others are damage."""
+    for count in (8, FD_LENGTHS[code], 9):
+        octets = " ".join(f"{b:02X}" if base == "hex" else str(b) for b in range(count))
+        stated = f"{code:x}" if base == "hex" else str(code)
+        head = f"date Tue Nov 14 22:13:20.250 2023\nbase {base}  timestamps absolute\n"
+        log = read_asc(f"{head}   0.1 1  100 Rx   d {stated} {octets}  Length = 240015\n".encode())
+        assert log.frames.length.tolist() == ([] if count == 9 else [count])
+        assert log.metadata["damaged_entries"] == (count == 9)
+        if count != 9:
+            assert bytes(log.frames.data[0, :count]) == bytes(range(count))
+
+
+@pytest.mark.parametrize(("stated", "count"), [("64", 64), ("12", 12), ("64", 63), ("ff", 64), ("65", 65)])
+def test_a_length_of_an_asc_entry_may_be_bytes(stated: str, count: int) -> None:
+    head = "date Tue Nov 14 22:13:20.250 2023\nbase hex  timestamps absolute\n"
+    octets = " ".join(f"{b:02X}" for b in range(count))
+    log = read_asc(f"{head}   0.1 1  100 Rx   d {stated} {octets}\n".encode())
+    assert log.frames.length.tolist() == [count] * (stated == str(count) and count in FD_LENGTHS)
+
+
 def test_the_database_is_needed_and_read_strictly(tmp_path: Path) -> None:
     with pytest.raises(ReadError, match="without its database"):
         opened(tmp_path, "log", candump_log(can_entries(3)), None)
@@ -114,7 +220,7 @@ def test_the_database_is_needed_and_read_strictly(tmp_path: Path) -> None:
         opened(tmp_path, "log", candump_log(can_entries(3)), "BO_ nonsense")
     overlapping = DBC.replace("SG_ p : 48|16", "SG_ p : 8|16")
     with pytest.raises(ReadError, match="overlapping"):
-        opened(tmp_path, "log", candump_log(can_entries(3)), overlapping)
+        opened(tmp_path, "log", candump_log(can_entries(3)), overlapping).read("ACC.ax")
 
 
 def test_frames_of_several_channels_are_merged_with_a_note(tmp_path: Path) -> None:

@@ -107,10 +107,41 @@ def test_spectra_complex_values_and_other_datasets_are_named_and_left_out(tmp_pa
         assert any(note.startswith(text) and note.endswith("left out") for note in recording.notes)
 
 
-def test_units_beyond_ascii_are_read_and_told(tmp_path: Path) -> None:
-    recording = opened(tmp_path, uff_text(ramp(), unit="m/s²".encode("latin-1")))
-    assert recording.signals[0].unit == "m/s²"
+@pytest.mark.parametrize("encoding", ["latin-1", "utf-8"])
+def test_units_beyond_ascii_are_read_and_told(encoding: str, tmp_path: Path) -> None:
+    recording = opened(tmp_path, uff_text(ramp(), unit="µm/s²".encode(encoding)))
+    assert recording.signals[0].unit == "µm/s²"
     assert any("beyond ASCII" in note for note in recording.notes)
+
+
+@pytest.mark.parametrize(
+    ("printed", "expected"),
+    [
+        ("03-Aug-26 12:23:05", "2026-08-03T12:23:05"),
+        ("23-MAR-17 19:02:23", "2017-03-23T19:02:23"),
+        ("03-Aug-99 12:23:05", "1999-08-03T12:23:05"),
+        ("31-Feb-26 12:23:05", None),
+        ("NONE", None),
+    ],
+)
+def test_the_date_of_the_datasets_is_the_start_in_no_known_zone(
+    printed: str, expected: str | None, tmp_path: Path
+) -> None:
+    content = uff_text(ramp()).replace(b"03-Aug-26 12:23:05", printed.encode().ljust(18))
+    start = opened(tmp_path, content + content).absolute_start
+    if expected is None:
+        assert start is None
+        return
+    assert start is not None
+    assert (start.text, start.zone) == (expected, "unknown")
+
+
+@pytest.mark.parametrize("other", [b"03-Aug-26 12:23:06", b"NONE".ljust(18)])
+def test_dates_that_do_not_agree_are_told_and_none_is_taken(other: bytes, tmp_path: Path) -> None:
+    content = uff_text(ramp())
+    recording = opened(tmp_path, content + content.replace(b"03-Aug-26 12:23:05", other))
+    assert recording.absolute_start is None
+    assert any(note.startswith("not all datasets state the same date (03-Aug-26 12:23:05") for note in recording.notes)
 
 
 def test_equal_names_are_told_apart_by_node_and_direction(tmp_path: Path) -> None:

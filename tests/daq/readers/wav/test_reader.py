@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import struct
 import wave
 from pathlib import Path
 
@@ -8,9 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.errors import CorruptFileError, ReadError
+from daq.errors import CorruptFileError, ReadError, UnknownFormatError
 from daq.readers.containers.stored_channels import StoredRecording
 from daq.readers.reader import Declarations
+from daq.readers.table import recognise
 from daq.readers.wav.reader import WavReader
 from tests.builders import container_files as build
 
@@ -78,6 +80,23 @@ def test_a_cut_file_gives_its_complete_samples_and_says_so(tmp_path: Path) -> No
 def test_compressed_sound_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ReadError, match=r"format 6 of 8 bits.*export it as PCM"):
         opened(tmp_path, build.wave_file(build.wave_format(6, 1, 8000, 8), b"\0" * 8))
+
+
+@pytest.mark.parametrize(("bits", "width"), [(12, 2), (20, 3), (18, 3)])
+def test_samples_of_fewer_bits_stand_at_the_upper_end_of_their_bytes(bits: int, width: int, tmp_path: Path) -> None:
+    counts = [-(2 ** (bits - 1)), -1, 0, 1, 2 ** (bits - 1) - 1]
+    data = b"".join((c << 8 * width - bits).to_bytes(width, "little", signed=True) for c in counts)
+    form = struct.pack("<HHIIHH", 1, 1, 8000, 8000 * width, width, bits)
+    recording = opened(tmp_path, build.wave_file(form, data))
+    np.testing.assert_array_equal(recording.read("channel 1"), np.array(counts) / 2.0 ** (bits - 1))
+    assert recording.metadata["bits"] == bits
+
+
+def test_the_big_endian_form_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "a.wav"
+    path.write_bytes(b"RIFX" + build.small_wave()[4:])
+    with pytest.raises(UnknownFormatError, match=r"found RIFX.*export it as WAV"):
+        recognise(path)
 
 
 def test_a_format_that_contradicts_itself_is_refused(tmp_path: Path) -> None:
