@@ -19,6 +19,8 @@ from daq.errors import CorruptFileError, ReadError, StoreError
 from daq.regular_file import read_beginning, read_small
 
 SCHEMA = "recoil-daq/acquisition/1"
+AT_TRIGGER = "host clock at the trigger"
+"""What tells the date of a live shot."""
 _HEAD_BYTES = 256
 _LARGEST_BYTES = 16_000_000
 

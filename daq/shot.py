@@ -129,6 +129,8 @@ class Shot:
     inputs : tuple of InputFile
     started : str
         Absolute start, ISO 8601, or empty if no source states one.
+    started_source : str
+        The file, or the clock, that tells it, and whether its zone is known.
     history : tuple of Step
     databases : mapping of str to str
         Text of every file that the rig names (CAN databases), by file name.
@@ -152,6 +154,7 @@ class Shot:
     quality: tuple[QualityCheck, ...] = ()
     inputs: tuple[InputFile, ...] = ()
     started: str = ""
+    started_source: str = ""
     history: tuple[Step, ...] = ()
     databases: Mapping[str, str] | None = None
     acquisition: Acquisition | None = None

@@ -35,7 +35,7 @@ from identification.regression import Regression
 from identification.sensor_scales import scale_uncertainty
 from identification.skew import find_skew, skew_contribution
 from identification.stress_waves import find_stress_waves
-from identification.trace_window import choose_trace_window
+from identification.trace_window import trace_window
 from identification.uncertainty import further_contributions
 from identification.verdict import notes_on, reasons_against
 from identification.zero_shift import ZeroShift, calibrated_with_zero_shift
@@ -141,9 +141,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
             )
         except IdentificationError as error:
             notes = (f"no mass by the camera: {error}",)
-    window_s, window_choice = options.window_s, None
-    if window_s is None:
-        window_s, window_choice = choose_trace_window(filtered, *calibration.correct(filtered))
+    window_s, window_choice = trace_window(options.window_s, filtered, *calibration.correct(filtered))
     results = {
         name: method_result(estimate, regressions[name], calibration, window_s, rig)
         for name, estimate in estimates.items()

@@ -20,7 +20,7 @@ from identification.method_result import method_result
 from identification.regression import PRESSURE_ROLES, Regression
 from identification.signals import collect_signals
 from identification.stress_waves import find_stress_waves
-from identification.trace_window import choose_trace_window
+from identification.trace_window import trace_window
 from processing.filters import LowPass
 from rigs.assumptions import assumptions_of
 from rigs.rig import Rig
@@ -90,9 +90,7 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
     except IdentificationError as error:
         missing_routes = (f"no mass by the acceleration from the camera: {error}",)
     constancy = _constancy(regression, calibration, forced)
-    window_s, window_choice = options.window_s, None
-    if window_s is None:
-        window_s, window_choice = choose_trace_window(regression, *calibration.correct(regression))
+    window_s, window_choice = trace_window(options.window_s, regression, *calibration.correct(regression))
     results = {name: method_result(e, regression, calibration, window_s, rig) for name, e in estimates.items()}
     trace = results["camera"].trace
     return Identification(

@@ -242,3 +242,26 @@ class Identification:
         estimate = self.chosen.estimate
         expanded = 2 * math.hypot(estimate.u_kg, self.u_specification_kg)
         return (estimate.mass_kg - self.specification_kg) / expanded if expanded > 0 else math.nan
+
+    @property
+    def deviation(self) -> str | None:
+        """Say of a valid mass that it deviates from the specification, and what may be the cause; else None.
+
+        It does not decide whether the mass is valid: the specification is what the mass is compared with.
+        """
+        if not self.valid or not abs(self.normalised_error) > 1.0:
+            return None
+        scales = ["the scale of the breech gauge or the bore area"]
+        if self.method in ("camera", "camera-gls"):
+            scales.append("that of the camera")
+        elif self.camera is not None and self.method in ("calibrated", "joint"):
+            scales.append("those of accelerometer and camera together")
+        else:
+            scales.append("that of the accelerometer")
+        if self.method in ("forward", "paper"):
+            scales.append("noise of the acceleration, by which this method reads low")
+        causes = ", ".join(["the mass itself", *scales[:-1]])
+        return (
+            f"deviates from the specification (E_n {self.normalised_error:+.2f}): {causes}, or {scales[-1]}; "
+            "this shot cannot tell which"
+        )

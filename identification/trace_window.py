@@ -23,6 +23,29 @@ ROWS_PER_CUTOFF = 10.0
 """Rows per period of the cut-off that predictions are made for: more of them say the same."""
 
 
+def trace_window(
+    asked_s: float | None, regression: Regression, acceleration_m_s2: Array, force_n: Array
+) -> tuple[float, WindowChoice | None]:
+    """Return the memory that was asked for, or choose it; parameters otherwise as of `choose_trace_window`.
+
+    Raises
+    ------
+    IdentificationError
+        If it is longer than the identification interval: there would be no such memory.
+    """
+    if asked_s is None:
+        return choose_trace_window(regression, acceleration_m_s2, force_n)
+    start_s, end_s = regression.interval_s
+    if asked_s > end_s - start_s:
+        raise IdentificationError(
+            "the memory of the trace is longer than the identification interval",
+            expected=f"at most {end_s - start_s:.3g} s",
+            found=f"--window-s {asked_s:g}",
+            remedy="give a shorter --window-s, or auto",
+        )
+    return asked_s, None
+
+
 def choose_trace_window(regression: Regression, acceleration_m_s2: Array, force_n: Array) -> tuple[float, WindowChoice]:
     """Choose the memory whose masses predict best what comes after them.
 

@@ -8,9 +8,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from daq.acquisition import Acquisition, is_acquisition, read_acquisition
+from daq.acquisition import AT_TRIGGER, Acquisition, is_acquisition, read_acquisition
 from daq.channel import Step
 from daq.errors import CorruptFileError, ReadError, StoreError, UnknownFormatError
+from daq.exporters.absolute import stated_start
 from daq.readers.reader import Reader, Recording
 from daq.readers.table import READERS, recognise
 from daq.readers.text.declared_table import DeclaredTextReader
@@ -132,7 +133,9 @@ def ingest_files(
     excerpts = {source: part for source, r in recordings.items() if (part := r.metadata.get("excerpt")) is not None}
     progress("take the channels")
     channels = assemble_channels(rig, recordings, __version__)
-    start = recordings[rig.reference_clock].absolute_start
+    started, started_source = _started(
+        acquisition, sorted(recordings.values(), key=lambda r: r is not recordings[rig.reference_clock])
+    )
     assembled = Shot(
         name=name,
         rig_name=rig.name,
@@ -143,7 +146,8 @@ def ingest_files(
             *(_input_file(path, source, recordings[source].reader) for source, path in matched.items()),
             *([] if record is None else [_input_file(record, "", "acquisition")]),
         ),
-        started="" if start is None else start.text,
+        started=started,
+        started_source=started_source,
         databases=rig.databases,
         acquisition=acquisition,
         clock_fits={s: fit for s, r in recordings.items() if (fit := r.metadata.get("clock_fit")) is not None},
@@ -192,6 +196,28 @@ def _acquisition_of(path: Path, rig: Rig) -> Acquisition:
             remedy="name the rig that it was acquired on, or leave this file out",
         )
     return acquisition
+
+
+def _started(acquisition: Acquisition | None, recordings: Sequence[Recording]) -> tuple[str, str]:
+    """Return when the shot was, ISO 8601, and what tells it; both empty if nothing does.
+
+    A live shot was when the host saw its trigger. Any other was when the time of its files began, the first file that
+    says so; a date without a zone stays without one.
+    """
+    if acquisition is not None:
+        return acquisition.trigger_utc, AT_TRIGGER
+    for recording in recordings:
+        start = recording.absolute_start
+        if start is None:
+            continue
+        source = f"{recording.path.name}, {start.origin}"
+        moment = stated_start(start)
+        if moment is None or moment.tzinfo is None:
+            return start.text, f"{source}, unknown zone"
+        if dt.datetime.fromisoformat(start.text).tzinfo is None:
+            return start.text + ("+00:00" if start.zone == "UTC" else start.zone), source
+        return start.text, source
+    return "", ""
 
 
 def _input_file(path: Path, source: str, reader: str) -> InputFile:

@@ -215,9 +215,12 @@ def print_report(report: Reported) -> None:
     rpe = d["rpe_percent"]
     console.print(
         f"mass {_fixed(d['mass']['value'], 2)} kg, 95 % interval [{_fixed(low, 2)}, {_fixed(high, 2)}] kg, "
+        f"E_n {_fixed(d['E_n'], 2, sign=True)}, "
         f"RPE {_fixed(rpe['value'], 2)} % [{_fixed(rpe['U95'][0], 2)}, {_fixed(rpe['U95'][1], 2)}]",
         markup=False,
+        soft_wrap=True,
     )
+    console.print(rpe["meaning"], markup=False, soft_wrap=True)
     said = d["filter"]
     basis = {"given": "as asked for", "shot": "by this shot's spectra", "campaign": "by the spectra of all shots"}
     console.print(
@@ -225,8 +228,13 @@ def print_report(report: Reported) -> None:
         markup=False,
         soft_wrap=True,
     )
+    for note in d["notes"]:
+        console.print(f"note: {note}", markup=False, soft_wrap=True)
     _print_assumptions(d, console)
-    if d["valid"]:
+    if d["valid"] and d["deviation"]:
+        console.print("[bold yellow]VALID[/],", end=" ")
+        console.print(d["deviation"], markup=False, soft_wrap=True)
+    elif d["valid"]:
         console.print("[bold green]VALID[/]", end=" ")
     else:
         console.print("[bold red]NOT VALID[/]:", end=" ")
@@ -323,6 +331,10 @@ def print_summary(summary: Mapping[str, Any]) -> None:
         rows,
         numeric=(3, 4, 5),
     )
+    if summary["started"]:
+        say(f"started {summary['started']} ({summary['started_source'] or 'nothing tells whose clock'})")
+    else:
+        say("started: no file says when")
     print_table(
         "Clocks",
         ("clock", "offset, ms", "u, us", "drift, ppm", "status", "method"),

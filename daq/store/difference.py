@@ -14,7 +14,17 @@ from daq.store.table import json_text
 
 def first_difference(one: Shot, other: Shot) -> str | None:
     """Name the first value in which two shots differ, samples compared bit for bit; None if there is none."""
-    for name in ("name", "rig_name", "rig_text", "reference_clock", "inputs", "quality", "started", "acquisition"):
+    for name in (
+        "name",
+        "rig_name",
+        "rig_text",
+        "reference_clock",
+        "inputs",
+        "quality",
+        "started",
+        "started_source",
+        "acquisition",
+    ):
         if getattr(one, name) != getattr(other, name):
             return name
     if (one.databases is None) != (other.databases is None) or dict(one.databases or {}) != dict(other.databases or {}):

@@ -71,6 +71,7 @@ def write_layout(file: Any, shot: Shot) -> None:
     write_text(entry, "title", f"shot {shot.name} on rig {shot.rig_name}")
     if shot.started:
         write_text(entry, "start_time", shot.started)
+        entry["start_time"].attrs["source"] = shot.started_source
     write_channels(entry, shot, ENTRY_NAMES)
     _write_rig(entry, shot)
     write_table(
@@ -110,6 +111,7 @@ def read_layout(file: Any) -> Shot:
         databases = {read_text(note, "file_name"): read_text(note, "data") for note in notes}
     steps = [entry["history"][name] for name in entry["history"] if name != "channels"]
     steps.sort(key=lambda step: int(step["sequence_index"][()]))
+    started, started_source = read_started(entry)
     return Shot(
         name=read_text(entry, "entry_identifier"),
         rig_name=read_text(rig, "name"),
@@ -119,7 +121,8 @@ def read_layout(file: Any) -> Shot:
         alignments=read_alignments(entry),
         quality=read_quality(entry),
         inputs=read_inputs(entry),
-        started=read_text(entry, "start_time") if "start_time" in entry else "",
+        started=started,
+        started_source=started_source,
         history=tuple(
             Step(read_text(s, "what"), read_text(s, "version"), json.loads(read_text(s, "parameters"))) for s in steps
         ),
@@ -127,6 +130,13 @@ def read_layout(file: Any) -> Shot:
         acquisition=read_acquisition_of(entry),
         clock_fits=read_clock_fits(entry),
     )
+
+
+def read_started(entry: Any) -> tuple[str, str]:
+    """Read when the shot started and what tells it; both empty if the file does not say."""
+    if "start_time" not in entry:
+        return "", ""
+    return read_text(entry, "start_time"), str(entry["start_time"].attrs.get("source", ""))
 
 
 def read_acquisition_of(entry: Any) -> Acquisition | None:

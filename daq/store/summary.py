@@ -6,6 +6,7 @@ import json
 import math
 from typing import Any
 
+from daq.acquisition import AT_TRIGGER
 from daq.store.channel_layout import signals_of, time_groups
 from daq.store.layout import (
     ENTRY_NAMES,
@@ -15,6 +16,7 @@ from daq.store.layout import (
     read_clock_fits,
     read_inputs,
     read_quality,
+    read_started,
 )
 from daq.store.table import json_text, read_text
 
@@ -35,13 +37,17 @@ def summarise_layout(file: Any) -> dict[str, Any]:
     ]
     quality = read_quality(entry)
     acquisition = read_acquisition_of(entry)
+    started, source = read_started(entry)
+    if not started and acquisition is not None:
+        started, source = acquisition.trigger_utc, AT_TRIGGER
     failed = [check for check in quality if check.verdict == "fail"]
     return {
         "schema": SCHEMA,
         "shot": read_text(entry, "entry_identifier"),
         "rig": read_text(entry["rig"], "name"),
         "reference_clock": read_text(entry["rig"], "reference_clock"),
-        "started": read_text(entry, "start_time") if "start_time" in entry else None,
+        "started": started or None,
+        "started_source": source or None,
         "usable": not failed,
         "reasons": [f"{check.channel}: {check.detail}" for check in failed],
         "channels": [row for _, row in sorted(channels, key=lambda placed: placed[0])],

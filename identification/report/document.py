@@ -10,9 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from daq.acquisition import AT_TRIGGER
 from daq.shot import InputFile, Shot
 from identification.analysis import Identification, Result
 from identification.budget import COVERAGE
+from identification.rpe import RPE_MEANING
 from identification.skew import RecorderSkew
 from identification.stress_waves import StressWaves
 from identification.zero_shift import ZeroShift
@@ -64,6 +66,7 @@ def report_document(
         "schema": SCHEMA,
         "shot": shot.name,
         "rig": shot.rig_name,
+        **started(shot),
         "mass": {
             "value": estimate.mass_kg,
             "u": estimate.u_kg,
@@ -72,8 +75,13 @@ def report_document(
             "specification": found.specification_kg,
             "method": estimate.method,
         },
-        "rpe_percent": {"value": chosen.rpe_percent, "U95": list(chosen.rpe_interval_percent)},
+        "rpe_percent": {
+            "value": chosen.rpe_percent,
+            "U95": list(chosen.rpe_interval_percent),
+            "meaning": RPE_MEANING,
+        },
         "E_n": found.normalised_error,
+        "deviation": found.deviation,
         "interval_s": list(found.filtered.interval_s),
         "window_s": chosen.trace.window_s,
         "window_reason": "given" if found.window_choice is None else found.window_choice.reason,
@@ -151,6 +159,14 @@ def report_document(
         error = 100 * (estimate.mass_kg / float(truth["m3"]) - 1)
         document["truth"] = {"mass_kg": float(truth["m3"]), "error_percent": error}
     return dict(to_json(document))
+
+
+def started(shot: Shot) -> dict[str, str | None]:
+    """Say when a shot was, and what tells it; null where nothing does."""
+    when, source = shot.started, shot.started_source
+    if not when and shot.acquisition is not None:
+        when, source = shot.acquisition.trigger_utc, AT_TRIGGER
+    return {"started": when or None, "started_source": source or None}
 
 
 def provenance_inputs(shot: Shot, shot_file: InputFile) -> list[dict[str, Any]]:

@@ -191,6 +191,7 @@ def _render(template: str, report: Mapping[str, Any], figures: Sequence[Figure],
             {"title": f.title, "caption": f.caption, "height": d["height"]} for f, d in zip(figures, drawn, strict=True)
         ],
         inputs=tables.inputs(report),
+        started=tables.started(report),
         **more,
         version=report["provenance"].get("version", NO_NUMBER),
         parameters=json.dumps(

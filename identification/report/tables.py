@@ -48,9 +48,17 @@ def verdict(report: Report) -> Row:
         "specification": _known(mass.get("specification")),
         "rpe": None if rpe_text == NO_NUMBER else rpe_text,
         "rpe_interval": _interval(rpe_u95, "%"),
+        "rpe_meaning": rpe.get("meaning"),
         "e_n": None if e_n is None else fixed(e_n, 2),
+        "deviation": report.get("deviation"),
         "agrees": e_n is not None and abs(e_n) <= 1.0,
     }
+
+
+def started(report: Report) -> str | None:
+    """Say when the shot was and what tells it; None where nothing does."""
+    when, source = report.get("started"), report.get("started_source")
+    return f"{when} ({source})" if when and source else when
 
 
 def facts(report: Report) -> list[tuple[str, str]]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from daq.shot import InputFile, Shot
-from identification.report.document import provenance_inputs, to_json
+from identification.report.document import provenance_inputs, started, to_json
 from identification.targets.target import Finding, Quantity, Series
 
 SCHEMA = "recoil-daq/target/1"
@@ -44,6 +44,7 @@ def target_document(shot: Shot, found: Finding, *, version: str, shot_file: Inpu
         "summary": found.summary,
         "shot": shot.name,
         "rig": shot.rig_name,
+        **started(shot),
         "quantities": [_quantity(one) for one in found.quantities],
         "series": series,
         "tables": [

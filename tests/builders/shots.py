@@ -146,6 +146,7 @@ def make_shot(count: int = 400, frames: int = 60) -> Shot:
             InputFile("Schuß 7.txt", "0f" * 32, 2**33, "camera", "ProAnalyst text export"),
         ),
         started="2026-03-01T10:15:00.250",
+        started_source="Schuß 7.csv, header of the file",
         history=(
             Step("assemble", "0.1.0", {"files": ["shot_daq.csv", "Schuß 7.txt"]}),
             Step("align", "0.1.0", {"drift_allowance": 5e-5}),

@@ -46,7 +46,17 @@ def names_in(folder: Path) -> list[str]:
 
 def assert_same_shot(one: Shot, other: Shot) -> None:
     """Compare two shots value by value, without the code that the store verifies with."""
-    for name in ("name", "rig_name", "rig_text", "reference_clock", "quality", "inputs", "started", "history"):
+    for name in (
+        "name",
+        "rig_name",
+        "rig_text",
+        "reference_clock",
+        "quality",
+        "inputs",
+        "started",
+        "history",
+        "started_source",
+    ):
         assert getattr(one, name) == getattr(other, name), name
     assert one.databases == other.databases
     assert one.acquisition == other.acquisition
@@ -135,6 +145,7 @@ def shots(draw: st.DrawFn) -> Shot:
     bases = draw(st.lists(time_bases(), min_size=1, max_size=3))
     own = draw(st.lists(names, max_size=5, unique=True))
     u = st.floats(0, 1) | st.just(float("inf")) | st.just(float("nan"))
+    started = draw(texts)
     return Shot(
         name=draw(texts),
         rig_name=draw(texts),
@@ -166,7 +177,8 @@ def shots(draw: st.DrawFn) -> Shot:
         inputs=draw(
             st.lists(st.builds(InputFile, texts, texts, st.integers(0, 2**40), texts, texts), max_size=3).map(tuple)
         ),
-        started=draw(texts),
+        started=started,
+        started_source=draw(texts) if started else "",
         history=draw(histories),
         databases=draw(st.none() | st.dictionaries(texts, texts, max_size=2)),
         acquisition=draw(st.none() | acquisitions),
@@ -404,11 +416,21 @@ def test_names_that_readers_do_not_allow_are_replaced_and_the_true_ones_kept(tmp
 # The summary
 
 
+def test_a_live_shot_whose_file_has_no_date_has_that_of_its_trigger(tmp_path: Path) -> None:
+    shot = replace(make_shot(), started="", started_source="")
+    write_shot(shot, tmp_path / "s.h5")
+    summary = shot_summary(tmp_path / "s.h5")
+    assert shot.acquisition is not None
+    assert summary["started"] == shot.acquisition.trigger_utc
+    assert summary["started_source"] == "host clock at the trigger"
+
+
 def test_the_summary_says_what_is_in_the_file_in_json_types(written: Path) -> None:
     shot = make_shot()
     summary = shot_summary(written)
     assert json.loads(json.dumps(summary, allow_nan=False)) == summary
     assert (summary["shot"], summary["rig"], summary["started"]) == ("0007", "bench", shot.started)
+    assert summary["started_source"] == shot.started_source
     assert summary["usable"] is False
     assert summary["reasons"] == list(shot.reasons)
     assert [c["name"] for c in summary["channels"]] == list(shot.channels)
@@ -722,6 +744,7 @@ def _changed(shot: Shot) -> list[tuple[str, Shot]]:
         ("quality", replace(shot, quality=shot.quality[:1])),
         ("inputs", replace(shot, inputs=())),
         ("started", replace(shot, started="")),
+        ("started_source", replace(shot, started_source="another clock")),
         ("databases", replace(shot, databases=None)),
         ("history", replace(shot, history=shot.history[:1])),
         ("alignments", replace(shot, alignments=(replace(shot.alignments[0], details=None), *shot.alignments[1:]))),

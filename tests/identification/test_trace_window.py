@@ -7,7 +7,7 @@ import pytest
 
 from daq.errors import IdentificationError
 from identification.analysis import Options, identify_shot
-from identification.trace_window import choose_trace_window
+from identification.trace_window import choose_trace_window, trace_window
 from processing.filters import LowPass
 from tests.builders.bench_shots import MASS_KG, bench_regression
 from tests.builders.virtual_shots import identified, virtual_shot
@@ -46,6 +46,18 @@ def test_a_shot_too_short_to_choose_from_says_how_to_give_the_memory():
     brief = replace(regression, interval_s=(start, start + 0.01))
     with pytest.raises(IdentificationError, match="--window-s"):
         choose_trace_window(brief, brief.acceleration_m_s2, brief.force_n)
+
+
+def test_a_memory_longer_than_the_interval_is_refused_with_its_length():
+    virtual = virtual_shot("field-2013")
+    start, end = identified("field-2013").filtered.interval_s
+    with pytest.raises(IdentificationError) as caught:
+        identify_shot(virtual.shot, virtual.rig, Options(window_s=1.01 * (end - start)))
+    assert caught.value.expected == f"at most {end - start:.3g} s"
+    assert "--window-s" in str(caught.value)
+    regression = shot_of(MASS_KG, 20.0)
+    longest = regression.interval_s[1] - regression.interval_s[0]
+    assert trace_window(longest, regression, regression.acceleration_m_s2, regression.force_n) == (longest, None)
 
 
 def test_a_virtual_shot_is_given_the_memory_that_predicts_best_and_its_mass_stays():

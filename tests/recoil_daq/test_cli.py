@@ -113,6 +113,49 @@ def test_identify_takes_the_memory_from_the_shot_if_asked(run, stored: Path, tmp
     assert given["mass"] == chosen["mass"]
 
 
+def test_a_memory_longer_than_the_interval_is_refused(run, stored: Path, tmp_path):
+    result = run("identify", stored, "--out", tmp_path, "--window-s", "5")
+    assert result.exit_code == 3
+    assert "longer than the identification interval; expected at most 0.1" in result.stderr
+    assert "found --window-s 5; give a shorter --window-s, or auto" in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_terminal_says_what_speaks_for_and_against_the_mass(run, stored: Path, tmp_path):
+    lines = run("identify", stored, "--out", tmp_path).stdout.splitlines()
+    report = json.loads((tmp_path / "0001" / "report.json").read_text(encoding="utf-8"))
+    assert any(f"E_n {report['E_n']:+.2f}, RPE" in line for line in lines)
+    assert report["rpe_percent"]["meaning"] in lines
+    assert report["notes"]
+    assert {f"note: {note}" for note in report["notes"]} <= set(lines)
+
+
+def test_a_valid_mass_that_deviates_says_so(run, field_shot: TwinShot, tmp_path):
+    rig = tmp_path / "rig.toml"
+    rig.write_text(field_shot.rig_file.read_text(encoding="utf-8").replace("m3 = 782.0", "m3 = 762.0"))
+    run("ingest", rig, *field_shot.files, "--shot", "1", "--out", tmp_path)
+    result = run("identify", tmp_path / "1.h5", "--out", tmp_path)
+    assert result.exit_code == 0
+    report = json.loads((tmp_path / "1" / "report.json").read_text(encoding="utf-8"))
+    assert report["valid"]
+    assert report["deviation"].startswith("deviates from the specification (E_n +")
+    assert f"VALID, {report['deviation']}" in result.stdout
+    assert f"Valid, {report['deviation']}" in (tmp_path / "1" / "report.html").read_text(encoding="utf-8")
+
+
+def test_the_date_of_a_shot_goes_from_its_files_into_report_and_page(run, mixed_shot: TwinShot, tmp_path):
+    run("ingest", "mixed", *mixed_shot.files, "--shot", "1", "--out", tmp_path)
+    shown = json.loads(run("show", tmp_path / "1.h5", "--json").stdout)
+    assert shown["started_source"].startswith("0001_can.blf, ")
+    assert f"started {shown['started']} (0001_can.blf, " in run("show", tmp_path / "1.h5").stdout
+    run("identify", tmp_path / "1.h5", "--out", tmp_path)
+    report = json.loads((tmp_path / "1" / "report.json").read_text(encoding="utf-8"))
+    assert {key: report[key] for key in ("started", "started_source")} == {
+        key: shown[key] for key in ("started", "started_source")
+    }
+    assert f"started {shown['started']} (0001_can.blf" in (tmp_path / "1" / "report.html").read_text(encoding="utf-8")
+
+
 def test_identify_reports_the_method_that_was_asked_for(run, stored: Path, tmp_path, field_shot: TwinShot):
     default = run("identify", stored, "--out", tmp_path / "a", "--json")
     paper = run("identify", stored, "--out", tmp_path / "b", "--method", "paper", "--json")

@@ -50,6 +50,7 @@ def test_the_acquisition_goes_into_the_shot_and_names_it(mixed_shot: TwinShot, t
     assert ingested.path.name == "live-3.h5"
     shot = read_shot(ingested.path)
     assert shot.acquisition == acquisition
+    assert (shot.started, shot.started_source) == (acquisition.trigger_utc, "host clock at the trigger")
     assert shot.usable, shot.reasons
     last = shot.inputs[-1]
     assert (last.name, last.source, last.reader, last.size) == ("a.json", "", "acquisition", path.stat().st_size)

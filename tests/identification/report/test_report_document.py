@@ -19,6 +19,8 @@ FIXED_KEYS = {
     "schema": str,
     "shot": str,
     "rig": str,
+    "started": str,
+    "started_source": str,
     "mass": {"value": float, "u": float, "U95": [float, float], "unit": str, "specification": float, "method": str},
     "rpe_percent": {"value": float, "U95": [float, float]},
     "interval_s": [float, float],
@@ -78,6 +80,8 @@ def test_its_numbers_are_those_that_were_found():
     assert report["rpe_percent"]["U95"][0] <= report["rpe_percent"]["value"] <= report["rpe_percent"]["U95"][1]
     assert report["interval_s"] == list(found.filtered.interval_s)
     assert report["E_n"] == found.normalised_error
+    assert report["deviation"] is None
+    assert "one-sided" in report["rpe_percent"]["meaning"]
     assert math.sqrt(sum(row["u_kg"] ** 2 for row in report["budget"])) == pytest.approx(report["mass"]["u"])
     assert [a["clock"] for a in report["alignment"]] == ["can", "imu", "camera"]
     assert [m["name"] for m in report["methods"]] == list(found.results)
@@ -124,7 +128,7 @@ def test_numbers_that_are_not_finite_are_null(tmp_path):
     found = replace(found, alignments=failed, results={**found.results, "calibrated": nothing})
     report = report_document(virtual_shot("mixed").shot, found, version="1", shot_file=SHOT_FILE)
     assert [a["u_offset_s"] for a in report["alignment"]] == [None] * 3
-    assert report["rpe_percent"] == {"value": None, "U95": [None, None]}
+    assert (report["rpe_percent"]["value"], report["rpe_percent"]["U95"]) == (None, [None, None])
     json.loads(write_document(tmp_path, report).read_text(encoding="utf-8"), parse_constant=pytest.fail)
 
 

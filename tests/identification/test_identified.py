@@ -1,0 +1,50 @@
+"""What a mass that is off the specification says of itself."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from tests.builders.virtual_shots import identified
+
+
+def off_by(e_n: float, **changes):
+    """Give the virtual shot another specification, so that its mass is off by so many expanded uncertainties."""
+    found = identified("field-2013")
+    u_kg = found.chosen.estimate.u_kg
+    return replace(found, specification_kg=found.chosen.estimate.mass_kg - 2 * u_kg * e_n, **changes)
+
+
+def test_a_mass_within_its_uncertainty_deviates_from_nothing():
+    assert off_by(0.99).deviation is None
+    assert off_by(-0.99).deviation is None
+
+
+def test_a_valid_mass_beyond_it_stays_valid_and_names_what_may_be_the_cause():
+    found = off_by(-1.4)
+    assert found.valid
+    assert found.deviation == (
+        "deviates from the specification (E_n -1.40): the mass itself, the scale of the breech gauge or the bore area, "
+        "or those of accelerometer and camera together; this shot cannot tell which"
+    )
+
+
+@pytest.mark.parametrize(
+    ("method", "filmed", "cause"),
+    [
+        ("calibrated", False, ", or that of the accelerometer;"),
+        ("camera", True, ", or that of the camera;"),
+        ("reverse", True, ", or that of the accelerometer;"),
+        ("paper", True, ", or noise of the acceleration, by which this method reads low;"),
+    ],
+)
+def test_the_causes_are_those_of_the_method(method, filmed, cause):
+    found = off_by(0.0)
+    results = {**found.results, method: found.chosen}
+    found = off_by(2.0, method=method, results=results, camera=found.camera if filmed else None)
+    assert cause in found.deviation
+
+
+def test_a_result_that_is_not_valid_has_its_reasons_instead():
+    assert off_by(3.0, reasons=("quality: acc: clipped",)).deviation is None
