@@ -354,7 +354,7 @@ class LiveSession:
     def _release(self) -> None:
         from_s = self._needed_from_s
         if from_s > 0:
-            self._journal.release_before(int(from_s * 1e9))
+            self._journal.release(int(from_s * 1e9))
 
     def _append(self, kind: int, time_s: float, payload: bytes) -> None:
         self._journal.append(OPERATOR, kind, round(time_s * 1e9), payload)

@@ -1,18 +1,18 @@
 """A journal that was written: opening, finding and removing it.
 
-A damaged record ends its segment, not the journal: the next segment is read all the same.
+A damaged record costs itself: what follows it is read all the same.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from itertools import islice, pairwise
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from daq.errors import StoreError
-from daq.journal.layout import SegmentHeader, header_size_stated, parse_header, segment_paths
+from daq.journal.layout import RELEASED, SegmentHeader, header_size_stated, parse_header, segment_paths
 from daq.journal.lock import NAME as LOCK_NAME
 from daq.journal.lock import is_being_written
 from daq.journal.records import JournalRecord, Segment, scan_segment, survey_segment
@@ -33,16 +33,18 @@ class Journal:
     session : mapping
         What the writer said of its sources, clocks and rig.
     segments : tuple of Segment
+    damaged_headers : int
+        Segments whose header is damaged; it is the same in all of them.
     """
 
     folder: Path
     session: Mapping[str, Any]
     segments: tuple[Segment, ...]
-    _seed: int
+    damaged_headers: int = 0
 
     @property
     def count(self) -> int:
-        """Number of whole records."""
+        """Number of whole records, those that list what was released among them."""
         return sum(segment.count for segment in self.segments)
 
     @property
@@ -52,14 +54,23 @@ class Journal:
 
     @property
     def released_records(self) -> int:
-        """Records before the first that is there: dropped by the writer, or with a lost first segment."""
-        return next((segment.first_sequence for segment in self.segments if segment.count), 0)
+        """Records that the writer released: watched, nothing in them, and no longer there."""
+        listed = next((segment.released for segment in reversed(self.segments) if segment.released), ())
+        there = [(segment.first_sequence, segment.last_sequence) for segment in self.segments if segment.count]
+        # what was listed a moment before a crash may be there all the same
+        still = sum(max(min(b, last) - max(a, first) + 1, 0) for first, last in listed for a, b in there)
+        return sum(last - first + 1 for first, last in listed) - still
 
     @property
     def lost_records(self) -> int:
-        """Records missing between two that are there; how many are cut at the very end cannot be known."""
-        filled = (segment for segment in self.segments if segment.count)
-        return sum(after.first_sequence - before.last_sequence - 1 for before, after in pairwise(filled))
+        """Records missing before the last that is there; how many are cut at the very end cannot be known."""
+        last = max((segment.last_sequence for segment in self.segments if segment.count), default=-1)
+        return last + 1 - self.count - self.released_records
+
+    @property
+    def damaged(self) -> bool:
+        """Whether something that was written is not there as it was written."""
+        return bool(self.cut_bytes or self.lost_records or self.damaged_headers)
 
     def records(
         self, source: int | None = None, start_ns: int | None = None, stop_ns: int | None = None
@@ -71,7 +82,8 @@ class Journal:
         source : int or None
             Only those of this source; None for all.
         start_ns, stop_ns : int or None
-            Only those with ``start_ns <= host_ns < stop_ns``; None for no limit.
+            Only those of which something may have arrived in ``start_ns <= t < stop_ns``; None for no limit. A record of
+            unknown span counts with the host time of its read alone.
 
         Yields
         ------
@@ -88,14 +100,16 @@ class Journal:
             if late or early or not segment.count:
                 continue
             found = 0
-            scanned = scan_segment(segment.path, segment.header_bytes, self._seed, segment.first_sequence)
+            scanned = scan_segment(segment.path, segment.header, segment.first_sequence)
             for record in islice(scanned, segment.count):
                 found += 1
+                if record.source == RELEASED:
+                    continue
                 if source is not None and record.source != source:
                     continue
                 if start_ns is not None and record.host_ns < start_ns:
                     continue
-                if stop_ns is not None and record.host_ns >= stop_ns:
+                if stop_ns is not None and record.from_ns >= stop_ns:
                     continue
                 yield record
             if found < segment.count:
@@ -120,7 +134,7 @@ def read_journal(folder: Path, start_ns: int | None = None, stop_ns: int | None 
     folder : Path
     start_ns, stop_ns : int or None
         Leave out segments that cannot hold records of this span of host time: those that begin more than
-        `OUT_OF_ORDER_NS` after it, and those whose next one begins as long before it.
+        `OUT_OF_ORDER_NS` after it, and those whose next one begins as long before it. What is lost is not counted then.
 
     Returns
     -------
@@ -138,6 +152,7 @@ def read_journal(folder: Path, start_ns: int | None = None, stop_ns: int | None 
             raise StoreError("holds no journal", path=folder, expected="segments such as 000001.journal")
         headers = {path: _read_header(path) for path in paths.values()}
         header = _one_header(folder, headers)
+        damaged_headers = sum(one is None for one in headers.values())
         segments: list[Segment] = []
         following = 0
         for path in _within(list(paths.values()), header, start_ns, stop_ns):
@@ -146,7 +161,7 @@ def read_journal(folder: Path, start_ns: int | None = None, stop_ns: int | None 
             following = segment.last_sequence + 1 if segment.count else following
     except OSError as error:
         raise StoreError(f"cannot be read: {error.strerror or error}", path=folder) from error
-    return Journal(folder, header.session, tuple(segments), header.seed)
+    return Journal(folder, header.session, tuple(segments), damaged_headers)
 
 
 def find_journals(folder: Path) -> tuple[Path, ...]:
@@ -196,7 +211,7 @@ def _within(paths: list[Path], header: SegmentHeader, start_ns: int | None, stop
         return paths
     begins = []
     for path in paths:
-        first = next(scan_segment(path, header.size, header.seed, 0), None)
+        first = next(scan_segment(path, header, 0), None)
         begins.append(None if first is None else first.host_ns)
     chosen = []
     for path, begin_ns, next_ns in zip(paths, begins, [*begins[1:], None], strict=True):

@@ -18,21 +18,26 @@ Then follow the records, each in one piece and in one segment:
 ======================  ======  =========================================================
 offset                  bytes   content
 ======================  ======  =========================================================
-0                       4       length n of the payload, unsigned
-4                       2       number of the source, unsigned
-6                       2       kind of the payload, unsigned; its meaning is the writer's
-8                       8       host time, monotonic, nanoseconds, signed
-16                      8       sequence number, unsigned, from 0 over the whole journal
-24                      4       CRC-32 of the payload and then of bytes 0 to 23
-28                      n       payload
+0                       8       the session's random bytes: what a reader looks for behind damage
+8                       4       length n of the payload, unsigned, at most `LONGEST_PAYLOAD`
+12                      2       number of the source, unsigned
+14                      2       kind of the payload, unsigned; its meaning is the writer's
+16                      4       span, unsigned, microseconds: so long before the host time the source was found empty
+20                      8       host time, monotonic, nanoseconds, signed
+28                      8       sequence number, unsigned, from 0 over the whole journal
+36                      4       CRC-32 of the payload and then of bytes 0 to 35
+40                      n       payload
 ======================  ======  =========================================================
 
 The CRC is zlib's (ISO 3309, reflected polynomial 0xEDB88320). That of a record starts from the CRC of the
 session's random bytes, not from zero: what another session left on the disk does not pass for a record of this one.
 
+What a record holds arrived within its span: after the source was found empty, before the read returned. `UNKNOWN_SPAN`
+says that the time is unknown or longer.
+
 A segment's space is reserved with zeros. A head of zeros has a wrong CRC, so zeros behind the last
-record are the end. Sequence numbers are consecutive within a segment and rise over the segments, so that what is
-lost is counted and nothing is taken twice.
+record are the end. Sequence numbers are consecutive but for what was lost or released on purpose. A record of the
+source `RELEASED` lists all that was released so far: pairs of first and last sequence number, eight bytes each.
 """
 
 from __future__ import annotations
@@ -48,13 +53,22 @@ from typing import Any
 
 MAGIC = b"recoil-daq journal 1\n"
 
-RECORD_HEAD = struct.Struct("<IHHqQ")
-"""Payload length, source, kind, host time, sequence number; the CRC follows."""
+RECORD_HEAD = struct.Struct("<8sIHHIqQ")
+"""Session's bytes, payload length, source, kind, span, host time, sequence number; the CRC follows."""
 
 CRC = struct.Struct("<I")
 
 RECORD_OVERHEAD = RECORD_HEAD.size + CRC.size
 """Bytes of a record beside its payload."""
+
+LONGEST_PAYLOAD = 1 << 20
+"""Bytes; a head that says more is damaged."""
+
+UNKNOWN_SPAN = 0xFFFFFFFF
+"""Span of a record whose source was not seen empty before, or longer ago than fits."""
+
+RELEASED = 0xFFFE
+"""Source of the records that list what was released."""
 
 _HEADER_HEAD = struct.Struct("<8sI")
 _SEGMENT_NAME = re.compile(r"(\d{6,})\.journal")

@@ -28,8 +28,12 @@ class WritingSegment:
 
     Attributes
     ----------
-    newest_ns : int
-        Latest host time of its records.
+    oldest_ns, newest_ns : int
+        Earliest and latest host time at which its records' content arrived.
+    first_sequence : int
+        Of its records; it is -1 if there are none.
+    count : int
+        Of its records.
 
     Raises
     ------
@@ -41,7 +45,8 @@ class WritingSegment:
         self.path = path
         self.size = size
         self.length = 0
-        self.newest_ns = -(1 << 63)
+        self.oldest_ns, self.newest_ns = (1 << 63) - 1, -(1 << 63)
+        self.first_sequence, self.count = -1, 0
         flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
         self._descriptor = os.open(path, flags, 0o644)
         try:
@@ -61,6 +66,13 @@ class WritingSegment:
         """Write the parts behind what is there, all of them or raise OSError."""
         _write_all(self._descriptor, parts)
         self.length += sum(len(part) for part in parts)
+
+    def note(self, sequence: int, from_ns: int, host_ns: int) -> None:
+        """Note the record that was written last."""
+        if not self.count:
+            self.first_sequence = sequence
+        self.count += 1
+        self.oldest_ns, self.newest_ns = min(self.oldest_ns, from_ns), max(self.newest_ns, host_ns)
 
     def sync(self) -> None:
         """Force what is written to the disk."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
+from collections.abc import Sequence
 
 from daq.errors import StoreError
 from daq.journal.segment import WritingSegment
@@ -62,25 +63,31 @@ class SegmentSync:
                     first = first or error
         return first
 
-    def release_before(self, host_ns: int) -> int:
-        """Remove the oldest segments as far as all their records are older; return how many.
+    def releasable(self, before_ns: int, kept: Sequence[tuple[int, int]]) -> list[WritingSegment]:
+        """Return the closed segments of which all arrived before a time and nothing within a span that is kept."""
+        with self._lock:
+            return [
+                segment
+                for segment in self._finished
+                if segment.newest_ns < before_ns
+                and not any(segment.oldest_ns < stop_ns and segment.newest_ns >= start_ns for start_ns, stop_ns in kept)
+            ]
+
+    def remove(self, segments: Sequence[WritingSegment]) -> None:
+        """Remove some of the segments that `releasable` returned.
 
         Raises
         ------
         StoreError
             If the system refuses.
         """
-        released = 0
         with self._lock:
-            while self._finished and self._finished[0].newest_ns < host_ns:
-                path = self._finished[0].path
+            for segment in segments:
                 try:
-                    path.unlink(missing_ok=True)
+                    segment.path.unlink(missing_ok=True)
                 except OSError as error:
-                    raise StoreError(f"cannot be removed: {error.strerror or error}", path=path) from error
-                self._finished.popleft()
-                released += 1
-        return released
+                    raise StoreError(f"cannot be removed: {error.strerror or error}", path=segment.path) from error
+                self._finished.remove(segment)
 
     def _finish_full(self) -> None:
         while self._full:

@@ -15,13 +15,22 @@ import struct
 import threading
 import time
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 from daq.errors import StoreError
-from daq.journal.layout import CRC, RECORD_HEAD, RECORD_OVERHEAD, crc_seed, pack_header
+from daq.journal.layout import (
+    CRC,
+    LONGEST_PAYLOAD,
+    RECORD_HEAD,
+    RECORD_OVERHEAD,
+    RELEASED,
+    UNKNOWN_SPAN,
+    crc_seed,
+    pack_header,
+)
 from daq.journal.records import JournalCounters
 from daq.journal.reserve import SegmentReserve
 from daq.journal.segment import sync_folder
@@ -81,12 +90,14 @@ class JournalWriter:
         if segment_bytes < len(header) + RECORD_OVERHEAD + 1:
             raise ValueError(f"segment_bytes {segment_bytes!r} does not hold the header of {len(header)} bytes")
         self.folder = Path(folder)
+        self._session_id = session_id
         self._seed = crc_seed(session_id)
-        self._largest_payload = segment_bytes - len(header) - RECORD_OVERHEAD
+        self._largest_payload = min(segment_bytes - len(header) - RECORD_OVERHEAD, LONGEST_PAYLOAD)
         self._lock = threading.Lock()  # over the order of the records
         self._sync_turn = threading.Lock()  # one synchronisation at a time; taken before the other
         self._written = SegmentSync()
         self._sequence = 0
+        self._released: list[tuple[int, int]] = []
         self._records = 0
         self._bytes = 0
         self._unsynced_since: float | None = None
@@ -105,7 +116,15 @@ class JournalWriter:
         for thread in self._threads:
             thread.start()
 
-    def append(self, source: int, kind: int, host_ns: int, payload: bytes | bytearray | memoryview) -> int:
+    def append(
+        self,
+        source: int,
+        kind: int,
+        host_ns: int,
+        payload: bytes | bytearray | memoryview,
+        *,
+        empty_ns: int | None = None,
+    ) -> int:
         """Write one record.
 
         Parameters
@@ -116,6 +135,8 @@ class JournalWriter:
             Monotonic host time, nanoseconds.
         payload : bytes-like
             Contiguous.
+        empty_ns : int or None
+            Monotonic host time at which the source was last found empty: what the payload holds arrived after it.
 
         Returns
         -------
@@ -134,6 +155,7 @@ class JournalWriter:
             raise ValueError(f"a payload must not exceed {self._largest_payload} bytes, not {len(data)}")
         needed = RECORD_OVERHEAD + len(data)
         payload_crc = zlib.crc32(data, self._seed)
+        span_us = UNKNOWN_SPAN if empty_ns is None else min(-(-(host_ns - empty_ns) // 1000), UNKNOWN_SPAN)
         with self._lock:
             if self._closed:
                 raise ValueError("this journal is closed")
@@ -141,7 +163,7 @@ class JournalWriter:
                 raise StoreError(self._fault.problem, path=self.folder, remedy=self._fault.remedy) from self._fault
             sequence = self._sequence
             try:
-                head = RECORD_HEAD.pack(len(data), source, kind, host_ns, sequence)
+                head = RECORD_HEAD.pack(self._session_id, len(data), source, kind, span_us, host_ns, sequence)
             except struct.error as error:
                 raise ValueError(f"source {source!r}, kind {kind!r} or host_ns {host_ns!r} does not fit") from error
             try:
@@ -155,7 +177,7 @@ class JournalWriter:
                 # Ctrl-C in the middle: half a record may be there, and only a new segment is read after it
                 self._interrupted = True
                 raise
-            self._segment.newest_ns = max(self._segment.newest_ns, host_ns)
+            self._segment.note(sequence, host_ns if span_us == UNKNOWN_SPAN else host_ns - 1000 * span_us, host_ns)
             self._records += 1
             self._bytes += needed
             if self._unsynced_since is None:
@@ -186,23 +208,40 @@ class JournalWriter:
             finally:
                 self._syncing_since = None
 
-    def release_before(self, host_ns: int) -> int:
-        """Remove the oldest segments as far as all their records are older than a host time.
+    def release(self, before_ns: int, kept: Sequence[tuple[int, int]] = ()) -> int:
+        """Remove the segments of which nobody needs anything, and record that this was on purpose.
+
+        Parameters
+        ----------
+        before_ns : int
+            Host time; what arrived at or after it stays.
+        kept : sequence of (start_ns, stop_ns)
+            Spans of host time of which everything stays.
 
         Returns
         -------
         int
-            Number of segments that were removed. The one being written always stays.
+            Number of records that went. The segment being written always stays.
 
         Raises
         ------
         StoreError
             If the system refuses.
         """
-        released = self._written.release_before(host_ns)
-        if released:
-            self._space_wanted.set()
-        return released
+        segments = self._written.releasable(before_ns, kept)
+        if not segments:
+            return 0
+        for segment in segments:
+            if segment.count:
+                self._released.append((segment.first_sequence, segment.first_sequence + segment.count - 1))
+        self._released = _merged(self._released)
+        # listed on the disk first: after a crash what is missing without a list would count as lost
+        payload = b"".join(struct.pack("<QQ", *pair) for pair in self._released)
+        self.append(RELEASED, 0, time.monotonic_ns(), payload)
+        self.sync()
+        self._written.remove(segments)
+        self._space_wanted.set()
+        return sum(segment.count for segment in segments)
 
     @property
     def counters(self) -> JournalCounters:
@@ -215,6 +254,7 @@ class JournalWriter:
                 self._segment.room + self._reserve.free_bytes,
                 time.monotonic() - min(waiting) if waiting else 0.0,
                 self._written.largest_s,
+                sum(last - first + 1 for first, last in self._released),
             )
 
     def close(self) -> None:
@@ -286,6 +326,17 @@ class JournalWriter:
             # The append that needs a segment tries again, and its error is the one that counts
             with contextlib.suppress(OSError):
                 self._reserve.top_up(self._written.count + 1)
+
+
+def _merged(spans: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Join spans of sequence numbers that follow one another."""
+    joined: list[tuple[int, int]] = []
+    for first, last in sorted(spans):
+        if joined and joined[-1][1] + 1 == first:
+            joined[-1] = (joined[-1][0], last)
+        else:
+            joined.append((first, last))
+    return joined
 
 
 def _flat(payload: bytearray | memoryview) -> memoryview:
