@@ -68,7 +68,9 @@ class AcquiredSource:
     pre_s : float or None
         Pre-time that it has; None if it delivered nothing.
     late : bool
-        Whether it had not delivered the whole span when waiting for it ended.
+        Whether it had not delivered the whole span when waiting for it ended, or something of it was read late.
+    late_s : float
+        How long, at most, something of it may have waited before it was read.
     bad, reopened, error_frames : int
         As `daq.devices.device.Counters`, counted from `counted_from_s`.
     kernel_drops : int or None
@@ -86,6 +88,7 @@ class AcquiredSource:
     bytes: int
     pre_s: float | None
     late: bool
+    late_s: float
     bad: int
     reopened: int
     error_frames: int

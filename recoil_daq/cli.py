@@ -200,6 +200,13 @@ def recover(
         Path | None, typer.Option(help="Folder that gets what is recovered.", show_default="where the session wrote")
     ] = None,
     keep: Annotated[bool, typer.Option("--keep", help="Keep the journal when all of it is recovered.")] = False,
+    at: Annotated[
+        list[float] | None,
+        typer.Option(help="Cut a shot at this instant, s from the journal's first record.", show_default=False),
+    ] = None,
+    discard: Annotated[
+        bool, typer.Option("--discard", help="Remove the journal with what is nowhere else, after listing it.")
+    ] = False,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
@@ -209,12 +216,13 @@ def recover(
         from recoil_daq.recover import recover_folder
 
         with session.steps("recover") as progress:
-            done, failed = recover_folder(folder, out, keep=keep, progress=progress)
+            done, failed = recover_folder(folder, out, keep=keep, discard=discard, at_s=at or (), progress=progress)
         if failed and not json:
             print_recovered(folder, done)
         if failed:
             raise failed[0]
-        session.finish(recovered_document(done), lambda: print_recovered(folder, done), OK)
+        code = OK if all(one.elsewhere or one.removed for one in done) else NOT_VALID
+        session.finish(recovered_document(done), lambda: print_recovered(folder, done), code)
 
 
 @app.command(epilog="Example: recoil-daq identify shots/0001.h5 --out reports")

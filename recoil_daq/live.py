@@ -67,11 +67,14 @@ def run_live(
 
 
 def _recover(options: LiveOptions, display: Display) -> None:
-    """Recover what a crash left over before anything new is recorded."""
+    """Recover what a crash left over before anything new is recorded; removing it is left to a person."""
     for journal in find_journals(options.out / "journal"):
+        if (options.out / "recovered" / journal.name).exists():
+            display.notice(f"a journal is still there: `recoil-daq recover {journal}` says what is in it")
+            continue
         display.notice(f"a journal was left over: recovering {journal}")
         try:
-            done = recover_journal(journal, options.out)
+            done = recover_journal(journal, options.out, keep=True)
         except RecoilDaqError as error:
             display.notice(f"it is left as it is: {error}")
             continue
@@ -79,4 +82,7 @@ def _recover(options: LiveOptions, display: Display) -> None:
             what = "shot file written" if shot.shot_file is not None else f"captures in {shot.folder}"
             display.notice(f"shot {shot.name} recovered: {what}")
         if done.everything is not None:
-            display.notice(f"everything that it held is in {done.everything}")
+            display.notice(f"everything that could be read of it is in {done.everything}")
+        found = [f"{done.lost_records} records missing, {done.cut_bytes} bytes damaged"] if done.damaged else []
+        found += [f"{len(done.outside)} times something happened outside of every shot"] if done.outside else []
+        display.notice("; ".join([*found, f"it is kept: `recoil-daq recover {journal}` says more"]))

@@ -200,6 +200,8 @@ class LiveRange:
         self._outcome.error = self._outcome.error or session.error
         if session.journal_folder.exists():
             self._outcome.journal = session.journal_folder
+            for stretch in session.kept:
+                self._display.notice(f"kept in the journal, in no shot: {stretch.why}, {stretch.lasting}")
 
     def _write_log(self, name: str) -> None:
         """Keep what the session decided and made: the journal, which has it too, is removed."""

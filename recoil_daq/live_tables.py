@@ -119,8 +119,10 @@ def recovered_document(done: Sequence[Recovered]) -> dict[str, Any]:
                 "journal": str(one.journal),
                 "rig": one.rig.name,
                 "records": one.records,
+                "released_records": one.released_records,
                 "lost_records": one.lost_records,
                 "cut_bytes": one.cut_bytes,
+                "damaged": one.damaged,
                 "in_order": one.in_order,
                 "everything": None if one.everything is None else str(one.everything),
                 "removed": one.removed,
@@ -129,11 +131,13 @@ def recovered_document(done: Sequence[Recovered]) -> dict[str, Any]:
                         "shot": s.name,
                         "captures": [str(file) for file in s.files],
                         "was_there": s.was_there,
+                        "whole": s.whole,
                         "shot_file": None if s.shot_file is None else str(s.shot_file),
                         "missing": list(s.missing),
                     }
                     for s in one.shots
                 ],
+                "outside": [asdict(stretch) for stretch in one.outside],
             }
             for one in done
         ],
@@ -156,7 +160,7 @@ def print_recovered(folder: Path, done: Sequence[Recovered]) -> None:
             for s in one.shots
         ]
         print_table(
-            f"Journal {one.journal.name} of rig {one.rig.name}: {one.records} records, {one.lost_records} lost",
+            f"Journal {one.journal.name} of rig {one.rig.name}: {one.records} records read",
             ("shot", "captures", "shot file", "files missing", "folder"),
             rows,
         )
@@ -165,8 +169,46 @@ def print_recovered(folder: Path, done: Sequence[Recovered]) -> None:
         for s in one.shots:
             if s.shot_file is None and s.missing:
                 say(f"finish shot {s.name} with `recoil-daq ingest {one.rig.path} {s.folder}/* FILES`")
-        say("the journal is removed: all of it is in these captures, read back and compared" if one.removed else
-            "the journal is kept")  # fmt: skip
+        if one.outside:
+            stretches = [(f"{o.at_s:.3f}", o.utc.replace("T", " "), f"{o.lasting_s:.3f}", o.why) for o in one.outside]
+            columns = ("at, s", "UTC", "lasting, s", "what")
+            print_table("Outside of every shot", columns, stretches, numeric=(0, 2))
+        for line in _state_of(one):
+            say(line)
+
+
+def _state_of(one: Recovered) -> Iterator[str]:
+    """Say what became of a journal, what is not in captures, and what is to be done."""
+    end = "" if one.in_order else "; the session did not end in order, so what is missing at its very end is not known"
+    if one.damaged:
+        yield (
+            f"damaged: {one.records} records were read, {one.lost_records} are missing, {one.cut_bytes} bytes in "
+            f"damaged places could not be read, {one.damaged_headers} segments have a damaged beginning{end}"
+        )
+    else:
+        yield f"undamaged: {one.records} records, none missing between them{end}"
+    if one.released_records:
+        yield f"{one.released_records} records were released while armed: watched, and nothing happened in them"
+    for shot in one.shots:
+        if not shot.whole:
+            yield f"the captures of shot {shot.name} were there before, and differ from what the journal has of it"
+    if not one.everything_whole:
+        yield f"{one.everything} was there before, and differs from what the journal has"
+    if one.removed and one.elsewhere and one.everything is not None:
+        yield "the journal is removed: all of it is in these captures, read back and compared"
+    elif one.removed and one.elsewhere:
+        yield (
+            "the journal is removed: its shots are in captures, read back and compared, and outside of them nothing "
+            "happened while it was watched"
+        )
+    elif one.removed:
+        yield "the journal is removed, as was asked for"
+    else:
+        yield f"the journal is kept: {one.journal}"
+    if not one.removed and one.outside:
+        yield f"cut a shot out of it with `recoil-daq recover {one.journal} --at SECONDS`"
+    if not one.removed and not one.elsewhere:
+        yield f"remove it, with what is nowhere else, with `recoil-daq recover {one.journal} --discard`"
 
 
 def device_document(rig: Rig, heard: Sequence[ChannelHeard]) -> dict[str, Any]:

@@ -1,23 +1,37 @@
-"""Journals that a crash left over: every shot in them as captures, and everything that was recorded beside."""
+"""Journals that a crash left over: every shot in them as captures, and everything that was recorded beside.
+
+A journal is removed when all that it holds is in captures that were read back, when nothing in it is damaged, and when
+nothing happened in it outside of every shot. Else it stays until a person says otherwise.
+"""
 
 from __future__ import annotations
 
+import datetime as dt
 import json
 import shutil
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from daq.acquisition import Acquisition, read_acquisition, write_acquisition
-from daq.capture.cut import Cut, write_captures
-from daq.capture.engine import replayed
-from daq.capture.session_record import LiveRecord, live_record_of, operator_records
+from daq.capture.cut import Cut, captures_hold, write_captures
+from daq.capture.engine import SETTLE_S, replayed
+from daq.capture.session_record import (
+    Kept,
+    LiveRecord,
+    OperatorRecords,
+    kept_of,
+    live_record_of,
+    longer,
+    operator_records,
+)
 from daq.capture.shot_record import acquisition_of
 from daq.devices.device import EVENT
 from daq.errors import CorruptFileError, ReadError, RecoilDaqError, StoreError
 from daq.journal import Journal, find_journals, read_journal
 from daq.trigger import Decision, ShotWindow, Trigger
+from daq.trigger.decision import MANUAL
 from recoil_daq.ingest import ingest_files
 from recoil_daq.live_shot import free_number
 from rigs.rig import Rig, parse_rig
@@ -37,7 +51,9 @@ class RecoveredShot:
     files : tuple of Path
         Its captures and the record of its acquisition.
     was_there : bool
-        Whether they were written before the crash.
+        Whether they were written before.
+    whole : bool
+        Whether they hold all that the journal has of the shot.
     shot_file : Path or None
         Written now or before; None if another instrument's file is missing.
     missing : tuple of str
@@ -48,8 +64,30 @@ class RecoveredShot:
     folder: Path
     files: tuple[Path, ...]
     was_there: bool
+    whole: bool
     shot_file: Path | None
     missing: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Outside:
+    """A stretch of a journal in which something happened and that is in no shot.
+
+    Attributes
+    ----------
+    at_s : float
+        What happened first, from the journal's first record.
+    utc : str
+        The same by the host's wall clock, ISO 8601.
+    lasting_s : float
+        Until what happened last.
+    why : str
+    """
+
+    at_s: float
+    utc: str
+    lasting_s: float
+    why: str
 
 
 @dataclass(frozen=True)
@@ -62,32 +100,59 @@ class Recovered:
     rig : Rig
     records : int
         Whole records of devices and trigger.
+    released_records : int
+        Released while armed: watched, and nothing happened in them.
     lost_records : int
-        Missing between two that are there.
+        Missing before the last that is there.
     cut_bytes : int
-        Of records that were being written, or are damaged.
+        In damaged places, or of a record that was being written.
+    damaged_headers : int
+        Segments whose beginning is damaged.
     in_order : bool
         Whether the session had ended in order.
     everything : Path or None
         Folder of all that was recorded, shots and the time between them; None if the session had ended in order.
+    everything_whole : bool
+        Whether that folder holds all that the journal does.
     shots : tuple of RecoveredShot
+    outside : tuple of Outside
     removed : bool
-        Whether the journal was removed: all that it held is in verified captures.
     """
 
     journal: Path
     rig: Rig
     records: int
+    released_records: int
     lost_records: int
     cut_bytes: int
+    damaged_headers: int
     in_order: bool
     everything: Path | None
+    everything_whole: bool
     shots: tuple[RecoveredShot, ...]
+    outside: tuple[Outside, ...]
     removed: bool
+
+    @property
+    def damaged(self) -> bool:
+        """Whether something that was written is not there as it was written."""
+        return bool(self.lost_records or self.cut_bytes or self.damaged_headers)
+
+    @property
+    def elsewhere(self) -> bool:
+        """Whether all that a person may want of the journal is in captures that were read back."""
+        whole = all(shot.whole for shot in self.shots) and self.everything_whole
+        return whole and not self.damaged and not self.outside
 
 
 def recover_folder(
-    folder: Path, out: Path | None, *, keep: bool = False, progress: Progress = lambda _: None
+    folder: Path,
+    out: Path | None,
+    *,
+    keep: bool = False,
+    discard: bool = False,
+    at_s: Sequence[float] = (),
+    progress: Progress = lambda _: None,
 ) -> tuple[list[Recovered], list[RecoilDaqError]]:
     """Recover every journal in a folder or below it that nobody writes.
 
@@ -99,6 +164,10 @@ def recover_folder(
         Gets ``captures``, ``recovered`` and shot files; where the session had them if None.
     keep : bool
         Leave the journals where they are.
+    discard : bool
+        Remove them whatever they still hold.
+    at_s : sequence of float
+        Cut a shot at each of these instants, from the first record of the journal; there must be one journal only.
     progress : callable
         Told the name of each step.
 
@@ -111,29 +180,44 @@ def recover_folder(
     Raises
     ------
     ReadError
-        If there is no such folder.
+        If there is no such folder, or several journals for one instant.
     """
     if not folder.is_dir():
         raise ReadError("no such folder", path=folder, expected="a journal, or a folder with journals in it")
+    journals = find_journals(folder)
+    if at_s and len(journals) != 1:
+        found = ", ".join(journal.name for journal in journals) or "no journal"
+        remedy = "name the journal's own folder"
+        raise ReadError("`--at` needs one journal", path=folder, expected="one", found=found, remedy=remedy)
     done: list[Recovered] = []
     failed: list[RecoilDaqError] = []
-    for journal in find_journals(folder):
+    for journal in journals:
+        into = _out_of(journal) if out is None else out
         try:
-            done.append(
-                recover_journal(journal, _out_of(journal) if out is None else out, keep=keep, progress=progress)
-            )
+            one = recover_journal(journal, into, keep=keep, discard=discard, at_s=at_s, progress=progress)
         except RecoilDaqError as error:
             failed.append(error)
+        else:
+            done.append(one)
     return done, failed
 
 
-def recover_journal(folder: Path, out: Path, *, keep: bool = False, progress: Progress = lambda _: None) -> Recovered:
+def recover_journal(
+    folder: Path,
+    out: Path,
+    *,
+    keep: bool = False,
+    discard: bool = False,
+    at_s: Sequence[float] = (),
+    progress: Progress = lambda _: None,
+) -> Recovered:
     """Recover one journal; parameters as of `recover_folder`.
 
     Raises
     ------
     StoreError, RigError, ReadError
-        If it cannot be read, or its captures cannot be written; it is left as it was.
+        If it cannot be read, its captures cannot be written, or it holds nothing at an instant that is asked for; it is
+        left as it was.
     """
     progress(f"read {folder.name}")
     journal = read_journal(folder)
@@ -141,34 +225,58 @@ def recover_journal(folder: Path, out: Path, *, keep: bool = False, progress: Pr
     rig = parse_rig(record.rig_text, Path(record.rig_path), record.databases, refuse_doubts=False)
     if rig.trigger is None:
         raise StoreError("the rig in this journal has no trigger", path=folder)
-    decisions, known, in_order = operator_records(journal)
-    windows = replayed(_held(journal, record), rig.trigger, decisions)
+    known = operator_records(journal)
+    held = _held(journal, record)
+    begin_s, end_s = _extent_s(held)
+    for instant_s in at_s:
+        if not 0 <= instant_s <= end_s - begin_s:
+            raise ReadError(
+                f"holds nothing at {instant_s:g} s",
+                path=folder,
+                expected=f"0 to {end_s - begin_s:.3f} s from its first record",
+            )
+    windows = (
+        *replayed(held, rig.trigger, known.decisions, _stalls(journal, record)),
+        *_earlier(record, out, held, rig),
+    )
+    outside = _outside(known, windows, rig.trigger)
+    asked = [window for instant_s in at_s for window in _at(begin_s + instant_s, held, rig.trigger)]
     shots = []
-    for window in windows:
-        given = (s.shot for s in known if abs(s.trigger_s - window.trigger_s) < 1e-6)
+    for window in (*windows, *asked):
+        given = (s.shot for s in known.shots if abs(s.trigger_s - window.trigger_s) < 1e-6)
         name = next(given, "") or _name_before(out, window) or f"{free_number(out):04d}"
         progress(f"shot {name}")
         # what a cut had written that the crash interrupted
         shutil.rmtree(out / "captures" / f".{name}.cut", ignore_errors=True)
         shutil.rmtree(out / "captures" / f"..{name}.cut.partial", ignore_errors=True)
         shots.append(_recover_shot(journal, record, rig, rig.trigger, name, window, out))
-    everything = None
-    if not in_order:
+    outside = [one for one in outside if not one.within([(window.start_s, window.stop_s) for window in asked])]
+    everything = None if known.in_order else out / "recovered" / folder.name
+    if everything is not None:
         progress("everything")
-        everything = _everything(journal, record, decisions, out / "recovered" / folder.name)
-    if not keep:
-        journal.remove()
-    return Recovered(
+        _write_everything(journal, record, known, everything)
+    done = Recovered(
         journal=folder,
         rig=rig,
         records=journal.count,
+        released_records=journal.released_records,
         lost_records=journal.lost_records,
         cut_bytes=journal.cut_bytes,
-        in_order=in_order,
+        damaged_headers=journal.damaged_headers,
+        in_order=known.in_order,
         everything=everything,
+        everything_whole=everything is None or captures_hold(journal, record, everything, everything.name, None, None),
         shots=tuple(shots),
-        removed=not keep,
+        outside=tuple(
+            Outside(one.first_s - begin_s, _utc(record, one.first_s), one.last_s - one.first_s, one.why)
+            for one in outside
+        ),
+        removed=False,
     )
+    if discard or (done.elsewhere and not keep):
+        journal.remove()
+        done = replace(done, removed=True)
+    return done
 
 
 def _out_of(journal: Path) -> Path:
@@ -185,6 +293,62 @@ def _held(journal: Journal, record: LiveRecord) -> dict[str, list[tuple[float, f
     return held
 
 
+def _extent_s(held: Mapping[str, Sequence[tuple[float, float]]]) -> tuple[float, float]:
+    """Return the first and the last instant of all sources together; 0 and 0 if there is none."""
+    spans = [span for spans in held.values() for span in spans]
+    return min((begin for begin, _ in spans), default=0.0), max((end for _, end in spans), default=0.0)
+
+
+def _stalls(journal: Journal, record: LiveRecord) -> list[tuple[float, float]]:
+    """Return when something was read late: since when it may have arrived, and when it was read."""
+    return [
+        (one.from_ns / 1e9, one.host_ns / 1e9)
+        for number in range(len(record.sources))
+        for one in journal.records(number)
+        if one.host_ns - one.from_ns > SETTLE_S * 1e9
+    ]
+
+
+def _at(
+    trigger_s: float, held: Mapping[str, Sequence[tuple[float, float]]], trigger: Trigger
+) -> tuple[ShotWindow, ...]:
+    """Return the window of a shot that a person asks for."""
+    decision = Decision(trigger_s, "trigger", "", "", MANUAL, MANUAL, None, trigger_s)
+    return replayed(held, trigger, [decision])
+
+
+def _earlier(
+    record: LiveRecord, out: Path, held: Mapping[str, Sequence[tuple[float, float]]], rig: Rig
+) -> tuple[ShotWindow, ...]:
+    """Return the windows of shots that a person had cut out of this journal before."""
+    begin_s, end_s = _extent_s(held)
+    windows: list[ShotWindow] = []
+    for folder in sorted((out / "captures").glob("*")):
+        made = _acquisition_in(folder, folder.name)
+        if made is None or rig.trigger is None or not begin_s <= made.trigger_ns / 1e9 <= end_s:
+            continue
+        by_hand = made.recovered and any(d.outcome == "trigger" and not d.channel for d in made.decisions)
+        if by_hand and made.trigger_utc == _utc(record, made.trigger_ns / 1e9):
+            windows += _at(made.trigger_ns / 1e9, held, rig.trigger)
+    return tuple(windows)
+
+
+def _outside(known: OperatorRecords, windows: Sequence[ShotWindow], trigger: Trigger) -> list[Kept]:
+    """Return what happened outside of all shots, in the order of time."""
+    kept: list[Kept] = []
+    for decision in known.decisions:
+        one = kept_of(decision, trigger)
+        kept = kept if one is None else longer(kept, one)
+    spans = [(window.start_s, window.stop_s) for window in windows]
+    return sorted((one for one in (*kept, *known.kept) if not one.within(spans)), key=lambda one: one.first_s)
+
+
+def _utc(record: LiveRecord, host_s: float) -> str:
+    wall_ns = record.anchor.wall_of(round(host_s * 1e9))
+    utc = dt.datetime(1970, 1, 1) + dt.timedelta(microseconds=wall_ns // 1000)
+    return utc.isoformat(timespec="microseconds")
+
+
 def _name_before(out: Path, window: ShotWindow) -> str:
     """Return the name under which an earlier recovery wrote this very shot; empty if none did."""
     for folder in sorted((out / "captures").glob("*")):
@@ -198,6 +362,7 @@ def _recover_shot(
 ) -> RecoveredShot:
     folder = out / "captures" / name
     trigger_ns = round(window.trigger_s * 1e9)
+    span_ns = round(window.start_s * 1e9), round(window.stop_s * 1e9)
     acquisition = _captured_before(folder, name, trigger_ns)
     was_there = acquisition is not None
     if acquisition is None:
@@ -214,8 +379,9 @@ def _recover_shot(
             )
             write_acquisition(made[0], into / f"{name}_acquisition.json")
 
-        write_captures(journal, record, folder, name, round(window.start_s * 1e9), round(window.stop_s * 1e9), also)
+        write_captures(journal, record, folder, name, *span_ns, also)
         acquisition = made[0]
+    whole = captures_hold(journal, record, folder, name, *span_ns)
     present = [source for source in acquisition.sources if source.file]
     files = (*(folder / source.file for source in present), folder / f"{name}_acquisition.json")
     has = {source.name for source in present}
@@ -224,40 +390,42 @@ def _recover_shot(
     shot_file = out / f"{name}.h5" if (out / f"{name}.h5").exists() else None
     if shot_file is None and not missing and rig.reference_clock in has:
         shot_file = ingest_files(rig, files, shot=name, out=out).path
-    return RecoveredShot(name, folder, files, was_there, shot_file, missing)
+    return RecoveredShot(name, folder, files, was_there, whole, shot_file, missing)
 
 
 def _captured_before(folder: Path, name: str, trigger_ns: int) -> Acquisition | None:
     """Return the record of captures that the session had written of this very shot."""
+    acquisition = _acquisition_in(folder, name)
+    return acquisition if acquisition is not None and acquisition.trigger_ns == trigger_ns else None
+
+
+def _acquisition_in(folder: Path, name: str) -> Acquisition | None:
     path = folder / f"{name}_acquisition.json"
-    if not path.exists():
-        return None
     try:
-        acquisition = read_acquisition(path)
+        return read_acquisition(path) if path.exists() else None
     except (ReadError, CorruptFileError):
         return None
-    return acquisition if acquisition.trigger_ns == trigger_ns else None
 
 
-def _everything(journal: Journal, record: LiveRecord, decisions: tuple[Decision, ...], folder: Path) -> Path:
+def _write_everything(journal: Journal, record: LiveRecord, known: OperatorRecords, folder: Path) -> None:
     """Write all that was recorded, once."""
     if folder.exists():
-        return folder
+        return
 
     def also(into: Path, cuts: Mapping[str, Cut]) -> None:
         document: dict[str, Any] = {
             "schema": "recoil-daq/recovered/1",
             "session": record.to_json(),
-            "decisions": [asdict(decision) for decision in decisions],
+            "decisions": [asdict(decision) for decision in known.decisions],
             "events": {
                 name: [{"host_ns": host_ns, **asdict(event)} for host_ns, event in cut.events]
                 for name, cut in cuts.items()
             },
             "records": journal.count,
+            "released_records": journal.released_records,
             "lost_records": journal.lost_records,
             "cut_bytes": journal.cut_bytes,
         }
         (into / f"{folder.name}.json").write_text(json.dumps(document, indent=1), encoding="utf-8")
 
     write_captures(journal, record, folder, folder.name, None, None, also)
-    return folder

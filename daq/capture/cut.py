@@ -5,14 +5,14 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
 
 from daq.capture.session_record import LiveRecord
 from daq.devices.capture_bytes import capture_bytes, capture_header
-from daq.devices.device import CAN, EVENT, DeviceEvent, event_of
+from daq.devices.device import CAN, EVENT, Block, DeviceEvent, event_of
 from daq.errors import StoreError
 from daq.journal.folder import Journal
 from daq.journal.segment import sync_folder
@@ -21,8 +21,8 @@ SUFFIX = {CAN: ".rdcc", "serial": ".rdsc"}
 """Ending of a capture, by kind of source."""
 
 BEHIND_NS = 250_000_000
-"""A block is dated by when it was read. A thread that reads may be late by so much, so this much behind the span is
-cut with it."""
+"""An adapter or a driver may hold back what was sent for so long, so what arrives so long behind the span is cut with
+it. What was read later is cut too if it may have arrived before."""
 
 
 @dataclass
@@ -35,12 +35,15 @@ class Cut:
         Its capture; None if there is no data.
     blocks, bytes : int
         Of data.
+    late_s : float
+        How long, at most, something of it may have waited before it was read.
     events : list of (host_ns, DeviceEvent)
     """
 
     file: Path | None = None
     blocks: int = 0
     bytes: int = 0
+    late_s: float = 0.0
     events: list[tuple[int, DeviceEvent]] = field(default_factory=list)
 
 
@@ -103,6 +106,28 @@ def write_captures(
     return cuts
 
 
+def captures_hold(
+    journal: Journal, session: LiveRecord, folder: Path, prefix: str, start_ns: int | None, stop_ns: int | None
+) -> bool:
+    """Tell whether captures that were written before hold all that a journal has of a span of time.
+
+    Parameters are those of `write_captures`. What is there beyond it does not matter.
+    """
+    for number, source in enumerate(session.sources):
+        path = folder / f"{prefix}_{source.name}{SUFFIX[source.kind]}"
+        digest = hashlib.sha256(capture_header(source.kind, session.anchor))
+        data = False
+        for block in _blocks(journal, session, number, start_ns, stop_ns):
+            data |= block.kind != EVENT
+            digest.update(capture_bytes(source.kind, block, session.anchor) if data else b"")
+        try:
+            if data and digest.hexdigest() != _digest(path):
+                return False
+        except OSError:
+            return False
+    return True
+
+
 def take_name(temporary: Path, folder: Path) -> None:
     """Give a folder that is complete its name; StoreError if that is taken, or the system refuses."""
     try:
@@ -120,16 +145,17 @@ def _write(
     cuts = {source.name: Cut() for source in session.sources}
     streams: dict[str, IO[bytes]] = {}
     digests = {}
-    until_ns = None if stop_ns is None else stop_ns + BEHIND_NS
     try:
         for number, source in enumerate(session.sources):
-            for record in journal.records(number, start_ns, until_ns):
-                block, cut = session.block(record), cuts[source.name]
+            cut = cuts[source.name]
+            for block in _blocks(journal, session, number, start_ns, stop_ns):
                 if block.kind == EVENT:
                     cut.events.append((block.host_ns, event_of(block)))
                 else:
                     cut.blocks += 1
                     cut.bytes += len(block.payload)
+                    if block.empty_ns is not None:
+                        cut.late_s = max(cut.late_s, (block.host_ns - block.empty_ns) / 1e9)
                     if cut.file is None:
                         cut.file = folder / f"{prefix}_{source.name}{SUFFIX[source.kind]}"
                         streams[source.name] = cut.file.open("xb")
@@ -148,6 +174,14 @@ def _write(
     return cuts
 
 
+def _blocks(
+    journal: Journal, session: LiveRecord, source: int, start_ns: int | None, stop_ns: int | None
+) -> Iterator[Block]:
+    """Yield what a source has in a span of time, and just behind it."""
+    until_ns = None if stop_ns is None else stop_ns + BEHIND_NS
+    return (session.block(record) for record in journal.records(source, start_ns, until_ns))
+
+
 def _put(streams: Mapping[str, IO[bytes]], digests: Mapping[str, hashlib._Hash], name: str, data: bytes) -> None:
     streams[name].write(data)
     digests[name].update(data)
@@ -156,7 +190,10 @@ def _put(streams: Mapping[str, IO[bytes]], digests: Mapping[str, hashlib._Hash],
 def _verify(path: Path | None, digest: str) -> None:
     if path is None:
         return
-    with path.open("rb") as stream:
-        found = hashlib.file_digest(stream, "sha256").hexdigest()
-    if found != digest:
+    if _digest(path) != digest:
         raise StoreError("does not read back as it was written", path=path, remedy="check the disk")
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -76,6 +76,7 @@ def _cut_of(value: dict[str, Any]) -> Cut:
         file=None if value["file"] is None else Path(value["file"]),
         blocks=value["blocks"],
         bytes=value["bytes"],
+        late_s=value["late_s"],
         events=[(host_ns, DeviceEvent(name, detail)) for host_ns, name, detail in value["events"]],
     )
 
@@ -102,6 +103,7 @@ def main(arguments: list[str]) -> None:
                     "file": None if cut.file is None else str(cut.file),
                     "blocks": cut.blocks,
                     "bytes": cut.bytes,
+                    "late_s": cut.late_s,
                     "events": [(host_ns, event.name, event.detail) for host_ns, event in cut.events],
                 }
                 for name, cut in cuts.items()

@@ -21,7 +21,7 @@ PATIENCE_S = 2.0
 """How long after a shot's end a source that is silent or gone is waited for."""
 
 SETTLE_S = 0.25
-"""A thread that reads may be late by so much: what was sent within a shot and read so long after it belongs to it."""
+"""An adapter or a driver may hold back what was sent for so long: what arrives so long after a shot belongs to it."""
 
 LEVEL_SPAN_S = 1.0
 """The screen shows where a channel was within so long."""
@@ -107,6 +107,11 @@ class CaptureEngine:
         """Trigger by hand."""
         self._note(self._detector.fire_manually(time_s))
 
+    def arrived(self, block: Block) -> None:
+        """Note whether a block was read late, before it is taken, alone or joined with others."""
+        if block.empty_ns is not None and block.host_ns - block.empty_ns > SETTLE_S * 1e9:
+            self._cutter.stalled(block.empty_ns / 1e9, block.host_ns / 1e9)
+
     def take(self, block: Block) -> None:
         """Take the next block of a source; blocks of one source come in order."""
         latest_s = block.host_ns / 1e9
@@ -116,14 +121,13 @@ class CaptureEngine:
         if block.kind == EVENT:
             return
         self._show(samples, latest_s)
-        self._delivered(block.source, latest_s)
+        self._delivered(block)
 
     def take_unseen(self, block: Block) -> None:
         """Note that a block was recorded without a look at its samples."""
-        latest_s = block.host_ns / 1e9
         self._looks[block.source].skip()
         if block.kind != EVENT:
-            self._delivered(block.source, latest_s)
+            self._delivered(block)
 
     def ready(self, now_s: float) -> tuple[ShotWindow, ...]:
         """Return the shots that are complete at a time of the host's clock, each once; infinity closes all."""
@@ -138,9 +142,11 @@ class CaptureEngine:
         news, self._news = tuple(self._news), []
         return news
 
-    def _delivered(self, source: str, latest_s: float) -> None:
-        oldest_s = self._oldest_s.setdefault(source, latest_s)
-        self._cutter.advance(source, oldest_s, latest_s - SETTLE_S)
+    def _delivered(self, block: Block) -> None:
+        """Note that a source has delivered all that arrived before it was found empty."""
+        oldest_s = self._oldest_s.setdefault(block.source, block.host_ns / 1e9)
+        until_ns = block.host_ns if block.empty_ns is None else block.empty_ns
+        self._cutter.advance(block.source, oldest_s, until_ns / 1e9 - SETTLE_S)
 
     def _note(self, decisions: Sequence[Decision]) -> None:
         self._cutter.note(decisions)
@@ -192,7 +198,10 @@ class _Look:
 
 
 def replayed(
-    sources: Mapping[str, Sequence[tuple[float, float]]], trigger: Trigger, decisions: Sequence[Decision]
+    sources: Mapping[str, Sequence[tuple[float, float]]],
+    trigger: Trigger,
+    decisions: Sequence[Decision],
+    stalls: Sequence[tuple[float, float]] = (),
 ) -> tuple[ShotWindow, ...]:
     """Return the windows of decisions that were made before, with what is held of each source.
 
@@ -203,10 +212,14 @@ def replayed(
     trigger : Trigger
     decisions : sequence of Decision
         In the order in which they were made.
+    stalls : sequence of (from_s, until_s)
+        What was read at the second instant may have arrived since the first.
     """
     cutter = ShotCutter(trigger, list(sources), lag_s=LAG_S)
     for name, spans in sources.items():
         for oldest_s, latest_s in spans:
             cutter.advance(name, oldest_s, latest_s)
+    for from_s, until_s in stalls:
+        cutter.stalled(from_s, until_s)
     cutter.note(decisions)
     return cutter.ready(float("inf"))

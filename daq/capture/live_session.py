@@ -21,22 +21,27 @@ from daq.acquisition import Acquisition, write_acquisition
 from daq.capture.counter_history import CounterHistory
 from daq.capture.cut import take_name
 from daq.capture.cut_process import cut_apart
-from daq.capture.engine import CaptureEngine
+from daq.capture.engine import PATIENCE_S, CaptureEngine
 from daq.capture.live_source import LiveSource
 from daq.capture.session_record import (
     CLOSED,
     DECISION,
+    KEPT,
     KINDS,
     OPERATOR,
     SHOT,
     CompleteShot,
+    Kept,
     LiveRecord,
+    kept_of,
+    longer,
     pack_decision,
+    pack_kept,
     pack_shot,
 )
 from daq.capture.shot_record import acquisition_of
 from daq.capture.status import ChannelStatus, LiveStatus, SourceStatus, State
-from daq.devices.device import Block, Device, joined
+from daq.devices.device import EVENT, Block, Device, joined
 from daq.devices.reader_thread import DeviceReader
 from daq.errors import DeviceError, RecoilDaqError
 from daq.journal import JournalWriter, remove_journal
@@ -54,6 +59,9 @@ _SWITCH_S = 1e-4
 """A reading thread gives the interpreter away with every call of the system, and gets it back from a busy thread only
 after this time: with Python's own 5 ms, one that reads frame by frame would fall to 200 per second meanwhile."""
 _RELEASE_EVERY_S = 1.0
+_STOOD_STILL_S = 0.25
+"""Where this thread sleeps so much longer than it asked for, the process or its machine stood still: the readers get
+their time to catch up before a source is given up or anything is released."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +82,10 @@ class CapturedShot:
     folder: Path
     files: tuple[Path, ...]
     acquisition: Acquisition
+
+
+_NOTE_EVERY_S = 0.5
+"""What is kept block by block is noted in the journal this often."""
 
 
 class LiveSession:
@@ -121,7 +133,11 @@ class LiveSession:
         self._queue: queue.SimpleQueue[Block | Callable[[], None]] = queue.SimpleQueue()
         self._waiting_bytes = self._unseen_bytes = 0
         self._lock = threading.Lock()
-        self._holding: dict[int, float] = {}
+        self._holding: dict[int, tuple[float, float]] = {}
+        self._captured: list[tuple[float, float]] = []
+        self._kept: list[Kept] = []
+        self._noted = "", 0.0
+        self._awaited: dict[str, ShotWindow] = {}
         self._windows: queue.SimpleQueue[ShotWindow] = queue.SimpleQueue()
         self._numbers = {source.name: i for i, source in enumerate(record.sources)}
         self._readers = {name: DeviceReader(device, self._sink) for name, device in devices.items()}
@@ -131,7 +147,7 @@ class LiveSession:
         self._error: BaseException | None = None
         self._shots = 0
         self._began_s = time.monotonic()
-        self._released_s = 0.0
+        self._released_s = self._looked_s = self._patient_until_s = 0.0
         self._switch_s = sys.getswitchinterval()
 
     def start(self) -> None:
@@ -198,14 +214,23 @@ class LiveSession:
         return CapturedShot(name, folder, (*files, folder / record_name), acquisition)
 
     def release(self, window: ShotWindow) -> None:
-        """Give a shot's data in the journal back: its shot file is verified."""
+        """Give a shot's data in the journal back: its captures and its shot file are verified."""
         with self._lock:
-            self._holding.pop(round(window.trigger_s * 1e9), None)
+            span = self._holding.pop(round(window.trigger_s * 1e9), None)
+            if span is not None:
+                self._captured.append(span)
 
     @property
     def idle(self) -> bool:
         """Whether no shot is open and nothing waits to be looked at."""
         return self._queue.empty() and not self._engine.recording and self._windows.empty()
+
+    @property
+    def kept(self) -> tuple[Kept, ...]:
+        """Stretches of the journal that are in no shot: something crossed, arrived too late or was not looked at."""
+        with self._lock:
+            shots = [*self._captured, *self._holding.values()]
+            return tuple(one for one in self._kept if not one.within(shots))
 
     @property
     def journal_folder(self) -> Path:
@@ -244,6 +269,7 @@ class LiveSession:
             journal_bytes=journal.bytes,
             unsynced_s=journal.unsynced_s,
             unseen_bytes=self._unseen_bytes,
+            released_records=journal.released,
         )
 
     def stop(self) -> None:
@@ -264,7 +290,7 @@ class LiveSession:
             sys.setswitchinterval(self._switch_s)
 
     def close(self, *, complete: bool) -> None:
-        """Close the journal, and remove it if all that was wanted of it is in verified shot files.
+        """Close the journal, and remove it if all that happened in it is in verified shot files.
 
         Parameters
         ----------
@@ -276,12 +302,13 @@ class LiveSession:
                 self._append(CLOSED, time.monotonic(), b"{}")
         finally:
             self._journal.close()
-        if complete and self.error is None and not self._holding:
+        if complete and self.error is None and not self._holding and not self.kept:
             remove_journal(self._journal.folder)
 
     def _sink(self, block: Block) -> None:
         """Keep a block, in its reader's thread."""
-        self._journal.append(self._numbers[block.source], KINDS.index(block.kind), block.host_ns, block.payload)
+        number, kind = self._numbers[block.source], KINDS.index(block.kind)
+        self._journal.append(number, kind, block.host_ns, block.payload, empty_ns=block.empty_ns)
         size = len(block.payload)
         with self._lock:
             seen = self._waiting_bytes + size <= QUEUE_BYTES
@@ -293,13 +320,31 @@ class LiveSession:
             self._queue.put(block)
         else:
             empty = replace(block, payload=b"")
-            self._queue.put(lambda: self._engine.take_unseen(empty))
+            self._queue.put(lambda: self._take_unseen(empty))
+
+    def _take_unseen(self, block: Block) -> None:
+        at_s = block.host_ns / 1e9
+        self._keep(Kept(at_s, at_s, at_s, at_s + 1.0, f"{block.source}: recorded without a look at it"))
+        self._engine.take_unseen(block)
+
+    def _keep(self, stretch: Kept, *, noted: bool = False) -> None:
+        """Keep a stretch of the journal beyond the ring, and note so in it unless a decision does."""
+        if not noted and not (stretch.why == self._noted[0] and stretch.start_s < self._noted[1]):
+            self._append(KEPT, stretch.last_s, pack_kept(stretch))
+            self._noted = stretch.why, stretch.last_s + _NOTE_EVERY_S
+        with self._lock:
+            self._kept = longer(self._kept, stretch)
 
     def _watch(self) -> None:
+        self._looked_s = time.monotonic()
         try:
             while not self._stopping.wait(_PAUSE_S) or not self._queue.empty():
                 self._take_waiting()
-                self._look(time.monotonic())
+                now_s = time.monotonic()
+                if now_s - self._looked_s > _STOOD_STILL_S:
+                    self._patient_until_s = now_s + PATIENCE_S
+                self._looked_s = now_s
+                self._look(now_s)
             self._engine.finish()
             self._look(float("inf"))
         except BaseException as error:
@@ -326,22 +371,40 @@ class LiveSession:
             self._waiting_bytes -= size
 
     def _take(self, blocks: Sequence[Block]) -> None:
+        for block in blocks:
+            self._engine.arrived(block)
+            self._await(block)
         for block in joined(blocks):
             self._engine.take(block)
+
+    def _await(self, block: Block) -> None:
+        """Keep what a source still delivers of a shot for which it was no longer waited."""
+        window = self._awaited.get(block.source)
+        if window is None or block.kind == EVENT or block.empty_ns is None:
+            return
+        if block.empty_ns / 1e9 >= window.stop_s:
+            del self._awaited[block.source]
+        else:
+            from_s, until_s = block.empty_ns / 1e9, block.host_ns / 1e9
+            self._keep(Kept(from_s, until_s, from_s, until_s, f"{block.source}: arrived when its shot was already cut"))
 
     def _look(self, now_s: float) -> None:
         """Record decisions, hand on complete shots, count, and give back what nobody needs."""
         for decision in self._engine.news():
             self._append(DECISION, decision.time_s, pack_decision(decision))
             self._shots += decision.outcome == "trigger"
+            if (stretch := kept_of(decision, self.trigger)) is not None:
+                self._keep(stretch, noted=True)
             self._notice(decision)
         self._history.count(self._needed_from_s)
         # how far the queue is behind is no reason to give a source up
-        for window in self._engine.ready(now_s if self._queue.empty() else -float("inf")):
+        patient = now_s < self._patient_until_s or not self._queue.empty()
+        for window in self._engine.ready(-float("inf") if patient else now_s):
             with self._lock:
-                self._holding[round(window.trigger_s * 1e9)] = window.start_s
+                self._holding[round(window.trigger_s * 1e9)] = window.start_s, window.stop_s
+            self._awaited |= dict.fromkeys(window.late_sources, window)
             self._windows.put(window)
-        if now_s - self._released_s >= _RELEASE_EVERY_S:
+        if not patient and now_s - self._released_s >= _RELEASE_EVERY_S:
             self._released_s = now_s
             self._release()
 
@@ -349,12 +412,14 @@ class LiveSession:
     def _needed_from_s(self) -> float:
         """The instant before which neither an open shot nor one that is being converted needs anything."""
         with self._lock:
-            return min([self._engine.needed_from_s, *self._holding.values()])
+            return min([self._engine.needed_from_s, *(start for start, _ in self._holding.values())])
 
     def _release(self) -> None:
+        """Give back what was watched and in which nothing happened, and shots that are in verified files."""
         from_s = self._needed_from_s
         if from_s > 0:
-            self._journal.release(int(from_s * 1e9))
+            kept = [(round(one.start_s * 1e9), round(one.stop_s * 1e9) + 1) for one in self.kept]
+            self._journal.release(int(from_s * 1e9), kept)
 
     def _append(self, kind: int, time_s: float, payload: bytes) -> None:
         self._journal.append(OPERATOR, kind, round(time_s * 1e9), payload)

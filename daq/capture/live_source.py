@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.devices.device import CAN, EVENT, SERIAL, Block, Device, event_of
+from daq.devices.device import CAN, EVENT, SERIAL, Block, Device, interrupts
 from daq.devices.opening import open_device
 from daq.errors import MissingChannelError
 from daq.frames import can_capture_file as capture
@@ -216,8 +216,8 @@ class SerialSignals:
     def feed(self, block: Block) -> list[LiveSamples]:
         """Take the next block; return the samples that it completes."""
         if block.kind == EVENT:
-            if event_of(block).name in ("lost", "reopened"):
-                self._decoder.interrupt()
+            if interrupts(block):
+                self._decoder.interrupt(missing=True)
             return []
         host_s = block.host_ns / 1e9
         self._decoder.feed(block.payload, host_s)
@@ -240,4 +240,4 @@ class SerialSignals:
 
     def skip(self) -> None:
         """Note that bytes are missing: a half frame will not be completed."""
-        self._decoder.interrupt()
+        self._decoder.interrupt(missing=True)

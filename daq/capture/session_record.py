@@ -7,8 +7,8 @@ trigger decided, and which shot became of it, so that a crash loses neither.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from daq.devices.device import CAN, EVENT, SERIAL, Anchor, Block
 from daq.errors import StoreError
 from daq.journal.folder import Journal
 from daq.journal.records import JournalRecord
-from daq.trigger import Decision
+from daq.trigger import Decision, Trigger
 
 SCHEMA = "recoil-daq/live/1"
 
@@ -26,8 +26,9 @@ KINDS = (CAN, SERIAL, EVENT)
 OPERATOR = 0xFFFF
 """Number of the source of records that no device gave."""
 
-DECISION, SHOT, CLOSED = 0, 1, 2
-"""Kinds of the operator's records: a decision of the trigger, a shot that is complete, the orderly end."""
+DECISION, SHOT, CLOSED, KEPT = 0, 1, 2, 3
+"""Kinds of the operator's records: a decision of the trigger, a shot that is complete, the orderly end, a stretch that
+is kept for another reason than a decision."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,8 @@ class LiveRecord:
         """Return the block that a record of a source holds; StoreError if it is none of this session."""
         if record.source >= len(self.sources) or record.kind >= len(KINDS):
             raise StoreError(f"record {record.sequence} of the journal is of source {record.source}, which is unknown")
-        return Block(self.sources[record.source].name, record.host_ns, record.payload, KINDS[record.kind])
+        empty_ns = None if record.span_us is None else record.from_ns
+        return Block(self.sources[record.source].name, record.host_ns, record.payload, KINDS[record.kind], empty_ns)
 
 
 def live_record_of(journal: Journal) -> LiveRecord:
@@ -113,6 +115,79 @@ class CompleteShot:
     trigger_s: float
 
 
+@dataclass(frozen=True)
+class Kept:
+    """A stretch of a journal that a person may want, and why.
+
+    Attributes
+    ----------
+    first_s, last_s : float
+        What happened first and last, on the host's monotonic clock.
+    start_s, stop_s : float
+        What is kept of the journal.
+    why : str
+        Such as ``p_brake crossed: not armed``.
+    """
+
+    first_s: float
+    last_s: float
+    start_s: float
+    stop_s: float
+    why: str
+
+    @property
+    def lasting(self) -> str:
+        """How long it lasted, in words."""
+        return "once" if self.last_s == self.first_s else f"over {self.last_s - self.first_s:.3f} s"
+
+    def within(self, spans: Iterable[tuple[float, float]]) -> bool:
+        """Tell whether all that happened lies within one of some spans (start_s, stop_s)."""
+        return any(start <= self.first_s and self.last_s < stop for start, stop in spans)
+
+
+def kept_of(decision: Decision, trigger: Trigger) -> Kept | None:
+    """Return what is kept where something crossed and no shot began; None of an operator's own key."""
+    if decision.outcome != "suppressed" or decision.value is None:
+        return None
+    at_s = decision.time_s
+    return Kept(
+        at_s, at_s, at_s - trigger.pre_s, at_s + trigger.post_s, f"{decision.channel} crossed: {decision.reason}"
+    )
+
+
+def longer(kept: Sequence[Kept], one: Kept) -> list[Kept]:
+    """Return stretches with one more, which makes the last one longer if it follows on it for the same reason."""
+    if kept and kept[-1].why == one.why and one.start_s <= kept[-1].stop_s:
+        last = kept[-1]
+        return [*kept[:-1], replace(last, last_s=one.last_s, stop_s=max(last.stop_s, one.stop_s))]
+    return [*kept, one]
+
+
+@dataclass(frozen=True)
+class OperatorRecords:
+    """What a journal holds that no device gave.
+
+    Attributes
+    ----------
+    decisions : tuple of Decision
+    shots : tuple of CompleteShot
+    kept : tuple of Kept
+        For another reason than a decision.
+    in_order : bool
+        Whether the session was closed in order.
+    """
+
+    decisions: tuple[Decision, ...]
+    shots: tuple[CompleteShot, ...]
+    kept: tuple[Kept, ...]
+    in_order: bool
+
+
+def pack_kept(kept: Kept) -> bytes:
+    """Return the payload of a `KEPT`."""
+    return json.dumps(asdict(kept)).encode()
+
+
 def pack_decision(decision: Decision) -> bytes:
     """Return the payload of a `DECISION`."""
     return json.dumps(asdict(decision)).encode()
@@ -123,8 +198,8 @@ def pack_shot(shot: CompleteShot) -> bytes:
     return json.dumps(asdict(shot)).encode()
 
 
-def operator_records(journal: Journal) -> tuple[tuple[Decision, ...], tuple[CompleteShot, ...], bool]:
-    """Return the decisions and shots that a journal holds, and whether it was closed in order.
+def operator_records(journal: Journal) -> OperatorRecords:
+    """Return what a journal holds that no device gave.
 
     Raises
     ------
@@ -133,6 +208,7 @@ def operator_records(journal: Journal) -> tuple[tuple[Decision, ...], tuple[Comp
     """
     decisions: list[Decision] = []
     shots: list[CompleteShot] = []
+    kept: list[Kept] = []
     closed = False
     for record in journal.records(OPERATOR):
         try:
@@ -140,11 +216,13 @@ def operator_records(journal: Journal) -> tuple[tuple[Decision, ...], tuple[Comp
                 decisions.append(Decision(**json.loads(record.payload)))
             elif record.kind == SHOT:
                 shots.append(CompleteShot(**json.loads(record.payload)))
+            elif record.kind == KEPT:
+                kept = longer(kept, Kept(**json.loads(record.payload)))
             elif record.kind == CLOSED:
                 closed = True
         except (ValueError, TypeError) as error:
             raise StoreError(f"record {record.sequence} cannot be understood: {error}", path=journal.folder) from error
-    return tuple(decisions), tuple(shots), closed
+    return OperatorRecords(tuple(decisions), tuple(shots), tuple(kept), closed)
 
 
 def journal_name(wall_ns: int) -> str:

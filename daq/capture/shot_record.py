@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from daq.acquisition import AcquiredEvent, AcquiredSource, Acquisition, TriggerDecision
 from daq.capture.cut import Cut
+from daq.capture.engine import SETTLE_S
 from daq.capture.session_record import LiveRecord
 from daq.devices.device import Counters
 from daq.trigger import ShotWindow, Trigger
@@ -74,7 +75,8 @@ def acquisition_of(
                 blocks=cut.blocks,
                 bytes=cut.bytes,
                 pre_s=window.pre_by_source.get(source.name) if cut.file is not None else None,
-                late=source.name in window.late_sources,
+                late=source.name in window.late_sources or cut.late_s > SETTLE_S,
+                late_s=cut.late_s,
                 bad=after.bad - before.bad,
                 reopened=after.reopened - before.reopened,
                 error_frames=after.error_frames - before.error_frames,

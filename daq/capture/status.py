@@ -79,6 +79,8 @@ class LiveStatus:
         Age of the oldest data that is not yet forced to the disk.
     unseen_bytes : int
         Recorded, and not looked at by the trigger.
+    released_records : int
+        Of the journal: watched, nothing happened in them, and given back.
     """
 
     state: State
@@ -90,3 +92,4 @@ class LiveStatus:
     journal_bytes: int
     unsynced_s: float
     unseen_bytes: int
+    released_records: int = 0

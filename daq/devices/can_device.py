@@ -82,6 +82,7 @@ class CanDevice:
         self._bus: can.BusABC | None = None
         self._wanted = False
         self._back_off = BackOff()
+        self._empty_ns: int | None = None
         self._ahead: deque[Block] = deque()
         self._buffer = bytearray(BLOCK_FRAMES * capture.RECORD_SIZE)
         self._received = self._bad = self._error_frames = self._reopened = self._high_water = 0
@@ -157,6 +158,7 @@ class CanDevice:
         import can
 
         # python-can would also read configuration files and the environment: the rig alone says what is opened
+        self._empty_ns = time.monotonic_ns()
         bus = can.Bus(interface=self._interface, ignore_config=True, **self._options)
         enlarge_queue(bus)
         self._bus = bus
@@ -205,8 +207,10 @@ class CanDevice:
             return None
         count = errors = at_once = in_a_row = 0
         stamped = self._stamped_by_device
-        ends_ns, wait_s = 0, timeout_s
+        # what waits already is asked for first: the bus is known to be empty only where nothing does
+        ends_ns, wait_s, looking = 0, 0.0, True
         before_ns = host_ns = now()
+        empty_ns = self._empty_ns
         while count < BLOCK_FRAMES:
             try:
                 message = bus.recv(wait_s)
@@ -219,8 +223,12 @@ class CanDevice:
                 self._lose(error)
                 break
             if message is None:
+                self._empty_ns = before_ns
+                if looking and timeout_s:
+                    empty_ns, wait_s, looking, before_ns = before_ns, timeout_s, False, now()
+                    continue
                 break
-            host_ns, in_a_row = now(), 0
+            host_ns, in_a_row, looking = now(), 0, False
             at_once = at_once + 1 if host_ns - before_ns < _AT_ONCE_NS else 0
             if at_once > self._high_water:
                 self._high_water = at_once
@@ -252,7 +260,7 @@ class CanDevice:
         payload = bytes(memoryview(buffer)[: count * capture.RECORD_SIZE])
         self._received += count - errors
         self._error_frames += errors
-        block = Block(self.name, host_ns, payload, CAN)
+        block = Block(self.name, host_ns, payload, CAN, empty_ns)
         if self._check is not None:
             self._check.feed(block)
         return block

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from daq.devices.device import CAN, EVENT, SERIAL, Anchor, Block, event_of
+from daq.devices.device import CAN, EVENT, SERIAL, Anchor, Block, event_of, interrupts
 from daq.frames import can_capture_file, capture_file
 
 
@@ -31,7 +31,7 @@ def capture_bytes(kind: str, block: Block, anchored: Anchor) -> bytes:
     kind : str
         Of the source: ``can`` or ``serial``.
     block : Block
-        Of that source. A serial capture has no place for an event, which adds nothing to it.
+        Of that source. Of its events a serial capture keeps where the device was lost or opened again.
     anchored : Anchor
         As for the header: a serial capture states the wall clock's time of each read.
     """
@@ -43,5 +43,5 @@ def capture_bytes(kind: str, block: Block, anchored: Anchor) -> bytes:
     if kind != SERIAL:
         raise ValueError(f"a source of kind {kind!r} has no capture")
     if block.kind == EVENT:
-        return b""
+        return capture_file.pack_record(anchored.wall_of(block.host_ns), b"") if interrupts(block) else b""
     return capture_file.pack_record(anchored.wall_of(block.host_ns), block.payload)

@@ -41,12 +41,16 @@ class Block:
         the bytes of the port; of kind `EVENT`, a JSON object.
     kind : str
         `CAN`, `SERIAL` or `EVENT`.
+    empty_ns : int or None
+        The same clock when the source was last found empty: the payload arrived after it, and at `host_ns` at the
+        latest. A read comes soon after it, unless the process or its machine stood still. None if it is unknown.
     """
 
     source: str
     host_ns: int
     payload: bytes
     kind: str
+    empty_ns: int | None = None
 
 
 @dataclass(frozen=True)
@@ -82,8 +86,15 @@ def event_of(block: Block) -> DeviceEvent:
         raise ValueError(f"this block records no event: {block.payload[:80]!r}") from error
 
 
+def interrupts(block: Block) -> bool:
+    """Tell whether a block says that the device was lost or opened again: nothing is continued over it."""
+    return block.kind == EVENT and event_of(block).name in ("lost", "reopened")
+
+
 def joined(blocks: Sequence[Block]) -> list[Block]:
-    """Join the blocks of data of each source, up to its next event; each takes the time of its last part.
+    """Join the blocks of data of each source, up to its next event.
+
+    Each takes the times of its last part.
 
     Parameters
     ----------
@@ -97,7 +108,7 @@ def joined(blocks: Sequence[Block]) -> list[Block]:
         waiting = parts.pop(source, [])
         if waiting:
             payload = b"".join(part.payload for part in waiting)
-            made.append(Block(source, waiting[-1].host_ns, payload, waiting[-1].kind))
+            made.append(Block(source, waiting[-1].host_ns, payload, waiting[-1].kind, waiting[-1].empty_ns))
 
     for block in blocks:
         if block.kind == EVENT:

@@ -79,6 +79,7 @@ class SerialDevice:
         self._back_off = BackOff()
         self._ahead: deque[Block] = deque()
         self._taken_s = 0.0
+        self._empty_ns: int | None = None
         self._received = self._reopened = self._high_water = self._unanswered_told = 0
         self._damaged, self._dropped = GrowingCount(), GrowingCount()
 
@@ -146,6 +147,7 @@ class SerialDevice:
     def _connect(self) -> None:
         import serial
 
+        self._empty_ns = time.monotonic_ns()
         self._port = serial.Serial(
             port=find(self._identity),
             timeout=_SLICE_S,
@@ -198,6 +200,7 @@ class SerialDevice:
         if (rest_s := self._taken_s + _REST_S - time.monotonic()) > 0:
             time.sleep(rest_s)
         ends = time.monotonic() + timeout_s
+        empty_ns = self._empty_ns
         pieces: list[bytes] = []
         lost: Exception | None = None
         try:
@@ -205,7 +208,8 @@ class SerialDevice:
                 now = time.monotonic()
                 if (request := self._poll.request(now)) is not None:
                     self._port.write(request)
-                waiting = self._port.in_waiting
+                waiting = self._waiting()
+                empty_ns = self._empty_ns
                 if not waiting and now >= ends:
                     break
                 self._take_waiting(waiting, pieces)
@@ -220,7 +224,7 @@ class SerialDevice:
             data = b"".join(pieces)
             self._received += len(data)
             self._high_water = max(self._high_water, len(data))
-            block = Block(self.name, host_ns, data, SERIAL)
+            block = Block(self.name, host_ns, data, SERIAL, empty_ns)
             if self._check is not None:
                 self._check.feed(block)
         if lost is not None:
@@ -235,9 +239,16 @@ class SerialDevice:
             if piece:
                 pieces.append(piece)
                 size += len(piece)
-            waiting = self._port.in_waiting if piece else 0
-            if not waiting:
+            if not piece or not (waiting := self._waiting()):
                 break
+
+    def _waiting(self) -> int:
+        """Return how many bytes wait, and note when there are none."""
+        looked_ns = time.monotonic_ns()
+        waiting: int = self._port.in_waiting
+        if not waiting:
+            self._empty_ns = looked_ns
+        return waiting
 
     def _lose(self, error: Exception, host_ns: int) -> None:
         number = error_number(error)

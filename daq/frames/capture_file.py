@@ -1,7 +1,8 @@
 """The file that keeps everything a serial port delivered, with the host's time of each read.
 
 Layout, little endian: the line `MAGIC`, then one record per read: host time as int64 in nanoseconds, the
-number of bytes as uint32, the bytes. Host time counts from 1970-01-01 UTC where the host stamps with
+number of bytes as uint32, the bytes. A record without bytes says that the device was lost there or opened again: what
+stands before it is not continued behind it. Host time counts from 1970-01-01 UTC where the host stamps with
 its wall clock, else from any start; what lies before 2001 is taken for the latter. Nothing is
 interpreted, so that a wrong framing can be corrected later.
 """
@@ -34,6 +35,8 @@ class Capture:
         Host time of each read; empty for a plain file of bytes.
     ends : ndarray of int64, shape (n_reads,)
         Byte of the stream behind each read.
+    breaks : tuple of int
+        Bytes of the stream before which it was interrupted, ascending.
     cut : bool
         Whether the file ends inside a record.
     """
@@ -42,10 +45,11 @@ class Capture:
     host_ns: NDArray[np.int64]
     ends: NDArray[np.int64]
     cut: bool
+    breaks: tuple[int, ...] = ()
 
 
 def pack_record(host_ns: int, data: bytes) -> bytes:
-    """Return one record of a capture: a read of the port at a host time."""
+    """Return one record of a capture: a read of the port at a host time; without data, an interruption of it."""
     return _RECORD.pack(host_ns, len(data)) + data
 
 
@@ -58,7 +62,7 @@ def parse_capture(content: bytes) -> Capture:
         none = np.zeros(0, dtype=np.int64)
         return Capture(content, none, none, cut=False)
     at, size = len(MAGIC), len(content)
-    pieces, times, ends, total, cut = [], [], [], 0, False
+    pieces, times, ends, breaks, total, cut = [], [], [], [], 0, False
     while at < size:
         if at + _RECORD.size > size:
             cut = True
@@ -71,7 +75,12 @@ def parse_capture(content: bytes) -> Capture:
         if len(piece) < count:
             cut = True
             break
+        if not count:
+            breaks.append(total)
+            continue
         total += count
         times.append(host_ns)
         ends.append(total)
-    return Capture(b"".join(pieces), np.array(times, dtype=np.int64), np.array(ends, dtype=np.int64), cut)
+    return Capture(
+        b"".join(pieces), np.array(times, dtype=np.int64), np.array(ends, dtype=np.int64), cut, tuple(breaks)
+    )

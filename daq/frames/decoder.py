@@ -38,7 +38,7 @@ class FrameDecoder:
         self._acceptance = Acceptance(framing)
         self._search: Search = search_for(framing, self._acceptance, self.counters)
         self._buffer = self._search.buffer
-        self._breaks: deque[int] = deque()
+        self._breaks: deque[tuple[int, bool]] = deque()
         self._skipped_before: int | None = None
         self._heard_s: float | None = None
         self._closed = False
@@ -77,11 +77,19 @@ class FrameDecoder:
         search.drop_searched()
         self._buffer += data
 
-    def interrupt(self) -> None:
-        """Note that the stream was interrupted here: what waits for more bytes will not get them."""
+    def interrupt(self, *, missing: bool = False) -> None:
+        """Note that the stream was interrupted here: what waits for more bytes will not get them.
+
+        Parameters
+        ----------
+        missing : bool
+            Whether bytes are missing here, so that what comes next may be the rest of a frame: where delimiters end
+            frames, nothing else tells that it is none.
+        """
         at = self._search.offset + len(self._buffer) - self._search.at
-        if not self._breaks or self._breaks[-1] != at:
-            self._breaks.append(at)
+        if self._breaks and self._breaks[-1][0] == at:
+            missing = self._breaks.pop()[1] or missing
+        self._breaks.append((at, missing))
 
     def close(self) -> None:
         """End the stream: what waits for more bytes is searched once more, then counted as skipped."""
@@ -121,7 +129,7 @@ class FrameDecoder:
 
     def _break(self) -> int:
         """Return the byte of the buffer before which the stream was interrupted first."""
-        return self._breaks[0] - self._search.offset + self._search.at
+        return self._breaks[0][0] - self._search.offset + self._search.at
 
     def _next_before_break(self) -> Found:
         """Search up to the first break as if more bytes could come, then as if none could."""
@@ -136,5 +144,6 @@ class FrameDecoder:
             if self._framing.kind != "idle" and self.counters.skipped_bytes > self._skipped_before:
                 self.counters.timed_out += 1
             self._skipped_before = None
-            self._breaks.popleft()
+            if self._breaks.popleft()[1]:
+                search.begin_within()
         return frame

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import deque
+
 from daq.frames.capture_file import Capture
 from daq.frames.decoder import FrameDecoder
 from daq.frames.frame_set import FrameSet, joined
@@ -38,6 +40,8 @@ def find_frames(framing: Framing, stream: bytes) -> FrameSet:
 def find_frames_of_capture(framing: Framing, capture: Capture) -> FrameSet:
     """Find every frame of a capture, whose host times tell the silences where the framing asks for them.
 
+    Nothing is joined over a place where the device was lost.
+
     Parameters
     ----------
     framing : Framing
@@ -52,14 +56,19 @@ def find_frames_of_capture(framing: Framing, capture: Capture) -> FrameSet:
     ValueError
         If frames end by silence and the capture has no host times.
     """
-    if not framing.silence_s or (framing.kind != "idle" and not capture.host_ns.size):
+    timed = framing.silence_s and (framing.kind == "idle" or capture.host_ns.size)
+    if not timed and not capture.breaks:
         return find_frames(framing, capture.stream)
     if not capture.host_ns.size:
         raise ValueError("frames that end by silence need the host time of each read")
     decoder = FrameDecoder(framing)
     sets, waiting, begin = [], 0, 0
-    host_s = ((capture.host_ns - capture.host_ns[0]) / 1e9).tolist()
+    host_s = ((capture.host_ns - capture.host_ns[:1]) / 1e9).tolist()
+    breaks = deque(capture.breaks)
     for end, instant_s in zip(capture.ends.tolist(), host_s, strict=True):
+        while breaks and breaks[0] <= begin:
+            breaks.popleft()
+            decoder.interrupt(missing=True)
         decoder.feed(capture.stream[begin:end], instant_s)
         waiting += end - begin
         begin = end
@@ -67,7 +76,8 @@ def find_frames_of_capture(framing: Framing, capture: Capture) -> FrameSet:
             sets.append(decoder.take())
             waiting = 0
     # the bytes of a record that is cut came with the next read, whose time is lost
-    decoder.feed(capture.stream[begin:], host_s[-1])
+    if capture.stream[begin:]:
+        decoder.feed(capture.stream[begin:], host_s[-1] if host_s else 0.0)
     return _ended(decoder, sets)
 
 

@@ -63,6 +63,9 @@ class Search(ABC):
         self.offset += at - self.at
         self.at = at
 
+    def begin_within(self) -> None:  # noqa: B027 - where a head or a silence tells a frame, nothing is to be done
+        """Take what follows for the rest of a frame whose beginning is missing."""
+
     def skip_to(self, at: int) -> None:
         """Go on at a byte of the buffer, and count those before it as outside of frames."""
         self._counters.skipped_bytes += at - self.at
@@ -137,6 +140,10 @@ class _Delimited(Search):
         self.delimiter = framing.delimiter
         self.longest = framing.maximum
         self.overlong = False
+
+    def begin_within(self) -> None:
+        """Give up what comes before the next delimiter."""
+        self.overlong = True
 
     def _refuse(self, behind: int, fault: str | None) -> None:
         if fault is not None:

@@ -17,8 +17,9 @@ from daq.journal.lock import NAME as LOCK_NAME
 from daq.journal.lock import is_being_written
 from daq.journal.records import JournalRecord, Segment, scan_segment, survey_segment
 
-OUT_OF_ORDER_NS = 10_000_000_000
-"""Records of several threads are written nearly in the order of their host times: never further apart than this."""
+OUT_OF_ORDER_NS = 30_000_000_000
+"""Records of several threads, and what a stalled one held back, are written nearly in the order in which they arrived:
+never further apart than this."""
 
 _FIRST_BYTES = 64
 
@@ -82,8 +83,8 @@ class Journal:
         source : int or None
             Only those of this source; None for all.
         start_ns, stop_ns : int or None
-            Only those of which something may have arrived in ``start_ns <= t < stop_ns``; None for no limit. A record of
-            unknown span counts with the host time of its read alone.
+            Only those of which something may have arrived in ``start_ns <= t < stop_ns``; None for no limit. A record
+            of unknown span counts with the host time of its read alone.
 
         Yields
         ------
@@ -134,7 +135,7 @@ def read_journal(folder: Path, start_ns: int | None = None, stop_ns: int | None 
     folder : Path
     start_ns, stop_ns : int or None
         Leave out segments that cannot hold records of this span of host time: those that begin more than
-        `OUT_OF_ORDER_NS` after it, and those whose next one begins as long before it. What is lost is not counted then.
+        `OUT_OF_ORDER_NS` after it, and those whose next one begins as long before it. Losses are not counted then.
 
     Returns
     -------

@@ -19,7 +19,7 @@ class ShotWindow:
     start_s, trigger_s, stop_s : float
         The shot is ``start_s <= t < stop_s``.
     pre_actual_s : float
-        Pre-time that every source has; less than asked for where a ring was not full. Negative if the oldest that
+        Pre-time that every source has; less than asked for where not so much was recorded. Negative if the oldest that
         a source still holds is after the trigger.
     pre_by_source : mapping of str to float
         The same for each source that has delivered anything.
@@ -85,6 +85,7 @@ class ShotCutter:
         self._held: dict[str, _HeldSpan] = {}
         self._shots: list[_OpenShot] = []
         self._decisions: list[Decision] = []
+        self._stalls: list[tuple[float, float]] = []
 
     @property
     def open_shots(self) -> int:
@@ -115,12 +116,18 @@ class ShotCutter:
             raise ValueError(f"times of source {source!r} must be numbers")
         self._held[source] = _HeldSpan(oldest_s, latest_s)
 
+    def stalled(self, from_s: float, until_s: float) -> None:
+        """Say that what was read at an instant may have arrived since another: so early a trigger dated so may be."""
+        if not self._stalls or (from_s, until_s) != self._stalls[-1]:
+            self._stalls.append((from_s, until_s))
+
     @property
     def needed_from_s(self) -> float:
         """The instant before which nothing is needed for a shot, now or later; minus infinity if nothing is held."""
         furthest_s = max((span.latest_s for span in self._held.values()), default=-math.inf)
-        triggers_s = [furthest_s - self._lag_s, *(shot.trigger_s for shot in self._shots)]
-        return min(triggers_s) - self._trigger.pre_s
+        recent_s = [self._earliest_s(shot.trigger_s) for shot in self._shots]
+        recent_s += [from_s for from_s, until_s in self._stalls if until_s >= furthest_s - self._lag_s]
+        return min([furthest_s - self._lag_s, *recent_s]) - self._trigger.pre_s
 
     def ready(self, now_s: float) -> tuple[ShotWindow, ...]:
         """Return the shots that are complete, each once.
@@ -138,17 +145,22 @@ class ShotCutter:
                 break
             complete.append(self._window(self._shots.pop(0), late))
         from_s = self.needed_from_s
+        self._stalls = [stall for stall in self._stalls if stall[1] >= from_s]
         self._decisions = [decision for decision in self._decisions if decision.time_s >= from_s]
         return tuple(complete)
 
     def _latest_s(self, source: str) -> float:
         return self._held[source].latest_s if source in self._held else -math.inf
 
+    def _earliest_s(self, trigger_s: float) -> float:
+        """Return when what is dated by a trigger's instant may have been."""
+        return min([trigger_s, *(from_s for from_s, until_s in self._stalls if from_s < trigger_s <= until_s)])
+
     def _window(self, shot: _OpenShot, late: tuple[str, ...]) -> ShotWindow:
         pre_by_source = {
             name: min(self._trigger.pre_s, shot.trigger_s - span.oldest_s) for name, span in self._held.items()
         }
-        start_s = shot.trigger_s - max(pre_by_source.values(), default=0.0)
+        start_s = self._earliest_s(shot.trigger_s) - max(pre_by_source.values(), default=0.0)
         return ShotWindow(
             start_s,
             shot.trigger_s,

@@ -18,6 +18,7 @@ LIMITS = MappingProxyType(
     {
         "lost_share": 1e-2,  # single frames, spread over the record, over which the signals are interpolated
         "longest_gap_s": 1e-2,  # of several frames; an eighth of a recoil, as for lost samples (`processing.quality`)
+        "late_s": 0.25,  # what an adapter or a driver may hold back, and the trigger waits for
         "gone_s": 0.0,  # a device that was away lost one stretch, of which nothing says that the motion is not in it
     }
 )
@@ -55,7 +56,7 @@ def check_acquisition(
         worst: Verdict = "fail" if name in essential else "warn"
         found = [*_counted(metadata, gone_s, worst), *_stream(metadata, worst)]
         if source is not None:
-            found += _connection(source, gone_s, worst)
+            found += _connection(source, metadata, gone_s, worst)
             found += _met(source, metadata, worst)
             if name not in recordings and source.file:
                 found.append(("file", "warn", f"its capture {source.file} was not given; add it"))
@@ -176,7 +177,7 @@ def _gone_s(source: AcquiredSource, first_s: float, last_s: float) -> float:
     return gone_s if lost_at is None else gone_s + max(last_s - max(lost_at, first_s), 0.0)
 
 
-def _connection(source: AcquiredSource, gone_s: float, worst: Verdict) -> Iterator[_Found]:
+def _connection(source: AcquiredSource, metadata: Mapping[str, Any], gone_s: float, worst: Verdict) -> Iterator[_Found]:
     """Whether the device delivered, throughout and in time."""
     if not source.file or not source.bytes:
         yield "delivery", "fail", "delivered nothing within the shot: check its power, its cable and the rig's `device`"
@@ -191,7 +192,13 @@ def _connection(source: AcquiredSource, gone_s: float, worst: Verdict) -> Iterat
         times = max(source.reopened, back, len(lost))
         text = f"was lost and opened again {times} times around the shot, counted from {source.counted_from_s:+.3f} s"
         yield "connection", "warn", f"{text}; check plug, cable and supply before the next shot"
-    if source.late:
+    if source.late_s > LIMITS["late_s"]:
+        text = f"was read up to {source.late_s:.3f} s late (limit {LIMITS['late_s']:g} s): the computer stood still"
+        if metadata.get("dated_by") == "host":
+            yield "delivery", worst, f"{text}, and its samples are dated by when they were read; end other programs"
+        else:
+            yield "delivery", "warn", f"{text}; nothing is missing for it, and its own clock dates the samples"
+    elif source.late:
         text = "had not delivered the whole span when waiting for it ended: the end of its record may be missing"
         yield "delivery", "warn", f"{text}; compare its last instant with the others'"
 

@@ -36,7 +36,7 @@ CLOCK_FIT = {
 
 def acquired_source(name: str, kind: str, file: str, **changes: Any) -> AcquiredSource:
     """Make the record of a source that delivered everything and met nothing."""
-    sound = AcquiredSource(name, kind, file, 150, 60_000, 0.5, False, 0, 0, 0, None, 4, -2.0, ())
+    sound = AcquiredSource(name, kind, file, 150, 60_000, 0.5, False, 0.01, 0, 0, 0, None, 4, -2.0, ())
     return replace(sound, **changes)
 
 

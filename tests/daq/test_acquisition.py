@@ -33,7 +33,7 @@ ACQUISITION = Acquisition(
     ),
     sources=(
         AcquiredSource(
-            "can", "can", "0001_can.rdcc", 100, 8800, 0.4, False, 0, 1, 2, None, 12, -0.7,
+            "can", "can", "0001_can.rdcc", 100, 8800, 0.4, False, 0.002, 0, 1, 2, None, 12, -0.7,
             (AcquiredEvent(0.2, "lost", "the adapter is gone"),),
         ),
     ),

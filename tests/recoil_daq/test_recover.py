@@ -6,25 +6,31 @@ import json
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from daq.acquisition import read_acquisition
 from daq.capture.session_record import (
     CLOSED,
     DECISION,
+    KEPT,
     KINDS,
     OPERATOR,
     SHOT,
     CompleteShot,
+    Kept,
     LiveRecord,
     RecordedSource,
     pack_decision,
+    pack_kept,
     pack_shot,
 )
 from daq.devices.device import SERIAL, Block, event_block
 from daq.errors import ReadError, StoreError
 from daq.frames import capture_file
 from daq.journal import JournalWriter
+from daq.journal.layout import RECORD_OVERHEAD
 from daq.trigger import Decision
+from recoil_daq.cli import app
 from recoil_daq.live_tables import print_recovered
 from recoil_daq.recover import recover_folder, recover_journal
 from rigs.rig import load_rig
@@ -43,7 +49,13 @@ def imu(time_s: float) -> Block:
 
 
 def leave_journal(
-    out: Path, *, triggers_s: tuple[float, ...] = (), known: tuple[CompleteShot, ...] = (), closed: bool = False
+    out: Path,
+    *,
+    triggers_s: tuple[float, ...] = (),
+    disarmed_s: tuple[float, ...] = (),
+    known: tuple[CompleteShot, ...] = (),
+    kept: tuple[Kept, ...] = (),
+    closed: bool = False,
 ) -> Path:
     """The inertial sensor sends its time every 10 ms from 10 s to 15 s; the bus is silent."""
     folder = out / "journal" / NAME
@@ -53,6 +65,11 @@ def leave_journal(
         for time_s in triggers_s:
             decision = Decision(time_s, "trigger", "", "p_brake", 0, 1, 2e6, time_s)
             writer.append(OPERATOR, DECISION, round(time_s * 1e9), pack_decision(decision))
+        for time_s in disarmed_s:
+            decision = Decision(time_s, "suppressed", "not armed", "p_brake", 0, 1, 2e6, time_s)
+            writer.append(OPERATOR, DECISION, round(time_s * 1e9), pack_decision(decision))
+        for stretch in kept:
+            writer.append(OPERATOR, KEPT, round(stretch.last_s * 1e9), pack_kept(stretch))
         for shot in known:
             writer.append(OPERATOR, SHOT, round(shot.trigger_s * 1e9), pack_shot(shot))
         if closed:
@@ -145,17 +162,119 @@ def test_of_a_session_that_ended_in_order_only_the_shots_are_wanted(tmp_path: Pa
     assert done.shots[0].folder == tmp_path / "elsewhere" / "captures" / "0001"
 
 
-def test_a_damaged_record_costs_itself_and_is_counted(tmp_path: Path) -> None:
+def damage(journal: Path, *places: bytes) -> None:
+    """Flip a byte of each record that holds one of some texts."""
+    (segment,) = journal.glob("*.journal")
+    content = bytearray(segment.read_bytes())
+    for text in places:
+        content[content.index(text)] ^= 0xFF
+    segment.write_bytes(content)
+
+
+def test_a_damaged_record_costs_itself_and_the_journal_stays_and_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     journal = leave_journal(tmp_path, triggers_s=(12.0,))
-    segments = sorted(journal.glob("*.journal"))
-    content = bytearray(segments[0].read_bytes())
-    at = content.index(b"   14.90")
-    content[at] ^= 0xFF
-    segments[0].write_bytes(content)
+    damage(journal, b"   10.50", b"   14.90")
     ((done,), _) = recover_folder(tmp_path, None)
     assert done.everything is not None
-    assert times_in(done.everything / f"{NAME}_imu.rdsc")[-1] == pytest.approx(14.89)
-    assert done.cut_bytes > 0
+    times = times_in(done.everything / f"{NAME}_imu.rdsc")
+    assert times == pytest.approx([10.0 + 0.01 * k for k in range(500) if k not in (50, 490)])
+    assert (done.lost_records, done.cut_bytes) == (2, 2 * (RECORD_OVERHEAD + 8))
+    assert not done.removed
+    assert journal.exists()
+    print_recovered(tmp_path, [done])
+    said = " ".join(capsys.readouterr().out.split())
+    assert "2 are missing, 96 bytes in damaged places could not be read" in said
+    assert "what is missing at its very end is not known" in said
+    assert f"the journal is kept: {journal}" in said
+    assert "all of it" not in said
+
+
+def test_the_command_says_by_its_code_that_a_journal_is_damaged(tmp_path: Path) -> None:
+    journal = leave_journal(tmp_path)
+    damage(journal, b"   12.00")
+    done = CliRunner().invoke(app, ["recover", str(tmp_path), "--json"])
+    assert done.exit_code == 1, done.output
+    assert json.loads(done.stdout)["journals"][0]["damaged"]
+    assert journal.exists()
+
+
+def test_a_shot_fired_while_disarmed_is_listed_cut_out_on_request_and_then_the_journal_goes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    journal = leave_journal(tmp_path, triggers_s=(11.0,), disarmed_s=(13.0, 13.1), closed=True)
+    ((done,), _) = recover_folder(tmp_path, None)
+    assert not done.removed
+    (outside,) = done.outside
+    assert (outside.at_s, outside.lasting_s) == pytest.approx((3.0, 0.1))
+    assert outside.why == "p_brake crossed: not armed"
+    print_recovered(tmp_path, [done])
+    said = " ".join(capsys.readouterr().out.split())
+    assert f"recover {journal} --at SECONDS" in said
+    assert "removed" not in said
+    assert not recover_folder(tmp_path, None)[0][0].removed, "asking again does not remove it"
+    ((cut,), _) = recover_folder(journal, None, at_s=[3.0])
+    assert [shot.name for shot in cut.shots] == ["0001", "0002"]
+    times = times_in(cut.shots[1].folder / "0002_imu.rdsc")
+    assert (times[0], times[-1]) == pytest.approx((12.7, 13.94))
+    assert cut.outside == ()
+    assert cut.removed
+    assert not journal.exists()
+
+
+def test_a_shot_that_was_cut_out_before_is_not_outside_any_more(tmp_path: Path) -> None:
+    journal = leave_journal(tmp_path, disarmed_s=(13.0,), closed=True)
+    recover_folder(journal, None, at_s=[3.0], keep=True)
+    ((again,), _) = recover_folder(journal, None)
+    assert again.outside == ()
+    assert again.removed
+
+
+def test_what_was_recorded_without_a_look_at_it_keeps_a_journal_that_was_closed_in_order(tmp_path: Path) -> None:
+    leave_journal(tmp_path, kept=(Kept(13.0, 13.2, 13.0, 14.2, "imu: recorded without a look at it"),), closed=True)
+    ((done,), _) = recover_folder(tmp_path, None)
+    assert [(one.at_s, one.why) for one in done.outside] == [(pytest.approx(3.0), "imu: recorded without a look at it")]
+    assert not done.removed
+
+
+def test_a_person_may_discard_what_is_nowhere_else(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    journal = leave_journal(tmp_path, disarmed_s=(13.0,), closed=True)
+    ((done,), _) = recover_folder(tmp_path, None, discard=True)
+    print_recovered(tmp_path, [done])
+    said = " ".join(capsys.readouterr().out.split())
+    assert "p_brake crossed: not armed" in said
+    assert "removed, as was asked for" in said
+    assert not journal.exists()
+
+
+def test_captures_that_differ_from_the_journal_keep_it(tmp_path: Path) -> None:
+    journal = leave_journal(tmp_path, triggers_s=(12.0,))
+    ((first,), _) = recover_folder(tmp_path, None, keep=True)
+    capture = first.shots[0].files[0]
+    capture.write_bytes(capture.read_bytes()[:-1])
+    ((again,), _) = recover_folder(tmp_path, None)
+    assert not again.shots[0].whole
+    assert not again.removed
+    assert journal.exists()
+
+
+def test_everything_that_was_written_before_and_is_incomplete_keeps_the_journal(tmp_path: Path) -> None:
+    journal = leave_journal(tmp_path)
+    ((first,), _) = recover_folder(tmp_path, None, keep=True)
+    assert first.everything is not None
+    (first.everything / f"{NAME}_imu.rdsc").unlink()
+    assert not recover_folder(tmp_path, None)[0][0].removed
+    assert journal.exists()
+
+
+@pytest.mark.parametrize("at_s", [-0.1, 5.1, float("nan")])
+def test_an_instant_that_the_journal_does_not_hold_is_refused(tmp_path: Path, at_s: float) -> None:
+    journal = leave_journal(tmp_path)
+    _, (failed,) = recover_folder(journal, None, at_s=[at_s])
+    assert "holds nothing at" in str(failed)
+    assert "0 to 4.990 s" in str(failed)
+    assert not (tmp_path / "captures").exists()
 
 
 def test_what_is_no_folder_and_a_journal_of_something_else_are_refused(tmp_path: Path) -> None:

@@ -177,9 +177,11 @@ class SerialRecording:
         self, framing: Framing, capture: Capture, frames: FrameSet, series: dict[str, FieldSeries], notes: list[str]
     ) -> NDArray[np.float64]:
         """Instant of every frame in seconds, NaN where it has none."""
+        by_reads = bool(capture.host_ns.size and framing.baudrate)
+        self.metadata["dated_by"] = "device" if framing.device_time is not None else "host" if by_reads else "rate"
         if framing.device_time is not None:
             return self._device_instants(framing, capture, frames, series, notes)
-        if capture.host_ns.size and framing.baudrate:
+        if by_reads:
             notes.append("samples are dated by the host's reads: their instants are uncertain by its delay")
             return back_dated(capture.host_ns, capture.ends, frames.ends, framing.byte_s)
         if framing.rate_hz:

@@ -17,6 +17,7 @@ from daq.capture.session_record import (
     SHOT,
     CompleteShot,
     LiveRecord,
+    OperatorRecords,
     RecordedSource,
     live_record_of,
     operator_records,
@@ -58,7 +59,7 @@ def both(count: int = 100) -> list[Block]:
 def test_the_journal_says_again_what_the_session_was(tmp_path: Path) -> None:
     journal = journal_of(tmp_path / "j", [])
     assert live_record_of(journal) == RECORD
-    assert operator_records(journal) == ((DECIDED,), (CompleteShot("0001", 10.5),), True)
+    assert operator_records(journal) == OperatorRecords((DECIDED,), (CompleteShot("0001", 10.5),), (), in_order=True)
 
 
 def test_all_of_it_comes_out_byte_for_byte(tmp_path: Path) -> None:

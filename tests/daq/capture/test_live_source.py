@@ -5,11 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from daq.capture.live_source import signals_of
-from daq.devices.device import event_block
+from daq.capture.live_source import LiveChannel, LiveSource, signals_of
+from daq.devices.capture_bytes import capture_bytes, capture_header
+from daq.devices.device import SERIAL, event_block
 from daq.errors import MissingChannelError
 from daq.frames.can_capture_file import ERROR, REMOTE
-from tests.builders.live_sources import bus, can_block, can_record, port, serial_block, serial_frame
+from daq.frames.capture_file import parse_capture
+from daq.frames.declaration import framing_from_table
+from daq.frames.scan import find_frames_of_capture
+from daq.frames.values import decode_fields
+from tests.builders.live_sources import ANCHOR, bus, can_block, can_record, port, serial_block, serial_frame
 
 
 def test_a_signal_of_a_bus_comes_in_si_with_each_frames_own_time() -> None:
@@ -60,6 +65,30 @@ def test_a_half_frame_before_an_interruption_is_not_completed_by_what_follows() 
     signals.skip()
     found = signals.feed(serial_block(1.1, frame[4:] + serial_frame(2, 4.0)))
     assert [v for s in found for v in s.values] == [-4.0]
+
+
+LINES = {"kind": "delimiter", "baudrate": 921600, "fields": [{"name": "a", "at": 0}, {"name": "b", "at": 1}]}
+UNPLUGGED_WITHIN_A_LINE = [
+    serial_block(1.0, b"1,10\n2,2"),
+    event_block("port", int(1.1e9), "lost", "unplugged"),
+    event_block("port", int(1.5e9), "reopened", "after 3 tries"),
+    serial_block(1.6, b"0\n4,40\n"),
+]
+
+
+def test_lines_that_an_unplugged_cable_cut_are_no_samples_live_nor_in_the_capture() -> None:
+    framing = framing_from_table(LINES)
+    channel = LiveChannel("a", "a", 1.0, 0.0, "1")
+    source = LiveSource("port", SERIAL, {"port": "x", "baudrate": 921600}, (channel,), framing=framing)
+    signals = signals_of(source, source.channels)
+    live = [float(v) for block in UNPLUGGED_WITHIN_A_LINE for s in signals.feed(block) for v in s.values]
+    capture = capture_header(SERIAL, ANCHOR)
+    capture += b"".join(capture_bytes(SERIAL, block, ANCHOR) for block in UNPLUGGED_WITHIN_A_LINE)
+    frames = find_frames_of_capture(framing, parse_capture(capture))
+    captured = {name: field.values.tolist() for name, field in decode_fields(framing, frames).items()}
+    assert live == [1.0, 4.0]
+    assert captured == {"a": [1.0, 4.0], "b": [10.0, 40.0]}
+    assert frames.counters.skipped_bytes == len(b"2,2" + b"0\n")
 
 
 @pytest.mark.parametrize("source", [bus(signal="NODE.q"), port(signal="v")])

@@ -150,7 +150,7 @@ def test_fields_of_frames_without_device_time_are_no_signals(tmp_path: Path) -> 
 
 @settings(max_examples=60, deadline=None)
 @given(
-    reads=st.lists(st.tuples(st.integers(-(2**63), 2**63 - 1), st.binary(max_size=20)), max_size=8),
+    reads=st.lists(st.tuples(st.integers(-(2**63), 2**63 - 1), st.binary(min_size=1, max_size=20)), max_size=8),
     cut=st.integers(0, 300),
 )
 def test_a_capture_gives_back_its_reads_up_to_any_cut(reads: list[tuple[int, bytes]], cut: int) -> None:

@@ -1,0 +1,178 @@
+"""A live session keeps what happened, releases what it watched, and gives a shot all that arrived for it."""
+
+from __future__ import annotations
+
+import queue
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import daq.capture.live_session
+from daq.capture.live_session import LiveSession
+from daq.capture.session_record import LiveRecord, RecordedSource, operator_records
+from daq.devices.device import Block, Counters
+from daq.frames import can_capture_file
+from daq.journal import read_journal
+from daq.trigger import Edge, Trigger
+from tests.builders.live_sources import ANCHOR, bus, can_record
+
+RECORD = LiveRecord("rig", "text", "rig.toml", {}, ANCHOR, (RecordedSource("bus", "can"),))
+TRIGGER = Trigger((Edge("pressure", 50e3, rearm=20e3),), "any", pre_s=0.2, post_s=0.4)
+EVERY_S = 0.01
+
+
+class PlayedBus:
+    """A device whose frames carry their number, and whose reads may stand still."""
+
+    name, kind, counters = "bus", "can", Counters()
+
+    def __init__(self) -> None:
+        self.pressure_kpa: Callable[[int], float] = lambda _: 0.0
+        self.began_s = time.monotonic()
+        self.stops: queue.SimpleQueue[float] = queue.SimpleQueue()
+        self._next = 0
+        self._empty_ns = time.monotonic_ns()
+
+    def open(self) -> None:
+        """Do nothing: it is open."""
+
+    def read(self, timeout_s: float) -> Block | None:
+        """Return what was sent since the last read, twenty frames at most."""
+        time.sleep(EVERY_S)
+        while not self.stops.empty():
+            time.sleep(self.stops.get())
+        now_ns = time.monotonic_ns()
+        due = int((now_ns / 1e9 - self.began_s) / EVERY_S)
+        empty_ns, stop = self._empty_ns, min(due, self._next + 20)
+        frames = [can_record(now_ns / 1e9, self.pressure_kpa(n), n) for n in range(self._next, stop)]
+        self._next = stop
+        if stop == due:
+            self._empty_ns = now_ns
+        return Block("bus", now_ns, b"".join(frames), "can", empty_ns) if frames else None
+
+    def close(self) -> tuple[Block, ...]:
+        """Return nothing more."""
+        return ()
+
+
+@pytest.fixture
+def device() -> PlayedBus:
+    return PlayedBus()
+
+
+def started(folder: Path, device: PlayedBus) -> LiveSession:
+    session = LiveSession(RECORD, [bus()], {"bus": device}, TRIGGER, folder / "journal", reserve_bytes=0)
+    device.began_s = time.monotonic()
+    session.start()
+    return session
+
+
+def pulse_at(first: int) -> Callable[[int], float]:
+    return lambda n: 100.0 if first <= n < first + 3 else 0.0
+
+
+def number_now(device: PlayedBus) -> int:
+    return int((time.monotonic() - device.began_s) / EVERY_S)
+
+
+def numbers_in(path: Path) -> list[int]:
+    records = can_capture_file.parse_capture(path.read_bytes()).records
+    plain = records["flags"] & (can_capture_file.EVENT | can_capture_file.ANCHOR) == 0
+    return [int(row[2]) for row in records["data"][plain]]
+
+
+def test_a_crossing_while_disarmed_keeps_the_journal_and_is_told(tmp_path: Path, device: PlayedBus) -> None:
+    session = started(tmp_path, device)
+    session.arm()
+    time.sleep(0.1)
+    session.disarm()
+    device.pressure_kpa = pulse_at(number_now(device) + 5)
+    time.sleep(0.5)
+    session.stop()
+    (kept,) = session.kept
+    assert kept.why == "pressure crossed: not armed"
+    assert kept.stop_s - kept.start_s == pytest.approx(TRIGGER.pre_s + TRIGGER.post_s)
+    session.close(complete=True)
+    journal = read_journal(tmp_path / "journal")
+    assert operator_records(journal).in_order
+    assert any(one.outcome == "suppressed" for one in operator_records(journal).decisions)
+
+
+def test_a_session_in_which_nothing_happened_leaves_no_journal(tmp_path: Path, device: PlayedBus) -> None:
+    session = started(tmp_path, device)
+    session.arm()
+    time.sleep(0.2)
+    session.close(complete=True)
+    assert not (tmp_path / "journal").exists()
+
+
+def test_what_was_watched_is_released_and_what_crossed_while_disarmed_stays(
+    tmp_path: Path, device: PlayedBus, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(daq.capture.live_session, "SEGMENT_BYTES", 1 << 12)
+    monkeypatch.setattr(daq.capture.live_session, "_RELEASE_EVERY_S", 0.05)
+    session = started(tmp_path, device)
+    session.arm()
+    time.sleep(0.1)
+    session.disarm()
+    first = number_now(device) + 20
+    device.pressure_kpa = pulse_at(first)
+    ends = time.monotonic() + 20.0
+    while session.status.released_records < 100 and time.monotonic() < ends:
+        time.sleep(0.05)
+    session.close(complete=True)
+    journal = read_journal(tmp_path / "journal")
+    assert journal.released_records > 100
+    assert (journal.lost_records, journal.damaged) == (0, False)
+    records = b"".join(r.payload for r in journal.records(0) if r.kind == 0)
+    held = [int(row[2]) for row in can_capture_file.parse_records(records)["data"]]
+    crossed = held.index(first % 256)
+    around = held[crossed - round(TRIGGER.pre_s / EVERY_S) + 1 : crossed + round(TRIGGER.post_s / EVERY_S)]
+    assert around == [n % 256 for n in range(first - 19, first + 40)]
+
+
+@pytest.mark.parametrize("delay_s", [0.05, 0.2, 0.38])
+def test_what_a_stalled_read_returns_after_the_shots_end_is_in_the_shot(
+    tmp_path: Path, device: PlayedBus, delay_s: float
+) -> None:
+    session = started(tmp_path, device)
+    session.arm()
+    time.sleep(0.3)
+    first = number_now(device) + 2
+    device.pressure_kpa = pulse_at(first)
+    time.sleep(delay_s)
+    device.stops.put(0.8)
+    window = session.next_window(5.0)
+    assert window is not None
+    captured = session.cut("0001", window, tmp_path / "captures" / "0001")
+    session.release(window)
+    session.close(complete=True)
+    numbers = numbers_in(captured.files[0])
+    due = range(first - round(TRIGGER.pre_s / EVERY_S) + 1, first + round(TRIGGER.post_s / EVERY_S))
+    assert numbers == list(range(numbers[0], numbers[-1] + 1))
+    assert numbers[0] <= due[0]
+    assert numbers[-1] >= due[-1]
+    (source,) = captured.acquisition.sources
+    assert source.late
+    assert 0.75 < source.late_s < 3.0
+    assert not (tmp_path / "journal").exists()
+
+
+def test_a_source_that_answers_after_its_shot_was_given_up_keeps_the_journal(tmp_path: Path, device: PlayedBus) -> None:
+    session = started(tmp_path, device)
+    session.arm()
+    time.sleep(0.3)
+    device.pressure_kpa = pulse_at(number_now(device) + 2)
+    time.sleep(0.2)
+    device.stops.put(3.5)
+    window = session.next_window(10.0)
+    assert window is not None
+    assert window.late_sources == ("bus",)
+    session.cut("0001", window, tmp_path / "captures" / "0001")
+    session.release(window)
+    time.sleep(1.5)
+    session.close(complete=True)
+    assert [one.why for one in session.kept] == ["bus: arrived when its shot was already cut"]
+    assert (tmp_path / "journal").exists()
