@@ -38,7 +38,7 @@ class PlayedBus:
     def open(self) -> None:
         """Do nothing: it is open."""
 
-    def read(self, timeout_s: float) -> Block | None:
+    def read(self, timeout_s: float) -> Block | None:  # noqa: ARG002 - as a device has it
         """Return what was sent since the last read, twenty frames at most."""
         time.sleep(EVERY_S)
         while not self.stops.empty():
