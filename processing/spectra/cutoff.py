@@ -36,6 +36,8 @@ MOTION_BELOW = 0.85
 """Share of the valley's frequency up to which the measured density is taken for that of the motion."""
 STEEPEST_GUESS = -2.0
 """Largest exponent of the motion's density above that; a signal with jumps falls as slowly."""
+FALL_OCTAVES = 2.0
+"""Least width below the valley over which the spectrum's fall is measured."""
 LEAST_LEFT_OVER = 0.3
 """Share of the density above the valley that is ringing, however much motion the power law puts there."""
 MUCH_ABOVE = 0.1
@@ -58,7 +60,8 @@ class CutoffChoice:
     predicted_error : float
         Norm of the error that is left over that of the motion; NaN without a cut-off.
     confidence : {"sure", "doubtful", "none"}
-        A gap of 10 dB or more (6 dB in the mean of several shots), one of 6 to 10 dB, none.
+        A gap of 10 dB or more (6 dB in the mean of several shots) below which the spectrum falls as that of a motion;
+        one of 6 to 10 dB, or below which it does not fall so; none.
     reason : str
         In words.
     nothing_to_take_off : bool
@@ -171,13 +174,19 @@ def cutoff_of(shot: ShotSpectrum, *, half_order: int | None = 4, sure_from_db: f
             orders[0],
             nothing_to_take_off=little,
         )
-    sure = gap.depth_db >= sure_from_db
+    deep, exponent = gap.depth_db >= sure_from_db, fall(shot, gap)
+    sure = deep and exponent <= STEEPEST_GUESS
     reason = (
         f"motion and ringing part at {gap.valley_hz:.4g} Hz, the ringing rises {gap.depth_db:.1f} dB from there: "
         f"{100 * unfiltered:.3g} % of the motion before the filter, {100 * error:.2g} % of error expected behind it"
     )
-    if not sure:
+    if not deep:
         reason += f"; less than {sure_from_db:g} dB are doubtful: look at the spectrum, or average several shots"
+    if exponent > STEEPEST_GUESS:
+        reason += (
+            f"; not sure: up to there the density goes with the frequency to the power of {exponent:.1f}, and that of "
+            f"a motion falls with {STEEPEST_GUESS:g} or faster, so that ringing lies below that frequency as well"
+        )
     return CutoffChoice(
         cutoff_hz, order, gap.valley_hz, gap.shoulder_hz, gap.depth_db, error, "sure" if sure else "doubtful", reason
     )
@@ -216,6 +225,19 @@ def split(shot: ShotSpectrum, gap: SpectralGap) -> tuple[Array, Array]:
     at_valley = float(left_over[above][0])
     ringing = np.where(above, left_over, np.maximum(at_valley * (f / gap.valley_hz) ** shot.roll_off, floor))
     return motion, ringing
+
+
+def fall(shot: ShotSpectrum, gap: SpectralGap) -> float:
+    """Return the exponent of the density from the motion's own frequencies to the valley, two octaves at least.
+
+    Where a gap parts motion from ringing, what lies below it is the tail of the motion, which falls steeply. A
+    spectrum that is flat there holds broadband ringing, and the gap is one between ringing and ringing.
+    """
+    f, density = shot.spectrum.frequency_hz, shot.spectrum.density
+    fitted = (f >= min(shot.lowest_hz, gap.valley_hz / 2.0**FALL_OCTAVES)) & (f <= gap.valley_hz)
+    if np.count_nonzero(fitted) < 3:
+        return STEEPEST_GUESS
+    return float(np.polyfit(np.log(f[fitted]), np.log(density[fitted]), 1)[0])
 
 
 def share_above(shot: ShotSpectrum) -> float:

@@ -5,12 +5,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.io import loadmat
 
 from processing.filters import LowPass
 from processing.spectra.cutoff import HALF_ORDERS, choose_cutoff, cutoff_of, share_above, split
 from processing.spectra.spectral_gap import ShotSpectrum, SpectralGap, gap_of, shot_spectrum
 from processing.spectra.spectrum import Spectrum
 from tests.builders.ringing import PRE_TRIGGER_S, RATE_HZ, RingingRecord, ringing_record
+from tests.builders.shared_data import shared_file
 
 CUTOFFS_HZ = np.geomspace(200.0, 900.0, 40)
 SCENARIOS = {
@@ -60,6 +62,35 @@ def test_the_peak_is_kept_in_height_and_time(ringing):
     assert abs(np.mean(heights)) < 0.01
     # a pulse that rises in 2 ms and falls in 10 ms leans towards its fall under any symmetric filter
     assert 0.0 < np.mean(instants) < 2.5e-4
+
+
+def stepped(exponent: float) -> ShotSpectrum:
+    """A motion up to 10 kHz, a fall by a power of the frequency up to 100 kHz, and a resonance of 20 dB above."""
+    f = np.geomspace(1e3, 4e5, 200)
+    below = np.where(f < 1e4, (f / 1e4) ** -4.0, (f / 1e4) ** exponent)
+    resonance = below * 10.0 ** (2.0 * np.exp(-0.5 * (np.log(f / 1.4e5) / 0.2) ** 2))
+    return ShotSpectrum(Spectrum(f, resonance, 10.0), 1.5e4, 1e-4, 4.0)
+
+
+@pytest.mark.parametrize(
+    ("exponent", "confidence"), [(-4.0, "sure"), (-2.2, "sure"), (-1.8, "doubtful"), (-1.0, "doubtful")]
+)
+def test_a_gap_above_a_flat_spectrum_parts_ringing_from_ringing_and_is_not_sure(exponent, confidence):
+    choice = cutoff_of(stepped(exponent))
+    assert choice.depth_db > 10.0
+    assert choice.confidence == confidence
+    assert ("not sure" in choice.reason) == (confidence == "doubtful")
+
+
+def test_no_real_sensor_that_has_no_gap_is_given_a_sure_cutoff():
+    """A drop tower's six sensors: the resonance of the second one's crystal at 150 kHz is no gap of its motion."""
+    path = shared_file("matlab/Unit105_Series1_1.mat")
+    table = loadmat(path)["Unit105_Series1_1"]
+    choices = [choose_cutoff(column, 1e6) for column in table[:, :6].T]
+    sure = [round(choice.cutoff_hz or 0.0) for choice in choices if choice.confidence == "sure"]
+    assert sure == [pytest.approx(12_098, rel=0.01)]
+    assert choices[1].confidence == "doubtful"
+    assert "ringing lies below that frequency as well" in choices[1].reason
 
 
 @pytest.mark.parametrize("seed", range(40, 44))
