@@ -5,6 +5,7 @@ Magnetometers are left out: close to a mechanism of steel they tell nothing of i
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from types import MappingProxyType
 from typing import Any
 
@@ -13,6 +14,7 @@ from daq.quantity import STANDARD_GRAVITY_M_S2
 
 _XYZ = ("x", "y", "z")
 
+_XBUS_DATA = bytes.fromhex("FAFF36")
 _XDI_TYPES = MappingProxyType(
     {"f32": (0, "f32", 1.0), "fp12.20": (1, "i32", 2.0**-20), "fp16.32": (2, "fp1632", 1.0), "f64": (3, "f64", 1.0)}
 )
@@ -53,7 +55,7 @@ def xsens_mti(precision: str = "f32") -> dict[str, Any]:
     values = {"type": type_, "scale": scale}
     return {
         "kind": "sync",
-        "sync": "FA FF 36",
+        "sync": _XBUS_DATA.hex(" ").upper(),
         "length": {"at": 3, "type": "u8", "add": 5},
         "max": 259,
         "endian": "big",
@@ -72,6 +74,22 @@ def xsens_mti(precision: str = "f32") -> dict[str, Any]:
         "start_commands": [{"hex": "FA FF 10 00", "checksum": {"algo": "neg-sum8", "from": 1}}],
         "stop_commands": [{"hex": "FA FF 30 00", "checksum": {"algo": "neg-sum8", "from": 1}}],
     }
+
+
+def xsens_precision(sync: bytes, wanted: int, present: Collection[int]) -> str:
+    """Return the precision in which an Xsens sends what is sought in another; empty if it is no Xsens, or sends none.
+
+    Parameters
+    ----------
+    sync : bytes
+        Of the framing.
+    wanted : int
+        Data identifier, whose lowest bits are of the precision.
+    present : collection of int
+        Those of the stream.
+    """
+    found = {identifier & 3 for identifier in present if identifier >> 2 == wanted >> 2} if sync == _XBUS_DATA else ()
+    return " and ".join(name for name, (code, _, _) in _XDI_TYPES.items() if code in found)
 
 
 def vectornav_ascii() -> dict[str, Any]:

@@ -20,8 +20,10 @@ from daq.channel import RawCounts
 from daq.errors import CorruptFileError, FramingError, MissingChannelError, ReadError
 from daq.frames.capture_file import MAGIC, WALL_CLOCK_NS, Capture, parse_capture
 from daq.frames.declaration import framing_from_table
+from daq.frames.field import Field
 from daq.frames.frame_set import FrameSet
 from daq.frames.framing import Framing
+from daq.frames.ready_made_inertial import xsens_precision
 from daq.frames.scan import find_frames_of_capture
 from daq.frames.values import FieldSeries, decode_fields, unwrap
 from daq.readers.counter_gaps import find_gaps
@@ -39,6 +41,9 @@ _LOSSES = {
     "unknown_types": "frames are of no declared type",
     "timed_out": "silences ended a half frame",
 }
+
+_LOOKED_AT = 200
+"""Frames in which the elements are looked for that a device sends."""
 
 CUT = "the file ends inside a record: it may have been cut"
 
@@ -112,7 +117,7 @@ class SerialRecording:
             raise CorruptFileError(
                 "not one frame fits the declared framing",
                 path=path,
-                found=str(counters),
+                found=_counted(counters),
                 remedy="compare `framing` with the device's manual",
             )
         series = decode_fields(framing, frames)
@@ -129,8 +134,16 @@ class SerialRecording:
             _host_start(capture) if framing.device_time is None and framing.baudrate and capture.host_ns.size else None
         )
         self._series: dict[str, tuple[FieldSeries, NDArray[np.bool_]]] = {}
+        self._absent = {
+            name: _why_absent(found.field, framing, frames) for name, found in series.items() if not found.frames.size
+        }
+        for reason in dict.fromkeys(self._absent.values()):
+            names = [name for name, why in self._absent.items() if why == reason]
+            notes.append(f"{', '.join(names)}: {reason}: not a signal")
         headers = []
         for name, found in series.items():
+            if name in self._absent:
+                continue
             kept = increasing(times_s[found.frames])
             if not kept.any():
                 notes.append(f"{name}: no frame that holds it has an instant: not a signal")
@@ -145,7 +158,7 @@ class SerialRecording:
             raise CorruptFileError(
                 "no frame holds a declared field",
                 path=path,
-                found=str(counters),
+                found=next(iter(self._absent.values()), _counted(counters)),
                 remedy="compare `framing` with the device's manual",
             )
         self._times_s = times_s
@@ -240,6 +253,13 @@ class SerialRecording:
         try:
             return self._series[name]
         except KeyError:
+            if name in self._absent:
+                raise ReadError(
+                    f"{name!r} is not in the file",
+                    path=self.path,
+                    found=self._absent[name],
+                    remedy="correct `framing` in the rig file, or leave out the channel",
+                ) from None
             raise MissingChannelError(name, tuple(self._series), path=self.path) from None
 
     def read(self, name: str, start: int = 0, stop: int | None = None) -> NDArray[np.float64]:
@@ -275,6 +295,26 @@ def _counts_of(framing: Framing, series: dict[str, FieldSeries], wanted: NDArray
         return None
     counts: NDArray[np.int64] = unwrap(counter.raw.astype(np.int64), framing.counter.modulo)
     return counts[np.searchsorted(counter.frames, wanted)]
+
+
+def _why_absent(field: Field, framing: Framing, frames: FrameSet) -> str:
+    """Say why not one frame holds a field: of elements, which ones the first frames have."""
+    elements = next((one.elements for one in framing.types if field in one.fields), None)
+    if elements is None or field.element is None:
+        return "no frame holds it"
+    present: set[int] = set()
+    for i in range(min(frames.begins.size, _LOOKED_AT)):
+        frame = frames.frame(i)
+        present |= {found for found, _, _ in elements.places(frame, elements.start, len(frame) - framing.trailer)}
+    precision = xsens_precision(framing.sync, field.element, present)
+    if precision:
+        return f'no frame holds element {field.element:#06x}; the file\'s are those of `precision = "{precision}"`'
+    shown = ", ".join(f"{one:#06x}" for one in sorted(present)[:12])
+    return f"no frame holds element {field.element:#06x}, but {shown or 'none at all'}"
+
+
+def _counted(counters: dict[str, int]) -> str:
+    return ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in counters.items() if count) or "nothing"
 
 
 def _losses(capture: Capture, counters: dict[str, int]) -> list[str]:

@@ -307,6 +307,43 @@ def test_a_ready_made_framing_is_enough_for_real_xbus_captures_which_lose_only_t
     np.testing.assert_allclose(recording.time_base("packet_counter").times_s, np.arange(100) / 100.0)
 
 
+@pytest.mark.parametrize(("name", "precision"), [("output1", "f32"), ("output2", "fp12.20"), ("output3", "fp16.32")])
+def test_a_wrong_precision_of_an_xsens_is_told_with_the_files_own(name: str, precision: str) -> None:
+    path = shared_file(f"serial/{name}.bin")
+    for declared in ("f32", "fp12.20", "fp16.32", "f64"):
+        framing = {"ready_made": "xsens-mti", "precision": declared}
+        recording = READER.open(path, Declarations("imu", framing=framing))
+        told = f'the file\'s are those of `precision = "{precision}"`'
+        if declared == precision:
+            assert recording.read("acceleration_x").size > 80
+            continue
+        with pytest.raises(ReadError, match=r"'acceleration_x' is not in the file") as caught:
+            recording.read("acceleration_x")
+        assert told in str(caught.value)
+        (note,) = (one for one in recording.notes if one.startswith("acceleration_x, acceleration_y, acceleration_z:"))
+        assert told in note
+
+
+def xbus(*elements: tuple[int, bytes]) -> bytes:
+    body = b"".join(struct.pack(">HB", identifier, len(data)) + data for identifier, data in elements)
+    content = bytes([0xFF, 0x36, len(body)]) + body
+    return b"\xfa" + content + bytes([-sum(content) & 0xFF])
+
+
+def test_elements_that_no_frame_holds_are_told_with_those_that_are_there(tmp_path: Path) -> None:
+    frames = [
+        xbus((0x1020, i.to_bytes(2)), (0x1060, (100 * i).to_bytes(4)), (0x4023, struct.pack(">3d", i, 0, 0)))
+        for i in range(9)
+    ]
+    path = tmp_path / "a.bin"
+    path.write_bytes(b"".join(frames))
+    recording = READER.open(path, Declarations("imu", framing={"ready_made": "xsens-mti"}))
+    assert any('the file\'s are those of `precision = "f64"`' in note for note in recording.notes)
+    assert "status_word: no frame holds element 0xe020, but 0x1020, 0x1060, 0x4023: not a signal" in recording.notes
+    recording = READER.open(path, Declarations("imu", framing={"ready_made": "xsens-mti", "precision": "f64"}))
+    assert recording.read("acceleration_x").tolist() == list(range(9))
+
+
 def keller_reply(pressure_bar: float) -> bytes:
     return summed(b"\x01\x49" + struct.pack(">fB", pressure_bar, 0), "crc16-modbus", "big")
 
@@ -321,7 +358,7 @@ def test_polled_replies_are_dated_back_from_their_reads_and_half_ones_time_out(t
     np.testing.assert_allclose(recording.time_base("pressure_1").times_s, [0.0, 0.02, 0.04, 0.6])
     assert recording.metadata["timed_out"] == 1
     assert "1 silences ended a half frame" in recording.notes
-    assert any(note.startswith("error: no frame that holds it") for note in recording.notes)
+    assert any(note == "error: no frame holds it: not a signal" for note in recording.notes)
 
 
 MODBUS = {
