@@ -18,7 +18,7 @@ from typing import Any
 
 from daq.devices.back_off import BackOff
 from daq.devices.can_link import can_links, enlarge_queue, flags_of, kernel_drops
-from daq.devices.device import CAN, Block, Counters, StreamCheck, event_block
+from daq.devices.device import CAN, Block, Counters, EmptyLook, StreamCheck, event_block
 from daq.devices.kernel_drops import GrowingCount
 from daq.devices.open_fault import error_number, open_fault
 from daq.errors import DeviceError, nearest_first
@@ -82,7 +82,7 @@ class CanDevice:
         self._bus: can.BusABC | None = None
         self._wanted = False
         self._back_off = BackOff()
-        self._empty_ns: int | None = None
+        self._look = EmptyLook()
         self._ahead: deque[Block] = deque()
         self._buffer = bytearray(BLOCK_FRAMES * capture.RECORD_SIZE)
         self._received = self._bad = self._error_frames = self._reopened = self._high_water = 0
@@ -158,7 +158,7 @@ class CanDevice:
         import can
 
         # python-can would also read configuration files and the environment: the rig alone says what is opened
-        self._empty_ns = time.monotonic_ns()
+        self._look = EmptyLook()
         bus = can.Bus(interface=self._interface, ignore_config=True, **self._options)
         enlarge_queue(bus)
         self._bus = bus
@@ -210,7 +210,7 @@ class CanDevice:
         # what waits already is asked for first: the bus is known to be empty only where nothing does
         ends_ns, wait_s, looking = 0, 0.0, True
         before_ns = host_ns = now()
-        empty_ns = self._empty_ns
+        empty_ns = self._look.empty_ns
         while count < BLOCK_FRAMES:
             try:
                 message = bus.recv(wait_s)
@@ -222,10 +222,10 @@ class CanDevice:
                     continue
                 self._lose(error)
                 break
+            self._look.looked(before_ns, empty=message is None)
             if message is None:
-                self._empty_ns = before_ns
                 if looking and timeout_s:
-                    empty_ns, wait_s, looking, before_ns = before_ns, timeout_s, False, now()
+                    empty_ns, wait_s, looking, before_ns = self._look.empty_ns, timeout_s, False, now()
                     continue
                 break
             host_ns, in_a_row, looking = now(), 0, False

@@ -24,6 +24,9 @@ EVENT = "event"
 """Kind of a block that says what happened to the device, see `event_block`."""
 
 _ANCHOR_TRIES = 9
+_NOBODY_LOOKED_NS = 200_000_000
+"""A reading thread looks up twice as often as this, however silent its source."""
+_BELIEVED_AFTER_NS = 250_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +156,31 @@ class Counters:
     reopened: int = 0
     error_frames: int = 0
     queue_high_water: int = 0
+
+
+class EmptyLook:
+    """When a source was last found empty, as far as that can be believed.
+
+    A driver hands on what it holds in pieces: right behind the first piece nothing seems to wait. So what is seen soon
+    after nobody looked for a while is not believed.
+
+    Attributes
+    ----------
+    empty_ns : int
+        Monotonic host time: all that arrived before it was read by the time of the last look. At first that of opening.
+    """
+
+    def __init__(self) -> None:
+        self.empty_ns = self._looked_ns = time.monotonic_ns()
+        self._believed_from_ns = 0
+
+    def looked(self, at_ns: int, *, empty: bool) -> None:
+        """Note a look, at a time before it."""
+        if at_ns - self._looked_ns > _NOBODY_LOOKED_NS:
+            self._believed_from_ns = at_ns + _BELIEVED_AFTER_NS
+        self._looked_ns = at_ns
+        if empty and at_ns >= self._believed_from_ns:
+            self.empty_ns = at_ns
 
 
 class StreamCheck(Protocol):

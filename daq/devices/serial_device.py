@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from daq.devices.back_off import BackOff
-from daq.devices.device import SERIAL, Block, Counters, StreamCheck, event_block
+from daq.devices.device import SERIAL, Block, Counters, EmptyLook, StreamCheck, event_block
 from daq.devices.kernel_drops import GrowingCount, line_errors
 from daq.devices.open_fault import error_number, open_fault
 from daq.devices.serial_commands import PollClock, SerialCommands
@@ -79,7 +79,7 @@ class SerialDevice:
         self._back_off = BackOff()
         self._ahead: deque[Block] = deque()
         self._taken_s = 0.0
-        self._empty_ns: int | None = None
+        self._look = EmptyLook()
         self._received = self._reopened = self._high_water = self._unanswered_told = 0
         self._damaged, self._dropped = GrowingCount(), GrowingCount()
 
@@ -147,7 +147,7 @@ class SerialDevice:
     def _connect(self) -> None:
         import serial
 
-        self._empty_ns = time.monotonic_ns()
+        self._look = EmptyLook()
         self._port = serial.Serial(
             port=find(self._identity),
             timeout=_SLICE_S,
@@ -200,7 +200,7 @@ class SerialDevice:
         if (rest_s := self._taken_s + _REST_S - time.monotonic()) > 0:
             time.sleep(rest_s)
         ends = time.monotonic() + timeout_s
-        empty_ns = self._empty_ns
+        empty_ns = self._look.empty_ns
         pieces: list[bytes] = []
         lost: Exception | None = None
         try:
@@ -209,7 +209,7 @@ class SerialDevice:
                 if (request := self._poll.request(now)) is not None:
                     self._port.write(request)
                 waiting = self._waiting()
-                empty_ns = self._empty_ns
+                empty_ns = self._look.empty_ns
                 if not waiting and now >= ends:
                     break
                 self._take_waiting(waiting, pieces)
@@ -246,8 +246,7 @@ class SerialDevice:
         """Return how many bytes wait, and note when there are none."""
         looked_ns = time.monotonic_ns()
         waiting: int = self._port.in_waiting
-        if not waiting:
-            self._empty_ns = looked_ns
+        self._look.looked(looked_ns, empty=not waiting)
         return waiting
 
     def _lose(self, error: Exception, host_ns: int) -> None:
