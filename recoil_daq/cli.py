@@ -349,27 +349,29 @@ def _demo_live(out: Path, seed: int, no_screen: bool, overwrite: bool, json: boo
         session.finish(live_demo_document(done), lambda: print_live_demo(done), code)
 
 
-@app.command(epilog="Example: recoil-daq check rig.toml --devices")
+@app.command(epilog="Example: recoil-daq check rig.toml daq.csv camera.csv, or recoil-daq check rig.toml --devices")
 def check(
     rig: RigArgument,
+    files: Annotated[
+        list[Path] | None,
+        typer.Argument(help="Recorded files, one for each source, to check the rig against.", show_default=False),
+    ] = None,
     devices: Annotated[
         bool, typer.Option("--devices", help="Open each device, listen, and judge each channel.")
     ] = False,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """Report every fault of a rig file, of calibrations, and of devices."""
+    """Report every fault of a rig file, of calibrations, of recorded files against it, and of devices."""
+    if files and devices:
+        raise typer.BadParameter("give either FILES or --devices")
     with Session(json, debug) as session:
-        import datetime as dt
-
-        from daq.errors import RigError
+        from recoil_daq.check import check_rig
         from recoil_daq.tables import print_rig, rig_document
-        from rigs.rig import load_rig
 
-        loaded = load_rig(rig)
-        overdue = loaded.overdue(dt.date.today())
-        if overdue:
-            raise RigError(loaded.path, overdue)
+        with session.steps("check") as progress:
+            checked = check_rig(rig, files or (), progress=progress)
+        loaded = checked.rig
         if devices:
             from recoil_daq.device_check import check_devices
             from recoil_daq.live_tables import device_document, print_devices
@@ -380,7 +382,8 @@ def check(
             session.finish(
                 device_document(loaded, heard), lambda: print_devices(loaded, heard), OK if sound else NOT_VALID
             )
-        session.finish(rig_document(loaded), lambda: print_rig(loaded), OK)
+        document = rig_document(checked)
+        session.finish(document, lambda: print_rig(checked, document), OK)
 
 
 @app.command(epilog="Example: recoil-daq formats")

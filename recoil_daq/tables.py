@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from recoil_daq.check import Checked
     from recoil_daq.demo import Demonstration
     from recoil_daq.identify import Reported
     from recoil_daq.ingest import Ingested
     from recoil_daq.targets import TargetReported
-    from rigs.rig import Rig
     from rigs.twin import TwinShot
 
 STYLES = {"ok": "green", "warn": "yellow", "fail": "bold red"}
@@ -37,14 +37,22 @@ def print_table(
     rows: Sequence[Sequence[str]],
     numeric: Sequence[int] = (),
     console: Console | None = None,
+    fold: bool = False,
 ) -> None:
-    """Print a table on stdout; cells that are a verdict are coloured, columns of numbers stand to the right."""
+    """Print a table on stdout; cells that are a verdict are coloured, columns of numbers stand to the right.
+
+    On a terminal too narrow for it, cells but the last column's end in an ellipsis; with `fold`, those but the first
+    column's go on below.
+    """
     from rich.markup import escape
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, header_style="bold")
     for i, column in enumerate(columns):
-        table.add_column(column, justify="right" if i in numeric else "left", no_wrap=i < len(columns) - 1)
+        table.add_column(
+            column, justify="right" if i in numeric else "left", no_wrap=i == 0 if fold else i < len(columns) - 1,
+            overflow="fold" if fold else "ellipsis",
+        )  # fmt: skip
     for row in rows:
         cells = [escape(cell) for cell in row]
         table.add_row(*(f"[{STYLES[c]}]{c}[/]" if c in STYLES else c for c in cells))
@@ -282,23 +290,34 @@ def print_demo(done: Demonstration) -> None:
     )
 
 
-def rig_document(rig: Rig) -> dict[str, Any]:
+def rig_document(checked: Checked) -> dict[str, Any]:
     """Build the document of ``check --json``."""
     from rigs.assumptions import assumptions_of
 
+    rig = checked.rig
     return {
         "schema": "recoil-daq/check/1",
         "rig": rig.name,
         "file": str(rig.path),
         "faults": [],
+        "warnings": [{"key": one.key, "problem": one.problem} for one in rig.warnings],
         "assumptions": assumptions_of(rig),
         "sources": [{"name": s.name, "kind": s.kind} for s in rig.sources],
         "channels": [{"name": c.name, "source": c.source, "role": c.role} for c in rig.channels],
+        "files": list(checked.files),
     }
 
 
-def print_rig(rig: Rig) -> None:
-    """Print a sound rig's channels."""
+def print_rig(checked: Checked, document: Mapping[str, Any]) -> None:
+    """Print a sound rig's channels, as recorded files have them where some were given, and what is unusual.
+
+    Parameters
+    ----------
+    checked : Checked
+    document : mapping
+        Its `rig_document`.
+    """
+    rig = checked.rig
     rows = [
         (
             c.name, c.source, c.signal, c.unit or "as in the file", c.role,
@@ -309,11 +328,23 @@ def print_rig(rig: Rig) -> None:
     ]  # fmt: skip
     print_table(
         f"Rig {rig.name}: no fault",
-        ("channel", "source", "signal", "unit", "role", "u, %", "calibration due"),
+        ("channel", "source", "signal", "unit", "role", "u, %", "due"),
         rows,
         numeric=(5,),
+        fold=True,
     )
-    _print_assumptions(rig_document(rig), output_console())
+    found = [
+        (c["name"], f["file"], f["reader"], c["unit"] or "", str(c["samples"]), _fixed(c["rate_hz"], 0))
+        for f in checked.files
+        for c in f["channels"]
+    ]
+    if found:
+        print_table(
+            "Recorded files", ("channel", "file", "format", "unit", "samples", "rate, Hz"), found, numeric=(4, 5)
+        )
+    for one in rig.warnings:
+        say(f"warning: {one}")
+    _print_assumptions(document, output_console())
 
 
 def print_summary(summary: Mapping[str, Any]) -> None:

@@ -12,6 +12,7 @@ from daq.quantity import SI_UNITS
 from daq.readers.can.messages import load_database
 from daq.readers.reader import SignalHeader
 from rigs.assemble import range_si, sensor_factor, unit_of
+from rigs.can_signals import faults_of_can_signals
 from rigs.rig import ChannelSpec, Rig, Source
 
 
@@ -29,7 +30,7 @@ def live_sources(rig: Rig, devices: Mapping[str, Mapping[str, Any]] | None = Non
     DeviceError
         If no source has a device.
     RigError
-        If units contradict, with every contradiction.
+        If units contradict, or a CAN database lacks a signal, with every case.
     ReadError
         If a CAN database is at fault.
     """
@@ -56,6 +57,7 @@ def _live_source(rig: Rig, source: Source, table: Mapping[str, Any], faults: lis
             units |= {f"{message.name}.{signal.name}": signal.unit or "" for signal in message.signals}
     if framing is not None:
         units = {field.name: field.unit for frame_type in framing.types for field in frame_type.fields}
+    faults += faults_of_can_signals(rig, source)
     channels = [_live_channel(rig, source, spec, units, faults) for spec in rig.channels_of(source.name)]
     return LiveSource(
         name=source.name,

@@ -25,6 +25,7 @@ from daq.regular_file import check_regular, read_small
 from daq.trigger.detector import Trigger
 from daq.trigger.table import trigger_from_table
 from rigs.mechanism import Mechanism
+from rigs.plausible import implausible_values, unusual_values
 from rigs.rig_alignments import motion_channels
 from rigs.rig_faults import (
     checked_mechanism,
@@ -161,6 +162,13 @@ class Rig:
         folded = file_name.casefold()
         return tuple(s for s in self.sources if s.match and fnmatch.fnmatchcase(folded, s.match.casefold()))
 
+    @property
+    def warnings(self) -> tuple[Fault, ...]:
+        """Values that a rig may have and few do."""
+        sources = [(f"source '{source.name}'", source) for source in self.sources]
+        channels = [(f"channel '{channel.name}'", channel) for channel in self.channels]
+        return tuple(unusual_values(self.mechanism, sources, channels))
+
     def overdue(self, on: dt.date) -> tuple[Fault, ...]:
         """Return the calibrations that were past their due date on a day."""
         return tuple(
@@ -198,8 +206,8 @@ def find_rig(name_or_path: str) -> Path:
     raise ReadError("no such rig file", path=path, expected=expected)
 
 
-def load_rig(name_or_path: str | Path) -> Rig:
-    """Read and validate a rig file, or a bundled rig by its name.
+def load_rig(name_or_path: str | Path, *, refuse_doubts: bool = True) -> Rig:
+    """Read and validate a rig file, or a bundled rig by its name; parameters otherwise as of `parse_rig`.
 
     Raises
     ------
@@ -214,14 +222,14 @@ def load_rig(name_or_path: str | Path) -> Rig:
         text = content.decode("utf-8-sig")  # Windows editors begin a file with a byte order mark
     except UnicodeDecodeError as error:
         raise ReadError("is not UTF-8 text", path=path, place=f"byte {error.start}", expected="a TOML file") from error
-    return parse_rig(text.replace("\r\n", "\n").replace("\r", "\n"), path)
+    return parse_rig(text.replace("\r\n", "\n").replace("\r", "\n"), path, refuse_doubts=refuse_doubts)
 
 
 def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None, *, refuse_doubts: bool = True) -> Rig:
     """Validate the text of a rig file.
 
     Some faults do not keep a shot from being read, they only leave its result in doubt: that the uncertainty of a
-    sensor is not stated, for one.
+    sensor is not stated, or that a value is one which no such rig has.
 
     Parameters
     ----------
@@ -257,7 +265,7 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None,
     faults += faults_of_channels(channels, sources, tables)
     faults += faults_of_trigger(tables, channels, sources)
     texts = _databases([s for _, s in sources], path, databases, faults)
-    doubts = unstated_uncertainties(channels)
+    doubts = [*unstated_uncertainties(channels), *implausible_values(mechanism, sources, channels)]
     if refuse_doubts:
         faults += doubts
     if faults or mechanism is None:

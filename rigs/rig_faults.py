@@ -18,17 +18,6 @@ from rigs.rig_alignments import faults_of_alignment
 from rigs.rig_tables import LIVE_KINDS, ROLES, ChannelSpec, Source
 from rigs.rig_validation import did_you_mean, names_in, unknown_keys
 
-PLAUSIBLE_UP_TO = MappingProxyType(
-    {
-        "phi10": (math.pi / 2, "angles are in rad"),
-        "phi20": (math.pi / 2, "angles are in rad"),
-        "bore_area": (1.0, "areas are in m2"),
-        "brake_area": (1.0, "areas are in m2"),
-        "recuperator_area": (1.0, "areas are in m2"),
-    }
-)
-"""Symbol -> the largest magnitude that can be meant, and the unit that a larger one has missed."""
-
 
 def checked_mechanism(table: Any, faults: list[Fault]) -> Mechanism | None:
     """Validate ``[mechanism]``: every value a finite number, every required one there.
@@ -65,8 +54,7 @@ def _problem_of_value(key: str, value: Any, is_uncertainty: bool) -> str | None:
         return f"a standard uncertainty is not negative, found {value}" if number < 0 else None
     if key in Mechanism.POSITIVE and number <= 0:
         return f"must be positive, found {value}"
-    limit, unit = PLAUSIBLE_UP_TO.get(key, (math.inf, ""))
-    return f"{unit}; {value} is beyond {limit:.4g}" if abs(number) > limit else None
+    return None
 
 
 def faults_of_sources(

@@ -1,0 +1,123 @@
+"""What is wrong with a rig file, before the day: in itself, against its databases, and against recorded files."""
+
+from __future__ import annotations
+
+import datetime as dt
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from daq.acquisition import is_acquisition
+from daq.errors import Fault, RecoilDaqError, RigError
+from daq.readers.reader import Recording
+from recoil_daq.ingest import reader_of
+from rigs.assemble import find_signal, match_files, unit_of
+from rigs.can_signals import faults_of_can_signals
+from rigs.rig import ChannelSpec, Rig, load_rig
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Checked:
+    """A rig without a fault.
+
+    Attributes
+    ----------
+    rig : Rig
+    files : tuple of dict
+        What the recorded files have of it, in JSON types: file, source, reader, and the channels with unit, samples
+        and rate.
+    """
+
+    rig: Rig
+    files: tuple[dict[str, Any], ...] = ()
+
+
+def check_rig(name_or_path: str | Path, files: Sequence[Path] = (), *, progress: Progress = lambda _: None) -> Checked:
+    """Look for every fault of a rig, and of recorded files against it.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+        A rig file, or the name of a bundled rig.
+    files : sequence of Path
+        One shot's, one for each source, as `recoil_daq.ingest.ingest_files` takes them.
+    progress : callable
+        Told the name of each file.
+
+    Raises
+    ------
+    ReadError
+        If the rig file cannot be read.
+    RigError
+        With every fault that was found. Where the rig's own tables are at fault, the files are not looked at.
+    """
+    rig = load_rig(name_or_path, refuse_doubts=False)
+    faults = [*rig.doubts, *rig.overdue(dt.date.today())]
+    for source in rig.sources:
+        faults += faults_of_can_signals(rig, source)
+    rows = _against_files(rig, files, faults, progress) if files else []
+    if faults:
+        raise RigError(rig.path, faults)
+    return Checked(rig, tuple(rows))
+
+
+def _against_files(rig: Rig, files: Sequence[Path], faults: list[Fault], progress: Progress) -> list[dict[str, Any]]:
+    """Match files to sources, open them and look for the rig's signals; append what is wrong to `faults`."""
+    kinds: list[tuple[Path, str]] = []
+    matched: dict[str, Path] = {}
+    rows = []
+    for path in files:
+        if is_acquisition(path):
+            continue  # it goes with a live shot's files, and is no source's
+        progress(path.name)
+        try:
+            reader = reader_of(path, rig)
+            now = match_files(rig, [*kinds, (path, reader.kind)])
+        except RecoilDaqError as error:
+            faults.append(_fault_of_file(path, error))
+            continue
+        kinds.append((path, reader.kind))
+        (name,) = now.keys() - matched.keys()
+        matched = now
+        try:
+            recording = reader.open(path, rig.declarations(rig.source(name)))
+        except RecoilDaqError as error:
+            faults.append(_fault_of_file(path, error))
+            continue
+        if recording.incomplete:
+            faults.append(Fault(path.name, f"the file was cut off: {recording.incomplete}; copy it again"))
+        channels = [_channel_row(rig, spec, recording, faults) for spec in rig.channels_of(name)]
+        rows.append({"file": path.name, "source": name, "reader": reader.name, "channels": channels})
+    given = ", ".join(path.name for path in files)
+    faults += [
+        Fault(f"source '{source.name}'", f"none of the files is of this {source.kind} source; given: {given}")
+        for source in rig.sources
+        if source.name not in matched
+    ]
+    return rows
+
+
+def _channel_row(rig: Rig, spec: ChannelSpec, recording: Recording, faults: list[Fault]) -> dict[str, Any]:
+    """Describe a channel as its file has it; append what is wrong to `faults`."""
+    row: dict[str, Any] = {"name": spec.name, "signal": spec.signal, "unit": None, "samples": None, "rate_hz": None}
+    try:
+        header = find_signal(recording, spec.signal)
+        base = recording.time_base(header.name)
+    except RecoilDaqError as error:
+        faults.append(_fault_of_file(recording.path, error, f"channel '{spec.name}'.signal"))
+        return row
+    unit_of(spec, header, rig.source(spec.source), recording.path, faults)
+    rate_hz = base.rate_hz if math.isfinite(base.rate_hz) else None
+    if rate_hz is None:
+        faults.append(Fault(f"channel '{spec.name}'", f"{recording.path.name} has {base.count} samples: no rate"))
+    return row | {"unit": header.unit.strip() or spec.unit, "samples": base.count, "rate_hz": rate_hz}
+
+
+def _fault_of_file(path: Path, error: RecoilDaqError, key: str = "") -> Fault:
+    """Say an error of a file without the folder that it lies in."""
+    text = str(error).removeprefix(f"{error.path}: ")
+    return Fault(key or path.name, f"{path.name}: {text}" if key else text)

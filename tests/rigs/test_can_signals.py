@@ -1,0 +1,50 @@
+"""Signals that a rig names must be in its CAN database."""
+
+from __future__ import annotations
+
+import pytest
+
+from daq.errors import RigError
+from rigs.can_signals import faults_of_can_signals
+from rigs.live_sources import live_sources
+from rigs.rig import Rig, load_rig, parse_rig
+
+FAULTY = """VERSION ""
+
+BO_ 257 RecoilNode: 8 Node
+ SG_ p_brake : 0|16@1+ (0.001,0) [0|0] "MPa" Node
+ SG_ p_recuperator : 8|16@1+ (0.001,0) [0|0] "MPa" Node
+ SG_ acc_recoil : 32|16@1- (0.2,0) [0|0] "m/s2" Node
+BO_ 258 Other: 8 Node
+ SG_ p_brake : 0|16@1+ (0.001,0) [0|0] "MPa" Node
+"""
+
+
+def rig_of(text: str, database: str | None = None) -> Rig:
+    rig = load_rig("mixed")
+    return parse_rig(text, rig.path, rig.databases if database is None else {"mixed.dbc": database})
+
+
+def test_the_bundled_rigs_signals_are_in_its_database() -> None:
+    rig = load_rig("mixed")
+    assert [fault for source in rig.sources for fault in faults_of_can_signals(rig, source)] == []
+
+
+def test_an_unknown_signal_is_named_with_the_nearest_names() -> None:
+    rig = rig_of(load_rig("mixed").text.replace("RecoilNode.p_brake", "RecoilNode.pbrake"))
+    (fault,) = faults_of_can_signals(rig, rig.source("can"))
+    assert fault.key == "channel 'p_brake'.signal"
+    assert fault.problem.startswith("mixed.dbc has no signal 'RecoilNode.pbrake'; nearest: 'RecoilNode.p_brake', ")
+
+
+def test_a_signal_of_a_faulty_message_is_named_with_what_is_wrong() -> None:
+    rig = rig_of(load_rig("mixed").text, FAULTY)
+    faults = faults_of_can_signals(rig, rig.source("can"))
+    assert "channel 'p_brake'.signal" in [fault.key for fault in faults]
+    assert "the message 'RecoilNode' of the CAN database is faulty" in faults[0].problem
+
+
+def test_a_rig_with_an_unknown_signal_is_not_armed() -> None:
+    rig = rig_of(load_rig("mixed").text.replace("RecoilNode.p_brake", "RecoilNode.pbrake"))
+    with pytest.raises(RigError, match=r"mixed\.dbc has no signal 'RecoilNode\.pbrake'"):
+        live_sources(rig)
