@@ -22,6 +22,8 @@ _KINDS = (
     (stat.S_ISBLK, "device"),
     (stat.S_ISSOCK, "socket"),
 )
+_HOLES_FROM_BYTES = 1 << 26
+_LARGEST_HOLES = 64
 # POSIX alone has the first three, Windows the last: what is opened there without it is text
 _FLAGS = os.O_RDONLY | sum(getattr(os, name, 0) for name in ("O_NONBLOCK", "O_NOCTTY", "O_CLOEXEC", "O_BINARY"))
 
@@ -32,13 +34,16 @@ def open_regular(path: Path) -> io.BufferedReader:
     Raises
     ------
     ReadError
-        If it is missing, cannot be read, or is a directory, a pipe, a device or a socket.
+        If it is missing, cannot be read, is a directory, a pipe, a device or a socket, or was never written for
+        the most part.
     """
     with _told(path):
         _refuse_special(path, path.stat())
         handle = os.open(path, _FLAGS)
         try:
-            _refuse_special(path, os.fstat(handle))
+            status = os.fstat(handle)
+            _refuse_special(path, status)
+            _refuse_holes(path, status)
         except ReadError:
             os.close(handle)
             raise
@@ -87,6 +92,16 @@ def _told(path: Path) -> Iterator[None]:
         raise ReadError(f"cannot be read: {error.strerror}", path=path, remedy="check its permissions") from error
     except ValueError as error:  # a name that holds a zero byte
         raise ReadError(f"no such file: {error}", path=path, remedy="check the name and the folder") from error
+
+
+def _refuse_holes(path: Path, status: os.stat_result) -> None:
+    # Disks that compress store zeros in a thirtieth; Windows does not tell
+    stored = 512 * getattr(status, "st_blocks", status.st_size)
+    if status.st_size > _HOLES_FROM_BYTES and stored * _LARGEST_HOLES < status.st_size:
+        raise ReadError(
+            "most of the file was never written", path=path, expected=f"{status.st_size} bytes",
+            found=f"{stored} on the disk", remedy="copy it again",
+        )  # fmt: skip
 
 
 def _refuse_special(path: Path, status: os.stat_result) -> None:

@@ -1,9 +1,27 @@
-"""A file that never gives, nor makes room for, more than it has."""
+"""A file that never gives, nor makes room for, more than it has; and how much a packed one may unpack to."""
 
 from __future__ import annotations
 
 import io
 from pathlib import Path
+
+LARGEST_RATIO = 20
+"""Frames of a bus shrink to a fifth or a tenth, measured channels to a third; what does not change shrinks further."""
+SPARE_BYTES = 1 << 26
+"""A short recording may consist of channels that do not change."""
+
+
+def most_unpacked(stored: int) -> int:
+    """Return how many bytes a file may unpack to by what deflate and its like make of them.
+
+    Deflate can make a thousand bytes out of one: without a bound, a file of 10 MB takes the memory of a machine.
+
+    Parameters
+    ----------
+    stored : int
+        Bytes of the file.
+    """
+    return LARGEST_RATIO * stored + SPARE_BYTES
 
 
 class BoundedFile(io.BufferedReader):

@@ -14,7 +14,8 @@ import struct
 import zlib
 from pathlib import Path
 
-from daq.errors import CorruptFileError
+from daq.errors import CorruptFileError, ReadError
+from daq.readers.bounded_file import most_unpacked
 from daq.readers.can.blf_objects import OBJECT, read_objects
 from daq.readers.can.frames import CanLog, FrameList
 from daq.timebase import AbsoluteStart
@@ -24,6 +25,7 @@ MAGIC = b"LOGG"
 _FILE_HEADER = struct.Struct("<4sL8BQQLL8H8H")
 _CONTAINER = struct.Struct("<H6xL4x")
 _CONTAINER_TYPE = 10
+_DEFLATED = 2
 
 
 def read_blf(path: Path, content: bytes) -> CanLog:
@@ -45,6 +47,8 @@ def read_blf(path: Path, content: bytes) -> CanLog:
     ------
     CorruptFileError
         If its header is cut, a container does not inflate, or objects do not follow each other.
+    ReadError
+        If it would unpack to more than a log does.
     """
     if len(content) < _FILE_HEADER.size or not content.startswith(MAGIC):
         raise CorruptFileError(
@@ -70,6 +74,7 @@ def read_blf(path: Path, content: bytes) -> CanLog:
 def _inflate(path: Path, content: bytes, at: int) -> tuple[bytes, bool]:
     """Return the objects of all containers in one piece, and whether the last container is cut."""
     pieces: list[bytes] = []
+    left = most_unpacked(len(content))
     while at < len(content):
         found = content.find(b"LOBJ", at, at + 8)
         if found < 0 or found + OBJECT.size > len(content):
@@ -87,6 +92,12 @@ def _inflate(path: Path, content: bytes, at: int) -> tuple[bytes, bool]:
         if kind == _CONTAINER_TYPE and found + OBJECT.size + _CONTAINER.size <= len(content):
             method, stated = _CONTAINER.unpack_from(content, found + OBJECT.size)
             packed = content[found + OBJECT.size + _CONTAINER.size : found + size]
+            left -= stated if method == _DEFLATED else 0
+            if left < 0:
+                raise ReadError(
+                    f"the log unpacks to more than {most_unpacked(len(content)) / 1e6:.0f} MB", path=path,
+                    place=f"byte {found}", remedy="save it in parts, or without compression, if this is right",
+                )  # fmt: skip
             pieces.append(_unpack(path, found, method, stated, packed, whole=whole))
         elif kind != _CONTAINER_TYPE and whole:
             pieces.append(content[found : found + size])
@@ -99,7 +110,7 @@ def _inflate(path: Path, content: bytes, at: int) -> tuple[bytes, bool]:
 def _unpack(path: Path, at: int, method: int, stated: int, packed: bytes, *, whole: bool) -> bytes:
     if method == 0:
         return packed
-    if method != 2:
+    if method != _DEFLATED:
         raise CorruptFileError(
             "a container's compression is unknown", path=path, place=f"byte {at}", expected="0 or 2", found=str(method)
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -108,11 +109,13 @@ class FrameList:
 
     def __init__(self) -> None:
         self._blocks: list[FrameBlock] = []
-        self._places: list[int] = []
-        self._times: list[int] = []
-        self._keys: list[int] = []
-        self._channels: list[int] = []
-        self._data: list[bytes] = []
+        # Objects would take ten times the bytes of a frame
+        self._places = array("q")
+        self._times = array("q")
+        self._keys = array("I")
+        self._channels = array("q")
+        self._lengths = array("q")
+        self._data = bytearray()
         self.place = 0
         self.error_frames = 0
         self.remote_frames = 0
@@ -129,7 +132,8 @@ class FrameList:
         self._times.append(time_ns)
         self._keys.append(key)
         self._channels.append(channel)
-        self._data.append(data)
+        self._lengths.append(len(data))
+        self._data += data
 
     def add_block(self, block: FrameBlock) -> None:
         """Add data frames whose times and channels have been checked."""
@@ -163,16 +167,17 @@ class FrameList:
 
     def _block(self) -> FrameBlock:
         """Return the frames that were added one by one."""
-        length = np.fromiter(map(len, self._data), dtype=np.int64, count=len(self._data))
+        length = np.array(self._lengths, dtype=np.int64)
         width = int(length.max(initial=8))
-        padded = b"".join(data.ljust(width, b"\0") for data in self._data)
+        padded = np.zeros((length.size, width), dtype=np.uint8)
+        padded[np.arange(width) < length[:, None]] = np.frombuffer(self._data, dtype=np.uint8)
         return FrameBlock(
             place=np.array(self._places, dtype=np.int64),
             time_ns=np.array(self._times, dtype=np.int64),
             key=np.array(self._keys, dtype=np.uint32),
             channel=np.array(self._channels, dtype=np.int64),
             length=length,
-            data=np.frombuffer(padded, dtype=np.uint8).reshape(-1, width),
+            data=padded,
         )
 
     def counts(self) -> dict[str, int]:

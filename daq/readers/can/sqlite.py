@@ -22,9 +22,11 @@ TABLE = "messages"
 COLUMNS = ("ts", "arbitration_id", "extended", "remote", "error", "dlc", "data")
 
 _HEADER_BYTES = 100
-_STEPS_PER_BYTE = 100
+_STEPS_PER_BYTE = 10
 """Reading a table takes a few steps of SQLite's machine per byte; far more are those of a table that never ends."""
 _STEPS = 10_000
+_LEAST_ROW_BYTES = 16
+"""A stamp of 8 bytes, a header of 8; more rows than that allows are pages that are given again and again."""
 
 
 def is_can_sqlite(head: bytes) -> bool:
@@ -107,7 +109,14 @@ def _rows(path: Path, size: int) -> Iterator[tuple[object, ...]]:
         names = [row[1] for row in base.execute(f"PRAGMA table_xinfo({TABLE})") if row[6] == 0]
         if not set(COLUMNS) <= set(names):
             raise sqlite3.DatabaseError(f"the table has the columns {', '.join(map(str, names[:20]))}")
-        yield from base.execute(f"SELECT {', '.join(COLUMNS)} FROM {TABLE} ORDER BY rowid")  # noqa: S608  constants
+        # Types and lengths are told without reading a value, which may be as large as the file, in every row
+        numbers = [f"CASE WHEN typeof({name}) IN ('integer', 'real') THEN {name} END" for name in COLUMNS[:-1]]
+        data = "CASE WHEN typeof(data) = 'blob' AND length(data) <= 64 THEN data END"
+        rows = base.execute(f"SELECT {', '.join(numbers)}, {data} FROM {TABLE} ORDER BY rowid")  # noqa: S608  constants
+        for number, row in enumerate(rows):
+            if number > size // _LEAST_ROW_BYTES:
+                raise sqlite3.DatabaseError("more rows than the file has room for")
+            yield row
 
 
 def _read_row(row: tuple[object, ...], found: FrameList) -> None:

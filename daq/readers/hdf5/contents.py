@@ -9,9 +9,9 @@ from typing import Any
 
 from daq.errors import ReadError
 from daq.readers.hdf5.attributes import is_time_name, plain_attributes
-from daq.readers.hdf5.vector import Hdf5Vector, vector_of
+from daq.readers.hdf5.vector import Hdf5Vector, Room, vector_of
 
-MOST_OBJECTS = 20000
+MOST_OBJECTS = 5000
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,9 @@ def contents_of(path: Path, file: Any) -> Contents:
     Raises
     ------
     ReadError
-        If it holds too many objects to be a recording.
+        If it holds too many objects to be a recording, or unpacks to more than one does.
+    CorruptFileError
+        If its datasets take more bytes than it has.
     """
     found: list[tuple[str, Any]] = []
 
@@ -83,6 +85,7 @@ def contents_of(path: Path, file: Any) -> Contents:
     if file.visititems(visit):
         raise ReadError(f"more than {MOST_OBJECTS} groups and datasets", path=path, remedy="export channels alone")
     size = path.stat().st_size
+    room = Room(path, size)
     groups: dict[str, Mapping[str, Any]] = {"": plain_attributes(file)}
     groups |= {f"/{name}": plain_attributes(item) for name, item in found if not hasattr(item, "dtype")}
     datasets: list[Dataset] = []
@@ -95,6 +98,7 @@ def contents_of(path: Path, file: Any) -> Contents:
         if isinstance(vector, str):
             notes.append(f"{name}: {vector}: left out")
         else:
+            room.take(vector, item.id.get_storage_size())
             datasets.append(_dataset(vector, item, groups))
     times = {d.vector.name for d in datasets if is_time_name(d.vector.name.rpartition("/")[2])}
     times |= {d.scale for d in datasets if d.scale}

@@ -16,6 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from daq.errors import CorruptFileError, ReadError
+from daq.readers.bounded_file import most_unpacked
 from daq.readers.containers.stored_channels import damage_is_reported
 
 DEFLATE_RATIO = 1032
@@ -78,6 +80,46 @@ class Hdf5Vector:
     def samples(self, start: int = 0, stop: int | None = None) -> NDArray[np.float64]:
         """Read samples as float64, shape (stop - start,)."""
         return self.stored(start, stop).astype(np.float64)
+
+
+class Room:
+    """What all datasets of a file together may take: stored, the bytes of the file; unpacked, so many times them.
+
+    Parameters
+    ----------
+    path : Path
+        For messages.
+    size : int
+        Bytes of the file.
+    """
+
+    def __init__(self, path: Path, size: int) -> None:
+        self.path = path
+        self.size = size
+        self._stored = self._unpacked = 0
+
+    def take(self, vector: Hdf5Vector, stored: int) -> None:
+        """Count one dataset.
+
+        Raises
+        ------
+        ReadError
+            If they unpack to more than a recording does.
+        CorruptFileError
+            If they take more than the file has.
+        """
+        self._stored += stored
+        self._unpacked += prod(vector.shape) * vector.dtype.itemsize
+        if self._stored > self.size:
+            raise CorruptFileError(
+                "datasets share their bytes", path=self.path, place=vector.name,
+                expected=f"at most {self.size} bytes in all", found=f"{self._stored}", remedy="export it again",
+            )  # fmt: skip
+        if self._unpacked > most_unpacked(self.size):
+            raise ReadError(
+                f"the file unpacks to more than {most_unpacked(self.size) / 1e6:.0f} MB", path=self.path,
+                place=vector.name, remedy="export fewer channels, or without compression, if this is right",
+            )  # fmt: skip
 
 
 def vector_of(path: Path, dataset: Any, file_size: int) -> Hdf5Vector | str:

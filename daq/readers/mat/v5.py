@@ -21,7 +21,8 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.errors import CorruptFileError
+from daq.errors import CorruptFileError, ReadError
+from daq.readers.bounded_file import most_unpacked
 from daq.readers.containers.stored_channels import damage_is_reported
 from daq.readers.mat.variable import MatContents, MatVariable
 
@@ -78,6 +79,8 @@ def read_mat_v5(path: Path) -> MatContents:
 
     Raises
     ------
+    ReadError
+        If it unpacks to more than a recording does.
     CorruptFileError
         If it contradicts its format.
     """
@@ -87,6 +90,7 @@ def read_mat_v5(path: Path) -> MatContents:
     texts: dict[str, str] = {}
     left_out: list[str] = []
     incomplete = ""
+    unpacked = 0
     with damage_is_reported(path, WHOLE), path.open("rb") as file:
         head = file.read(HEADER_BYTES)
         if not is_mat_v5(head):
@@ -124,6 +128,12 @@ def read_mat_v5(path: Path) -> MatContents:
                 left_out.append(array)
                 continue
             _sort(path, element, array, order, vectors, scalars, texts, left_out)
+            unpacked += array.data_size
+            if unpacked > most_unpacked(size):
+                raise ReadError(
+                    f"the file unpacks to more than {most_unpacked(size) / 1e6:.0f} MB", path=path,
+                    place=f"variable {array.name!r}", remedy="save fewer variables, or with -v6, if this is right",
+                )  # fmt: skip
     text = head[:116].decode("latin-1").rstrip("\0 ")
     return MatContents("5", text, tuple(vectors), scalars, texts, tuple(left_out), incomplete)
 

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.readers.hdf5.vector import Hdf5Vector, hdf5_file, vector_of
+from daq.readers.hdf5.vector import Hdf5Vector, Room, hdf5_file, vector_of
 from daq.readers.mat.variable import MatContents, MatVariable
 
 LONGEST_TEXT = 1024
-MOST_VARIABLES = 20000
+MOST_VARIABLES = 5000
 
 
 def read_mat_v73(path: Path) -> MatContents:
@@ -25,6 +25,8 @@ def read_mat_v73(path: Path) -> MatContents:
 
     Raises
     ------
+    ReadError
+        If it unpacks to more than a recording does.
     CorruptFileError
         If it is damaged.
     """
@@ -32,7 +34,7 @@ def read_mat_v73(path: Path) -> MatContents:
     scalars: dict[str, float] = {}
     texts: dict[str, str] = {}
     left_out: list[str] = []
-    size = path.stat().st_size
+    room = Room(path, path.stat().st_size)
     with path.open("rb") as plain:
         header = plain.read(116).decode("latin-1").rstrip("\0 ")
     with hdf5_file(path) as file:
@@ -46,12 +48,12 @@ def read_mat_v73(path: Path) -> MatContents:
             if item is None or not hasattr(item, "shape"):
                 left_out.append(f"{name}: {'a structure' if item is not None else 'a link'}")
                 continue
-            _sort(path, name, item, size, vectors, scalars, texts, left_out)
+            _sort(path, name, item, room, vectors, scalars, texts, left_out)
     return MatContents("7.3", header, tuple(vectors), scalars, texts, tuple(left_out))
 
 
 def _sort(
-    path: Path, name: str, item: Any, size: int,
+    path: Path, name: str, item: Any, room: Room,
     vectors: list[MatVariable], scalars: dict[str, float], texts: dict[str, str], left_out: list[str],
 ) -> None:  # fmt: skip
     label = item.attrs.get("MATLAB_class", b"double")
@@ -61,10 +63,12 @@ def _sort(
     }:
         left_out.append(f"{name}: {'empty' if 'MATLAB_empty' in item.attrs else kind}")
         return
-    vector = vector_of(path, item, size)
+    vector = vector_of(path, item, room.size)
     if isinstance(vector, str):
         left_out.append(f"{name}: {vector}")
-    elif kind == "char":
+        return
+    room.take(vector, item.id.get_storage_size())
+    if kind == "char":
         if vector.count > LONGEST_TEXT:
             left_out.append(f"{name}: a text of {vector.count} characters")
         else:

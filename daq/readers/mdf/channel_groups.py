@@ -91,11 +91,14 @@ class DataGroup:
         Addresses of the block and of its records.
     id_bytes : int
         Size of the number before each record that says of which group it is; 0 if there is one group alone.
+    unpacked : int
+        Bytes that its packed blocks state that they unpack to, as far as they can; 0 of the head of a file.
     """
 
     at: int
     data_at: int
     id_bytes: int
+    unpacked: int = 0
 
 
 @dataclass(frozen=True)
@@ -171,9 +174,10 @@ def iter_groups(data: Any, *, strict: bool = True) -> Iterator[ChannelGroup]:
         for at in walk.chain(walk.links(HD_AT, b"##HD")[0], b"##DG"):
             links = walk.links(at, b"##DG")
             (id_bytes,) = walk.fields(at, len(links), _DATA_GROUP)
+            before = walk.unpacked
             if strict:
                 walk.follow_data(links[2])
-            stored = DataGroup(at, links[2], id_bytes)
+            stored = DataGroup(at, links[2], id_bytes, walk.unpacked - before)
             for group_at in walk.chain(links[1], b"##CG"):
                 group = walk.group(group_at, stored)
                 if strict and group.is_bus:
@@ -203,6 +207,7 @@ class _Walk:
     def __init__(self, data: Any, *, whole: bool) -> None:
         self.data, self.size, self.whole = data, len(data), whole
         self.met: set[int] = set()
+        self.given: set[int] = set()
         self.unpacked = 0
 
     def links(self, at: int, name: bytes = b"##") -> tuple[int, ...]:
@@ -279,7 +284,10 @@ class _Walk:
                 self.count_unpacked(part)
 
     def count_unpacked(self, at: int) -> None:
-        """Add what a compressed block states that it unpacks to, as far as deflate can."""
+        """Add what a compressed block states that it unpacks to, as far as deflate can; each is given once."""
+        if at and at in self.given:
+            raise MdfDamageError(f"a link leads back to the data at byte {at}")
+        self.given.add(at)
         if self.name(at) == b"##DZ":
             stated, packed = self.fields(at, 0, _PACKED)
             self.unpacked += min(stated, _DEFLATE_RATIO * min(packed, self.size - at))

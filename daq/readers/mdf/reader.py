@@ -7,7 +7,7 @@ masters (times) alone. Frames of a bus in the same file are named and left to th
 from __future__ import annotations
 
 import mmap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from daq.errors import CorruptFileError, ReadError
-from daq.readers.bounded_file import BoundedFile
+from daq.readers.bounded_file import BoundedFile, most_unpacked
 from daq.readers.containers.stored_channels import StoredChannel, StoredRecording, damage_is_reported
 from daq.readers.containers.stored_time import StoredTime
 from daq.readers.mdf.channel import INTEGERS, linear, unit_of, why_no_channel
-from daq.readers.mdf.channel_groups import BUS_EVENT, BUS_NAMES, MdfDamageError, iter_groups
+from daq.readers.mdf.channel_groups import BUS_EVENT, BUS_NAMES, ChannelGroup, MdfDamageError, iter_groups
 from daq.readers.mdf.group import HeldGroup
 from daq.readers.mdf.kind import UNFINALISED, is_bus_file, is_bus_logging, is_mdf4
 from daq.readers.mdf.library import opened
@@ -74,6 +74,7 @@ def _check_blocks(path: Path) -> bool:
             raise CorruptFileError(
                 "the blocks do not hang together", path=path, found=str(error), remedy="copy or export it again"
             ) from error
+        _check_room(path, groups, len(data))
     buses = [g.is_bus for g in groups]
     if unfinalised and any(g.channel_count and not g.is_bus for g in groups):
         raise ReadError(
@@ -85,6 +86,23 @@ def _check_blocks(path: Path) -> bool:
             "this is a log of a bus, without measured channels", path=path, remedy="declare its source as kind `can`"
         )
     return any(buses)
+
+
+def _check_room(path: Path, groups: Sequence[ChannelGroup], size: int) -> None:
+    """Refuse groups whose blocks, or whose channels, which may lie over one another, take far more than the file."""
+    measured = [group for group in groups if not group.is_bus]
+    unpacked = sum(one.unpacked for one in {group.stored for group in measured})
+    channels = 0
+    for group in measured:
+        # A count that the file has no room for is told later, with its group
+        most = (size + unpacked) // group.width if group.width else group.count
+        channels += min(group.count, most) * sum(-(-one.bits // 8) or 8 for one in group.channels)
+    if max(unpacked, channels) > most_unpacked(size):
+        raise ReadError(
+            f"the file unpacks to more than {most_unpacked(size) / 1e6:.0f} MB", path=path,
+            found=f"{unpacked} bytes of records, {channels} of channels",
+            remedy="export fewer channels, or without compression, if this is right",
+        )  # fmt: skip
 
 
 def _recording(path: Path, mdf: Any, clock: str, bus: bool) -> StoredRecording:

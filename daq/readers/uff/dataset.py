@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 HEADER_LINES = 11
 MOST_HEADER_BYTES = 4096
+MOST_DATASETS = 20_000
 IEEE = 2
 SINGLE, DOUBLE = 2, 4
 """Ordinate types of real numbers; 5 and 6 are complex."""
@@ -97,8 +98,11 @@ def iter_datasets(data: bytes, size: int) -> Iterator[UffDataset | Remark]:
     ValueError
         If a header contradicts itself, with the byte.
     """
-    at = 0
+    at = walked = 0
     while at < size:
+        walked += 1
+        if walked > MOST_DATASETS:
+            raise ValueError(f"more than {MOST_DATASETS} datasets")
         begin = _BEGIN.match(data, at)
         if begin is None:
             if data[at : at + 4096].strip():

@@ -1,0 +1,275 @@
+"""Recordings that are made to take memory and time: small, and sound as far as their first bytes tell."""
+
+from __future__ import annotations
+
+import gzip
+import sqlite3
+import struct
+import tempfile
+import zlib
+from collections.abc import Callable, Mapping
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tests.builders.can_logs import can_sqlite
+from tests.builders.container_files import hdf5_file, mat_file, mat_v73_file, small_wave, uff_header, uff_text
+from tests.builders.mdf_logs import _Blocks, _identification
+from tests.builders.vendor_files import (
+    asc_log,
+    blf_log,
+    blf_object,
+    can_entries,
+    candump_log,
+    dewesoft_text,
+    motion_rows,
+)
+
+PACKED = 100_000_000
+"""Bytes that packed files unpack to, whatever their size."""
+
+
+def _blf(objects: bytes, copies: int) -> bytes:
+    """A log of one container that unpacks to many copies of some objects."""
+    packed = zlib.compress(objects * copies, 9)
+    body = struct.pack("<H6xL4x", 2, len(objects) * copies) + packed
+    head = blf_log(can_entries(3))[:144]
+    return head + struct.pack("<4sHHLL", b"LOBJ", 16, 1, 16 + len(body), 10) + body
+
+
+def blf_frames(_size: int) -> bytes:
+    frame = blf_object(1, 5, struct.pack("<HBBL8s", 1, 0, 8, 256, bytes(8)))
+    return _blf(frame, PACKED // len(frame))
+
+
+def blf_events(_size: int) -> bytes:
+    event = struct.pack("<4sHHLL", b"LOBJ", 16, 9, 16, 999)
+    return _blf(event, PACKED // len(event))
+
+
+def blf_fd_frames(_size: int) -> bytes:
+    frame = blf_object(101, 5, struct.pack("<BBBBLLLLLLLHBBL", 1, 0, 0, 0, 256, *[0] * 6, 0, 0, 0, 0))
+    return _blf(frame, PACKED // len(frame))
+
+
+def blf_plain_events(size: int) -> bytes:
+    event = struct.pack("<4sHHLL", b"LOBJ", 16, 9, 16, 999)
+    return blf_log(can_entries(3))[:144] + event * (size // len(event))
+
+
+def gzip_log(_size: int) -> bytes:
+    text = asc_log(can_entries(3))
+    return gzip.compress(text + b"\n" * PACKED, 9)
+
+
+def sqlite_blob(size: int) -> bytes:
+    return can_sqlite(can_entries(3), extra=[(1.0, 1, 0, 0, 0, 8, bytes(size))] * 3)
+
+
+def sqlite_text_stamp(size: int) -> bytes:
+    return can_sqlite(can_entries(3), extra=[("1" * size, "2" * size, 0, 0, 0, 8, b"")])
+
+
+def _database(page_size: int, rows: int, width: int) -> bytearray:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "log.db"
+        with closing(sqlite3.connect(path)) as base:
+            base.execute(f"PRAGMA page_size = {page_size}")
+            base.execute(
+                "CREATE TABLE messages (ts REAL, arbitration_id INTEGER, extended INTEGER, remote INTEGER,"
+                " error INTEGER, dlc INTEGER, data BLOB)"
+            )
+            row = (1.5, 1, 0, 0, 0, min(width, 8), bytes(width))
+            base.executemany("INSERT INTO messages VALUES (?, ?, ?, ?, ?, ?, ?)", [row] * rows)
+            base.commit()
+        return bytearray(path.read_bytes())
+
+
+def sqlite_shared_pages(size: int) -> bytes:
+    """All pointers of each inner page lead to the one page below: rows without end out of few pages."""
+    page = 512
+    content = _database(page, max(size // 40, 4000), 8)
+    inner = [at for at in range(page, len(content), page) if content[at] == 5][:8]
+    leaf = next(at for at in range(page, len(content), page) if content[at] == 13)
+    for at, below in zip(inner, [*inner[1:], leaf], strict=True):
+        child = struct.pack(">L", below // page + 1)
+        (cells,) = struct.unpack_from(">H", content, at + 3)
+        for k in range(cells):
+            place = struct.unpack_from(">H", content, at + 12 + 2 * k)[0]
+            content[at + place : at + place + 4] = child
+        content[at + 8 : at + 12] = child
+    return bytes(content)
+
+
+def sqlite_shared_overflow(size: int) -> bytes:
+    """Every row's data run on into the chain of pages of the first row's."""
+    rows = 20
+    content = _database(4096, rows, size)[:]
+    tails: list[int] = []
+    for at in range(4096, len(content), 4096):
+        if content[at] == 13:
+            (cells,) = struct.unpack_from(">H", content, at + 3)
+            tails += [at + struct.unpack_from(">H", content, at + 8 + 2 * k)[0] for k in range(cells)]
+    return bytes(content) if not tails else _with_one_tail(content, tails)
+
+
+def _with_one_tail(content: bytearray, cells: list[int]) -> bytes:
+    def local_end(at: int) -> int:
+        payload, n = 0, 0
+        while True:
+            payload = payload << 7 | content[at + n] & 0x7F
+            n += 1
+            if not content[at + n - 1] & 0x80:
+                break
+        while content[at + n] & 0x80:
+            n += 1
+        n += 1
+        usable = 4096
+        least = (usable - 12) * 32 // 255 - 23
+        local = least + (payload - least) % (usable - 4)
+        return at + n + (local if local <= usable - 35 else least)
+
+    first = content[local_end(cells[0]) : local_end(cells[0]) + 4]
+    for at in cells:
+        content[local_end(at) : local_end(at) + 4] = first
+    return bytes(content)
+
+
+def uff_short_numbers(size: int) -> bytes:
+    count = size // 2
+    return b"    -1\n    58\n" + uff_header(count) + b"1 " * count + b"\n    -1\n"
+
+
+def uff_other_datasets(size: int) -> bytes:
+    return uff_text(np.arange(8.0)) + b"-1\n15\n-1\n" * (size // 9)
+
+
+def uff_without_end(size: int) -> bytes:
+    return b"    -1\n    58\n" + uff_header(1000) + b" \n" * (size // 2)
+
+
+def uff_spaces(size: int) -> bytes:
+    return uff_text(np.arange(8.0)) + b"    -1\n  15\n" + (b"-1" + b" " * 1000 + b"x\n") * (size // 1003)
+
+
+def _hdf5_packed(*names: str) -> bytes:
+    def fill(file: Any) -> None:
+        for name in names:
+            data = file.create_dataset(name, (PACKED // 8,), "f8", compression="gzip", chunks=(PACKED // 80,))
+            data[:] = 0.0
+            data.attrs["sample_rate"] = 1000.0
+
+    return hdf5_file(fill)
+
+
+def hdf5_zeros(_size: int) -> bytes:
+    return _hdf5_packed("a")
+
+
+def hdf5_times(_size: int) -> bytes:
+    return _hdf5_packed("time", "a")
+
+
+def hdf5_many(size: int) -> bytes:
+    def fill(file: Any) -> None:
+        for k in range(size // 500):
+            file.create_dataset(f"d{k}", data=np.zeros(3)).attrs["sample_rate"] = 10.0
+
+    return hdf5_file(fill, libver="latest")
+
+
+def hdf5_link(size: int) -> bytes:
+    def fill(file: Any) -> None:
+        import h5py
+
+        file.create_dataset("a", data=np.zeros(size // 8)).attrs["sample_rate"] = 10.0
+        file["b"] = h5py.ExternalLink("/etc/passwd", "/")
+        file["time"] = h5py.SoftLink("/time")
+
+    return hdf5_file(fill)
+
+
+def mat_zeros(_size: int) -> bytes:
+    return mat_file({"t": np.zeros(PACKED // 8), "x": np.zeros(PACKED // 8)}, compressed=True)
+
+
+def mat73_zeros(size: int) -> bytes:
+    return mat_v73_file({"t": np.zeros(size // 16), "x": np.zeros(size // 16)})
+
+
+def _measured(columns: int, rows: int, data_links: int, packed: bool) -> bytes:
+    """Channels that share one byte of a record; records that are listed again and again."""
+    blocks = _Blocks(_identification(b"MDF     "))
+    following = 0
+    for k in range(columns):
+        following = blocks.column(f"c{k}", 0, 0, 0, 8, following)
+    first = blocks.column("t", 3, 0, 0, 0, following, conversion=blocks.linear(0.0, 0.001))
+    group = blocks.add(
+        "##CG", (0, first, 0, 0, 0, 0), struct.pack("<QQHHLLL", 0, rows * data_links, 0, 0, 0, 1, 0)
+    )  # fmt: skip
+    raw = bytes(rows)
+    if packed:
+        inside = zlib.compress(raw, 9)
+        data = blocks.add("##DZ", (), struct.pack("<2sBxLQQ", b"DT", 0, 0, len(raw), len(inside)) + inside)
+    else:
+        data = blocks.add("##DT", (), raw)
+    if data_links > 1:
+        offsets = struct.pack("<B3xLQ", 1, data_links, rows)
+        data = blocks.add("##DL", (0, *[data] * data_links), offsets)
+    return blocks.closed(blocks.add("##DG", (0, group, data, 0), bytes(8)))
+
+
+def mdf_shared_byte(size: int) -> bytes:
+    return _measured(size // 2 // 250, size // 2, 1, packed=False)
+
+
+def mdf_listed_again(size: int) -> bytes:
+    return _measured(2, size // 2, size // 2 // 8, packed=False)
+
+
+def mdf_packed(_size: int) -> bytes:
+    return _measured(2, PACKED, 1, packed=True)
+
+
+def text_zeros(size: int) -> bytes:
+    return dewesoft_text(motion_rows()) + bytes(size)
+
+
+def text_long_line(size: int) -> bytes:
+    return dewesoft_text(motion_rows()) + b"1" * size
+
+
+def text_columns(size: int) -> bytes:
+    return b"Time (s)" + b";a" * (size // 2) + b"\n0.0" + b";1" * (size // 2) + b"\n"
+
+
+def text_lines(size: int) -> bytes:
+    return dewesoft_text(motion_rows()) + b"\n" * size
+
+
+def candump_zeros(size: int) -> bytes:
+    return candump_log(can_entries(3000)) + bytes(size)
+
+
+def candump_line(size: int) -> bytes:
+    return candump_log(can_entries(3)) + b"(1.0) can0 1#" + b"0" * size
+
+
+def wave_zeros(size: int) -> bytes:
+    return small_wave() + bytes(size)
+
+
+HOSTILE: Mapping[str, Callable[[int], bytes]] = {
+    made.__name__: made
+    for made in (
+        blf_frames, blf_events, blf_fd_frames, blf_plain_events, gzip_log,
+        sqlite_blob, sqlite_text_stamp, sqlite_shared_pages, sqlite_shared_overflow,
+        uff_short_numbers, uff_other_datasets, uff_without_end, uff_spaces,
+        hdf5_zeros, hdf5_times, hdf5_many, hdf5_link, mat_zeros, mat73_zeros,
+        mdf_shared_byte, mdf_listed_again, mdf_packed,
+        text_zeros, text_long_line, text_columns, text_lines, candump_zeros, candump_line, wave_zeros,
+    )
+}  # fmt: skip
+"""Name -> what makes such a file of about so many bytes; packed ones are smaller."""
