@@ -192,3 +192,22 @@ def test_frames_of_unknown_type_are_received_and_counted() -> None:
     stream = framed(1) + framed(7)
     assert decoded(WEAK, [stream])[1] == Counters(received=2, unknown_types=1)
     assert find_frames(WEAK, stream).counters == Counters(received=2, unknown_types=1)
+
+
+def test_a_length_too_small_for_the_checksum_is_no_length_and_not_a_wrong_checksum() -> None:
+    """The checksum reaches from byte 3 to the end: no frame has fewer than four bytes."""
+    framing = framing_from_table(
+        {
+            "kind": "sync",
+            "sync": "AA",
+            "length": {"at": 1, "type": "u8"},
+            "max": 9,
+            "checksum": {"algo": "sum8", "from": 3},
+            "fields": [{"name": "a", "at": 2, "type": "u8"}],
+        }
+    )
+    good, shortest = bytes([0xAA, 5, 7, 9, 9]), bytes([0xAA, 4, 7, 0])
+    for stated in (2, 3):
+        frames, counters = decoded(framing, [bytes([0xAA, stated, 7]) + good + shortest])
+        assert [frame.data for frame in frames] == [good, shortest]
+        assert (counters.bad_length, counters.bad_checksum, counters.skipped_bytes) == (1, 0, 3)

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import random
+from dataclasses import replace
+from typing import Literal
 
 import cantools
 import numpy as np
@@ -82,3 +84,29 @@ def test_signals_that_are_no_number_have_no_layout() -> None:
 def test_a_motorola_signal_runs_from_its_most_significant_bit() -> None:
     pieces = pieces_of(3, 12, little_endian=False)
     assert [(p.byte, p.shift, p.count, p.place) for p in pieces] == [(1, 0, 8, 0), (0, 0, 4, 8)]
+
+
+@pytest.mark.parametrize("order", ["little_endian", "big_endian"])
+def test_an_unsigned_number_of_64_bits_may_have_its_highest_bit_set(
+    order: Literal["little_endian", "big_endian"],
+) -> None:
+    layout = layout_of(Signal("s", 0 if order == "little_endian" else 7, 64, order))
+    assert layout is not None
+    numbers = [0, 2**63 - 1, 2**63, 2**64 - 1]
+    data = b"".join(n.to_bytes(8, "little" if order == "little_endian" else "big") for n in numbers)
+    rows = np.frombuffer(data, dtype=np.uint8).reshape(-1, 8)
+    assert layout.raw(rows).tolist() == numbers
+    assert layout.decode(rows).tolist() == [float(n) for n in numbers]
+
+
+def test_a_signal_whose_multiplexer_is_not_in_the_frame_is_not_in_it_either() -> None:
+    """Whether the data end before the multiplexer, or only a frame does."""
+    low, selector = Signal("low", 0, 8), Signal("kind", 64, 8, is_multiplexer=True)
+    layouts = {s.name: layout for s in (low, selector) if (layout := layout_of(s)) is not None}
+    layouts["low"] = replace(layouts["low"], multiplexer="kind", multiplexer_ids=(0,))
+    narrow = np.zeros((2, 8), np.uint8)
+    assert present(layouts["low"], layouts, narrow, np.array([8, 8])).tolist() == [False, False]
+    wide = np.zeros((3, 12), np.uint8)
+    assert present(layouts["low"], layouts, wide, np.array([8, 9, 12])).tolist() == [False, True, True]
+    assert present(layouts["kind"], layouts, wide, np.array([8, 9, 12])).all()
+    assert present(replace(layouts["low"], multiplexer="none"), layouts, narrow, np.array([8, 8])).all()
