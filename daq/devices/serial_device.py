@@ -130,9 +130,12 @@ class SerialDevice:
             return ()
         blocks = list(self._ahead)
         self._ahead.clear()
-        ends = time.monotonic() + _GRACE_S
-        while self._port is not None and (left_s := ends - time.monotonic()) > 0:
-            block = self._take(left_s)
+        ends, over = time.monotonic() + _GRACE_S, False
+        # The last look is behind the end: a host that was late reads what waits all the same
+        while self._port is not None and not over:
+            left_s = ends - time.monotonic()
+            over = left_s <= 0
+            block = self._take(max(left_s, 0.0))
             blocks += [] if block is None else [block]
         if self._port is not None:
             with contextlib.suppress(Exception):  # it may be gone by now, and is closed all the same

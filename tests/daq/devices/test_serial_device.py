@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from daq.devices import serial_device
 from daq.devices.device import SERIAL, Block, event_of
 from daq.devices.opening import open_device
 from daq.devices.serial_commands import PollClock, SerialCommands
@@ -87,6 +88,15 @@ def test_closing_reads_what_still_waits(port: PseudoTerminal) -> None:
     assert device.close() == ()
     with pytest.raises(ValueError, match="is not open"):
         device.read(0.0)
+
+
+@needs_pty
+def test_a_host_that_is_late_when_it_closes_reads_what_waits_all_the_same(port: PseudoTerminal, monkeypatch) -> None:
+    monkeypatch.setattr(serial_device, "_GRACE_S", -1.0)
+    device = open_device("imu", "serial", port.device)
+    port.write(b"0123456789" * 200)
+    time.sleep(0.05)
+    assert stream_of(list(device.close())) == b"0123456789" * 200
 
 
 @needs_pty
