@@ -42,7 +42,7 @@ class Transport(Protocol):
         ...
 
     def unplug(self) -> int:
-        """Take it away; return the bytes that the host had not read by then."""
+        """Take it away; return how many bytes at least the host had not read by then."""
         ...
 
     def ready(self, timeout_s: float) -> bool:
@@ -114,7 +114,7 @@ class MulticastBus(VirtualBus):
 class PseudoTerminal:
     """A serial port without hardware, under a link that stays the same when it is plugged in again.
 
-    A pseudo-terminal holds a few kilobytes and then makes the sender wait, where a real port would lose bytes; here
+    A pseudo-terminal holds up to 20 KiB and then makes the sender wait, where a real port would lose bytes; here
     too they are lost if nobody reads for three seconds.
     """
 
@@ -148,7 +148,11 @@ class PseudoTerminal:
         self.path.symlink_to(os.ttyname(self._slave))
 
     def unplug(self) -> int:
-        """Take the port away, after a short time for the host to read it empty."""
+        """Take the port away, after a short time for the host to read it empty.
+
+        The kernel counts only what a reader may take at once, 4,095 bytes at most: as much again, and more, may wait
+        behind that and goes with the port uncounted.
+        """
         if self._master < 0:
             return 0
         ends = time.monotonic() + _DRAIN_LIMIT_S

@@ -19,6 +19,7 @@ from daq.devices.capture_bytes import capture_bytes, capture_header
 from daq.devices.device import Anchor, Block, Device, anchor, event_of
 from daq.devices.opening import open_device
 from daq.devices.reader_thread import DeviceReader
+from daq.frames.can_capture_file import parse_records
 from daq.frames.declaration import framing_from_table
 from daq.frames.scan import find_frames
 from daq.frames.values import decode_fields, unwrap
@@ -39,6 +40,9 @@ pytestmark = pytest.mark.real_time
 
 needs_pty = pytest.mark.skipif(not hasattr(os, "openpty"), reason="this system has no pseudo-terminals")
 COUNTER = "RecoilNode.counter"
+NODE = 288
+PORT_HOLDS_BYTES = 20_512
+"""What the kernel takes for a pseudo-terminal that nobody reads; of that it counts 4,095 bytes as unread."""
 
 
 @pytest.fixture(scope="module")
@@ -56,15 +60,27 @@ def shots(rig: Rig, tmp_path_factory: pytest.TempPathFactory) -> list[TwinShot]:
 
 @dataclasses.dataclass
 class Recorded:
-    """What a play gave: blocks and devices by source, its truth, and the host's clocks."""
+    """What a play gave: blocks and devices by source, its truth, the host's clocks, and when it began on them."""
 
     blocks: Mapping[str, list[Block]]
     devices: Mapping[str, Device]
     truth: Mapping[str, Any]
     anchored: Anchor
+    began_ns: int
 
     def events(self, source: str) -> list[str]:
         return [event_of(block).name for block in self.blocks[source] if block.kind == "event"]
+
+    def node_counts(self) -> list[np.ndarray[Any, Any]]:
+        """Return the counters of the node's frames, before the bus was lost and behind that."""
+        parts: list[list[bytes]] = [[]]
+        for block in self.blocks["can"]:
+            if block.kind == "event" and event_of(block).name == "lost":
+                parts.append([])
+            elif block.kind == "can":
+                parts[-1].append(block.payload)
+        records = [parse_records(b"".join(part)) for part in parts]
+        return [one["data"][one["id"] == NODE, 6].astype(np.int64) for one in records]
 
     def capture(self, rig: Rig, source: str, folder: Path) -> Any:
         declared = rig.source(source)
@@ -102,7 +118,7 @@ def play(rig: Rig, shots: list[TwinShot], **options: Any) -> Recorded:
         player.raise_failure()
         truth = player.truth()
     json.dumps(truth)
-    return Recorded(blocks, devices, truth["sources"], anchored)
+    return Recorded(blocks, devices, truth["sources"], anchored, player.fired_ns[0] - round(1e9 * truth["fire_s"][0]))
 
 
 def test_the_frames_of_a_bus_go_on_through_silence_and_shots(rig: Rig, shots: list[TwinShot]) -> None:
@@ -110,7 +126,7 @@ def test_the_frames_of_a_bus_go_on_through_silence_and_shots(rig: Rig, shots: li
     items = list(can_items(rig, rig.source("can"), shots, timeline, (), seed=1))
     times = np.array([item.at_s for item in items])
     assert (np.diff(times) >= 0).all()
-    node = [item for item in items if item.identifier == 288]
+    node = [item for item in items if item.identifier == NODE]
     assert [item.data[6] for item in node] == [n % 256 for n in range(len(node))]
     spacing = np.diff([item.at_s for item in node])
     assert spacing.min() > 2e-4
@@ -118,7 +134,7 @@ def test_the_frames_of_a_bus_go_on_through_silence_and_shots(rig: Rig, shots: li
     assert node[0].at_s < 1e-3
     assert node[-1].at_s > timeline.end_s - 1e-3
     with can.LogReader(shots[0].files[1]) as log:
-        logged = [bytes(m.data)[:6] for m in log if m.arbitration_id == 288]
+        logged = [bytes(m.data)[:6] for m in log if m.arbitration_id == NODE]
     played = [item.data[:6] for item in node]
     assert sum(played[i : i + len(logged)] == logged for i in range(len(played))) == 2
     assert len({item.data[:6] for item in node[:200]}) > 50  # the quiet frames carry noise
@@ -250,16 +266,22 @@ def test_a_sensor_and_an_adapter_are_unplugged_in_the_shot_and_come_back(
         truth = got.truth[name]
         assert truth["disconnects"] == 1
         assert truth["unplugged"] > 100
-    can_truth = got.truth["can"]
-    # what the old port still held went with it, a line of at least 22 bytes for each frame
-    gone_unread = can_truth["sent"] - got.devices["can"].counters.received
-    assert 0 <= gone_unread <= can_truth["unread_bytes"] / 22 + 1
+    # what the old port still held went with it, untold by the kernel: so there is one gap, and nothing else is missing
+    lost = got.truth["can"]["sent"] - got.devices["can"].counters.received
+    assert 0 <= lost <= PORT_HOLDS_BYTES / 22 + 1
+    before, after = got.node_counts()
+    for counts in (before, after):
+        assert counts.size > 300
+        assert (np.diff(counts) % 256 == 1).all()
     recording = got.capture(rig, "imu", tmp_path)
     read = recording.metadata["received"]
     # what the sensor said before the host had opened the new port is missing too, and the counter tells it
     truth = got.truth["imu"]
     assert recording.metadata["missing_frames"] == truth["frames"] + 2 - read
-    assert read >= truth["frames"] - truth["unplugged"] - 250
+    reopened_ns = next(b.host_ns for b in got.blocks["imu"] if b.kind == "event" and event_of(b).name == "reopened")
+    # nothing is played before its time, a thousand frames a second
+    unheard = 1e3 * ((reopened_ns - got.began_ns) / 1e9 - gone.unplugged[0].end_s) + PORT_HOLDS_BYTES / 34
+    assert truth["frames"] - truth["unplugged"] - unheard - 5 <= read <= truth["frames"] - truth["unplugged"]
 
 
 @needs_pty
