@@ -21,7 +21,6 @@ from daq.capture.session_record import live_record_of
 from daq.devices.device import EVENT
 from daq.frames.can_capture_file import parse_records
 from daq.journal import Journal, read_journal
-from tests.builders import live_rigs
 from tests.builders.live_rigs import LiveProcess, armed, kill_and_recover, multicast_device, write_live_rig
 from tests.builders.port_player import FRAME_BYTES, NOTHING, BusPlayer, Player, PortPlayer, Tally, tally
 
@@ -40,26 +39,27 @@ pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="ne
 
 
 @pytest.fixture(autouse=True)
-def _only_when_asked_for(request, monkeypatch):
+def _only_when_asked_for(request):
     if not request.config.getoption("benchmark_enable"):
         pytest.skip("a benchmark of minutes: ask for it with --benchmark-enable")
-    monkeypatch.setattr(live_rigs, "GRACE_NS", 250_000_000)
 
 
 def test_fifty_kills_lose_nothing_that_was_sent_a_quarter_of_a_second_before(tmp_path, capsys):
     choice = random.Random()  # noqa: S311 - a test's choice of moments, no secret
     port, bus, cuts = NOTHING, NOTHING, 0
     due = found = wrong = 0
-    unsound = []
+    tails_ms, waits_ms, unsound = [], [], []
     for i in range(KILLS):
         with armed(tmp_path / str(i)) as one:
-            ends = time.monotonic() + choice.uniform(0.0, 3.0)
+            ends = time.monotonic() + choice.uniform(0.7, 3.0)
             while (left_s := ends - time.monotonic()) > 0:
                 one.port.fire()
                 time.sleep(min(left_s, one.post_s + choice.uniform(0.1, 0.4)))
             cuts += one.cutting()
             done = kill_and_recover(one)
         port, bus = port + done.port, bus + done.bus
+        tails_ms.append(1e3 * done.tail_s)
+        waits_ms.append(1e3 * done.waited_s)
         due, found, wrong = due + done.shots_due, found + done.shots_found, wrong + done.shots_wrong
         if not done.sound:
             unsound.append(f"kill {i}: {done.port}, {done.bus}, {done.shots_found} of {done.shots_due} shots")
@@ -68,6 +68,10 @@ def test_fifty_kills_lose_nothing_that_was_sent_a_quarter_of_a_second_before(tmp
         for name, one_tally in (("port", port), ("bus", bus)):
             print(f"  {name}: {_words(one_tally)}")
         print(f"  shots: {due} due, {found} recovered, {wrong} wrong")
+        print(
+            f"  lost before a kill: the last {np.median(tails_ms):.0f} ms as a rule, {max(tails_ms):.0f} ms at worst;"
+        )
+        print(f"    waiting for the machine, which is added to the 250 ms: {max(waits_ms):.0f} ms at worst")
     assert not unsound, "\n".join(unsound)
 
 
