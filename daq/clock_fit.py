@@ -134,10 +134,6 @@ class ClockFit:
         instants[wrong] = self.device_zero_ns + whole_ns(on_line_s / (1.0 + self.drift))
         return keep_order(instants, wrong)
 
-    def host_s(self, device_ns: Instants) -> Seconds:
-        """Return the host's time of instants of the device's clock without steps, s from `host_zero_ns`."""
-        return self.offset_s + (1.0 + self.drift) * ((device_ns - self.device_zero_ns) / 1e9)
-
     def to_json(self) -> dict[str, Any]:
         """Return it in JSON types: of the wrong stamps their number, and None for an infinite uncertainty."""
         values = asdict(self)
