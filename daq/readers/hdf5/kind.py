@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 """First bytes of an HDF5 file (HDF5 File Format Specification, superblock)."""
@@ -31,12 +32,17 @@ def names_lie_behind(head: bytes) -> bool:
     return int.from_bytes(head[heap + 24 : heap + 32], "little") >= len(head)
 
 
+def is_in_file(file: Any, name: str) -> bool:
+    """Tell whether an open file itself has an object of a name: what a link leads to may be any other file."""
+    return type(file.get(name, getlink=True)).__name__ == "HardLink"
+
+
 def is_sleap_file(path: Path) -> bool:
     """Tell by a file's names whether it is an analysis of SLEAP; False where they cannot be read."""
     import h5py
 
     try:
         with h5py.File(path, "r", locking=False) as file:
-            return all(name in file for name in SLEAP_NAMES)
+            return all(is_in_file(file, name) for name in SLEAP_NAMES)
     except Exception:
         return False

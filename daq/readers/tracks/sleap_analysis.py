@@ -18,7 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from daq.errors import CorruptFileError, ReadError
-from daq.readers.hdf5.kind import DEEPLABCUT_NAME, SIGNATURE, is_sleap_file, names_lie_behind, shows_sleap
+from daq.readers.hdf5.kind import (
+    DEEPLABCUT_NAME,
+    SIGNATURE,
+    is_in_file,
+    is_sleap_file,
+    names_lie_behind,
+    shows_sleap,
+)
 from daq.readers.reader import Declarations
 from daq.readers.tracks.columns import Column
 from daq.readers.tracks.frame_time import counted_clock
@@ -86,7 +93,7 @@ class SleapAnalysisReader:
 
 
 def _table(file: Any, path: Path, size: int, declared: Declarations, reader: str) -> TrackTable:
-    missing = [name for name in ("tracks", "track_names", "node_names") if name not in file]
+    missing = [name for name in ("tracks", "track_names", "node_names") if not is_in_file(file, name)]
     if missing:
         raise ReadError(
             "this HDF5 file is no analysis of SLEAP",
@@ -109,7 +116,7 @@ def _table(file: Any, path: Path, size: int, declared: Declarations, reader: str
             remedy="export it again",
         )
     parts = [positions]
-    if "point_scores" in file:
+    if is_in_file(file, "point_scores"):
         dims = tuple(d for d in DIMS if d != "xy")
         scores = _axes(file, "point_scores", dims, ("frame", "track", "node"), path, size)
         if scores.shape == expected[:3]:
