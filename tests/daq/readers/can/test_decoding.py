@@ -108,5 +108,7 @@ def test_a_signal_whose_multiplexer_is_not_in_the_frame_is_not_in_it_either() ->
     assert present(layouts["low"], layouts, narrow, np.array([8, 8])).tolist() == [False, False]
     wide = np.zeros((3, 12), np.uint8)
     assert present(layouts["low"], layouts, wide, np.array([8, 9, 12])).tolist() == [False, True, True]
+    exact = np.zeros((2, 9), np.uint8)
+    assert present(layouts["low"], layouts, exact, np.array([8, 9])).tolist() == [False, True]
     assert present(layouts["kind"], layouts, wide, np.array([8, 9, 12])).all()
     assert present(replace(layouts["low"], multiplexer="none"), layouts, narrow, np.array([8, 8])).all()

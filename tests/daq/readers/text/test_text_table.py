@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from daq.errors import CorruptFileError, ReadError
+from daq.readers.text import text_table
 from daq.readers.text.cells import split_cells, split_unit, unique_names
 from daq.readers.text.rows import read_rows
-from daq.readers.text.text_file import TextFile, decode_head, read_text
+from daq.readers.text.text_file import LongText, TextFile, decode_head, read_text
 from daq.readers.text.text_table import find_block, printed_decimals
 
 
@@ -156,3 +157,78 @@ def test_a_fixed_number_of_digits_counts_where_it_says_least() -> None:
 
 def test_quoted_headings_lose_their_quotes() -> None:
     assert split_cells('"Time (s)","a, b (V)"', ",") == ["Time (s)", "a, b (V)"]
+
+
+@pytest.mark.parametrize("trailing", ["", ";"])
+@pytest.mark.parametrize("comments", ["", "#\n", "# a;b;c;d;e\n#\n", "#\n# x\n#;\n"])
+def test_comments_before_between_and_behind_the_rows_are_no_rows(comments: str, trailing: str) -> None:
+    text = f"{comments}1;2{trailing}\n# between\n3;4{trailing}\n{comments}"
+    block = find_block(text_file(text), 0, ";", ["a", "b"], decimal_comma=False, comment="#")
+    assert block.width == 2 + bool(trailing)
+    assert block.row_count == 2
+    assert block.dropped == ""
+    assert read_rows(block).tolist() == [[1.0, 2.0], [3.0, 4.0]]
+
+
+@pytest.mark.parametrize("line_end", ["\n", "\r"])
+@pytest.mark.parametrize("piece_bytes", [16, 17, 31, 64])
+@pytest.mark.parametrize("count", [3, 40])
+def test_a_block_in_pieces_has_every_row_once_with_its_line(
+    piece_bytes: int, count: int, line_end: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(text_table, "PIECE_BYTES", piece_bytes)
+    head = "heading\n" * 3
+    text = head + "".join(f"{i},{10 * i}\n" for i in range(count))
+    path = tmp_path / "a.csv"
+    path.write_bytes(text.replace("\n", line_end).encode())
+    block = find_block(LongText(path), len(head), ",", ["a", "b"], decimal_comma=False)
+    assert (block.row_count, block.first_line) == (count, 4)
+    assert block.pieces[0].start == block.start
+    assert block.pieces[-1].stop == block.stop == len(text) - 1
+    at_line = 4
+    for piece in block.pieces:
+        assert piece.line == at_line
+        at_line += piece.rows
+        rows = block.text(piece)
+        assert rows.endswith(b"\n")
+        assert rows.count(b"\n") == piece.rows
+        assert b"".join(block.parts(piece)) == rows
+        assert rows.startswith(f"{piece.line - 4},".encode())
+    assert [p.stop for p in block.pieces[:-1]] == [p.start for p in block.pieces[1:]]
+    assert all(piece.stop - piece.start < 2 * piece_bytes for piece in block.pieces)
+    assert (len(block.pieces) > 1) == (len(text) - len(head) - 1 > piece_bytes)
+    assert read_rows(block).tolist() == [[float(i), 10.0 * i] for i in range(count)]
+
+
+def test_a_row_longer_than_a_piece_is_refused_with_its_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(text_table, "PIECE_BYTES", 16)
+    text = "1,2\n3,4\n" + "5," + "6" * 60 + "\n7,8\n"
+    block = find_block(text_file(text), 0, ",", ["a", "b"], decimal_comma=False)
+    with pytest.raises(CorruptFileError, match="a line is longer than 16 bytes") as caught:
+        _ = block.pieces
+    assert caught.value.place == "line 3"
+
+
+def test_a_cell_is_placed_by_its_line_and_column() -> None:
+    block = find_block(text_file("x\n1,2\n3,4\n"), 2, ",", ["a", "b"], decimal_comma=False)
+    assert (block.place(0, "a"), block.place(1, "b")) == ("line 2, column 'a'", "line 3, column 'b'")
+
+
+@pytest.mark.parametrize(
+    ("tail", "rows", "dropped"), [("3,4", 1, True), ("3", 1, True), ("", 1, False), ("# 3", 1, True)]
+)
+def test_the_last_rows_of_a_long_file_are_judged_by_its_end(
+    tail: str, rows: int, dropped: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Only the end is looked at, and nothing before the block's beginning."""
+    monkeypatch.setattr(text_table, "PIECE_BYTES", 6)
+    block = find_block(text_file(f"a,b\n1,2\n{tail}"), 4, ",", ["a", "b"], decimal_comma=False, comment="#")
+    assert (block.row_count, bool(block.dropped)) == (rows, dropped)
+    assert block.stop == 7
+
+
+def test_the_digits_of_a_long_block_are_those_of_whole_cells_at_its_ends() -> None:
+    rows = "".join(f"{i / 1000:.3f};1\n" for i in range(4000))
+    block = find_block(text_file(rows), 0, ";", ["t", "a"], decimal_comma=False)
+    assert printed_decimals(block, 0) == 3
+    assert printed_decimals(block, 1) == 0
