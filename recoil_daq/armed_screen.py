@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import math
 import sys
@@ -116,10 +117,12 @@ class ArmedScreen:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         try:
-            self._print_waiting()
+            with contextlib.suppress(OSError):
+                self._print_waiting()
         finally:
             try:
-                self._live.stop()
+                with contextlib.suppress(OSError):
+                    self._live.stop()
             finally:
                 self._keyboard.__exit__(kind, error, trace)
                 stream = self._console.file
@@ -132,22 +135,30 @@ class ArmedScreen:
         if now_s - self._drawn_s < 1 / DRAWS_PER_S:
             return
         self._drawn_s = now_s
-        self._print_waiting()
-        self._live.update(self.picture(status, shots), refresh=True)
+        with contextlib.suppress(OSError):  # the terminal is gone: the session completes its shots without it
+            self._print_waiting()
+            self._live.update(self.picture(status, shots), refresh=True)
 
     def notice(self, text: str) -> None:
         """Print what happened above the screen, where it stays, and put it into the list of the last notices."""
         self._waiting.append(f"{time.strftime('%H:%M:%SZ', time.gmtime())}  {' '.join(text.split())}")
         if threading.get_ident() == self._writer:
-            self._print_waiting()
+            with contextlib.suppress(OSError):
+                self._print_waiting()
 
     def verdict(self, document: Mapping[str, Any]) -> None:
         """Print the verdict above the screen, where it stays."""
         from recoil_daq.tables import print_verdict
 
-        self._print_waiting()
-        with self._console:  # in one piece
-            print_verdict(document, self._console)
+        with contextlib.suppress(OSError):
+            self._print_waiting()
+            with self._console:  # in one piece
+                print_verdict(document, self._console)
+
+    @property
+    def has_keys(self) -> bool:
+        """Whether there is a terminal whose keys are read."""
+        return self._keyboard.available
 
     def key(self) -> str:
         """Return the key that was pressed."""
@@ -192,7 +203,9 @@ class ArmedScreen:
         minutes, seconds = divmod(int(status.armed_s), 60)
         disk, is_little = disk_left(status)
         parts = [
-            (f"   {status.state.upper()}", ""),
+            (f"   {status.state.upper()} - {status.alert}", WARNING)
+            if status.alert
+            else (f"   {status.state.upper()}", ""),
             (f"rig {self._rig}", ""),
             (f"{minutes // 60}:{minutes % 60:02d}:{seconds:02d}", ""),
             (f"shots {status.shots}", ""),

@@ -26,6 +26,7 @@ class Conversion:
     """
 
     def __init__(self, rig: Path, files: Sequence[Path], shot: str, out: Path) -> None:
+        self._shot, self._folder = shot, out
         command = [
             sys.executable, "-m", "recoil_daq.cli", "ingest", str(rig), *map(str, files),
             "--shot", shot, "--out", str(out), "--json",
@@ -62,9 +63,11 @@ class Conversion:
         return code, document if isinstance(document, dict) else {"message": str(document)}
 
     def end(self) -> None:
-        """End it at once."""
+        """End it at once, and take away what it was writing."""
         self._process.kill()
         self._process.wait()
+        for path in self._folder.glob(f".{self._shot}.h5.*.partial"):
+            path.unlink(missing_ok=True)
         self._out.close()
         self._errors.close()
 

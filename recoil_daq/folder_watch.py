@@ -69,20 +69,30 @@ class FolderWatch:
         self._growing: dict[str, _Growing] = {}
         self._looked_s = -math.inf
 
-    def poll(self, now_s: float | None = None) -> tuple[DroppedFile, ...]:
+    @property
+    def growing(self) -> bool:
+        """Whether there were files at the last look that had not stopped growing."""
+        return bool(self._growing)
+
+    def poll(self, now_s: float | None = None, *, at_once: bool = False) -> tuple[DroppedFile, ...]:
         """Return the files that are complete since the last look; a call soon after it does not look again.
 
         Parameters
         ----------
         now_s : float, optional
             The host's monotonic clock; read if left out.
+        at_once : bool
+            Look even if the last look was just now.
         """
         now_s = time.monotonic() if now_s is None else now_s
         complete: list[DroppedFile] = []
-        if now_s - self._looked_s < LOOK_EVERY_S:
+        if not at_once and now_s - self._looked_s < LOOK_EVERY_S:
             return ()
         self._looked_s = now_s
-        for path in self._listed():
+        listed = self._listed()
+        names = {path.name for path in listed}
+        self._growing = {name: one for name, one in self._growing.items() if name in names or not names}
+        for path in listed:
             try:
                 stat = path.stat()
             except OSError:

@@ -1,4 +1,4 @@
-"""Ctrl-C, and the system's request to terminate, as something to be asked for, not as an exception in the middle."""
+"""Ctrl-C, and the system's requests to end, as something to be asked for, not as an exception in the middle."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import signal
 import threading
 from types import FrameType, TracebackType
 from typing import Any
+
+_SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
 class Interruption:
@@ -19,11 +21,14 @@ class Interruption:
 
     def __init__(self) -> None:
         self.count = 0
+        self._last = 0
         self._before: dict[int, Any] = {}
 
     def __enter__(self) -> Interruption:
         if threading.current_thread() is threading.main_thread():
-            for number in (signal.SIGINT, signal.SIGTERM):
+            for number in _SIGNALS:
+                if number != signal.SIGINT and signal.getsignal(number) == signal.SIG_IGN:
+                    continue  # started with nohup: it is to outlive its terminal
                 self._before[number] = signal.signal(number, self._note)
         return self
 
@@ -41,8 +46,18 @@ class Interruption:
 
     @property
     def urged(self) -> bool:
-        """Whether it is to be ended without waiting for anything that can be made up for later."""
+        """Whether it was asked for again: it is to be ended without what can be made up for later."""
         return self.count > 1
+
+    @property
+    def by_key(self) -> bool:
+        """Whether the last of them was Ctrl-C: somebody may be there to be asked."""
+        return self._last == signal.SIGINT
+
+    def complete_after_all(self) -> None:
+        """Forget that it was urged: the answer was to go on."""
+        self.count = min(self.count, 1)
 
     def _note(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002 - a signal's handler gets both
         self.count += 1
+        self._last = number

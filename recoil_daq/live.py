@@ -8,9 +8,11 @@ from typing import Any
 
 from daq.errors import RecoilDaqError
 from daq.journal import find_journals
-from recoil_daq.live_range import LiveRange
+from recoil_daq.live_range import LiveRange, trigger_of
 from recoil_daq.live_shot import Display, LiveOptions, LiveOutcome, free_number
+from recoil_daq.output_folder import OutputFolder
 from recoil_daq.recover import recover_journal
+from rigs.live_sources import live_sources
 from rigs.rig import Rig
 from rigs.twin.range_day import RangeDay, is_virtual_rig
 
@@ -51,19 +53,33 @@ def run_live(
     DeviceError
         If a device cannot be opened, or no source has one.
     ReadError, StoreError
-        If a folder cannot be used, or the disk has not enough room.
+        If a folder cannot be used, another session has it, or the disk has not enough room.
     """
-    _recover(options, display)
-    first = options.first or free_number(options.out)
+    trigger_of(rig)  # what is at fault is refused before anything is written
+    live_sources(rig)
+    with OutputFolder(options.out) as folder:
+        _recover(options, display)
+        first = options.first or free_number(options.out)
+        return _run(rig, replace(options, first=first), display, folder, play or {}, watch_day)
+
+
+def _run(
+    rig: Rig,
+    options: LiveOptions,
+    display: Display,
+    folder: OutputFolder,
+    play: Mapping[str, Any],
+    watch_day: Callable[[RangeDay], None],
+) -> LiveOutcome:
     if not is_virtual_rig(rig):
-        return LiveRange(rig, replace(options, first=first), display).run()
+        return LiveRange(rig, options, display, folder).run()
     shots = options.shots or VIRTUAL_SHOTS
     watch = options.watch or options.out / "incoming"
     display.notice(f"virtual rig: simulating {shots} shots")
-    with RangeDay(rig, shots, watch, first=first, **(play or {})) as day:
+    with RangeDay(rig, shots, watch, first=options.first or 1, **play) as day:
         watch_day(day)
-        chosen = replace(options, first=first, shots=shots, watch=watch)
-        return LiveRange(rig, chosen, display, devices=day.devices, over=lambda: day.over).run(day.start)
+        chosen = replace(options, shots=shots, watch=watch)
+        return LiveRange(rig, chosen, display, folder, devices=day.devices, over=lambda: day.over).run(day.start)
 
 
 def _recover(options: LiveOptions, display: Display) -> None:

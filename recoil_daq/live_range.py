@@ -8,12 +8,14 @@ import json
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from daq.capture.live_session import CapturedShot, LiveSession
 from daq.capture.live_source import LiveSource, open_source
 from daq.capture.session_record import LiveRecord, RecordedSource, reserve_bytes, session_folder
-from daq.devices.device import Device, anchor
+from daq.devices.device import Device, anchor, event_of
 from daq.errors import Fault, ReadError, RecoilDaqError, RigError
 from daq.trigger import Decision, ShotWindow, Trigger
 from recoil_daq.conversion import Conversion
@@ -21,6 +23,7 @@ from recoil_daq.file_match import shot_of, source_of
 from recoil_daq.folder_watch import DroppedFile, FolderWatch
 from recoil_daq.interruption import Interruption
 from recoil_daq.live_shot import Display, LiveOptions, LiveOutcome, LiveShot
+from recoil_daq.output_folder import OutputFolder
 from rigs.live_sources import live_sources
 from rigs.rig import Rig
 
@@ -53,6 +56,14 @@ def opened(sources: Sequence[LiveSource]) -> Iterator[dict[str, Device]]:
             device.close()
 
 
+@dataclass(frozen=True)
+class _Loss:
+    """When a device was lost, and what came of it per second before."""
+
+    at_s: float
+    rate_hz: float
+
+
 class LiveRange:
     """One live session: call `run` once.
 
@@ -61,6 +72,8 @@ class LiveRange:
     rig : Rig
     options : LiveOptions
     display : Display
+    folder : OutputFolder
+        Locked for this session.
     devices : mapping of str to mapping or None
         ``device`` tables in place of the rig's own.
     over : callable
@@ -77,6 +90,7 @@ class LiveRange:
         rig: Rig,
         options: LiveOptions,
         display: Display,
+        folder: OutputFolder,
         *,
         devices: Mapping[str, Mapping[str, Any]] | None = None,
         over: Callable[[], bool] = lambda: False,
@@ -84,11 +98,13 @@ class LiveRange:
         self._rig = rig
         self._options = options
         self._display = display
+        self._folder = folder
         self._over = over
         self._trigger = trigger_of(rig)
         self._sources = live_sources(rig, devices)
         self._watch = None if options.watch is None else FolderWatch(options.watch)
-        live = {source.name for source in self._sources}
+        self._kinds = {source.name: source.kind for source in self._sources}
+        live = set(self._kinds)
         self._elsewhere = {s.name for s in rig.sources if s.name not in live and rig.channels_of(s.name)}
         self._next = options.first or 1
         self._outcome = LiveOutcome(rig.name)
@@ -96,6 +112,11 @@ class LiveRange:
         self._unmatched: list[tuple[DroppedFile, str]] = []
         self._conversion: tuple[LiveShot, Conversion] | None = None
         self._interruption = Interruption()
+        self._asking = self._left = False
+        self._gone = ""
+        self._journal: Path | None = None
+        self._shown_s = self._ending_s = 0.0
+        self._lost: dict[str, _Loss] = {}
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="cut")
 
     @property
@@ -142,28 +163,24 @@ class LiveRange:
             sources=tuple(RecordedSource(s.name, s.kind) for s in self._sources),
         )
         seconds = self._trigger.pre_s + self._trigger.post_s + RESERVE_S
+        self._journal = session_folder(self._options.out, now.wall_ns)
         return LiveSession(
             record,
             self._sources,
             devices,
             self._trigger,
-            session_folder(self._options.out, now.wall_ns),
+            self._journal,
             reserve_bytes=reserve_bytes([s.device for s in self._sources], seconds),
             notice=self._decided,
         )
 
     def _go_on(self, session: LiveSession) -> None:
         """Look after everything until it is time to end."""
-        limit, done, shown_s = self._options.shots, False, 0.0
-        while True:
-            if time.monotonic() - shown_s >= SHOW_EVERY_S:
-                shown_s = time.monotonic()
-                self._display.show(session.status, self._shots)
-            self._outcome.error = session.error
-            if self._interruption.asked:
-                self._display.notice("interrupted: completing what was captured; Ctrl-C again to leave at once")
-                return
-            if self._outcome.error is not None or self._pressed(session):
+        limit, done = self._options.shots, False
+        while not self._failed(session):
+            self._show(session)
+            if self._interruption.asked or self._pressed(session):
+                self._display.notice("ending: what was captured is completed; q or Ctrl-C again to give it up")
                 return
             self._look(session, LOOK_S)
             if limit is not None and len(self._shots) >= limit and not done:
@@ -172,29 +189,97 @@ class LiveRange:
             if (done or (self._over() and session.idle)) and all(shot.settled for shot in self._shots):
                 return
 
+    def _failed(self, session: LiveSession) -> bool:
+        """Tell whether it cannot go on; if the folder that it writes to is gone, nothing more is written there."""
+        if not self._gone and (fault := self._folder.fault(session.journal_folder)) is not None:
+            self._gone = "OUTPUT FOLDER GONE"
+            session.disarm()
+            self._outcome.error = fault
+            self._display.notice(f"DISARMED: {fault}")
+            self._shown_s = 0.0
+            self._show(session)
+        self._outcome.error = self._outcome.error or session.error
+        return self._outcome.error is not None
+
+    def _show(self, session: LiveSession) -> None:
+        """Show how it is doing, some times per second; what nobody may overlook stands beside the state."""
+        self._tell_events(session)
+        now_s = time.monotonic()
+        if now_s - self._shown_s >= SHOW_EVERY_S:
+            self._shown_s = now_s
+            alerts = [self._gone] if self._gone else []
+            alerts += [f"{source} LOST" for source in self._lost]
+            self._display.show(replace(session.status, alert=", ".join(alerts)), self._shots)
+
     def _end(self, session: LiveSession) -> None:
-        """Complete what was captured: the open shot, its captures, the conversion under way."""
+        """Complete what was captured: the open shot, its captures, every shot that has its files."""
+        self._ending_s = time.monotonic()
         try:
-            session.stop()
-            while (window := session.next_window(0.0)) is not None:
-                self._begin(session, window)
-            while any(s.state in ("cutting", "converting") for s in self._shots) and not self._interruption.urged:
-                self._look(session, 0.02)
-                self._display.show(session.status, self._shots)
-            for shot in self._shots:
-                if shot.state == "waiting":
-                    self._give_up(shot)
+            self._complete(session)
         finally:
             self._pool.shutdown(wait=False, cancel_futures=True)
             if self._conversion is not None:
                 self._conversion[1].end()
+            for shot in self._shots:
+                if not shot.settled:
+                    self._give_up(shot)
             self._close(session)
             self._write_log(session.journal_folder.name)
+
+    def _complete(self, session: LiveSession) -> None:
+        if not self._failed(session):
+            session.disarm()
+            while session.recording and not self._failed(session) and not self._given_up():
+                self._show(session)
+                self._look(session, LOOK_S)
+        try:
+            session.stop()
+        except RecoilDaqError as error:
+            self._outcome.error = self._outcome.error or error
+        while not self._gone and (window := session.next_window(0.0)) is not None:
+            self._begin(session, window)
+        if not self._gone:
+            self._take_files(at_once=True)
+        while any(self._to_come(shot) for shot in self._shots) and not self._given_up():
+            if self._failed(session) and self._gone:
+                break
+            self._look(session, 0.02)
+            self._show(session)
+        for shot in self._shots if self._gone and self._folder.moved_to is None else ():
+            if shot.document is not None and not Path(shot.document["file"]).exists():
+                self._fail(shot, "its shot file went with the output folder")
+        while self._gone and self._display.has_keys and not self._interruption.asked and self._display.key() != "q":
+            self._show(session)  # somebody has yet to see it
+            time.sleep(LOOK_S)
+
+    def _to_come(self, shot: LiveShot) -> bool:
+        """Tell whether a shot is still on its way to its shot file while the session ends."""
+        if shot.state != "waiting" or not shot.missing:
+            return not shot.settled
+        growing = self._watch is not None and self._watch.growing
+        return growing and time.monotonic() - self._ending_s < self._options.files_within_s
+
+    def _given_up(self) -> bool:
+        """Tell whether what is not complete is to be given up: somebody at the keys is asked first."""
+        key = self._display.key()
+        urged = self._interruption.urged
+        if self._left or (urged and not (self._interruption.by_key and self._display.has_keys)):
+            return True
+        if (urged or key == "q") and not self._asking:
+            self._asking = True
+            names = ", ".join(shot.name for shot in self._shots if not shot.settled) or "the one that is recorded"
+            self._display.notice(f"give up the shots that are not complete ({names})? y: give up; n: complete them")
+        elif self._asking and key == "n":
+            self._asking = False
+            self._interruption.complete_after_all()
+            self._display.notice("completing them")
+        self._left = self._asking and key == "y"
+        return self._left
 
     def _close(self, session: LiveSession) -> None:
         """Close the journal; it goes if all that was captured is in shot files."""
         try:
-            session.close(complete=all(shot.document is not None for shot in self._shots))
+            session.close(complete=not self._gone and all(shot.document is not None for shot in self._shots))
         except RecoilDaqError as error:
             self._outcome.error = self._outcome.error or error
         self._outcome.error = self._outcome.error or session.error
@@ -205,7 +290,10 @@ class LiveRange:
 
     def _write_log(self, name: str) -> None:
         """Keep what the session decided and made: the journal, which has it too, is removed."""
-        path = self._options.out / "sessions" / f"{name}.json"
+        out = self._options.out if self._options.out.is_dir() else self._folder.moved_to
+        if out is None:
+            return
+        path = out / "sessions" / f"{name}.json"
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(json.dumps(self._outcome.to_json(), indent=1), encoding="utf-8")
@@ -226,6 +314,21 @@ class LiveRange:
         elif key == "t":
             session.fire()
         return key == "q"
+
+    def _tell_events(self, session: LiveSession) -> None:
+        """Say that a device was lost or is back, with the times at which that was and not those of saying it."""
+        for block in session.device_events():
+            event, at_s = event_of(block), block.host_ns / 1e9
+            wall = dt.datetime.fromtimestamp(session.record.anchor.wall_of(block.host_ns) / 1e9, dt.UTC)
+            when = f"{wall:%H:%M:%S}.{wall.microsecond // 1000:03d}Z"
+            if event.name == "lost" and block.source not in self._lost:
+                self._lost[block.source] = _Loss(at_s, session.rate_hz(block.source))
+                self._display.notice(f"{block.source} LOST at {when}: {event.detail}")
+            elif event.name == "reopened" and (loss := self._lost.pop(block.source, None)) is not None:
+                missing_s = at_s - loss.at_s
+                unit = "frames" if self._kinds[block.source] == "can" else "bytes"
+                about = f", about {missing_s * loss.rate_hz:.0f} {unit} at its rate before" if loss.rate_hz else ""
+                self._display.notice(f"{block.source} is back at {when}: {missing_s:.2f} s are missing{about}")
 
     def _decided(self, decision: Decision) -> None:
         self._outcome.decisions.append(decision)
@@ -281,10 +384,10 @@ class LiveRange:
             text += f"; waiting for files of {', '.join(shot.missing)}"
         self._display.notice(text)
 
-    def _take_files(self) -> None:
+    def _take_files(self, *, at_once: bool = False) -> None:
         if self._watch is None:
             return
-        for file in self._watch.poll():
+        for file in self._watch.poll(at_once=at_once):
             try:
                 self._unmatched.append((file, source_of(self._rig, file)))
             except RecoilDaqError as error:
@@ -343,10 +446,24 @@ class LiveRange:
 
     def _give_up(self, shot: LiveShot) -> None:
         shot.state = "incomplete"
-        shot.problem = f"no file of {', '.join(shot.missing)}"
-        command = f"recoil-daq ingest {self._rig.path} {shot.captured}/* FILES --out {self._options.out}"
-        self._display.notice(f"shot {shot.name}: {shot.problem}; its captures are kept, finish it with `{command}`")
+        shot.problem = f"no file of {', '.join(shot.missing)}" if shot.missing else "given up before it was converted"
+        text = f"shot {shot.name}: {shot.problem}; {self._kept(shot)}"
+        if shot.captured is not None and shot.captured.is_dir():
+            dropped = [str(path) for path in shot.files.values() if path.parent != shot.captured]
+            files = " ".join([f"{shot.captured}/*", *dropped, *(["FILES"] if shot.missing else [])])
+            text += f", finish it with `recoil-daq ingest {self._rig.path} {files} --out {self._options.out}`"
+        self._display.notice(text)
 
     def _fail(self, shot: LiveShot, problem: str) -> None:
         shot.state, shot.problem = "failed", problem
-        self._display.notice(f"shot {shot.name}: {problem}; its data is kept")
+        self._display.notice(f"shot {shot.name}: {problem}; {self._kept(shot)}")
+
+    def _kept(self, shot: LiveShot) -> str:
+        """Say where the data of a shot is, after a look at whether it is."""
+        if shot.captured is not None and shot.captured.is_dir():
+            return f"its captures are kept in {shot.captured}"
+        if self._journal is not None and self._journal.is_dir():
+            return f"the journal keeps its data: `recoil-daq recover {self._options.out}`"
+        if self._folder.moved_to is not None:
+            return f"its data is with the folder in {self._folder.moved_to}"
+        return "its data is NOT kept: captures and journal are gone"

@@ -115,7 +115,7 @@ class LiveOutcome:
     journal : Path or None
         The journal, if it was kept: something of it is in no shot file.
     interrupted : bool
-        By Ctrl-C.
+        By Ctrl-C, or a request of the system to end.
     error : RecoilDaqError or None
         Why it ended by itself.
     decisions : list of Decision
@@ -167,6 +167,11 @@ class Display(Protocol):
 
     def verdict(self, document: Mapping[str, Any]) -> None:
         """Show the verdict on a shot: what ``ingest --json`` prints."""
+        ...
+
+    @property
+    def has_keys(self) -> bool:
+        """Whether somebody can answer with a key."""
         ...
 
     def key(self) -> str:

@@ -60,13 +60,16 @@ class PlainLog:
         """Write how it is doing, every ten seconds and when the state or the losses change."""
         self._write("")
         now_s = time.monotonic()
-        telling = (status.state, *((losses_of(s.counters), s.error, _silent(s)) for s in status.sources))
+        telling = (status.state, status.alert, *((losses_of(s.counters), s.error, _silent(s)) for s in status.sources))
         due = STATUS_EVERY_S if telling == self._told else CHANGE_AFTER_S
         if now_s - self._told_s < due:
             return
         self._told_s, self._told = now_s, telling
         waiting = sum(shot.state in ("waiting", "converting", "cutting") for shot in shots)
-        parts = [status.state, *(_source(s) for s in status.sources)]
+        parts = [
+            f"{status.state} - {status.alert}" if status.alert else status.state,
+            *(_source(s) for s in status.sources),
+        ]
         parts.append(f"shots {status.shots}" + (f", {waiting} not finished" if waiting else ""))
         parts.append(f"disk {status.disk_free_bytes / 1e9:.1f} GB free")
         if status.unsynced_s > UNSYNCED_S:
@@ -92,6 +95,11 @@ class PlainLog:
             document, Console(file=table, force_terminal=on_terminal, width=width, highlight=False, emoji=False)
         )
         self._write(table.getvalue())
+
+    @property
+    def has_keys(self) -> bool:
+        """Never: a log has no keys."""
+        return False
 
     def key(self) -> str:
         """Return nothing: a log has no keys."""

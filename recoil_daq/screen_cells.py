@@ -98,5 +98,7 @@ def shot_line(shot: LiveShot) -> Text:
     text = line_of(f"shot {shot.name}  ").append(shot.state, SHOT_STYLES.get(shot.state, "cyan"))
     if shot.state == "waiting" and shot.missing:
         text.append(f" for files of {', '.join(shot.missing)}")
+    elif shot.state == "waiting":
+        text.append(" for its turn to be converted")
     reasons = shot.problem or ("; ".join(shot.document["reasons"]) if shot.document else "")
     return text.append(f": {' '.join(reasons.split())}") if reasons else text

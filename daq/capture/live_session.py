@@ -13,6 +13,7 @@ import shutil
 import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -133,6 +134,7 @@ class LiveSession:
         self._queue: queue.SimpleQueue[Block | Callable[[], None]] = queue.SimpleQueue()
         self._waiting_bytes = self._unseen_bytes = 0
         self._lock = threading.Lock()
+        self._events: deque[Block] = deque()
         self._holding: dict[int, tuple[float, float]] = {}
         self._captured: list[tuple[float, float]] = []
         self._kept: list[Kept] = []
@@ -219,6 +221,19 @@ class LiveSession:
             span = self._holding.pop(round(window.trigger_s * 1e9), None)
             if span is not None:
                 self._captured.append(span)
+
+    def device_events(self) -> tuple[Block, ...]:
+        """Return what happened to the devices since the last call."""
+        return tuple(self._events.popleft() for _ in range(len(self._events)))
+
+    def rate_hz(self, source: str) -> float:
+        """Return what comes of a source per second."""
+        return self._history.rate_hz(source)
+
+    @property
+    def recording(self) -> bool:
+        """Whether a shot is open."""
+        return self._state == "recording"
 
     @property
     def idle(self) -> bool:
@@ -309,6 +324,8 @@ class LiveSession:
         """Keep a block, in its reader's thread."""
         number, kind = self._numbers[block.source], KINDS.index(block.kind)
         self._journal.append(number, kind, block.host_ns, block.payload, empty_ns=block.empty_ns)
+        if block.kind == EVENT:
+            self._events.append(block)
         size = len(block.payload)
         with self._lock:
             seen = self._waiting_bytes + size <= QUEUE_BYTES

@@ -81,6 +81,8 @@ class LiveStatus:
         Recorded, and not looked at by the trigger.
     released_records : int
         Of the journal: watched, nothing happened in them, and given back.
+    alert : str
+        What nobody may overlook: a device that is lost, an output folder that is gone. Empty if nothing.
     """
 
     state: State
@@ -93,3 +95,4 @@ class LiveStatus:
     unsynced_s: float
     unseen_bytes: int
     released_records: int = 0
+    alert: str = ""

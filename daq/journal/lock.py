@@ -32,6 +32,8 @@ class JournalLock:
         self._descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o644)
         try:
             _lock(self._descriptor)
+            if os.fstat(self._descriptor).st_nlink == 0:
+                raise BlockingIOError("its last holder was just removing it")
         except OSError as error:
             os.close(self._descriptor)
             raise BlockingIOError(*error.args) from error

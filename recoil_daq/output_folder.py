@@ -1,0 +1,103 @@
+"""The folder that a live session writes to: to nobody else meanwhile, and only while it is where it was."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from pathlib import Path
+
+from daq.errors import StoreError
+from daq.journal.lock import NAME, JournalLock
+
+
+class OutputFolder:
+    """Locks the folder of shots, and tells when it is gone. A process that dies gives the lock back.
+
+    Parameters
+    ----------
+    path : Path
+        Made if it is missing.
+
+    Raises
+    ------
+    StoreError
+        If another session has it, or it cannot be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.moved_to: Path | None = None
+        journals = path / "journal"
+        try:
+            journals.mkdir(parents=True, exist_ok=True)
+            self._lock = JournalLock(journals)
+            self._watched = journals / NAME
+            self._descriptor = os.open(self._watched, os.O_RDONLY)
+        except BlockingIOError as error:
+            raise StoreError(
+                "another live session writes to this folder",
+                path=path,
+                remedy="end that one first, or give this one a folder of its own with --out",
+            ) from error
+        except OSError as error:
+            raise StoreError(f"cannot be written: {error.strerror or error}", path=path, expected="a folder") from error
+        self._is = os.fstat(self._descriptor)
+
+    def __enter__(self) -> OutputFolder:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with contextlib.suppress(OSError):
+            os.close(self._descriptor)
+        with contextlib.suppress(OSError):
+            self._lock.release()
+
+    def fault(self, journal: Path) -> StoreError | None:
+        """Return what became of the folder, or of the session's journal in it, if it is not where it was.
+
+        Parameters
+        ----------
+        journal : Path
+            That of the session.
+        """
+        try:
+            found = self._watched.stat()
+            there = (found.st_dev, found.st_ino) == (self._is.st_dev, self._is.st_ino)
+            if there and journal.is_dir():
+                return None
+        except FileNotFoundError:
+            there = False
+        except OSError as error:
+            return StoreError(
+                f"the output folder cannot be reached: {error.strerror or error}; what is recorded is in no file",
+                path=self.path,
+                remedy="mount it again, and `recoil-daq recover` it: the journal up to now may still be there",
+            )
+        if there:
+            return StoreError(
+                "the session's journal was deleted or moved away: what it held of shots without captures is NOT kept",
+                path=journal,
+                remedy="arm again; leave the folder `journal` alone while a session runs",
+            )
+        if os.fstat(self._descriptor).st_nlink == 0:
+            return StoreError(
+                "the output folder was deleted while armed: shot files, captures and the journal in it are NOT kept",
+                path=self.path,
+                remedy="arm again with a folder that stays",
+            )
+        self.moved_to = self._place_now()
+        where = "elsewhere" if self.moved_to is None else f"to {self.moved_to}"
+        recover = f"recoil-daq recover {self.moved_to or 'FOLDER'}"
+        return StoreError(
+            f"the output folder was moved {where} while armed: what was recorded until then went with it",
+            path=self.path,
+            remedy=f"`{recover}`, and arm again",
+        )
+
+    def _place_now(self) -> Path | None:
+        """Return where the folder is now, where the system tells."""
+        try:
+            place = Path(f"/proc/self/fd/{self._descriptor}").readlink().parent.parent
+        except OSError:
+            return None
+        return place if place.is_dir() else None

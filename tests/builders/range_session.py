@@ -1,0 +1,218 @@
+"""A live session without devices, whose shots, conversions, keys and signals a test decides on, step by step."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, ClassVar
+
+import pytest
+
+from daq.acquisition import AcquiredSource, Acquisition
+from daq.capture.live_session import CapturedShot
+from daq.capture.session_record import session_folder
+from daq.capture.status import LiveStatus
+from daq.devices.device import Anchor, Block, event_block
+from daq.trigger import ShotWindow
+from recoil_daq import live_range
+from recoil_daq.live_range import LiveRange
+from recoil_daq.live_shot import LiveOptions, LiveOutcome, LiveShot
+from recoil_daq.output_folder import OutputFolder
+from rigs.rig import Rig
+from tests.builders.live_status import status
+
+
+class Told:
+    """A display that keeps what it is told, and presses keys when something is told."""
+
+    def __init__(self, *, keys: Mapping[str, str] | None = None, has_keys: bool = False) -> None:
+        self.notices: list[str] = []
+        self.alerts: list[str] = []
+        self.until_s = time.monotonic() + 60.0
+        self.verdicts: list[Mapping[str, Any]] = []
+        self.has_keys = has_keys
+        self.then: dict[str, Callable[[], None]] = {}
+        self._keys = dict(keys or {})
+        self._pressed: list[str] = []
+
+    def show(self, status: LiveStatus, _shots: Sequence[LiveShot]) -> None:
+        if time.monotonic() > self.until_s:
+            raise TimeoutError(f"the session does not end: {self.notices}")
+        if not self.alerts or self.alerts[-1] != status.alert:
+            self.alerts.append(status.alert)
+
+    def notice(self, text: str) -> None:
+        self.notices.append(text)
+        for begin in [b for b in self._keys if b in text]:
+            self._pressed.append(self._keys.pop(begin))
+        for begin in [b for b in self.then if b in text]:
+            self.then.pop(begin)()
+
+    def verdict(self, document: Mapping[str, Any]) -> None:
+        self.verdicts.append(document)
+
+    def key(self) -> str:
+        return self._pressed.pop(0) if self._pressed else ""
+
+    def told(self, words: str) -> list[str]:
+        return [text for text in self.notices if words in text]
+
+
+class PlayedSession:
+    """Stands in for `LiveSession`: shots come when the test has them fired."""
+
+    def __init__(self, folder: Path) -> None:
+        self.journal_folder = folder
+        folder.mkdir(parents=True)
+        (folder / "000001.journal").write_bytes(b"journal")
+        self.record = SimpleNamespace(anchor=Anchor(1_000_000_000_000_000_000, 0, 0))
+        self.windows: list[ShotWindow] = []
+        self.open: list[tuple[ShotWindow, Callable[[], bool]]] = []
+        self.events: list[Block] = []
+        self.armed = self.stopped = False
+        self.error = None
+        self.complete: bool | None = None
+
+    def start(self) -> None: ...
+
+    def arm(self) -> None:
+        self.armed = True
+
+    def disarm(self) -> None:
+        self.armed = False
+
+    def fired(self, *triggers_s: float) -> None:
+        """Have complete windows."""
+        self.windows += [window_at(t) for t in triggers_s]
+
+    def opened(self, trigger_s: float, closes: Callable[[], bool]) -> None:
+        """Have a shot whose post time runs until something says that it is over."""
+        self.open.append((window_at(trigger_s), closes))
+
+    @property
+    def recording(self) -> bool:
+        self.windows += [window for window, closes in self.open if closes()]
+        self.open = [one for one in self.open if one[0] not in self.windows]
+        return bool(self.open)
+
+    @property
+    def idle(self) -> bool:
+        return not self.recording and not self.windows
+
+    @property
+    def status(self) -> LiveStatus:
+        return status(state="armed" if self.armed else "disarmed")
+
+    def next_window(self, _timeout_s: float) -> ShotWindow | None:
+        return self.windows.pop(0) if self.windows else None
+
+    def cut(self, name: str, window: ShotWindow, folder: Path) -> CapturedShot:
+        folder.mkdir(parents=True)
+        (folder / f"{name}_imu.rdsc").write_bytes(b"imu")
+        imu = AcquiredSource("imu", "serial", f"{name}_imu.rdsc", 1, 3, 0.1, False, 0, 0, 0, None, 0, -1.0, ())
+        acquisition = Acquisition(
+            shot=name, rig="mixed", trigger_ns=round(window.trigger_s * 1e9), trigger_utc="2026-01-01T00:00:00",
+            pre_s=0.1, post_s=1.0, pre_actual_s=0.1, duration_s=1.1, decisions=(),
+            sources=(imu,),
+        )  # fmt: skip
+        return CapturedShot(name, folder, (), acquisition)
+
+    def release(self, window: ShotWindow) -> None: ...
+
+    def device_events(self) -> tuple[Block, ...]:
+        events, self.events = tuple(self.events), []
+        return events
+
+    def happened(self, source: str, at_s: float, name: str) -> None:
+        self.events.append(event_block(source, round(at_s * 1e9), name, "/dev/ttyUSB0"))
+
+    def rate_hz(self, _source: str) -> float:
+        return 34_000.0
+
+    def stop(self) -> None:
+        self.windows += [window for window, _ in self.open]
+        self.open = []
+        self.stopped = True
+
+    def close(self, *, complete: bool) -> None:
+        self.complete = complete
+        if complete:
+            (self.journal_folder / "000001.journal").unlink()
+            self.journal_folder.rmdir()
+
+
+class PlayedConversion:
+    """Stands in for `Conversion`: ends when the test says so, and writes the shot file."""
+
+    may_end: Callable[[], bool] = staticmethod(lambda: True)
+    code = 0
+    started: ClassVar[list[tuple[str, list[str], bool]]] = []
+    ended: ClassVar[list[str]] = []
+
+    def __init__(self, _rig: Path, files: Sequence[Path], shot: str, out: Path, **options: Any) -> None:
+        self._shot, self._out = shot, out
+        type(self).started.append((shot, sorted(f.name for f in files), bool(options.get("replaces"))))
+
+    def result(self) -> tuple[int, dict[str, Any]] | None:
+        if not type(self).may_end():
+            return None
+        path = self._out / f"{self._shot}.h5"
+        path.write_bytes(b"shot")
+        return self.code, {
+            "file": str(path), "usable": self.code == 0, "reasons": [], "quality": [], "alignments": [],
+        }  # fmt: skip
+
+    def end(self) -> None:
+        type(self).ended.append(self._shot)
+
+
+class Range:
+    """A range with one played session.
+
+    Parameters
+    ----------
+    monkeypatch : pytest.MonkeyPatch
+    rig : Rig
+    out : Path
+    display : Told
+    **options
+        Of `LiveOptions`.
+    """
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, rig: Rig, out: Path, display: Told, **options: Any) -> None:
+        PlayedConversion.started, PlayedConversion.ended, PlayedConversion.code = [], [], 0
+        PlayedConversion.may_end = staticmethod(lambda: True)
+        self.out, self.display = out, display
+        self._folder = OutputFolder(out)
+        self.live = LiveRange(rig, LiveOptions(out, **options), display, self._folder, devices={})
+        self.session = PlayedSession(session_folder(out, 0))
+
+        @contextmanager
+        def opened(_sources: object) -> Any:
+            yield {}
+
+        def session(_devices: object) -> PlayedSession:
+            self.live._journal = self.session.journal_folder
+            return self.session
+
+        monkeypatch.setattr(live_range, "opened", opened)
+        monkeypatch.setattr(live_range, "Conversion", PlayedConversion)
+        monkeypatch.setattr(self.live, "_session", session)
+
+    def run(self, started: Callable[[], None] = lambda: None) -> LiveOutcome:
+        with self._folder:
+            return self.live.run(started)
+
+    @property
+    def log(self) -> dict[str, Any]:
+        (path,) = (self.out / "sessions").glob("*.json")
+        document: dict[str, Any] = json.loads(path.read_text())
+        return document
+
+
+def window_at(trigger_s: float) -> ShotWindow:
+    return ShotWindow(trigger_s - 0.1, trigger_s, trigger_s + 1.0, 0.1, {}, ())
