@@ -46,7 +46,7 @@ class Trigger:
     pre_s, post_s : float
         Time that is kept before the trigger and after it, seconds.
     holdoff_s : float
-        Time after the last trigger in which no other counts.
+        Time after the last trigger in which no other counts; after a manual one only no other manual one.
     extend : bool
         Post time extension: a further trigger within the post time lets it start anew.
     manual : bool
@@ -120,8 +120,8 @@ class TriggerDetector:
         self._pending: list[Event] = []
         self._met = [False] * len(self._states)
         self._armed = False
-        self._last_s = -math.inf
-        self._stop_s = -math.inf
+        self._last_s = self._last_met_s = -math.inf
+        self._stop_s = self._stop_met_s = -math.inf
 
     @property
     def armed(self) -> bool:
@@ -267,19 +267,25 @@ class TriggerDetector:
         reason: str,
     ) -> Decision:
         outcome: Outcome = "suppressed"
+        # whoever triggers by hand does not know what comes: a condition that is met then gets a shot of its own
+        by_hand = condition == MANUAL
+        last_s, stop_s = (self._last_s, self._stop_s) if by_hand else (self._last_met_s, self._stop_met_s)
         if reason:
             pass
         elif not self._armed:
             reason = NOT_ARMED
-        elif time_s < self._last_s:
+        elif time_s < last_s:
             reason = TOO_LATE
-        elif time_s < self._last_s + self.trigger.holdoff_s:
+        elif time_s < last_s + self.trigger.holdoff_s:
             reason = HOLDOFF
-        elif time_s < self._stop_s and not self.trigger.extend:
+        elif time_s < stop_s and not self.trigger.extend:
             reason = WITHIN_POST
         else:
-            outcome = "extension" if time_s < self._stop_s else "trigger"
-            self._last_s, self._stop_s = time_s, time_s + self.trigger.post_s
+            outcome = "extension" if time_s < stop_s else "trigger"
+            until_s = time_s + self.trigger.post_s
+            self._last_s, self._stop_s = max(self._last_s, time_s), max(self._stop_s, until_s)
+            if not by_hand:
+                self._last_met_s, self._stop_met_s = time_s, until_s
         return Decision(time_s, outcome, reason, channel, condition, index, value, crossing_s)
 
 

@@ -223,6 +223,34 @@ def test_a_manual_trigger_follows_the_same_rules():
     assert detector.post_until_s == 6.0
 
 
+@pytest.mark.parametrize("extend", [False, True])
+def test_a_manual_trigger_does_not_swallow_a_crossing_that_follows_it(extend):
+    trigger = Trigger((Edge("a", 5.0),), pre_s=0.5, post_s=2.0, holdoff_s=5.0, extend=extend)
+    detector, cutter = TriggerDetector(trigger, ["a"]), ShotCutter(trigger, ["s"])
+    detector.arm(-math.inf)
+    decisions = [*detector.fire_manually(1.0), *detector.feed("a", [0.0, 1.9, 2.5, 3.5], [0, 9, 0, 9])]
+    assert [(d.time_s, d.outcome) for d in decisions[:2]] == [(1.0, "trigger"), (1.9, "trigger")]
+    assert (decisions[2].time_s, decisions[2].reason) == (3.5, HOLDOFF)
+    cutter.note(decisions)
+    cutter.advance("s", 0.0, 10.0)
+    assert [(w.start_s, w.stop_s) for w in cutter.ready(10.0)] == [(0.5, 3.0), (pytest.approx(1.4), 3.9)]
+
+
+def test_a_manual_trigger_does_not_swallow_a_crossing_that_was_on_its_way():
+    detector = TriggerDetector(Trigger((Edge("a", 5.0),), holdoff_s=5.0), ["a"])
+    detector.arm(-math.inf)
+    detector.feed("a", [0.0], [0.0])
+    assert fired(detector.fire_manually(1.0)) == [1.0]
+    assert fired(detector.feed("a", [0.9], [9.0])) == [0.9]
+
+
+def test_a_manual_trigger_right_after_a_shot_is_held_off_by_it():
+    detector = TriggerDetector(Trigger((Edge("a", 5.0),), holdoff_s=5.0), ["a"])
+    detector.arm(-math.inf)
+    assert fired(detector.feed("a", [0.0, 1.0], [0, 9])) == [1.0]
+    assert suppressed(detector.fire_manually(2.0)) == [(2.0, HOLDOFF)]
+
+
 def test_a_manual_trigger_that_is_switched_off_is_stored():
     detector = TriggerDetector(Trigger((Edge("a", 5.0),), manual=False), ["a"])
     detector.arm(0.0)
