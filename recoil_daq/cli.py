@@ -138,6 +138,7 @@ def ingest(
             show_default="the rig's trigger finds it in a long file",
         ),
     ] = None,
+    replaces: Annotated[str, typer.Option(hidden=True)] = "",
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
@@ -163,7 +164,7 @@ def ingest(
         with session.steps("ingest") as progress:
             done = ingest_files(
                 load_rig(rig), files, shot=shot, out=out, overwrite=overwrite,
-                accept_incomplete=accept_incomplete, at_s=at, progress=progress,
+                accept_incomplete=accept_incomplete, at_s=at, replaces=replaces, progress=progress,
             )  # fmt: skip
         document = verdict_document(done)
         session.finish(document, lambda: print_verdict(document), OK if done.shot.usable else NOT_VALID)

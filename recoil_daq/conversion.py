@@ -23,13 +23,16 @@ class Conversion:
     files : sequence of Path
     shot : str
     out : Path
+    replaces : str
+        Why a shot file that is there is made anew; empty if none may be.
     """
 
-    def __init__(self, rig: Path, files: Sequence[Path], shot: str, out: Path) -> None:
+    def __init__(self, rig: Path, files: Sequence[Path], shot: str, out: Path, *, replaces: str = "") -> None:
         self._shot, self._folder = shot, out
         command = [
             sys.executable, "-m", "recoil_daq.cli", "ingest", str(rig), *map(str, files),
             "--shot", shot, "--out", str(out), "--json",
+            *(["--replaces", replaces] if replaces else []),
         ]  # fmt: skip
         # a group of its own: Ctrl-C ends the acquisition in order, and lets the last shot be converted
         apart: dict[str, Any] = {"creationflags": 0x00000200 | 0x00004000} if os.name == "nt" else {"process_group": 0}

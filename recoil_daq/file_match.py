@@ -1,9 +1,11 @@
-"""Which shot a dropped file belongs to: by its source, its time and its name. What fits two shots is given to none."""
+"""Which shot a dropped file belongs to: what speaks for one must not speak for another. What fits two is a question."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
 from daq.errors import ReadError
 from recoil_daq.folder_watch import DroppedFile
@@ -11,6 +13,42 @@ from recoil_daq.ingest import reader_of
 from recoil_daq.live_shot import LiveShot
 from rigs.assemble import match_files
 from rigs.rig import Rig
+
+CLOCKS_APART_S = 2.0
+"""A file's time of writing may be off by this against the host's clock: a memory card's is in steps of two seconds."""
+
+LATE_S = 600.0
+"""A file may be that of an earlier shot, which waits no longer, for so long after that shot."""
+
+_DATE = r"(?:19|20)\d\d[-_.]?[01]\d[-_.]?[0-3]\d|[0-3]?\d[-_.][01]?\d[-_.](?:19|20)\d\d"
+_CLOCK = r"\d\d[-_:.h]\d\d[-_:.m]\d\d|\d\d?[-:.h]\d\d"
+_NO_NUMBERS = tuple(
+    re.compile(rf"(?<!\d)(?:{text})(?!\d)", re.IGNORECASE)
+    for text in (
+        rf"(?:{_DATE})(?:[T_ -](?:{_CLOCK})|[T-]\d{{4}})?",  # a date, perhaps with a time
+        rf"{_CLOCK}|\d\d?[-.]\d\d?[-.]\d\d",  # a time, or a short date
+        r"\d+(?:\.\d+)+|(?<![^\W_])(?:v|ver|version|rev)[_\s-]?\d+",  # a version
+    )
+)
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What speaks for a file's shot.
+
+    Attributes
+    ----------
+    shots : tuple of LiveShot
+        Those that it may belong to; none, one, or several, of which nothing tells the right one.
+    by_number : bool
+        Whether the number in its name says so.
+    why_none : str
+        What speaks against all shots, where none is left.
+    """
+
+    shots: tuple[LiveShot, ...]
+    by_number: bool = False
+    why_none: str = ""
 
 
 def source_of(rig: Rig, file: DroppedFile) -> str:
@@ -25,46 +63,83 @@ def source_of(rig: Rig, file: DroppedFile) -> str:
     return next(iter(match_files(rig, [(file.path, reader.kind)])))
 
 
-def shot_of(file: DroppedFile, source: str, shots: Sequence[LiveShot]) -> LiveShot | None:
-    """Return the shot that a file of a source belongs to.
+def numbers_of(path: Path, pattern: re.Pattern[str] | None = None) -> frozenset[int]:
+    """Return the numbers in a file's name that may be a shot's.
 
-    A file belongs to a shot that waits for its source, and that was fired before the file was first seen. Of several,
-    the one whose number stands in the file's name.
+    Parameters
+    ----------
+    path : Path
+    pattern : re.Pattern, optional
+        Of the whole name, which says where the number stands. Without it a number counts that stands alone between
+        ``_``, ``-`` and spaces; none of a date, a time or a version does.
+    """
+    if pattern is not None:
+        place = pattern.fullmatch(path.name)
+        return frozenset() if place is None else frozenset({int(place.group("shot"))})
+    stem = path.stem
+    for text in _NO_NUMBERS:
+        stem = text.sub("~", stem)
+    tokens = re.split(r"[_\s-]+", stem)
+    return frozenset(int(token) for token in tokens if token.isdecimal() and token.isascii() and len(token) <= 5)
+
+
+def shots_of(
+    file: DroppedFile, source: str, shots: Sequence[LiveShot], pattern: re.Pattern[str] | None = None
+) -> Evidence:
+    """Say which shot a file of a source belongs to.
+
+    Its number says so, where it bears one. Without, it is of a shot that was fired before the file was first seen and
+    last written, and that has no such file; a shot that waited in vain is among them for `LATE_S`, until a later one
+    has its file: what comes now may be its, late.
 
     Parameters
     ----------
     file : DroppedFile
     source : str
     shots : sequence of LiveShot
-
-    Returns
-    -------
-    LiveShot or None
-        None if no shot was fired that could have it.
+    pattern : re.Pattern, optional
+        As for `numbers_of`.
 
     Raises
     ------
     ReadError
-        If it fits several shots, or its name is that of a shot which has such a file already.
+        If its number is that of a shot which has such a file already, or waits no longer.
     """
     fired = [s for s in shots if source in s.wanted and s.window is not None and s.window.trigger_s <= file.seen_s]
     waiting = [s for s in fired if source in s.missing and not s.settled]
-    numbers = {int(run) for run in re.findall(r"\d+", file.path.stem) if len(run) < 10}
-    named = [s for s in fired if s.name.isdigit() and int(s.name) in numbers]
+    numbers = numbers_of(file.path, pattern)
+    named = [s for s in fired if s.name.isdecimal() and int(s.name) in numbers]
     if len(named) == 1:
         if named[0] in waiting:
-            return named[0]
+            return Evidence((named[0],), by_number=True)
         raise ReadError(
             f"by its name it belongs to shot {named[0].name}, which has a file of {source} or waits no longer",
             path=file.path,
             remedy="ingest that shot again with it, by hand",
         )
-    if not waiting:
-        return None
-    if len(waiting) > 1:
-        raise ReadError(
-            f"a file of {source} for several shots: {', '.join(s.name for s in waiting)}",
-            path=file.path,
-            remedy="write the shot's number into its name, or ingest by hand",
-        )
-    return waiting[0]
+    if numbers and not named:
+        words = " and ".join(str(number) for number in sorted(numbers))
+        return Evidence((), why_none=f"the number {words} in its name is of no shot that was fired")
+    with_file = [s.window.trigger_s for s in fired if source in s.files and s.window is not None]
+    last_s = max(with_file, default=float("-inf"))
+    possible = [
+        s
+        for s in fired
+        if source in s.missing
+        and s.window is not None
+        and (not s.settled or (last_s < s.window.trigger_s and file.seen_s - s.window.trigger_s < LATE_S))
+    ]
+    written = [s for s in possible if _written_after(file, s)]
+    if possible and not written:
+        return Evidence((), why_none=f"it was last written before shot {possible[0].name} was fired")
+    if not any(not s.settled for s in written):
+        return Evidence((), why_none=f"no shot waits for a file of {source}")
+    # named for several, or for none: whichever of them it is, nothing tells
+    return Evidence(tuple(s for s in written if not named or s in named))
+
+
+def _written_after(file: DroppedFile, shot: LiveShot) -> bool:
+    """Tell whether a file's time of writing allows it to be of a shot; unknown times allow everything."""
+    if file.written_s is None or shot.fired_wall_s is None:
+        return True
+    return file.written_s >= shot.fired_wall_s - CLOCKS_APART_S

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,10 +26,13 @@ class DroppedFile:
     path : Path
     seen_s : float
         The host's monotonic clock when it was first seen.
+    written_s : float or None
+        Wall-clock time of its last change, seconds since 1970 UTC, as the file system has it.
     """
 
     path: Path
     seen_s: float
+    written_s: float | None = None
 
 
 @dataclass
@@ -48,7 +52,8 @@ class FolderWatch:
     ----------
     folder : Path
         Made if it is missing.
-    settle_s : float
+    settle_s : callable
+        From a file's name to how long it must have stayed the same, seconds; `SETTLE_S` for each if left out.
 
     Raises
     ------
@@ -56,7 +61,7 @@ class FolderWatch:
         If it is no folder, or cannot be made or read.
     """
 
-    def __init__(self, folder: Path, *, settle_s: float = SETTLE_S) -> None:
+    def __init__(self, folder: Path, *, settle_s: Callable[[str], float] = lambda _: SETTLE_S) -> None:
         self.folder = folder
         self._settle_s = settle_s
         try:
@@ -70,9 +75,9 @@ class FolderWatch:
         self._looked_s = -math.inf
 
     @property
-    def growing(self) -> bool:
-        """Whether there were files at the last look that had not stopped growing."""
-        return bool(self._growing)
+    def growing(self) -> frozenset[str]:
+        """Names of the files that had not stopped growing at the last look."""
+        return frozenset(self._growing)
 
     def poll(self, now_s: float | None = None, *, at_once: bool = False) -> tuple[DroppedFile, ...]:
         """Return the files that are complete since the last look; a call soon after it does not look again.
@@ -105,10 +110,10 @@ class FolderWatch:
             if growing is None or (growing.size, growing.changed_ns) != (stat.st_size, stat.st_mtime_ns):
                 seen_s = now_s if growing is None else growing.seen_s
                 self._growing[path.name] = _Growing(seen_s, stat.st_size, stat.st_mtime_ns, now_s)
-            elif now_s - growing.steady_since_s >= self._settle_s:
+            elif now_s - growing.steady_since_s >= self._settle_s(path.name):
                 self._known[path.name] = stat.st_mtime_ns
                 del self._growing[path.name]
-                complete.append(DroppedFile(path, growing.seen_s))
+                complete.append(DroppedFile(path, growing.seen_s, stat.st_mtime_ns / 1e9))
         return tuple(complete)
 
     def _listed(self) -> list[Path]:

@@ -60,6 +60,7 @@ def ingest_files(
     accept_incomplete: bool = False,
     at_s: float | None = None,
     on: dt.date | None = None,
+    replaces: str = "",
     progress: Progress = lambda _: None,
 ) -> Ingested:
     """Turn one shot's recorded files into a verified shot file.
@@ -83,6 +84,9 @@ def ingest_files(
         trigger finds it if left out, in a file that is too long to be held whole.
     on : date, optional
         Day of the shot, for calibrations' due dates; today if left out.
+    replaces : str
+        Why the shot file that is there is made anew, which its history keeps; empty if none is. It is replaced in one
+        step, when the new one is verified.
     progress : callable
         Told the name of each step.
 
@@ -116,6 +120,7 @@ def ingest_files(
     name = own_name if shot is None else shot
     _check_name(name)
     target = Path(out) / f"{name}.h5"
+    overwrite = overwrite or bool(replaces)
     if target.exists() and not overwrite:
         raise StoreError("the shot file exists already", path=target, remedy="give another --shot, or --overwrite")
     progress("read")
@@ -150,6 +155,7 @@ def ingest_files(
         started_source=started_source,
         databases=rig.databases,
         acquisition=acquisition,
+        history=_replacing(target, replaces),
         clock_fits={s: fit for s, r in recordings.items() if (fit := r.metadata.get("clock_fit")) is not None},
     )
     progress("align")
@@ -167,6 +173,13 @@ def _check_name(name: str) -> None:
     """Refuse a name that no shot can bear, before any work is done for it."""
     if fault := shot_name_fault(name):
         raise StoreError(f"the shot's name {name!r} {fault}", remedy="choose another with --shot")
+
+
+def _replacing(target: Path, why: str) -> tuple[Step, ...]:
+    """Return the line of history that says which shot file is made anew, and why; nothing if none is."""
+    if not why or not target.exists():
+        return ()
+    return (Step("replace shot file", __version__, {"why": why, "sha256_before": _sha256(target)}),)
 
 
 def _acquisition_among(paths: Sequence[Path]) -> Path | None:

@@ -19,13 +19,14 @@ from daq.devices.device import Device, anchor, event_of
 from daq.errors import Fault, ReadError, RecoilDaqError, RigError
 from daq.trigger import Decision, ShotWindow, Trigger
 from recoil_daq.conversion import Conversion
-from recoil_daq.file_match import shot_of, source_of
-from recoil_daq.folder_watch import DroppedFile, FolderWatch
+from recoil_daq.file_match import shots_of, source_of
+from recoil_daq.folder_watch import SETTLE_S, DroppedFile, FolderWatch
 from recoil_daq.interruption import Interruption
 from recoil_daq.live_shot import Display, LiveOptions, LiveOutcome, LiveShot
 from recoil_daq.output_folder import OutputFolder
 from rigs.live_sources import live_sources
 from rigs.rig import Rig
+from rigs.rig_tables import SHOT_PLACE
 
 RESERVE_S = 60.0
 """Space is reserved for so much recording beside a shot."""
@@ -62,6 +63,28 @@ class _Loss:
 
     at_s: float
     rate_hz: float
+
+
+@dataclass(eq=False)
+class _Unmatched:
+    """A file that is of no shot yet, and the shots among which somebody was asked to choose."""
+
+    file: DroppedFile
+    source: str
+    asked: tuple[LiveShot, ...] = ()
+
+
+def _doubtful(shot: LiveShot, document: Mapping[str, Any]) -> str:
+    """Name the files that were matched by time alone where the motion of the shot does not fit; empty if none does."""
+    failed = [q["check"] for q in document["quality"] if q["verdict"] == "fail" and q["check"] in _OF_THE_MOTION]
+    if not failed or not shot.by_time:
+        return ""
+    names = ", ".join(shot.files[source].name for source in sorted(shot.by_time))
+    return f"{names} was matched by time alone, and the motion does not fit ({failed[0]})"
+
+
+_OF_THE_MOTION = ("alignment", "carriage", "force", "force sign", "velocity", "second sensor", "skew")
+"""Checks that fail where a file is of another shot."""
 
 
 class LiveRange:
@@ -102,14 +125,15 @@ class LiveRange:
         self._over = over
         self._trigger = trigger_of(rig)
         self._sources = live_sources(rig, devices)
-        self._watch = None if options.watch is None else FolderWatch(options.watch)
         self._kinds = {source.name: source.kind for source in self._sources}
         live = set(self._kinds)
         self._elsewhere = {s.name for s in rig.sources if s.name not in live and rig.channels_of(s.name)}
+        self._watch = None if options.watch is None else FolderWatch(options.watch, settle_s=self._settle_s)
         self._next = options.first or 1
         self._outcome = LiveOutcome(rig.name)
         self._cutting: dict[str, Future[CapturedShot]] = {}
-        self._unmatched: list[tuple[DroppedFile, str]] = []
+        self._unmatched: list[_Unmatched] = []
+        self._taken: dict[Path, LiveShot] = {}
         self._conversion: tuple[LiveShot, Conversion] | None = None
         self._interruption = Interruption()
         self._asking = self._left = False
@@ -239,7 +263,7 @@ class LiveRange:
         while not self._gone and (window := session.next_window(0.0)) is not None:
             self._begin(session, window)
         if not self._gone:
-            self._take_files(at_once=True)
+            self._take_files(session, at_once=True)
         while any(self._to_come(shot) for shot in self._shots) and not self._given_up():
             if self._failed(session) and self._gone:
                 break
@@ -254,9 +278,9 @@ class LiveRange:
 
     def _to_come(self, shot: LiveShot) -> bool:
         """Tell whether a shot is still on its way to its shot file while the session ends."""
-        if shot.state != "waiting" or not shot.missing:
-            return not shot.settled
-        growing = self._watch is not None and self._watch.growing
+        if not shot.growing and (shot.state not in ("waiting", "not whole") or not shot.missing):
+            return not shot.settled and (shot.state != "not whole" or bool(shot.redo))
+        growing = self._watch is not None and bool(self._watch.growing)
         return growing and time.monotonic() - self._ending_s < self._options.files_within_s
 
     def _given_up(self) -> bool:
@@ -269,7 +293,9 @@ class LiveRange:
             self._asking = True
             names = ", ".join(shot.name for shot in self._shots if not shot.settled) or "the one that is recorded"
             self._display.notice(f"give up the shots that are not complete ({names})? y: give up; n: complete them")
-        elif self._asking and key == "n":
+        elif not self._asking:
+            self._answered(key)
+        elif key == "n":
             self._asking = False
             self._interruption.complete_after_all()
             self._display.notice("completing them")
@@ -313,6 +339,8 @@ class LiveRange:
             self._display.notice("disarmed: nothing will trigger")
         elif key == "t":
             session.fire()
+        else:
+            self._answered(key)
         return key == "q"
 
     def _tell_events(self, session: LiveSession) -> None:
@@ -342,14 +370,15 @@ class LiveRange:
         if window is not None:
             self._begin(session, window)
         self._take_cuts()
-        self._take_files()
+        self._take_files(session)
         self._convert_next()
         self._take_conversion(session)
 
     def _begin(self, session: LiveSession, window: ShotWindow) -> None:
         """Name a shot and cut it out of the journal."""
         name = self._free_name()
-        self._shots.append(LiveShot(name, window, wanted=set(self._elsewhere)))
+        fired_wall_s = session.record.anchor.wall_of(round(window.trigger_s * 1e9)) / 1e9
+        self._shots.append(LiveShot(name, window, wanted=set(self._elsewhere), fired_wall_s=fired_wall_s))
         self._cutting[name] = self._pool.submit(session.cut, name, window, self._options.out / "captures" / name)
 
     def _free_name(self) -> str:
@@ -384,47 +413,129 @@ class LiveRange:
             text += f"; waiting for files of {', '.join(shot.missing)}"
         self._display.notice(text)
 
-    def _take_files(self, *, at_once: bool = False) -> None:
+    def _take_files(self, session: LiveSession, *, at_once: bool = False) -> None:
         if self._watch is None:
             return
         for file in self._watch.poll(at_once=at_once):
+            if file.path in self._taken:
+                self._settled_again(self._taken[file.path], file.path)
+                continue
             try:
-                self._unmatched.append((file, source_of(self._rig, file)))
+                self._unmatched.append(_Unmatched(file, source_of(self._rig, file)))
             except RecoilDaqError as error:
                 self._display.notice(f"left alone: {error}")
-        for file, source in tuple(self._unmatched):
-            try:
-                shot = shot_of(file, source, self._shots)
-            except ReadError as error:
-                self._display.notice(f"left alone: {error}")
-                self._unmatched.remove((file, source))
-                continue
-            if shot is not None:
-                shot.files[source] = file.path
-                self._unmatched.remove((file, source))
-                self._display.notice(f"{file.path.name} is of shot {shot.name}, source {source}")
-            elif time.monotonic() - file.seen_s > self._trigger.post_s + _UNMATCHED_S:
-                self._display.notice(f"left alone: {file.path}: no shot waits for a file of {source}")
-                self._unmatched.remove((file, source))
+        for path, shot in self._taken.items():
+            if path.name in self._watch.growing:
+                self._grows(shot, path)
+        if session.recording:
+            return  # what has come may be of the shot that is being recorded
+        for one in tuple(self._unmatched):
+            self._match(one)
+
+    def _match(self, one: _Unmatched) -> None:
+        """Give a file to the one shot that it belongs to; ask where several are possible."""
+        file, source = one.file, one.source
+        declared = self._rig.source(source)
+        pattern = declared.pattern if SHOT_PLACE in (declared.match or "") else None
+        try:
+            found = shots_of(file, source, self._shots, pattern)
+        except ReadError as error:
+            self._display.notice(f"left alone: {error}")
+            self._unmatched.remove(one)
+            return
+        if not file.path.exists():
+            self._unmatched.remove(one)  # seen again under its new name
+        elif len(found.shots) == 1:
+            self._assign(one, found.shots[0], by_number=found.by_number)
+        elif found.shots and found.shots != one.asked:
+            one.asked = found.shots
+            self._ask(one)
+        elif not found.shots and time.monotonic() - file.seen_s > self._trigger.post_s + _UNMATCHED_S:
+            remedy = "write the shot's number into its name, or ingest by hand"
+            self._display.notice(f"left alone: {file.path}: {found.why_none}; {remedy}")
+            self._unmatched.remove(one)
+
+    def _assign(self, one: _Unmatched, shot: LiveShot, *, by_number: bool = False) -> None:
+        path = one.file.path
+        if shot.settled:
+            command = f"recoil-daq ingest {self._rig.path} {shot.captured}/* {path} --out {self._options.out}"
+            self._display.notice(f"shot {shot.name} waits no longer: `{command}` with its other files")
+            self._unmatched.remove(one)
+            return
+        shot.files[one.source] = path
+        self._taken[path] = shot
+        self._unmatched.remove(one)
+        if not by_number:
+            shot.by_time.add(one.source)
+        how = "" if by_number else ", by time alone"
+        self._display.notice(f"{path.name} is of shot {shot.name}, source {one.source}{how}")
+
+    def _ask(self, one: _Unmatched) -> None:
+        """Ask whose file it is; it stays where it is until somebody says so."""
+        path, names = one.file.path, [shot.name for shot in one.asked]
+        keys = " or ".join(str(i + 1) for i in range(len(names[:9])))
+        press = f"press {keys}, " if self._display.has_keys else ""
+        command = f"recoil-daq ingest {self._rig.path} {one.asked[0].captured}/* {path} --out {self._options.out}"
+        self._display.notice(
+            f"whose is {path.name}? A file of {one.source} for shot {' or '.join(names)}: {press}"
+            f"rename it to {path.stem}_{names[-1]}{path.suffix} or so, or ingest by hand, such as `{command}`"
+        )
+
+    def _answered(self, key: str) -> None:
+        """Take the answer to the question whose a file is."""
+        for one in self._unmatched if key.isdecimal() else ():
+            if 1 <= int(key) <= len(one.asked):
+                self._assign(one, one.asked[int(key) - 1], by_number=True)
+                return
+
+    def _grows(self, shot: LiveShot, path: Path) -> None:
+        """Note that a file grows that was taken for complete."""
+        if path.name in shot.growing:
+            return
+        shot.growing.add(path.name)
+        text = "it is converted when the file has settled"
+        if shot.document is not None:
+            shot.state, shot.problem = "not whole", f"{path.name} grew after it was taken"
+            text = "its shot file is made anew when the file has settled"
+        self._display.notice(f"shot {shot.name} is NOT WHOLE: {path.name} grew after it was taken; {text}")
+
+    def _settled_again(self, shot: LiveShot, path: Path) -> None:
+        self._grows(shot, path)
+        shot.growing.discard(path.name)
+        shot.redo = f"{path.name} grew after it was taken"
+
+    def _settle_s(self, name: str) -> float:
+        """Return how long a file must have stayed the same: as its source says, or the longest of all."""
+        sources = self._rig.matching(name) or [s for s in self._rig.sources if s.name in self._elsewhere]
+        return max((source.settle_s for source in sources), default=SETTLE_S)
 
     def _convert_next(self) -> None:
         """Convert the first shot that has its files, or has waited for them long enough."""
         if self._conversion is not None:
             return
         for shot in self._shots:
-            if shot.state != "waiting":
+            if shot.state == "waiting" and shot.growing and shot.problem and self._waited_out(shot):
+                self._fail(shot, shot.problem)
+            if shot.growing or shot.state not in ("waiting", "not whole", "failed"):
                 continue
-            waited = self._watch is None or time.monotonic() - shot.complete_s > self._options.files_within_s
-            if shot.missing and not waited:
+            if shot.state != "waiting" and not shot.redo:
+                continue
+            if shot.missing and not self._waited_out(shot):
                 continue
             if self._rig.reference_clock not in shot.files:
                 self._give_up(shot)
                 continue
             record = () if shot.captured is None else (shot.captured / f"{shot.name}_acquisition.json",)
             files = [*shot.files.values(), *record]
-            shot.state = "converting"
-            self._conversion = shot, Conversion(self._rig.path, files, shot.name, self._options.out)
+            replaces = "" if shot.document is None else shot.redo
+            shot.state, shot.redo, shot.problem = "converting", "", ""
+            conversion = Conversion(self._rig.path, files, shot.name, self._options.out, replaces=replaces)
+            self._conversion = shot, conversion
             return
+
+    def _waited_out(self, shot: LiveShot) -> bool:
+        """Tell whether a shot has waited for files for as long as it should."""
+        return self._watch is None or time.monotonic() - shot.complete_s > self._options.files_within_s
 
     def _take_conversion(self, session: LiveSession) -> None:
         if self._conversion is None:
@@ -436,17 +547,42 @@ class LiveRange:
         self._conversion = None
         code, document = result
         if code not in (0, 1) or "file" not in document:
-            self._fail(shot, str(document.get("message", f"the conversion ended with code {code}")))
+            self._not_converted(shot, code, document)
             return
         shot.document = document
         shot.state = "usable" if document["usable"] else "not usable"
+        if shot.growing or shot.redo:
+            shot.state, shot.problem = "not whole", shot.redo or f"{min(shot.growing)} grew after it was taken"
+        elif doubtful := _doubtful(shot, document):
+            shot.problem = f"perhaps the file of another shot: {doubtful}"
+            self._display.notice(f"shot {shot.name}: {shot.problem}")
         if shot.window is not None:
             session.release(shot.window)
         self._display.verdict(document)
 
+    def _not_converted(self, shot: LiveShot, code: int, document: Mapping[str, Any]) -> None:
+        problem = str(document.get("message", f"the conversion ended with code {code}"))
+        cut = [p for p, s in self._taken.items() if s is shot and str(p) == document.get("path")]
+        if shot.document is not None:
+            shot.state, shot.problem = "not whole", f"its shot file is the one from before: {problem}"
+            self._display.notice(f"shot {shot.name} stays NOT WHOLE: {problem}")
+        elif cut and "cut off" in problem and not shot.redo:
+            shot.state, shot.problem = "waiting", problem
+            shot.growing.add(cut[0].name)
+            self._display.notice(f"shot {shot.name} waits for the rest of {cut[0].name}: {problem}")
+        else:
+            self._fail(shot, problem)
+
     def _give_up(self, shot: LiveShot) -> None:
+        if shot.document is not None:
+            shot.state = "not whole"
+            self._display.notice(f"shot {shot.name} stays NOT WHOLE: {shot.problem}")
+            return
         shot.state = "incomplete"
-        shot.problem = f"no file of {', '.join(shot.missing)}" if shot.missing else "given up before it was converted"
+        if shot.missing:
+            shot.problem = f"no file of {', '.join(shot.missing)}"
+        elif not shot.growing:
+            shot.problem = "given up before it was converted"
         text = f"shot {shot.name}: {shot.problem}; {self._kept(shot)}"
         if shot.captured is not None and shot.captured.is_dir():
             dropped = [str(path) for path in shot.files.values() if path.parent != shot.captured]

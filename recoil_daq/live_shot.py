@@ -15,8 +15,9 @@ from daq.trigger import Decision, ShotWindow
 FILES_WITHIN_S = 120.0
 """Files of other instruments are waited for so long after a shot, before it is converted without them."""
 
-ShotState = Literal["cutting", "waiting", "converting", "usable", "not usable", "failed", "incomplete"]
-"""``waiting`` for other instruments' files; ``incomplete``: they never came; ``failed``: no shot file was made."""
+ShotState = Literal["cutting", "waiting", "converting", "usable", "not usable", "not whole", "failed", "incomplete"]
+"""``waiting`` for other instruments' files; ``incomplete``: they never came; ``failed``: no shot file was made;
+``not whole``: a file grew after it was taken, and the shot file was made without the rest."""
 
 
 @dataclass(eq=False)
@@ -42,6 +43,14 @@ class LiveShot:
         What ``ingest --json`` prints of it.
     problem : str
         Why it failed or is incomplete, in one line.
+    fired_wall_s : float or None
+        Wall-clock time of its trigger, seconds since 1970 UTC.
+    by_time : set of str
+        Sources whose files were matched by time alone.
+    growing : set of str
+        Names of its files that have not settled since they grew, or are cut off so far.
+    redo : str
+        Why it is to be converted anew; empty if it is not.
     """
 
     name: str
@@ -54,6 +63,10 @@ class LiveShot:
     complete_s: float = 0.0
     document: Mapping[str, Any] | None = None
     problem: str = ""
+    fired_wall_s: float | None = None
+    by_time: set[str] = field(default_factory=set)
+    growing: set[str] = field(default_factory=set)
+    redo: str = ""
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -63,7 +76,7 @@ class LiveShot:
     @property
     def settled(self) -> bool:
         """Whether nothing more will happen to it."""
-        return self.state in ("usable", "not usable", "failed", "incomplete")
+        return self.state in ("usable", "not usable", "failed", "incomplete") and not self.redo
 
     def to_json(self) -> dict[str, Any]:
         """Return it in JSON types."""

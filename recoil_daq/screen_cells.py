@@ -20,7 +20,13 @@ OLD_S = 1.0
 
 LITTLE_DISK_S, LITTLE_DISK_BYTES = 600.0, 1e9
 METER_CELLS, METER_CELLS_AT_LEAST = 20, 8
-SHOT_STYLES = {"usable": "green", "not usable": "bold red", "failed": "bold red", "incomplete": "yellow"}
+SHOT_STYLES = {
+    "usable": "green",
+    "not usable": "bold red",
+    "not whole": "bold red",
+    "failed": "bold red",
+    "incomplete": "yellow",
+}
 
 
 def meter(channel: ChannelStatus, cells: int = METER_CELLS) -> str:

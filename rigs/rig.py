@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import codecs
 import datetime as dt
-import fnmatch
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -159,8 +158,7 @@ class Rig:
 
     def matching(self, file_name: str) -> tuple[Source, ...]:
         """Return the sources whose ``match`` pattern fits a file name, without regard to case."""
-        folded = file_name.casefold()
-        return tuple(s for s in self.sources if s.match and fnmatch.fnmatchcase(folded, s.match.casefold()))
+        return tuple(s for s in self.sources if s.pattern is not None and s.pattern.fullmatch(file_name))
 
     @property
     def warnings(self) -> tuple[Fault, ...]:

@@ -7,6 +7,8 @@ a rig file in which ``u_rel = true`` means 100 % would be worse than one that is
 from __future__ import annotations
 
 import datetime as dt
+import fnmatch
+import re
 from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
@@ -149,12 +151,21 @@ LIVE_KINDS = ("can", "serial")
 """Kinds of source that can be read live."""
 
 
+SHOT_PLACE = "{shot}"
+"""In a source's ``match`` the place of the shot's number in the names of its files."""
+
+
 class Source(Table):
-    """One recorder, bus, port or camera; its name is also the name of its clock."""
+    """One recorder, bus, port or camera; its name is also the name of its clock.
+
+    ``match`` is a glob of its files' names; `SHOT_PLACE` in it is where the shot's number stands. A file that is
+    dropped into the watched folder is complete when it has not changed for ``settle_s``.
+    """
 
     name: Text
     kind: SourceKind
     match: str | None = None
+    settle_s: NotNegative = 1.0
     database: str | None = None
     counters: Annotated[tuple[Text, ...], Field(strict=False)] | None = None
     framing: dict[str, Any] | None = None
@@ -183,6 +194,8 @@ class Source(Table):
             faults.append(f"a {self.kind} source has no exposures to be aligned by")
         if self.device is not None and self.kind not in LIVE_KINDS:
             faults.append(f"a {self.kind} source has no `device`: its files are handed over after the shot")
+        if self.match is not None and self.match.count(SHOT_PLACE) > 1:
+            faults.append(f"`match` has `{SHOT_PLACE}` more than once, which is the one place of the shot's number")
         if self.kind == "can" and self.database is None:
             faults.append('a can source needs `database = "<file>.dbc"`')
         if self.kind == "serial" and self.framing is None:
@@ -190,6 +203,15 @@ class Source(Table):
         if faults:
             raise ValueError("; ".join(faults))
         return self
+
+    @property
+    def pattern(self) -> re.Pattern[str] | None:
+        """What `match` takes names for its own, without regard to case; the shot's number is its group ``shot``."""
+        if self.match is None:
+            return None
+        place = "\ue000"  # a letter that globs and regular expressions leave alone
+        text = fnmatch.translate(self.match.replace(SHOT_PLACE, place))
+        return re.compile(text.replace(place, r"(?P<shot>[0-9]{1,9})"), re.IGNORECASE)
 
 
 class Sensor(Table):

@@ -134,6 +134,7 @@ class LiveSession:
         self._queue: queue.SimpleQueue[Block | Callable[[], None]] = queue.SimpleQueue()
         self._waiting_bytes = self._unseen_bytes = 0
         self._lock = threading.Lock()
+        self._handing_on = False
         self._events: deque[Block] = deque()
         self._holding: dict[int, tuple[float, float]] = {}
         self._captured: list[tuple[float, float]] = []
@@ -232,8 +233,8 @@ class LiveSession:
 
     @property
     def recording(self) -> bool:
-        """Whether a shot is open."""
-        return self._state == "recording"
+        """Whether a shot is open, or complete and not yet taken with `next_window`."""
+        return self._engine.recording or self._handing_on or not self._windows.empty()
 
     @property
     def idle(self) -> bool:
@@ -416,11 +417,13 @@ class LiveSession:
         self._history.count(self._needed_from_s)
         # how far the queue is behind is no reason to give a source up
         patient = now_s < self._patient_until_s or not self._queue.empty()
+        self._handing_on = True
         for window in self._engine.ready(-float("inf") if patient else now_s):
             with self._lock:
                 self._holding[round(window.trigger_s * 1e9)] = window.start_s, window.stop_s
             self._awaited |= dict.fromkeys(window.late_sources, window)
             self._windows.put(window)
+        self._handing_on = False
         if not patient and now_s - self._released_s >= _RELEASE_EVERY_S:
             self._released_s = now_s
             self._release()

@@ -124,8 +124,8 @@ def check_force_sign(force: Array, acceleration: Array) -> Outcome:
             f"{text}: one of them is turned; set `polarity = -1` of that sensor or turn it before the next shot",
         )
     return "warn", (
-        f"{text} (limit {limit.warn:g}): swapped cables, a wrong delay, or ringing below the cut-off; compare the "
-        "channels' names with their plugs before the next shot"
+        f"{text} (limit {limit.warn:g}): files of two shots, swapped cables, a wrong delay, or ringing below the "
+        "cut-off; compare the channels' names with their plugs before the next shot"
     )
 
 

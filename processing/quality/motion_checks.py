@@ -157,7 +157,7 @@ def check_carriage(excess: float, u: float) -> Outcome:
     advice = (
         "the sensor is turned: turn it, or set `polarity = -1`"
         if turned
-        else "check its gain, its axis and that its cable is not swapped with another"
+        else "check that all files are of this shot, then its gain, its axis and its cable"
     )
     return verdict, f"{text}, within {100 * (limit.fail if verdict == 'fail' else limit.warn):g} % of all: {advice}"
 

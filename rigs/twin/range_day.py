@@ -88,9 +88,9 @@ class RangeDay:
             self._folder.cleanup()
             raise
         played = {source.name for source in playable_sources(rig)}
-        patterns = [s.match for s in rig.sources if s.match and s.name not in played]
+        names = {s.name for s in rig.sources if s.name not in played}
         self._dropped = [
-            [f for f in shot.files if any(f.match(pattern) for pattern in patterns)] for shot in self.shots
+            [f for f in shot.files if any(s.name in names for s in rig.matching(f.name))] for shot in self.shots
         ]
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._drop, name="drop files", daemon=True)

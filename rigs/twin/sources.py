@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fnmatch
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -15,6 +14,7 @@ from daq.quantity import SI_UNITS, find_unit
 from rigs.assemble import range_si
 from rigs.mechanism import Mechanism
 from rigs.rig import ChannelSpec, Rig, Source
+from rigs.rig_tables import SHOT_PLACE
 from rigs.twin.files import dewesoft_text, track_text
 from rigs.twin.instruments import chain, digitise, generator, mix, sample, truth
 from rigs.twin.motion import Motion
@@ -218,7 +218,9 @@ def in_unit(numbers: Array, spec: ChannelSpec, unit_name: str) -> Array:
 def file_name(scene: Scene, source: Source, suffix: str, faults: list[Fault]) -> str:
     """Return a name for a source's file that its ``match`` pattern, and no other source's, fits."""
     name = f"{scene.shot}_{source.name}{suffix}"
-    if source.match and not fnmatch.fnmatchcase(name.casefold(), source.match.casefold()):
+    if source.match and SHOT_PLACE in source.match:
+        name = source.match.replace(SHOT_PLACE, scene.shot).replace("*", "")
+    elif source.match and not (source.pattern and source.pattern.fullmatch(name)):
         head, star, tail = source.match.partition("*")
         name = head + (f"{scene.shot}_" if not head else f"_{scene.shot}") * bool(star) + tail.replace("*", "")
         name += suffix if source.match.endswith("*") else ""

@@ -36,12 +36,17 @@ class Told:
         self.verdicts: list[Mapping[str, Any]] = []
         self.has_keys = has_keys
         self.then: dict[str, Callable[[], None]] = {}
+        self.quits: Callable[[], bool] = lambda: False
+        self.states: list[tuple[str, ...]] = []
         self._keys = dict(keys or {})
         self._pressed: list[str] = []
 
-    def show(self, status: LiveStatus, _shots: Sequence[LiveShot]) -> None:
+    def show(self, status: LiveStatus, shots: Sequence[LiveShot]) -> None:
         if time.monotonic() > self.until_s:
             raise TimeoutError(f"the session does not end: {self.notices}")
+        states = tuple(shot.state for shot in shots)
+        if not self.states or self.states[-1] != states:
+            self.states.append(states)
         if not self.alerts or self.alerts[-1] != status.alert:
             self.alerts.append(status.alert)
 
@@ -54,8 +59,13 @@ class Told:
 
     def verdict(self, document: Mapping[str, Any]) -> None:
         self.verdicts.append(document)
+        if "verdict" in self.then:
+            self.then.pop("verdict")()
 
     def key(self) -> str:
+        if not self._pressed and self.quits():
+            self.quits = lambda: False
+            return "q"
         return self._pressed.pop(0) if self._pressed else ""
 
     def told(self, words: str) -> list[str]:
@@ -76,6 +86,7 @@ class PlayedSession:
         self.armed = self.stopped = False
         self.error = None
         self.complete: bool | None = None
+        self.kept = ()
 
     def start(self) -> None: ...
 
@@ -97,11 +108,11 @@ class PlayedSession:
     def recording(self) -> bool:
         self.windows += [window for window, closes in self.open if closes()]
         self.open = [one for one in self.open if one[0] not in self.windows]
-        return bool(self.open)
+        return bool(self.open or self.windows)
 
     @property
     def idle(self) -> bool:
-        return not self.recording and not self.windows
+        return not self.recording
 
     @property
     def status(self) -> LiveStatus:
@@ -149,22 +160,24 @@ class PlayedConversion:
     """Stands in for `Conversion`: ends when the test says so, and writes the shot file."""
 
     may_end: Callable[[], bool] = staticmethod(lambda: True)
-    code = 0
-    started: ClassVar[list[tuple[str, list[str], bool]]] = []
+    answer: Mapping[str, Any] | None = None
+    started: ClassVar[list[tuple[str, list[str], str]]] = []
     ended: ClassVar[list[str]] = []
 
     def __init__(self, _rig: Path, files: Sequence[Path], shot: str, out: Path, **options: Any) -> None:
         self._shot, self._out = shot, out
-        type(self).started.append((shot, sorted(f.name for f in files), bool(options.get("replaces"))))
+        type(self).started.append((shot, sorted(f.name for f in files), str(options.get("replaces", ""))))
 
     def result(self) -> tuple[int, dict[str, Any]] | None:
         if not type(self).may_end():
             return None
+        answer, type(self).answer = self.answer, None
+        if answer is not None and "message" in answer:
+            return 3, dict(answer)
         path = self._out / f"{self._shot}.h5"
         path.write_bytes(b"shot")
-        return self.code, {
-            "file": str(path), "usable": self.code == 0, "reasons": [], "quality": [], "alignments": [],
-        }  # fmt: skip
+        made = {"file": str(path), "usable": True, "reasons": [], "quality": []}
+        return 0, {**made, **(answer or {})}
 
     def end(self) -> None:
         type(self).ended.append(self._shot)
@@ -184,7 +197,7 @@ class Range:
     """
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, rig: Rig, out: Path, display: Told, **options: Any) -> None:
-        PlayedConversion.started, PlayedConversion.ended, PlayedConversion.code = [], [], 0
+        PlayedConversion.started, PlayedConversion.ended, PlayedConversion.answer = [], [], None
         PlayedConversion.may_end = staticmethod(lambda: True)
         self.out, self.display = out, display
         self._folder = OutputFolder(out)

@@ -16,7 +16,7 @@ def names(watch: FolderWatch, now_s: float) -> list[str]:
 
 
 def test_a_file_is_told_once_and_only_after_it_has_stopped_growing(tmp_path: Path) -> None:
-    watch = FolderWatch(tmp_path, settle_s=1.0)
+    watch = FolderWatch(tmp_path, settle_s=lambda _: 1.0)
     file = tmp_path / "0001.csv"
     file.write_bytes(b"a")
     assert names(watch, 0.0) == []
@@ -30,7 +30,7 @@ def test_a_file_is_told_once_and_only_after_it_has_stopped_growing(tmp_path: Pat
 
 
 def test_a_look_soon_after_the_last_one_does_not_read_the_folder(tmp_path: Path) -> None:
-    watch = FolderWatch(tmp_path, settle_s=0.0)
+    watch = FolderWatch(tmp_path, settle_s=lambda _: 0.0)
     assert names(watch, 0.0) == []
     (tmp_path / "x.csv").write_bytes(b"x")
     assert names(watch, 0.1) == []
@@ -82,3 +82,24 @@ def test_what_is_no_folder_is_refused(tmp_path: Path) -> None:
     file.touch()
     with pytest.raises(ReadError, match="cannot be watched"):
         FolderWatch(file)
+
+
+def test_each_file_settles_as_long_as_its_source_says(tmp_path: Path) -> None:
+    watch = FolderWatch(tmp_path, settle_s=lambda name: 5.0 if "daq" in name else 0.5)
+    for name in ("a_daq.csv", "a_cam.csv"):
+        (tmp_path / name).write_bytes(b"x")
+    assert names(watch, 0.0) == []
+    assert watch.growing == {"a_daq.csv", "a_cam.csv"}
+    assert names(watch, 0.6) == ["a_cam.csv"]
+    assert names(watch, 4.0) == []
+    assert names(watch, 5.1) == ["a_daq.csv"]
+
+
+def test_a_file_that_is_taken_away_before_it_is_complete_no_longer_counts_as_growing(tmp_path: Path) -> None:
+    watch = FolderWatch(tmp_path)
+    (tmp_path / "x.tmp").write_bytes(b"x")
+    (tmp_path / "y.csv").write_bytes(b"x")
+    assert names(watch, 0.0) == []
+    (tmp_path / "x.tmp").unlink()
+    assert names(watch, 0.5) == []
+    assert watch.growing == {"y.csv"}

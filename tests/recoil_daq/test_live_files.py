@@ -1,0 +1,224 @@
+"""Files that are dropped while a range is armed: whose they are, whether they are whole, and what is asked."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from daq.store import read_shot
+from recoil_daq.ingest import ingest_files
+from rigs.rig import load_rig, parse_rig
+from rigs.twin import TwinShot
+from tests.builders.range_session import PlayedConversion, Range, Told
+
+FILES = ("0001_dewetron.csv", "0001_camera.csv")
+RangeOf = Callable[..., Range]
+
+
+@pytest.fixture
+def range_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> RangeOf:
+    """Make a range that watches ``in``, where a file's source is the end of its name, and where files settle soon."""
+
+    def make(display: Told, **options: Any) -> Range:
+        monkeypatch.setattr("recoil_daq.live_range.source_of", lambda _, f: f.path.stem.rpartition("_")[2])
+        monkeypatch.setattr("recoil_daq.folder_watch.LOOK_EVERY_S", 0.02)
+        rig = load_rig("mixed")
+        text = rig.text.replace("settle_s = 1.0", "settle_s = 0.3")
+        text = text.replace('[[source]]\nname = "camera"', '[[source]]\nsettle_s = 0.3\nname = "camera"')
+        assert text.count("settle_s = 0.3") == 2
+        rig = parse_rig(text, rig.path, rig.databases)
+        return Range(monkeypatch, rig, tmp_path, display, watch=tmp_path / "in", **options)
+
+    return make
+
+
+def drop(folder: Path, *names: str, text: str = "x") -> Callable[[], None]:
+    def now() -> None:
+        for name in names:
+            (folder / name).write_text(text)
+
+    return now
+
+
+def test_a_file_that_grew_makes_its_shot_not_whole_until_it_is_made_anew(tmp_path: Path, range_of: RangeOf) -> None:
+    display = Told()
+    one = range_of(display)
+    display.then["0001 captured"] = drop(tmp_path / "in", *FILES)
+    display.then["verdict"] = drop(tmp_path / "in", FILES[0], text="x and more")
+    display.quits = lambda: len(PlayedConversion.started) == 2 and one.live._shots[0].settled
+    one.session.fired(time.monotonic() - 1.0)
+    outcome = one.run()
+    assert display.told("shot 0001 is NOT WHOLE: 0001_dewetron.csv grew after it was taken; its shot file is made anew")
+    assert ("not whole",) in display.states
+    assert [why for _, _, why in PlayedConversion.started] == ["", "0001_dewetron.csv grew after it was taken"]
+    assert [(s.state, s.problem) for s in outcome.shots] == [("usable", "")]
+
+
+def test_a_file_that_grows_while_it_is_converted_makes_the_shot_not_whole_at_once(
+    tmp_path: Path, range_of: RangeOf
+) -> None:
+    display = Told()
+    one = range_of(display)
+    display.then["0001 captured"] = drop(tmp_path / "in", *FILES)
+
+    def grow_first() -> bool:
+        if not display.told("NOT WHOLE"):
+            drop(tmp_path / "in", FILES[1], text="x and more")()
+        return bool(display.told("NOT WHOLE"))
+
+    PlayedConversion.may_end = staticmethod(grow_first)
+    display.quits = lambda: len(PlayedConversion.started) == 2 and one.live._shots[0].settled
+    one.session.fired(time.monotonic() - 1.0)
+    outcome = one.run()
+    assert len(PlayedConversion.started) == 2
+    assert [s.state for s in outcome.shots] == ["usable"]
+
+
+def test_a_shot_whose_file_never_settles_stays_not_whole_in_the_log(tmp_path: Path, range_of: RangeOf) -> None:
+    display = Told()
+    one = range_of(display, files_within_s=1.0)
+    display.then["0001 captured"] = drop(tmp_path / "in", *FILES)
+    text = ["x"]
+
+    def grows() -> bool:
+        if display.verdicts:
+            text.append("x")
+            drop(tmp_path / "in", FILES[0], text="".join(text))()
+        return bool(display.told("NOT WHOLE"))
+
+    display.quits = grows
+    monkey = display.show
+
+    def show(*args: Any) -> None:
+        grows()
+        monkey(*args)
+
+    display.show = show  # type: ignore[method-assign]
+    one.session.fired(time.monotonic() - 1.0)
+    outcome = one.run()
+    assert [(s.state, s.problem) for s in outcome.shots] == [("not whole", "0001_dewetron.csv grew after it was taken")]
+    assert not outcome.usable
+    assert one.log["shots"][0]["state"] == "not whole"
+
+
+def test_a_file_that_is_cut_off_is_waited_for(tmp_path: Path, range_of: RangeOf) -> None:
+    display = Told()
+    one = range_of(display)
+    display.then["0001 captured"] = drop(tmp_path / "in", *FILES)
+    cut = tmp_path / "in" / FILES[0]
+    PlayedConversion.answer = {"error": "CorruptFileError", "message": f"{cut}: was cut off", "path": str(cut)}
+    display.then["waits for the rest"] = drop(tmp_path / "in", FILES[0], text="x and the rest")
+    display.quits = lambda: len(PlayedConversion.started) == 2 and one.live._shots[0].settled
+    one.session.fired(time.monotonic() - 1.0)
+    outcome = one.run()
+    assert display.told(f"shot 0001 waits for the rest of {FILES[0]}: {cut}: was cut off")
+    assert [s.state for s in outcome.shots] == ["usable"]
+    assert [why for _, _, why in PlayedConversion.started] == ["", ""]
+
+
+def test_a_file_that_stays_cut_off_fails_its_shot_when_it_has_waited_long_enough(
+    tmp_path: Path, range_of: RangeOf
+) -> None:
+    display = Told()
+    one = range_of(display, files_within_s=2.0, shots=1)
+    display.then["0001 captured"] = drop(tmp_path / "in", *FILES)
+    cut = tmp_path / "in" / FILES[0]
+    PlayedConversion.answer = {"error": "CorruptFileError", "message": f"{cut}: was cut off", "path": str(cut)}
+    one.session.fired(time.monotonic() - 1.0)
+    outcome = one.run()
+    assert [(s.state, s.problem) for s in outcome.shots] == [("failed", f"{cut}: was cut off")]
+
+
+@pytest.mark.parametrize(("has_keys", "press"), [(True, "press 1 or 2, "), (False, "")])
+def test_a_file_that_fits_two_shots_is_a_question_and_no_guess(
+    tmp_path: Path, range_of: RangeOf, has_keys: bool, press: str
+) -> None:
+    display = Told(keys={"whose is": "2"} if has_keys else {}, has_keys=has_keys)
+    one = range_of(display)
+    (tmp_path / "in").mkdir(exist_ok=True)
+    display.then["0002 captured"] = drop(tmp_path / "in", "a_camera.csv")
+    if not has_keys:  # renamed, as the question says
+        display.then["whose is"] = lambda: (tmp_path / "in" / "a_camera.csv").rename(
+            tmp_path / "in" / "a_0002_camera.csv"
+        )  # type: ignore[assignment]
+    display.quits = lambda: bool(display.told("is of shot"))
+    now_s = time.monotonic()
+    one.session.fired(now_s - 3.0, now_s - 1.5)
+    outcome = one.run()
+    (asked,) = display.told("whose is a_camera.csv? A file of camera for shot 0001 or 0002: ")
+    assert f"0002: {press}rename it to a_camera_0002.csv or so, or ingest by hand, such as `recoil-daq ingest" in asked
+    assert "camera" not in outcome.shots[0].files
+    assert outcome.shots[1].files["camera"].name.startswith("a_")
+
+
+def test_nothing_is_matched_while_a_shot_is_recorded_whose_file_it_may_be(tmp_path: Path, range_of: RangeOf) -> None:
+    display = Told()
+    one = range_of(display)
+    now_s = time.monotonic()
+    ends_s = now_s + 1.5
+    display.then["0001 captured"] = lambda: (
+        one.session.opened(now_s - 0.5, lambda: time.monotonic() > ends_s),
+        drop(tmp_path / "in", "a_camera.csv")(),
+    )  # type: ignore[assignment,return-value]
+    display.quits = lambda: bool(display.told("whose is"))
+    one.session.fired(now_s - 2.0)
+    one.run()
+    assert display.told("whose is a_camera.csv? A file of camera for shot 0001 or 0002")
+    assert not display.told("is of shot")
+
+
+def test_a_file_whose_number_no_shot_bears_is_left_alone_aloud(
+    tmp_path: Path, range_of: RangeOf, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("recoil_daq.live_range._UNMATCHED_S", 0.2)
+    display = Told()
+    one = range_of(display)
+    display.then["0001 captured"] = drop(tmp_path / "in", "0003_camera.csv")
+    display.quits = lambda: bool(display.told("left alone"))
+    one.session.fired(time.monotonic() - 1.0)
+    outcome = one.run()
+    assert display.told(
+        "0003_camera.csv: the number 3 in its name is of no shot that was fired; write the shot's number"
+    )
+    assert outcome.shots[0].missing == ("camera", "dewetron")
+
+
+def test_a_shot_whose_motion_does_not_fit_is_told_to_be_perhaps_of_files_of_two_shots(
+    tmp_path: Path, range_of: RangeOf
+) -> None:
+    display = Told()
+    one = range_of(display, shots=1)
+    display.then["0001 captured"] = drop(tmp_path / "in", "a_camera.csv", "0001_dewetron.csv")
+    failed = {"check": "alignment", "channel": "camera", "verdict": "fail", "detail": ""}
+    PlayedConversion.answer = {"usable": False, "quality": [failed]}
+    one.session.fired(time.monotonic() - 1.0)
+    outcome = one.run()
+    problem = (
+        "perhaps the file of another shot: a_camera.csv was matched by time alone, and the motion does not fit "
+        "(alignment)"
+    )
+    assert [(s.state, s.problem) for s in outcome.shots] == [("not usable", problem)]
+    assert display.told("a_camera.csv is of shot 0001, source camera, by time alone")
+
+
+def test_a_shot_file_that_is_made_anew_says_why_and_which_file_it_replaced(
+    mixed_shot: TwinShot, tmp_path: Path
+) -> None:
+    rig = load_rig("mixed")
+    files = [Path(shutil.copy(f, tmp_path / f.name)) for f in mixed_shot.files]
+    first = ingest_files(rig, files, shot="0001", out=tmp_path)
+    before = hashlib.sha256(first.path.read_bytes()).hexdigest()
+    assert "replace shot file" not in [step.what for step in first.shot.history]
+    ingest_files(rig, files, shot="0001", out=tmp_path, replaces="camera.csv grew after it was taken")
+    step = read_shot(first.path).history[0]
+    assert (step.what, step.parameters) == (
+        "replace shot file",
+        {"why": "camera.csv grew after it was taken", "sha256_before": before},
+    )
+    assert not list(tmp_path.glob(".*.partial"))
