@@ -397,8 +397,9 @@ class LiveRange:
             del self._cutting[shot.name]
             try:
                 captured = future.result()
-            except RecoilDaqError as error:
-                self._fail(shot, str(error))
+            except Exception as error:  # whatever it is, it ends this shot and not the session
+                known = isinstance(error, RecoilDaqError)
+                self._fail(shot, str(error) if known else f"cannot be cut: {type(error).__name__}: {error}")
                 continue
             self._captured(shot, captured)
 

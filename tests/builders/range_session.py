@@ -124,7 +124,7 @@ class PlayedSession:
     def cut(self, name: str, window: ShotWindow, folder: Path) -> CapturedShot:
         folder.mkdir(parents=True)
         (folder / f"{name}_imu.rdsc").write_bytes(b"imu")
-        imu = AcquiredSource("imu", "serial", f"{name}_imu.rdsc", 1, 3, 0.1, False, 0, 0, 0, None, 0, -1.0, ())
+        imu = AcquiredSource("imu", "serial", f"{name}_imu.rdsc", 1, 3, 0.1, False, 0.0, 0, 0, 0, None, 0, -1.0, ())
         acquisition = Acquisition(
             shot=name, rig="mixed", trigger_ns=round(window.trigger_s * 1e9), trigger_utc="2026-01-01T00:00:00",
             pre_s=0.1, post_s=1.0, pre_actual_s=0.1, duration_s=1.1, decisions=(),

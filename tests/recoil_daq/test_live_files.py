@@ -25,13 +25,13 @@ RangeOf = Callable[..., Range]
 def range_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> RangeOf:
     """Make a range that watches ``in``, where a file's source is the end of its name, and where files settle soon."""
 
-    def make(display: Told, **options: Any) -> Range:
+    def make(display: Told, settle_s: float = 0.3, **options: Any) -> Range:
         monkeypatch.setattr("recoil_daq.live_range.source_of", lambda _, f: f.path.stem.rpartition("_")[2])
         monkeypatch.setattr("recoil_daq.folder_watch.LOOK_EVERY_S", 0.02)
         rig = load_rig("mixed")
-        text = rig.text.replace("settle_s = 1.0", "settle_s = 0.3")
-        text = text.replace('[[source]]\nname = "camera"', '[[source]]\nsettle_s = 0.3\nname = "camera"')
-        assert text.count("settle_s = 0.3") == 2
+        text = rig.text.replace("settle_s = 1.0", f"settle_s = {settle_s}")
+        text = text.replace('[[source]]\nname = "camera"', f'[[source]]\nsettle_s = {settle_s}\nname = "camera"')
+        assert text.count(f"settle_s = {settle_s}") == 2
         rig = parse_rig(text, rig.path, rig.databases)
         return Range(monkeypatch, rig, tmp_path, display, watch=tmp_path / "in", **options)
 
@@ -82,7 +82,7 @@ def test_a_file_that_grows_while_it_is_converted_makes_the_shot_not_whole_at_onc
 
 def test_a_shot_whose_file_never_settles_stays_not_whole_in_the_log(tmp_path: Path, range_of: RangeOf) -> None:
     display = Told()
-    one = range_of(display, files_within_s=1.0)
+    one = range_of(display, settle_s=2.0, files_within_s=8.0)
     display.then["0001 captured"] = drop(tmp_path / "in", *FILES)
     text = ["x"]
 
