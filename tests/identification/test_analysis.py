@@ -188,16 +188,33 @@ def test_a_recuperator_gauge_that_loses_the_pressure_at_rest_is_refused_as_valid
 # ---- what is missing
 
 
-def test_a_shot_without_carriage_sensors_and_camera_has_notes():
+CARRIAGE = ["carriage_acceleration_x", "carriage_acceleration_y", "carriage_rate", "tipping_rate"]
+
+
+def test_a_rig_without_carriage_sensors_and_camera_says_what_is_not_measured():
     found = identify_shot(bench_shot(), bench_rig(), Options())
     assert found.valid
     assert set(found.results) == set(METHODS)
-    assert [re.search(r"role (\w+):", note).group(1) for note in found.notes] == [
-        "carriage_acceleration_x",
-        "carriage_acceleration_y",
-        "carriage_rate",
-        "tipping_rate",
-    ]
+    assert [row["quantity"] for row in found.assumptions if row["taken"] == "not measured"] == CARRIAGE
+    assert found.notes == ()
+
+
+def test_a_carriage_sensor_that_the_shot_lacks_is_noted():
+    shot, rig = bench_shot(), bench_rig()
+    less = parse_rig(
+        f"""{rig.text}
+[[channel]]
+name = "gyro"
+source = "recorder"
+signal = "gyro"
+quantity = "angular_rate"
+role = "carriage_rate"
+sensor = {{ u_rel = 0.01 }}
+""",
+        rig.path,
+    )
+    (note,) = identify_shot(shot, less, Options()).notes
+    assert note.startswith("no usable channel of role carriage_rate: ")
 
 
 def test_a_record_that_ends_before_the_recoil_is_noted():
