@@ -406,7 +406,6 @@ def test_records_after_an_interrupted_one_are_read(tmp_path, monkeypatch):
 
 
 @needs_kill
-@pytest.mark.real_time
 def test_a_killed_writer_loses_nothing_that_it_was_told_is_written(tmp_path):
     for i, delay_s in enumerate(random_delays_s(8, seed=1)):
         acknowledged, found = kill_a_writer(tmp_path / str(i), delay_s)
@@ -414,7 +413,6 @@ def test_a_killed_writer_loses_nothing_that_it_was_told_is_written(tmp_path):
 
 
 @needs_kill
-@pytest.mark.real_time
 def test_a_killed_writers_journal_is_left_over_and_a_living_ones_is_not(tmp_path):
     kill_a_writer(tmp_path / "dead", 0.0)
     with writer_in(tmp_path / "alive") as writer:

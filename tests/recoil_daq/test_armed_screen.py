@@ -7,6 +7,7 @@ import io
 import math
 import os
 import re
+import select
 import sys
 import threading
 from dataclasses import replace
@@ -285,7 +286,6 @@ def test_notices_and_verdicts_stay_when_the_screen_is_taken_away(monkeypatch) ->
     assert file.getvalue().count("\x1b[?25l") == file.getvalue().count("\x1b[?25h") == 1  # the cursor is back
 
 
-@pytest.mark.real_time
 def test_it_draws_five_times_per_second_at_most(monkeypatch) -> None:
     now_s = 100.0
     monkeypatch.setattr(armed_screen.time, "monotonic", lambda: now_s)
@@ -308,7 +308,6 @@ def test_a_notice_of_another_thread_waits_for_the_next_picture() -> None:
         assert file.getvalue().count("trigger (p_brake)") == 2  # above the picture and in it
 
 
-@pytest.mark.real_time
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no pseudo-terminals")
 def test_keys_are_offered_and_read_where_there_is_a_terminal(monkeypatch) -> None:
     import termios
@@ -321,6 +320,7 @@ def test_keys_are_offered_and_read_where_there_is_a_terminal(monkeypatch) -> Non
         with contextlib.suppress(ZeroDivisionError), screen:
             assert lines_of(screen)[-1].strip().endswith("a arm  d disarm  t trigger  q quit")
             os.write(master, b"D")
+            select.select([terminal], [], [], 5.0)
             assert screen.key() == "d"
             raise ZeroDivisionError("as anything may fail meanwhile")
         assert termios.tcgetattr(slave) == before
@@ -381,7 +381,6 @@ def test_no_line_is_wider_and_no_picture_higher_than_the_terminal(width: int, he
     assert not any("more" in line for line in drawn(width, height))
 
 
-@pytest.mark.real_time
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no pseudo-terminals")
 def test_the_screen_gives_the_terminal_back_when_something_fails(monkeypatch: pytest.MonkeyPatch) -> None:
     import termios

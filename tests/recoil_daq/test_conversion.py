@@ -5,13 +5,9 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-import pytest
-
 from recoil_daq.conversion import Conversion
 from rigs.rig import find_rig
 from rigs.twin import TwinShot
-
-pytestmark = pytest.mark.real_time
 
 
 def test_a_shot_is_converted_while_the_caller_goes_on(field_shot: TwinShot, tmp_path: Path) -> None:

@@ -14,12 +14,11 @@ from recoil_daq.device_check import _judge, check_devices
 from rigs.rig import load_rig, parse_rig
 from tests.builders.live_sources import bus, port
 
-pytestmark = pytest.mark.real_time
-
 NOISE = np.random.default_rng(1).normal(0.0, 0.01, 2000)
 CHANNEL = LiveChannel("rate", "w", 1.0, 0.0, "rad/s", (-1.0, 1.0))
 
 
+@pytest.mark.real_time
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no pseudo-terminals for the virtual port")
 def test_a_sound_rig_is_heard_at_its_rates() -> None:
     heard = {one.channel: one for one in check_devices(load_rig("mixed"), listen_s=1.0)}

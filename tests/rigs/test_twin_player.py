@@ -36,8 +36,6 @@ from rigs.twin.timeline import DeviceClock, Timeline
 from rigs.twin.transports import PseudoTerminal
 from tests.builders.machine_stalls import MachineStalls
 
-pytestmark = pytest.mark.real_time
-
 needs_pty = pytest.mark.skipif(not hasattr(os, "openpty"), reason="this system has no pseudo-terminals")
 COUNTER = "RecoilNode.counter"
 NODE = 288
@@ -208,6 +206,7 @@ def recorded_file(rig: Rig, shot: TwinShot, source: str) -> Any:
     return recognise(path).open(path, rig.declarations(rig.source(source)))
 
 
+@pytest.mark.real_time
 @needs_pty
 def test_faults_are_counted_exactly_by_player_and_devices(rig: Rig, shots: list[TwinShot], tmp_path: Path) -> None:
     faults = {

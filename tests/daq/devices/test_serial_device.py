@@ -21,8 +21,6 @@ from daq.errors import DeviceError
 from daq.frames.framing import Command, Poll
 from rigs.twin.transports import PseudoTerminal
 
-pytestmark = pytest.mark.real_time
-
 needs_pty = pytest.mark.skipif(not hasattr(os, "openpty"), reason="this system has no pseudo-terminals")
 
 
@@ -51,7 +49,7 @@ def read_until(device: Any, size: int, limit_s: float = 10.0) -> list[Block]:
 
 
 def heard_by_device(port: PseudoTerminal, size: int) -> bytes:
-    data, ends = b"", time.monotonic() + 2.0
+    data, ends = b"", time.monotonic() + 20.0
     while len(data) < size and time.monotonic() < ends:
         try:
             data += os.read(port._master, 4096)  # the other end of the line, which the transport keeps to itself
@@ -105,7 +103,7 @@ def test_an_unplugged_port_is_told_and_found_again_by_its_link(port: PseudoTermi
     port.write(b"before")
     blocks = read_until(device, 6)
     assert port.unplug() == 0
-    ends = time.monotonic() + 5.0
+    ends = time.monotonic() + 20.0
     while "lost" not in events_of(blocks) and time.monotonic() < ends:
         blocks += [block for block in [device.read(0.05)] if block is not None]
     holder = os.openpty()  # takes the number that the old port had
@@ -193,8 +191,8 @@ def test_requests_are_sent_from_read_and_a_missing_answer_is_counted(port: Pseud
 
     gauge = threading.Thread(target=answer)
     gauge.start()
-    blocks = read_until(device, 50, limit_s=5.0)
-    ends = time.monotonic() + 5.0
+    blocks = read_until(device, 50)
+    ends = time.monotonic() + 20.0
     while "unanswered" not in events_of(blocks) and time.monotonic() < ends:
         blocks += [block for block in [device.read(0.05)] if block is not None]
     stop.set()
