@@ -8,13 +8,15 @@ from pathlib import Path
 from typing import BinaryIO
 
 from daq.errors import CorruptFileError, ReadError
+from daq.readers.bounded_file import most_unpacked
 from daq.readers.reader import HEAD_BYTES
 
 MAGIC = b"\x1f\x8b\x08"
 """Gzip with the only method there is, deflate."""
 
 LARGEST_RATIO = 100
-"""Logs of a bus shrink 4 to 12 times, those of a bus at rest 25 times; deflate's own limit is a thousand times."""
+"""Of a short log; a long one has the bound of all files. Logs of a bus shrink 4 to 12 times, those of a bus at rest 25
+times; deflate's own limit is a thousand times."""
 
 PART_BYTES = 1 << 16
 """Of the packed file that are held at a time."""
@@ -45,7 +47,7 @@ def read_unpacked(path: Path) -> tuple[bytes, str]:
     Raises
     ------
     ReadError
-        If it cannot be read, or would unpack to more than `LARGEST_RATIO` times its size.
+        If it cannot be read, or would unpack to more than a log does.
     CorruptFileError
         If it does not unpack, or its checksum is wrong.
     """
@@ -62,7 +64,8 @@ def read_unpacked(path: Path) -> tuple[bytes, str]:
 
 def _unpacked(path: Path, file: BinaryIO) -> tuple[bytes, str]:
     """Unpack a file part by part: all of its members, and zeros behind them."""
-    limit = LARGEST_RATIO * os.fstat(file.fileno()).st_size + _SPARE_BYTES
+    stored = os.fstat(file.fileno()).st_size
+    limit = min(LARGEST_RATIO * stored + _SPARE_BYTES, most_unpacked(stored))
     pieces: list[bytes] = []
     size, part, member = 0, b"", zlib.decompressobj(_GZIP)
     while part or (part := file.read(PART_BYTES)):
@@ -82,7 +85,7 @@ def _unpacked(path: Path, file: BinaryIO) -> tuple[bytes, str]:
         size += len(pieces[-1])
         if size > limit:
             raise ReadError(
-                f"the compressed file unpacks to more than {LARGEST_RATIO} times its size",
+                f"the compressed file unpacks to more than {limit / 1e6:.0f} MB",
                 path=path,
                 remedy="unpack it first if this is right",
             )

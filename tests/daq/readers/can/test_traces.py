@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import math
+import os
 import sqlite3
 import time
 from datetime import UTC, datetime
@@ -297,8 +298,10 @@ def test_compressed_logs_that_are_damaged_or_grow_without_bound_are_refused(tmp_
     with pytest.raises(CorruptFileError, match=f"byte {len(once) + 7}: something else follows"):
         packed_file.read_unpacked(written(tmp_path, "a.gz", once + bytes(7) + b"junk"))
     assert packed_file.read_unpacked(written(tmp_path, "a.gz", once + bytes(7))) == (b"x", "")
-    with pytest.raises(ReadError, match="more than 100 times"):
+    with pytest.raises(ReadError, match="unpacks to more than 3 MB"):
         packed_file.read_unpacked(written(tmp_path, "a.gz", gzip.compress(bytes(20_000_000))))
+    with pytest.raises(ReadError, match="unpacks to more than 94 MB"):
+        packed_file.read_unpacked(written(tmp_path, "a.gz", gzip.compress(bytes(100_000_000) + os.urandom(900_000), 1)))
 
 
 LINES = st.lists(
