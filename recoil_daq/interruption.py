@@ -45,18 +45,9 @@ class Interruption:
         return self.count > 0
 
     @property
-    def urged(self) -> bool:
-        """Whether it was asked for again: it is to be ended without what can be made up for later."""
-        return self.count > 1
-
-    @property
     def by_key(self) -> bool:
         """Whether the last of them was Ctrl-C: somebody may be there to be asked."""
         return self._last == signal.SIGINT
-
-    def complete_after_all(self) -> None:
-        """Forget that it was urged: the answer was to go on."""
-        self.count = min(self.count, 1)
 
     def _note(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002 - a signal's handler gets both
         self.count += 1

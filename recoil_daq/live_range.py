@@ -137,6 +137,7 @@ class LiveRange:
         self._conversion: tuple[LiveShot, Conversion] | None = None
         self._interruption = Interruption()
         self._asking = self._left = False
+        self._heeded = 1  # so many signals ask for an orderly end
         self._gone = ""
         self._journal: Path | None = None
         self._shown_s = self._ending_s = 0.0
@@ -204,6 +205,7 @@ class LiveRange:
         while not self._failed(session):
             self._show(session)
             if self._interruption.asked or self._pressed(session):
+                self._heeded = min(self._interruption.count, 1)
                 self._display.notice("ending: what was captured is completed; q or Ctrl-C again to give it up")
                 return
             self._look(session, LOOK_S)
@@ -242,11 +244,7 @@ class LiveRange:
             self._complete(session)
         finally:
             self._pool.shutdown(wait=False, cancel_futures=True)
-            if self._conversion is not None:
-                self._conversion[1].end()
-            for shot in self._shots:
-                if not shot.settled:
-                    self._give_up(shot)
+            self._leave_the_rest()
             self._close(session)
             self._write_log(session.journal_folder.name)
 
@@ -272,9 +270,20 @@ class LiveRange:
         for shot in self._shots if self._gone and self._folder.moved_to is None else ():
             if shot.document is not None and not Path(shot.document["file"]).exists():
                 self._fail(shot, "its shot file went with the output folder")
+        if self._gone:
+            self._leave_the_rest()
         while self._gone and self._display.has_keys and not self._interruption.asked and self._display.key() != "q":
             self._show(session)  # somebody has yet to see it
             time.sleep(LOOK_S)
+
+    def _leave_the_rest(self) -> None:
+        """End the conversion under way, and say of every shot that is not complete where it is kept."""
+        if self._conversion is not None:
+            self._conversion[1].end()
+            self._conversion = None
+        for shot in self._shots:
+            if not shot.settled:
+                self._give_up(shot)
 
     def _to_come(self, shot: LiveShot) -> bool:
         """Tell whether a shot is still on its way to its shot file while the session ends."""
@@ -286,7 +295,7 @@ class LiveRange:
     def _given_up(self) -> bool:
         """Tell whether what is not complete is to be given up: somebody at the keys is asked first."""
         key = self._display.key()
-        urged = self._interruption.urged
+        urged = self._interruption.count > self._heeded
         if self._left or (urged and not (self._interruption.by_key and self._display.has_keys)):
             return True
         if (urged or key == "q") and not self._asking:
@@ -297,7 +306,7 @@ class LiveRange:
             self._answered(key)
         elif key == "n":
             self._asking = False
-            self._interruption.complete_after_all()
+            self._heeded = self._interruption.count
             self._display.notice("completing them")
         self._left = self._asking and key == "y"
         return self._left

@@ -47,7 +47,7 @@ def print_outcome(done: LiveOutcome) -> None:
     for shot in done.shots:
         if losses := _losses(shot):
             say(f"shot {shot.name} is not whole: {losses}")
-        if shot.captured is not None:
+        if shot.captured is not None and shot.captured.is_dir():
             say(f"shot {shot.name} is captured in {shot.captured}")
     if done.journal is not None:
         say(f"the journal is kept, since not all of it is in a shot file: `recoil-daq recover {done.journal}`")

@@ -15,9 +15,9 @@ def test_signals_are_counted_and_raise_nothing() -> None:
         assert not interruption.asked
         signal.raise_signal(signal.SIGINT)
         assert interruption.asked
-        assert not interruption.urged
+        assert (interruption.count, interruption.by_key) == (1, True)
         signal.raise_signal(signal.SIGTERM)
-        assert interruption.urged
+        assert (interruption.count, interruption.by_key) == (2, False)
 
 
 def test_afterwards_ctrl_c_is_an_exception_again() -> None:

@@ -125,6 +125,19 @@ def test_a_second_ctrl_c_at_a_terminal_asks_before_it_gives_up(
     assert [shot.state for shot in outcome.shots] == [states, states]
 
 
+@pytest.mark.parametrize("again", ["q", "ctrl-c"])
+def test_after_q_a_second_q_or_the_first_ctrl_c_asks_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, again: str
+) -> None:
+    display = Told(keys={"0001 captured": "q", "give up the shots": "y"}, has_keys=True)
+    display.then["ending:"] = raised(signal.SIGINT) if again == "ctrl-c" else lambda: display._pressed.append("q")
+    one = Range(monkeypatch, load_rig("mixed"), tmp_path, display)
+    with_files(one)
+    PlayedConversion.may_end = staticmethod(lambda: False)
+    one.session.fired(1.0)
+    assert [shot.state for shot in one.run().shots] == ["incomplete"]
+
+
 def test_a_shot_whose_files_are_still_being_written_when_it_ends_waits_for_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
