@@ -7,7 +7,7 @@ import math
 import pytest
 
 from daq.capture.engine import PATIENCE_S, SETTLE_S, CaptureEngine, replayed
-from daq.devices.device import Block
+from daq.devices.device import Block, event_block
 from daq.trigger import Edge, Trigger
 from tests.builders.live_sources import bus, can_block, can_record, port, serial_block, serial_frame
 
@@ -139,3 +139,74 @@ def test_a_shot_that_a_crash_cut_short_ends_where_the_data_does() -> None:
     (window,) = replayed(held, TRIGGER, engine.news())
     assert window.trigger_s == pytest.approx(11.0)
     assert window.late_sources == ("bus", "port")
+
+
+def test_what_only_the_screen_shows_is_decoded_ten_times_per_second() -> None:
+    engine = CaptureEngine([bus(), port()], TRIGGER)
+    shown = []
+    for k in range(100):
+        engine.take(serial_block(10.0 + 0.01 * k, serial_frame(k, float(k))))
+        level = engine.level("rate", 10.0 + 0.01 * k)
+        shown.append(None if level is None else -level.last)
+    assert 10 <= len(set(shown)) <= 12
+    assert shown[-1] == pytest.approx(99.0, abs=11.0)
+
+
+def test_a_look_that_finds_half_a_frame_goes_on_until_it_has_one() -> None:
+    engine = CaptureEngine([bus(), port()], TRIGGER)
+    stream = b"".join(serial_frame(k, float(k)) for k in range(40))
+    for k, at in enumerate(range(0, len(stream), 5)):
+        engine.take(serial_block(10.0 + 0.01 * k, stream[at : at + 5]))
+    level = engine.level("rate", 10.64)
+    assert level is not None
+    assert -level.last > 30
+    assert level.low == level.last < level.high
+
+
+def test_a_level_keeps_its_low_and_high_within_a_tenth_of_a_second() -> None:
+    engine = CaptureEngine([bus(), port()], TRIGGER)
+    for k, pressure in enumerate((5.0, 40.0, -3.0, 1.0)):
+        engine.take(can_block(10.0 + 0.01 * k, can_record(10.0 + 0.01 * k, pressure)))
+    level = engine.level("pressure", 10.1)
+    assert level is not None
+    assert (level.last, level.low, level.high) == (1e3, -3e3, 40e3)
+    engine.take(can_block(10.5, can_record(10.5, 2.0)))
+    level = engine.level("pressure", 11.2)
+    assert level is not None
+    assert (level.last, level.low, level.high) == (2e3, 2e3, 2e3)
+
+
+def test_an_event_is_no_delivery_of_data() -> None:
+    for taken in (CaptureEngine.take, CaptureEngine.take_unseen):
+        engine = CaptureEngine([bus(), port()], TRIGGER)
+        engine.arm(-math.inf)
+        for block in blocks(2.0, pulse_s=1.0):
+            if block.source == "bus":
+                engine.take(block)
+            else:
+                taken(engine, event_block("port", block.host_ns, "unanswered", ""))
+        assert engine.ready(12.0) == ()
+        (window,) = engine.ready(11.3 + PATIENCE_S)
+        assert window.late_sources == ("port",)
+
+
+def test_a_frame_that_lost_its_end_among_unseen_blocks_is_no_sample() -> None:
+    trigger = Trigger((Edge("rate", 50.0, 20.0),), pre_s=0.2, post_s=0.3)
+    engine = CaptureEngine([bus(), port()], trigger)
+    frame = serial_frame(1, 3.0)
+    engine.take(serial_block(10.0, frame[:4]))
+    engine.take_unseen(serial_block(10.01, b""))
+    engine.take(serial_block(10.02, frame[4:]))
+    assert engine.level("rate", 10.1) is None
+
+
+def test_a_trigger_waits_for_a_channel_that_lags_and_no_longer_at_the_end() -> None:
+    both = Trigger((Edge("pressure", 50e3, 20e3), Edge("rate", 50.0, 20.0)), pre_s=0.2, post_s=0.3)
+    engine = CaptureEngine([bus(), port()], both)
+    engine.arm(-math.inf)
+    for block in blocks(1.2, pulse_s=1.0):
+        if block.source == "bus" or block.host_ns < 10.9e9:
+            engine.take(block)
+    assert engine.news() == ()
+    engine.finish()
+    assert [decision.outcome for decision in engine.news()] == ["trigger"]

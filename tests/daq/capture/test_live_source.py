@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,12 +11,13 @@ from daq.capture.live_source import LiveChannel, LiveSource, signals_of
 from daq.devices.capture_bytes import capture_bytes, capture_header
 from daq.devices.device import SERIAL, event_block
 from daq.errors import MissingChannelError
-from daq.frames.can_capture_file import ERROR, REMOTE
+from daq.frames import can_capture_file
+from daq.frames.can_capture_file import ERROR, EVENT, EXTENDED, REMOTE, pack_record
 from daq.frames.capture_file import parse_capture
 from daq.frames.declaration import framing_from_table
 from daq.frames.scan import find_frames_of_capture
 from daq.frames.values import decode_fields
-from tests.builders.live_sources import ANCHOR, bus, can_block, can_record, port, serial_block, serial_frame
+from tests.builders.live_sources import ANCHOR, DBC, bus, can_block, can_record, port, serial_block, serial_frame
 
 
 def test_a_signal_of_a_bus_comes_in_si_with_each_frames_own_time() -> None:
@@ -31,6 +34,56 @@ def test_error_and_remote_frames_and_events_are_no_samples() -> None:
     signals = signals_of(source, source.channels)
     assert signals.feed(can_block(1.0, can_record(1.0, 1.0, flags=ERROR), can_record(1.0, 1.0, flags=REMOTE))) == []
     assert signals.feed(event_block("bus", 10**9, "lost", "gone")) == []
+
+
+@pytest.mark.parametrize("flags", [EVENT, can_capture_file.ANCHOR, EXTENDED])
+def test_what_is_no_frame_of_that_identifier_is_no_sample(flags) -> None:
+    source = bus()
+    assert signals_of(source, source.channels).feed(can_block(1.0, can_record(1.0, 1.0, flags=flags))) == []
+
+
+def test_another_message_a_short_one_and_one_that_multiplexes_something_else_are_no_samples() -> None:
+    lines = DBC.replace("SG_ p : 0|16@1-", "SG_ p m1 : 0|16@1-").replace("SG_ n : 16|8", "SG_ n M : 16|8")
+    multiplexed = replace(bus(), database=lines)
+    signals = signals_of(multiplexed, multiplexed.channels)
+    block = can_block(1.0, can_record(1.0, 1.0, count=1), can_record(1.1, 2.0, count=2))
+    assert [s.values.tolist() for s in signals.feed(block)] == [[1e3]]
+
+    source = bus()
+    signals = signals_of(source, source.channels)
+    other = pack_record(device_ns=0, host_ns=10**9, identifier=292, flags=0, data=bytes(4))
+    short = pack_record(device_ns=0, host_ns=10**9, identifier=291, flags=0, data=bytes(1))
+    assert signals.feed(can_block(1.0, other, short)) == []
+
+
+def test_a_channel_takes_its_own_signal_with_its_own_factor_and_offset() -> None:
+    (pressure,) = bus().channels
+    channels = (replace(pressure, offset=7.0), replace(pressure, name="count", signal="NODE.n", factor=2.0))
+    source = replace(bus(), channels=channels)
+    found = signals_of(source, channels).feed(can_block(1.0, can_record(1.0, 10.0, count=5)))
+    assert {one.channel: one.values.tolist() for one in found} == {"pressure": [10_007.0], "count": [10.0]}
+    (rate,) = port().channels
+    source = replace(port(), channels=(replace(rate, offset=7.0),))
+    (samples,) = signals_of(source, source.channels).feed(serial_block(1.0, serial_frame(0, 3.0)))
+    assert samples.values.tolist() == [4.0]
+
+
+def test_frames_of_a_bus_are_never_dated_before_the_one_in_front() -> None:
+    source = bus()
+    block = can_block(5.0, can_record(4.995, 1.0), can_record(4.990, 2.0))
+    (samples,) = signals_of(source, source.channels).feed(block)
+    assert samples.times_s == pytest.approx([4.995, 4.995])
+
+
+@pytest.mark.parametrize(("event", "values"), [("lost", [-4.0]), ("reopened", [-4.0]), ("unanswered", [-3.0, -4.0])])
+def test_only_where_a_port_was_lost_a_half_frame_is_given_up(event, values) -> None:
+    source = port()
+    signals = signals_of(source, source.channels)
+    frame = serial_frame(1, 3.0)
+    signals.feed(serial_block(1.0, frame[:4]))
+    assert signals.feed(event_block("port", 10**9, event, "")) == []
+    found = signals.feed(serial_block(1.1, frame[4:] + serial_frame(2, 4.0)))
+    assert [v for one in found for v in one.values] == values
 
 
 def test_a_field_of_a_port_is_dated_back_to_its_place_on_the_line() -> None:
