@@ -232,3 +232,11 @@ def test_the_digits_of_a_long_block_are_those_of_whole_cells_at_its_ends() -> No
     block = find_block(text_file(rows), 0, ";", ["t", "a"], decimal_comma=False)
     assert printed_decimals(block, 0) == 3
     assert printed_decimals(block, 1) == 0
+
+
+def test_what_stands_beside_a_short_block_says_nothing_of_its_digits(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("9.12345678;9\n0.5;1.25\n0.25;1.5\n0.87654321;1")
+    block = find_block(LongText(path), 13, ";", ["t", "a"], decimal_comma=False)
+    assert block.dropped
+    assert (printed_decimals(block, 0), printed_decimals(block, 1)) == (2, 2)
