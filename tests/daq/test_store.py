@@ -27,6 +27,7 @@ from daq.quantity import SI_UNITS
 from daq.shot import ClockAlignment, InputFile, QualityCheck, Shot
 from daq.store import layout, read_shot, shot_file, shot_summary, write_shot
 from daq.store.difference import first_difference
+from daq.store.shot_file import is_shot_file
 from daq.timebase import AbsoluteStart, TimeBase
 from tests.builders.shots import CLOCK_FIT, make_acquisition, make_shot, recorder_channel
 
@@ -478,6 +479,14 @@ def test_an_existing_file_is_refused_and_left_alone(written: Path) -> None:
     assert names_in(written.parent) == [written.name]
 
 
+@pytest.mark.skipif(os.name == "nt", reason="Windows lets only administrators make links")
+def test_a_link_to_nowhere_is_a_name_that_is_taken(tmp_path: Path) -> None:
+    (tmp_path / "s.h5").symlink_to(tmp_path / "nowhere")
+    with pytest.raises(StoreError, match="exists already"):
+        write_shot(make_shot(), tmp_path / "s.h5")
+    assert names_in(tmp_path) == ["s.h5"]
+
+
 def test_overwrite_replaces_the_file(written: Path) -> None:
     write_shot(replace(make_shot(), name="other"), written, overwrite=True)
     assert read_shot(written).name == "other"
@@ -653,6 +662,37 @@ def test_a_folder_of_that_name_is_refused(tmp_path: Path) -> None:
 # What is not a shot file
 
 
+def test_what_is_a_shot_file_is_told_by_its_schema_of_any_version_or_its_damage(written: Path, tmp_path: Path) -> None:
+    assert is_shot_file(written)
+    (tmp_path / "text.h5").write_text("recoil-daq/shot/1")
+    assert not is_shot_file(tmp_path / "text.h5")
+    assert not is_shot_file(tmp_path / "none.h5")
+    for name, schema in (("later.h5", "recoil-daq/shot/9"), ("other.h5", "someone/else/1")):
+        with h5py.File(tmp_path / name, "w") as file:
+            file.attrs["schema"] = schema
+    assert is_shot_file(tmp_path / "later.h5")
+    assert not is_shot_file(tmp_path / "other.h5")
+    (tmp_path / "cut.h5").write_bytes(written.read_bytes()[:1000])
+    assert is_shot_file(tmp_path / "cut.h5")
+
+
+def test_what_other_programs_are_told_of_the_tree(written: Path) -> None:
+    with h5py.File(written) as file:
+        assert file.attrs["default"] == "entry"
+        assert file.attrs["creator"].startswith("recoil-daq ")
+        entry = file["entry"]
+        assert entry["title"].asstr()[()] == "shot 0007 on rig bench"
+        recorder = entry["dewetron"]
+        assert (list(recorder.attrs["axes"]), recorder.attrs["time_indices"]) == (["time"], 0)
+        assert (recorder.attrs["signal"], list(recorder.attrs["auxiliary_signals"])) == ("acc_recoil", ["p_breech"])
+        assert recorder["acc_recoil"].attrs["long_name"] == "acc_recoil: recoil acceleration"
+        assert entry["can/temperature"].attrs["long_name"] == "temperature: temperature"
+        assert entry["history/step_1/program"].asstr()[()] == "recoil-daq"
+        assert entry["alignment/camera/drift"].attrs["units"] == "1"
+        assert entry["rig/databases/database_1/type"].asstr()[()] == "text/plain"
+        assert entry["acquisition/type"].asstr()[()] == "application/json"
+
+
 def test_a_missing_file_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match="no such file; expected a shot file"):
         read_shot(tmp_path / "none.h5")
@@ -741,6 +781,12 @@ def _changed(shot: Shot) -> list[tuple[str, Shot]]:
     return [
         ("name", replace(shot, name="x")),
         ("rig_text", replace(shot, rig_text="x")),
+        ("rig_name", replace(shot, rig_name="x")),
+        ("reference_clock", replace(shot, reference_clock="camera")),
+        ("databases", replace(shot, databases={**(shot.databases or {}), "rig.dbc": "x"})),
+        ("history", replace(shot, history=(replace(shot.history[0], parameters={}), *shot.history[1:]))),
+        ("alignments", replace(shot, alignments=(replace(shot.alignments[0], offset_s=0.0), *shot.alignments[1:]))),
+        ("alignments", replace(shot, alignments=(replace(shot.alignments[0], status="ok"), *shot.alignments[1:]))),
         ("quality", replace(shot, quality=shot.quality[:1])),
         ("inputs", replace(shot, inputs=())),
         ("started", replace(shot, started="")),
@@ -755,15 +801,20 @@ def _changed(shot: Shot) -> list[tuple[str, Shot]]:
         ("raw counts of channel 'acc_recoil'", with_channel(raw=None)),
         ("raw counts of channel 'acc_recoil'", with_channel(raw=replace(raw, gain=2 * raw.gain))),
         ("raw counts of channel 'acc_recoil'", with_channel(raw=replace(raw, counts=raw.counts + 1))),
+        ("raw counts of channel 'acc_recoil'", with_channel(raw=replace(raw, offset=raw.offset + 1))),
+        ("raw counts of channel 'acc_recoil'", with_channel(raw=replace(raw, unit="mV"))),
         ("u_rel of channel 'acc_recoil'", with_channel(u_rel=0.1)),
+        ("signal of channel 'acc_recoil'", with_channel(signal="x")),
+        ("resolution of channel 'acc_recoil'", with_channel(resolution=1.0)),
         ("history of channel 'acc_recoil'", with_channel(history=())),
     ]
 
 
-@pytest.mark.parametrize("i", range(17))
+@pytest.mark.parametrize("i", range(28))
 def test_the_verification_sees_a_change_of_any_value(i: int) -> None:
     what, changed = _changed(make_shot())[i]
     assert first_difference(make_shot(), changed) == what
+    assert first_difference(changed, make_shot()) == what
     assert first_difference(make_shot(), make_shot()) is None
 
 
