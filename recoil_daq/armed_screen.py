@@ -14,6 +14,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from daq.capture.status import LiveStatus, SourceStatus
+from daq.visible_text import visible
 from recoil_daq.engineering import engineering
 from recoil_daq.keyboard import Keyboard
 from recoil_daq.live_shot import LiveShot
@@ -81,11 +82,12 @@ class ArmedScreen:
     """
 
     def __init__(self, rig_name: str, console: Console | None = None) -> None:
-        from rich.console import Console
         from rich.live import Live
 
-        self._rig = rig_name
-        self._console = console or Console(highlight=False, emoji=False)
+        from recoil_daq.console import VisibleConsole
+
+        self._rig = visible(rig_name)
+        self._console = console or VisibleConsole()
         self._live = Live(
             console=self._console, auto_refresh=False, transient=True, vertical_overflow="crop",
             redirect_stderr=sys.stderr.isatty(),
@@ -141,7 +143,7 @@ class ArmedScreen:
 
     def notice(self, text: str) -> None:
         """Print what happened above the screen, where it stays, and put it into the list of the last notices."""
-        self._waiting.append(f"{time.strftime('%H:%M:%SZ', time.gmtime())}  {' '.join(text.split())}")
+        self._waiting.append(f"{time.strftime('%H:%M:%SZ', time.gmtime())}  {visible(' '.join(text.split()))}")
         if threading.get_ident() == self._writer:
             with contextlib.suppress(OSError):
                 self._print_waiting()

@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import IO, Any
+
+from daq.child_process import apart, own_command
 
 _BELOW_NORMAL = 10
 
@@ -29,19 +30,19 @@ class Conversion:
 
     def __init__(self, rig: Path, files: Sequence[Path], shot: str, out: Path, *, replaces: str = "") -> None:
         self._shot, self._folder = shot, out
-        command = [
-            sys.executable, "-m", "recoil_daq.cli", "ingest", str(rig), *map(str, files),
-            "--shot", shot, "--out", str(out), "--json",
-            *(["--replaces", replaces] if replaces else []),
+        # behind `--` nothing is an option, whatever a file is called
+        arguments = [
+            "ingest", "--shot", shot, "--out", str(out), "--json", *(["--replaces", replaces] if replaces else []),
+            "--", str(rig), *map(str, files),
         ]  # fmt: skip
-        # a group of its own: Ctrl-C ends the acquisition in order, and lets the last shot be converted
-        apart: dict[str, Any] = {"creationflags": 0x00000200 | 0x00004000} if os.name == "nt" else {"process_group": 0}
         # files, not pipes: nobody has to read along while it runs
         self._out: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed when it is read
         self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed when it is read
+        # apart: Ctrl-C ends the acquisition in order, and lets the last shot be converted
         self._process = subprocess.Popen(  # noqa: S603 - this program itself, without a shell
-            command, stdin=subprocess.DEVNULL, stdout=self._out, stderr=self._errors, **apart
-        )
+            own_command("recoil_daq.cli", *arguments), stdin=subprocess.DEVNULL, stdout=self._out,
+            stderr=self._errors, **apart(below_normal=True),
+        )  # fmt: skip
         if os.name != "nt":
             os.setpriority(os.PRIO_PROCESS, self._process.pid, _BELOW_NORMAL)
 

@@ -14,6 +14,7 @@ from types import TracebackType
 from typing import Any, TextIO
 
 from daq.capture.status import LiveStatus, SourceStatus
+from daq.visible_text import visible
 from recoil_daq.live_shot import LiveShot
 from recoil_daq.losses import losses_of
 
@@ -84,16 +85,13 @@ class PlainLog:
 
     def verdict(self, document: Mapping[str, Any]) -> None:
         """Write the verdict on a shot."""
-        from rich.console import Console
-
+        from recoil_daq.console import VisibleConsole
         from recoil_daq.tables import PIPED_WIDTH, print_verdict
 
         on_terminal = self._stream.isatty() or None
         width = None if on_terminal else PIPED_WIDTH
         table = io.StringIO()  # written on a broken pipe, rich would end the program
-        print_verdict(
-            document, Console(file=table, force_terminal=on_terminal, width=width, highlight=False, emoji=False)
-        )
+        print_verdict(document, VisibleConsole(file=table, force_terminal=on_terminal, width=width))
         self._write(table.getvalue())
 
     @property
@@ -126,7 +124,7 @@ class PlainLog:
 
 def _stamped(text: str) -> str:
     now = dt.datetime.now(dt.UTC).isoformat(sep=" ", timespec="milliseconds").removesuffix("+00:00")
-    return f"{now}Z  {' '.join(text.split())}\n"
+    return f"{now}Z  {visible(' '.join(text.split()))}\n"
 
 
 def _silent(source: SourceStatus) -> bool:

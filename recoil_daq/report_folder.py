@@ -1,24 +1,36 @@
-"""The folder of one shot's reports: what is written into it appears whole or not at all."""
+"""The folder of one shot's reports: what is written into it appears whole or not at all.
+
+A report is made in a hidden folder beside its place. Where one stands there already, that one is moved into the hidden
+folder, the new one takes its place, and then the hidden folder goes. Whatever ends the program between two of these
+steps, one whole report is in its place or in the hidden folder, from which the next run brings it back.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from daq.errors import StoreError
+from daq.journal.lock import JournalLock, is_being_written
+from daq.new_file import sync_folder
+
+_NEW, _OLD = "new", "old"
 
 
 def refuse_existing(folder: Path, names: Sequence[str]) -> None:
-    """Refuse a folder that holds any of some files.
+    """Refuse a folder that holds any of some files; what an interrupted run left of it is put in order before.
 
     Raises
     ------
     StoreError
         Naming the first of them.
     """
+    _put_in_order(_real(folder))
     for name in names:
         if (folder / name).exists():
             raise StoreError(
@@ -27,7 +39,7 @@ def refuse_existing(folder: Path, names: Sequence[str]) -> None:
 
 
 def publish(folder: Path, write: Callable[[Path], None]) -> None:
-    """Let files be written beside their place, then put them there.
+    """Let files be written beside their place, then put them there together.
 
     Parameters
     ----------
@@ -40,31 +52,83 @@ def publish(folder: Path, write: Callable[[Path], None]) -> None:
     Raises
     ------
     StoreError
-        If it cannot be written.
+        If it cannot be written; what was there is there still.
     """
+    folder = _real(folder)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
-        partial = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", suffix=".partial", dir=folder.parent))
+        _put_in_order(folder)
+        hidden = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", suffix=".partial", dir=folder.parent))
     except OSError as error:
         raise StoreError(f"cannot write here: {error.strerror}", path=folder.parent, remedy="choose --out") from error
     try:
-        write(partial)
-        # a temporary folder is private to its owner; a report is not
-        partial.chmod(0o777 & ~_umask())
-        if folder.exists():
-            for part in sorted(partial.iterdir()):
-                part.replace(folder / part.name)
-        else:
-            partial.rename(folder)
+        # says to other runs that this folder is none that was left over
+        lock = JournalLock(hidden)
+        try:
+            (hidden / _NEW).mkdir()
+            write(hidden / _NEW)
+            _exchange(folder, hidden)
+        finally:
+            lock.release()
+            _settle(folder, hidden)
     except OSError as error:
         raise StoreError(
-            f"cannot be written: {error.strerror}", path=folder, remedy="check space and permissions"
+            f"cannot be written: {error.strerror or error}",
+            path=folder,
+            remedy="check space and permissions, and close its files in other programs",
         ) from error
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
 
 
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
+def _exchange(folder: Path, hidden: Path) -> None:
+    """Put the new report into its place, and the one that is there into the hidden folder."""
+    new = hidden / _NEW
+    for file in new.iterdir():
+        with file.open("r+b") as stream:
+            os.fsync(stream.fileno())
+    if folder.exists():
+        written = {file.name for file in new.iterdir()}
+
+        def replaced(at: str, names: list[str]) -> set[str]:
+            return written.intersection(names) if Path(at) == folder else set()
+
+        # what else is there comes along before anything moves, so that no interruption hides it
+        shutil.copytree(folder, new, symlinks=True, ignore=replaced, copy_function=_link, dirs_exist_ok=True)
+        folder.rename(hidden / _OLD)
+    new.rename(folder)
+    sync_folder(folder.parent)
+
+
+def _link(source: str, target: str) -> None:
+    """Give a file a second name; copy it where the file system has no such names."""
+    try:
+        os.link(source, target, follow_symlinks=False)
+    except (OSError, NotImplementedError):
+        shutil.copy2(source, target, follow_symlinks=False)
+
+
+def _put_in_order(folder: Path) -> None:
+    """Bring back a report that an interrupted run had moved away, and remove what it left over."""
+    leftover = re.compile(re.escape(f".{folder.name}.") + "[a-z0-9_]{8}" + re.escape(".partial"))
+    with contextlib.suppress(FileNotFoundError, NotADirectoryError):
+        for hidden in sorted(folder.parent.iterdir()):
+            if leftover.fullmatch(hidden.name) and not is_being_written(hidden):
+                _settle(folder, hidden)
+
+
+def _settle(folder: Path, hidden: Path) -> None:
+    """Remove a hidden folder; nothing goes with it that is not in the report's folder, except what was replaced."""
+    old = hidden / _OLD
+    if old.exists() and not folder.exists():
+        old.rename(folder)
+    for file in sorted(old.rglob("*")) if old.exists() else ():
+        place = folder / file.relative_to(old)
+        if not file.is_dir() and not os.path.lexists(place):
+            # came while the folders changed places
+            place.parent.mkdir(parents=True, exist_ok=True)
+            file.rename(place)
+    shutil.rmtree(hidden, ignore_errors=True)
+
+
+def _real(folder: Path) -> Path:
+    """Follow a link: the folder that it names is the one to be exchanged, not the link."""
+    return Path(os.path.realpath(folder))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from daq.capture.engine import Level
 from daq.capture.status import ChannelStatus, LiveStatus, SourceStatus
+from daq.visible_text import visible
 from recoil_daq.engineering import engineering
 from recoil_daq.live_shot import LiveShot
 from recoil_daq.losses import NONE, NOT_COUNTED, losses_of
@@ -103,8 +104,8 @@ def shot_line(shot: LiveShot) -> Text:
     """Write how far a shot is, what it waits for, and what speaks against it."""
     text = line_of(f"shot {shot.name}  ").append(shot.state, SHOT_STYLES.get(shot.state, "cyan"))
     if shot.state == "waiting" and shot.missing:
-        text.append(f" for files of {', '.join(shot.missing)}")
+        text.append(f" for files of {visible(', '.join(shot.missing))}")
     elif shot.state == "waiting":
         text.append(" for its turn to be converted")
     reasons = shot.problem or ("; ".join(shot.document["reasons"]) if shot.document else "")
-    return text.append(f": {' '.join(reasons.split())}") if reasons else text
+    return text.append(f": {visible(' '.join(reasons.split()))}") if reasons else text

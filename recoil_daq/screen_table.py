@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from daq.visible_text import visible
+
 if TYPE_CHECKING:
     from rich.text import Text
 
@@ -97,4 +99,4 @@ def line_of(text: str, style: str = "") -> Text:
     """Return text that is one line, cut with an ellipsis where it is too long."""
     from rich.text import Text
 
-    return Text(text, style=style, no_wrap=True, overflow="ellipsis")
+    return Text(visible(text), style=style, no_wrap=True, overflow="ellipsis")

@@ -12,6 +12,8 @@ from typing import Any
 
 import typer
 
+from daq.visible_text import visible
+
 FAULT, INTERRUPTED = 3, 130
 
 
@@ -44,11 +46,12 @@ class Session:
         if not isinstance(error, RecoilDaqError):
             return
         if self.debug:
-            traceback.print_exception(error)
+            for line in "".join(traceback.format_exception(error)).rstrip("\n").split("\n"):
+                typer.echo(visible(line), err=True)
         if self.as_json:
             self._print({"schema": "recoil-daq/error/1", "error": type(error).__name__, **_fields(error)})
         for line in _lines(error):
-            typer.echo(line, err=True)
+            typer.echo(visible(line), err=True)
         raise typer.Exit(FAULT) from None
 
     def finish(self, document: Mapping[str, Any], show: Callable[[], None], code: int) -> None:
@@ -68,10 +71,10 @@ class Session:
         from rich.console import Console
         from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-        columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+        columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
         with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-            task = progress.add_task(title, total=None)
-            yield lambda step: progress.update(task, description=f"{title}: {step}")
+            task = progress.add_task(visible(title), total=None)
+            yield lambda step: progress.update(task, description=visible(f"{title}: {step}"))
 
     @staticmethod
     def _print(document: Mapping[str, Any]) -> None:

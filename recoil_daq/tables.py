@@ -7,6 +7,8 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from daq.visible_text import visible
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -25,10 +27,10 @@ RANK = ("ok", "warn", "fail")
 
 def output_console() -> Console:
     """Return the console of stdout, as wide as the terminal, or `PIPED_WIDTH` without one."""
-    from rich.console import Console
+    from recoil_daq.console import VisibleConsole
 
     width = None if sys.stdout.isatty() else PIPED_WIDTH
-    return Console(width=width, highlight=False, emoji=False)
+    return VisibleConsole(width=width)
 
 
 def print_table(
@@ -54,7 +56,7 @@ def print_table(
             overflow="fold" if fold else "ellipsis",
         )  # fmt: skip
     for row in rows:
-        cells = [escape(cell) for cell in row]
+        cells = [escape(visible(cell)) for cell in row]
         table.add_row(*(f"[{STYLES[c]}]{c}[/]" if c in STYLES else c for c in cells))
     console = console or output_console()
     console.print(title, style="italic", markup=False, soft_wrap=True)
@@ -147,8 +149,8 @@ def print_verdict(document: Mapping[str, Any], console: Console | None = None) -
         line.append(f", {warned} warning{'' if warned == 1 else 's'}" if warned else "", style="default not bold")
     else:
         line = Text("NOT USABLE", style="bold red")
-        line.append(f": {'; '.join(document['reasons'])}\n", style="default not bold")
-    line.append(f"{' ' if document['usable'] else ''}-> {document['file']}", style="default not bold")
+        line.append(f": {visible('; '.join(document['reasons']))}\n", style="default not bold")
+    line.append(f"{' ' if document['usable'] else ''}-> {visible(document['file'])}", style="default not bold")
     console.print(line, soft_wrap=True)
 
 

@@ -17,6 +17,7 @@ from typing import Any
 
 from daq.capture.cut import Cut, write_captures
 from daq.capture.session_record import live_record_of
+from daq.child_process import apart, own_command
 from daq.devices.device import DeviceEvent
 from daq.errors import RecoilDaqError, StoreError
 from daq.journal.folder import read_journal
@@ -46,16 +47,14 @@ def cut_apart(journal: Path, folder: Path, prefix: str, start_ns: int, stop_ns: 
     """
     shutil.rmtree(folder, ignore_errors=True)
     arguments = [str(journal), str(folder), prefix, str(start_ns), str(stop_ns), str(os.getpid())]
-    # a group of its own, which Ctrl-C does not reach
-    apart: dict[str, Any] = {"creationflags": 0x00000200} if os.name == "nt" else {"process_group": 0}
     try:
         done = subprocess.run(  # noqa: S603 - this program itself, without a shell
-            [sys.executable, "-m", __name__, *arguments],
+            own_command(__name__, *arguments),
             stdin=subprocess.DEVNULL,
             capture_output=True,
             timeout=_WITHIN_S,
             check=False,
-            **apart,
+            **apart(),
         )
     except (OSError, subprocess.TimeoutExpired) as error:
         raise StoreError(f"the cut of the shot did not end: {error}", path=folder) from error

@@ -30,8 +30,13 @@ from daq.exporters.exporter import Carried, Table, exact_table
 from daq.readers.exported.recoil_csv import FIRST_LINE, RecoilCsvReader
 from daq.readers.reader import Declarations
 from daq.store.table import json_text
+from daq.visible_text import visible
 
-_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
+_FORMULA = re.compile("(?:^|(?<=[,;]))(?=[=+@-])")
+"""Where a cell would begin as a formula does, whatever separates the cells to a spreadsheet."""
+
+_WITHIN_JSON = re.compile("[=@\x7f-\x9f\u200e\u200f\u061c\u2028-\u202e\u2066-\u2069]|(?<=[,;])[+-]")
+"""What stands in texts of JSON alone, never between them, and would begin a formula or turn a terminal's text."""
 
 ROWS = 65536
 """Rows that are put into text at a time."""
@@ -59,7 +64,7 @@ class CsvExporter:
             file.write(FIRST_LINE + "\n")
             for key, value in document.items():
                 for item in value if key == "channels" else [value]:
-                    file.write(f"# {'channel' if key == 'channels' else key}: {json_text(item)}\n")
+                    file.write(f"# {'channel' if key == 'channels' else key}: {_comment(item)}\n")
             file.write(heading_row(headings) + "\n")
             for start in range(0, group.time_base.count, ROWS):
                 cells = [map(repr, column[start : start + ROWS].astype(np.float64).tolist()) for column in columns]
@@ -74,10 +79,18 @@ class CsvExporter:
 
 
 def heading_row(headings: list[str]) -> str:
-    """Write headings as one line of CSV; a line break inside one becomes a space."""
+    """Write headings as one line of CSV that no spreadsheet takes for formulas and no terminal obeys.
+
+    They are for people: the readers take the names from elsewhere, or from their order.
+    """
     text = io.StringIO()
-    csv.writer(text, lineterminator="").writerow([_CONTROL.sub(" ", heading) for heading in headings])
+    csv.writer(text, lineterminator="").writerow([_FORMULA.sub("'", visible(heading)) for heading in headings])
     return text.getvalue()
+
+
+def _comment(value: Any) -> str:
+    """Write JSON that a spreadsheet may split at any comma: no cell begins a formula, and it reads back the same."""
+    return _WITHIN_JSON.sub(lambda match: f"\\u{ord(match.group()):04x}", json_text(value))
 
 
 def _as_float64(samples: NDArray[np.floating[Any]]) -> NDArray[np.float64]:

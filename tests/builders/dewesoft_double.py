@@ -1,6 +1,6 @@
 """A double of Dewesoft's library, which reads what it is told to say from the file itself.
 
-The child process imports it in place of ``dwdatareader`` where its folder comes first in ``sys.path``. It stands in
+The child process imports it in place of ``dwdatareader`` where its folder is on PYTHONPATH. It stands in
 for what the real library was seen to do and no real file at hand shows: crashes, hangs, single values, gaps.
 """
 

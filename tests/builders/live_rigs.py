@@ -137,17 +137,19 @@ class LiveProcess:
         Gets what it prints.
     before : str
         Python statements that it runs first: `SEGMENTS_OF_256_KIB`, `HELD_BACK`.
+    cwd : Path
+        Its working folder.
     """
 
-    def __init__(self, rig: Path, out: Path, log: Path, *, before: str = "") -> None:
+    def __init__(self, rig: Path, out: Path, log: Path, *, before: str = "", cwd: Path = REPOSITORY) -> None:
         program = f"{before}\nfrom recoil_daq.cli import main\nmain()"
-        command = [sys.executable, "-c", program, "ingest", str(rig), "--live", "--no-screen", "--out", str(out)]
+        command = [sys.executable, "-P", "-c", program, "ingest", str(rig), "--live", "--no-screen", "--out", str(out)]
         self.out = out
         self._log = log
         self._before = set(self._journals())
         with log.open("wb") as stream:
             self.process = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=stream, stderr=subprocess.STDOUT, cwd=REPOSITORY
+                command, stdin=subprocess.DEVNULL, stdout=stream, stderr=subprocess.STDOUT, cwd=cwd
             )
 
     def __enter__(self) -> LiveProcess:

@@ -22,10 +22,8 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import os
 import shutil
 import subprocess
-import sys
 import tempfile
 import weakref
 from importlib import metadata
@@ -36,6 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from daq.channel import RawCounts
+from daq.child_process import own_command
 from daq.errors import CorruptFileError, MissingChannelError, ReadError
 from daq.readers.dewesoft import child_process as child
 from daq.readers.reader import Declarations, SignalHeader
@@ -114,12 +113,9 @@ def _check_library(path: Path) -> None:
 def _run(path: Path, folder: Path, size: int) -> dict[str, Any]:
     """Let a child read the file; return what it says."""
     limit_s = LIMIT_S + size / BYTES_PER_SECOND
-    root = Path(child.__file__).resolve().parents[3]
-    paths = [str(root), *(p for p in sys.path if p)]
     try:
         done = subprocess.run(  # noqa: S603  our own module, by our own interpreter
-            [sys.executable, "-m", child.__name__, str(path.resolve()), str(folder)],
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(dict.fromkeys(paths))},
+            own_command(child.__name__, str(path.resolve()), str(folder)),
             stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, timeout=limit_s, check=False,
         )  # fmt: skip
     except subprocess.TimeoutExpired as error:

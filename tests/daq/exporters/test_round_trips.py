@@ -1,7 +1,9 @@
 """What is exported comes back: by our own readers bit for bit, and by libraries of others, or as far as is told."""
 
+import csv
 import datetime as dt
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -321,3 +323,30 @@ def test_what_the_rig_says_of_a_sensor_goes_with_the_channel():
 def test_raw_counts_are_told_to_stay_behind():
     assert "raw counts stay in the shot file" in gather(SHOT, {}, ["p_breech"]).notes[0]
     assert not any("raw counts" in note for note in gather(SHOT, {}, ["x_recoil"]).notes)
+
+
+FORMULAS = ["=1+1", "+1", "-1", "@SUM(A1)", "a,=cmd|' /C calc'!A0", "a;+1", "a,-1", "a,@x", "\t=1", "\r=1", '",=1,"']
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_no_cell_of_our_csv_is_a_formula_and_the_names_come_back(tmp_path: Path, separator: str) -> None:
+    base = TimeBase.uniform("c", 0.0, 0.5, 3)
+    values = np.array([-1.0, 0.0, 2.0])
+    shot = Shot("7", "r", "", "c", {n: Channel(n, "force", values, base, signal=n) for n in FORMULAS})
+    (file,) = export(shot, "csv", tmp_path)
+    lines = file.path.read_text(encoding="utf-8").splitlines()
+    for line in lines:
+        for row in csv.reader([line], delimiter=separator):
+            for cell in row:
+                assert not cell.startswith(tuple("=+-@\t\r")) or re.fullmatch(r"-\d.*", cell), line
+    recording = recognise(file.path).open(file.path, Declarations("c"))
+    assert [signal.name for signal in recording.signals] == FORMULAS
+
+
+def test_no_control_character_of_a_name_is_in_our_csv(tmp_path: Path) -> None:
+    name = "a\x1b[31m\x9b\u202eb"
+    shot = Shot("7", "r", "", "c", {name: Channel(name, "force", np.ones(2), TimeBase.uniform("c", 0.0, 0.5, 2))})
+    (file,) = export(shot, "csv", tmp_path)
+    assert not re.search("[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e]", file.path.read_text(encoding="utf-8"))
+    recording = recognise(file.path).open(file.path, Declarations("c"))
+    assert [signal.name for signal in recording.signals] == [name]

@@ -126,7 +126,7 @@ def told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Dewes
     """Open a file of which a double of the library says what a test wants."""
     monkeypatch.setattr(dewesoft_native, "_check_library", lambda _: None)
     write_double(tmp_path)
-    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
 
     def open_(**said: Any) -> DewesoftRecording:
         return READER.open(told_file(tmp_path / "a.dxd", **said), DECLARED)

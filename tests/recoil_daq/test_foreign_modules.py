@@ -1,0 +1,91 @@
+"""Commands that are run in a folder whose files bear the names of modules: none of these files is run."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.builders.live_rigs import LiveProcess, write_live_rig
+from tests.builders.port_player import PortPlayer
+
+NAMES = ("numpy", "daq", "processing", "identification", "rigs", "recoil_daq", "logging", "json", "h5py", "re")
+PROGRAM = Path(sys.executable).with_name("recoil-daq")
+
+
+@pytest.fixture
+def hostile(tmp_path: Path) -> Path:
+    """A folder with modules, each of which leaves a file behind where it is imported."""
+    folder = tmp_path / "user"
+    folder.mkdir()
+    for name in NAMES:
+        mark = folder / f"{name}.was_run"
+        (folder / f"{name}.py").write_text(f"open({str(mark)!r}, 'w').close()\n", encoding="utf-8")
+    return folder
+
+
+def _command(*words: object) -> list[str]:
+    program = [str(PROGRAM)] if PROGRAM.exists() else [sys.executable, "-P", "-m", "recoil_daq.cli"]
+    return [*program, *map(str, words)]
+
+
+def _run(folder: Path, *words: object, code: int = 0) -> None:
+    done = subprocess.run(
+        _command(*words), cwd=folder, capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL
+    )
+    assert done.returncode == code, (words, done.stdout, done.stderr)
+    assert [path.name for path in folder.glob("*.was_run")] == []
+
+
+def test_the_files_are_run_by_a_python_that_looks_there(hostile: Path) -> None:
+    subprocess.run([sys.executable, "-c", "import numpy, daq"], cwd=hostile, check=True, env=_plain_environment())
+    assert {path.name for path in hostile.glob("*.was_run")} >= {"numpy.was_run", "daq.was_run"}
+
+
+def _plain_environment() -> dict[str, str]:
+    return {name: value for name, value in os.environ.items() if name != "PYTHONSAFEPATH"}
+
+
+def test_no_command_on_files_runs_a_module_of_the_users_folder(hostile: Path) -> None:
+    _run(hostile, "check", "field-2013")
+    _run(hostile, "formats")
+    _run(hostile, "simulate", "field-2013", "--out", "simulated")
+    files = sorted((hostile / "simulated" / "0001").glob("*.csv"))
+    _run(hostile, "ingest", "field-2013", *files, "--shot", "0001")
+    _run(hostile, "show", files[0])
+    _run(hostile, "show", "shots/0001.h5")
+    _run(hostile, "identify", "shots")
+    _run(hostile, "export", "shots/0001.h5", "--format", "csv")
+    _run(hostile, "recover", "shots")
+    _run(hostile, "demo", "--out", "demo")
+
+
+@pytest.mark.real_time
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="plays to pseudo-terminals")
+def test_no_live_command_runs_a_module_of_the_users_folder(hostile: Path) -> None:
+    port = PortPlayer("port")
+    rig = write_live_rig(hostile, [port.path])
+    try:
+        with LiveProcess(rig, hostile / "shots", hostile / "log.txt", cwd=hostile) as process:
+            journal = process.journal()
+            with port:
+                process.recording(journal)
+                time.sleep(0.3)
+                port.fire()
+                process.wait_for("captures", (hostile / "shots" / "captures" / "0001").is_dir)
+            assert process.end(signal.SIGINT) == 130, process.said
+    finally:
+        port.stop()
+    assert [path.name for path in hostile.glob("*.was_run")] == []
+
+
+@pytest.mark.real_time
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="plays to pseudo-terminals")
+def test_the_live_demonstration_runs_no_module_of_the_users_folder(hostile: Path) -> None:
+    _run(hostile, "demo", "--live", "--no-screen", "--out", "live")
+    assert len(list((hostile / "live").rglob("report.json"))) == 3
