@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -17,6 +18,7 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 
 from daq.errors import CorruptFileError, ReadError, StoreError
 from daq.regular_file import read_beginning, read_small
+from daq.shot_name import check_shot_name
 
 SCHEMA = "recoil-daq/acquisition/1"
 AT_TRIGGER = "host clock at the trigger"
@@ -150,6 +152,10 @@ class Acquisition:
         if document.get("schema") != SCHEMA:
             raise ValueError(f"schema must be {SCHEMA!r}, not {document.get('schema')!r}")
         made: Acquisition = _object(cls, {key: value for key, value in document.items() if key != "schema"}, "")
+        check_shot_name(made.shot)
+        for source in made.sources:
+            if re.search(r"[/\\:\x00-\x1f]", source.file) or source.file in (".", ".."):
+                raise ValueError(f"{source.file!r} is no name of a file beside it")
         return made
 
 

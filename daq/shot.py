@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from daq.acquisition import Acquisition
 from daq.channel import Channel, Step
+from daq.shot_name import check_shot_name
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -142,7 +143,7 @@ class Shot:
     Raises
     ------
     ValueError
-        If a channel stands under another name than its own, or a clock is aligned twice.
+        If it cannot bear its name, a channel stands under another name than its own, or a clock is aligned twice.
     """
 
     name: str
@@ -161,6 +162,7 @@ class Shot:
     clock_fits: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        check_shot_name(self.name)
         for key, channel in self.channels.items():
             if key != channel.name:
                 raise ValueError(f"channel {channel.name!r} stands under the name {key!r}")

@@ -36,3 +36,9 @@ def shot_name_fault(name: str) -> str | None:
     if _RESERVED.fullmatch(name):
         return "is a word that Windows reserves for a device"
     return None
+
+
+def check_shot_name(name: str) -> None:
+    """Raise ValueError where a shot cannot bear a name."""
+    if fault := shot_name_fault(name):
+        raise ValueError(f"the shot's name {name!r} {fault}")

@@ -63,7 +63,7 @@ def survey(paths: Sequence[Path], *, progress: Progress = lambda _: None) -> Cam
         progress(path.name)
         shot = read_shot(path)
         rigs[path] = shot.rig_name
-        rig = parse_rig(shot.rig_text, path, shot.databases, refuse_doubts=False)
+        rig = parse_rig(shot.rig_text, path, shot.databases or {}, refuse_doubts=False)
         if default_method(shot) == "calibrated":
             # a displacement has a low-pass of its own, and no spectrum to choose it by
             spectra.setdefault(shot.rig_name, []).append(force_spectra(prepare(shot, rig).recorded))

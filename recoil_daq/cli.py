@@ -250,6 +250,9 @@ def identify(
     wanted = tuple(dict.fromkeys(target or ["mass"]))
     memory_s = _memory(window_s)
     with Session(json, debug) as session:
+        from daq.reader_process import READER
+
+        READER.start()  # it loads its libraries while this process loads its own
         from identification.analysis import Options
         from recoil_daq.campaign import Campaign, repeatability, survey
         from recoil_daq.identify import find_shot_files, identify_file
@@ -410,6 +413,10 @@ def show(
 ) -> None:
     """Print what is in a shot file, or in a file of any instrument; exit code 1 if that one was cut off."""
     with Session(json, debug) as session:
+        if file.suffix == ".h5":
+            from daq.reader_process import READER
+
+            READER.start()
         from daq.store import is_shot_file, shot_summary
         from recoil_daq.live_tables import print_acquisition
         from recoil_daq.tables import print_summary
@@ -450,6 +457,9 @@ def export(
 ) -> None:
     """Write a shot's channels in another format, verified, and say what is exact and what is lost."""
     with Session(json, debug) as session:
+        from daq.reader_process import READER
+
+        READER.start()
         from recoil_daq.export import export_shot
         from recoil_daq.export_tables import export_document, print_exported
 

@@ -106,7 +106,7 @@ def identify_file(
     folder = Path(out) / shot.name
     if not overwrite:
         refuse_existing(folder, (REPORT_FILE, TRACE_FILE, PAGE_NAME))
-    rig = parse_rig(shot.rig_text, source, shot.databases, refuse_doubts=False)
+    rig = parse_rig(shot.rig_text, source, shot.databases or {}, refuse_doubts=False)
     progress("identify")
     found = identify_shot(shot, rig, options or Options())
     progress("report")

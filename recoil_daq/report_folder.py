@@ -82,9 +82,10 @@ def publish(folder: Path, write: Callable[[Path], None]) -> None:
 def _exchange(folder: Path, hidden: Path) -> None:
     """Put the new report into its place, and the one that is there into the hidden folder."""
     new = hidden / _NEW
-    for file in new.iterdir():
-        with file.open("r+b") as stream:
-            os.fsync(stream.fileno())
+    for file in new.rglob("*"):
+        if file.is_file():
+            with file.open("r+b") as stream:
+                os.fsync(stream.fileno())
     if folder.exists():
         written = {file.name for file in new.iterdir()}
 

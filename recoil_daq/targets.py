@@ -76,7 +76,7 @@ def identify_targets(
     folder = Path(out) / shot.name
     if not overwrite:
         refuse_existing(folder, [f"{name}.{suffix}" for name in targets for suffix in ("json", "html", "csv")])
-    case = Case(shot, parse_rig(shot.rig_text, source, shot.databases, refuse_doubts=False), options or Options())
+    case = Case(shot, parse_rig(shot.rig_text, source, shot.databases or {}, refuse_doubts=False), options or Options())
     done = []
     for name in targets:
         find = target_function(name)

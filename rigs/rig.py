@@ -300,8 +300,12 @@ def _databases(
     for source in sources:
         if source.kind != "can" or source.database is None:
             continue
-        if given is not None and source.database in given:
-            texts[source.database] = given[source.database]
+        if given is not None:
+            # a shot file names no files of this computer
+            if source.database in given:
+                texts[source.database] = given[source.database]
+            else:
+                faults.append(Fault(f"source '{source.name}'.database", f"{source.database} is not in {path.name}"))
             continue
         file = path.parent / source.database
         try:

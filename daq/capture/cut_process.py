@@ -67,12 +67,13 @@ def cut_apart(journal: Path, folder: Path, prefix: str, start_ns: int, stop_ns: 
         ) from error
     if "error" in answer:
         raise StoreError(str(answer["error"]), path=folder, remedy="the journal still has it")
-    return {name: _cut_of(value) for name, value in answer.items()}
+    return {name: _cut_of(value, folder) for name, value in answer.items()}
 
 
-def _cut_of(value: dict[str, Any]) -> Cut:
+def _cut_of(value: dict[str, Any], folder: Path) -> Cut:
     return Cut(
-        file=None if value["file"] is None else Path(value["file"]),
+        # the folder is ours, whatever the child says
+        file=None if value["file"] is None else folder / Path(value["file"]).name,
         blocks=value["blocks"],
         bytes=value["bytes"],
         late_s=value["late_s"],

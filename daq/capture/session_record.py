@@ -16,6 +16,7 @@ from daq.devices.device import CAN, EVENT, SERIAL, Anchor, Block
 from daq.errors import StoreError
 from daq.journal.folder import Journal
 from daq.journal.records import JournalRecord
+from daq.shot_name import check_shot_name
 from daq.trigger import Decision, Trigger
 
 SCHEMA = "recoil-daq/live/1"
@@ -113,6 +114,9 @@ class CompleteShot:
 
     shot: str
     trigger_s: float
+
+    def __post_init__(self) -> None:
+        check_shot_name(self.shot)
 
 
 @dataclass(frozen=True)

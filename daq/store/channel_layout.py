@@ -6,7 +6,7 @@ The tree is described in `daq.store.layout`.
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -52,7 +52,7 @@ def _by_time_base(channels: Iterable[Channel]) -> list[tuple[TimeBase, list[tupl
     return groups
 
 
-def write_channels(entry: Any, shot: Shot, reserved: Collection[str]) -> None:
+def write_channels(entry: Any, shot: Shot, reserved: Collection[str], *, compressed: bool) -> None:
     """Write all channels of a shot and make the main plot's group the entry's default.
 
     Parameters
@@ -61,7 +61,9 @@ def write_channels(entry: Any, shot: Shot, reserved: Collection[str]) -> None:
     shot : Shot
     reserved : collection of str
         Names in the entry that no clock's group may have.
+    compressed : bool
     """
+    filters = {"shuffle": True, "compression": "gzip", "compression_opts": 2} if compressed else {}
     groups = _by_time_base(shot.channels.values())
     names = tree_names((time_base.clock for time_base, _ in groups), reserved)
     raw = new_group(entry, "raw", "NXcollection")
@@ -69,11 +71,11 @@ def write_channels(entry: Any, shot: Shot, reserved: Collection[str]) -> None:
     for order, (name, (time_base, members)) in enumerate(zip(names, groups, strict=True)):
         group = new_group(entry, name, "NXdata")
         group.attrs["order"] = order
-        time = _write_time(group, time_base)
+        time = _write_time(group, time_base, filters)
         signals = tree_names((channel.name for _, channel in members), {"time"})
         counted = {s: c.raw for s, (_, c) in zip(signals, members, strict=True) if c.raw is not None}
         for signal, (place, channel) in zip(signals, members, strict=True):
-            _write_signal(group, signal, time, place, channel)
+            _write_signal(group, signal, time, place, channel, filters)
         plotted = next((s for s, (_, c) in zip(signals, members, strict=True) if c is main), signals[0])
         group.attrs["signal"] = plotted
         group.attrs["axes"] = ["time"]
@@ -85,28 +87,23 @@ def write_channels(entry: Any, shot: Shot, reserved: Collection[str]) -> None:
         ):
             entry.attrs["default"] = name
         if counted:
-            _write_raw(new_group(raw, name, "NXcollection"), time, counted)
+            _write_raw(new_group(raw, name, "NXcollection"), time, counted, filters)
     if names and "default" not in entry.attrs:
         entry.attrs["default"] = names[0]
 
 
-def _dataset(group: Any, name: str, values: NDArray[Any], time: Any | None) -> Any:
-    """Create a compressed dataset with checksums and attach it to its time."""
+def _dataset(group: Any, name: str, values: NDArray[Any], time: Any | None, filters: Mapping[str, Any]) -> Any:
+    """Create a dataset with checksums, compressed by the filters, and attach it to its time."""
     # A dataset without elements cannot be chunked, and filters need chunks
-    filters = (
-        {"chunks": (min(values.size, CHUNK_SAMPLES),), "shuffle": True, "compression": "gzip", "compression_opts": 2}
-        | {"fletcher32": True}
-        if values.size
-        else {}
-    )
-    dataset = group.create_dataset(name, data=values, track_times=False, **filters)
+    own = {"chunks": (min(values.size, CHUNK_SAMPLES),), "fletcher32": True, **filters} if values.size else {}
+    dataset = group.create_dataset(name, data=values, track_times=False, **own)
     if time is not None:
         dataset.dims[0].attach_scale(time)
     return dataset
 
 
-def _write_time(group: Any, time_base: TimeBase) -> Any:
-    time = _dataset(group, "time", time_base.times_s, None)
+def _write_time(group: Any, time_base: TimeBase, filters: Mapping[str, Any]) -> Any:
+    time = _dataset(group, "time", time_base.times_s, None, filters)
     time.make_scale("time")
     time.attrs["units"] = "s"
     time.attrs["long_name"] = f"time on the clock of {time_base.clock}"
@@ -123,8 +120,8 @@ def _write_time(group: Any, time_base: TimeBase) -> Any:
     return time
 
 
-def _write_signal(group: Any, name: str, time: Any, place: int, channel: Channel) -> None:
-    dataset = _dataset(group, name, channel.samples, time)
+def _write_signal(group: Any, name: str, time: Any, place: int, channel: Channel, filters: Mapping[str, Any]) -> None:
+    dataset = _dataset(group, name, channel.samples, time, filters)
     dataset.attrs["units"] = channel.unit
     dataset.attrs["long_name"] = f"{channel.name}: {(channel.role or channel.quantity).replace('_', ' ')}"
     dataset.attrs["channel"] = channel.name
@@ -139,11 +136,11 @@ def _write_signal(group: Any, name: str, time: Any, place: int, channel: Channel
     dataset.attrs["order"] = place
 
 
-def _write_raw(group: Any, time: Any, counted: dict[str, RawCounts]) -> None:
+def _write_raw(group: Any, time: Any, counted: dict[str, RawCounts], filters: Mapping[str, Any]) -> None:
     # A second name of the same time: a netCDF reader looks for a dimension in the group and above it
     group["time"] = time
     for name, raw in counted.items():
-        dataset = _dataset(group, name, raw.counts, time)
+        dataset = _dataset(group, name, raw.counts, time, filters)
         dataset.attrs["units"] = "1"
         dataset.attrs["long_name"] = "counts as stored by the source"
         dataset.attrs["gain"] = raw.gain

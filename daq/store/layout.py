@@ -54,7 +54,7 @@ ENTRY_NAMES = frozenset(
 """Names in ``/entry`` that no clock's group may have."""
 
 
-def write_layout(file: Any, shot: Shot) -> None:
+def write_layout(file: Any, shot: Shot, *, compressed: bool = True) -> None:
     """Write a shot into an empty, open `h5py.File`.
 
     Raises
@@ -72,7 +72,7 @@ def write_layout(file: Any, shot: Shot) -> None:
     if shot.started:
         write_text(entry, "start_time", shot.started)
         entry["start_time"].attrs["source"] = shot.started_source
-    write_channels(entry, shot, ENTRY_NAMES)
+    write_channels(entry, shot, ENTRY_NAMES, compressed=compressed)
     _write_rig(entry, shot)
     write_table(
         new_group(entry, "inputs", "NXcollection"),
@@ -96,7 +96,7 @@ def write_layout(file: Any, shot: Shot) -> None:
 
 
 def read_layout(file: Any) -> Shot:
-    """Read a shot from an open `h5py.File` that bears the schema.
+    """Read a shot from the tree of a file that bears the schema.
 
     Raises
     ------
@@ -112,19 +112,24 @@ def read_layout(file: Any) -> Shot:
     steps = [entry["history"][name] for name in entry["history"] if name != "channels"]
     steps.sort(key=lambda step: int(step["sequence_index"][()]))
     started, started_source = read_started(entry)
+    in_order = read_channels(entry, ENTRY_NAMES)
+    channels = {channel.name: channel for channel in in_order}
+    if len(channels) < len(in_order):
+        raise ValueError("two channels have one name")
     return Shot(
         name=read_text(entry, "entry_identifier"),
         rig_name=read_text(rig, "name"),
         rig_text=read_text(rig, "text"),
         reference_clock=read_text(rig, "reference_clock"),
-        channels={channel.name: channel for channel in read_channels(entry, ENTRY_NAMES)},
+        channels=channels,
         alignments=read_alignments(entry),
         quality=read_quality(entry),
         inputs=read_inputs(entry),
         started=started,
         started_source=started_source,
         history=tuple(
-            Step(read_text(s, "what"), read_text(s, "version"), json.loads(read_text(s, "parameters"))) for s in steps
+            Step(read_text(s, "what"), read_text(s, "version"), _object(json.loads(read_text(s, "parameters"))))
+            for s in steps
         ),
         databases=databases,
         acquisition=read_acquisition_of(entry),
@@ -148,7 +153,13 @@ def read_acquisition_of(entry: Any) -> Acquisition | None:
 def read_clock_fits(entry: Any) -> dict[str, Any]:
     """Read how the devices' clocks relate to the host's, by source."""
     notes = sorted((_own(entry, "clock_fits") or {}).values(), key=lambda note: int(note.attrs["order"]))
-    return {read_text(note, "clock"): json.loads(read_text(note, "data")) for note in notes}
+    fits = {read_text(note, "clock"): json.loads(read_text(note, "data")) for note in notes}
+    for clock, fit in fits.items():
+        numbers = [fit[key] for key in ("drift", "u_offset_s", "typical_delay_s", "largest_delay_s")]
+        numbers += [step["step_s"] for step in fit["steps"]] + ([] if fit["u_drift"] is None else [fit["u_drift"]])
+        if not all(type(number) in (int, float) for number in numbers):
+            raise ValueError(f"the clock fit of {clock!r} is none")
+    return fits
 
 
 def _own(entry: Any, name: str) -> Any | None:
@@ -160,13 +171,17 @@ def _own(entry: Any, name: str) -> Any | None:
 def read_inputs(entry: Any) -> tuple[InputFile, ...]:
     """Read the digests of the files that went into a shot."""
     return tuple(
-        InputFile(**row) for row in read_table(entry["inputs"], ("name", "sha256", "size", "source", "reader"))
+        InputFile(**row)
+        for row in read_table(entry["inputs"], ("name", "sha256", "size", "source", "reader"), integers=("size",))
     )
 
 
 def read_quality(entry: Any) -> tuple[QualityCheck, ...]:
     """Read the outcomes of the checks."""
-    return tuple(QualityCheck(**row) for row in read_table(entry["quality"], ("channel", "check", "verdict", "detail")))
+    rows = read_table(entry["quality"], ("channel", "check", "verdict", "detail"))
+    for row in rows:
+        _one_of(row["verdict"], ("ok", "warn", "fail"))
+    return tuple(QualityCheck(**row) for row in rows)
 
 
 def read_alignments(entry: Any) -> tuple[ClockAlignment, ...]:
@@ -177,13 +192,31 @@ def read_alignments(entry: Any) -> tuple[ClockAlignment, ...]:
         ClockAlignment(
             clock=read_text(group, "clock"),
             **{name: float(group[name][()]) for name in numbers},
-            status=read_text(group, "status"),  # type: ignore[arg-type]  # a text of the file; written from a status
+            status=_one_of(read_text(group, "status"), ("ok", "ambiguous", "failed")),
             method=read_text(group, "method"),
-            reasons=tuple(json.loads(read_text(group, "reasons"))),
-            details=json.loads(read_text(group, "details")) if "details" in group else None,
+            reasons=_texts(json.loads(read_text(group, "reasons"))),
+            details=_object(json.loads(read_text(group, "details"))) if "details" in group else None,
         )
         for group in groups
     )
+
+
+def _one_of(word: str, words: tuple[str, ...]) -> Any:
+    if word not in words:
+        raise ValueError(f"{word!r} is none of {', '.join(words)}")
+    return word
+
+
+def _texts(value: Any) -> tuple[str, ...]:
+    if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
+        raise ValueError(f"{value!r:.40} is no list of texts")
+    return tuple(value)
+
+
+def _object(value: Any) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise ValueError(f"{value!r:.40} is no JSON object")
+    return value
 
 
 def _version() -> str:

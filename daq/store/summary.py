@@ -7,6 +7,7 @@ import math
 from typing import Any
 
 from daq.acquisition import AT_TRIGGER
+from daq.shot_name import check_shot_name
 from daq.store.channel_layout import signals_of, time_groups
 from daq.store.layout import (
     ENTRY_NAMES,
@@ -30,6 +31,8 @@ def summarise_layout(file: Any) -> dict[str, Any]:
         As `read_layout`.
     """
     entry = file["entry"]
+    name = read_text(entry, "entry_identifier")
+    check_shot_name(name)
     channels = [
         (int(signal.attrs["order"]), _channel_summary(signal.attrs, group["time"].attrs, int(signal.shape[0])))
         for _, group in time_groups(entry, ENTRY_NAMES)
@@ -43,7 +46,7 @@ def summarise_layout(file: Any) -> dict[str, Any]:
     failed = [check for check in quality if check.verdict == "fail"]
     return {
         "schema": SCHEMA,
-        "shot": read_text(entry, "entry_identifier"),
+        "shot": name,
         "rig": read_text(entry["rig"], "name"),
         "reference_clock": read_text(entry["rig"], "reference_clock"),
         "started": started or None,

@@ -68,14 +68,22 @@ def write_table(group: Any, columns: Mapping[str, Sequence[str] | NDArray[np.int
         column.dims[0].attach_scale(row)
 
 
-def read_table(group: Any, names: Sequence[str]) -> list[dict[str, Any]]:
-    """Read the named columns of a table as rows of texts and integers; KeyError if one is missing."""
+def read_table(group: Any, names: Sequence[str], integers: Sequence[str] = ()) -> list[dict[str, Any]]:
+    """Read the named columns of a table as rows of texts, and of integers where so named.
+
+    Raises
+    ------
+    KeyError, TypeError
+        If a column is missing, or of another kind.
+    """
     if "row" not in group:
         return []
     columns = []
     for name in names:
-        dataset = group[name]
-        columns.append((dataset.asstr()[()] if dataset.dtype.kind == "O" else dataset[()]).tolist())
+        dataset = group[name] if name in integers else group[name].asstr()
+        if name in integers and dataset.dtype.kind not in "iu":
+            raise TypeError(f"{dataset.name} holds no integers")
+        columns.append(dataset[()].tolist())
     return [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
 
 

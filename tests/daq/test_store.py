@@ -25,6 +25,7 @@ from daq.channel import Channel, RawCounts, Step
 from daq.errors import StoreError
 from daq.quantity import SI_UNITS
 from daq.shot import ClockAlignment, InputFile, QualityCheck, Shot
+from daq.shot_name import shot_name_fault
 from daq.store import layout, read_shot, shot_file, shot_summary, write_shot
 from daq.store.difference import first_difference
 from daq.store.shot_file import is_shot_file
@@ -84,6 +85,8 @@ def assert_same_shot(one: Shot, other: Shot) -> None:
 
 texts = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=12)
 names = st.one_of(texts, st.sampled_from(["time", "raw", "a/b", "..", "Time", "rig", "acc recoil", "ä"]))
+shot_names = st.from_regex(r"[A-Za-z0-9_][\w+-]{0,11}", fullmatch=True).filter(lambda name: not shot_name_fault(name))
+files = st.sampled_from(["", "0007_can.rdcc", "0007_IMU 2 ä.rdsc"])
 finite = st.floats(-1e6, 1e6, allow_subnormal=False)
 json_values = st.recursive(
     st.none() | st.booleans() | st.integers(-(2**60), 2**60) | st.floats(allow_nan=False) | texts,
@@ -131,14 +134,18 @@ events = st.lists(st.builds(AcquiredEvent, seconds, texts, texts), max_size=2).m
 decisions = st.lists(st.builds(TriggerDecision, seconds, texts, texts, texts, st.none() | seconds), max_size=2)
 acquired_sources = st.builds(
     AcquiredSource,
-    *(texts, texts, texts, numbers, numbers, st.none() | seconds, st.booleans(), numbers, numbers, numbers),
+    *(texts, texts, files, numbers, numbers, st.none() | seconds, st.booleans(), seconds, numbers, numbers, numbers),
     *(st.none() | numbers, numbers, seconds, events),
 )
 acquisitions = st.builds(
     Acquisition,
-    *(texts, texts, numbers, texts, seconds, seconds, seconds, seconds, decisions.map(tuple)),
+    *(shot_names, texts, numbers, texts, seconds, seconds, seconds, seconds, decisions.map(tuple)),
     *(st.lists(acquired_sources, max_size=2).map(tuple), numbers, numbers, st.booleans()),
 )
+
+
+def fit(more: dict[str, Any]) -> dict[str, Any]:
+    return {**more, **CLOCK_FIT}
 
 
 @st.composite
@@ -148,7 +155,7 @@ def shots(draw: st.DrawFn) -> Shot:
     u = st.floats(0, 1) | st.just(float("inf")) | st.just(float("nan"))
     started = draw(texts)
     return Shot(
-        name=draw(texts),
+        name=draw(shot_names),
         rig_name=draw(texts),
         rig_text=draw(texts),
         reference_clock=draw(st.sampled_from(bases)).clock,
@@ -183,7 +190,7 @@ def shots(draw: st.DrawFn) -> Shot:
         history=draw(histories),
         databases=draw(st.none() | st.dictionaries(texts, texts, max_size=2)),
         acquisition=draw(st.none() | acquisitions),
-        clock_fits=draw(st.dictionaries(names, st.dictionaries(texts, json_values, max_size=3), max_size=2)),
+        clock_fits=draw(st.dictionaries(names, st.dictionaries(texts, json_values, max_size=3).map(fit), max_size=2)),
     )
 
 
@@ -761,6 +768,32 @@ def test_a_time_that_contradicts_its_step_is_damage(written: Path) -> None:
     with h5py.File(written, "r+") as file:
         file["entry/dewetron/time"].attrs["step_s"] = 6e-5
     with pytest.raises(StoreError, match="start_s"):
+        read_shot(written)
+
+
+EVIL_NAMES = ["../../x", "/x", "a\\b", "x\ny", "\x1b[31mx", "x\u202egnp", "", ".", "CON", "-rf", "x" * 300]
+
+
+@pytest.mark.parametrize("name", EVIL_NAMES)
+def test_a_name_that_is_no_safe_file_name_is_refused_with_one_line(written: Path, name: str) -> None:
+    with h5py.File(written, "r+") as file:
+        file["entry/entry_identifier"][()] = name
+    for read in (read_shot, shot_summary):
+        with pytest.raises(StoreError, match="the shot's name") as caught:
+            read(written)
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("change", [{"shot": "../../x"}, {"sources": 0}])
+def test_a_record_of_the_acquisition_with_a_path_in_it_is_refused(written: Path, change: dict[str, Any]) -> None:
+    with h5py.File(written, "r+") as file:
+        record = json.loads(file["entry/acquisition/data"].asstr()[()])
+        if "sources" in change:
+            record["sources"][0]["file"] = "../../x.rdcc"
+        else:
+            record |= change
+        file["entry/acquisition/data"][()] = json.dumps(record)
+    with pytest.raises(StoreError, match=r"'../../x.*'"):
         read_shot(written)
 
 

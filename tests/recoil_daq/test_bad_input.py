@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -241,3 +242,19 @@ def test_a_missing_source_keeps_the_shot_and_names_the_file_to_add(run, mixed_sh
     reasons = " ".join(json.loads(result.stdout)["reasons"])
     assert "no file of source can" in reasons
     assert "p_brake" in reasons
+
+
+@pytest.mark.parametrize("command", ["identify", "show", "export"])
+def test_a_shot_file_whose_name_is_a_path_writes_nothing_elsewhere(run, stored, tmp_path, monkeypatch, command):
+    folder = tmp_path / "a" / "b"
+    folder.mkdir(parents=True)
+    monkeypatch.chdir(folder)
+    evil = Path(shutil.copy(stored, folder / "0001.h5"))
+    with h5py.File(evil, "r+") as file:
+        file["entry/entry_identifier"][()] = "../../x"
+    before = sorted(tmp_path.rglob("*"))
+    done = run(command, evil, *(("--format", "csv") if command == "export" else ()))
+    assert done.exit_code == 3
+    assert "the shot's name '../../x' holds '/'" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert sorted(tmp_path.rglob("*")) == before

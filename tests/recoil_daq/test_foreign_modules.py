@@ -11,6 +11,9 @@ from pathlib import Path
 
 import pytest
 
+from recoil_daq.conversion import Conversion
+from rigs.rig import find_rig
+from rigs.twin import TwinShot
 from tests.builders.live_rigs import LiveProcess, write_live_rig
 from tests.builders.port_player import PortPlayer
 
@@ -85,7 +88,11 @@ def test_no_live_command_runs_a_module_of_the_users_folder(hostile: Path) -> Non
 
 
 @pytest.mark.real_time
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="plays to pseudo-terminals")
-def test_the_live_demonstration_runs_no_module_of_the_users_folder(hostile: Path) -> None:
-    _run(hostile, "demo", "--live", "--no-screen", "--out", "live")
-    assert len(list((hostile / "live").rglob("report.json"))) == 3
+def test_no_conversion_of_a_live_shot_runs_a_module_of_the_users_folder(
+    hostile: Path, field_shot: TwinShot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(hostile)
+    found = Conversion(find_rig("field-2013"), field_shot.files, "0007", hostile).result(120.0)
+    assert found is not None
+    assert found[0] == 0
+    assert [path.name for path in hostile.glob("*.was_run")] == []
