@@ -171,3 +171,10 @@ def test_when_frames_are_asked_for_changes_nothing_between_silences(
     decoder.close()
     assert ends + decoder.take().ends.tolist() == [end for end, _ in by_blocks]
     assert decoder.counters == counters
+
+
+@pytest.mark.parametrize(("length", "good"), [(9, 1), (10, 0)])
+def test_a_frame_between_silences_may_be_as_long_as_the_longest(length: int, good: int) -> None:
+    framing = framing_from_table({"kind": "idle", "baudrate": 9600, "max": 9, "fields": MODBUS["fields"]})
+    frames = find_frames_of_capture(framing, parse_capture(stamped_capture([(0.0, bytes(length))])))
+    assert (frames.begins.size, frames.counters.bad_length) == (good, 1 - good)
