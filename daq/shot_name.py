@@ -1,13 +1,26 @@
-"""Which names a shot may bear: files and folders are named after it, on every system that they are copied to."""
+"""Which names a shot may bear, on every system that its files are copied to, and which numbers a file's name bears."""
 
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 LONGEST_BYTES = 128
 """File systems take names of 255 bytes; sources' names, endings and those of temporary files are put round a shot's."""
 
 _RESERVED = re.compile(r"(CON|PRN|AUX|NUL|(COM|LPT)[0-9¹²³])(\..*)?", re.IGNORECASE)
+
+
+_DATE = r"(?:19|20)\d\d[-_.]?[01]\d[-_.]?[0-3]\d|[0-3]?\d[-_.][01]?\d[-_.](?:19|20)\d\d"
+_CLOCK = r"\d\d[-_:.h]\d\d[-_:.m]\d\d|\d\d?[-:.h]\d\d"
+_NO_NUMBERS = tuple(
+    re.compile(rf"(?<!\d)(?:{text})(?!\d)", re.IGNORECASE)
+    for text in (
+        rf"(?:{_DATE})(?:[T_ -](?:{_CLOCK})|[T-]\d{{4}})?",  # a date, perhaps with a time
+        rf"{_CLOCK}|\d\d?[-.]\d\d?[-.]\d\d",  # a time, or a short date
+        r"\d+(?:\.\d+)+|(?<![^\W_])(?:v|ver|version|rev)[_\s-]?\d+",  # a version
+    )
+)
 
 
 def shot_name_fault(name: str) -> str | None:
@@ -42,3 +55,23 @@ def check_shot_name(name: str) -> None:
     """Raise ValueError where a shot cannot bear a name."""
     if fault := shot_name_fault(name):
         raise ValueError(f"the shot's name {name!r} {fault}")
+
+
+def numbers_of(path: Path, pattern: re.Pattern[str] | None = None) -> frozenset[int]:
+    """Return the numbers in a file's name that may be a shot's.
+
+    Parameters
+    ----------
+    path : Path
+    pattern : re.Pattern, optional
+        Of the whole name, which says where the number stands. Without it a number counts that stands alone between
+        ``_``, ``-`` and spaces; none of a date, a time or a version does.
+    """
+    if pattern is not None:
+        place = pattern.fullmatch(path.name)
+        return frozenset() if place is None else frozenset({int(place.group("shot"))})
+    stem = path.stem
+    for text in _NO_NUMBERS:
+        stem = text.sub("~", stem)
+    tokens = re.split(r"[_\s-]+", stem)
+    return frozenset(int(token) for token in tokens if token.isdecimal() and token.isascii() and len(token) <= 5)

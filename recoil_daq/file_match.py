@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from daq.errors import ReadError
+from daq.shot_name import numbers_of
 from recoil_daq.folder_watch import DroppedFile
 from recoil_daq.ingest import reader_of
 from recoil_daq.live_shot import LiveShot
@@ -19,17 +19,6 @@ CLOCKS_APART_S = 2.0
 
 LATE_S = 600.0
 """A file may be that of an earlier shot, which waits no longer, for so long after that shot."""
-
-_DATE = r"(?:19|20)\d\d[-_.]?[01]\d[-_.]?[0-3]\d|[0-3]?\d[-_.][01]?\d[-_.](?:19|20)\d\d"
-_CLOCK = r"\d\d[-_:.h]\d\d[-_:.m]\d\d|\d\d?[-:.h]\d\d"
-_NO_NUMBERS = tuple(
-    re.compile(rf"(?<!\d)(?:{text})(?!\d)", re.IGNORECASE)
-    for text in (
-        rf"(?:{_DATE})(?:[T_ -](?:{_CLOCK})|[T-]\d{{4}})?",  # a date, perhaps with a time
-        rf"{_CLOCK}|\d\d?[-.]\d\d?[-.]\d\d",  # a time, or a short date
-        r"\d+(?:\.\d+)+|(?<![^\W_])(?:v|ver|version|rev)[_\s-]?\d+",  # a version
-    )
-)
 
 
 @dataclass(frozen=True)
@@ -63,26 +52,6 @@ def source_of(rig: Rig, file: DroppedFile) -> str:
     return next(iter(match_files(rig, [(file.path, reader.kind)])))
 
 
-def numbers_of(path: Path, pattern: re.Pattern[str] | None = None) -> frozenset[int]:
-    """Return the numbers in a file's name that may be a shot's.
-
-    Parameters
-    ----------
-    path : Path
-    pattern : re.Pattern, optional
-        Of the whole name, which says where the number stands. Without it a number counts that stands alone between
-        ``_``, ``-`` and spaces; none of a date, a time or a version does.
-    """
-    if pattern is not None:
-        place = pattern.fullmatch(path.name)
-        return frozenset() if place is None else frozenset({int(place.group("shot"))})
-    stem = path.stem
-    for text in _NO_NUMBERS:
-        stem = text.sub("~", stem)
-    tokens = re.split(r"[_\s-]+", stem)
-    return frozenset(int(token) for token in tokens if token.isdecimal() and token.isascii() and len(token) <= 5)
-
-
 def shots_of(
     file: DroppedFile, source: str, shots: Sequence[LiveShot], pattern: re.Pattern[str] | None = None
 ) -> Evidence:
@@ -103,15 +72,22 @@ def shots_of(
     Raises
     ------
     ReadError
-        If its number is that of a shot which has such a file already, or waits no longer.
+        If its number is that of a shot which has such a file already, waits no longer, or was fired after the file was
+        last written.
     """
     fired = [s for s in shots if source in s.wanted and s.window is not None and s.window.trigger_s <= file.seen_s]
     waiting = [s for s in fired if source in s.missing and not s.settled]
     numbers = numbers_of(file.path, pattern)
     named = [s for s in fired if s.name.isdecimal() and int(s.name) in numbers]
     if len(named) == 1:
-        if named[0] in waiting:
+        if named[0] in waiting and _written_after(file, named[0]):
             return Evidence((named[0],), by_number=True)
+        if named[0] in waiting:
+            raise ReadError(
+                f"by its name it belongs to shot {named[0].name}, and it was last written before that was fired",
+                path=file.path,
+                remedy="give it the number of its own shot, or ingest by hand",
+            )
         raise ReadError(
             f"by its name it belongs to shot {named[0].name}, which has a file of {source} or waits no longer",
             path=file.path,

@@ -30,6 +30,7 @@ from daq.capture.shot_record import acquisition_of
 from daq.devices.device import EVENT
 from daq.errors import CorruptFileError, ReadError, RecoilDaqError, StoreError
 from daq.journal import Journal, find_journals, read_journal
+from daq.shot_name import shot_name_fault
 from daq.trigger import Decision, ShotWindow, Trigger
 from daq.trigger.decision import MANUAL
 from recoil_daq.ingest import ingest_files
@@ -243,8 +244,7 @@ def recover_journal(
     asked = [window for instant_s in at_s for window in _at(begin_s + instant_s, held, rig.trigger)]
     shots = []
     for window in (*windows, *asked):
-        given = (s.shot for s in known.shots if abs(s.trigger_s - window.trigger_s) < 1e-6)
-        name = next(given, "") or _name_before(out, window) or f"{free_number(out):04d}"
+        name = _name_given(known, window) or _name_before(out, window) or f"{free_number(out):04d}"
         progress(f"shot {name}")
         # what a cut had written that the crash interrupted
         shutil.rmtree(out / "captures" / f".{name}.cut", ignore_errors=True)
@@ -347,6 +347,12 @@ def _utc(record: LiveRecord, host_s: float) -> str:
     wall_ns = record.anchor.wall_of(round(host_s * 1e9))
     utc = dt.datetime(1970, 1, 1) + dt.timedelta(microseconds=wall_ns // 1000)
     return utc.isoformat(timespec="microseconds")
+
+
+def _name_given(known: OperatorRecords, window: ShotWindow) -> str:
+    """Return the name that the session gave to this very shot; empty if it gave none that a file can bear."""
+    given = (s.shot for s in known.shots if abs(s.trigger_s - window.trigger_s) < 1e-6)
+    return next((name for name in given if shot_name_fault(name) is None), "")
 
 
 def _name_before(out: Path, window: ShotWindow) -> str:

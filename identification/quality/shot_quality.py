@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime as dt
 import math
-import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -15,6 +14,7 @@ from daq.errors import IdentificationError
 from daq.quantity import SI_UNITS
 from daq.readers.reader import Recording
 from daq.shot import ClockAlignment, QualityCheck, Shot
+from daq.shot_name import numbers_of
 from identification.onset import find_onset
 from identification.quality.acquisition_quality import check_acquisition, check_clock_fits
 from identification.quality.camera_quality import check_film, check_fusion, check_track, rest_after
@@ -138,10 +138,10 @@ def _file_checks(source: str, recording: Recording) -> list[QualityCheck]:
 
 
 def _file_names(recordings: Mapping[str, Recording]) -> list[QualityCheck]:
-    """Whether files that carry a number of one and the same width carry the same number."""
-    numbers = {source: re.findall(r"\d{3,}", r.path.stem) for source, r in recordings.items()}
-    numbered = {source: found[0] for source, found in numbers.items() if len(found) == 1}
-    if len(set(numbered.values())) > 1 and len({len(number) for number in numbered.values()}) == 1:
+    """Whether files that carry one number each carry the same."""
+    numbers = {source: numbers_of(r.path) for source, r in recordings.items()}
+    numbered = {source: found for source, found in numbers.items() if len(found) == 1}
+    if len(set(numbered.values())) > 1:
         shown = ", ".join(f"{source} {recordings[source].path.name}" for source in numbered)
         return [
             QualityCheck("shot", "file names", "warn", f"the files' numbers differ ({shown}): are they of one shot?")

@@ -10,8 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from daq.errors import ReadError
+from daq.shot_name import numbers_of
 from daq.trigger import ShotWindow
-from recoil_daq.file_match import LATE_S, numbers_of, shots_of, source_of
+from recoil_daq.file_match import LATE_S, shots_of, source_of
 from recoil_daq.folder_watch import DroppedFile
 from recoil_daq.live_shot import LiveShot, ShotState
 from rigs.rig import load_rig, parse_rig
@@ -167,3 +168,8 @@ def test_a_file_that_is_of_no_source_is_refused(tmp_path: Path) -> None:
     file.write_text("wind from the west")
     with pytest.raises(ReadError):
         source_of(load_rig("mixed"), DroppedFile(file, 0.0))
+
+
+def test_a_number_that_the_time_of_writing_contradicts_is_refused() -> None:
+    with pytest.raises(ReadError, match="last written before that was fired"):
+        shots_of(dropped("cam_0001.csv", 12.0, written_s=2.0), "camera", [shot("0001", 10.0)])
