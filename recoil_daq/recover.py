@@ -30,7 +30,6 @@ from daq.capture.shot_record import acquisition_of
 from daq.devices.device import EVENT
 from daq.errors import CorruptFileError, ReadError, RecoilDaqError, StoreError
 from daq.journal import Journal, find_journals, read_journal
-from daq.shot_name import shot_name_fault
 from daq.trigger import Decision, ShotWindow, Trigger
 from daq.trigger.decision import MANUAL
 from recoil_daq.ingest import ingest_files
@@ -350,9 +349,8 @@ def _utc(record: LiveRecord, host_s: float) -> str:
 
 
 def _name_given(known: OperatorRecords, window: ShotWindow) -> str:
-    """Return the name that the session gave to this very shot; empty if it gave none that a file can bear."""
-    given = (s.shot for s in known.shots if abs(s.trigger_s - window.trigger_s) < 1e-6)
-    return next((name for name in given if shot_name_fault(name) is None), "")
+    """Return the name that the session gave to this very shot; empty if it gave none."""
+    return next((s.shot for s in known.shots if abs(s.trigger_s - window.trigger_s) < 1e-6), "")
 
 
 def _name_before(out: Path, window: ShotWindow) -> str:

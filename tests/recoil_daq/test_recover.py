@@ -117,12 +117,6 @@ def test_a_shot_keeps_the_name_that_the_session_gave_it(tmp_path: Path) -> None:
     assert [shot.name for shot in done.shots] == ["0042"]
 
 
-def test_a_name_that_no_file_can_bear_is_not_taken_from_a_journal(tmp_path: Path) -> None:
-    leave_journal(tmp_path, triggers_s=(12.0,), known=(CompleteShot("../../x", 12.0),))
-    ((done,), _) = recover_folder(tmp_path, None)
-    assert [shot.name for shot in done.shots] == ["0001"]
-
-
 def test_a_shot_whose_shot_file_is_there_is_not_asked_to_be_finished(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
