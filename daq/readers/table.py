@@ -20,6 +20,7 @@ from daq.readers.dewesoft.native import DewesoftReader
 from daq.readers.exported.recoil_csv import RecoilCsvReader
 from daq.readers.exported.recoil_parquet import RecoilParquetReader
 from daq.readers.hdf5.reader import Hdf5Reader
+from daq.readers.hdf5.rehearsal import needs_rehearsal, rehearse_apart
 from daq.readers.mat.reader import MatReader
 from daq.readers.mdf.reader import MdfReader
 from daq.readers.oxygen.dmd import OxygenReader
@@ -127,11 +128,13 @@ def recognise(path: Path, kinds: Collection[str] = ()) -> Reader:
     Raises
     ------
     ReadError
-        If the file cannot be read at all.
+        If the file cannot be read at all, or damaged so that its library ends over it.
     UnknownFormatError
         If no reader claims it, or more than one does.
     """
     head = read_head(path)
+    if needs_rehearsal(head):
+        rehearse_apart(path)
     claiming = [reader for reader in READERS if reader.claims(head)]
     if len(claiming) > 1:
         claiming = [reader for reader in claiming if not isinstance(reader, Confirming) or reader.confirms(path)]

@@ -1,14 +1,16 @@
-"""What runs in the process that reads shot files: a request a line in, an answer in pieces out."""
+"""What runs in the process that reads HDF5 files of others: a request a line in, an answer in pieces out."""
 
 from __future__ import annotations
 
 import json
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from daq.reader_process import ENDED, HEAD, PIECE
+from daq.readers.hdf5.rehearsal import REHEARSAL, rehearse
 from daq.store.file_tree import tell
 
 _PIECE_BYTES = 1 << 20
@@ -20,12 +22,20 @@ def main() -> None:
     for line in requests:
         request = json.loads(line)
         if sys.platform == "win32":
-            tell(Path(request["path"]), request["what"], lambda piece: _put(answers, PIECE, piece))
+            _read(request, lambda piece: _put(answers, PIECE, piece))
             code = 0
         else:
             code = _in_a_copy(request, answers)
         answers.write(HEAD.pack(ENDED, code))
         answers.flush()
+
+
+def _read(request: dict[str, Any], put: Callable[[bytes], object]) -> None:
+    """Do what is asked for: rehearse an instrument's file, or tell a shot file."""
+    if request["what"] == REHEARSAL:
+        rehearse(Path(request["path"]))
+    else:
+        tell(Path(request["path"]), request["what"], put)
 
 
 def _put(answers: BinaryIO, kind: bytes, piece: bytes) -> None:
@@ -45,7 +55,7 @@ if sys.platform != "win32":
                 os.close(source)
                 _limit(request)
                 with open(target, "wb", buffering=1 << 16) as stream:  # noqa: PTH123 - a pipe has no path
-                    tell(Path(request["path"]), request["what"], stream.write)
+                    _read(request, stream.write)
             except BaseException:  # whatever it is, this copy must not go on as if it were the other
                 os._exit(1)
             os._exit(0)
