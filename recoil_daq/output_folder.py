@@ -16,7 +16,7 @@ class OutputFolder:
     Parameters
     ----------
     path : Path
-        Made if it is missing.
+        Made if it is missing, and removed at the end if nothing came into it.
 
     Raises
     ------
@@ -28,6 +28,7 @@ class OutputFolder:
         self.path = path
         self.moved_to: Path | None = None
         journals = path / "journal"
+        self._made = [folder for folder in (journals, *journals.parents) if not folder.exists()]
         try:
             journals.mkdir(parents=True, exist_ok=True)
             self._lock = JournalLock(journals)
@@ -51,6 +52,9 @@ class OutputFolder:
             os.close(self._descriptor)
         with contextlib.suppress(OSError):
             self._lock.release()
+        with contextlib.suppress(OSError):  # the first that holds something stays, and so do those round it
+            for folder in self._made:
+                folder.rmdir()
 
     def fault(self, journal: Path) -> StoreError | None:
         """Return what became of the folder, or of the session's journal in it, if it is not where it was.

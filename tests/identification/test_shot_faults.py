@@ -281,7 +281,7 @@ FAULTS = [
     fault(turned_accelerometer, "acc_recoil", "polarity", "fail", "turn the sensor", "force sign"),
     fault(turned_accelerometer, "acc_recoil", "force sign", "fail", "one of them is turned", "polarity"),
     fault(turned_carriage, "acc_carriage_x", "carriage", "fail", "the sensor is turned", align_again=True),
-    fault(halved_carriage, "acc_carriage_x", "carriage", "fail", "check its gain, its axis", align_again=True),
+    fault(halved_carriage, "acc_carriage_x", "carriage", "fail", "its gain, its axis and its cable", align_again=True),
     fault(turned_brake, "p_brake", "polarity", "fail", "set `polarity = -1`", *MOTION, "range"),
     fault(wrong_gain, "shot", "impulse", "warn", "compare the gains"),
     fault(wrong_unit, "shot", "impulse", "fail", "compare every gain"),
