@@ -9,10 +9,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-RPE_MEANING = (
-    "the RPE averages absolute deviations from the specification, to which noise, and an error of the mass either way, "
-    "only add: where the two agree, its 95 % interval is one-sided and begins at the RPE itself"
-)
+RPE_MEANING = "noise can only raise the RPE, so its interval may be one-sided and begin at the RPE itself"
 """What a reader should know of its interval."""
 DRAWS = 4000
 """Of the Monte Carlo; the ends of the interval then scatter by some hundredths of its width."""
