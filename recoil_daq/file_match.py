@@ -119,3 +119,44 @@ def _written_after(file: DroppedFile, shot: LiveShot) -> bool:
     if file.written_s is None or shot.fired_wall_s is None:
         return True
     return file.written_s >= shot.fired_wall_s - CLOCKS_APART_S
+
+
+_OF_THE_MOTION = ("alignment", "carriage", "force", "force sign", "velocity", "second sensor", "skew")
+"""Checks that fail where a file is of another shot."""
+
+_ANOTHER_LENGTH = 0.2
+"""Files of one instrument differ in length by less than this share, unless somebody changed its settings."""
+
+
+def doubt_of_files(shot: LiveShot, shots: Sequence[LiveShot]) -> str:
+    """Say what speaks against the files that a converted shot was given by time alone; empty if nothing does.
+
+    Their motion must fit the other sources', and their length those of the same source in the session's other shots.
+
+    Parameters
+    ----------
+    shot : LiveShot
+    shots : sequence of LiveShot
+        All of the session.
+    """
+    if shot.document is None or not shot.by_time:
+        return ""
+    names = ", ".join(shot.files[source].name for source in sorted(shot.by_time))
+    for check in shot.document["quality"]:
+        if check["verdict"] == "fail" and check["check"] in _OF_THE_MOTION:
+            return f"{names} was matched by time alone, and the motion does not fit ({check['check']})"
+    own_s = _lengths_s(shot)
+    for other in shots:
+        for source, length_s in _lengths_s(other).items() if other is not shot else ():
+            if source in shot.by_time and abs(own_s.get(source, length_s) - length_s) > _ANOTHER_LENGTH * length_s:
+                return (
+                    f"{shot.files[source].name} was matched by time alone, and is {own_s[source]:.3f} s long, "
+                    f"{length_s:.3f} s that of shot {other.name}"
+                )
+    return ""
+
+
+def _lengths_s(shot: LiveShot) -> dict[str, float]:
+    """Return how long each source of a converted shot recorded."""
+    channels = () if shot.document is None else shot.document.get("channels", ())
+    return {c["clock"]: c["samples"] / c["rate_hz"] for c in channels if c["rate_hz"]}

@@ -19,7 +19,7 @@ from daq.devices.device import Device, anchor, event_of
 from daq.errors import Fault, ReadError, RecoilDaqError, RigError
 from daq.trigger import Decision, ShotWindow, Trigger
 from recoil_daq.conversion import Conversion
-from recoil_daq.file_match import shots_of, source_of
+from recoil_daq.file_match import doubt_of_files, shots_of, source_of
 from recoil_daq.folder_watch import SETTLE_S, DroppedFile, FolderWatch
 from recoil_daq.interruption import Interruption
 from recoil_daq.live_shot import Display, LiveOptions, LiveOutcome, LiveShot
@@ -72,19 +72,6 @@ class _Unmatched:
     file: DroppedFile
     source: str
     asked: tuple[LiveShot, ...] = ()
-
-
-def _doubtful(shot: LiveShot, document: Mapping[str, Any]) -> str:
-    """Name the files that were matched by time alone where the motion of the shot does not fit; empty if none does."""
-    failed = [q["check"] for q in document["quality"] if q["verdict"] == "fail" and q["check"] in _OF_THE_MOTION]
-    if not failed or not shot.by_time:
-        return ""
-    names = ", ".join(shot.files[source].name for source in sorted(shot.by_time))
-    return f"{names} was matched by time alone, and the motion does not fit ({failed[0]})"
-
-
-_OF_THE_MOTION = ("alignment", "carriage", "force", "force sign", "velocity", "second sensor", "skew")
-"""Checks that fail where a file is of another shot."""
 
 
 class LiveRange:
@@ -563,7 +550,7 @@ class LiveRange:
         shot.state = "usable" if document["usable"] else "not usable"
         if shot.growing or shot.redo:
             shot.state, shot.problem = "not whole", shot.redo or f"{min(shot.growing)} grew after it was taken"
-        elif doubtful := _doubtful(shot, document):
+        elif doubtful := doubt_of_files(shot, self._shots):
             shot.problem = f"perhaps the file of another shot: {doubtful}"
             self._display.notice(f"shot {shot.name}: {shot.problem}")
         if shot.window is not None:

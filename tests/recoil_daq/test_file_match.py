@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from daq.errors import ReadError
 from daq.shot_name import numbers_of
 from daq.trigger import ShotWindow
-from recoil_daq.file_match import LATE_S, shots_of, source_of
+from recoil_daq.file_match import LATE_S, doubt_of_files, shots_of, source_of
 from recoil_daq.folder_watch import DroppedFile
 from recoil_daq.live_shot import LiveShot, ShotState
 from rigs.rig import load_rig, parse_rig
@@ -173,3 +173,17 @@ def test_a_file_that_is_of_no_source_is_refused(tmp_path: Path) -> None:
 def test_a_number_that_the_time_of_writing_contradicts_is_refused() -> None:
     with pytest.raises(ReadError, match="last written before that was fired"):
         shots_of(dropped("cam_0001.csv", 12.0, written_s=2.0), "camera", [shot("0001", 10.0)])
+
+
+@pytest.mark.parametrize(
+    ("samples", "told"), [(600, ""), (690, ""), (400, "a.csv was matched by time alone, and is 0.4")]
+)
+def test_a_file_of_another_length_than_its_instruments_others_is_doubted(samples: int, told: str) -> None:
+    shots = [shot("0001", 10.0), shot("0002", 20.0, camera=Path("a.csv"))]
+    for one, count in zip(shots, (600, samples), strict=True):
+        channel = {"clock": "camera", "samples": count, "rate_hz": 1000.0}
+        one.document = {"quality": [], "channels": [channel, {"clock": "x", "samples": 0, "rate_hz": None}]}
+    assert doubt_of_files(shots[1], shots) == ""
+    shots[1].by_time.add("camera")
+    assert doubt_of_files(shots[1], shots).startswith(told)
+    assert bool(doubt_of_files(shots[1], shots)) == bool(told)
