@@ -16,24 +16,22 @@ from daq.capture.live_session import CapturedShot, LiveSession
 from daq.capture.live_source import LiveSource, open_source
 from daq.capture.session_record import LiveRecord, RecordedSource, reserve_bytes, session_folder
 from daq.devices.device import Device, anchor, event_of
-from daq.errors import Fault, ReadError, RecoilDaqError, RigError
+from daq.errors import Fault, RecoilDaqError, RigError
 from daq.trigger import Decision, ShotWindow, Trigger
 from recoil_daq.conversion import Conversion
-from recoil_daq.file_match import doubt_of_files, shots_of, source_of
-from recoil_daq.folder_watch import SETTLE_S, DroppedFile, FolderWatch
+from recoil_daq.dropped_files import DroppedFiles
+from recoil_daq.file_match import doubt_of_files
 from recoil_daq.interruption import Interruption
 from recoil_daq.live_shot import Display, LiveOptions, LiveOutcome, LiveShot
 from recoil_daq.output_folder import OutputFolder
 from rigs.live_sources import live_sources
 from rigs.rig import Rig
-from rigs.rig_tables import SHOT_PLACE
 
 RESERVE_S = 60.0
 """Space is reserved for so much recording beside a shot."""
 
 LOOK_S = 0.1
 SHOW_EVERY_S = 0.2
-_UNMATCHED_S = 10.0
 
 
 def trigger_of(rig: Rig) -> Trigger:
@@ -63,15 +61,6 @@ class _Loss:
 
     at_s: float
     rate_hz: float
-
-
-@dataclass(eq=False)
-class _Unmatched:
-    """A file that is of no shot yet, and the shots among which somebody was asked to choose."""
-
-    file: DroppedFile
-    source: str
-    asked: tuple[LiveShot, ...] = ()
 
 
 class LiveRange:
@@ -115,12 +104,10 @@ class LiveRange:
         self._kinds = {source.name: source.kind for source in self._sources}
         live = set(self._kinds)
         self._elsewhere = {s.name for s in rig.sources if s.name not in live and rig.channels_of(s.name)}
-        self._watch = None if options.watch is None else FolderWatch(options.watch, settle_s=self._settle_s)
+        self._files = DroppedFiles(rig, options, display, self._elsewhere, self._trigger.post_s)
         self._next = options.first or 1
         self._outcome = LiveOutcome(rig.name)
         self._cutting: dict[str, Future[CapturedShot]] = {}
-        self._unmatched: list[_Unmatched] = []
-        self._taken: dict[Path, LiveShot] = {}
         self._conversion: tuple[LiveShot, Conversion] | None = None
         self._interruption = Interruption()
         self._asking = self._left = False
@@ -248,7 +235,7 @@ class LiveRange:
         while not self._gone and (window := session.next_window(0.0)) is not None:
             self._begin(session, window)
         if not self._gone:
-            self._take_files(session, at_once=True)
+            self._files.take(self._shots, recording=session.recording, at_once=True)
         while any(self._to_come(shot) for shot in self._shots) and not self._given_up():
             if self._failed(session) and self._gone:
                 break
@@ -276,7 +263,7 @@ class LiveRange:
         """Tell whether a shot is still on its way to its shot file while the session ends."""
         if not shot.growing and (shot.state not in ("waiting", "not whole") or not shot.missing):
             return not shot.settled and (shot.state != "not whole" or bool(shot.redo))
-        growing = self._watch is not None and bool(self._watch.growing)
+        growing = self._files.growing
         return growing and time.monotonic() - self._ending_s < self._options.files_within_s
 
     def _given_up(self) -> bool:
@@ -290,7 +277,7 @@ class LiveRange:
             names = ", ".join(shot.name for shot in self._shots if not shot.settled) or "the one that is recorded"
             self._display.notice(f"give up the shots that are not complete ({names})? y: give up; n: complete them")
         elif not self._asking:
-            self._answered(key)
+            self._files.answered(key)
         elif key == "n":
             self._asking = False
             self._heeded = self._interruption.count
@@ -336,7 +323,7 @@ class LiveRange:
         elif key == "t":
             session.fire()
         else:
-            self._answered(key)
+            self._files.answered(key)
         return key == "q"
 
     def _tell_events(self, session: LiveSession) -> None:
@@ -366,7 +353,7 @@ class LiveRange:
         if window is not None:
             self._begin(session, window)
         self._take_cuts()
-        self._take_files(session)
+        self._files.take(self._shots, recording=session.recording)
         self._convert_next()
         self._take_conversion(session)
 
@@ -406,105 +393,9 @@ class LiveRange:
         shot.state, shot.complete_s = "waiting", time.monotonic()
         text = f"shot {shot.name} captured: {acquisition.duration_s:.3f} s"
         text += f", {1e3 * acquisition.pre_actual_s:.0f} ms of them before the trigger"
-        if shot.missing and self._watch is not None:
+        if shot.missing and self._files.watched:
             text += f"; waiting for files of {', '.join(shot.missing)}"
         self._display.notice(text)
-
-    def _take_files(self, session: LiveSession, *, at_once: bool = False) -> None:
-        if self._watch is None:
-            return
-        for file in self._watch.poll(at_once=at_once):
-            if file.path in self._taken:
-                self._settled_again(self._taken[file.path], file.path)
-                continue
-            try:
-                self._unmatched.append(_Unmatched(file, source_of(self._rig, file)))
-            except RecoilDaqError as error:
-                self._display.notice(f"left alone: {error}")
-        for path, shot in self._taken.items():
-            if path.name in self._watch.growing:
-                self._grows(shot, path)
-        if session.recording:
-            return  # what has come may be of the shot that is being recorded
-        for one in tuple(self._unmatched):
-            self._match(one)
-
-    def _match(self, one: _Unmatched) -> None:
-        """Give a file to the one shot that it belongs to; ask where several are possible."""
-        file, source = one.file, one.source
-        declared = self._rig.source(source)
-        pattern = declared.pattern if SHOT_PLACE in (declared.match or "") else None
-        try:
-            found = shots_of(file, source, self._shots, pattern)
-        except ReadError as error:
-            self._display.notice(f"left alone: {error}")
-            self._unmatched.remove(one)
-            return
-        if not file.path.exists():
-            self._unmatched.remove(one)  # seen again under its new name
-        elif len(found.shots) == 1:
-            self._assign(one, found.shots[0], by_number=found.by_number)
-        elif found.shots and found.shots != one.asked:
-            one.asked = found.shots
-            self._ask(one)
-        elif not found.shots and time.monotonic() - file.seen_s > self._trigger.post_s + _UNMATCHED_S:
-            remedy = "write the shot's number into its name, or ingest by hand"
-            self._display.notice(f"left alone: {file.path}: {found.why_none}; {remedy}")
-            self._unmatched.remove(one)
-
-    def _assign(self, one: _Unmatched, shot: LiveShot, *, by_number: bool = False) -> None:
-        path = one.file.path
-        if shot.settled:
-            command = f"recoil-daq ingest {self._rig.path} {shot.captured}/* {path} --out {self._options.out}"
-            self._display.notice(f"shot {shot.name} waits no longer: `{command}` with its other files")
-            self._unmatched.remove(one)
-            return
-        shot.files[one.source] = path
-        self._taken[path] = shot
-        self._unmatched.remove(one)
-        if not by_number:
-            shot.by_time.add(one.source)
-        how = "" if by_number else ", by time alone"
-        self._display.notice(f"{path.name} is of shot {shot.name}, source {one.source}{how}")
-
-    def _ask(self, one: _Unmatched) -> None:
-        """Ask whose file it is; it stays where it is until somebody says so."""
-        path, names = one.file.path, [shot.name for shot in one.asked]
-        keys = " or ".join(str(i + 1) for i in range(len(names[:9])))
-        press = f"press {keys}, " if self._display.has_keys else ""
-        command = f"recoil-daq ingest {self._rig.path} {one.asked[0].captured}/* {path} --out {self._options.out}"
-        self._display.notice(
-            f"whose is {path.name}? A file of {one.source} for shot {' or '.join(names)}: {press}"
-            f"rename it to {path.stem}_{names[-1]}{path.suffix} or so, or ingest by hand, such as `{command}`"
-        )
-
-    def _answered(self, key: str) -> None:
-        """Take the answer to the question whose a file is."""
-        for one in self._unmatched if key.isdecimal() else ():
-            if 1 <= int(key) <= len(one.asked):
-                self._assign(one, one.asked[int(key) - 1], by_number=True)
-                return
-
-    def _grows(self, shot: LiveShot, path: Path) -> None:
-        """Note that a file grows that was taken for complete."""
-        if path.name in shot.growing:
-            return
-        shot.growing.add(path.name)
-        text = "it is converted when the file has settled"
-        if shot.document is not None:
-            shot.state, shot.problem = "not whole", f"{path.name} grew after it was taken"
-            text = "its shot file is made anew when the file has settled"
-        self._display.notice(f"shot {shot.name} is NOT WHOLE: {path.name} grew after it was taken; {text}")
-
-    def _settled_again(self, shot: LiveShot, path: Path) -> None:
-        self._grows(shot, path)
-        shot.growing.discard(path.name)
-        shot.redo = f"{path.name} grew after it was taken"
-
-    def _settle_s(self, name: str) -> float:
-        """Return how long a file must have stayed the same: as its source says, or the longest of all."""
-        sources = self._rig.matching(name) or [s for s in self._rig.sources if s.name in self._elsewhere]
-        return max((source.settle_s for source in sources), default=SETTLE_S)
 
     def _convert_next(self) -> None:
         """Convert the first shot that has its files, or has waited for them long enough."""
@@ -532,7 +423,7 @@ class LiveRange:
 
     def _waited_out(self, shot: LiveShot) -> bool:
         """Tell whether a shot has waited for files for as long as it should."""
-        return self._watch is None or time.monotonic() - shot.complete_s > self._options.files_within_s
+        return not self._files.watched or time.monotonic() - shot.complete_s > self._options.files_within_s
 
     def _take_conversion(self, session: LiveSession) -> None:
         if self._conversion is None:
@@ -559,7 +450,7 @@ class LiveRange:
 
     def _not_converted(self, shot: LiveShot, code: int, document: Mapping[str, Any]) -> None:
         problem = str(document.get("message", f"the conversion ended with code {code}"))
-        cut = [p for p, s in self._taken.items() if s is shot and str(p) == document.get("path")]
+        cut = [path for path in self._files.of_shot(shot) if str(path) == document.get("path")]
         if shot.document is not None:
             shot.state, shot.problem = "not whole", f"its shot file is the one from before: {problem}"
             self._display.notice(f"shot {shot.name} stays NOT WHOLE: {problem}")

@@ -26,7 +26,7 @@ def range_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> RangeOf:
     """Make a range that watches ``in``, where a file's source is the end of its name, and where files settle soon."""
 
     def make(display: Told, settle_s: float = 0.3, **options: Any) -> Range:
-        monkeypatch.setattr("recoil_daq.live_range.source_of", lambda _, f: f.path.stem.rpartition("_")[2])
+        monkeypatch.setattr("recoil_daq.dropped_files.source_of", lambda _, f: f.path.stem.rpartition("_")[2])
         monkeypatch.setattr("recoil_daq.folder_watch.LOOK_EVERY_S", 0.02)
         rig = load_rig("mixed")
         text = rig.text.replace("settle_s = 1.0", f"settle_s = {settle_s}")
@@ -176,7 +176,7 @@ def test_nothing_is_matched_while_a_shot_is_recorded_whose_file_it_may_be(tmp_pa
 def test_a_file_whose_number_no_shot_bears_is_left_alone_aloud(
     tmp_path: Path, range_of: RangeOf, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("recoil_daq.live_range._UNMATCHED_S", 0.2)
+    monkeypatch.setattr("recoil_daq.dropped_files._UNMATCHED_S", 0.2)
     display = Told()
     one = range_of(display)
     display.then["0001 captured"] = drop(tmp_path / "in", "0003_camera.csv")

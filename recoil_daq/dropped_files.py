@@ -1,0 +1,176 @@
+"""The files that other instruments drop while a live session runs: which shot each is of, and whether it grows on."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from daq.errors import ReadError, RecoilDaqError
+from recoil_daq.file_match import shots_of, source_of
+from recoil_daq.folder_watch import SETTLE_S, DroppedFile, FolderWatch
+from recoil_daq.live_shot import Display, LiveOptions, LiveShot
+from rigs.rig import Rig
+from rigs.rig_tables import SHOT_PLACE
+
+_UNMATCHED_S = 10.0
+"""A file that no shot waits for is left alone so long after the longest shot that may still come."""
+
+
+@dataclass(eq=False)
+class Unmatched:
+    """A file that is of no shot yet, and the shots among which somebody was asked to choose."""
+
+    file: DroppedFile
+    source: str
+    asked: tuple[LiveShot, ...] = ()
+
+
+class DroppedFiles:
+    """Gives each dropped file to the one shot that it belongs to, asks where several are possible, and says so.
+
+    Parameters
+    ----------
+    rig : Rig
+    options : LiveOptions
+    display : Display
+    elsewhere : set of str
+        Sources that are not recorded live.
+    post_s : float
+        Of the trigger.
+
+    Raises
+    ------
+    ReadError
+        If the watched folder cannot be watched.
+    """
+
+    def __init__(self, rig: Rig, options: LiveOptions, display: Display, elsewhere: set[str], post_s: float) -> None:
+        self._rig = rig
+        self._out = options.out
+        self._display = display
+        self._elsewhere = elsewhere
+        self._post_s = post_s
+        self._watch = None if options.watch is None else FolderWatch(options.watch, settle_s=self._settle_s)
+        self._unmatched: list[Unmatched] = []
+        self._taken: dict[Path, LiveShot] = {}
+
+    @property
+    def watched(self) -> bool:
+        """Whether there is a folder to watch."""
+        return self._watch is not None
+
+    @property
+    def growing(self) -> bool:
+        """Whether a file is there that may not be complete."""
+        return self._watch is not None and bool(self._watch.growing)
+
+    def of_shot(self, shot: LiveShot) -> list[Path]:
+        """Return the files that were given to a shot."""
+        return [path for path, one in self._taken.items() if one is shot]
+
+    def take(self, shots: Sequence[LiveShot], *, recording: bool, at_once: bool = False) -> None:
+        """Look at the folder.
+
+        Parameters
+        ----------
+        shots : sequence of LiveShot
+            All of the session.
+        recording : bool
+            Whether a shot is being recorded: what has come may be of it, so nothing is given to another meanwhile.
+        at_once : bool
+            Whether to look although the folder was looked at a moment ago.
+        """
+        if self._watch is None:
+            return
+        for file in self._watch.poll(at_once=at_once):
+            if file.path in self._taken:
+                self._settled_again(self._taken[file.path], file.path)
+                continue
+            try:
+                self._unmatched.append(Unmatched(file, source_of(self._rig, file)))
+            except RecoilDaqError as error:
+                self._display.notice(f"left alone: {error}")
+        for path, shot in self._taken.items():
+            if path.name in self._watch.growing:
+                self._grows(shot, path)
+        for one in () if recording else tuple(self._unmatched):
+            self._match(one, shots)
+
+    def _match(self, one: Unmatched, shots: Sequence[LiveShot]) -> None:
+        """Give a file to the one shot that it belongs to; ask where several are possible."""
+        file, source = one.file, one.source
+        declared = self._rig.source(source)
+        pattern = declared.pattern if SHOT_PLACE in (declared.match or "") else None
+        try:
+            found = shots_of(file, source, shots, pattern)
+        except ReadError as error:
+            self._display.notice(f"left alone: {error}")
+            self._unmatched.remove(one)
+            return
+        if not file.path.exists():
+            self._unmatched.remove(one)  # seen again under its new name
+        elif len(found.shots) == 1:
+            self._assign(one, found.shots[0], by_number=found.by_number)
+        elif found.shots and found.shots != one.asked:
+            one.asked = found.shots
+            self._ask(one)
+        elif not found.shots and time.monotonic() - file.seen_s > self._post_s + _UNMATCHED_S:
+            remedy = "write the shot's number into its name, or ingest by hand"
+            self._display.notice(f"left alone: {file.path}: {found.why_none}; {remedy}")
+            self._unmatched.remove(one)
+
+    def _assign(self, one: Unmatched, shot: LiveShot, *, by_number: bool = False) -> None:
+        path = one.file.path
+        if shot.settled:
+            command = f"recoil-daq ingest {self._rig.path} {shot.captured}/* {path} --out {self._out}"
+            self._display.notice(f"shot {shot.name} waits no longer: `{command}` with its other files")
+            self._unmatched.remove(one)
+            return
+        shot.files[one.source] = path
+        self._taken[path] = shot
+        self._unmatched.remove(one)
+        if not by_number:
+            shot.by_time.add(one.source)
+        how = "" if by_number else ", by time alone"
+        self._display.notice(f"{path.name} is of shot {shot.name}, source {one.source}{how}")
+
+    def _ask(self, one: Unmatched) -> None:
+        """Ask whose file it is; it stays where it is until somebody says so."""
+        path, names = one.file.path, [shot.name for shot in one.asked]
+        keys = " or ".join(str(i + 1) for i in range(len(names[:9])))
+        press = f"press {keys}, " if self._display.has_keys else ""
+        command = f"recoil-daq ingest {self._rig.path} {one.asked[0].captured}/* {path} --out {self._out}"
+        self._display.notice(
+            f"whose is {path.name}? A file of {one.source} for shot {' or '.join(names)}: {press}"
+            f"rename it to {path.stem}_{names[-1]}{path.suffix} or so, or ingest by hand, such as `{command}`"
+        )
+
+    def answered(self, key: str) -> None:
+        """Take the answer to the question whose a file is."""
+        for one in self._unmatched if key.isdecimal() else ():
+            if 1 <= int(key) <= len(one.asked):
+                self._assign(one, one.asked[int(key) - 1], by_number=True)
+                return
+
+    def _grows(self, shot: LiveShot, path: Path) -> None:
+        """Note that a file grows that was taken for complete."""
+        if path.name in shot.growing:
+            return
+        shot.growing.add(path.name)
+        text = "it is converted when the file has settled"
+        if shot.document is not None:
+            shot.state, shot.problem = "not whole", f"{path.name} grew after it was taken"
+            text = "its shot file is made anew when the file has settled"
+        self._display.notice(f"shot {shot.name} is NOT WHOLE: {path.name} grew after it was taken; {text}")
+
+    def _settled_again(self, shot: LiveShot, path: Path) -> None:
+        self._grows(shot, path)
+        shot.growing.discard(path.name)
+        shot.redo = f"{path.name} grew after it was taken"
+
+    def _settle_s(self, name: str) -> float:
+        """Return how long a file must have stayed the same: as its source says, or the longest of all."""
+        sources = self._rig.matching(name) or [s for s in self._rig.sources if s.name in self._elsewhere]
+        return max((source.settle_s for source in sources), default=SETTLE_S)
