@@ -40,7 +40,7 @@ class Found:
     stop_s: float
     after_s: float
     due: int
-    missing: int
+    missing: tuple[int, ...]
     late: bool
     trigger_late_s: float
 
@@ -58,7 +58,7 @@ def test_no_delivered_frame_is_missing_after_a_stop_at_any_moment_of_a_shot(tmp_
         print(
             f"\n{STALLS} stops of {SHORTEST_S} to {LONGEST_S} s, from {PRE_S} s before a pulse to {POST_S} s behind it:"
         )
-        print(f"  {sum(f.due for f in found):,} frames due, {sum(f.missing for f in found)} missing")
+        print(f"  {sum(f.due for f in found):,} frames due, {sum(len(f.missing) for f in found)} missing")
         print(f"  {sum(f.late for f in found)} shots say that they were read late")
         print(f"  triggers dated up to {max(f.trigger_late_s for f in found):.3f} s behind their pulse")
     assert not [f for f in found if f.missing]
@@ -88,14 +88,15 @@ def stopped_shot(one: Armed, number: int, choice: random.Random) -> Found:
     late_ns = acquisition.trigger_ns - sent_ns
     start_ns = (acquisition.trigger_ns if late_ns < ORDINARY_S * 1e9 else sent_ns) - round(PRE_S * 1e9)
     stop_ns = sent_ns + round(POST_S * 1e9)
-    due = missing = 0
+    due, missing = 0, []
     for source, player in (("imu", one.port), ("can", one.bus)):
-        first, behind = player.sent_before(start_ns), player.sent_before(stop_ns)
+        # the first whose write had returned by then may have been written, and read, before
+        first, behind = player.sent_before(start_ns) + 1, player.sent_before(stop_ns)
         there = set(numbers_of(player, record.parent, acquisition, source))
         due += behind - first
-        missing += sum(n not in there for n in range(first, behind))
+        missing += [n - first for n in range(first, behind) if n not in there]
     late = any(source.late for source in acquisition.sources)
-    return Found(stop_s, after_s, due, missing, late, late_ns / 1e9)
+    return Found(stop_s, after_s, due, tuple(missing), late, late_ns / 1e9)
 
 
 def numbers_of(player: Player, folder: Path, acquisition: Acquisition, source: str) -> list[int]:
