@@ -147,15 +147,15 @@ def _write(
     digests = {}
     try:
         for number, source in enumerate(session.sources):
-            cut = cuts[source.name]
+            cut, before_ns = cuts[source.name], None
             for block in _blocks(journal, session, number, start_ns, stop_ns):
                 if block.kind == EVENT:
                     cut.events.append((block.host_ns, event_of(block)))
                 else:
                     cut.blocks += 1
                     cut.bytes += len(block.payload)
-                    if block.empty_ns is not None:
-                        cut.late_s = max(cut.late_s, (block.host_ns - block.empty_ns) / 1e9)
+                    cut.late_s = max(cut.late_s, _late_s(block, before_ns))
+                    before_ns = block.host_ns
                     if cut.file is None:
                         cut.file = folder / f"{prefix}_{source.name}{SUFFIX[source.kind]}"
                         streams[source.name] = cut.file.open("xb")
@@ -172,6 +172,16 @@ def _write(
     for name, digest in digests.items():
         _verify(cuts[name].file, digest.hexdigest())
     return cuts
+
+
+def _late_s(block: Block, before_ns: int | None) -> float:
+    """Return how long what a block holds may have waited because nobody read, given when the block before was read.
+
+    A source that is read all the time and never found empty is busy, not late.
+    """
+    if block.empty_ns is None or before_ns is None:
+        return 0.0
+    return (block.host_ns - max(block.empty_ns, before_ns)) / 1e9
 
 
 def _blocks(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -41,7 +42,8 @@ DECIDED = Decision(10.5, "trigger", "", "pressure", 0, 50, 1e5, 10.499)
 def journal_of(folder: Path, blocks: list[Block]) -> Journal:
     with JournalWriter(folder, RECORD.to_json(), 0, segment_bytes=1 << 16) as writer:
         for block in blocks:
-            writer.append(RECORD.number(block.source), KINDS.index(block.kind), block.host_ns, block.payload)
+            number, kind = RECORD.number(block.source), KINDS.index(block.kind)
+            writer.append(number, kind, block.host_ns, block.payload, empty_ns=block.empty_ns)
         writer.append(OPERATOR, DECISION, int(10.5e9), pack_decision(DECIDED))
         writer.append(OPERATOR, SHOT, int(10.5e9), pack_shot(CompleteShot("0001", 10.5)))
         writer.append(OPERATOR, CLOSED, int(11e9), b"{}")
@@ -136,3 +138,18 @@ def test_the_record_of_a_shot_counts_what_happened_within_it_alone(tmp_path: Pat
     assert made.decisions[0].time_s == 0.0
     assert made.unseen_bytes == 7
     assert made.trigger_utc == "2023-11-14T22:13:29.500000"
+
+
+def test_a_source_is_late_where_nobody_read_and_not_where_it_is_busy(tmp_path: Path) -> None:
+    def read(time_s: float, empty_s: float) -> Block:
+        return replace(can_block(time_s, can_record(time_s, 1.0)), empty_ns=round(empty_s * 1e9))
+
+    busy = [read(10.0 + 0.01 * k, 9.9) for k in range(50)]
+    cuts = write_captures(journal_of(tmp_path / "busy", busy), RECORD, tmp_path / "a", "0001", None, None)
+    assert cuts["bus"].late_s == pytest.approx(0.01)
+    stood_still = [read(10.0, 9.99), read(10.7, 10.0), read(10.701, 10.0), read(10.8, 10.79)]
+    cuts = write_captures(journal_of(tmp_path / "still", stood_still), RECORD, tmp_path / "b", "0001", None, None)
+    assert cuts["bus"].late_s == pytest.approx(0.7)
+    silent = [read(10.0, 9.99), read(10.7, 10.69)]
+    cuts = write_captures(journal_of(tmp_path / "silent", silent), RECORD, tmp_path / "c", "0001", None, None)
+    assert cuts["bus"].late_s == pytest.approx(0.01)
