@@ -9,15 +9,17 @@ from __future__ import annotations
 import datetime as dt
 import json
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from daq.acquisition import Acquisition, read_acquisition, write_acquisition
 from daq.capture.cut import Cut, captures_hold, write_captures
-from daq.capture.engine import SETTLE_S, replayed
+from daq.capture.engine import SETTLE_S
+from daq.capture.replay import outrun, replayed
 from daq.capture.session_record import (
+    OPERATOR,
     Kept,
     LiveRecord,
     OperatorRecords,
@@ -27,13 +29,14 @@ from daq.capture.session_record import (
     operator_records,
 )
 from daq.capture.shot_record import acquisition_of
-from daq.devices.device import EVENT
+from daq.devices.device import EVENT, Block
 from daq.errors import CorruptFileError, ReadError, RecoilDaqError, StoreError
 from daq.journal import Journal, find_journals, read_journal
 from daq.trigger import Decision, ShotWindow, Trigger
 from daq.trigger.decision import MANUAL
 from recoil_daq.ingest import ingest_files
 from recoil_daq.live_shot import free_number
+from rigs.live_sources import live_sources
 from rigs.rig import Rig, parse_rig
 
 Progress = Callable[[str], None]
@@ -226,6 +229,8 @@ def recover_journal(
     if rig.trigger is None:
         raise StoreError("the rig in this journal has no trigger", path=folder)
     known = operator_records(journal)
+    if not known.in_order:
+        known = _decided_on(journal, record, rig, rig.trigger, known)
     held = _held(journal, record)
     begin_s, end_s = _extent_s(held)
     for instant_s in at_s:
@@ -281,6 +286,27 @@ def recover_journal(
 def _out_of(journal: Path) -> Path:
     """Return the folder of shots that a session with this journal wrote to."""
     return journal.parent.parent if journal.parent.name == "journal" else journal.parent
+
+
+def _decided_on(
+    journal: Journal, record: LiveRecord, rig: Rig, trigger: Trigger, known: OperatorRecords
+) -> OperatorRecords:
+    """Return what the session knew with the triggers that it had recorded and not yet decided on."""
+    sources = live_sources(rig, {source.name: {} for source in record.sources})
+    named = [source for source in sources if source.name in {one.name for one in record.sources}]
+    found = outrun(named, trigger, _blocks(journal, record), known.decisions)
+    return replace(known, decisions=(*known.decisions, *found))
+
+
+def _blocks(journal: Journal, record: LiveRecord) -> Iterator[Block | None]:
+    """Yield every block of a journal in its order, and None where a record is missing."""
+    following = 0
+    for one in journal.records():
+        if one.sequence != following:
+            yield None
+        following = one.sequence + 1
+        if one.source != OPERATOR:
+            yield record.block(one)
 
 
 def _held(journal: Journal, record: LiveRecord) -> dict[str, list[tuple[float, float]]]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from daq.capture.live_source import LiveSamples, LiveSource, signals_of
@@ -195,31 +195,3 @@ class _Look:
         for signals in (self._needed, self._rest):
             if signals is not None:
                 signals.skip()
-
-
-def replayed(
-    sources: Mapping[str, Sequence[tuple[float, float]]],
-    trigger: Trigger,
-    decisions: Sequence[Decision],
-    stalls: Sequence[tuple[float, float]] = (),
-) -> tuple[ShotWindow, ...]:
-    """Return the windows of decisions that were made before, with what is held of each source.
-
-    Parameters
-    ----------
-    sources : mapping of str to sequence of (oldest_s, latest_s)
-        One span per source, or none if nothing is held of it.
-    trigger : Trigger
-    decisions : sequence of Decision
-        In the order in which they were made.
-    stalls : sequence of (from_s, until_s)
-        What was read at the second instant may have arrived since the first.
-    """
-    cutter = ShotCutter(trigger, list(sources), lag_s=LAG_S)
-    for name, spans in sources.items():
-        for oldest_s, latest_s in spans:
-            cutter.advance(name, oldest_s, latest_s)
-    for from_s, until_s in stalls:
-        cutter.stalled(from_s, until_s)
-    cutter.note(decisions)
-    return cutter.ready(float("inf"))

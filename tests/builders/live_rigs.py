@@ -39,6 +39,12 @@ daq.capture.live_session.SEGMENT_BYTES = 1 << 18
 """
 """For `LiveProcess`: the journal's segments fill up in seconds."""
 
+UNDECIDED = """
+import daq.capture.live_session
+daq.capture.live_session.LiveSession._look = lambda session, now_s: None
+"""
+"""For `LiveProcess`: its watching thread is so far behind that no decision of the trigger is recorded."""
+
 HELD_BACK = """
 import collections, time
 from daq.devices.reader_thread import DeviceReader
@@ -136,7 +142,7 @@ class LiveProcess:
     log : Path
         Gets what it prints.
     before : str
-        Python statements that it runs first: `SEGMENTS_OF_256_KIB`, `HELD_BACK`.
+        Python statements that it runs first: `SEGMENTS_OF_256_KIB`, `UNDECIDED`, `HELD_BACK`.
     cwd : Path
         Its working folder.
     """

@@ -29,6 +29,7 @@ from tests.builders.live_rigs import (
     LEAST_DUE,
     PRE_S,
     SEGMENTS_OF_256_KIB,
+    UNDECIDED,
     Armed,
     Killed,
     LiveProcess,
@@ -85,6 +86,14 @@ def test_a_kill_loses_nothing_that_was_sent_a_quarter_of_a_second_before(tmp_pat
     assert not one.journal.exists()
     assert not list((one.out / "captures").glob(".*")), "something half-written was left behind"
     assert run_recover(one.out)["journals"] == []
+
+
+def test_a_shot_on_which_the_trigger_had_not_decided_yet_is_recovered(tmp_path):
+    with armed(tmp_path / "live", before=UNDECIDED) as one:
+        within_a_shot(one)
+        done = kill_and_recover(one)
+    assert_nothing_is_lost(done, 1)
+    assert done.shots_told == 0
 
 
 def test_a_program_that_keeps_what_it_reads_a_little_late_is_seen_to_lose_it(tmp_path):

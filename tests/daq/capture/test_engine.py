@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from daq.capture.engine import PATIENCE_S, SETTLE_S, CaptureEngine, replayed
+from daq.capture.engine import PATIENCE_S, SETTLE_S, CaptureEngine
 from daq.devices.device import Block, event_block
 from daq.trigger import Edge, Trigger
 from tests.builders.live_sources import bus, can_block, can_record, port, serial_block, serial_frame
@@ -118,27 +118,6 @@ def test_blocks_that_were_not_looked_at_count_as_delivered() -> None:
             engine.take(block)
     (window,) = engine.ready(12.0)
     assert window.late_sources == ()
-
-
-def test_recorded_decisions_give_the_same_window_again() -> None:
-    engine = CaptureEngine([bus(), port()], TRIGGER)
-    engine.arm(-math.inf)
-    for block in blocks(2.0, pulse_s=1.0):
-        engine.take(block)
-    (window,) = engine.ready(math.inf)
-    held = {"bus": [(10.0, 11.99)], "port": [(10.0, 11.99)]}
-    assert replayed(held, TRIGGER, engine.news()) == (window,)
-
-
-def test_a_shot_that_a_crash_cut_short_ends_where_the_data_does() -> None:
-    engine = CaptureEngine([bus(), port()], TRIGGER)
-    engine.arm(-math.inf)
-    for block in blocks(1.1, pulse_s=1.0):
-        engine.take(block)
-    held = {"bus": [(10.0, 11.09)], "port": []}
-    (window,) = replayed(held, TRIGGER, engine.news())
-    assert window.trigger_s == pytest.approx(11.0)
-    assert window.late_sources == ("bus", "port")
 
 
 def test_what_only_the_screen_shows_is_decoded_ten_times_per_second() -> None:

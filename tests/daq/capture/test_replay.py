@@ -1,0 +1,95 @@
+"""What a killed session had not yet decided is decided from its journal, as it would have been."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from daq.capture.engine import CaptureEngine
+from daq.capture.replay import outrun, replayed
+from daq.devices.device import Block
+from daq.trigger import Decision, Edge, Trigger
+from tests.builders.live_sources import bus, can_block, can_record, port, serial_block, serial_frame
+
+TRIGGER = Trigger((Edge("pressure", 50e3, 20e3),), pre_s=0.2, post_s=0.3)
+SOURCES = [bus(), port()]
+
+
+def blocks(pulses: set[int], count: int = 200) -> list[Block]:
+    """Both sources every 10 ms; the pressure is beyond the level in the blocks of these numbers."""
+    made = []
+    for k in range(count):
+        t = 10.0 + 0.01 * k
+        made += [
+            can_block(t, can_record(t, 100.0 if k in pulses else 0.0)),
+            serial_block(t, serial_frame(k, 80.0 if k in pulses else 1.0)),
+        ]
+    return made
+
+
+def decided(trigger: Trigger, recorded: list[Block]) -> list[Decision]:
+    engine = CaptureEngine(SOURCES, trigger)
+    engine.arm(-math.inf)
+    for block in recorded:
+        engine.take(block)
+    engine.finish()
+    return list(engine.news())
+
+
+def told(decisions: list[Decision]) -> list[tuple[float, str, str]]:
+    return [(decision.time_s, decision.outcome, decision.reason) for decision in decisions]
+
+
+def test_recorded_decisions_give_the_same_window_again() -> None:
+    recorded = blocks({100})
+    engine = CaptureEngine(SOURCES, TRIGGER)
+    engine.arm(-math.inf)
+    for block in recorded:
+        engine.take(block)
+    (window,) = engine.ready(math.inf)
+    held = {"bus": [(10.0, 11.99)], "port": [(10.0, 11.99)]}
+    assert replayed(held, TRIGGER, engine.news()) == (window,)
+
+
+def test_a_shot_that_a_crash_cut_short_ends_where_the_data_does() -> None:
+    held = {"bus": [(10.0, 11.09)], "port": []}
+    (window,) = replayed(held, TRIGGER, decided(TRIGGER, blocks({100}, 110)))
+    assert window.trigger_s == pytest.approx(11.0)
+    assert window.late_sources == ("bus", "port")
+
+
+@given(
+    pulses=st.sets(st.integers(1, 6).map(lambda k: 30 * k), max_size=5),
+    watched=st.integers(0, 400),
+    holdoff_s=st.sampled_from((0.0, 0.45, 1.0)),
+    extend=st.booleans(),
+    channel=st.sampled_from(("pressure", "rate")),
+)
+def test_a_kill_changes_no_decision(
+    pulses: set[int], watched: int, holdoff_s: float, extend: bool, channel: str
+) -> None:
+    edge = Edge("pressure", 50e3, 20e3) if channel == "pressure" else Edge("rate", -50.0, -20.0, slope="falling")
+    trigger = replace(TRIGGER, conditions=(edge,), holdoff_s=holdoff_s, extend=extend)
+    recorded = blocks(pulses)
+    before = decided(trigger, recorded[:watched])
+    assert told([*before, *outrun(SOURCES, trigger, recorded, before)]) == told(decided(trigger, recorded))
+
+
+def test_what_was_suppressed_while_disarmed_is_not_decided_again() -> None:
+    recorded = blocks({50})
+    (seen,) = decided(TRIGGER, recorded)
+    disarmed = replace(seen, outcome="suppressed", reason="not armed", time_s=seen.time_s + 0.02)
+    assert outrun(SOURCES, TRIGGER, recorded, [disarmed]) == []
+
+
+def test_a_missing_record_joins_no_two_halves_of_frames() -> None:
+    falling = replace(TRIGGER, conditions=(Edge("rate", 50.0, 20.0),))
+    head, tail = serial_frame(1, -80.0)[:4], serial_frame(1, -80.0)[4:]
+    recorded = [serial_block(10.0, serial_frame(0, 0.0)), serial_block(10.1, head), serial_block(10.3, tail)]
+    (joined,) = outrun(SOURCES, falling, recorded, [])
+    assert joined.value == pytest.approx(80.0)
+    assert outrun(SOURCES, falling, [*recorded[:2], None, recorded[2]], []) == []
