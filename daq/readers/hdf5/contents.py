@@ -76,24 +76,29 @@ def contents_of(path: Path, file: Any) -> Contents:
     CorruptFileError
         If its datasets take more bytes than it has.
     """
-    found: list[tuple[str, Any]] = []
+    groups: dict[str, Mapping[str, Any]] = {"": plain_attributes(file)}
+    names: list[str] = []
+    others = 0
 
     def visit(name: str, item: Any) -> bool | None:
-        found.append((name, item))
-        return True if len(found) > MOST_OBJECTS else None
+        # a dataset that stays open takes 20 kB of the library's memory: only its name is kept
+        nonlocal others
+        if not hasattr(item, "dtype"):
+            groups[f"/{name}"] = plain_attributes(item)
+        elif hasattr(item, "shape"):
+            names.append(name)
+        else:
+            others += 1  # a committed datatype has a dtype, too, but no shape
+        return True if len(groups) + len(names) + others > MOST_OBJECTS else None
 
     if file.visititems(visit):
         raise ReadError(f"more than {MOST_OBJECTS} groups and datasets", path=path, remedy="export channels alone")
     size = path.stat().st_size
     room = Room(path, size)
-    groups: dict[str, Mapping[str, Any]] = {"": plain_attributes(file)}
-    groups |= {f"/{name}": plain_attributes(item) for name, item in found if not hasattr(item, "dtype")}
     datasets: list[Dataset] = []
     notes = []
-    for name, item in found:
-        # A committed datatype has a dtype, too, but no shape
-        if not (hasattr(item, "dtype") and hasattr(item, "shape")):
-            continue
+    for name in names:
+        item = file[name]
         vector = vector_of(path, item, size)
         if isinstance(vector, str):
             notes.append(f"{name}: {vector}: left out")
