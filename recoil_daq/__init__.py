@@ -15,17 +15,17 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     __version__: str
-    from daq.store import read_shot, write_shot
+    from recoil_acquisition.store import read_shot, write_shot
     from recoil_daq.identify import identify_file
     from recoil_daq.ingest import ingest_files
-    from rigs.rig import load_rig
+    from recoil_rigs.rig import load_rig
 
 _HOMES = {
     "identify_file": "recoil_daq.identify",
     "ingest_files": "recoil_daq.ingest",
-    "load_rig": "rigs.rig",
-    "read_shot": "daq.store",
-    "write_shot": "daq.store",
+    "load_rig": "recoil_rigs.rig",
+    "read_shot": "recoil_acquisition.store",
+    "write_shot": "recoil_acquisition.store",
 }
 
 __all__ = ["__version__", "identify_file", "ingest_files", "load_rig", "read_shot", "write_shot"]

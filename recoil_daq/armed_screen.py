@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
-from daq.capture.status import LiveStatus, SourceStatus
-from daq.visible_text import visible
+from recoil_acquisition.capture.status import LiveStatus, SourceStatus
+from recoil_acquisition.visible_text import visible
 from recoil_daq.engineering import engineering
 from recoil_daq.keyboard import Keyboard
 from recoil_daq.live_shot import LiveShot

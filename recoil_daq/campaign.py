@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from daq.shot import Verdict
-from daq.store import read_shot
-from identification.default_method import default_method
-from identification.filter_choice import campaign_choice, force_spectra
-from identification.preparation import prepare
-from processing.quality.repeatability import ShotPeaks, check_repeat_peaks
-from processing.spectra.cutoff import CutoffChoice
-from processing.spectra.spectral_gap import ShotSpectrum
-from rigs.rig import parse_rig
+from recoil_acquisition.shot import Verdict
+from recoil_acquisition.store import read_shot
+from recoil_identification.default_method import default_method
+from recoil_identification.filter_choice import campaign_choice, force_spectra
+from recoil_identification.preparation import prepare
+from recoil_processing.quality.repeatability import ShotPeaks, check_repeat_peaks
+from recoil_processing.spectra.cutoff import CutoffChoice
+from recoil_processing.spectra.spectral_gap import ShotSpectrum
+from recoil_rigs.rig import parse_rig
 
 Progress = Callable[[str], None]
 

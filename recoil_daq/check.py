@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from daq.acquisition import is_acquisition
-from daq.errors import Fault, RecoilDaqError, RigError
-from daq.readers.reader import Recording
+from recoil_acquisition.acquisition import is_acquisition
+from recoil_acquisition.errors import Fault, RecoilDaqError, RigError
+from recoil_acquisition.readers.reader import Recording
 from recoil_daq.ingest import reader_of
-from rigs.assemble import find_signal, match_files, unit_of
-from rigs.can_signals import faults_of_can_signals
-from rigs.rig import ChannelSpec, Rig, load_rig
+from recoil_rigs.assemble import find_signal, match_files, unit_of
+from recoil_rigs.can_signals import faults_of_can_signals
+from recoil_rigs.rig import ChannelSpec, Rig, load_rig
 
 Progress = Callable[[str], None]
 

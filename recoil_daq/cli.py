@@ -47,7 +47,7 @@ MethodOption = Annotated[
 
 
 def _known_targets(names: list[str] | None) -> list[str] | None:
-    from identification.targets import TARGETS
+    from recoil_identification.targets import TARGETS
 
     for name in names or ():
         if name not in ("mass", *TARGETS):
@@ -159,7 +159,7 @@ def ingest(
     with Session(json, debug) as session:
         from recoil_daq.ingest import ingest_files
         from recoil_daq.tables import print_verdict, verdict_document
-        from rigs.rig import load_rig
+        from recoil_rigs.rig import load_rig
 
         with session.steps("ingest") as progress:
             done = ingest_files(
@@ -178,7 +178,7 @@ def _live(
         from recoil_daq.live import run_live
         from recoil_daq.live_shot import LiveOptions
         from recoil_daq.live_tables import live_display, print_outcome
-        from rigs.rig import load_rig
+        from recoil_rigs.rig import load_rig
 
         loaded = load_rig(rig)
         options = LiveOptions(out, shots, first, watch, files_within_s)
@@ -250,15 +250,15 @@ def identify(
     wanted = tuple(dict.fromkeys(target or ["mass"]))
     memory_s = _memory(window_s)
     with Session(json, debug) as session:
-        from daq.reader_process import READER
+        from recoil_acquisition.reader_process import READER
 
         READER.start()  # it loads its libraries while this process loads its own
-        from identification.analysis import Options
         from recoil_daq.campaign import Campaign, repeatability, survey
         from recoil_daq.identify import find_shot_files, identify_file
         from recoil_daq.tables import print_repeatability, print_report, reports_document
         from recoil_daq.target_tables import print_target
         from recoil_daq.targets import identify_targets
+        from recoil_identification.analysis import Options
 
         paths = find_shot_files(shots)
         campaign = Campaign({}, {})
@@ -306,7 +306,7 @@ def simulate(
     with Session(json, debug) as session:
         from recoil_daq.simulate import simulate_shots
         from recoil_daq.tables import print_simulated, simulated_document
-        from rigs.rig import load_rig
+        from recoil_rigs.rig import load_rig
 
         with session.steps("simulate") as progress:
             done = simulate_shots(load_rig(rig), out, seed=seed, shots=shots, progress=progress)
@@ -414,17 +414,17 @@ def show(
     """Print what is in a shot file, or in a file of any instrument; exit code 1 if that one was cut off."""
     with Session(json, debug) as session:
         if file.suffix == ".h5":
-            from daq.reader_process import READER
+            from recoil_acquisition.reader_process import READER
 
             READER.start()
-        from daq.store import is_shot_file, shot_summary
+        from recoil_acquisition.store import is_shot_file, shot_summary
         from recoil_daq.live_tables import print_acquisition
         from recoil_daq.tables import print_summary
 
         if not is_shot_file(file):
             from recoil_daq.file_summary import summarise_file
             from recoil_daq.file_tables import print_file
-            from rigs.rig import load_rig
+            from recoil_rigs.rig import load_rig
 
             document = summarise_file(file, None if rig is None else load_rig(rig))
             session.finish(document, lambda: print_file(document), NOT_VALID if document["incomplete"] else OK)
@@ -457,7 +457,7 @@ def export(
 ) -> None:
     """Write a shot's channels in another format, verified, and say what is exact and what is lost."""
     with Session(json, debug) as session:
-        from daq.reader_process import READER
+        from recoil_acquisition.reader_process import READER
 
         READER.start()
         from recoil_daq.export import export_shot

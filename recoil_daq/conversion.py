@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import IO, Any
 
-from daq.child_process import apart, own_command
+from recoil_acquisition.child_process import apart, own_command
 
 _BELOW_NORMAL = 10
 

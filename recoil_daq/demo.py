@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from daq.errors import StoreError
+from recoil_acquisition.errors import StoreError
 from recoil_daq.identify import Reported, identify_file
 from recoil_daq.ingest import Ingested, ingest_files
 from recoil_daq.live import run_live
 from recoil_daq.live_shot import Display, LiveOptions, LiveOutcome
-from rigs.rig import load_rig
-from rigs.twin import TwinShot, simulate_shot
-from rigs.twin.range_day import RangeDay
+from recoil_rigs.rig import load_rig
+from recoil_rigs.twin import TwinShot, simulate_shot
+from recoil_rigs.twin.range_day import RangeDay
 
 DEMO_RIG = "mixed"
 DEMO_SHOT = "0001"
@@ -89,7 +89,7 @@ class LiveDemonstration:
     reports : tuple of Reported
         One per shot that has a shot file.
     played : dict
-        What the virtual devices truly sent; see `rigs.twin.player.TwinPlayer.truth`.
+        What the virtual devices truly sent; see `recoil_rigs.twin.player.TwinPlayer.truth`.
     """
 
     outcome: LiveOutcome

@@ -11,16 +11,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.capture.live_source import LiveChannel, LiveSource, open_source, signals_of
-from daq.devices.device import CAN, EVENT, Block, Counters
-from daq.devices.reader_thread import DeviceReader
-from daq.errors import RecoilDaqError
-from daq.shot import Verdict
-from rigs.live_sources import live_sources
-from rigs.rig import Rig
-from rigs.twin import simulate_shot
-from rigs.twin.player import TwinPlayer
-from rigs.twin.range_day import is_virtual_rig
+from recoil_acquisition.capture.live_source import LiveChannel, LiveSource, open_source, signals_of
+from recoil_acquisition.devices.device import CAN, EVENT, Block, Counters
+from recoil_acquisition.devices.reader_thread import DeviceReader
+from recoil_acquisition.errors import RecoilDaqError
+from recoil_acquisition.shot import Verdict
+from recoil_rigs.live_sources import live_sources
+from recoil_rigs.rig import Rig
+from recoil_rigs.twin import simulate_shot
+from recoil_rigs.twin.player import TwinPlayer
+from recoil_rigs.twin.range_day import is_virtual_rig
 
 Array = NDArray[np.float64]
 

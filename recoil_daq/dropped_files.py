@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from daq.errors import ReadError, RecoilDaqError
+from recoil_acquisition.errors import ReadError, RecoilDaqError
 from recoil_daq.file_match import shots_of, source_of
 from recoil_daq.folder_watch import SETTLE_S, DroppedFile, FolderWatch
 from recoil_daq.live_shot import Display, LiveOptions, LiveShot
-from rigs.rig import Rig
-from rigs.rig_tables import SHOT_PLACE
+from recoil_rigs.rig import Rig
+from recoil_rigs.rig_tables import SHOT_PLACE
 
 _UNMATCHED_S = 10.0
 """A file that no shot waits for is left alone so long after the longest shot that may still come."""

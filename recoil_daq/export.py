@@ -8,11 +8,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from daq.errors import StoreError
-from daq.exporters.content import gather
-from daq.exporters.publication import ExportedFile, write_export
-from daq.exporters.table import exporter_of
-from daq.store import read_shot
+from recoil_acquisition.errors import StoreError
+from recoil_acquisition.exporters.content import gather
+from recoil_acquisition.exporters.publication import ExportedFile, write_export
+from recoil_acquisition.exporters.table import exporter_of
+from recoil_acquisition.store import read_shot
 from recoil_daq import __version__
 
 Progress = Callable[[str], None]
@@ -61,7 +61,7 @@ def export_shot(
     path : path
         A shot file.
     format_name : str
-        Name of one of `daq.exporters.table.EXPORTERS`.
+        Name of one of `recoil_acquisition.exporters.table.EXPORTERS`.
     out : path
         Folder of the files.
     channels : sequence of str

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from daq.exporters.publication import ExportedFile
+from recoil_acquisition.exporters.publication import ExportedFile
 from recoil_daq.export import Exported
 from recoil_daq.tables import print_table, say
 

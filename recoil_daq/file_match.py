@@ -6,13 +6,13 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from daq.errors import ReadError
-from daq.shot_name import numbers_of
+from recoil_acquisition.errors import ReadError
+from recoil_acquisition.shot_name import numbers_of
 from recoil_daq.folder_watch import DroppedFile
 from recoil_daq.ingest import reader_of
 from recoil_daq.live_shot import LiveShot
-from rigs.assemble import match_files
-from rigs.rig import Rig
+from recoil_rigs.assemble import match_files
+from recoil_rigs.rig import Rig
 
 CLOCKS_APART_S = 2.0
 """A file's time of writing may be off by this against the host's clock: a memory card's is in steps of two seconds."""

@@ -7,11 +7,11 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from daq.readers.reader import Declarations, Reader, Recording
-from daq.readers.table import EXTRAS, READERS
-from daq.timebase import TimeBase
+from recoil_acquisition.readers.reader import Declarations, Reader, Recording
+from recoil_acquisition.readers.table import EXTRAS, READERS
+from recoil_acquisition.timebase import TimeBase
 from recoil_daq.ingest import BY_LAYOUT, reader_of
-from rigs.rig import Rig
+from recoil_rigs.rig import Rig
 
 EMPTY_DATABASE = 'VERSION ""\n'
 """Of a CAN log that is shown without a rig: every identifier is unknown to it, and so is listed."""

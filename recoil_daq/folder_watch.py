@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from daq.errors import ReadError
+from recoil_acquisition.errors import ReadError
 
 LOOK_EVERY_S = 0.5
 """The folder is read so often: it may lie on a network, and hold a day's files."""

@@ -8,16 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from daq.errors import ReadError
-from daq.shot import InputFile
-from daq.store import read_shot
-from identification.analysis import Options, identify_shot
-from identification.report.document import REPORT_FILE, TRACE_FILE, report_document, write_document, write_trace
-from identification.report.figures import report_figures
-from identification.report.html import PAGE_NAME, render_page, write_page
+from recoil_acquisition.errors import ReadError
+from recoil_acquisition.shot import InputFile
+from recoil_acquisition.store import read_shot
 from recoil_daq import __version__
 from recoil_daq.report_folder import publish, refuse_existing
-from rigs.rig import parse_rig
+from recoil_identification.analysis import Options, identify_shot
+from recoil_identification.report.document import REPORT_FILE, TRACE_FILE, report_document, write_document, write_trace
+from recoil_identification.report.figures import report_figures
+from recoil_identification.report.html import PAGE_NAME, render_page, write_page
+from recoil_rigs.rig import parse_rig
 
 Progress = Callable[[str], None]
 

@@ -8,24 +8,24 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from daq.acquisition import AT_TRIGGER, Acquisition, is_acquisition, read_acquisition
-from daq.channel import Step
-from daq.errors import CorruptFileError, ReadError, StoreError, UnknownFormatError
-from daq.exporters.absolute import stated_start
-from daq.readers.reader import Reader, Recording
-from daq.readers.table import READERS, recognise
-from daq.readers.text.declared_table import DeclaredTextReader
-from daq.readers.tracks.declared_table import DeclaredTrackReader
-from daq.regular_file import check_regular
-from daq.shot import InputFile, Shot
-from daq.shot_name import shot_name_fault
-from daq.store import write_shot
-from identification.clocks import align_clocks
-from identification.quality.shot_quality import check_shot
+from recoil_acquisition.acquisition import AT_TRIGGER, Acquisition, is_acquisition, read_acquisition
+from recoil_acquisition.channel import Step
+from recoil_acquisition.errors import CorruptFileError, ReadError, StoreError, UnknownFormatError
+from recoil_acquisition.exporters.absolute import stated_start
+from recoil_acquisition.readers.reader import Reader, Recording
+from recoil_acquisition.readers.table import READERS, recognise
+from recoil_acquisition.readers.text.declared_table import DeclaredTextReader
+from recoil_acquisition.readers.tracks.declared_table import DeclaredTrackReader
+from recoil_acquisition.regular_file import check_regular
+from recoil_acquisition.shot import InputFile, Shot
+from recoil_acquisition.shot_name import shot_name_fault
+from recoil_acquisition.store import write_shot
 from recoil_daq import __version__
-from rigs.assemble import assemble_channels, match_files
-from rigs.long_recording import cut_long_recordings
-from rigs.rig import Rig
+from recoil_identification.clocks import align_clocks
+from recoil_identification.quality.shot_quality import check_shot
+from recoil_rigs.assemble import assemble_channels, match_files
+from recoil_rigs.long_recording import cut_long_recordings
+from recoil_rigs.rig import Rig
 
 Progress = Callable[[str], None]
 

@@ -6,15 +6,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from daq.errors import RecoilDaqError
-from daq.journal import find_journals
+from recoil_acquisition.errors import RecoilDaqError
+from recoil_acquisition.journal import find_journals
 from recoil_daq.live_range import LiveRange, trigger_of
 from recoil_daq.live_shot import Display, LiveOptions, LiveOutcome, free_number
 from recoil_daq.output_folder import OutputFolder
 from recoil_daq.recover import recover_journal
-from rigs.live_sources import live_sources
-from rigs.rig import Rig
-from rigs.twin.range_day import RangeDay, is_virtual_rig
+from recoil_rigs.live_sources import live_sources
+from recoil_rigs.rig import Rig
+from recoil_rigs.twin.range_day import RangeDay, is_virtual_rig
 
 VIRTUAL_SHOTS = 3
 """A virtual rig fires so many shots unless told otherwise."""

@@ -12,20 +12,20 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from daq.capture.live_session import CapturedShot, LiveSession
-from daq.capture.live_source import LiveSource, open_source
-from daq.capture.session_record import LiveRecord, RecordedSource, reserve_bytes, session_folder
-from daq.devices.device import Device, anchor, event_of
-from daq.errors import Fault, RecoilDaqError, RigError
-from daq.trigger import Decision, ShotWindow, Trigger
+from recoil_acquisition.capture.live_session import CapturedShot, LiveSession
+from recoil_acquisition.capture.live_source import LiveSource, open_source
+from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource, reserve_bytes, session_folder
+from recoil_acquisition.devices.device import Device, anchor, event_of
+from recoil_acquisition.errors import Fault, RecoilDaqError, RigError
+from recoil_acquisition.trigger import Decision, ShotWindow, Trigger
 from recoil_daq.conversion import Conversion
 from recoil_daq.dropped_files import DroppedFiles
 from recoil_daq.file_match import doubt_of_files
 from recoil_daq.interruption import Interruption
 from recoil_daq.live_shot import Display, LiveOptions, LiveOutcome, LiveShot
 from recoil_daq.output_folder import OutputFolder
-from rigs.live_sources import live_sources
-from rigs.rig import Rig
+from recoil_rigs.live_sources import live_sources
+from recoil_rigs.rig import Rig
 
 RESERVE_S = 60.0
 """Space is reserved for so much recording beside a shot."""

@@ -7,10 +7,10 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
-from daq.acquisition import Acquisition
-from daq.capture.status import LiveStatus
-from daq.errors import RecoilDaqError
-from daq.trigger import Decision, ShotWindow
+from recoil_acquisition.acquisition import Acquisition
+from recoil_acquisition.capture.status import LiveStatus
+from recoil_acquisition.errors import RecoilDaqError
+from recoil_acquisition.trigger import Decision, ShotWindow
 
 FILES_WITHIN_S = 120.0
 """Files of other instruments are waited for so long after a shot, before it is converted without them."""

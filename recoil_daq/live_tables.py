@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from recoil_daq.device_check import ChannelHeard
     from recoil_daq.live_shot import Display, LiveOutcome, LiveShot
     from recoil_daq.recover import Recovered
-    from rigs.rig import Rig
+    from recoil_rigs.rig import Rig
 
 
 @contextmanager

@@ -6,8 +6,8 @@ import contextlib
 import os
 from pathlib import Path
 
-from daq.errors import StoreError
-from daq.journal.lock import NAME, JournalLock
+from recoil_acquisition.errors import StoreError
+from recoil_acquisition.journal.lock import NAME, JournalLock
 
 
 class OutputFolder:

@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 from types import TracebackType
 from typing import Any, TextIO
 
-from daq.capture.status import LiveStatus, SourceStatus
-from daq.visible_text import visible
+from recoil_acquisition.capture.status import LiveStatus, SourceStatus
+from recoil_acquisition.visible_text import visible
 from recoil_daq.live_shot import LiveShot
 from recoil_daq.losses import losses_of
 

@@ -14,11 +14,11 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from daq.acquisition import Acquisition, read_acquisition, write_acquisition
-from daq.capture.cut import Cut, captures_hold, write_captures
-from daq.capture.engine import SETTLE_S
-from daq.capture.replay import outrun, replayed
-from daq.capture.session_record import (
+from recoil_acquisition.acquisition import Acquisition, read_acquisition, write_acquisition
+from recoil_acquisition.capture.cut import Cut, captures_hold, write_captures
+from recoil_acquisition.capture.engine import SETTLE_S
+from recoil_acquisition.capture.replay import outrun, replayed
+from recoil_acquisition.capture.session_record import (
     OPERATOR,
     Kept,
     LiveRecord,
@@ -28,16 +28,16 @@ from daq.capture.session_record import (
     longer,
     operator_records,
 )
-from daq.capture.shot_record import acquisition_of
-from daq.devices.device import EVENT, Block
-from daq.errors import CorruptFileError, ReadError, RecoilDaqError, StoreError
-from daq.journal import Journal, find_journals, read_journal
-from daq.trigger import Decision, ShotWindow, Trigger
-from daq.trigger.decision import MANUAL
+from recoil_acquisition.capture.shot_record import acquisition_of
+from recoil_acquisition.devices.device import EVENT, Block
+from recoil_acquisition.errors import CorruptFileError, ReadError, RecoilDaqError, StoreError
+from recoil_acquisition.journal import Journal, find_journals, read_journal
+from recoil_acquisition.trigger import Decision, ShotWindow, Trigger
+from recoil_acquisition.trigger.decision import MANUAL
 from recoil_daq.ingest import ingest_files
 from recoil_daq.live_shot import free_number
-from rigs.live_sources import live_sources
-from rigs.rig import Rig, parse_rig
+from recoil_rigs.live_sources import live_sources
+from recoil_rigs.rig import Rig, parse_rig
 
 Progress = Callable[[str], None]
 

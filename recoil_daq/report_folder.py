@@ -15,9 +15,9 @@ import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from daq.errors import StoreError
-from daq.journal.lock import JournalLock, is_being_written
-from daq.new_file import sync_folder
+from recoil_acquisition.errors import StoreError
+from recoil_acquisition.journal.lock import JournalLock, is_being_written
+from recoil_acquisition.new_file import sync_folder
 
 _NEW, _OLD = "new", "old"
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from daq.capture.engine import Level
-from daq.capture.status import ChannelStatus, LiveStatus, SourceStatus
-from daq.visible_text import visible
+from recoil_acquisition.capture.engine import Level
+from recoil_acquisition.capture.status import ChannelStatus, LiveStatus, SourceStatus
+from recoil_acquisition.visible_text import visible
 from recoil_daq.engineering import engineering
 from recoil_daq.live_shot import LiveShot
 from recoil_daq.losses import NONE, NOT_COUNTED, losses_of

@@ -12,7 +12,7 @@ from typing import Any
 
 import typer
 
-from daq.visible_text import visible
+from recoil_acquisition.visible_text import visible
 
 FAULT, INTERRUPTED = 3, 130
 
@@ -41,7 +41,7 @@ class Session:
         if isinstance(error, KeyboardInterrupt):
             typer.echo("interrupted; nothing half-written was left behind", err=True)
             raise typer.Exit(INTERRUPTED) from None
-        from daq.errors import RecoilDaqError
+        from recoil_acquisition.errors import RecoilDaqError
 
         if not isinstance(error, RecoilDaqError):
             return
@@ -83,7 +83,7 @@ class Session:
 
 def _lines(error: Exception) -> list[str]:
     """One line for one fault; a rig with several gives each its own."""
-    from daq.errors import RigError
+    from recoil_acquisition.errors import RigError
 
     if isinstance(error, RigError) and len(error.faults) > 1:
         return [f"error: {error.path}: {len(error.faults)} faults", *(f"  {fault}" for fault in error.faults)]
@@ -91,7 +91,7 @@ def _lines(error: Exception) -> list[str]:
 
 
 def _fields(error: Exception) -> dict[str, Any]:
-    from daq.errors import RecoilDaqError, RigError
+    from recoil_acquisition.errors import RecoilDaqError, RigError
 
     fields: dict[str, Any] = {"message": str(error)}
     if isinstance(error, RecoilDaqError):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from rigs.rig import Rig
-from rigs.twin import TwinShot, simulate_shot
+from recoil_rigs.rig import Rig
+from recoil_rigs.twin import TwinShot, simulate_shot
 
 Progress = Callable[[str], None]
 

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from daq.visible_text import visible
+from recoil_acquisition.visible_text import visible
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from recoil_daq.identify import Reported
     from recoil_daq.ingest import Ingested
     from recoil_daq.targets import TargetReported
-    from rigs.twin import TwinShot
+    from recoil_rigs.twin import TwinShot
 
 STYLES = {"ok": "green", "warn": "yellow", "fail": "bold red"}
 PIPED_WIDTH = 140
@@ -70,7 +70,7 @@ def say(text: str) -> None:
 
 def verdict_document(done: Ingested) -> dict[str, Any]:
     """Build the document of ``ingest --json``."""
-    from rigs.assumptions import assumptions_of
+    from recoil_rigs.assumptions import assumptions_of
 
     shot = done.shot
     return {
@@ -156,7 +156,7 @@ def print_verdict(document: Mapping[str, Any], console: Console | None = None) -
 
 def _print_assumptions(document: Mapping[str, Any], console: Console) -> None:
     """Print what is taken for granted, a line for each kind of it."""
-    from rigs.assumptions import assumption_lines
+    from recoil_rigs.assumptions import assumption_lines
 
     for line in assumption_lines(document.get("assumptions", ())):
         console.print(line, markup=False, soft_wrap=True)
@@ -294,7 +294,7 @@ def print_demo(done: Demonstration) -> None:
 
 def rig_document(checked: Checked) -> dict[str, Any]:
     """Build the document of ``check --json``."""
-    from rigs.assumptions import assumptions_of
+    from recoil_rigs.assumptions import assumptions_of
 
     rig = checked.rig
     return {

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from identification.report.tables import quantities
 from recoil_daq.tables import output_console, print_table
 from recoil_daq.targets import TargetReported
+from recoil_identification.report.tables import quantities
 
 
 def print_target(one: TargetReported) -> None:

@@ -7,16 +7,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from daq.store import read_shot
-from identification.analysis import Options
-from identification.report.html import render_target_page, write_page
-from identification.report.target_document import target_document, write_series, write_target_document
-from identification.targets import target_function
-from identification.targets.target import Case, Finding
+from recoil_acquisition.store import read_shot
 from recoil_daq import __version__
 from recoil_daq.identify import Progress, described
 from recoil_daq.report_folder import publish, refuse_existing
-from rigs.rig import parse_rig
+from recoil_identification.analysis import Options
+from recoil_identification.report.html import render_target_page, write_page
+from recoil_identification.report.target_document import target_document, write_series, write_target_document
+from recoil_identification.targets import target_function
+from recoil_identification.targets.target import Case, Finding
+from recoil_rigs.rig import parse_rig
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ def identify_targets(
     ----------
     path : path
     targets : sequence of str
-        Names of `identification.targets.TARGETS`.
+        Names of `recoil_identification.targets.TARGETS`.
     out : path
     options : Options, optional
     overwrite : bool

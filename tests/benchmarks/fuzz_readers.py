@@ -12,9 +12,9 @@ from pathlib import Path
 import atheris
 
 with atheris.instrument_imports(include=["daq"]):
-    from daq.errors import ReadError
-    from daq.readers.reader import HEAD_BYTES
-    from daq.readers.table import READERS
+    from recoil_acquisition.errors import ReadError
+    from recoil_acquisition.readers.reader import HEAD_BYTES
+    from recoil_acquisition.readers.table import READERS
 
 from tests.contracts.test_reader_rules import CASES, WITHOUT_CASE
 

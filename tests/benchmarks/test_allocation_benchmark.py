@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from daq.errors import ReadError
-from daq.readers.reader import HEAD_BYTES, Declarations
-from daq.readers.table import recognise
+from recoil_acquisition.errors import ReadError
+from recoil_acquisition.readers.reader import HEAD_BYTES, Declarations
+from recoil_acquisition.readers.table import recognise
 from tests.builders.hostile_files import HOSTILE
 from tests.builders.vendor_files import DBC
 from tests.contracts.reader_rules import Case

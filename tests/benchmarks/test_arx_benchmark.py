@@ -9,15 +9,15 @@ from time import process_time
 import numpy as np
 import pytest
 
-from identification.arx.estimation import arx_regressors, estimate_arx
-from identification.arx.model import ArxOrders
-from identification.arx.orders import compare_orders, order_grid
-from identification.arx.recursive import finite_history_arx, forgetting_arx
-from identification.targets.arx import find
-from identification.targets.target import Case
 from recoil_daq.ingest import ingest_files
-from rigs.rig import load_rig
-from rigs.twin import simulate_shot
+from recoil_identification.arx.estimation import arx_regressors, estimate_arx
+from recoil_identification.arx.model import ArxOrders
+from recoil_identification.arx.orders import compare_orders, order_grid
+from recoil_identification.arx.recursive import finite_history_arx, forgetting_arx
+from recoil_identification.targets.arx import find
+from recoil_identification.targets.target import Case
+from recoil_rigs.rig import load_rig
+from recoil_rigs.twin import simulate_shot
 from tests.builders.arx_systems import SECOND_ORDER, arx_output, arx_record
 
 SHOTS = 20

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.targets.breech_force import find
-from identification.targets.target import Case
 from recoil_daq.ingest import ingest_files
-from rigs.rig import load_rig
-from rigs.twin import draw_scene, simulate_shot
+from recoil_identification.targets.breech_force import find
+from recoil_identification.targets.target import Case
+from recoil_rigs.rig import load_rig
+from recoil_rigs.twin import draw_scene, simulate_shot
 
 SHOTS = 20
 FIRST_SEED = 7001

@@ -18,10 +18,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.analysis import Options, identify_shot
-from identification.budget import COVERAGE_FACTOR
 from recoil_daq.ingest import ingest_files
-from rigs.twin import simulate_shot
+from recoil_identification.analysis import Options, identify_shot
+from recoil_identification.budget import COVERAGE_FACTOR
+from recoil_rigs.twin import simulate_shot
 from tests.builders.filmed_rigs import filmed_rig
 
 SHOTS = int(os.environ.get("RECOIL_DAQ_COVERAGE_SHOTS", "40"))
@@ -60,7 +60,7 @@ class Outcome:
 
 def outcome(name: str, seed: int, settings: Mapping[str, float | bool]) -> Outcome | str:
     """Simulate, ingest and identify one shot; a sentence where it is refused."""
-    from daq.errors import IdentificationError
+    from recoil_acquisition.errors import IdentificationError
 
     rig = filmed_rig(name, **settings)
     with tempfile.TemporaryDirectory() as folder:

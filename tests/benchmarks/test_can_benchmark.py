@@ -14,15 +14,15 @@ import can
 import numpy as np
 import pytest
 
-from daq.readers.can.asc import read_asc
-from daq.readers.can.blf import read_blf
-from daq.readers.can.candump import read_candump
-from daq.readers.can.decoding import SignalLayout, pieces_of
-from daq.readers.can.frames import CanLog
-from daq.readers.can.mdf import read_mdf
-from daq.readers.can.messages import load_database
-from daq.readers.can.recording import CanRecording
-from daq.readers.reader import Declarations
+from recoil_acquisition.readers.can.asc import read_asc
+from recoil_acquisition.readers.can.blf import read_blf
+from recoil_acquisition.readers.can.candump import read_candump
+from recoil_acquisition.readers.can.decoding import SignalLayout, pieces_of
+from recoil_acquisition.readers.can.frames import CanLog
+from recoil_acquisition.readers.can.mdf import read_mdf
+from recoil_acquisition.readers.can.messages import load_database
+from recoil_acquisition.readers.can.recording import CanRecording
+from recoil_acquisition.readers.reader import Declarations
 from tests.builders.mdf_logs import bus_log
 
 FRAMES = 100_000

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.readers.reader import Recording
-from daq.shot import Shot
-from identification.clocks import align_clocks
+from recoil_acquisition.readers.reader import Recording
+from recoil_acquisition.shot import Shot
 from recoil_daq.ingest import reader_of
-from rigs.assemble import assemble_channels, match_files
-from rigs.rig import Rig
-from rigs.twin import simulate_shot
+from recoil_identification.clocks import align_clocks
+from recoil_rigs.assemble import assemble_channels, match_files
+from recoil_rigs.rig import Rig
+from recoil_rigs.twin import simulate_shot
 from tests.builders.virtual_shots import with_twin
 
 SHOTS = 60

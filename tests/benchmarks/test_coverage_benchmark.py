@@ -19,10 +19,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.analysis import Options, identify_shot
-from identification.budget import COVERAGE_FACTOR
 from recoil_daq.ingest import ingest_files
-from rigs.twin import draw_scene, simulate_shot
+from recoil_identification.analysis import Options, identify_shot
+from recoil_identification.budget import COVERAGE_FACTOR
+from recoil_rigs.twin import draw_scene, simulate_shot
 from tests.builders.virtual_shots import with_twin
 
 SHOTS = int(os.environ.get("RECOIL_DAQ_COVERAGE_SHOTS", "40"))

@@ -11,13 +11,13 @@ from pathlib import Path
 
 import pytest
 
-from daq.capture.session_record import CLOSED, DECISION, KINDS, OPERATOR, pack_decision
-from daq.devices.device import SERIAL
-from daq.errors import StoreError
-from daq.frames import capture_file
-from daq.journal import JournalWriter, read_journal
-from daq.journal.layout import RECORD_OVERHEAD
-from daq.trigger import Decision
+from recoil_acquisition.capture.session_record import CLOSED, DECISION, KINDS, OPERATOR, pack_decision
+from recoil_acquisition.devices.device import SERIAL
+from recoil_acquisition.errors import StoreError
+from recoil_acquisition.frames import capture_file
+from recoil_acquisition.journal import JournalWriter, read_journal
+from recoil_acquisition.journal.layout import RECORD_OVERHEAD
+from recoil_acquisition.trigger import Decision
 from recoil_daq.recover import Recovered, recover_journal
 from tests.recoil_daq.test_recover import NAME, RECORD
 

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from processing.motion.jerk_smoother import smooth_jerk
-from processing.motion.savitzky_golay import local_polynomials
-from processing.motion.smoothing_spline import fit_spline, smooth_spline
+from recoil_processing.motion.jerk_smoother import smooth_jerk
+from recoil_processing.motion.savitzky_golay import local_polynomials
+from recoil_processing.motion.smoothing_spline import fit_spline, smooth_spline
 from tests.builders.sharp_recoil import motion, record_recoil
 
 Array = NDArray[np.float64]
@@ -50,8 +50,8 @@ def quintic_spline(times: Array, z: Array, sigma: float) -> Iterator[Pair]:
 
 
 def smoother_of_one_intensity(times: Array, z: Array, sigma: float) -> Iterator[Pair]:
-    import processing.motion.jerk_smoother as module
-    from processing.motion.derivative import ScaledTrack
+    import recoil_processing.motion.jerk_smoother as module
+    from recoil_processing.motion.derivative import ScaledTrack
 
     track = ScaledTrack.of(times, z, sigma, 8)
     for log_q in np.arange(-10.0, 10.5, 1.0):

@@ -12,11 +12,11 @@ import can
 import numpy as np
 import pytest
 
-from daq.devices.device import CAN, Block
-from daq.devices.opening import open_device
-from daq.devices.reader_thread import DeviceReader
-from daq.frames.can_capture_file import parse_records
-from rigs.twin.transports import PseudoTerminal
+from recoil_acquisition.devices.device import CAN, Block
+from recoil_acquisition.devices.opening import open_device
+from recoil_acquisition.devices.reader_thread import DeviceReader
+from recoil_acquisition.frames.can_capture_file import parse_records
+from recoil_rigs.twin.transports import PseudoTerminal
 
 resource = pytest.importorskip("resource", reason="this system does not tell a process's memory")
 

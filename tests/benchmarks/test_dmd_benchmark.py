@@ -26,8 +26,8 @@ READ = """
 import json, sys, time
 from pathlib import Path
 import numpy as np
-from daq.readers.oxygen.dmd import OxygenReader
-from daq.readers.reader import Declarations
+from recoil_acquisition.readers.oxygen.dmd import OxygenReader
+from recoil_acquisition.readers.reader import Declarations
 
 def peak_mb():
     # not ru_maxrss, which a child inherits from the process that started it

@@ -13,19 +13,19 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import pytest
 
-from identification.estimators.double_impulse import DoubleImpulseMass, double_impulse_mass
-from identification.estimators.endogeneity import durbin_wu_hausman
-from identification.estimators.errors_in_variables import (
+from recoil_identification.estimators.double_impulse import DoubleImpulseMass, double_impulse_mass
+from recoil_identification.estimators.endogeneity import durbin_wu_hausman
+from recoil_identification.estimators.errors_in_variables import (
     bias_compensated_mass,
     deming_mass,
     instrumental_mass,
     neighbouring_force,
 )
-from identification.estimators.joint_recoil import Knowledge, Recoil
-from identification.estimators.joint_smoother import JointMass, joint_mass
-from identification.estimators.prewhitening import prewhitened_mass
-from identification.estimators.weak_form import weak_displacement_mass, weak_mass
-from processing.motion.double_integral import DoubleIntegral
+from recoil_identification.estimators.joint_recoil import Knowledge, Recoil
+from recoil_identification.estimators.joint_smoother import JointMass, joint_mass
+from recoil_identification.estimators.prewhitening import prewhitened_mass
+from recoil_identification.estimators.weak_form import weak_displacement_mass, weak_mass
+from recoil_processing.motion.double_integral import DoubleIntegral
 from tests.builders.recoil_scenario import (
     ACCELERATION_NOISE,
     AMPLITUDE_SPREAD,

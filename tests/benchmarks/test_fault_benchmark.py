@@ -14,10 +14,10 @@ from multiprocessing import get_context
 
 import pytest
 
-from daq.errors import RecoilDaqError
-from identification.analysis import Identification, Options, identify_shot
-from identification.clocks import align_clocks
-from identification.quality.shot_quality import check_shot
+from recoil_acquisition.errors import RecoilDaqError
+from recoil_identification.analysis import Identification, Options, identify_shot
+from recoil_identification.clocks import align_clocks
+from recoil_identification.quality.shot_quality import check_shot
 from tests.builders.range_faults import pairs, range_faults
 from tests.builders.virtual_shots import virtual_shot
 

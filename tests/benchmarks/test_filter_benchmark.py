@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 from scipy.signal import sosfiltfilt
 
-from processing.filters import LowPass, interleaved_kernel
-from processing.filters.filter_engine import filter_channels, usable_processors
+from recoil_processing.filters import LowPass, interleaved_kernel
+from recoil_processing.filters.filter_engine import filter_channels, usable_processors
 
 RATE_HZ = 50_000.0
 CHANNELS = 16

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from daq.frames.checksum import CHECKSUMS
-from daq.frames.declaration import framing_from_table
-from daq.frames.decoder import FrameDecoder
-from daq.frames.framing import Framing
-from daq.frames.search import NEED_DATA
+from recoil_acquisition.frames.checksum import CHECKSUMS
+from recoil_acquisition.frames.declaration import framing_from_table
+from recoil_acquisition.frames.decoder import FrameDecoder
+from recoil_acquisition.frames.framing import Framing
+from recoil_acquisition.frames.search import NEED_DATA
 from tests.builders.serial_packets import cobs, slip
 
 FRAMES, FRAME_BYTES, READ_BYTES = 50_000, 40, 4096

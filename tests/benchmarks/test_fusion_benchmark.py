@@ -7,9 +7,9 @@ import time
 import numpy as np
 import pytest
 
-from processing.motion.fusion import FusedMotion, fuse
-from processing.motion.jerk_smoother import smooth_jerk
-from processing.motion.smoothing_spline import fit_spline
+from recoil_processing.motion.fusion import FusedMotion, fuse
+from recoil_processing.motion.jerk_smoother import smooth_jerk
+from recoil_processing.motion.smoothing_spline import fit_spline
 from tests.builders.sharp_recoil import ONSET_S, Recorded, motion, record_recoil
 
 SEEDS = range(60)

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.parameters.inertia_forces import FORCES, UNITS, inertia_forces
-from identification.targets.inertia_force import find
-from identification.targets.target import Case
 from recoil_daq.ingest import ingest_files
-from rigs.mechanism_regressor import Geometry, standard_parameters
-from rigs.twin import draw_scene, simulate_shot
+from recoil_identification.parameters.inertia_forces import FORCES, UNITS, inertia_forces
+from recoil_identification.targets.inertia_force import find
+from recoil_identification.targets.target import Case
+from recoil_rigs.mechanism_regressor import Geometry, standard_parameters
+from recoil_rigs.twin import draw_scene, simulate_shot
 from tests.builders.virtual_shots import with_twin
 
 SHOTS = 20

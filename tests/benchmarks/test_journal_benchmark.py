@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from daq.journal import JournalWriter, read_journal
+from recoil_acquisition.journal import JournalWriter, read_journal
 from tests.builders.killed_journal import kill_a_writer, random_delays_s
 
 BLOCK = 65_536

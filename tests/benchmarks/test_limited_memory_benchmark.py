@@ -8,7 +8,7 @@ from time import process_time
 import numpy as np
 import pytest
 
-from identification.memory.limited_memory import LimitedMemory, limited_memory_least_squares
+from recoil_identification.memory.limited_memory import LimitedMemory, limited_memory_least_squares
 from tests.builders.window_oracles import direct_qr, exact, relative_error
 
 WINDOW = 200

@@ -16,11 +16,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from daq.acquisition import Acquisition, read_acquisition
-from daq.capture.session_record import live_record_of
-from daq.devices.device import EVENT
-from daq.frames.can_capture_file import parse_records
-from daq.journal import Journal, read_journal
+from recoil_acquisition.acquisition import Acquisition, read_acquisition
+from recoil_acquisition.capture.session_record import live_record_of
+from recoil_acquisition.devices.device import EVENT
+from recoil_acquisition.frames.can_capture_file import parse_records
+from recoil_acquisition.journal import Journal, read_journal
 from tests.builders.live_rigs import LiveProcess, armed, kill_and_recover, multicast_device, write_live_rig
 from tests.builders.port_player import FRAME_BYTES, NOTHING, BusPlayer, Player, PortPlayer, Tally, tally
 

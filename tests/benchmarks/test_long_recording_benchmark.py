@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from identification.analysis import Options, identify_shot
 from recoil_daq import read_shot
-from rigs.twin import simulate_shot
+from recoil_identification.analysis import Options, identify_shot
+from recoil_rigs.twin import simulate_shot
 from tests.builders.long_recordings import long_dmd, triggered_rig, write_long_text
 
 MEGABYTES = float(os.environ.get("LONG_RECORDING_MB", "100"))
@@ -26,11 +26,11 @@ MOST_MEMORY_MB = 600.0
 INGEST = """
 import json, sys, time
 from pathlib import Path
-import rigs.long_recording
+import recoil_rigs.long_recording
 from recoil_daq.ingest import ingest_files
-from rigs.rig import load_rig
+from recoil_rigs.rig import load_rig
 
-rigs.long_recording.LONG_SAMPLES = min(rigs.long_recording.LONG_SAMPLES, int(sys.argv[1]))
+recoil_rigs.long_recording.LONG_SAMPLES = min(recoil_rigs.long_recording.LONG_SAMPLES, int(sys.argv[1]))
 begin = time.perf_counter()
 done = ingest_files(load_rig(sys.argv[2]), sys.argv[3:5], shot="long", out=sys.argv[5])
 took = time.perf_counter() - begin

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.targets.parameters import find
-from identification.targets.target import Case
 from recoil_daq.ingest import ingest_files
-from rigs.twin import simulate_shot
+from recoil_identification.targets.parameters import find
+from recoil_identification.targets.target import Case
+from recoil_rigs.twin import simulate_shot
 from tests.builders.load_cell_rigs import rig_with_load_cells
 
 SHOTS = 20

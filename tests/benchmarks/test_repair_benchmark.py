@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from processing.filters import LowPass
-from processing.repairs import clipped_wave
-from processing.repairs.autoregressive import interpolate_unknown
-from processing.repairs.clipping import find_clipped, repair_clipping
-from processing.repairs.hum import subtract_hum
+from recoil_processing.filters import LowPass
+from recoil_processing.repairs import clipped_wave
+from recoil_processing.repairs.autoregressive import interpolate_unknown
+from recoil_processing.repairs.clipping import find_clipped, repair_clipping
+from recoil_processing.repairs.hum import subtract_hum
 from tests.builders.faulty_records import FULL_SCALE_G, twin_record
 from tests.builders.ringing import MASS_KG, PULSE_M_S2, RATE_HZ, RingingRecord, ringing_record
 from tests.builders.shared_data import shared_file

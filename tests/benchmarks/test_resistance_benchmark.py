@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.targets.resistance import SHARES, find
-from identification.targets.target import Case
 from recoil_daq.ingest import ingest_files
-from rigs.rig import load_rig
-from rigs.twin import read_settings, simulate_shot
+from recoil_identification.targets.resistance import SHARES, find
+from recoil_identification.targets.target import Case
+from recoil_rigs.rig import load_rig
+from recoil_rigs.twin import read_settings, simulate_shot
 
 SHOTS = 20
 FIRST_SEED = 7001

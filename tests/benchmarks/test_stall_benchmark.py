@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from daq.acquisition import Acquisition, read_acquisition
+from recoil_acquisition.acquisition import Acquisition, read_acquisition
 from tests.builders.live_rigs import POST_S, PRE_S, Armed, armed
 from tests.builders.port_player import Player
 

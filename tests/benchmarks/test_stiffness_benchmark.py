@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.supports.stiffness_budget import SYMBOLS
-from identification.supports.support_modes import DERIVED, derived_values
-from identification.targets.stiffness import find
-from identification.targets.target import Case
 from recoil_daq.ingest import ingest_files
-from rigs.rig import load_rig
-from rigs.twin import simulate_shot
-from rigs.twin.settings import TwinSettings
+from recoil_identification.supports.stiffness_budget import SYMBOLS
+from recoil_identification.supports.support_modes import DERIVED, derived_values
+from recoil_identification.targets.stiffness import find
+from recoil_identification.targets.target import Case
+from recoil_rigs.rig import load_rig
+from recoil_rigs.twin import simulate_shot
+from recoil_rigs.twin.settings import TwinSettings
 
 SHOTS = 20
 FIRST_SEED = 7001

@@ -30,8 +30,8 @@ OURS = """
 import sys
 from pathlib import Path
 import numba  # a library's import is no part of the reading, here or there; the whole process is timed as well
-from daq.readers.text.dewesoft import DewesoftTextReader
-from daq.readers.reader import Declarations
+from recoil_acquisition.readers.text.dewesoft import DewesoftTextReader
+from recoil_acquisition.readers.reader import Declarations
 before = time.perf_counter()
 recording = DewesoftTextReader().open(Path(sys.argv[1]), Declarations("dewetron"))
 last = [recording.read(signal.name)[-1] for signal in recording.signals]

@@ -8,8 +8,8 @@ from time import process_time
 import numpy as np
 import pytest
 
-from daq.trigger import Trigger, TriggerDetector
-from daq.trigger.condition import Condition, Edge, PulseWidth, RateOfChange, Window
+from recoil_acquisition.trigger import Trigger, TriggerDetector
+from recoil_acquisition.trigger.condition import Condition, Edge, PulseWidth, RateOfChange, Window
 
 N_SAMPLES = 20_000_000
 BLOCK = 16_384

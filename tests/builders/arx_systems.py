@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.arx.decimated_record import DecimatedRecord
-from processing.filters import LowPass
+from recoil_identification.arx.decimated_record import DecimatedRecord
+from recoil_processing.filters import LowPass
 
 SECOND_ORDER = ((-1.5, 0.7), (1.0, 0.5), 1)
 """a, b and delay of a damped second-order system with unequal coefficients."""

@@ -14,17 +14,17 @@ from pathlib import Path
 
 import numpy as np
 
-from daq.channel import Channel, RawCounts
-from daq.errors import MissingChannelError
-from daq.readers.reader import SignalHeader
-from daq.shot import Shot
-from daq.timebase import AbsoluteStart, TimeBase
-from daq.track import Track
-from identification.regression import Regression, build_regression
-from identification.signals import Signals, collect_signals
-from processing.alignment.motion_alignment import integrate
-from rigs.assemble import assemble_channels
-from rigs.rig import Rig, parse_rig
+from recoil_acquisition.channel import Channel, RawCounts
+from recoil_acquisition.errors import MissingChannelError
+from recoil_acquisition.readers.reader import SignalHeader
+from recoil_acquisition.shot import Shot
+from recoil_acquisition.timebase import AbsoluteStart, TimeBase
+from recoil_acquisition.track import Track
+from recoil_identification.regression import Regression, build_regression
+from recoil_identification.signals import Signals, collect_signals
+from recoil_processing.alignment.motion_alignment import integrate
+from recoil_rigs.assemble import assemble_channels
+from recoil_rigs.rig import Rig, parse_rig
 
 MASS_KG = 782.0
 BORE_M2, BRAKE_M2, RECUPERATOR_M2 = 0.00883, 0.0056, 0.0078

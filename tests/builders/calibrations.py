@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.calibrated_draws import CalibratedProblem
-from identification.calibration import Calibration
-from identification.mass import MassEstimate
-from identification.sensor_observations import UNKNOWNS
+from recoil_identification.calibrated_draws import CalibratedProblem
+from recoil_identification.calibration import Calibration
+from recoil_identification.mass import MassEstimate
+from recoil_identification.sensor_observations import UNKNOWNS
 
 
 def a_calibration(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from daq.frames import can_capture_file as capture
+from recoil_acquisition.frames import can_capture_file as capture
 from tests.builders import vendor_files as build
 
 HOST_ZERO_NS = 5_000_000_000_000

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.forces.measured_force import FilmedTravel, MeasuredForce
-from processing.motion.double_integral import DoubleIntegral
-from processing.stress_waves.ringing import Mode
+from recoil_identification.forces.measured_force import FilmedTravel, MeasuredForce
+from recoil_processing.motion.double_integral import DoubleIntegral
+from recoil_processing.stress_waves.ringing import Mode
 
 MASS_KG = 800.0
 ONSET_S = 0.004

@@ -11,10 +11,10 @@ import numpy as np
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
-from daq.channel import Channel
-from daq.quantity import SI_UNITS
-from daq.shot import Shot
-from daq.timebase import AbsoluteStart, TimeBase
+from recoil_acquisition.channel import Channel
+from recoil_acquisition.quantity import SI_UNITS
+from recoil_acquisition.shot import Shot
+from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 START = {"text": "2026-03-01T10:15:00.250", "zone": "unknown", "origin": "preamble, line 4"}
 COUNT = 6

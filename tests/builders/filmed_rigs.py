@@ -9,8 +9,8 @@ from functools import cache
 from pathlib import Path
 
 from recoil_daq.ingest import ingest_files
-from rigs.rig import Rig, find_rig, parse_rig
-from rigs.twin import simulate_shot
+from recoil_rigs.rig import Rig, find_rig, parse_rig
+from recoil_rigs.twin import simulate_shot
 from tests.builders.virtual_shots import SHORTER, VirtualShot
 
 RECOIL_ACCELEROMETERS = ("acc_recoil", "acc_recoil_can")

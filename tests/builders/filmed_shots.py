@@ -13,19 +13,19 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.channel import Channel
-from daq.shot import ClockAlignment, Shot
-from daq.timebase import TimeBase
-from identification.kinematics import travel_acceleration, turning
-from identification.signals import collect_signals
-from processing.alignment.align import judge_motion
-from processing.alignment.motion_alignment import align_motion
-from processing.alignment.motion_fit import MotionFit
-from rigs.rig import Rig
-from rigs.twin import draw_scene
-from rigs.twin.instruments import generator, sample
-from rigs.twin.motion import Motion
-from rigs.twin.sources import Scene, from_file
+from recoil_acquisition.channel import Channel
+from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_acquisition.timebase import TimeBase
+from recoil_identification.kinematics import travel_acceleration, turning
+from recoil_identification.signals import collect_signals
+from recoil_processing.alignment.align import judge_motion
+from recoil_processing.alignment.motion_alignment import align_motion
+from recoil_processing.alignment.motion_fit import MotionFit
+from recoil_rigs.rig import Rig
+from recoil_rigs.twin import draw_scene
+from recoil_rigs.twin.instruments import generator, sample
+from recoil_rigs.twin.motion import Motion
+from recoil_rigs.twin.sources import Scene, from_file
 from tests.builders.virtual_shots import with_twin
 
 Array = NDArray[np.float64]

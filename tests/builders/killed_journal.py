@@ -10,14 +10,14 @@ import sys
 import time
 from pathlib import Path
 
-from daq.journal import read_journal
+from recoil_acquisition.journal import read_journal
 
 SEGMENT_BYTES = 1 << 18
 
 _WRITER = """
 import os, sys, threading, time
 from pathlib import Path
-from daq.journal import JournalWriter
+from recoil_acquisition.journal import JournalWriter
 from tests.builders.killed_journal import SEGMENT_BYTES, payload_of
 
 def write(source):

@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 from typer.testing import CliRunner
 
-from daq.acquisition import read_acquisition
+from recoil_acquisition.acquisition import read_acquisition
 from recoil_daq.cli import app
-from rigs.twin.transports import MulticastBus
+from recoil_rigs.twin.transports import MulticastBus
 from tests.builders.machine_waits import MachineWaits
 from tests.builders.port_player import BusPlayer, Player, PortPlayer, Tally, tally
 
@@ -34,20 +34,20 @@ LEVEL_M_S2 = 50.0
 """The trigger's level, on the acceleration that the first port delivers."""
 
 SEGMENTS_OF_256_KIB = """
-import daq.capture.live_session
-daq.capture.live_session.SEGMENT_BYTES = 1 << 18
+import recoil_acquisition.capture.live_session
+recoil_acquisition.capture.live_session.SEGMENT_BYTES = 1 << 18
 """
 """For `LiveProcess`: the journal's segments fill up in seconds."""
 
 UNDECIDED = """
-import daq.capture.live_session
-daq.capture.live_session.LiveSession._look = lambda session, now_s: None
+import recoil_acquisition.capture.live_session
+recoil_acquisition.capture.live_session.LiveSession._look = lambda session, now_s: None
 """
 """For `LiveProcess`: its watching thread is so far behind that no decision of the trigger is recorded."""
 
 HELD_BACK = """
 import collections, time
-from daq.devices.reader_thread import DeviceReader
+from recoil_acquisition.devices.reader_thread import DeviceReader
 hand_on, held = DeviceReader._hand_on, collections.defaultdict(collections.deque)
 def late(reader, block):
     held[reader].append((time.monotonic() + 0.35, block))
@@ -94,8 +94,10 @@ def write_live_rig(
     Path
         The rig file.
     """
-    text = (files("rigs") / "mixed.toml").read_text(encoding="utf-8")
-    (folder / "mixed.dbc").write_text((files("rigs") / "mixed.dbc").read_text(encoding="utf-8"), encoding="utf-8")
+    text = (files("recoil_rigs") / "mixed.toml").read_text(encoding="utf-8")
+    (folder / "mixed.dbc").write_text(
+        (files("recoil_rigs") / "mixed.dbc").read_text(encoding="utf-8"), encoding="utf-8"
+    )
     text = _replaced(text, 'device = { virtual = "virtual" }', "" if bus is None else f"device = {_inline(bus)}")
     text = _replaced(text, 'device = { virtual = "pty" }', f"device = {_inline(_port(ports[0], baudrate))}")
     start, stop = text.index('[[source]]\nname = "imu"'), text.index('[[source]]\nname = "camera"')

@@ -5,10 +5,10 @@ from __future__ import annotations
 import struct
 from pathlib import Path
 
-from daq.capture.live_source import LiveChannel, LiveSource
-from daq.devices.device import CAN, SERIAL, Anchor, Block
-from daq.frames import can_capture_file as capture
-from daq.frames.declaration import framing_from_table
+from recoil_acquisition.capture.live_source import LiveChannel, LiveSource
+from recoil_acquisition.devices.device import CAN, SERIAL, Anchor, Block
+from recoil_acquisition.frames import can_capture_file as capture
+from recoil_acquisition.frames.declaration import framing_from_table
 
 DBC = """VERSION ""
 BU_: N

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from daq.capture.engine import Level
-from daq.capture.status import ChannelStatus, LiveStatus, SourceStatus
-from daq.devices.device import Counters
+from recoil_acquisition.capture.engine import Level
+from recoil_acquisition.capture.status import ChannelStatus, LiveStatus, SourceStatus
+from recoil_acquisition.devices.device import Counters
 
 CAN = SourceStatus("can", "can", 8000.0, 0.01, Counters(received=80_000, counter_gaps=0, queue_high_water=41), "")
 IMU = SourceStatus("imu", "serial", 34_000.0, 0.02, Counters(received=340_000, counter_gaps=0, skipped_bytes=0), "")

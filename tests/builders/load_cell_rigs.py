@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from daq.shot import Shot
+from recoil_acquisition.shot import Shot
 from recoil_daq.ingest import ingest_files
-from rigs.rig import Rig, find_rig, parse_rig
-from rigs.twin import draw_scene, simulate_shot
-from rigs.twin.sources import Scene
+from recoil_rigs.rig import Rig, find_rig, parse_rig
+from recoil_rigs.twin import draw_scene, simulate_shot
+from recoil_rigs.twin.sources import Scene
 
 CELLS = {
     "ground_force_x": ("force", "kN", 100.0),

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from daq.readers.reader import Declarations
-from daq.readers.table import recognise
-from rigs.rig import Rig, find_rig, parse_rig
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.table import recognise
+from recoil_rigs.rig import Rig, find_rig, parse_rig
 from tests.builders.oxygen_dmd import Stored, oxygen_chunks
 
 STEP_S = 2e-5

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from daq.readers.reader import Declarations, Reader
-from daq.readers.table import READERS
-from daq.readers.text.declared_table import DeclaredTextReader
-from daq.readers.tracks.declared_table import DeclaredTrackReader
+from recoil_acquisition.readers.reader import Declarations, Reader
+from recoil_acquisition.readers.table import READERS
+from recoil_acquisition.readers.text.declared_table import DeclaredTextReader
+from recoil_acquisition.readers.tracks.declared_table import DeclaredTrackReader
 from tests.builders import can_logs, container_files, exported_files, vendor_files
 from tests.builders import text_tables as tables
 

@@ -1,4 +1,4 @@
-"""Recordings of DEWETRON OXYGEN, built from bytes by the layout in ``daq/readers/oxygen/blocks.py``."""
+"""Recordings of DEWETRON OXYGEN, built from bytes by the layout in `recoil_acquisition.readers.oxygen.blocks`."""
 
 from __future__ import annotations
 

@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.frames import can_capture_file, capture_file
-from rigs.twin.transports import PseudoTerminal
+from recoil_acquisition.frames import can_capture_file, capture_file
+from recoil_rigs.twin.transports import PseudoTerminal
 
 FRAME_BYTES = 34
 MESSAGE = 288

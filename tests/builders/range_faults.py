@@ -9,8 +9,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.channel import Channel
-from daq.shot import Shot
+from recoil_acquisition.channel import Channel
+from recoil_acquisition.shot import Shot
 from tests.builders.virtual_shots import VirtualShot, virtual_shot
 
 Array = NDArray[np.float64]

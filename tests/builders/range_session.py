@@ -12,17 +12,17 @@ from typing import Any, ClassVar
 
 import pytest
 
-from daq.acquisition import AcquiredSource, Acquisition
-from daq.capture.live_session import CapturedShot
-from daq.capture.session_record import session_folder
-from daq.capture.status import LiveStatus
-from daq.devices.device import Anchor, Block, event_block
-from daq.trigger import ShotWindow
+from recoil_acquisition.acquisition import AcquiredSource, Acquisition
+from recoil_acquisition.capture.live_session import CapturedShot
+from recoil_acquisition.capture.session_record import session_folder
+from recoil_acquisition.capture.status import LiveStatus
+from recoil_acquisition.devices.device import Anchor, Block, event_block
+from recoil_acquisition.trigger import ShotWindow
 from recoil_daq import live_range
 from recoil_daq.live_range import LiveRange
 from recoil_daq.live_shot import LiveOptions, LiveOutcome, LiveShot
 from recoil_daq.output_folder import OutputFolder
-from rigs.rig import Rig
+from recoil_rigs.rig import Rig
 from tests.builders.live_status import status
 
 

@@ -6,11 +6,11 @@ import struct
 from collections.abc import Sequence
 from typing import Any
 
-from daq.frames.capture_file import MAGIC, pack_record
-from daq.frames.checksum import CHECKSUMS
-from daq.frames.decoder import FrameDecoder
-from daq.frames.frame_set import Counters, Frame
-from daq.frames.search import NEED_DATA
+from recoil_acquisition.frames.capture_file import MAGIC, pack_record
+from recoil_acquisition.frames.checksum import CHECKSUMS
+from recoil_acquisition.frames.decoder import FrameDecoder
+from recoil_acquisition.frames.frame_set import Counters, Frame
+from recoil_acquisition.frames.search import NEED_DATA
 
 
 def cobs(data: bytes) -> bytes:

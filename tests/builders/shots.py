@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.acquisition import AcquiredEvent, AcquiredSource, Acquisition, TriggerDecision
-from daq.channel import Channel, RawCounts, Step
-from daq.shot import ClockAlignment, InputFile, QualityCheck, Shot
-from daq.timebase import AbsoluteStart, TimeBase
+from recoil_acquisition.acquisition import AcquiredEvent, AcquiredSource, Acquisition, TriggerDecision
+from recoil_acquisition.channel import Channel, RawCounts, Step
+from recoil_acquisition.shot import ClockAlignment, InputFile, QualityCheck, Shot
+from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 RIG_TEXT = 'schema = "recoil-daq/rig/1"\nname = "bench"  # Prüfstand, µ = 0,1\n'
 

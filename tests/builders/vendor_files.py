@@ -8,8 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from daq.frames.capture_file import MAGIC, pack_record
-from daq.frames.checksum import CHECKSUMS
+from recoil_acquisition.frames.capture_file import MAGIC, pack_record
+from recoil_acquisition.frames.checksum import CHECKSUMS
 
 
 def dewesoft_text(

@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from daq.shot import Shot
-from identification.analysis import Identification, Options, identify_shot
+from recoil_acquisition.shot import Shot
 from recoil_daq.ingest import ingest_files
-from rigs.rig import Rig, find_rig, parse_rig
-from rigs.twin import simulate_shot
+from recoil_identification.analysis import Identification, Options, identify_shot
+from recoil_rigs.rig import Rig, find_rig, parse_rig
+from recoil_rigs.twin import simulate_shot
 
 SHORTER = {"sample_rate_hz": 25e3, "duration_s": 0.35}
 

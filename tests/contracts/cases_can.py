@@ -5,8 +5,8 @@ from __future__ import annotations
 import gzip
 from collections.abc import Callable
 
-from daq.readers.reader import Declarations
-from daq.readers.table import READERS
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.table import READERS
 from tests.builders import can_logs, mdf_logs
 from tests.builders import vendor_files as build
 from tests.contracts.reader_rules import Case

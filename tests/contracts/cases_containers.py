@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from daq.readers.hdf5.reader import Hdf5Reader
-from daq.readers.mat.reader import MatReader
-from daq.readers.mdf.reader import MdfReader
-from daq.readers.reader import Declarations
-from daq.readers.tdms.reader import TdmsReader
-from daq.readers.uff.reader import UffReader
-from daq.readers.wav.reader import WavReader
+from recoil_acquisition.readers.hdf5.reader import Hdf5Reader
+from recoil_acquisition.readers.mat.reader import MatReader
+from recoil_acquisition.readers.mdf.reader import MdfReader
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.tdms.reader import TdmsReader
+from recoil_acquisition.readers.uff.reader import UffReader
+from recoil_acquisition.readers.wav.reader import WavReader
 from tests.builders import container_files as build
 from tests.contracts.reader_rules import Case
 

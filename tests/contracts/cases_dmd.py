@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from daq.readers.oxygen.dmd import OxygenReader
-from daq.readers.reader import Declarations
+from recoil_acquisition.readers.oxygen.dmd import OxygenReader
+from recoil_acquisition.readers.reader import Declarations
 from tests.builders.oxygen_dmd import Stored, oxygen_dmd
 from tests.contracts.reader_rules import Case
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from daq.readers.reader import Declarations
-from daq.readers.table import READERS
-from daq.readers.text.declared_table import DeclaredTextReader
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.table import READERS
+from recoil_acquisition.readers.text.declared_table import DeclaredTextReader
 from tests.builders import text_tables as build
 from tests.builders import vendor_files
 from tests.contracts.reader_rules import Case

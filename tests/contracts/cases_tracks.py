@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from daq.readers.reader import Declarations
-from daq.readers.table import READERS
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.table import READERS
 from tests.builders import track_files as build
 from tests.contracts.reader_rules import Case
 

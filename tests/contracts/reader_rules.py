@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from daq.errors import MissingChannelError, ReadError
-from daq.readers.reader import HEAD_BYTES, Declarations, Reader, Recording, Shaped
+from recoil_acquisition.errors import MissingChannelError, ReadError
+from recoil_acquisition.readers.reader import HEAD_BYTES, Declarations, Reader, Recording, Shaped
 
 LIMIT_S = 20.0
 """A reader that takes longer over a small file hangs."""

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from daq.readers.table import READERS
+from recoil_acquisition.readers.table import READERS
 from tests.contracts import reader_rules as rules
 from tests.contracts.reader_rules import Case
 

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from daq.channel import RawCounts
-from daq.errors import MissingChannelError
-from daq.readers.reader import Declarations, SignalHeader
-from daq.readers.serial.capture import SerialCaptureReader, SerialRecording
-from daq.timebase import TimeBase
+from recoil_acquisition.channel import RawCounts
+from recoil_acquisition.errors import MissingChannelError
+from recoil_acquisition.readers.reader import Declarations, SignalHeader
+from recoil_acquisition.readers.serial.capture import SerialCaptureReader, SerialRecording
+from recoil_acquisition.timebase import TimeBase
 from tests.builders import vendor_files as build
 from tests.contracts import reader_rules as rules
 from tests.contracts.reader_rules import Case

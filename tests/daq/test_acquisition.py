@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from daq.acquisition import (
+from recoil_acquisition.acquisition import (
     AcquiredEvent,
     AcquiredSource,
     Acquisition,
@@ -16,7 +16,7 @@ from daq.acquisition import (
     read_acquisition,
     write_acquisition,
 )
-from daq.errors import CorruptFileError, StoreError
+from recoil_acquisition.errors import CorruptFileError, StoreError
 
 ACQUISITION = Acquisition(
     shot="0001",

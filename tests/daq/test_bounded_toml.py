@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daq.bounded_toml import parse_toml
+from recoil_acquisition.bounded_toml import parse_toml
 
 HOSTILE = {
     "a number of 5,000 digits": "a = " + "9" * 5000,
@@ -50,7 +50,7 @@ def test_what_people_write_is_parsed(text: str) -> None:
 
 
 def test_the_bundled_rigs_are_within_the_bounds() -> None:
-    for file in resources.files("rigs").iterdir():
+    for file in resources.files("recoil_rigs").iterdir():
         if file.name.endswith(".toml"):
             assert parse_toml(file.read_text(encoding="utf-8"))["schema"]
 

@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from daq.channel import Channel, RawCounts, Step
-from daq.quantity import SI_UNITS
-from daq.timebase import TimeBase
+from recoil_acquisition.channel import Channel, RawCounts, Step
+from recoil_acquisition.quantity import SI_UNITS
+from recoil_acquisition.timebase import TimeBase
 
 BASE = TimeBase.uniform("dewetron", 0.0, 1e-3, 4)
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import daq.errors
-from daq.errors import (
+import recoil_acquisition.errors
+from recoil_acquisition.errors import (
     AlignmentError,
     CorruptFileError,
     DeviceError,
@@ -45,12 +45,12 @@ ONE_OF_EACH = (
 def test_every_error_is_drawn_in_the_tree_and_listed_here() -> None:
     defined = {
         name: kind
-        for name, kind in vars(daq.errors).items()
+        for name, kind in vars(recoil_acquisition.errors).items()
         if isinstance(kind, type) and issubclass(kind, RecoilDaqError)
     }
     assert {type(error) for error in ONE_OF_EACH} == set(defined.values())
     for name in defined:
-        assert name in str(daq.errors.__doc__)
+        assert name in str(recoil_acquisition.errors.__doc__)
 
 
 @pytest.mark.parametrize("error", ONE_OF_EACH, ids=lambda e: type(e).__name__)

@@ -12,13 +12,13 @@ import h5py
 import numpy as np
 import pytest
 
-from daq import reader_process
-from daq.channel import Channel
-from daq.errors import StoreError
-from daq.reader_process import READER, most_bytes
-from daq.shot import Shot
-from daq.store import is_shot_file, read_shot, shot_file, shot_summary, write_shot
-from daq.timebase import TimeBase
+from recoil_acquisition import reader_process
+from recoil_acquisition.channel import Channel
+from recoil_acquisition.errors import StoreError
+from recoil_acquisition.reader_process import READER, most_bytes
+from recoil_acquisition.shot import Shot
+from recoil_acquisition.store import is_shot_file, read_shot, shot_file, shot_summary, write_shot
+from recoil_acquisition.timebase import TimeBase
 from tests.builders.hostile_shot_files import CRAFTED, SECRET, craft, replace_item, wrong_types
 from tests.builders.shots import make_shot
 

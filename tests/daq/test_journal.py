@@ -20,10 +20,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from daq.errors import StoreError
-from daq.journal import JournalWriter, find_journals, read_journal, remove_journal
-from daq.journal.layout import RECORD_OVERHEAD, segment_paths
-from daq.journal.sync import SegmentSync
+from recoil_acquisition.errors import StoreError
+from recoil_acquisition.journal import JournalWriter, find_journals, read_journal, remove_journal
+from recoil_acquisition.journal.layout import RECORD_OVERHEAD, segment_paths
+from recoil_acquisition.journal.sync import SegmentSync
 from tests.builders.killed_journal import kill_a_writer, random_delays_s
 
 SESSION = {

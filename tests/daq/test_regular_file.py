@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from daq.acquisition import is_acquisition
-from daq.errors import ReadError, StoreError
-from daq.readers.table import recognise
-from daq.regular_file import open_regular, read_small
-from daq.store import is_shot_file, read_shot
+from recoil_acquisition.acquisition import is_acquisition
+from recoil_acquisition.errors import ReadError, StoreError
+from recoil_acquisition.readers.table import recognise
+from recoil_acquisition.regular_file import open_regular, read_small
+from recoil_acquisition.store import is_shot_file, read_shot
 from recoil_daq.ingest import reader_of
-from rigs.rig import load_rig
+from recoil_rigs.rig import load_rig
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such files")
 

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daq.channel import Channel, Step
-from daq.shot import ClockAlignment, QualityCheck, Shot
-from daq.timebase import TimeBase
+from recoil_acquisition.channel import Channel, Step
+from recoil_acquisition.shot import ClockAlignment, QualityCheck, Shot
+from recoil_acquisition.timebase import TimeBase
 from tests.builders.shots import make_shot
 
 

@@ -20,16 +20,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
-from daq.acquisition import AcquiredEvent, AcquiredSource, Acquisition, TriggerDecision
-from daq.channel import Channel, RawCounts, Step
-from daq.errors import StoreError
-from daq.quantity import SI_UNITS
-from daq.shot import ClockAlignment, InputFile, QualityCheck, Shot
-from daq.shot_name import shot_name_fault
-from daq.store import layout, read_shot, shot_file, shot_summary, write_shot
-from daq.store.difference import first_difference
-from daq.store.shot_file import is_shot_file
-from daq.timebase import AbsoluteStart, TimeBase
+from recoil_acquisition.acquisition import AcquiredEvent, AcquiredSource, Acquisition, TriggerDecision
+from recoil_acquisition.channel import Channel, RawCounts, Step
+from recoil_acquisition.errors import StoreError
+from recoil_acquisition.quantity import SI_UNITS
+from recoil_acquisition.shot import ClockAlignment, InputFile, QualityCheck, Shot
+from recoil_acquisition.shot_name import shot_name_fault
+from recoil_acquisition.store import layout, read_shot, shot_file, shot_summary, write_shot
+from recoil_acquisition.store.difference import first_difference
+from recoil_acquisition.store.shot_file import is_shot_file
+from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 from tests.builders.shots import CLOCK_FIT, make_acquisition, make_shot, recorder_channel
 
 ENGINES = ("h5netcdf", "netcdf4")
@@ -592,8 +592,8 @@ def test_a_disk_that_keeps_half_is_found_out_before_the_rename(tmp_path: Path, m
 SCRIPT = """
 import sys
 from pathlib import Path
-from daq.errors import StoreError
-from daq.store import write_shot
+from recoil_acquisition.errors import StoreError
+from recoil_acquisition.store import write_shot
 from tests.builders.shots import make_shot
 path = Path(sys.argv[1])
 {prepare}

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.errors import RigError
-from daq.trigger import Decision, Trigger, TriggerDetector, find_triggers, state
-from daq.trigger.condition import Edge, PulseWidth, RateOfChange, Window
-from daq.trigger.decision import BEYOND_AT_ARM, HOLDOFF, NO_MANUAL, NOT_ARMED, TOO_LATE, WITHIN_POST
-from daq.trigger.shot_window import ShotCutter
-from daq.trigger.table import trigger_faults, trigger_from_table
+from recoil_acquisition.errors import RigError
+from recoil_acquisition.trigger import Decision, Trigger, TriggerDetector, find_triggers, state
+from recoil_acquisition.trigger.condition import Edge, PulseWidth, RateOfChange, Window
+from recoil_acquisition.trigger.decision import BEYOND_AT_ARM, HOLDOFF, NO_MANUAL, NOT_ARMED, TOO_LATE, WITHIN_POST
+from recoil_acquisition.trigger.shot_window import ShotCutter
+from recoil_acquisition.trigger.table import trigger_faults, trigger_from_table
 
 NAN = math.nan
 

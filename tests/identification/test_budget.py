@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from identification.budget import (
+from recoil_identification.budget import (
     COVERAGE_FACTOR,
     BudgetRow,
     combined_u,

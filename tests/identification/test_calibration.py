@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from identification import calibration
-from identification.calibration import Calibration
-from identification.mass import (
+from recoil_identification import calibration
+from recoil_identification.calibration import Calibration
+from recoil_identification.mass import (
     ACCELERATION,
     FRICTION,
     GAUGES,
@@ -18,9 +18,9 @@ from identification.mass import (
     ScaleUncertainty,
     reverse_mass,
 )
-from identification.regression import Regression, spaced_rows
-from identification.sensor_observations import CAMERA_SCALE, CAMERA_ZERO, ZERO, CameraScale
-from processing.filters import LowPass
+from recoil_identification.regression import Regression, spaced_rows
+from recoil_identification.sensor_observations import CAMERA_SCALE, CAMERA_ZERO, ZERO, CameraScale
+from recoil_processing.filters import LowPass
 from tests.builders.bench_shots import MASS_KG, bench_regression
 from tests.builders.calibrations import a_calibration
 

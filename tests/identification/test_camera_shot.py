@@ -9,13 +9,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from daq.errors import IdentificationError
-from daq.shot import ClockAlignment, Shot
-from identification.analysis import Identification, Options, identify_shot
-from identification.clocks import align_clocks
-from identification.filmed_recoil import FilmedRecoil
-from identification.signals import collect_signals
-from rigs.rig import Rig
+from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_identification.analysis import Identification, Options, identify_shot
+from recoil_identification.clocks import align_clocks
+from recoil_identification.filmed_recoil import FilmedRecoil
+from recoil_identification.signals import collect_signals
+from recoil_rigs.rig import Rig
 from tests.builders.filmed_rigs import filmed_shot
 from tests.builders.virtual_shots import virtual_shot, with_channels, without_channels
 

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daq.shot import InputFile
-from identification.analysis import Options, identify_shot
-from identification.channel_repair import mend_samples
-from identification.clocks import align_clocks
-from identification.report.document import report_document
-from identification.report.figures import report_figures
-from rigs.rig import parse_rig
+from recoil_acquisition.shot import InputFile
+from recoil_identification.analysis import Options, identify_shot
+from recoil_identification.channel_repair import mend_samples
+from recoil_identification.clocks import align_clocks
+from recoil_identification.report.document import report_document
+from recoil_identification.report.figures import report_figures
+from recoil_rigs.rig import parse_rig
 from tests.builders.bench_shots import bench_rig, bench_shot
 from tests.builders.virtual_shots import identified, virtual_shot, with_channels
 

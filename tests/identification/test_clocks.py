@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daq.channel import Channel
-from daq.shot import ClockAlignment, Shot
-from daq.timebase import TimeBase
-from identification.analysis import Options, identify_shot
-from identification.clocks import align_clocks
-from processing.alignment.motion_alignment import integrate
-from rigs.rig import Rig
+from recoil_acquisition.channel import Channel
+from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_acquisition.timebase import TimeBase
+from recoil_identification.analysis import Options, identify_shot
+from recoil_identification.clocks import align_clocks
+from recoil_processing.alignment.motion_alignment import integrate
+from recoil_rigs.rig import Rig
 from tests.builders.bench_shots import ELEVATION_RAD, GRAVITY_M_S2, bench_motion, bench_rig, bench_shot
 from tests.builders.virtual_shots import virtual_shot, with_channels, without_channels
 

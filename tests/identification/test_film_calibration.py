@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.film_calibration import FilmCalibration
-from identification.mass import MassEstimate
-from identification.regression import Regression
+from recoil_identification.film_calibration import FilmCalibration
+from recoil_identification.mass import MassEstimate
+from recoil_identification.regression import Regression
 from tests.builders.bench_shots import MASS_KG, bench_regression
 
 GAUGES = np.array([0.01, -0.02, 0.03])

@@ -8,15 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.filter_choice import (
+from recoil_identification.filter_choice import (
     DEFAULT_CUTOFF_HZ,
     campaign_choice,
     choose_filter,
     force_spectra,
     mass_filter,
 )
-from identification.regression import Regression
-from processing.spectra.cutoff import refusal
+from recoil_identification.regression import Regression
+from recoil_processing.spectra.cutoff import refusal
 from tests.builders.bench_shots import bench_regression, bench_shot
 
 RATE_HZ = 20_000.0

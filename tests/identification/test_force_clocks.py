@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from daq.timebase import TimeBase
-from identification.clocks import align_clocks
-from identification.force_clocks import recoil_only
+from recoil_acquisition.timebase import TimeBase
+from recoil_identification.clocks import align_clocks
+from recoil_identification.force_clocks import recoil_only
 from tests.builders.filmed_rigs import filmed_shot
 from tests.builders.virtual_shots import with_channels, without_channels
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daq.channel import Channel
-from daq.shot import Shot
-from daq.timebase import TimeBase
-from identification.instants import delay_of, instants
-from rigs.rig import ChannelSpec, Sensor, Source
+from recoil_acquisition.channel import Channel
+from recoil_acquisition.shot import Shot
+from recoil_acquisition.timebase import TimeBase
+from recoil_identification.instants import delay_of, instants
+from recoil_rigs.rig import ChannelSpec, Sensor, Source
 from tests.builders.bench_shots import bench_rig, bench_shot
 
 RECORDER = Source(name="recorder", kind="dewetron")

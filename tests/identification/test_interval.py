@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.errors import IdentificationError
-from identification.interval import end_of_travel, letting_go, release_index
+from recoil_acquisition.errors import IdentificationError
+from recoil_identification.interval import end_of_travel, letting_go, release_index
 
 TIMES = 1e-3 * np.arange(200)
 

@@ -4,13 +4,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from daq.channel import Channel
-from daq.shot import ClockAlignment
-from identification.analysis import Options, identify_shot
-from identification.kinematics import fused_motion, travel_acceleration, travel_and_velocity, turning
-from identification.signals import Signals, collect_signals
-from processing.motion.double_integral import integrate
-from processing.motion.fusion import FusedMotion
+from recoil_acquisition.channel import Channel
+from recoil_acquisition.shot import ClockAlignment
+from recoil_identification.analysis import Options, identify_shot
+from recoil_identification.kinematics import fused_motion, travel_acceleration, travel_and_velocity, turning
+from recoil_identification.signals import Signals, collect_signals
+from recoil_processing.motion.double_integral import integrate
+from recoil_processing.motion.fusion import FusedMotion
 from tests.builders.virtual_shots import VirtualShot, virtual_shot
 
 

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.errors import IdentificationError
-from identification.analysis import Options, identify_shot
-from identification.budget import BudgetRow
-from identification.mass import (
+from recoil_acquisition.errors import IdentificationError
+from recoil_identification.analysis import Options, identify_shot
+from recoil_identification.budget import BudgetRow
+from recoil_identification.mass import (
     ACCELERATION,
     FRICTION,
     GAUGES,
@@ -23,8 +23,8 @@ from identification.mass import (
     forward_mass,
     reverse_mass,
 )
-from identification.regression import Regression
-from processing.filters import LowPass
+from recoil_identification.regression import Regression
+from recoil_processing.filters import LowPass
 from tests.builders.bench_shots import (
     MASS_KG,
     assembled_bench_shot,

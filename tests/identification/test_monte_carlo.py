@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from identification.budget import BudgetRow
-from identification.calibrated_draws import CalibratedProblem
-from identification.monte_carlo import LEAST_BLOCKS, MonteCarlo, numerical_tolerance, propagate
+from recoil_identification.budget import BudgetRow
+from recoil_identification.calibrated_draws import CalibratedProblem
+from recoil_identification.monte_carlo import LEAST_BLOCKS, MonteCarlo, numerical_tolerance, propagate
 from tests.builders.virtual_shots import identified
 
 

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daq.errors import IdentificationError
-from identification.analysis import Options, identify_shot
-from identification.mass import ScaleUncertainty, reverse_mass
-from identification.regression import build_regression, spaced_rows
-from processing.filters import LowPass, filter_alike
+from recoil_acquisition.errors import IdentificationError
+from recoil_identification.analysis import Options, identify_shot
+from recoil_identification.mass import ScaleUncertainty, reverse_mass
+from recoil_identification.regression import build_regression, spaced_rows
+from recoil_processing.filters import LowPass, filter_alike
 from tests.builders.bench_shots import (
     ELEVATION_RAD,
     FIRE_S,

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from identification.rpe import relative_percentage_error, rpe_interval
+from recoil_identification.rpe import relative_percentage_error, rpe_interval
 
 
 def test_equation_37_by_hand():

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
-from daq.errors import IdentificationError
-from daq.shot import ClockAlignment, QualityCheck, Shot
-from identification.analysis import Options, identify_shot
-from identification.clocks import align_clocks
-from identification.quality.shot_quality import check_shot
-from rigs.rig import Rig, parse_rig
+from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.shot import ClockAlignment, QualityCheck, Shot
+from recoil_identification.analysis import Options, identify_shot
+from recoil_identification.clocks import align_clocks
+from recoil_identification.quality.shot_quality import check_shot
+from recoil_rigs.rig import Rig, parse_rig
 from tests.builders.virtual_shots import virtual_shot, with_channels, without_channels
 
 ON = dt.date(2026, 6, 1)

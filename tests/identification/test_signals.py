@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.channel import Channel
-from daq.errors import IdentificationError
-from daq.shot import ClockAlignment
-from daq.timebase import TimeBase
-from identification.onset import find_onset
-from identification.signals import at_instants, collect_signals, on_grid, static_value
+from recoil_acquisition.channel import Channel
+from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.shot import ClockAlignment
+from recoil_acquisition.timebase import TimeBase
+from recoil_identification.onset import find_onset
+from recoil_identification.signals import at_instants, collect_signals, on_grid, static_value
 from tests.builders.bench_shots import ELEVATION_RAD, FIRE_S, bench_motion, bench_rig, bench_shot, bench_signals
 from tests.builders.virtual_shots import virtual_shot
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.analysis import Options, identify_shot
-from identification.skew import SOURCE
-from processing.alignment.channel_skew import Skew, measure_skew
+from recoil_identification.analysis import Options, identify_shot
+from recoil_identification.skew import SOURCE
+from recoil_processing.alignment.channel_skew import Skew, measure_skew
 from tests.builders.virtual_shots import VirtualShot, identified, virtual_shot
 
 LATE = {"skew_s": "{ acc_recoil = 5e-4 }"}

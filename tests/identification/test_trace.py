@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.trace import mass_trace
-from processing.filters import LowPass
+from recoil_identification.trace import mass_trace
+from recoil_processing.filters import LowPass
 from tests.builders.bench_shots import MASS_KG, bench_motion, bench_regression, bench_shot
 
 WINDOW_S = 0.01

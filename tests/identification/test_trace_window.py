@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daq.errors import IdentificationError
-from identification.analysis import Options, identify_shot
-from identification.trace_window import choose_trace_window, trace_window
-from processing.filters import LowPass
+from recoil_acquisition.errors import IdentificationError
+from recoil_identification.analysis import Options, identify_shot
+from recoil_identification.trace_window import choose_trace_window, trace_window
+from recoil_processing.filters import LowPass
 from tests.builders.bench_shots import MASS_KG, bench_regression
 from tests.builders.virtual_shots import identified, virtual_shot
 

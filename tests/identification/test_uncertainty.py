@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daq.shot import ClockAlignment, Shot
-from identification.calibration import Calibration
-from identification.mass import MassEstimate
-from identification.uncertainty import (
+from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_identification.calibration import Calibration
+from recoil_identification.mass import MassEstimate
+from recoil_identification.uncertainty import (
     clock_contributions,
     corrected_mass,
     cutoff_contribution,
@@ -17,7 +17,7 @@ from identification.uncertainty import (
     other_cutoffs,
     zero_contributions,
 )
-from processing.filters import LowPass
+from recoil_processing.filters import LowPass
 from tests.builders.bench_shots import MASS_KG, bench_motion, bench_regression, bench_rig, bench_shot, bench_signals
 from tests.builders.calibrations import a_calibration
 

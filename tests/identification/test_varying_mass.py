@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.analysis import Identification
+from recoil_identification.analysis import Identification
 from tests.builders.virtual_shots import identified, virtual_shot
 
 RELEASED = {"released_mass_kg": 60.0, "release_after_s": 0.03}

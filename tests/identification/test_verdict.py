@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import pytest
 
-from identification.budget import BudgetRow
-from identification.mass import MassEstimate
-from identification.verdict import CERTAINLY_VARIES, varies
+from recoil_identification.budget import BudgetRow
+from recoil_identification.mass import MassEstimate
+from recoil_identification.verdict import CERTAINLY_VARIES, varies
 
 
 @dataclass

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processing.gaps import bridge, longest_run, near
+from recoil_processing.gaps import bridge, longest_run, near
 
 FLAGS = st.lists(st.booleans(), max_size=40).map(lambda flags: np.array(flags, dtype=bool))
 

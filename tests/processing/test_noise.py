@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processing.noise import noise_sigma, robust_sigma
+from recoil_processing.noise import noise_sigma, robust_sigma
 
 ESTIMATORS = [noise_sigma, robust_sigma]
 

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processing.outliers import isolated_outliers, stuck_repeats
+from recoil_processing.outliers import isolated_outliers, stuck_repeats
 
 SIGMA = 5e-5
 

@@ -8,8 +8,8 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from recoil_daq.cli import app
-from rigs.rig import load_rig
-from rigs.twin import TwinShot, simulate_shot
+from recoil_rigs.rig import load_rig
+from recoil_rigs.twin import TwinShot, simulate_shot
 
 
 @pytest.fixture(scope="session")

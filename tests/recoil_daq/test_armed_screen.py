@@ -18,8 +18,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
-from daq.capture.engine import Level
-from daq.devices.device import Counters
+from recoil_acquisition.capture.engine import Level
+from recoil_acquisition.devices.device import Counters
 from recoil_daq import armed_screen
 from recoil_daq.armed_screen import STATE_STYLES, ArmedScreen
 from recoil_daq.live_shot import LiveShot
@@ -263,7 +263,7 @@ def test_notices_and_verdicts_stay_when_the_screen_is_taken_away(monkeypatch) ->
     now_s = 100.0
     monkeypatch.setattr(armed_screen.time, "monotonic", lambda: now_s)
     file = io.StringIO()
-    command = "finish it with `recoil-daq ingest rigs/mixed.toml shots/captures/0002/* FILES --out shots`"
+    command = "finish it with `recoil-daq ingest rigs/recoil_rigs/mixed.toml shots/captures/0002/* FILES --out shots`"
     many = tuple(replace(RATE, name=f"rate_{i}") for i in range(30))
     with made(file=file, force_terminal=True) as screen:
         for i in range(3):

@@ -11,8 +11,8 @@ import h5py
 import numpy as np
 import pytest
 
-from rigs.rig import load_rig
-from rigs.twin import simulate_shot
+from recoil_rigs.rig import load_rig
+from recoil_rigs.twin import simulate_shot
 
 
 def refused(result, out: Path, *words: str) -> None:

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from recoil_daq.campaign import repeatability, survey
 from recoil_daq.cli import app
 from recoil_daq.ingest import ingest_files
-from rigs.twin import simulate_shot
+from recoil_rigs.twin import simulate_shot
 from tests.builders.filmed_rigs import filmed_rig
 from tests.builders.virtual_shots import SHORTER
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from daq.store import write_shot
+from recoil_acquisition.store import write_shot
 from recoil_daq.campaign import Campaign, repeatability, survey
 from tests.builders.virtual_shots import virtual_shot
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from rigs.twin import TwinShot
+from recoil_rigs.twin import TwinShot
 
 
 @pytest.fixture

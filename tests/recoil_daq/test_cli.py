@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from recoil_daq.ingest import ingest_files
-from rigs.rig import load_rig, parse_rig
-from rigs.twin import TwinShot
+from recoil_rigs.rig import load_rig, parse_rig
+from recoil_rigs.twin import TwinShot
 from tests.builders.long_recordings import triggered_rig
 from tests.builders.machine_stalls import MachineStalls
 

@@ -6,8 +6,8 @@ import time
 from pathlib import Path
 
 from recoil_daq.conversion import Conversion
-from rigs.rig import find_rig
-from rigs.twin import TwinShot
+from recoil_rigs.rig import find_rig
+from recoil_rigs.twin import TwinShot
 
 
 def test_a_shot_is_converted_while_the_caller_goes_on(field_shot: TwinShot, tmp_path: Path) -> None:

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.errors import ReadError, UnknownFormatError
-from daq.readers.tracks.proanalyst_text import ProAnalystTextReader
+from recoil_acquisition.errors import ReadError, UnknownFormatError
+from recoil_acquisition.readers.tracks.proanalyst_text import ProAnalystTextReader
 from recoil_daq.ingest import ingest_files, reader_of
-from rigs.rig import Rig, load_rig, parse_rig
-from rigs.twin import simulate_shot
+from recoil_rigs.rig import Rig, load_rig, parse_rig
+from recoil_rigs.twin import simulate_shot
 from tests.builders.vendor_files import tracks_text
 from tests.builders.virtual_shots import SHORTER, with_twin
 

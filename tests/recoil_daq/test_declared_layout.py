@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from daq.errors import UnknownFormatError
-from daq.readers.text.declared_table import DeclaredTextReader
+from recoil_acquisition.errors import UnknownFormatError
+from recoil_acquisition.readers.text.declared_table import DeclaredTextReader
 from recoil_daq.ingest import reader_of
-from rigs.rig import Rig, load_rig
+from recoil_rigs.rig import Rig, load_rig
 from tests.builders import text_tables as build
 from tests.builders import vendor_files
 

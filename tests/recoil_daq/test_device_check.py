@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.capture.live_source import LiveChannel
-from daq.devices.device import Counters
+from recoil_acquisition.capture.live_source import LiveChannel
+from recoil_acquisition.devices.device import Counters
 from recoil_daq.device_check import _judge, check_devices
-from rigs.rig import load_rig, parse_rig
+from recoil_rigs.rig import load_rig, parse_rig
 from tests.builders.live_sources import bus, port
 
 NOISE = np.random.default_rng(1).normal(0.0, 0.01, 2000)

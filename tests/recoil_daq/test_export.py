@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.exporters.table import EXPORTERS
-from daq.readers.reader import Declarations
-from daq.readers.table import recognise
-from daq.store import read_shot, write_shot
+from recoil_acquisition.exporters.table import EXPORTERS
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.table import recognise
+from recoil_acquisition.store import read_shot, write_shot
 from recoil_daq.export_tables import size_text
 from tests.builders.shots import make_shot
 
@@ -169,12 +169,12 @@ def test_a_folder_that_cannot_be_made_is_one_line(run, bench: Path, tmp_path):
 
 
 def test_ctrl_c_leaves_nothing(run, bench: Path, tmp_path, monkeypatch):
-    import daq.exporters.csv_text
+    import recoil_acquisition.exporters.csv_text
 
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(daq.exporters.csv_text.CsvExporter, "read_back", interrupted)
+    monkeypatch.setattr(recoil_acquisition.exporters.csv_text.CsvExporter, "read_back", interrupted)
     assert run("export", bench, "--format", "csv", "--out", tmp_path / "out").exit_code == 130
     assert not (tmp_path / "out").exists()
 

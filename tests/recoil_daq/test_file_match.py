@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daq.errors import ReadError
-from daq.shot_name import numbers_of
-from daq.trigger import ShotWindow
+from recoil_acquisition.errors import ReadError
+from recoil_acquisition.shot_name import numbers_of
+from recoil_acquisition.trigger import ShotWindow
 from recoil_daq.file_match import LATE_S, doubt_of_files, shots_of, source_of
 from recoil_daq.folder_watch import DroppedFile
 from recoil_daq.live_shot import LiveShot, ShotState
-from rigs.rig import load_rig, parse_rig
+from recoil_rigs.rig import load_rig, parse_rig
 
 WALL_S = 1.7e9
 

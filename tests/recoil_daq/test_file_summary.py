@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.readers.table import EXTRAS, READERS
+from recoil_acquisition.readers.table import EXTRAS, READERS
 from recoil_daq.ingest import BY_LAYOUT
-from rigs.twin import TwinShot
+from recoil_rigs.twin import TwinShot
 from tests.builders import vendor_files as build
 from tests.builders.oxygen_dmd import Stored, oxygen_chunks
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from daq.errors import ReadError
+from recoil_acquisition.errors import ReadError
 from recoil_daq.folder_watch import FolderWatch
 
 

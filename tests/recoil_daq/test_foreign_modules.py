@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from recoil_daq.conversion import Conversion
-from rigs.rig import find_rig
-from rigs.twin import TwinShot
+from recoil_rigs.rig import find_rig
+from recoil_rigs.twin import TwinShot
 from tests.builders.live_rigs import LiveProcess, write_live_rig
 from tests.builders.port_player import PortPlayer
 
@@ -66,6 +66,17 @@ def test_no_command_on_files_runs_a_module_of_the_users_folder(hostile: Path) ->
     _run(hostile, "export", "shots/0001.h5", "--format", "csv")
     _run(hostile, "recover", "shots")
     _run(hostile, "demo", "--out", "demo")
+
+
+def test_a_users_script_beside_files_of_the_folders_names_works(tmp_path: Path) -> None:
+    for name in ("daq", "processing", "identification", "rigs"):
+        (tmp_path / f"{name}.py").write_text(f"raise ImportError('the user has a {name}.py of their own')\n")
+    script = "from recoil_daq import load_rig\nprint(load_rig('field-2013').name)\n"
+    (tmp_path / "mine.py").write_text(script, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "mine.py"], cwd=tmp_path, capture_output=True, text=True, check=False, env=_plain_environment()
+    )
+    assert (done.returncode, done.stdout) == (0, "field-2013\n"), done.stderr
 
 
 @pytest.mark.real_time

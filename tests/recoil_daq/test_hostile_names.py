@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 from typer.testing import Result
 
-from daq.shot import QualityCheck
-from daq.store import write_shot
+from recoil_acquisition.shot import QualityCheck
+from recoil_acquisition.store import write_shot
 from recoil_daq.armed_screen import ArmedScreen
 from recoil_daq.console import VisibleConsole
 from recoil_daq.live_shot import LiveShot

@@ -10,12 +10,12 @@ from typing import Any
 
 import pytest
 
-from daq.acquisition import AcquiredSource, Acquisition, write_acquisition
-from daq.errors import CorruptFileError, ReadError
-from daq.store import read_shot, shot_summary
+from recoil_acquisition.acquisition import AcquiredSource, Acquisition, write_acquisition
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.store import read_shot, shot_summary
 from recoil_daq.ingest import Ingested, ingest_files
-from rigs.rig import load_rig
-from rigs.twin import TwinShot
+from recoil_rigs.rig import load_rig
+from recoil_rigs.twin import TwinShot
 from tests.builders.shots import acquired_source, make_acquisition
 
 ON = dt.date(2026, 6, 1)

@@ -15,17 +15,17 @@ from typing import Any
 
 import pytest
 
-from daq.acquisition import Acquisition
-from daq.capture.status import LiveStatus
-from daq.errors import DeviceError, RigError
-from daq.store import read_shot, shot_summary
-from daq.trigger import find_triggers
+from recoil_acquisition.acquisition import Acquisition
+from recoil_acquisition.capture.status import LiveStatus
+from recoil_acquisition.errors import DeviceError, RigError
+from recoil_acquisition.store import read_shot, shot_summary
+from recoil_acquisition.trigger import find_triggers
 from recoil_daq.live import run_live
 from recoil_daq.live_shot import LiveOptions, LiveOutcome, LiveShot
 from recoil_daq.live_tables import print_acquisition
-from rigs.rig import Rig, load_rig, parse_rig
-from rigs.twin.faults import ClockStep, Faults, Interval
-from rigs.twin.range_day import RangeDay
+from recoil_rigs.rig import Rig, load_rig, parse_rig
+from recoil_rigs.twin.faults import ClockStep, Faults, Interval
+from recoil_rigs.twin.range_day import RangeDay
 
 pytestmark = [
     pytest.mark.real_time,

@@ -18,9 +18,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from daq.acquisition import read_acquisition
-from daq.capture.session_record import operator_records
-from daq.journal import find_journals, read_journal
+from recoil_acquisition.acquisition import read_acquisition
+from recoil_acquisition.capture.session_record import operator_records
+from recoil_acquisition.journal import find_journals, read_journal
 from recoil_daq.cli import app
 from tests.builders.live_rigs import (
     AT_THE_TRIGGER_NS,

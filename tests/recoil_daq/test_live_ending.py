@@ -15,11 +15,11 @@ from pathlib import Path
 
 import pytest
 
-from daq.errors import RigError, StoreError
+from recoil_acquisition.errors import RigError, StoreError
 from recoil_daq.live import run_live
 from recoil_daq.live_shot import LiveOptions
 from recoil_daq.output_folder import OutputFolder
-from rigs.rig import load_rig
+from recoil_rigs.rig import load_rig
 from tests.builders.range_session import PlayedConversion, Range, Told
 
 

@@ -11,10 +11,10 @@ from typing import Any
 
 import pytest
 
-from daq.store import read_shot
+from recoil_acquisition.store import read_shot
 from recoil_daq.ingest import ingest_files
-from rigs.rig import load_rig, parse_rig
-from rigs.twin import TwinShot
+from recoil_rigs.rig import load_rig, parse_rig
+from recoil_rigs.twin import TwinShot
 from tests.builders.range_session import PlayedConversion, Range, Told
 
 FILES = ("0001_dewetron.csv", "0001_camera.csv")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from daq.devices.device import Counters
+from recoil_acquisition.devices.device import Counters
 from recoil_daq.losses import losses_of
 
 

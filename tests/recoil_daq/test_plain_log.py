@@ -10,7 +10,7 @@ from dataclasses import replace
 import pytest
 from rich.console import Console
 
-from daq.devices.device import Counters
+from recoil_acquisition.devices.device import Counters
 from recoil_daq import plain_log
 from recoil_daq.live_shot import LiveShot
 from recoil_daq.plain_log import PlainLog

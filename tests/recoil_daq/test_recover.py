@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from daq.acquisition import read_acquisition
-from daq.capture.session_record import (
+from recoil_acquisition.acquisition import read_acquisition
+from recoil_acquisition.capture.session_record import (
     CLOSED,
     DECISION,
     KEPT,
@@ -24,16 +24,16 @@ from daq.capture.session_record import (
     pack_kept,
     pack_shot,
 )
-from daq.devices.device import SERIAL, Block, event_block
-from daq.errors import ReadError, StoreError
-from daq.frames import capture_file
-from daq.journal import JournalWriter
-from daq.journal.layout import RECORD_OVERHEAD
-from daq.trigger import Decision
+from recoil_acquisition.devices.device import SERIAL, Block, event_block
+from recoil_acquisition.errors import ReadError, StoreError
+from recoil_acquisition.frames import capture_file
+from recoil_acquisition.journal import JournalWriter
+from recoil_acquisition.journal.layout import RECORD_OVERHEAD
+from recoil_acquisition.trigger import Decision
 from recoil_daq.cli import app
 from recoil_daq.live_tables import print_recovered
 from recoil_daq.recover import recover_folder, recover_journal
-from rigs.rig import load_rig
+from recoil_rigs.rig import load_rig
 from tests.builders.live_sources import ANCHOR
 
 RIG = load_rig("mixed")

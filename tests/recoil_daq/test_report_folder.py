@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from daq.errors import StoreError
-from daq.journal.lock import JournalLock
+from recoil_acquisition.errors import StoreError
+from recoil_acquisition.journal.lock import JournalLock
 from recoil_daq.report_folder import publish, refuse_existing
 
 NAMES = ("report.html", "report.json", "mass.csv")

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-from identification.analysis import FURTHER
 from recoil_daq.cli import app
 from recoil_daq.report_folder import publish
-from rigs.twin import TwinShot
+from recoil_identification.analysis import FURTHER
+from recoil_rigs.twin import TwinShot
 
 
 @pytest.fixture(scope="module")

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.channel import RawCounts
-from daq.errors import MissingChannelError, ReadError, RigError
-from rigs.assemble import assemble_channels, match_files, range_si, sensor_factor
-from rigs.rig import Rig, Sensor, parse_rig
+from recoil_acquisition.channel import RawCounts
+from recoil_acquisition.errors import MissingChannelError, ReadError, RigError
+from recoil_rigs.assemble import assemble_channels, match_files, range_si, sensor_factor
+from recoil_rigs.rig import Rig, Sensor, parse_rig
 from tests.builders.bench_shots import ArrayRecording
 
 HEAD = """

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from rigs.assumptions import assumption_lines, assumptions_of
-from rigs.rig import load_rig, parse_rig
+from recoil_rigs.assumptions import assumption_lines, assumptions_of
+from recoil_rigs.rig import load_rig, parse_rig
 from tests.builders.bench_shots import bench_rig
 
 

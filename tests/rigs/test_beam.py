@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.linalg import eigh
 
-from rigs.beam import eigenvalues, integrals, natural_frequencies, shapes
+from recoil_rigs.beam import eigenvalues, integrals, natural_frequencies, shapes
 
 LENGTH, MASS, STIFFNESS = 2.5, 160.0, 2e6
 

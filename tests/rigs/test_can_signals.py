@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from daq.errors import RigError
-from rigs.can_signals import faults_of_can_signals
-from rigs.live_sources import live_sources
-from rigs.rig import Rig, load_rig, parse_rig
+from recoil_acquisition.errors import RigError
+from recoil_rigs.can_signals import faults_of_can_signals
+from recoil_rigs.live_sources import live_sources
+from recoil_rigs.rig import Rig, load_rig, parse_rig
 
 FAULTY = """VERSION ""
 

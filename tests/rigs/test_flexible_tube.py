@@ -12,11 +12,11 @@ import pytest
 import sympy as sp
 from scipy.integrate import solve_ivp
 
-from rigs import flexible_tube as flexible
-from rigs import mechanism as rigid
-from rigs.beam import natural_frequencies, shapes
-from rigs.flexible_tube import FlexibleTube, uniform_tube
-from rigs.rig import load_rig
+from recoil_rigs import flexible_tube as flexible
+from recoil_rigs import mechanism as rigid
+from recoil_rigs.beam import natural_frequencies, shapes
+from recoil_rigs.flexible_tube import FlexibleTube, uniform_tube
+from recoil_rigs.rig import load_rig
 
 MECHANISM = load_rig("field-2013").mechanism
 LENGTH, MASS, STIFFNESS, ROOT, OFFSET = 2.5, 160.0, 2e6, 0.1, 0.02

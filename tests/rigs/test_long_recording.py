@@ -4,13 +4,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.errors import ReadError
-from daq.readers.excerpt import Excerpt
-from daq.readers.reader import Declarations, Recording
-from daq.readers.table import recognise
-from rigs.long_recording import cut_long_recordings
-from rigs.rig import Rig
-from rigs.twin import simulate_shot
+from recoil_acquisition.errors import ReadError
+from recoil_acquisition.readers.excerpt import Excerpt
+from recoil_acquisition.readers.reader import Declarations, Recording
+from recoil_acquisition.readers.table import recognise
+from recoil_rigs.long_recording import cut_long_recordings
+from recoil_rigs.rig import Rig
+from recoil_rigs.twin import simulate_shot
 from tests.builders.long_recordings import STEP_S, long_dmd, triggered_rig, write_long_text
 
 AT_ROW, ROWS = 40_000, 90_000
@@ -37,7 +37,7 @@ def long_text(shot: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(autouse=True)
 def _short_is_long(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every file of these tests counts as long: 17 million samples would take a minute to write."""
-    monkeypatch.setattr("rigs.long_recording.LONG_SAMPLES", 100_000)
+    monkeypatch.setattr("recoil_rigs.long_recording.LONG_SAMPLES", 100_000)
 
 
 def opened(path: Path) -> Recording:

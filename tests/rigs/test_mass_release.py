@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_simpson
 
-from daq.errors import RigError
-from rigs import mechanism as model
-from rigs.mechanism import Mechanism
-from rigs.rig import Rig, find_rig, load_rig, parse_rig
-from rigs.twin import draw_scene, simulate_shot
-from rigs.twin.instruments import truth
-from rigs.twin.motion import Motion, simulate_motion
-from rigs.twin.settings import TwinSettings
+from recoil_acquisition.errors import RigError
+from recoil_rigs import mechanism as model
+from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.rig import Rig, find_rig, load_rig, parse_rig
+from recoil_rigs.twin import draw_scene, simulate_shot
+from recoil_rigs.twin.instruments import truth
+from recoil_rigs.twin.motion import Motion, simulate_motion
+from recoil_rigs.twin.settings import TwinSettings
 
 SETTINGS = TwinSettings(duration_s=0.13)
 LOST_KG = 40.0

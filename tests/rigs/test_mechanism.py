@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from rigs import mechanism as model
-from rigs.mechanism import Mechanism
+from recoil_rigs import mechanism as model
+from recoil_rigs.mechanism import Mechanism
 
 MECHANISM = Mechanism(
     m1=1600.0, m2=520.0, m3=866.0, J1=2900.0 + 3200.0, J2=420.0, J3c=610.0, X1=1.35, Y1=0.42, XA=2.05, YA=0.95,

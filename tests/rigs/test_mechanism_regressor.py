@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rigs.mechanism import Mechanism, generalized_forces, mass_matrix, velocity_terms
-from rigs.mechanism_regressor import (
+from recoil_rigs.mechanism import Mechanism, generalized_forces, mass_matrix, velocity_terms
+from recoil_rigs.mechanism_regressor import (
     LOADS,
     PARAMETER_UNITS,
     PARAMETERS,
@@ -17,7 +17,7 @@ from rigs.mechanism_regressor import (
     regressor,
     standard_parameters,
 )
-from rigs.rig import load_rig
+from recoil_rigs.rig import load_rig
 
 
 def random_mechanism(rng: np.random.Generator) -> Mechanism:

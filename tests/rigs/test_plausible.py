@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from daq.errors import RigError
-from rigs.rig import Rig, load_rig, parse_rig
+from recoil_acquisition.errors import RigError
+from recoil_rigs.rig import Rig, load_rig, parse_rig
 
 
 def rig_with(old: str, new: str) -> Rig:

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.errors import Fault, ReadError, RigError
-from daq.quantity import SI_UNITS
-from rigs.mechanism import Mechanism
-from rigs.rig import (
+from recoil_acquisition.errors import Fault, ReadError, RigError
+from recoil_acquisition.quantity import SI_UNITS
+from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.rig import (
     ROLES,
     FixedAlignment,
     MotionAlignment,

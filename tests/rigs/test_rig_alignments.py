@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from daq.errors import RigError
-from rigs.rig import ExposureAlignment, MotionAlignment, Rig, parse_rig
+from recoil_acquisition.errors import RigError
+from recoil_rigs.rig import ExposureAlignment, MotionAlignment, Rig, parse_rig
 
 HEAD = """\
 schema = "recoil-daq/rig/1"

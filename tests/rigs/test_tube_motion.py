@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_simpson
 
-from daq.errors import RigError
-from rigs import flexible_tube as flexible
-from rigs import mechanism as rigid
-from rigs.flexible_tube import FlexibleTube
-from rigs.mechanism import Mechanism
-from rigs.rig import Rig, find_rig, load_rig, parse_rig
-from rigs.twin import draw_scene, simulate_shot
-from rigs.twin.instruments import truth
-from rigs.twin.motion import Motion, simulate_motion, tube_of
-from rigs.twin.settings import TwinSettings
+from recoil_acquisition.errors import RigError
+from recoil_rigs import flexible_tube as flexible
+from recoil_rigs import mechanism as rigid
+from recoil_rigs.flexible_tube import FlexibleTube
+from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.rig import Rig, find_rig, load_rig, parse_rig
+from recoil_rigs.twin import draw_scene, simulate_shot
+from recoil_rigs.twin.instruments import truth
+from recoil_rigs.twin.motion import Motion, simulate_motion, tube_of
+from recoil_rigs.twin.settings import TwinSettings
 
 SETTINGS = TwinSettings(duration_s=0.12, tube_modes=2, sample_rate_hz=40e3)
 

@@ -11,12 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import cumulative_trapezoid
 
-from rigs import mechanism as model
-from rigs.rig import ChannelSpec, Sensor, find_rig, parse_rig
-from rigs.twin import draw_scene
-from rigs.twin.instruments import chain, digitise, generator, mix, sample, stress_waves
-from rigs.twin.settings import TwinSettings
-from rigs.twin.sources import Scene, from_file, in_unit, to_file
+from recoil_rigs import mechanism as model
+from recoil_rigs.rig import ChannelSpec, Sensor, find_rig, parse_rig
+from recoil_rigs.twin import draw_scene
+from recoil_rigs.twin.instruments import chain, digitise, generator, mix, sample, stress_waves
+from recoil_rigs.twin.settings import TwinSettings
+from recoil_rigs.twin.sources import Scene, from_file, in_unit, to_file
 
 PERFECT = """
 gain_errors = false

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_simpson
 
-from rigs import mechanism as model
-from rigs.mechanism import Mechanism
-from rigs.rig import load_rig
-from rigs.twin.loads import check_statics
-from rigs.twin.motion import Motion, breech_pressure, simulate_motion
-from rigs.twin.settings import TwinSettings
+from recoil_rigs import mechanism as model
+from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.rig import load_rig
+from recoil_rigs.twin.loads import check_statics
+from recoil_rigs.twin.motion import Motion, breech_pressure, simulate_motion
+from recoil_rigs.twin.settings import TwinSettings
 
 SETTINGS = TwinSettings()
 

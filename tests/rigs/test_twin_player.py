@@ -15,25 +15,25 @@ import can
 import numpy as np
 import pytest
 
-from daq.devices.capture_bytes import capture_bytes, capture_header
-from daq.devices.device import Anchor, Block, Device, anchor, event_of
-from daq.devices.opening import open_device
-from daq.devices.reader_thread import DeviceReader
-from daq.frames.can_capture_file import parse_records
-from daq.frames.declaration import framing_from_table
-from daq.frames.scan import find_frames
-from daq.frames.values import decode_fields, unwrap
-from daq.readers.can.capture import CanCaptureReader, CanCaptureRecording
-from daq.readers.can.decoding import pieces_of
-from daq.readers.serial.capture import SerialCaptureReader
-from rigs.rig import Rig, load_rig, parse_rig
-from rigs.twin import TwinShot, simulate_shot
-from rigs.twin.can_replay import can_items, with_bits
-from rigs.twin.faults import ClockStep, Faults, Interval
-from rigs.twin.player import TwinPlayer, is_virtual
-from rigs.twin.serial_replay import SensorFrame, serial_items
-from rigs.twin.timeline import DeviceClock, Timeline
-from rigs.twin.transports import PseudoTerminal
+from recoil_acquisition.devices.capture_bytes import capture_bytes, capture_header
+from recoil_acquisition.devices.device import Anchor, Block, Device, anchor, event_of
+from recoil_acquisition.devices.opening import open_device
+from recoil_acquisition.devices.reader_thread import DeviceReader
+from recoil_acquisition.frames.can_capture_file import parse_records
+from recoil_acquisition.frames.declaration import framing_from_table
+from recoil_acquisition.frames.scan import find_frames
+from recoil_acquisition.frames.values import decode_fields, unwrap
+from recoil_acquisition.readers.can.capture import CanCaptureReader, CanCaptureRecording
+from recoil_acquisition.readers.can.decoding import pieces_of
+from recoil_acquisition.readers.serial.capture import SerialCaptureReader
+from recoil_rigs.rig import Rig, load_rig, parse_rig
+from recoil_rigs.twin import TwinShot, simulate_shot
+from recoil_rigs.twin.can_replay import can_items, with_bits
+from recoil_rigs.twin.faults import ClockStep, Faults, Interval
+from recoil_rigs.twin.player import TwinPlayer, is_virtual
+from recoil_rigs.twin.serial_replay import SensorFrame, serial_items
+from recoil_rigs.twin.timeline import DeviceClock, Timeline
+from recoil_rigs.twin.transports import PseudoTerminal
 from tests.builders.machine_stalls import MachineStalls
 
 needs_pty = pytest.mark.skipif(not hasattr(os, "openpty"), reason="this system has no pseudo-terminals")
@@ -200,7 +200,7 @@ def test_everything_that_was_played_is_received(rig: Rig, shots: list[TwinShot],
 
 
 def recorded_file(rig: Rig, shot: TwinShot, source: str) -> Any:
-    from daq.readers.table import recognise
+    from recoil_acquisition.readers.table import recognise
 
     path = shot.folder / shot.truth["sources"][source]["file"]
     return recognise(path).open(path, rig.declarations(rig.source(source)))
@@ -393,7 +393,7 @@ def test_a_counter_is_put_into_its_bits_alone() -> None:
         for value in (0, 1, 513, 1023):
             data = with_bits(b"\xff" * 8, pieces, value)
             assert sum(bin(byte).count("0") - 1 for byte in data) >= 0
-            from daq.readers.can.decoding import gather
+            from recoil_acquisition.readers.can.decoding import gather
 
             rows = np.frombuffer(data, dtype=np.uint8).reshape(1, 8)
             assert int(gather(rows, pieces)[0]) == value

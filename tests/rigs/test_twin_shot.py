@@ -16,12 +16,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from daq.errors import RigError, StoreError
-from rigs.rig import Rig, find_rig, load_rig, parse_rig
-from rigs.twin import TwinShot, draw_scene, simulate_shot
-from rigs.twin.files import CAPTURE_MAGIC, CanFrame, can_log, dewesoft_text, serial_capture
-from rigs.twin.settings import read_settings
-from rigs.twin.sources import Scene
+from recoil_acquisition.errors import RigError, StoreError
+from recoil_rigs.rig import Rig, find_rig, load_rig, parse_rig
+from recoil_rigs.twin import TwinShot, draw_scene, simulate_shot
+from recoil_rigs.twin.files import CAPTURE_MAGIC, CanFrame, can_log, dewesoft_text, serial_capture
+from recoil_rigs.twin.settings import read_settings
+from recoil_rigs.twin.sources import Scene
 
 
 def variant(name: str, twin: str = "", **replaced: str) -> Rig:

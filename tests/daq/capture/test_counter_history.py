@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from daq.capture import counter_history as module
-from daq.capture.counter_history import CounterHistory
-from daq.devices.device import Counters
+from recoil_acquisition.capture import counter_history as module
+from recoil_acquisition.capture.counter_history import CounterHistory
+from recoil_acquisition.devices.device import Counters
 
 
 class Counting:

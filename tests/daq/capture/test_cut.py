@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from daq.acquisition import Acquisition
-from daq.capture.cut import write_captures
-from daq.capture.session_record import (
+from recoil_acquisition.acquisition import Acquisition
+from recoil_acquisition.capture.cut import write_captures
+from recoil_acquisition.capture.session_record import (
     CLOSED,
     DECISION,
     KINDS,
@@ -25,12 +25,12 @@ from daq.capture.session_record import (
     pack_decision,
     pack_shot,
 )
-from daq.capture.shot_record import CounterSpan, acquisition_of
-from daq.devices.device import Block, Counters, event_block
-from daq.errors import StoreError
-from daq.frames import can_capture_file, capture_file
-from daq.journal import Journal, JournalWriter, read_journal
-from daq.trigger import Decision, Edge, ShotWindow, Trigger
+from recoil_acquisition.capture.shot_record import CounterSpan, acquisition_of
+from recoil_acquisition.devices.device import Block, Counters, event_block
+from recoil_acquisition.errors import StoreError
+from recoil_acquisition.frames import can_capture_file, capture_file
+from recoil_acquisition.journal import Journal, JournalWriter, read_journal
+from recoil_acquisition.trigger import Decision, Edge, ShotWindow, Trigger
 from tests.builders.live_sources import ANCHOR, can_block, can_record, serial_block, serial_frame
 
 RECORD = LiveRecord(

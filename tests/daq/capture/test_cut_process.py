@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from daq.capture import cut_process
-from daq.capture.cut import take_name, write_captures
-from daq.capture.cut_process import cut_apart
-from daq.capture.session_record import KINDS, LiveRecord, RecordedSource
-from daq.devices.device import event_block
-from daq.errors import StoreError
-from daq.journal import JournalWriter, read_journal
+from recoil_acquisition.capture import cut_process
+from recoil_acquisition.capture.cut import take_name, write_captures
+from recoil_acquisition.capture.cut_process import cut_apart
+from recoil_acquisition.capture.session_record import KINDS, LiveRecord, RecordedSource
+from recoil_acquisition.devices.device import event_block
+from recoil_acquisition.errors import StoreError
+from recoil_acquisition.journal import JournalWriter, read_journal
 from tests.builders.live_sources import ANCHOR, can_block, can_record, serial_block, serial_frame
 
 RECORD = LiveRecord(

@@ -6,9 +6,9 @@ import math
 
 import pytest
 
-from daq.capture.engine import PATIENCE_S, SETTLE_S, CaptureEngine
-from daq.devices.device import Block, event_block
-from daq.trigger import Edge, Trigger
+from recoil_acquisition.capture.engine import PATIENCE_S, SETTLE_S, CaptureEngine
+from recoil_acquisition.devices.device import Block, event_block
+from recoil_acquisition.trigger import Edge, Trigger
 from tests.builders.live_sources import bus, can_block, can_record, port, serial_block, serial_frame
 
 TRIGGER = Trigger((Edge("pressure", 50e3, 20e3),), pre_s=0.2, post_s=0.3)

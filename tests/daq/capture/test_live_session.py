@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-import daq.capture.live_session
-from daq.capture.live_session import LiveSession
-from daq.capture.session_record import LiveRecord, RecordedSource, operator_records
-from daq.devices.device import Block, Counters
-from daq.frames import can_capture_file
-from daq.journal import read_journal
-from daq.trigger import Edge, Trigger
+import recoil_acquisition.capture.live_session
+from recoil_acquisition.capture.live_session import LiveSession
+from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource, operator_records
+from recoil_acquisition.devices.device import Block, Counters
+from recoil_acquisition.frames import can_capture_file
+from recoil_acquisition.journal import read_journal
+from recoil_acquisition.trigger import Edge, Trigger
 from tests.builders.live_sources import ANCHOR, bus, can_record
 
 RECORD = LiveRecord("rig", "text", "rig.toml", {}, ANCHOR, (RecordedSource("bus", "can"),))
@@ -111,8 +111,8 @@ def test_a_session_in_which_nothing_happened_leaves_no_journal(tmp_path: Path, d
 def test_what_was_watched_is_released_and_what_crossed_while_disarmed_stays(
     tmp_path: Path, device: PlayedBus, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(daq.capture.live_session, "SEGMENT_BYTES", 1 << 12)
-    monkeypatch.setattr(daq.capture.live_session, "_RELEASE_EVERY_S", 0.05)
+    monkeypatch.setattr(recoil_acquisition.capture.live_session, "SEGMENT_BYTES", 1 << 12)
+    monkeypatch.setattr(recoil_acquisition.capture.live_session, "_RELEASE_EVERY_S", 0.05)
     session = started(tmp_path, device)
     session.arm()
     time.sleep(0.1)

@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daq.capture.live_source import LiveChannel, LiveSource, signals_of
-from daq.devices.capture_bytes import capture_bytes, capture_header
-from daq.devices.device import SERIAL, event_block
-from daq.errors import MissingChannelError
-from daq.frames import can_capture_file
-from daq.frames.can_capture_file import ERROR, EVENT, EXTENDED, REMOTE, pack_record
-from daq.frames.capture_file import parse_capture
-from daq.frames.declaration import framing_from_table
-from daq.frames.scan import find_frames_of_capture
-from daq.frames.values import decode_fields
+from recoil_acquisition.capture.live_source import LiveChannel, LiveSource, signals_of
+from recoil_acquisition.devices.capture_bytes import capture_bytes, capture_header
+from recoil_acquisition.devices.device import SERIAL, event_block
+from recoil_acquisition.errors import MissingChannelError
+from recoil_acquisition.frames import can_capture_file
+from recoil_acquisition.frames.can_capture_file import ERROR, EVENT, EXTENDED, REMOTE, pack_record
+from recoil_acquisition.frames.capture_file import parse_capture
+from recoil_acquisition.frames.declaration import framing_from_table
+from recoil_acquisition.frames.scan import find_frames_of_capture
+from recoil_acquisition.frames.values import decode_fields
 from tests.builders.live_sources import ANCHOR, DBC, bus, can_block, can_record, port, serial_block, serial_frame
 
 

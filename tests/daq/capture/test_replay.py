@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daq.capture.engine import CaptureEngine
-from daq.capture.replay import outrun, replayed
-from daq.devices.device import Block
-from daq.trigger import Decision, Edge, Trigger
+from recoil_acquisition.capture.engine import CaptureEngine
+from recoil_acquisition.capture.replay import outrun, replayed
+from recoil_acquisition.devices.device import Block
+from recoil_acquisition.trigger import Decision, Edge, Trigger
 from tests.builders.live_sources import bus, can_block, can_record, port, serial_block, serial_frame
 
 TRIGGER = Trigger((Edge("pressure", 50e3, 20e3),), pre_s=0.2, post_s=0.3)

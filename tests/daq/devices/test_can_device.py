@@ -14,13 +14,13 @@ import can
 import numpy as np
 import pytest
 
-from daq.devices.can_device import CanDevice
-from daq.devices.device import CAN, Block, event_of
-from daq.devices.opening import open_device
-from daq.errors import DeviceError
-from daq.frames import can_capture_file as capture
-from rigs.twin.can_replay import CanItem
-from rigs.twin.transports import SlcanAdapter
+from recoil_acquisition.devices.can_device import CanDevice
+from recoil_acquisition.devices.device import CAN, Block, event_of
+from recoil_acquisition.devices.opening import open_device
+from recoil_acquisition.errors import DeviceError
+from recoil_acquisition.frames import can_capture_file as capture
+from recoil_rigs.twin.can_replay import CanItem
+from recoil_rigs.twin.transports import SlcanAdapter
 
 needs_pty = pytest.mark.skipif(not hasattr(os, "openpty"), reason="this system has no pseudo-terminals")
 NUMBERS = itertools.count()
@@ -237,7 +237,7 @@ def test_a_bus_that_says_nothing_readable_is_taken_for_lost(adapter: SlcanAdapte
 
 
 def test_udp_multicast_on_this_computer_arrives_in_order() -> None:
-    from rigs.twin.transports import MulticastBus
+    from recoil_rigs.twin.transports import MulticastBus
 
     bus = MulticastBus()
     try:

@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.devices.back_off import LONGEST_PAUSE_S, BackOff
-from daq.devices.capture_bytes import capture_bytes, capture_header
-from daq.devices.device import CAN, EVENT, SERIAL, Anchor, Block, anchor, event_block, event_of
-from daq.devices.kernel_drops import (
+from recoil_acquisition.devices.back_off import LONGEST_PAUSE_S, BackOff
+from recoil_acquisition.devices.capture_bytes import capture_bytes, capture_header
+from recoil_acquisition.devices.device import CAN, EVENT, SERIAL, Anchor, Block, anchor, event_block, event_of
+from recoil_acquisition.devices.kernel_drops import (
     GrowingCount,
     LineErrors,
     dropped_by_can_link,
@@ -24,9 +24,9 @@ from daq.devices.kernel_drops import (
     line_errors,
     line_errors_of,
 )
-from daq.devices.open_fault import error_number, open_fault
-from daq.frames import can_capture_file
-from daq.frames.capture_file import parse_capture
+from recoil_acquisition.devices.open_fault import error_number, open_fault
+from recoil_acquisition.frames import can_capture_file
+from recoil_acquisition.frames.capture_file import parse_capture
 from tests.builders import can_captures
 from tests.builders import vendor_files as build
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from daq.devices.device import EmptyLook
+from recoil_acquisition.devices.device import EmptyLook
 
 SECOND = 1_000_000_000
 

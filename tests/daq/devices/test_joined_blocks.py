@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daq.devices.device import EVENT, SERIAL, Block, event_block, joined
+from recoil_acquisition.devices.device import EVENT, SERIAL, Block, event_block, joined
 
 BLOCKS = st.lists(st.tuples(st.sampled_from("ab"), st.booleans()), max_size=30)
 

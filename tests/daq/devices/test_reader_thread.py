@@ -9,9 +9,9 @@ import time
 import can
 import pytest
 
-from daq.devices.device import SERIAL, Block, Counters, Device, event_block
-from daq.devices.opening import open_device
-from daq.devices.reader_thread import DeviceReader
+from recoil_acquisition.devices.device import SERIAL, Block, Counters, Device, event_block
+from recoil_acquisition.devices.opening import open_device
+from recoil_acquisition.devices.reader_thread import DeviceReader
 
 
 class Scripted:

@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from daq.devices import serial_device
-from daq.devices.device import SERIAL, Block, event_of
-from daq.devices.opening import open_device
-from daq.devices.serial_commands import PollClock, SerialCommands
-from daq.devices.serial_device import SerialDevice
-from daq.devices.serial_port import PortIdentity, find, identity_of, learn
-from daq.errors import DeviceError
-from daq.frames.framing import Command, Poll
-from rigs.twin.transports import PseudoTerminal
+from recoil_acquisition.devices import serial_device
+from recoil_acquisition.devices.device import SERIAL, Block, event_of
+from recoil_acquisition.devices.opening import open_device
+from recoil_acquisition.devices.serial_commands import PollClock, SerialCommands
+from recoil_acquisition.devices.serial_device import SerialDevice
+from recoil_acquisition.devices.serial_port import PortIdentity, find, identity_of, learn
+from recoil_acquisition.errors import DeviceError
+from recoil_acquisition.frames.framing import Command, Poll
+from recoil_rigs.twin.transports import PseudoTerminal
 
 needs_pty = pytest.mark.skipif(not hasattr(os, "openpty"), reason="this system has no pseudo-terminals")
 

@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.devices.device import CAN, SERIAL, Block
-from daq.devices.opening import make_device
-from daq.devices.stream_check import FramingCheck, can_counter_check
-from daq.errors import DeviceError
-from daq.frames import can_capture_file as capture
-from daq.frames.declaration import framing_from_table
+from recoil_acquisition.devices.device import CAN, SERIAL, Block
+from recoil_acquisition.devices.opening import make_device
+from recoil_acquisition.devices.stream_check import FramingCheck, can_counter_check
+from recoil_acquisition.errors import DeviceError
+from recoil_acquisition.frames import can_capture_file as capture
+from recoil_acquisition.frames.declaration import framing_from_table
 from tests.builders import vendor_files as build
 
 FRAMING = framing_from_table(build.FRAMING)

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.errors import StoreError
-from daq.exporters import publication
-from daq.exporters.content import Content, gather
-from daq.exporters.csv_text import CsvExporter
-from daq.exporters.exporter import Table, first_difference
-from daq.exporters.publication import write_export
-from daq.exporters.table import EXPORTERS, exporter_of
+from recoil_acquisition.errors import StoreError
+from recoil_acquisition.exporters import publication
+from recoil_acquisition.exporters.content import Content, gather
+from recoil_acquisition.exporters.csv_text import CsvExporter
+from recoil_acquisition.exporters.exporter import Table, first_difference
+from recoil_acquisition.exporters.publication import write_export
+from recoil_acquisition.exporters.table import EXPORTERS, exporter_of
 from tests.builders.shots import make_shot
 
 CONTENT = gather(make_shot(), {})

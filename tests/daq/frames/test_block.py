@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.frames.declaration import framing_from_table
-from daq.frames.decoder import FrameDecoder
-from daq.frames.frame_set import Counters
-from daq.frames.framing import Framing
-from daq.frames.scan import find_frames
+from recoil_acquisition.frames.declaration import framing_from_table
+from recoil_acquisition.frames.decoder import FrameDecoder
+from recoil_acquisition.frames.frame_set import Counters
+from recoil_acquisition.frames.framing import Framing
+from recoil_acquisition.frames.scan import find_frames
 from tests.builders.serial_packets import cobs, decoded, slip, summed, taken
 
 FIELDS = [{"name": "a", "at": 4, "type": "u16"}]

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.frames.byte_stuffing import (
+from recoil_acquisition.frames.byte_stuffing import (
     decode_cobs,
     decode_cobs_packets,
     decode_slip,

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.frames.checksum import CHECKSUMS
+from recoil_acquisition.frames.checksum import CHECKSUMS
 
 
 @pytest.mark.parametrize("checksum", CHECKSUMS.values(), ids=lambda c: c.name)

@@ -4,9 +4,9 @@ from typing import Any
 
 import pytest
 
-from daq.errors import FramingError
-from daq.frames.declaration import framing_from_table
-from daq.frames.framing import Command, Framing, Poll
+from recoil_acquisition.errors import FramingError
+from recoil_acquisition.frames.declaration import framing_from_table
+from recoil_acquisition.frames.framing import Command, Framing, Poll
 
 FIELDS = {"kind": "fixed", "length": {"fixed": 2}, "fields": [{"name": "a", "at": 0, "type": "u8"}]}
 

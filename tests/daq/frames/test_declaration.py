@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from daq.errors import FramingError
-from daq.frames.declaration import framing_from_table
+from recoil_acquisition.errors import FramingError
+from recoil_acquisition.frames.declaration import framing_from_table
 from tests.builders.vendor_files import FRAMING
 
 

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.frames.declaration import framing_from_table
-from daq.frames.decoder import FrameDecoder
-from daq.frames.frame_set import Counters, Frame
-from daq.frames.scan import find_frames
-from daq.frames.search import NEED_DATA
+from recoil_acquisition.frames.declaration import framing_from_table
+from recoil_acquisition.frames.decoder import FrameDecoder
+from recoil_acquisition.frames.frame_set import Counters, Frame
+from recoil_acquisition.frames.scan import find_frames
+from recoil_acquisition.frames.search import NEED_DATA
 from tests.builders.vendor_files import FRAMING, serial_frame, serial_frames
 
 FIXED = framing_from_table(FRAMING)

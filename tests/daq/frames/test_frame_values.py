@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.frames.declaration import framing_from_table
-from daq.frames.frame_set import FrameSet
-from daq.frames.scan import find_frames
-from daq.frames.values import decode_fields, gaps, unwrap
+from recoil_acquisition.frames.declaration import framing_from_table
+from recoil_acquisition.frames.frame_set import FrameSet
+from recoil_acquisition.frames.scan import find_frames
+from recoil_acquisition.frames.values import decode_fields, gaps, unwrap
 from tests.builders.shared_data import shared_file
 from tests.builders.vendor_files import FRAMING, serial_frames
 

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.frames.declaration import framing_from_table
-from daq.frames.field import TYPE_SIZES, Field
-from daq.frames.number import number_at, numbers_at
-from daq.frames.scan import find_frames
-from daq.frames.values import decode_fields
+from recoil_acquisition.frames.declaration import framing_from_table
+from recoil_acquisition.frames.field import TYPE_SIZES, Field
+from recoil_acquisition.frames.number import number_at, numbers_at
+from recoil_acquisition.frames.scan import find_frames
+from recoil_acquisition.frames.values import decode_fields
 from tests.builders.serial_packets import cobs
 
 WHOLE = [type_ for type_ in TYPE_SIZES if type_[0] in "ui"]

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from daq.errors import FramingError
-from daq.frames.declaration import framing_from_table
-from daq.frames.frame_set import FrameSet
-from daq.frames.framing import Framing
-from daq.frames.ready_made import READY_MADE
-from daq.frames.scan import find_frames
-from daq.frames.values import FieldSeries, decode_fields, gaps
-from daq.quantity import find_unit
+from recoil_acquisition.errors import FramingError
+from recoil_acquisition.frames.declaration import framing_from_table
+from recoil_acquisition.frames.frame_set import FrameSet
+from recoil_acquisition.frames.framing import Framing
+from recoil_acquisition.frames.ready_made import READY_MADE
+from recoil_acquisition.frames.scan import find_frames
+from recoil_acquisition.frames.values import FieldSeries, decode_fields, gaps
+from recoil_acquisition.quantity import find_unit
 from tests.builders.serial_packets import cobs, summed, witmotion_frame
 from tests.builders.shared_data import shared_file
 

@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.frames.capture_file import parse_capture
-from daq.frames.declaration import framing_from_table
-from daq.frames.decoder import FrameDecoder
-from daq.frames.frame_set import Counters
-from daq.frames.scan import find_frames, find_frames_of_capture
-from daq.frames.search import NEED_DATA
+from recoil_acquisition.frames.capture_file import parse_capture
+from recoil_acquisition.frames.declaration import framing_from_table
+from recoil_acquisition.frames.decoder import FrameDecoder
+from recoil_acquisition.frames.frame_set import Counters
+from recoil_acquisition.frames.scan import find_frames, find_frames_of_capture
+from recoil_acquisition.frames.search import NEED_DATA
 from tests.builders.serial_packets import decoded, stamped_capture, summed, taken
 
 MODBUS = {

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from daq.errors import ReadError
-from daq.readers.bounded_file import most_unpacked
-from daq.readers.reader import Declarations
-from daq.readers.table import recognise
+from recoil_acquisition.errors import ReadError
+from recoil_acquisition.readers.bounded_file import most_unpacked
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.table import recognise
 from tests.builders.hostile_files import HOSTILE
 from tests.builders.vendor_files import DBC
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from daq.readers.table import READERS
+from recoil_acquisition.readers.table import READERS
 from tests.builders.long_texts import LONG_TEXTS
 
 MOST_RATIO = 10

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from daq.errors import ReadError, UnknownFormatError
-from daq.readers import table
-from daq.readers.table import READERS, read_head, recognise
+from recoil_acquisition.errors import ReadError, UnknownFormatError
+from recoil_acquisition.readers import table
+from recoil_acquisition.readers.table import READERS, read_head, recognise
 from tests.builders import vendor_files as build
 from tests.builders.shared_data import shared_file
 

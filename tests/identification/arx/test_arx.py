@@ -5,9 +5,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.errors import IdentificationError
-from identification.arx.estimation import arx_regressors, checked_record, estimate_arx, residuals, robust_covariance
-from identification.arx.model import ArxOrders
+from recoil_acquisition.errors import IdentificationError
+from recoil_identification.arx.estimation import (
+    arx_regressors,
+    checked_record,
+    estimate_arx,
+    residuals,
+    robust_covariance,
+)
+from recoil_identification.arx.model import ArxOrders
 from tests.builders.arx_systems import SECOND_ORDER, arx_record
 
 ORDERS = ArxOrders(2, 1, 1)

@@ -3,13 +3,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from daq.errors import IdentificationError
-from identification.arx.choice import ArxChoice, choose_model, count_of_lags
-from identification.arx.decimated_record import DecimatedRecord
-from identification.arx.mass import GainMass, mass_of_gain, refitted
-from identification.arx.model import ArxOrders
-from identification.arx.orders import order_grid
-from identification.arx.verdict import notes_on_model, reasons_against_model
+from recoil_acquisition.errors import IdentificationError
+from recoil_identification.arx.choice import ArxChoice, choose_model, count_of_lags
+from recoil_identification.arx.decimated_record import DecimatedRecord
+from recoil_identification.arx.mass import GainMass, mass_of_gain, refitted
+from recoil_identification.arx.model import ArxOrders
+from recoil_identification.arx.orders import order_grid
+from recoil_identification.arx.verdict import notes_on_model, reasons_against_model
 from tests.builders.arx_systems import PULSE_MASS_KG as MASS_KG
 from tests.builders.arx_systems import pulse_record as record
 

@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from identification.arx.decimated_record import DecimatedRecord
-from identification.arx.estimation import estimate_arx, robust_covariance
-from identification.arx.mass import mass_of_gain, mass_over_time, noise_attenuation, one_step_errors, refitted
-from identification.arx.model import ArxOrders
-from identification.arx.response import dc_gain
+from recoil_identification.arx.decimated_record import DecimatedRecord
+from recoil_identification.arx.estimation import estimate_arx, robust_covariance
+from recoil_identification.arx.mass import mass_of_gain, mass_over_time, noise_attenuation, one_step_errors, refitted
+from recoil_identification.arx.model import ArxOrders
+from recoil_identification.arx.response import dc_gain
 from tests.builders.arx_systems import PULSE_MASS_KG as MASS_KG
 from tests.builders.arx_systems import pulse_record as record
 

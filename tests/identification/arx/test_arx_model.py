@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from identification.arx.model import ArxModel, ArxOrders, information_criteria
+from recoil_identification.arx.model import ArxModel, ArxOrders, information_criteria
 
 
 def model(rss: float = 2.0, n_rows: int = 50) -> ArxModel:

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.errors import IdentificationError
-from identification.arx.estimation import estimate_arx, residuals
-from identification.arx.model import ArxOrders
-from identification.arx.orders import compare_orders, halves, order_grid, usable_rows
+from recoil_acquisition.errors import IdentificationError
+from recoil_identification.arx.estimation import estimate_arx, residuals
+from recoil_identification.arx.model import ArxOrders
+from recoil_identification.arx.orders import compare_orders, halves, order_grid, usable_rows
 from tests.builders.arx_systems import arx_record
 
 GRID = order_grid(range(4), range(3), range(4))

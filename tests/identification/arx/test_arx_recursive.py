@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from identification.arx.estimation import arx_regressors, estimate_arx
-from identification.arx.model import ArxOrders
-from identification.arx.recursive import finite_history_arx, forgetting_arx
-from identification.memory.windowed_estimates import WindowStatus
+from recoil_identification.arx.estimation import arx_regressors, estimate_arx
+from recoil_identification.arx.model import ArxOrders
+from recoil_identification.arx.recursive import finite_history_arx, forgetting_arx
+from recoil_identification.memory.windowed_estimates import WindowStatus
 from tests.builders.arx_systems import arx_output, arx_record
 
 ORDERS = ArxOrders(2, 1, 1)

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from identification.arx.estimation import estimate_arx
-from identification.arx.model import ArxModel, ArxOrders
-from identification.arx.response import (
+from recoil_identification.arx.estimation import estimate_arx
+from recoil_identification.arx.model import ArxModel, ArxOrders
+from recoil_identification.arx.response import (
     Gain,
     dc_gain,
     frequency_response,

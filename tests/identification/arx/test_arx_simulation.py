@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from identification.arx.estimation import estimate_arx, residuals
-from identification.arx.model import ArxModel, ArxOrders
-from identification.arx.simulation import fit_percent, predict, simulate
+from recoil_identification.arx.estimation import estimate_arx, residuals
+from recoil_identification.arx.model import ArxModel, ArxOrders
+from recoil_identification.arx.simulation import fit_percent, predict, simulate
 from tests.builders.arx_systems import SECOND_ORDER, arx_output, arx_record
 
 ORDERS = ArxOrders(2, 1, 1)

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.arx.decimated_record import decimated, force_noise_n
-from identification.regression import AREAS, spaced_rows
-from processing.filters import LowPass
+from recoil_identification.arx.decimated_record import decimated, force_noise_n
+from recoil_identification.regression import AREAS, spaced_rows
+from recoil_processing.filters import LowPass
 from tests.builders.bench_shots import MASS_KG, bench_motion, bench_regression, bench_rig, bench_shot, bench_signals
 
 AREAS_M2 = {area: getattr(bench_rig().mechanism, area) for area in AREAS}

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from identification.arx.estimation import arx_regressors, estimate_arx, residuals
-from identification.arx.model import ArxOrders
-from identification.arx.residual_tests import independence, whiteness
+from recoil_identification.arx.estimation import arx_regressors, estimate_arx, residuals
+from recoil_identification.arx.model import ArxOrders
+from recoil_identification.arx.residual_tests import independence, whiteness
 from tests.builders.arx_systems import arx_record
 
 

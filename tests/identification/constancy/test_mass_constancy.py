@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daq.errors import IdentificationError
-from identification.calibration import calibrated_mass
-from identification.constancy.mass_constancy import MassConstancy, constancy_of, mass_constancy, sensor_columns
-from identification.mass import ScaleUncertainty
-from identification.regression import Regression
-from processing.filters import LowPass
+from recoil_acquisition.errors import IdentificationError
+from recoil_identification.calibration import calibrated_mass
+from recoil_identification.constancy.mass_constancy import MassConstancy, constancy_of, mass_constancy, sensor_columns
+from recoil_identification.mass import ScaleUncertainty
+from recoil_identification.regression import Regression
+from recoil_processing.filters import LowPass
 from tests.builders.bench_shots import MASS_KG, bench_regression
 
 SCALES = ScaleUncertainty(0.005, (0.005, 0.004, 0.004), 150.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.constancy.mass_step import StepTest, step_test
+from recoil_identification.constancy.mass_step import StepTest, step_test
 
 N = 200
 TIMES = 1e-3 * np.arange(N)

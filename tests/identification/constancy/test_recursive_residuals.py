@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.constancy.recursive_residuals import cusum, cusum_of_squares, long_run_factor, recursive_residuals
+from recoil_identification.constancy.recursive_residuals import (
+    cusum,
+    cusum_of_squares,
+    long_run_factor,
+    recursive_residuals,
+)
 
 ROWS = 90
 

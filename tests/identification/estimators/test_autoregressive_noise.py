@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from identification.estimators.autoregressive_noise import (
+from recoil_identification.estimators.autoregressive_noise import (
     AutoregressiveNoise,
     few_samples_factor,
     fit_noise,

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.errors import IdentificationError
-from identification.estimators.double_impulse import DoubleImpulseMass, double_impulse_mass
+from recoil_acquisition.errors import IdentificationError
+from recoil_identification.estimators.double_impulse import DoubleImpulseMass, double_impulse_mass
 from tests.builders.recoil_scenario import MARKER_SIGMA_M, MASS_KG, RATE_HZ, record_recoil, true_recoil
 
 TRUE = true_recoil()

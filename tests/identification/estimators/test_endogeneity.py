@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from daq.errors import IdentificationError
-from identification.estimators.endogeneity import durbin_wu_hausman
-from identification.estimators.errors_in_variables import neighbouring_force
+from recoil_acquisition.errors import IdentificationError
+from recoil_identification.estimators.endogeneity import durbin_wu_hausman
+from recoil_identification.estimators.errors_in_variables import neighbouring_force
 from tests.builders.recoil_scenario import MASS_KG, record_recoil, true_recoil
 
 TRUE = true_recoil()

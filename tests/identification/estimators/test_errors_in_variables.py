@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.errors import IdentificationError
-from identification.estimators.errors_in_variables import (
+from recoil_acquisition.errors import IdentificationError
+from recoil_identification.estimators.errors_in_variables import (
     bias_compensated_mass,
     deming_mass,
     instrumental_mass,

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.estimators.film import LEAST_FRAMES, Film
-from processing.motion.double_integral import DoubleIntegral
+from recoil_identification.estimators.film import LEAST_FRAMES, Film
+from recoil_processing.motion.double_integral import DoubleIntegral
 from tests.builders.recoil_scenario import RATE_HZ, record_recoil, true_recoil
 
 TRUE = true_recoil()

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daq.errors import IdentificationError
-from identification.estimators.joint_recoil import Knowledge, Recoil
-from identification.estimators.joint_smoother import joint_mass
+from recoil_acquisition.errors import IdentificationError
+from recoil_identification.estimators.joint_recoil import Knowledge, Recoil
+from recoil_identification.estimators.joint_smoother import joint_mass
 from tests.builders.recoil_scenario import MARKER_SIGMA_M, MASS_KG, RATE_HZ, record_recoil, true_recoil
 
 TRUE = true_recoil()

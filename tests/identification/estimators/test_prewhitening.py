@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.errors import IdentificationError
-from identification.estimators.prewhitening import prewhitened_mass
+from recoil_acquisition.errors import IdentificationError
+from recoil_identification.estimators.prewhitening import prewhitened_mass
 from tests.builders.recoil_scenario import MASS_KG, record_recoil, true_recoil
 
 TRUE = true_recoil()

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.errors import IdentificationError
-from identification.estimators.weak_form import Bumps, weak_displacement_mass, weak_mass
+from recoil_acquisition.errors import IdentificationError
+from recoil_identification.estimators.weak_form import Bumps, weak_displacement_mass, weak_mass
 from tests.builders.recoil_scenario import FORCE_NOISE, MARKER_SIGMA_M, MASS_KG, RATE_HZ, record_recoil, true_recoil
 
 TRUE = true_recoil()

@@ -6,10 +6,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from identification.forces.force_input import InputEstimate, estimate_input, thinning_factor
-from identification.forces.force_inversion import InvertedForce, invert_force
-from identification.forces.force_peak import find_peak
-from processing.stress_waves.ringing import Mode
+from recoil_identification.forces.force_input import InputEstimate, estimate_input, thinning_factor
+from recoil_identification.forces.force_inversion import InvertedForce, invert_force
+from recoil_identification.forces.force_peak import find_peak
+from recoil_processing.stress_waves.ringing import Mode
 from tests.builders.driven_parts import GAIN_ERROR, HELD_N, ONSET_S, DrivenPart, driven_part
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from identification.forces.input_smoother import InputModel, follow_intensities, log_likelihood, smooth_inputs
+from recoil_identification.forces.input_smoother import InputModel, follow_intensities, log_likelihood, smooth_inputs
 
 
 def random_model(seed: int, steps: int = 12) -> InputModel:

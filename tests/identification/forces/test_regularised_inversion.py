@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from identification.forces.regularised_inversion import invert
+from recoil_identification.forces.regularised_inversion import invert
 
 
 def second_differences(n: int) -> np.ndarray:

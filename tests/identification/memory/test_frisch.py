@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from identification.memory.frisch import frisch_bracket
+from recoil_identification.memory.frisch import frisch_bracket
 
 seeds = st.integers(0, 2**32 - 1)
 ratios = st.floats(0.01, 1e4).flatmap(lambda r: st.sampled_from([r, -r]))

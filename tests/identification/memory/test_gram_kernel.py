@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.errors import RecoilDaqError
-from identification.memory import gram_kernel, limited_memory
-from identification.memory.limited_memory import limited_memory_least_squares
+from recoil_acquisition.errors import RecoilDaqError
+from recoil_identification.memory import gram_kernel, limited_memory
+from recoil_identification.memory.limited_memory import limited_memory_least_squares
 
 FIELDS = (
     "parameters",
@@ -100,7 +100,7 @@ def test_long_records_are_compiled_unasked_and_short_ones_are_not(monkeypatch):
     asked = []
     load = gram_kernel.load_kernel
     monkeypatch.setattr(
-        "identification.memory.limited_memory_batch.load_kernel", lambda *a: asked.append(a) or load(*a)
+        "recoil_identification.memory.limited_memory_batch.load_kernel", lambda *a: asked.append(a) or load(*a)
     )
     monkeypatch.setattr(limited_memory, "COMPILED_SAMPLES", 2_000)
     regressors, response = record(np.random.default_rng(3), 1_000, 1, 0)

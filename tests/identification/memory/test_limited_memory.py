@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.errors import IdentificationError
-from identification.memory.limited_memory import (
+from recoil_acquisition.errors import IdentificationError
+from recoil_identification.memory.limited_memory import (
     REASONS,
     LimitedMemory,
     WindowedEstimates,

@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from daq.errors import RecoilDaqError
-from identification.memory import limited_memory_paper
-from identification.memory.limited_memory import WindowStatus, limited_memory_least_squares
+from recoil_acquisition.errors import RecoilDaqError
+from recoil_identification.memory import limited_memory_paper
+from recoil_identification.memory.limited_memory import WindowStatus, limited_memory_least_squares
 from tests.builders.window_oracles import relative_error
 
 

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from daq.errors import IdentificationError
-from identification.memory.window_length import choose_window
+from recoil_acquisition.errors import IdentificationError
+from recoil_identification.memory.window_length import choose_window
 
 
 def record(seed, noise, parameter, n_samples=8_000):

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from identification.parameters.base_parameters import structural_base, structural_rank, told_by_shot
-from identification.parameters.mechanism_fit import PREFERRED, natural_scales, structural_parameters
-from rigs.mechanism_regressor import PARAMETERS, Geometry, regressor
-from rigs.rig import load_rig
+from recoil_identification.parameters.base_parameters import structural_base, structural_rank, told_by_shot
+from recoil_identification.parameters.mechanism_fit import PREFERRED, natural_scales, structural_parameters
+from recoil_rigs.mechanism_regressor import PARAMETERS, Geometry, regressor
+from recoil_rigs.rig import load_rig
 
 GEOMETRY = Geometry.of(load_rig("field-2013").mechanism)
 ALL = (0, 1, 2, 3, 4)

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.parameters.inertia_forces import FORCES, inertia_forces, mass_alone, peak, with_mass
-from rigs.mechanism import specific_acceleration
-from rigs.mechanism_regressor import Geometry, standard_parameters
-from rigs.rig import load_rig
+from recoil_identification.parameters.inertia_forces import FORCES, inertia_forces, mass_alone, peak, with_mass
+from recoil_rigs.mechanism import specific_acceleration
+from recoil_rigs.mechanism_regressor import Geometry, standard_parameters
+from recoil_rigs.rig import load_rig
 
 MECHANISM = load_rig("field-2013").mechanism
 

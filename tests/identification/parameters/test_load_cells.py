@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.parameters.load_cells import LOAD_CELLS, lost_equations, usable_equations
-from rigs.mechanism_regressor import EQUATIONS, LOADS, Geometry, load_directions
-from rigs.rig import load_rig
+from recoil_identification.parameters.load_cells import LOAD_CELLS, lost_equations, usable_equations
+from recoil_rigs.mechanism_regressor import EQUATIONS, LOADS, Geometry, load_directions
+from recoil_rigs.rig import load_rig
 
 GEOMETRY = Geometry.of(load_rig("field-2013").mechanism)
 

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from daq.acquisition import AcquiredEvent
-from daq.shot import QualityCheck
-from identification.quality.acquisition_quality import check_acquisition, check_clock_fits
-from identification.quality.shot_quality import check_shot
+from recoil_acquisition.acquisition import AcquiredEvent
+from recoil_acquisition.shot import QualityCheck
+from recoil_identification.quality.acquisition_quality import check_acquisition, check_clock_fits
+from recoil_identification.quality.shot_quality import check_shot
 from tests.builders.bench_shots import ArrayRecording, bench_rig, bench_shot
 from tests.builders.shots import CLOCK_FIT, acquired_source, make_acquisition
 

@@ -4,12 +4,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from daq.channel import Channel
-from daq.shot import ClockAlignment
-from daq.timebase import TimeBase
-from daq.track import Track
-from identification.quality.camera_quality import check_film, check_fusion, check_track, rest_after
-from rigs.rig import ChannelSpec, Source
+from recoil_acquisition.channel import Channel
+from recoil_acquisition.shot import ClockAlignment
+from recoil_acquisition.timebase import TimeBase
+from recoil_acquisition.track import Track
+from recoil_identification.quality.camera_quality import check_film, check_fusion, check_track, rest_after
+from recoil_rigs.rig import ChannelSpec, Source
 from tests.builders.bench_shots import ArrayRecording
 
 TIMES_S = np.arange(2000) / 2000

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.shot import QualityCheck, Shot
-from identification.quality.shot_quality import check_shot
-from rigs.rig import Rig
+from recoil_acquisition.shot import QualityCheck, Shot
+from recoil_identification.quality.shot_quality import check_shot
+from recoil_rigs.rig import Rig
 from tests.builders.bench_shots import ArrayRecording, bench_motion, bench_rig, bench_shot
 from tests.builders.virtual_shots import virtual_shot, with_channels, without_channels
 

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daq.shot import InputFile
-from identification.analysis import Options, identify_shot
-from identification.report.document import TRACE_COLUMNS, report_document, write_document, write_trace
+from recoil_acquisition.shot import InputFile
+from recoil_identification.analysis import Options, identify_shot
+from recoil_identification.report.document import TRACE_COLUMNS, report_document, write_document, write_trace
 from tests.builders.bench_shots import bench_rig, bench_shot
 from tests.builders.virtual_shots import identified, virtual_shot
 

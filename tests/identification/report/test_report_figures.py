@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.analysis import Identification, Options, identify_shot
-from identification.report.figure import Figure
-from identification.report.figures import report_figures
+from recoil_identification.analysis import Identification, Options, identify_shot
+from recoil_identification.report.figure import Figure
+from recoil_identification.report.figures import report_figures
 from tests.builders.bench_shots import bench_rig, bench_shot
 from tests.builders.virtual_shots import identified
 

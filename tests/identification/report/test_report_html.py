@@ -16,10 +16,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from daq.errors import StoreError
-from identification.report import html, tables
-from identification.report.drawing import drawing, drawings
-from identification.report.figure import (
+from recoil_acquisition.errors import StoreError
+from recoil_identification.report import html, tables
+from recoil_identification.report.drawing import drawing, drawings
+from recoil_identification.report.figure import (
     Figure,
     HorizontalLine,
     Panel,
@@ -29,8 +29,8 @@ from identification.report.figure import (
     decimate,
     envelope_indices,
 )
-from identification.report.html import render_page, write_page
-from identification.report.rounding import fixed, plain, rounded, significant
+from recoil_identification.report.html import render_page, write_page
+from recoil_identification.report.rounding import fixed, plain, rounded, significant
 
 HOSTILE = '</script><img src=x onerror=alert(1)>\u2028\'" onload="x%{y}{{7*7}}'
 OPTIONAL_KEYS = ("methods", "truth", "summary", "E_n", "alignment", "quality", "budget", "trace", "interval_s")
@@ -191,7 +191,7 @@ def test_missing_script_is_a_store_error_with_its_remedy(tmp_path, monkeypatch, 
 
 def test_neither_import_nor_rendering_loads_plotly_s_package_or_pandas():
     code = (
-        "import sys, identification.report.html as h; early = set(sys.modules); h.plotly_script();"
+        "import sys, recoil_identification.report.html as h; early = set(sys.modules); h.plotly_script();"
         "h.render_page({'schema': h.SCHEMA, 'shot': '1', 'rig': 'r', 'mass': {}, 'rpe_percent': None, 'valid': False,"
         " 'reasons': [], 'provenance': {}}, []);"
         "print([m for m in ('plotly', 'pandas', 'scipy') if m in sys.modules], 'jinja2' in early)"

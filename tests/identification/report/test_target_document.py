@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from daq.shot import InputFile
-from identification.report.figure import Figure, Panel, Trace
-from identification.report.html import render_target_page
-from identification.report.target_document import SCHEMA, target_document, write_series, write_target_document
-from identification.targets import TARGETS, target_function
-from identification.targets.target import Case, Finding, Quantity, Series, Table
+from recoil_acquisition.shot import InputFile
+from recoil_identification.report.figure import Figure, Panel, Trace
+from recoil_identification.report.html import render_target_page
+from recoil_identification.report.target_document import SCHEMA, target_document, write_series, write_target_document
+from recoil_identification.targets import TARGETS, target_function
+from recoil_identification.targets.target import Case, Finding, Quantity, Series, Table
 from tests.builders.shots import make_shot
 
 
@@ -91,8 +91,8 @@ def test_an_unknown_target_is_refused() -> None:
 
 
 def test_a_case_refuses_a_shot_without_the_channels() -> None:
-    from daq.errors import IdentificationError
-    from rigs.rig import load_rig
+    from recoil_acquisition.errors import IdentificationError
+    from recoil_rigs.rig import load_rig
 
     case = Case(make_shot(), load_rig("field-2013"))
     with pytest.raises(IdentificationError, match="no channel of role ground_speed"):

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.calibration import calibrated_mass
-from identification.mass import ScaleUncertainty
-from identification.regression import Regression, spaced_rows
-from identification.resistance.packing_friction import Friction, packing_friction
-from processing.filters import LowPass
+from recoil_identification.calibration import calibrated_mass
+from recoil_identification.mass import ScaleUncertainty
+from recoil_identification.regression import Regression, spaced_rows
+from recoil_identification.resistance.packing_friction import Friction, packing_friction
+from recoil_processing.filters import LowPass
 from tests.builders.bench_shots import MASS_KG, bench_regression
 
 

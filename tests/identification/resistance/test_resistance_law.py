@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from identification.resistance.resistance_law import block_means, fit_brake_profile, fit_gas_law
+from recoil_identification.resistance.resistance_law import block_means, fit_brake_profile, fit_gas_law
 
 TRAVEL = np.linspace(0.0, 0.8, 200)
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from identification.resistance.shot_balance import BalancePoint, Terms, energy_balance, momentum_balance
-from processing.motion.double_integral import integrate
+from recoil_identification.resistance.shot_balance import BalancePoint, Terms, energy_balance, momentum_balance
+from recoil_processing.motion.double_integral import integrate
 
 STEP = 1e-5
 

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daq.errors import IdentificationError
-from identification.preparation import prepare
-from identification.supports.carriage_record import MOTION_ROLES, carriage_record, with_response
-from identification.supports.supports import PARAMETERS, Assumptions, supports_of
-from processing.filters.analog_filter import AnalogLowPass
-from rigs.rig import Rig
+from recoil_acquisition.errors import IdentificationError
+from recoil_identification.preparation import prepare
+from recoil_identification.supports.carriage_record import MOTION_ROLES, carriage_record, with_response
+from recoil_identification.supports.supports import PARAMETERS, Assumptions, supports_of
+from recoil_processing.filters.analog_filter import AnalogLowPass
+from recoil_rigs.rig import Rig
 from tests.builders.virtual_shots import virtual_shot, without_channels
 
 STEP = 2e-4

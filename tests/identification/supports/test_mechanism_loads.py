@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from identification.supports.mechanism_loads import (
+from recoil_identification.supports.mechanism_loads import (
     MeasuredMotion,
     State,
     foot_displacement,
@@ -18,11 +18,11 @@ from identification.supports.mechanism_loads import (
     rest_loads,
     state_of,
 )
-from rigs.mechanism import accelerations, generalized_forces
-from rigs.rig import load_rig
-from rigs.twin.instruments import truth
-from rigs.twin.motion import simulate_motion
-from rigs.twin.settings import read_settings
+from recoil_rigs.mechanism import accelerations, generalized_forces
+from recoil_rigs.rig import load_rig
+from recoil_rigs.twin.instruments import truth
+from recoil_rigs.twin.motion import simulate_motion
+from recoil_rigs.twin.settings import read_settings
 
 MECHANISM = load_rig("field-2013").mechanism
 

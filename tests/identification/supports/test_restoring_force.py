@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from identification.supports.restoring_force import fit_restoring_force, rows_of, trace_restoring_force
-from identification.supports.support_filter import Band, Support, band_pass_rows
-from processing.filters import LowPass
+from recoil_identification.supports.restoring_force import fit_restoring_force, rows_of, trace_restoring_force
+from recoil_identification.supports.support_filter import Band, Support, band_pass_rows
+from recoil_processing.filters import LowPass
 
 RATE = 5000.0
 TIMES = np.arange(2000) / RATE

@@ -7,9 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from identification.supports.support_modes import DERIVED, derived_values, derived_with_u, ground_modes, tipping_mode
-from rigs.mechanism import mass_matrix
-from rigs.rig import load_rig
+from recoil_identification.supports.support_modes import (
+    DERIVED,
+    derived_values,
+    derived_with_u,
+    ground_modes,
+    tipping_mode,
+)
+from recoil_rigs.mechanism import mass_matrix
+from recoil_rigs.rig import load_rig
 
 MECHANISM = load_rig("field-2013").mechanism
 VALUES = np.array([2e6, 2.5e4, 3e7, 2e5, 0.25, 3e7, 2e5, 2e7, 2e5])

@@ -5,11 +5,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from daq.errors import IdentificationError
-from identification.report.drawing import drawing
-from identification.targets import target_function
-from identification.targets.arx import find
-from identification.targets.target import Case, Finding
+from recoil_acquisition.errors import IdentificationError
+from recoil_identification.report.drawing import drawing
+from recoil_identification.targets import target_function
+from recoil_identification.targets.arx import find
+from recoil_identification.targets.target import Case, Finding
 from tests.builders.virtual_shots import virtual_shot, with_channels, without_channels
 
 SHOTS = [("field-2013", 3), ("mixed", 3)]

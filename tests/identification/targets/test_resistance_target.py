@@ -6,10 +6,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from daq.errors import IdentificationError
-from identification.targets import target_function
-from identification.targets.target import Case, Finding
-from rigs.twin import read_settings
+from recoil_acquisition.errors import IdentificationError
+from recoil_identification.targets import target_function
+from recoil_identification.targets.target import Case, Finding
+from recoil_rigs.twin import read_settings
 from tests.builders.virtual_shots import VirtualShot, virtual_shot, without_channels
 
 RIGS = ("field-2013", "mixed")

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daq.errors import IdentificationError
-from identification.parameters.inertia_forces import FORCES, UNITS, inertia_forces
-from identification.targets.inertia_force import find
-from identification.targets.target import Case
-from rigs.mechanism_regressor import Geometry, standard_parameters
+from recoil_acquisition.errors import IdentificationError
+from recoil_identification.parameters.inertia_forces import FORCES, UNITS, inertia_forces
+from recoil_identification.targets.inertia_force import find
+from recoil_identification.targets.target import Case
+from recoil_rigs.mechanism_regressor import Geometry, standard_parameters
 from tests.builders.load_cell_rigs import weighed_shot
 from tests.builders.virtual_shots import with_channels, without_channels
 

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processing.alignment.aliasing import folded_samples, usual_filter
-from processing.filters.analog_filter import AnalogLowPass
+from recoil_processing.alignment.aliasing import folded_samples, usual_filter
+from recoil_processing.filters.analog_filter import AnalogLowPass
 
 STEP_S = 2e-5
 TIMES_S = STEP_S * np.arange(20_000)

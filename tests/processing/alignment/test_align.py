@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daq.shot import ClockAlignment
-from processing.alignment.align import judge_edges, judge_motion, judge_redundant
-from processing.alignment.frame_fault import FrameFault
-from processing.alignment.motion_fit import MotionFit
-from processing.alignment.redundant_alignment import RedundantFit
-from processing.alignment.trigger_alignment import EdgeFit
+from recoil_acquisition.shot import ClockAlignment
+from recoil_processing.alignment.align import judge_edges, judge_motion, judge_redundant
+from recoil_processing.alignment.frame_fault import FrameFault
+from recoil_processing.alignment.motion_fit import MotionFit
+from recoil_processing.alignment.redundant_alignment import RedundantFit
+from recoil_processing.alignment.trigger_alignment import EdgeFit
 
 MOTION = MotionFit(
     offset_s=0.05,

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processing.alignment.channel_skew import Skew, measure_skew
+from recoil_processing.alignment.channel_skew import Skew, measure_skew
 from tests.builders.motions import ONSET_S, acceleration
 from tests.builders.shared_data import shared_file
 

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processing.alignment.correlation import CoarseLag, coarse_lag
+from recoil_processing.alignment.correlation import CoarseLag, coarse_lag
 from tests.builders.motions import ONSET_S, velocity
 
 STEP_S = 1e-4

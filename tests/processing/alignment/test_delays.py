@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processing.alignment.delays import (
+from recoil_processing.alignment.delays import (
     Delay,
     DelayPart,
     declared_delay,
@@ -16,7 +16,7 @@ from processing.alignment.delays import (
     mount_delay,
     sum_of,
 )
-from processing.filters.analog_filter import AnalogLowPass
+from recoil_processing.filters.analog_filter import AnalogLowPass
 
 CORNERS_HZ = st.floats(10.0, 1e5)
 

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from processing.alignment.motion_alignment import MotionFit, align_motion
+from recoil_processing.alignment.motion_alignment import MotionFit, align_motion
 from tests.builders.motions import ONSET_S, RecordedMotion, record_motion
 
 RATE_HZ = 6000.0

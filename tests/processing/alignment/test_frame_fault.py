@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from processing.alignment.frame_fault import FrameFault, correct_times
+from recoil_processing.alignment.frame_fault import FrameFault, correct_times
 
 PERIOD_S = 1 / 6000
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processing.alignment.lattice import count_steps, find_lattice
+from recoil_processing.alignment.lattice import count_steps, find_lattice
 
 
 @settings(deadline=None, max_examples=30)

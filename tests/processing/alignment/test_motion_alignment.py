@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.shot import ClockAlignment
-from processing.alignment.align import judge_motion
-from processing.alignment.motion_alignment import INFLATIONS, MotionFit, align_motion
+from recoil_acquisition.shot import ClockAlignment
+from recoil_processing.alignment.align import judge_motion
+from recoil_processing.alignment.motion_alignment import INFLATIONS, MotionFit, align_motion
 from tests.builders.motions import ONSET_S, RecordedMotion, record_motion, travel, velocity
 from tests.builders.shared_data import shared_file
 

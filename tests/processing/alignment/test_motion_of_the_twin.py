@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from processing.alignment.motion_fit import MotionFit
+from recoil_processing.alignment.motion_fit import MotionFit
 from tests.builders.filmed_shots import FilmedShot, film_shot
 
 SEEDS = (301, 302, 303)

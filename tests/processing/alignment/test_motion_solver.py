@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from processing.alignment.motion_least_squares import MotionModel
-from processing.alignment.motion_solver import MotionSolver
-from processing.motion.double_integral import DoubleIntegral
+from recoil_processing.alignment.motion_least_squares import MotionModel
+from recoil_processing.alignment.motion_solver import MotionSolver
+from recoil_processing.motion.double_integral import DoubleIntegral
 from tests.builders.motions import record_motion
 
 DENSITY = 1.25e-3

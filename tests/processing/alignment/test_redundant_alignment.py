@@ -3,9 +3,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processing.alignment.align import judge_redundant
-from processing.alignment.redundant_alignment import RedundantFit, align_redundant
-from processing.filters.analog_filter import AnalogLowPass
+from recoil_processing.alignment.align import judge_redundant
+from recoil_processing.alignment.redundant_alignment import RedundantFit, align_redundant
+from recoil_processing.filters.analog_filter import AnalogLowPass
 from tests.builders.motions import ONSET_S, acceleration, velocity
 
 OFFSET_S, GAIN = 0.0412, 1.02

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from processing.alignment.stamps import EvenStamps, even_stamps
+from recoil_processing.alignment.stamps import EvenStamps, even_stamps
 
 
 @settings(deadline=None, max_examples=50)

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processing.alignment.align import judge_edges
-from processing.alignment.trigger_alignment import EdgeFit, align_edges, rising_edges
+from recoil_processing.alignment.align import judge_edges
+from recoil_processing.alignment.trigger_alignment import EdgeFit, align_edges, rising_edges
 
 TIMES_S = np.arange(2000) * 1e-3 - 0.5
 

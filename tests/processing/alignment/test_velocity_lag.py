@@ -4,9 +4,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from processing.alignment.motion_least_squares import MotionModel
-from processing.alignment.velocity_lag import SPAN_S, camera_velocity, velocity_shift
-from processing.motion.double_integral import DoubleIntegral
+from recoil_processing.alignment.motion_least_squares import MotionModel
+from recoil_processing.alignment.velocity_lag import SPAN_S, camera_velocity, velocity_shift
+from recoil_processing.motion.double_integral import DoubleIntegral
 from tests.builders.motions import record_motion, travel, velocity
 
 

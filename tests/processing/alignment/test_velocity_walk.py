@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from processing.alignment.velocity_walk import WalkFilter
+from recoil_processing.alignment.velocity_walk import WalkFilter
 
 MARKER_VARIANCE, DENSITY = 2.5e-9, 1.25e-3
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processing.filters import ChannelFrequencyClass
+from recoil_processing.filters import ChannelFrequencyClass
 
 CLASSES = ChannelFrequencyClass.STANDARD
 

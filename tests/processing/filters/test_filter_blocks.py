@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processing.filters import ChannelFrequencyClass, KaiserLowPass, LowPass, WhittakerLowPass, WienerFilter
-from processing.filters.filter_blocks import filter_in_blocks, overlap_samples
+from recoil_processing.filters import ChannelFrequencyClass, KaiserLowPass, LowPass, WhittakerLowPass, WienerFilter
+from recoil_processing.filters.filter_blocks import filter_in_blocks, overlap_samples
 
 RATE_HZ = 20_000.0
 FILTERS = {

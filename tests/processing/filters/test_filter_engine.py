@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import sosfiltfilt
 
-from daq.errors import RecoilDaqError
-from processing.filters import ChannelFrequencyClass, KaiserLowPass, LowPass, filter_engine, interleaved_kernel
-from processing.filters.filter_engine import filter_channels
+from recoil_acquisition.errors import RecoilDaqError
+from recoil_processing.filters import ChannelFrequencyClass, KaiserLowPass, LowPass, filter_engine, interleaved_kernel
+from recoil_processing.filters.filter_engine import filter_channels
 
 RATE_HZ = 50_000.0
 FILTERS = [LowPass(500.0), LowPass(500.0, 3), LowPass(2000.0, padding="even"), ChannelFrequencyClass(180)]

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processing.filters import ChannelFrequencyClass, KaiserLowPass, LowPass, WhittakerLowPass
-from processing.filters.filtered import Filtered, filter_alike
+from recoil_processing.filters import ChannelFrequencyClass, KaiserLowPass, LowPass, WhittakerLowPass
+from recoil_processing.filters.filtered import Filtered, filter_alike
 
 RATE_HZ = 20_000.0
 FILTERS = [LowPass(300.0), ChannelFrequencyClass(180), KaiserLowPass(300.0), WhittakerLowPass(300.0)]

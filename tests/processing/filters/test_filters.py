@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import butter, sosfiltfilt
 
-from processing.filters import LowPass
-from processing.filters.padding import after, before
+from recoil_processing.filters import LowPass
+from recoil_processing.filters.padding import after, before
 
 RATE_HZ = 20_000.0
 SEEDS = st.integers(0, 2**32 - 1)

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import firwin, kaiserord
 
-from processing.filters import KaiserLowPass
+from recoil_processing.filters import KaiserLowPass
 
 RATE_HZ = 50_000.0
 

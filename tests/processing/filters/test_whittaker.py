@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processing.filters import WhittakerLowPass
+from recoil_processing.filters import WhittakerLowPass
 
 RATE_HZ = 20_000.0
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processing.filters import LowPass, WienerFilter
+from recoil_processing.filters import LowPass, WienerFilter
 
 RATE_HZ = 20_000.0
 FREQUENCY_HZ = np.linspace(0.0, 10_000.0, 2001)

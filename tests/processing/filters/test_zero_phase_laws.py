@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processing.filters import ChannelFrequencyClass, KaiserLowPass, LowPass, WhittakerLowPass, WienerFilter
+from recoil_processing.filters import ChannelFrequencyClass, KaiserLowPass, LowPass, WhittakerLowPass, WienerFilter
 
 RATE_HZ = 20_000.0
 

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processing.motion.derivative import Derivatives, ScaledTrack, second_derivative
-from processing.motion.jerk_smoother import smooth_jerk
-from processing.motion.savitzky_golay import local_polynomials
-from processing.motion.smoothing_spline import smooth_spline
+from recoil_processing.motion.derivative import Derivatives, ScaledTrack, second_derivative
+from recoil_processing.motion.jerk_smoother import smooth_jerk
+from recoil_processing.motion.savitzky_golay import local_polynomials
+from recoil_processing.motion.smoothing_spline import smooth_spline
 from tests.builders.sharp_recoil import ONSET_S, motion, record_recoil
 
 SIGMA = 5e-5

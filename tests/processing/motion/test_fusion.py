@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from processing.gaps import bridge
-from processing.motion.fusion import FusedMotion, fuse
+from recoil_processing.gaps import bridge
+from recoil_processing.motion.fusion import FusedMotion, fuse
 from tests.builders.sharp_recoil import ONSET_S, Recorded, motion, record_recoil
 
 SIGMA, ACCELERATION_SIGMA = 5e-5, 5.0

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-import processing.motion.jerk_smoother as module
-from processing.motion.derivative import ScaledTrack
-from processing.motion.jerk_smoother import smooth_jerk
+import recoil_processing.motion.jerk_smoother as module
+from recoil_processing.motion.derivative import ScaledTrack
+from recoil_processing.motion.jerk_smoother import smooth_jerk
 from tests.builders.sharp_recoil import motion, record_recoil
 
 SIGMA = 5e-5

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from processing.motion.savitzky_golay import local_polynomials, local_weights
+from recoil_processing.motion.savitzky_golay import local_polynomials, local_weights
 
 
 @pytest.mark.parametrize(("window", "order"), [(5, 2), (11, 3), (15, 4), (21, 5)])

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from processing.motion.double_integral import DoubleIntegral
-from processing.motion.scale_and_zero import FilmedMotion, ScaleAndZero, filmed_motion
+from recoil_processing.motion.double_integral import DoubleIntegral
+from recoil_processing.motion.scale_and_zero import FilmedMotion, ScaleAndZero, filmed_motion
 
 STEP_S, RATE_HZ = 1e-4, 1e4
 TIMES_S = STEP_S * np.arange(5000)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from processing.motion.smoothing_spline import fit_spline, smooth_spline
+from recoil_processing.motion.smoothing_spline import fit_spline, smooth_spline
 from tests.builders.sharp_recoil import motion, record_recoil
 
 SIGMA = 5e-5

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from processing.motion.walk_smoother import WalkSmoother
+from recoil_processing.motion.walk_smoother import WalkSmoother
 
 SIGMA, DENSITY = 5e-5, 1.25e-3
 

@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processing.quality.clipping_checks import check_flat_tops
-from processing.quality.level_checks import (
+from recoil_processing.quality.clipping_checks import check_flat_tops
+from recoil_processing.quality.level_checks import (
     check_filtered_noise,
     check_level_after,
     check_steady_silence,

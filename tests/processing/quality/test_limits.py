@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-import processing
-from processing import quality
-from processing.quality.limits import LIMITS, Limit
+import recoil_processing
+from recoil_processing import quality
+from recoil_processing.quality.limits import LIMITS, Limit
 
 
 @pytest.mark.parametrize("name", LIMITS)
@@ -20,7 +20,7 @@ def test_every_limit_says_what_it_limits_and_where_it_comes_from(name):
 
 
 def test_every_limit_is_used_and_every_limit_that_is_used_exists():
-    modules = Path(str(processing.__file__)).parent
+    modules = Path(str(recoil_processing.__file__)).parent
     text = "".join(p.read_text(encoding="utf-8") for p in modules.rglob("*.py") if p.stem != "limits")
     used = set(re.findall(r'LIMITS\["(\w+)"\]', text))
     assert used == set(LIMITS)

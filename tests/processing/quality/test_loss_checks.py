@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processing.quality.loss_checks import check_held, check_time_steps
+from recoil_processing.quality.loss_checks import check_held, check_time_steps
 
 RATE_HZ = 10_000.0
 

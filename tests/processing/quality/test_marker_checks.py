@@ -3,10 +3,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.readers.reader import Declarations
-from daq.readers.tracks.proanalyst_text import ProAnalystTextReader
-from processing.quality.film_checks import check_duplicated_pictures, check_frame_rate, duplicated_pictures
-from processing.quality.marker_checks import (
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.tracks.proanalyst_text import ProAnalystTextReader
+from recoil_processing.quality.film_checks import check_duplicated_pictures, check_frame_rate, duplicated_pictures
+from recoil_processing.quality.marker_checks import (
     check_distance,
     check_jumps,
     check_marker_noise,
@@ -15,7 +15,7 @@ from processing.quality.marker_checks import (
     find_jumps,
     marker_noise,
 )
-from processing.quality.track_quality import (
+from recoil_processing.quality.track_quality import (
     check_battery,
     check_held_ends,
     check_lost_frames,

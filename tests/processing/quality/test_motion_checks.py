@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processing.quality.force_checks import check_braking, check_force_sign, check_impulse, check_skew
-from processing.quality.motion_checks import (
+from recoil_processing.quality.force_checks import check_braking, check_force_sign, check_impulse, check_skew
+from recoil_processing.quality.motion_checks import (
     VelocityError,
     check_rest_to_rest,
     check_velocity,

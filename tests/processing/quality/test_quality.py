@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processing.quality import (
+from recoil_processing.quality import (
     check_clipping,
     check_flat_tops,
     check_losses,

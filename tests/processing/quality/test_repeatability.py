@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from processing.filters import LowPass
-from processing.quality.repeatability import ShotPeaks, check_repeat_peaks, shot_peaks
+from recoil_processing.filters import LowPass
+from recoil_processing.quality.repeatability import ShotPeaks, check_repeat_peaks, shot_peaks
 
 RATE_HZ = 20_000.0
 LOW_PASS = LowPass(300.0)

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processing.quality.clipping_checks import check_out_of_band, noise_left_at_peak, slew_limited_share
-from processing.quality.spectral_checks import (
+from recoil_processing.quality.clipping_checks import check_out_of_band, noise_left_at_peak, slew_limited_share
+from recoil_processing.quality.spectral_checks import (
     check_aliasing,
     check_gap,
     check_hum,

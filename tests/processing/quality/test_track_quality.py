@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from processing.quality import check_lost_frames as as_once_imported
-from processing.quality.track_quality import check_lost_frames, check_repeated_frames
+from recoil_processing.quality import check_lost_frames as as_once_imported
+from recoil_processing.quality.track_quality import check_lost_frames, check_repeated_frames
 from tests.builders.motions import record_motion
 
 TIMES_S = np.arange(1500) / 2000

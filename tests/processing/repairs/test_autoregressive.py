@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processing.repairs.autoregressive import ITERATIONS, interpolate_unknown, prediction_filter
+from recoil_processing.repairs.autoregressive import ITERATIONS, interpolate_unknown, prediction_filter
 
 COUNT = 400
 

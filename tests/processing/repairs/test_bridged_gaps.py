@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from processing.gaps import bridge
-from processing.repairs.bridged_gaps import bridge_errors
+from recoil_processing.gaps import bridge
+from recoil_processing.repairs.bridged_gaps import bridge_errors
 
 
 def flags(count: int, *runs: tuple[int, int]) -> np.ndarray:

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processing.filters import LowPass
-from processing.quality import check_clipping
-from processing.repairs.clipped_wave import LARGEST_PEAK
-from processing.repairs.clipping import ClippingRepair, find_clipped, repair_clipping
-from processing.repairs.repair import Repaired, changed
+from recoil_processing.filters import LowPass
+from recoil_processing.quality import check_clipping
+from recoil_processing.repairs.clipped_wave import LARGEST_PEAK
+from recoil_processing.repairs.clipping import ClippingRepair, find_clipped, repair_clipping
+from recoil_processing.repairs.repair import Repaired, changed
 from tests.builders.faulty_records import FULL_SCALE_G, twin_record
 from tests.builders.ringing import MASS_KG, PULSE_M_S2, RATE_HZ, RingingRecord, ringing_record
 from tests.builders.shared_data import shared_file

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from processing.gaps import bridge
-from processing.motion.double_integral import integrate
-from processing.repairs.droop import invert_droop
+from recoil_processing.gaps import bridge
+from recoil_processing.motion.double_integral import integrate
+from recoil_processing.repairs.droop import invert_droop
 
 STEP_S, T_S = 1e-4, 0.5
 TIMES_S = STEP_S * np.arange(5000)

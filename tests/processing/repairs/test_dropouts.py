@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processing.repairs.dropouts import find_drop_outs
+from recoil_processing.repairs.dropouts import find_drop_outs
 
 
 def noisy(seed: int = 1, count: int = 4000, resolution: float = 0.01) -> np.ndarray:

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processing.repairs.hum import subtract_hum
-from processing.repairs.hum_line import HumLine
-from processing.repairs.repair import Repaired
+from recoil_processing.repairs.hum import subtract_hum
+from recoil_processing.repairs.hum_line import HumLine
+from recoil_processing.repairs.repair import Repaired
 
 RATE_HZ = 10_000.0
 PULSE_S = 0.01

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from processing.repairs.repair import STEPS, Repair, Repaired, changed, runs_of
+from recoil_processing.repairs.repair import STEPS, Repair, Repaired, changed, runs_of
 
 SAMPLES = np.arange(10.0)
 FIRST_THREE = SAMPLES < 3

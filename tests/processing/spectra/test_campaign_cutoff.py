@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from processing.spectra.campaign_cutoff import campaign_cutoff, channel_cutoff
-from processing.spectra.cutoff import cutoff_of
-from processing.spectra.spectral_gap import ShotSpectrum, shot_spectrum
-from processing.spectra.spectrum import Spectrum
+from recoil_processing.spectra.campaign_cutoff import campaign_cutoff, channel_cutoff
+from recoil_processing.spectra.cutoff import cutoff_of
+from recoil_processing.spectra.spectral_gap import ShotSpectrum, shot_spectrum
+from recoil_processing.spectra.spectrum import Spectrum
 from tests.builders.ringing import RATE_HZ, ringing_record
 
 

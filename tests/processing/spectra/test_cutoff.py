@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.io import loadmat
 
-from processing.filters import LowPass
-from processing.spectra.cutoff import HALF_ORDERS, choose_cutoff, cutoff_of, share_above, split
-from processing.spectra.spectral_gap import ShotSpectrum, SpectralGap, gap_of, shot_spectrum
-from processing.spectra.spectrum import Spectrum
+from recoil_processing.filters import LowPass
+from recoil_processing.spectra.cutoff import HALF_ORDERS, choose_cutoff, cutoff_of, share_above, split
+from recoil_processing.spectra.spectral_gap import ShotSpectrum, SpectralGap, gap_of, shot_spectrum
+from recoil_processing.spectra.spectrum import Spectrum
 from tests.builders.ringing import PRE_TRIGGER_S, RATE_HZ, RingingRecord, ringing_record
 from tests.builders.shared_data import shared_file
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processing.spectra.spectral_gap import (
+from recoil_processing.spectra.spectral_gap import (
     ROLL_OFF,
     SpectralGap,
     find_gap,
@@ -15,7 +15,7 @@ from processing.spectra.spectral_gap import (
     shot_spectrum,
     shot_window,
 )
-from processing.spectra.spectrum import Spectrum
+from recoil_processing.spectra.spectrum import Spectrum
 from tests.builders.ringing import RATE_HZ, ringing_record
 
 GRID_HZ = 2.0 ** (np.arange(24 * 6, 24 * 14) / 24)

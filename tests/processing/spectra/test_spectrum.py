@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processing.spectra.spectrum import (
+from recoil_processing.spectra.spectrum import (
     BAND_OCTAVES,
     POINTS_PER_OCTAVE,
     TAPERS,

@@ -3,8 +3,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processing.filters import LowPass
-from processing.stress_waves.onset_reflection import MOST_PERIODS_OFF, filter_about_onset, onset_known_well_enough
+from recoil_processing.filters import LowPass
+from recoil_processing.stress_waves.onset_reflection import (
+    MOST_PERIODS_OFF,
+    filter_about_onset,
+    onset_known_well_enough,
+)
 from tests.builders.ringing import MASS_KG, PRE_TRIGGER_S, RATE_HZ, ringing_record
 
 LOW_PASS = LowPass(450.0)

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processing.filters import LowPass
-from processing.stress_waves.ringing import Mode, ringing_modes
+from recoil_processing.filters import LowPass
+from recoil_processing.stress_waves.ringing import Mode, ringing_modes
 from tests.builders.ringing import RATE_HZ, modal_acceleration, ringing_record
 
 TIMES_S = np.arange(10_000) / RATE_HZ - 0.01

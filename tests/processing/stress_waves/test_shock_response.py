@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter, lsim
 
-from processing.stress_waves.shock_response import (
+from recoil_processing.stress_waves.shock_response import (
     QUALITY_FACTOR,
     absolute_acceleration_filter,
     octave_frequencies,

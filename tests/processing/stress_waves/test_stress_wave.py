@@ -3,10 +3,10 @@ import math
 import numpy as np
 import pytest
 
-from processing.spectra.campaign_cutoff import channel_cutoff
-from processing.spectra.cutoff import CutoffChoice, choose_cutoff
-from processing.spectra.spectral_gap import ShotSpectrum, find_gap, rest_level, shot_spectrum
-from processing.stress_waves.stress_wave import strip_stress_waves
+from recoil_processing.spectra.campaign_cutoff import channel_cutoff
+from recoil_processing.spectra.cutoff import CutoffChoice, choose_cutoff
+from recoil_processing.spectra.spectral_gap import ShotSpectrum, find_gap, rest_level, shot_spectrum
+from recoil_processing.stress_waves.stress_wave import strip_stress_waves
 from tests.builders.ringing import MASS_KG, PRE_TRIGGER_S, RATE_HZ, RingingRecord, ringing_record
 from tests.builders.shared_data import shared_file
 

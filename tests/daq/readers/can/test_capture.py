@@ -11,12 +11,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from daq.errors import CorruptFileError, ReadError
-from daq.frames import can_capture_file as capture
-from daq.readers.can.capture import CanCaptureReader, CanCaptureRecording
-from daq.readers.can.log import CandumpReader
-from daq.readers.reader import Declarations
-from daq.readers.table import recognise
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.frames import can_capture_file as capture
+from recoil_acquisition.readers.can.capture import CanCaptureReader, CanCaptureRecording
+from recoil_acquisition.readers.can.log import CandumpReader
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.table import recognise
 from tests.builders import can_captures
 from tests.builders import vendor_files as build
 from tests.contracts import reader_rules as rules

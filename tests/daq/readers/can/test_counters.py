@@ -10,10 +10,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from daq.errors import ReadError
-from daq.readers.can.capture import CanCaptureReader
-from daq.readers.can.log import CandumpReader
-from daq.readers.reader import Declarations, Recording
+from recoil_acquisition.errors import ReadError
+from recoil_acquisition.readers.can.capture import CanCaptureReader
+from recoil_acquisition.readers.can.log import CandumpReader
+from recoil_acquisition.readers.reader import Declarations, Recording
 from tests.builders import can_captures
 from tests.builders import vendor_files as build
 

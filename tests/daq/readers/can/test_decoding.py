@@ -12,7 +12,7 @@ from cantools.database.conversion import BaseConversion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.readers.can.decoding import layout_of, pieces_of, present
+from recoil_acquisition.readers.can.decoding import layout_of, pieces_of, present
 from tests.builders.shared_data import shared_file
 
 

@@ -10,13 +10,13 @@ import can
 import numpy as np
 import pytest
 
-from daq.errors import CorruptFileError, ReadError
-from daq.readers.can.asc import read_asc
-from daq.readers.can.blf import read_blf
-from daq.readers.can.candump import read_candump
-from daq.readers.can.frames import FD_LENGTHS, CanFrames
-from daq.readers.can.log import AscReader, BlfReader, CandumpReader, CanRecording
-from daq.readers.reader import Declarations
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.can.asc import read_asc
+from recoil_acquisition.readers.can.blf import read_blf
+from recoil_acquisition.readers.can.candump import read_candump
+from recoil_acquisition.readers.can.frames import FD_LENGTHS, CanFrames
+from recoil_acquisition.readers.can.log import AscReader, BlfReader, CandumpReader, CanRecording
+from recoil_acquisition.readers.reader import Declarations
 from tests.builders.shared_data import shared_file
 from tests.builders.vendor_files import (
     DBC,

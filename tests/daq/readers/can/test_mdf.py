@@ -11,12 +11,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from daq.errors import CorruptFileError, ReadError
-from daq.readers.can.frames import CanFrames
-from daq.readers.can.mdf import read_mdf
-from daq.readers.mdf.kind import is_bus_logging
-from daq.readers.reader import Declarations
-from daq.readers.table import recognise
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.can.frames import CanFrames
+from recoil_acquisition.readers.can.mdf import read_mdf
+from recoil_acquisition.readers.mdf.kind import is_bus_logging
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.table import recognise
 from tests.builders import mdf_logs
 from tests.builders.shared_data import shared_file
 from tests.builders.vendor_files import EXT, CanEntry, can_entries

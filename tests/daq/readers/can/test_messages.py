@@ -13,14 +13,14 @@ from cantools.database.conversion import BaseConversion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.errors import MissingChannelError, ReadError
-from daq.readers.can.counters import declared_counters
-from daq.readers.can.decoding import pieces_of, present
-from daq.readers.can.frames import EXTENDED, CanFrames
-from daq.readers.can.log import CandumpReader
-from daq.readers.can.messages import database_format, load_database, messages_of
-from daq.readers.reader import Declarations
-from rigs.rig import _database_text
+from recoil_acquisition.errors import MissingChannelError, ReadError
+from recoil_acquisition.readers.can.counters import declared_counters
+from recoil_acquisition.readers.can.decoding import pieces_of, present
+from recoil_acquisition.readers.can.frames import EXTENDED, CanFrames
+from recoil_acquisition.readers.can.log import CandumpReader
+from recoil_acquisition.readers.can.messages import database_format, load_database, messages_of
+from recoil_acquisition.readers.reader import Declarations
+from recoil_rigs.rig import _database_text
 from tests.builders.shared_data import shared_file
 from tests.builders.vendor_files import DBC, can_entries, candump_log
 

@@ -16,19 +16,19 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from daq.errors import CorruptFileError, ReadError
-from daq.readers.can import lines as can_lines
-from daq.readers.can import packed_file
-from daq.readers.can.asc import read_asc
-from daq.readers.can.blf import read_blf
-from daq.readers.can.candump import read_candump
-from daq.readers.can.csv import read_can_csv
-from daq.readers.can.frames import CanFrames, CanLog
-from daq.readers.can.mdf import read_mdf
-from daq.readers.can.sqlite import read_can_sqlite
-from daq.readers.can.trc import read_trc
-from daq.readers.reader import Declarations
-from daq.readers.table import recognise
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.can import lines as can_lines
+from recoil_acquisition.readers.can import packed_file
+from recoil_acquisition.readers.can.asc import read_asc
+from recoil_acquisition.readers.can.blf import read_blf
+from recoil_acquisition.readers.can.candump import read_candump
+from recoil_acquisition.readers.can.csv import read_can_csv
+from recoil_acquisition.readers.can.frames import CanFrames, CanLog
+from recoil_acquisition.readers.can.mdf import read_mdf
+from recoil_acquisition.readers.can.sqlite import read_can_sqlite
+from recoil_acquisition.readers.can.trc import read_trc
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.table import recognise
 from tests.builders import can_logs, mdf_logs
 from tests.builders.shared_data import shared_file
 from tests.builders.vendor_files import DBC, EXT, CanEntry, asc_log, blf_log, can_entries, candump_log

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from daq.errors import CorruptFileError, ReadError
-from daq.readers.dewesoft import native as dewesoft_native
-from daq.readers.dewesoft.child_process import is_uniform
-from daq.readers.dewesoft.native import DewesoftReader, DewesoftRecording
-from daq.readers.reader import Declarations
-from daq.readers.table import READERS, recognise
-from daq.readers.time.increasing_stamps import keep_increasing
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.dewesoft import native as dewesoft_native
+from recoil_acquisition.readers.dewesoft.child_process import is_uniform
+from recoil_acquisition.readers.dewesoft.native import DewesoftReader, DewesoftRecording
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.table import READERS, recognise
+from recoil_acquisition.readers.time.increasing_stamps import keep_increasing
 from tests.builders.dewesoft_double import told_file, write_double
 from tests.builders.shared_data import shared_file
 from tests.contracts import reader_rules as rules

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.errors import CorruptFileError, ReadError
-from daq.readers.exported.recoil_csv import RecoilCsvReader
-from daq.readers.exported.recoil_parquet import RecoilParquetReader
-from daq.readers.reader import Declarations, Recording
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.exported.recoil_csv import RecoilCsvReader
+from recoil_acquisition.readers.exported.recoil_parquet import RecoilParquetReader
+from recoil_acquisition.readers.reader import Declarations, Recording
 from tests.builders import exported_files as build
 
 DECLARED = Declarations("recorder")

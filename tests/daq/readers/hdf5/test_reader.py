@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from daq.errors import CorruptFileError, ReadError
-from daq.readers.containers.stored_channels import StoredRecording
-from daq.readers.hdf5.reader import Hdf5Reader
-from daq.readers.reader import Declarations
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.containers.stored_channels import StoredRecording
+from recoil_acquisition.readers.hdf5.reader import Hdf5Reader
+from recoil_acquisition.readers.reader import Declarations
 from tests.builders.container_files import hdf5_file, ramp
 
 

@@ -11,11 +11,11 @@ import h5py
 import numpy as np
 import pytest
 
-from daq.errors import CorruptFileError, ReadError
-from daq.reader_process import READER
-from daq.readers.hdf5.rehearsal import REHEARSAL, needs_rehearsal
-from daq.readers.reader import Declarations
-from daq.readers.table import read_head, recognise
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.reader_process import READER
+from recoil_acquisition.readers.hdf5.rehearsal import REHEARSAL, needs_rehearsal
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.table import read_head, recognise
 
 
 @pytest.fixture

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.errors import ReadError
-from daq.readers.containers.stored_channels import StoredRecording
-from daq.readers.mat.reader import MatReader
-from daq.readers.reader import Declarations
+from recoil_acquisition.errors import ReadError
+from recoil_acquisition.readers.containers.stored_channels import StoredRecording
+from recoil_acquisition.readers.mat.reader import MatReader
+from recoil_acquisition.readers.reader import Declarations
 from tests.builders.container_files import dewesoft_variables, mat_file, mat_v73_file, ramp
 
 

@@ -7,9 +7,9 @@ import zlib
 
 import pytest
 
-from daq.readers.mdf import data_blocks
-from daq.readers.mdf.channel_groups import MdfDamageError, MdfUnsupportedError
-from daq.readers.mdf.data_blocks import DataBlocks
+from recoil_acquisition.readers.mdf import data_blocks
+from recoil_acquisition.readers.mdf.channel_groups import MdfDamageError, MdfUnsupportedError
+from recoil_acquisition.readers.mdf.data_blocks import DataBlocks
 
 AT = 64
 COLUMNS_APART = 0x8000_0000

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from daq.errors import CorruptFileError, ReadError
-from daq.readers.containers.stored_channels import StoredRecording
-from daq.readers.mdf.channel_groups import MdfDamageError, iter_groups
-from daq.readers.mdf.kind import is_bus_logging
-from daq.readers.mdf.reader import MdfReader
-from daq.readers.reader import HEAD_BYTES, Declarations
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.containers.stored_channels import StoredRecording
+from recoil_acquisition.readers.mdf.channel_groups import MdfDamageError, iter_groups
+from recoil_acquisition.readers.mdf.kind import is_bus_logging
+from recoil_acquisition.readers.mdf.reader import MdfReader
+from recoil_acquisition.readers.reader import HEAD_BYTES, Declarations
 from tests.builders.container_files import mdf_file, ramp, small_mdf
 from tests.builders.shared_data import shared_file
 

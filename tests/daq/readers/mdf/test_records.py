@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daq.readers.mdf.channel_groups import Channel, ChannelGroup, DataGroup, MdfDamageError
-from daq.readers.mdf.records import Records, VariableSamples, split
+from recoil_acquisition.readers.mdf.channel_groups import Channel, ChannelGroup, DataGroup, MdfDamageError
+from recoil_acquisition.readers.mdf.records import Records, VariableSamples, split
 
 UNSIGNED, UNSIGNED_BIG, SIGNED, SIGNED_BIG, FLOAT, FLOAT_BIG, BYTES = 0, 1, 2, 3, 4, 5, 10
 

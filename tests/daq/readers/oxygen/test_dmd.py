@@ -8,10 +8,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from daq.errors import CorruptFileError, ReadError
-from daq.readers.oxygen.dmd import OxygenReader, OxygenRecording
-from daq.readers.oxygen.samples import SampleLayout
-from daq.readers.reader import Declarations
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.oxygen.dmd import OxygenReader, OxygenRecording
+from recoil_acquisition.readers.oxygen.samples import SampleLayout
+from recoil_acquisition.readers.reader import Declarations
 from tests.builders.oxygen_dmd import Stored, block, oxygen_dmd, packed
 from tests.builders.shared_data import shared_file
 

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from daq.errors import CorruptFileError, ReadError
-from daq.frames.capture_file import MAGIC, pack_record, parse_capture
-from daq.readers.reader import Declarations
-from daq.readers.serial.capture import SerialCaptureReader, SerialRecording
-from daq.readers.serial.frame_time import back_dated, increasing, without_steps
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.frames.capture_file import MAGIC, pack_record, parse_capture
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.serial.capture import SerialCaptureReader, SerialRecording
+from recoil_acquisition.readers.serial.frame_time import back_dated, increasing, without_steps
 from tests.builders.serial_packets import stamped_capture, summed
 from tests.builders.shared_data import shared_file
 from tests.builders.vendor_files import FRAMING, serial_capture, serial_frame, serial_frames

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.errors import CorruptFileError, ReadError
-from daq.readers.containers.stored_channels import StoredRecording
-from daq.readers.reader import Declarations
-from daq.readers.tdms.reader import TdmsReader
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.containers.stored_channels import StoredRecording
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.tdms.reader import TdmsReader
 from tests.builders.container_files import ramp, small_tdms, tdms_file
 from tests.builders.shared_data import shared_file
 

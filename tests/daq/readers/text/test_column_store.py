@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.errors import CorruptFileError, ReadError
-from daq.readers.text import column_store, text_file, text_table
-from daq.readers.text.column_store import ColumnStore
-from daq.readers.text.text_file import LongText
-from daq.readers.text.text_table import Block, find_block
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.text import column_store, text_file, text_table
+from recoil_acquisition.readers.text.column_store import ColumnStore
+from recoil_acquisition.readers.text.text_file import LongText
+from recoil_acquisition.readers.text.text_table import Block, find_block
 
 
 def block_of(folder: Path, text: str, encoding: str = "utf-8") -> Block:

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.errors import CorruptFileError, ReadError
-from daq.readers.reader import Declarations
-from daq.readers.text.dasylab import DasylabTextReader, start_from, step_from
-from daq.readers.text.recording import TextRecording
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.text.dasylab import DasylabTextReader, start_from, step_from
+from recoil_acquisition.readers.text.recording import TextRecording
 from tests.builders import text_tables as build
 
 READER = DasylabTextReader()

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from daq.errors import CorruptFileError, ReadError
-from daq.readers.reader import Declarations
-from daq.readers.text.declared_table import DeclaredTextReader
-from daq.readers.text.layout import TextLayout, layout_faults, layout_from_table
-from daq.readers.text.recording import TextRecording
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.text.declared_table import DeclaredTextReader
+from recoil_acquisition.readers.text.layout import TextLayout, layout_faults, layout_from_table
+from recoil_acquisition.readers.text.recording import TextRecording
 from tests.builders import text_tables as build
 
 READER = DeclaredTextReader()

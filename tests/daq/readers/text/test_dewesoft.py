@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.errors import CorruptFileError, MissingChannelError, ReadError
-from daq.readers.reader import Declarations
-from daq.readers.text.dewesoft import DewesoftTextReader, DewesoftTextRecording
-from daq.readers.text.dewesoft_time import _NAMES, MONTHS, parse_dewesoft_stamp, rate_from_stamps
-from daq.readers.time.wall_clock import Stamps
+from recoil_acquisition.errors import CorruptFileError, MissingChannelError, ReadError
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.text.dewesoft import DewesoftTextReader, DewesoftTextRecording
+from recoil_acquisition.readers.text.dewesoft_time import _NAMES, MONTHS, parse_dewesoft_stamp, rate_from_stamps
+from recoil_acquisition.readers.time.wall_clock import Stamps
 from tests.builders.shared_data import shared_file
 from tests.builders.vendor_files import dewesoft_text, motion_rows
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from daq.errors import ReadError
-from daq.readers.text.number_file import NumberFile
+from recoil_acquisition.errors import ReadError
+from recoil_acquisition.readers.text.number_file import NumberFile
 
 
 def test_numbers_written_by_several_threads_are_read_back_from_anywhere() -> None:

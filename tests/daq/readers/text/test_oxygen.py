@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.errors import CorruptFileError, ReadError
-from daq.readers.reader import Declarations
-from daq.readers.text.dewesoft import DewesoftTextReader
-from daq.readers.text.oxygen import OxygenTextReader
-from daq.readers.text.recording import TextRecording
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.text.dewesoft import DewesoftTextReader
+from recoil_acquisition.readers.text.oxygen import OxygenTextReader
+from recoil_acquisition.readers.text.recording import TextRecording
 from tests.builders import text_tables as build
 
 READER = OxygenTextReader()

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from daq.readers.text.row_kernel import kernel_at_hand, read_plain_rows
+from recoil_acquisition.readers.text.row_kernel import kernel_at_hand, read_plain_rows
 
 pytestmark = pytest.mark.skipif(not kernel_at_hand(), reason="needs numba, the extra `fast`")
 

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from daq.errors import CorruptFileError
-from daq.readers.text.row_format import RowFormat
-from daq.readers.text.row_parser import RowParser
-from daq.readers.text.row_stream import RowStream, count_byte
-from daq.readers.text.strict_rows import parse_strictly
+from recoil_acquisition.errors import CorruptFileError
+from recoil_acquisition.readers.text.row_format import RowFormat
+from recoil_acquisition.readers.text.row_parser import RowParser
+from recoil_acquisition.readers.text.row_stream import RowStream, count_byte
+from recoil_acquisition.readers.text.strict_rows import parse_strictly
 
 WORDS = "|nan|-NaN|Nan|INF|-inf|Infinity|1e999| 2 |-9|--|1.|.5|+3|1e|x|1_0|4\r5"
 CELLS = st.one_of(

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.errors import CorruptFileError, ReadError
-from daq.readers.text import text_table
-from daq.readers.text.cells import split_cells, split_unit, unique_names
-from daq.readers.text.rows import read_rows
-from daq.readers.text.text_file import LongText, TextFile, decode_head, read_text
-from daq.readers.text.text_table import find_block, printed_decimals
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.text import text_table
+from recoil_acquisition.readers.text.cells import split_cells, split_unit, unique_names
+from recoil_acquisition.readers.text.rows import read_rows
+from recoil_acquisition.readers.text.text_file import LongText, TextFile, decode_head, read_text
+from recoil_acquisition.readers.text.text_table import find_block, printed_decimals
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.readers.time.printed_time import start_agreeing, uniform_from_printed
+from recoil_acquisition.readers.time.printed_time import start_agreeing, uniform_from_printed
 
 
 @settings(deadline=None, max_examples=100)

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.readers.text.dewesoft_time import parse_dewesoft_stamp
-from daq.readers.time.wall_clock import LEAST_ALIKE, Stamps, parse_time_of_day, parse_wall_clock
+from recoil_acquisition.readers.text.dewesoft_time import parse_dewesoft_stamp
+from recoil_acquisition.readers.time.wall_clock import LEAST_ALIKE, Stamps, parse_time_of_day, parse_wall_clock
 
 START = dt.datetime(2026, 8, 3, 23, 59, 58)
 

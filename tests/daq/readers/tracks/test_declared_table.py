@@ -9,12 +9,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from daq.errors import CorruptFileError, ReadError
-from daq.readers.reader import Declarations
-from daq.readers.table import READERS
-from daq.readers.tracks import declared_table
-from daq.readers.tracks.declared_table import DeclaredTrackReader
-from daq.readers.tracks.recording import TrackRecording
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.table import READERS
+from recoil_acquisition.readers.tracks import declared_table
+from recoil_acquisition.readers.tracks.declared_table import DeclaredTrackReader
+from recoil_acquisition.readers.tracks.recording import TrackRecording
 from tests.builders import track_files as build
 from tests.contracts import reader_rules as rules
 

@@ -7,10 +7,10 @@ import h5py
 import numpy as np
 import pytest
 
-from daq.errors import CorruptFileError, ReadError
-from daq.readers.reader import Declarations
-from daq.readers.tracks.deeplabcut import DeepLabCutReader
-from daq.readers.tracks.recording import TrackRecording
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.tracks.deeplabcut import DeepLabCutReader
+from recoil_acquisition.readers.tracks.recording import TrackRecording
 from tests.builders import track_files as build
 from tests.builders.shared_data import shared_file
 

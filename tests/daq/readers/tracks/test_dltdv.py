@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.errors import CorruptFileError, ReadError
-from daq.readers.reader import Declarations
-from daq.readers.tracks.dltdv import DltdvReader
-from daq.readers.tracks.recording import TrackRecording
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.tracks.dltdv import DltdvReader
+from recoil_acquisition.readers.tracks.recording import TrackRecording
 from tests.builders import track_files as build
 from tests.builders.shared_data import shared_file
 

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.readers.reader import Declarations
-from daq.readers.tracks.faults import HELD_FRAMES, find_jumps, find_track_faults, held_ends
-from daq.readers.tracks.proanalyst_text import ProAnalystTextReader
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.tracks.faults import HELD_FRAMES, find_jumps, find_track_faults, held_ends
+from recoil_acquisition.readers.tracks.proanalyst_text import ProAnalystTextReader
 from tests.builders.shared_data import shared_file
 
 COUNT = 400

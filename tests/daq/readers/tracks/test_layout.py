@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from daq.readers.tracks.layout import DeclaredFeature, LayoutError, TrackLayout
+from recoil_acquisition.readers.tracks.layout import DeclaredFeature, LayoutError, TrackLayout
 
 FEATURE = {"name": "Muzzle", "x": "X", "y": "Y"}
 

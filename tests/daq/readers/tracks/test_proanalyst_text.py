@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.errors import CorruptFileError, ReadError
-from daq.readers.reader import Declarations
-from daq.readers.tracks.columns import classify, columns_from_headings
-from daq.readers.tracks.proanalyst_text import ProAnalystTextReader
-from daq.readers.tracks.recording import TrackRecording
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.tracks.columns import classify, columns_from_headings
+from recoil_acquisition.readers.tracks.proanalyst_text import ProAnalystTextReader
+from recoil_acquisition.readers.tracks.recording import TrackRecording
 from tests.builders.shared_data import shared_file
 from tests.builders.vendor_files import dewesoft_text, motion_rows, tracks_text
 

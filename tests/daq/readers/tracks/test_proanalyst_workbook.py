@@ -11,13 +11,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.errors import CorruptFileError, ReadError
-from daq.readers.reader import Declarations
-from daq.readers.text import sheet_text
-from daq.readers.text.sheet_text import read_sheets
-from daq.readers.tracks.proanalyst_text import ProAnalystTextReader
-from daq.readers.tracks.proanalyst_workbook import ProAnalystWorkbookReader
-from daq.readers.tracks.recording import TrackRecording
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.text import sheet_text
+from recoil_acquisition.readers.text.sheet_text import read_sheets
+from recoil_acquisition.readers.tracks.proanalyst_text import ProAnalystTextReader
+from recoil_acquisition.readers.tracks.proanalyst_workbook import ProAnalystWorkbookReader
+from recoil_acquisition.readers.tracks.recording import TrackRecording
 from tests.builders import track_files as build
 
 READER = ProAnalystWorkbookReader()

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from daq.errors import UnknownFormatError
-from daq.readers.reader import HEAD_BYTES, Declarations
-from daq.readers.table import READERS, recognise
+from recoil_acquisition.errors import UnknownFormatError
+from recoil_acquisition.readers.reader import HEAD_BYTES, Declarations
+from recoil_acquisition.readers.table import READERS, recognise
 from tests.builders.shared_data import shared_file
 
 EXPECTED = {

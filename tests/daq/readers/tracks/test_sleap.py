@@ -7,12 +7,12 @@ import h5py
 import numpy as np
 import pytest
 
-from daq.errors import CorruptFileError, ReadError
-from daq.readers.reader import HEAD_BYTES, Declarations
-from daq.readers.table import READERS, recognise
-from daq.readers.tracks.recording import TrackRecording
-from daq.readers.tracks.sleap_analysis import SleapAnalysisReader
-from daq.readers.tracks.sleap_text import SleapTextReader
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.reader import HEAD_BYTES, Declarations
+from recoil_acquisition.readers.table import READERS, recognise
+from recoil_acquisition.readers.tracks.recording import TrackRecording
+from recoil_acquisition.readers.tracks.sleap_analysis import SleapAnalysisReader
+from recoil_acquisition.readers.tracks.sleap_text import SleapTextReader
 from tests.builders import track_files as build
 
 TEXT, ANALYSIS = SleapTextReader(), SleapAnalysisReader()

@@ -7,14 +7,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from daq.errors import CorruptFileError, ReadError
-from daq.readers.reader import Declarations
-from daq.readers.table import READERS
-from daq.readers.text.text_file import LongText
-from daq.readers.tracks import signature as track_signature
-from daq.readers.tracks.recording import TrackRecording
-from daq.readers.tracks.signature import spread_text
-from daq.readers.tracks.tracker_text import TrackerTextReader
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.table import READERS
+from recoil_acquisition.readers.text.text_file import LongText
+from recoil_acquisition.readers.tracks import signature as track_signature
+from recoil_acquisition.readers.tracks.recording import TrackRecording
+from recoil_acquisition.readers.tracks.signature import spread_text
+from recoil_acquisition.readers.tracks.tracker_text import TrackerTextReader
 from tests.builders import track_files as build
 from tests.builders.shared_data import shared_file
 

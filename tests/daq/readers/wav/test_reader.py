@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.errors import CorruptFileError, ReadError, UnknownFormatError
-from daq.readers.containers.stored_channels import StoredRecording
-from daq.readers.reader import Declarations
-from daq.readers.table import recognise
-from daq.readers.wav.reader import WavReader
+from recoil_acquisition.errors import CorruptFileError, ReadError, UnknownFormatError
+from recoil_acquisition.readers.containers.stored_channels import StoredRecording
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.table import recognise
+from recoil_acquisition.readers.wav.reader import WavReader
 from tests.builders import container_files as build
 
 

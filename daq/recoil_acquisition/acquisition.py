@@ -1,0 +1,239 @@
+"""How a shot was acquired live: its window, the trigger's decisions, and what each device met meanwhile.
+
+A live shot leaves, beside the captures of its sources, one small file of this (`write_acquisition`), so that a shot
+that is ingested again, or recovered after a crash, tells the same story. It is JSON with the schema `SCHEMA`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from types import UnionType
+from typing import Any, Union, get_args, get_origin, get_type_hints
+
+from recoil_acquisition.errors import CorruptFileError, ReadError, StoreError
+from recoil_acquisition.regular_file import read_beginning, read_small
+from recoil_acquisition.shot_name import check_shot_name
+
+SCHEMA = "recoil-daq/acquisition/1"
+AT_TRIGGER = "host clock at the trigger"
+"""What tells the date of a live shot."""
+_HEAD_BYTES = 256
+_LARGEST_BYTES = 16_000_000
+
+
+@dataclass(frozen=True)
+class TriggerDecision:
+    """A trigger, an extension, or why something was none; see `recoil_acquisition.trigger.decision`.
+
+    Attributes
+    ----------
+    time_s : float
+        From the shot's trigger.
+    outcome, reason, channel : str
+    value : float or None
+        What was compared with the level, SI.
+    """
+
+    time_s: float
+    outcome: str
+    reason: str
+    channel: str
+    value: float | None
+
+
+@dataclass(frozen=True)
+class AcquiredEvent:
+    """Something that happened to a device: at a time from the shot's trigger, what, and in which words."""
+
+    time_s: float
+    name: str
+    detail: str
+
+
+@dataclass(frozen=True)
+class AcquiredSource:
+    """What one live source delivered to a shot.
+
+    Attributes
+    ----------
+    name, kind : str
+    file : str
+        Name of its capture; empty if it delivered nothing.
+    blocks, bytes : int
+        Of data, within the shot.
+    pre_s : float or None
+        Pre-time that it has; None if it delivered nothing.
+    late : bool
+        Whether it had not delivered the whole span when waiting for it ended, or something of it was read late.
+    late_s : float
+        How long, at most, something of it may have waited before it was read.
+    bad, reopened, error_frames : int
+        As `recoil_acquisition.devices.device.Counters`, counted from `counted_from_s`.
+    kernel_drops : int or None
+    queue_high_water : int
+        Since arming.
+    counted_from_s : float
+        From the shot's trigger: what was counted lies between here and the end of the shot.
+    events : tuple of AcquiredEvent
+    """
+
+    name: str
+    kind: str
+    file: str
+    blocks: int
+    bytes: int
+    pre_s: float | None
+    late: bool
+    late_s: float
+    bad: int
+    reopened: int
+    error_frames: int
+    kernel_drops: int | None
+    queue_high_water: int
+    counted_from_s: float
+    events: tuple[AcquiredEvent, ...]
+
+
+@dataclass(frozen=True)
+class Acquisition:
+    """How one shot was acquired.
+
+    Attributes
+    ----------
+    shot, rig : str
+    trigger_ns : int
+        The host's monotonic clock at the trigger.
+    trigger_utc : str
+        The host's wall clock then, ISO 8601, UTC.
+    pre_s, post_s : float
+        As the trigger asks for; with post time extension the shot is longer.
+    pre_actual_s : float
+        Pre-time that every source has.
+    duration_s : float
+        From the first instant kept to the end.
+    decisions : tuple of TriggerDecision
+        All within the shot, the suppressed ones among them.
+    sources : tuple of AcquiredSource
+    unseen_bytes : int
+        That were recorded, and that the trigger did not look at because it fell behind.
+    lost_records : int
+        Records of the journal that are damaged or missing, known after a crash only.
+    recovered : bool
+        Whether it was made from a journal that was left over.
+    """
+
+    shot: str
+    rig: str
+    trigger_ns: int
+    trigger_utc: str
+    pre_s: float
+    post_s: float
+    pre_actual_s: float
+    duration_s: float
+    decisions: tuple[TriggerDecision, ...]
+    sources: tuple[AcquiredSource, ...]
+    unseen_bytes: int = 0
+    lost_records: int = 0
+    recovered: bool = False
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it in JSON types, with its schema."""
+        return {"schema": SCHEMA, **asdict(self)}
+
+    @classmethod
+    def from_json(cls, document: Mapping[str, Any]) -> Acquisition:
+        """Return what `to_json` was made from; ValueError if it is nothing of the kind."""
+        if document.get("schema") != SCHEMA:
+            raise ValueError(f"schema must be {SCHEMA!r}, not {document.get('schema')!r}")
+        made: Acquisition = _object(cls, {key: value for key, value in document.items() if key != "schema"}, "")
+        check_shot_name(made.shot)
+        for source in made.sources:
+            if re.search(r"[/\\:\x00-\x1f]", source.file) or source.file in (".", ".."):
+                raise ValueError(f"{source.file!r} is no name of a file beside it")
+        return made
+
+
+def is_acquisition(path: Path) -> bool:
+    """Tell from its beginning whether a file is one of these."""
+    try:
+        head = read_beginning(path, _HEAD_BYTES)
+    except ReadError:
+        return False
+    return head.lstrip().startswith(b"{") and SCHEMA.encode() in head
+
+
+def write_acquisition(acquisition: Acquisition, path: Path) -> None:
+    """Write the file, forced to the disk; StoreError if it exists or cannot be written."""
+    text = json.dumps(acquisition.to_json(), indent=1, allow_nan=False)
+    try:
+        with path.open("x", encoding="utf-8", newline="\n") as stream:
+            stream.write(text + "\n")
+            stream.flush()
+            os.fsync(stream.fileno())
+    except OSError as error:
+        raise StoreError(f"cannot be written: {error.strerror or error}", path=path) from error
+
+
+def read_acquisition(path: Path) -> Acquisition:
+    """Read the file.
+
+    Raises
+    ------
+    ReadError
+        If it cannot be read.
+    CorruptFileError
+        If it is not such a file, or damaged.
+    """
+    content = read_small(path, _LARGEST_BYTES, "a record of an acquisition")
+    try:
+        text = content.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise CorruptFileError("is not UTF-8 text", path=path, place=f"byte {error.start}") from error
+    try:
+        document = json.loads(text)
+        if not isinstance(document, dict):
+            raise ValueError("is no JSON object")
+        return Acquisition.from_json(document)
+    except (ValueError, RecursionError) as error:
+        raise CorruptFileError(
+            f"is no sound record of an acquisition: {error}",
+            path=path,
+            expected=f"JSON of schema {SCHEMA}",
+            remedy="leave it out: the captures beside it are complete without it",
+        ) from error
+
+
+def _from_json(kind: Any, value: Any, where: str) -> Any:
+    """Check a value against a type of this module, and make dataclasses of objects."""
+    origin, arguments = get_origin(kind), get_args(kind)
+    if origin in (Union, UnionType):
+        if value is None and type(None) in arguments:
+            return None
+        return _from_json(next(one for one in arguments if one is not type(None)), value, where)
+    if origin is tuple:
+        if not isinstance(value, list | tuple):
+            raise ValueError(f"{where} must be a list")
+        return tuple(_from_json(arguments[0], item, f"{where}[{i}]") for i, item in enumerate(value))
+    if isinstance(kind, type) and hasattr(kind, "__dataclass_fields__"):
+        return _object(kind, value, where)
+    if kind is float and isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
+        return float(value)
+    if kind in (int, str, bool) and type(value) is kind:
+        return value
+    raise ValueError(f"{where} must be of type {getattr(kind, '__name__', kind)}, found {value!r:.40}")
+
+
+def _object(kind: Any, value: Any, where: str) -> Any:
+    if not isinstance(value, dict):
+        raise ValueError(f"{where or 'the file'} must be an object")
+    hints = get_type_hints(kind)
+    required = {one.name for one in fields(kind)}
+    if wrong := sorted(required.symmetric_difference(value)):
+        raise ValueError(f"{where or 'the file'} has missing or unknown keys: {', '.join(wrong)}")
+    return kind(**{key: _from_json(hints[key], item, f"{where}.{key}".lstrip(".")) for key, item in value.items()})

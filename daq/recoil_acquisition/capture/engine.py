@@ -1,0 +1,197 @@
+"""From blocks, in the order in which they were journalled, to the trigger's decisions and the windows of shots.
+
+The engine knows no thread, device or file: what comes out depends on what goes in alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from recoil_acquisition.capture.live_source import LiveSamples, LiveSource, signals_of
+from recoil_acquisition.devices.device import EVENT, SERIAL, Block
+from recoil_acquisition.trigger import Decision, ShotCutter, ShotWindow, Trigger, TriggerDetector
+
+LAG_S = 1.0
+"""How far a channel of the trigger may lag behind another before it is no longer waited for."""
+
+PATIENCE_S = 2.0
+"""How long after a shot's end a source that is silent or gone is waited for."""
+
+SETTLE_S = 0.25
+"""An adapter or a driver may hold back what was sent for so long: what arrives so long after a shot belongs to it."""
+
+LEVEL_SPAN_S = 1.0
+"""The screen shows where a channel was within so long."""
+
+LOOK_EVERY_S = 0.1
+"""What no trigger needs is decoded this often."""
+
+
+@dataclass(frozen=True)
+class Level:
+    """Where a channel is.
+
+    Attributes
+    ----------
+    last : float
+    low, high : float
+        Of the samples looked at within the last second.
+    """
+
+    last: float
+    low: float
+    high: float
+
+
+class CaptureEngine:
+    """Watches the sources of a rig for shots.
+
+    Parameters
+    ----------
+    sources : sequence of LiveSource
+    trigger : Trigger
+    patience_s : float
+        As `PATIENCE_S`.
+
+    Raises
+    ------
+    MissingChannelError, ReadError
+        If a channel's signal is not in its source, or a database is at fault.
+    """
+
+    def __init__(self, sources: Sequence[LiveSource], trigger: Trigger, *, patience_s: float = PATIENCE_S) -> None:
+        self.trigger = trigger
+        names = [channel.name for source in sources for channel in source.channels]
+        self._detector = TriggerDetector(trigger, names, max_lag_s=LAG_S)
+        self._cutter = ShotCutter(trigger, [s.name for s in sources], patience_s=patience_s, lag_s=LAG_S)
+        self._looks = {s.name: _Look(s, trigger.channels) for s in sources}
+        self._oldest_s: dict[str, float] = {}
+        self._levels: dict[str, deque[tuple[float, Level]]] = {name: deque() for name in names}
+        self._news: list[Decision] = []
+
+    @property
+    def armed(self) -> bool:
+        """Whether triggers count."""
+        return self._detector.armed
+
+    @property
+    def recording(self) -> bool:
+        """Whether a shot has begun and is not complete."""
+        return self._cutter.open_shots > 0
+
+    @property
+    def needed_from_s(self) -> float:
+        """The instant of the host's clock before which nothing is needed any more."""
+        return self._cutter.needed_from_s
+
+    def level(self, channel: str, now_s: float) -> Level | None:
+        """Return where a channel was within the last second; None if nothing of it came."""
+        spans = [span for span in tuple(self._levels[channel]) if now_s - span[0] <= LEVEL_SPAN_S]
+        if not spans:
+            return None
+        lows, highs = [level.low for _, level in spans], [level.high for _, level in spans]
+        return Level(spans[-1][1].last, min(lows), max(highs))
+
+    def arm(self, time_s: float) -> None:
+        """Let triggers count from a time of the host's clock on."""
+        self._note(self._detector.arm(time_s))
+
+    def disarm(self) -> None:
+        """Let nothing count until armed again."""
+        self._note(self._detector.disarm())
+
+    def fire(self, time_s: float) -> None:
+        """Trigger by hand."""
+        self._note(self._detector.fire_manually(time_s))
+
+    def arrived(self, block: Block) -> None:
+        """Note whether a block was read late, before it is taken, alone or joined with others."""
+        if block.empty_ns is not None and block.host_ns - block.empty_ns > SETTLE_S * 1e9:
+            self._cutter.stalled(block.empty_ns / 1e9, block.host_ns / 1e9)
+
+    def take(self, block: Block) -> None:
+        """Take the next block of a source; blocks of one source come in order."""
+        latest_s = block.host_ns / 1e9
+        samples = self._looks[block.source].at(block, latest_s)
+        for one in samples:
+            self._note(self._detector.feed(one.channel, one.times_s, one.values))
+        if block.kind == EVENT:
+            return
+        self._show(samples, latest_s)
+        self._delivered(block)
+
+    def take_unseen(self, block: Block) -> None:
+        """Note that a block was recorded without a look at its samples."""
+        self._looks[block.source].skip()
+        if block.kind != EVENT:
+            self._delivered(block)
+
+    def ready(self, now_s: float) -> tuple[ShotWindow, ...]:
+        """Return the shots that are complete at a time of the host's clock, each once; infinity closes all."""
+        return self._cutter.ready(now_s)
+
+    def finish(self) -> None:
+        """Decide on what still waits for a channel that lags: nothing more comes."""
+        self._note(self._detector.finish())
+
+    def news(self) -> tuple[Decision, ...]:
+        """Return the decisions since the last call."""
+        news, self._news = tuple(self._news), []
+        return news
+
+    def _delivered(self, block: Block) -> None:
+        """Note that a source has delivered all that arrived before it was found empty."""
+        oldest_s = self._oldest_s.setdefault(block.source, block.host_ns / 1e9)
+        until_ns = block.host_ns if block.empty_ns is None else block.empty_ns
+        self._cutter.advance(block.source, oldest_s, until_ns / 1e9 - SETTLE_S)
+
+    def _note(self, decisions: Sequence[Decision]) -> None:
+        self._cutter.note(decisions)
+        self._news += decisions
+
+    def _show(self, samples: Sequence[LiveSamples], now_s: float) -> None:
+        """Keep low, high and last of the channels, for as long as the screen shows them."""
+        for one in samples:
+            spans = self._levels[one.channel]
+            low, high, last = float(one.values.min()), float(one.values.max()), float(one.values[-1])
+            if spans and now_s - spans[-1][0] < LOOK_EVERY_S:
+                time_s, span = spans.pop()
+                spans.append((time_s, Level(last, min(span.low, low), max(span.high, high))))
+            else:
+                spans.append((now_s, Level(last, low, high)))
+            while now_s - spans[0][0] > LEVEL_SPAN_S:
+                spans.popleft()
+
+
+class _Look:
+    """Decodes of a source what the trigger needs, always, and what only the screen shows, now and then."""
+
+    def __init__(self, source: LiveSource, triggering: Sequence[str]) -> None:
+        needed = [c for c in source.channels if c.name in triggering]
+        if needed and source.kind == SERIAL:
+            needed = list(source.channels)  # a frame that is decoded has them all
+        rest = [c for c in source.channels if c not in needed]
+        self._needed = signals_of(source, needed) if needed else None
+        self._rest = signals_of(source, rest) if rest else None
+        self._looked_s = -math.inf
+        self._looking = False
+
+    def at(self, block: Block, now_s: float) -> list[LiveSamples]:
+        samples = [] if self._needed is None else self._needed.feed(block)
+        if self._rest is None or not (self._looking or now_s - self._looked_s >= LOOK_EVERY_S):
+            return samples
+        if not self._looking:
+            self._rest.skip()
+        shown = self._rest.feed(block)
+        self._looking = not shown
+        if shown:
+            self._looked_s = now_s
+        return samples + shown
+
+    def skip(self) -> None:
+        for signals in (self._needed, self._rest):
+            if signals is not None:
+                signals.skip()

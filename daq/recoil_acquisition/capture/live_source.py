@@ -1,0 +1,243 @@
+"""A source that is read live, and its channels in SI as they pass."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.devices.device import CAN, EVENT, SERIAL, Block, Device, interrupts
+from recoil_acquisition.devices.opening import open_device
+from recoil_acquisition.errors import MissingChannelError
+from recoil_acquisition.frames import can_capture_file as capture
+from recoil_acquisition.frames.decoder import FrameDecoder
+from recoil_acquisition.frames.framing import Framing
+from recoil_acquisition.frames.values import decode_fields
+from recoil_acquisition.readers.can.decoding import SignalLayout, layout_of, present
+from recoil_acquisition.readers.can.messages import load_database
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LiveChannel:
+    """One channel of a live source: ``value = factor * signal + offset``.
+
+    Attributes
+    ----------
+    name : str
+        Of the rig.
+    signal : str
+        ``Message.Signal`` of a bus, the field of a framing.
+    factor, offset : float
+        From the signal's unit to SI, polarity and sensitivity included.
+    unit : str
+        SI.
+    range : tuple of float or None
+        Of its sensor, SI.
+    """
+
+    name: str
+    signal: str
+    factor: float
+    offset: float
+    unit: str
+    range: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class LiveSource:
+    """What is declared of one live source.
+
+    Attributes
+    ----------
+    name, kind : str
+    device : mapping
+        Its ``device`` table.
+    channels : tuple of LiveChannel
+    framing : Framing or None
+        Of a serial source.
+    database : str or None
+        Text of a bus's database.
+    counters : tuple of str
+        Signals of a bus that count messages.
+    path : Path
+        The rig file, for messages.
+    """
+
+    name: str
+    kind: str
+    device: Mapping[str, Any]
+    channels: tuple[LiveChannel, ...]
+    framing: Framing | None = None
+    database: str | None = None
+    counters: tuple[str, ...] = ()
+    path: Path = Path("rig.toml")
+
+
+def open_source(source: LiveSource) -> Device:
+    """Open the device of a source; DeviceError, in one line, if that cannot be done."""
+    return open_device(
+        source.name, source.kind, source.device,
+        framing=source.framing, database=source.database, counters=source.counters,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class LiveSamples:
+    """Samples of one channel as they came.
+
+    Attributes
+    ----------
+    channel : str
+    times_s : ndarray of float64, shape (n_samples,)
+        On the host's monotonic clock, never running backwards.
+    values : ndarray of float64, shape (n_samples,)
+        SI.
+    """
+
+    channel: str
+    times_s: Array
+    values: Array
+
+
+class LiveSignals(Protocol):
+    """The channels of one live source, decoded block by block."""
+
+    def feed(self, block: Block) -> list[LiveSamples]:
+        """Take the next block; return the samples that it completes, of the channels wanted."""
+        ...
+
+    def skip(self) -> None:
+        """Note that blocks are missing between the last one and the next."""
+        ...
+
+
+def signals_of(source: LiveSource, channels: Sequence[LiveChannel]) -> LiveSignals:
+    """Return what decodes some channels of a source.
+
+    Raises
+    ------
+    MissingChannelError
+        If the source has no such signal, with the nearest names.
+    ReadError
+        If its database is at fault.
+    """
+    if source.kind == CAN:
+        return CanSignals(source, channels)
+    if source.kind == SERIAL and source.framing is not None:
+        return SerialSignals(source.framing, channels, source.path)
+    raise ValueError(f"source '{source.name}' of kind {source.kind!r} has no live signals")
+
+
+class CanSignals:
+    """Channels of a bus.
+
+    Parameters
+    ----------
+    source : LiveSource
+        With its database.
+    channels : sequence of LiveChannel
+    """
+
+    def __init__(self, source: LiveSource, channels: Sequence[LiveChannel]) -> None:
+        database = load_database(source.database or "", source.path)
+        names: list[str] = []
+        self._wanted: dict[tuple[int, bool], list[tuple[LiveChannel, SignalLayout, dict[str, SignalLayout]]]] = {}
+        found: set[str] = set()
+        for message in database.messages:
+            layouts = {s.name: layout for s in message.signals if (layout := layout_of(s)) is not None}
+            names += [f"{message.name}.{name}" for name in layouts]
+            key = int(message.frame_id), bool(message.is_extended_frame)
+            for channel in channels:
+                layout = layouts.get(channel.signal.removeprefix(f"{message.name}."))
+                if layout is not None and channel.signal == f"{message.name}.{layout.name}":
+                    self._wanted.setdefault(key, []).append((channel, layout, layouts))
+                    found.add(channel.name)
+        for channel in channels:
+            if channel.name not in found:
+                database.refuse_faulty(channel.signal, source.path)
+                raise MissingChannelError(channel.signal, tuple(names), path=source.path)
+
+    def feed(self, block: Block) -> list[LiveSamples]:
+        """Take the next block; return the samples that it completes."""
+        if block.kind != CAN:
+            return []
+        records = capture.parse_records(block.payload)
+        flags = records["flags"]
+        plain = flags & (capture.ERROR | capture.REMOTE | capture.EVENT | capture.ANCHOR) == 0
+        extended = flags & capture.EXTENDED != 0
+        samples = []
+        for (identifier, is_extended), rows in self._wanted.items():
+            chosen = records[plain & (records["id"] == identifier) & (extended == is_extended)]
+            if not chosen.size:
+                continue
+            data, length = chosen["data"], chosen["length"].astype(np.int64)
+            # within one source the host's stamps go forward; a frame is never dated before the one in front of it
+            times_s = np.maximum.accumulate(chosen["host_ns"] / 1e9)
+            for channel, layout, layouts in rows:
+                held = present(layout, layouts, data, length) & (length >= layout.bytes_needed)
+                if held.any():
+                    values = layout.decode(data[held]) * channel.factor + channel.offset
+                    samples.append(LiveSamples(channel.name, times_s[held], values))
+        return samples
+
+    def skip(self) -> None:
+        """Do nothing: a block holds whole frames."""
+
+
+class SerialSignals:
+    """Channels of a port.
+
+    Parameters
+    ----------
+    framing : Framing
+    channels : sequence of LiveChannel
+    path : Path
+        The rig file, for messages.
+    """
+
+    def __init__(self, framing: Framing, channels: Sequence[LiveChannel], path: Path) -> None:
+        known = {field.name for frame_type in framing.types for field in frame_type.fields}
+        for channel in channels:
+            if channel.signal not in known:
+                raise MissingChannelError(channel.signal, tuple(sorted(known)), path=path)
+        self._framing = framing
+        self._channels = tuple(channels)
+        self._fields = frozenset(channel.signal for channel in channels)
+        self._decoder = FrameDecoder(framing)
+        self._fed = 0
+        self._latest_s = -np.inf
+
+    def feed(self, block: Block) -> list[LiveSamples]:
+        """Take the next block; return the samples that it completes."""
+        if block.kind == EVENT:
+            if interrupts(block):
+                self._decoder.interrupt(missing=True)
+            return []
+        host_s = block.host_ns / 1e9
+        self._decoder.feed(block.payload, host_s)
+        self._fed += len(block.payload)
+        frames = self._decoder.take()
+        if not frames.begins.size:
+            return []
+        series = decode_fields(self._framing, frames, self._fields)
+        # a frame ended on the line before the bytes that came behind it in the same read
+        times_s = host_s - (self._fed - frames.ends).astype(np.float64) * self._framing.byte_s
+        times_s = np.clip(np.maximum.accumulate(times_s), self._latest_s, host_s)
+        self._latest_s = float(times_s[-1])
+        samples = []
+        for channel in self._channels:
+            found = series[channel.signal]
+            if found.frames.size:
+                values = found.values * channel.factor + channel.offset
+                samples.append(LiveSamples(channel.name, times_s[found.frames], values))
+        return samples
+
+    def skip(self) -> None:
+        """Note that bytes are missing: a half frame will not be completed."""
+        self._decoder.interrupt(missing=True)

@@ -1,0 +1,103 @@
+"""The shots of a session from what its journal holds: its decisions, and those that a crash outran."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+from recoil_acquisition.capture.engine import LAG_S, SETTLE_S
+from recoil_acquisition.capture.live_source import LiveSource, signals_of
+from recoil_acquisition.devices.device import SERIAL, Block
+from recoil_acquisition.trigger import Decision, ShotCutter, ShotWindow, Trigger, TriggerDetector
+from recoil_acquisition.trigger.decision import HOLDOFF, MANUAL, WITHIN_POST
+
+_AT_ONCE_S = 1e-9
+
+
+def replayed(
+    sources: Mapping[str, Sequence[tuple[float, float]]],
+    trigger: Trigger,
+    decisions: Sequence[Decision],
+    stalls: Sequence[tuple[float, float]] = (),
+) -> tuple[ShotWindow, ...]:
+    """Return the windows of decisions that were made before, with what is held of each source.
+
+    Parameters
+    ----------
+    sources : mapping of str to sequence of (oldest_s, latest_s)
+        One span per source, or none if nothing is held of it.
+    trigger : Trigger
+    decisions : sequence of Decision
+        In the order in which they were made.
+    stalls : sequence of (from_s, until_s)
+        What was read at the second instant may have arrived since the first.
+    """
+    cutter = ShotCutter(trigger, list(sources), lag_s=LAG_S)
+    for name, spans in sources.items():
+        for oldest_s, latest_s in spans:
+            cutter.advance(name, oldest_s, latest_s)
+    for from_s, until_s in stalls:
+        cutter.stalled(from_s, until_s)
+    cutter.note(decisions)
+    return cutter.ready(float("inf"))
+
+
+def outrun(
+    sources: Sequence[LiveSource], trigger: Trigger, blocks: Iterable[Block | None], decided: Sequence[Decision]
+) -> list[Decision]:
+    """Return the decisions that a session would have made next, of what it had recorded when it was killed.
+
+    Whether it was armed cannot be known: a crossing counts, for a shot too many costs nothing.
+
+    Parameters
+    ----------
+    sources : sequence of LiveSource
+    trigger : Trigger
+    blocks : iterable of Block or None
+        All that was recorded, in the order of the journal; None where something is missing.
+    decided : sequence of Decision
+        Those that were recorded. What one of them lies next to is not decided again: live, several blocks are dated
+        as one.
+
+    Returns
+    -------
+    list of Decision
+        In the order of time.
+    """
+    names = [channel.name for source in sources for channel in source.channels]
+    every = replace(trigger, post_s=_AT_ONCE_S, holdoff_s=0.0, extend=False)
+    detector = TriggerDetector(every, names, max_lag_s=LAG_S)
+    detector.arm(-float("inf"))
+    wanted = [(s, [c for c in s.channels if s.kind == SERIAL or c.name in trigger.channels]) for s in sources]
+    signals = {source.name: signals_of(source, channels) for source, channels in wanted if channels}
+    crossings: list[Decision] = []
+    for block in blocks:
+        if block is None:
+            for one in signals.values():
+                one.skip()
+        elif block.source in signals:
+            for samples in signals[block.source].feed(block):
+                crossings += detector.feed(samples.channel, samples.times_s, samples.values)
+    crossings += detector.finish()
+    found: list[Decision] = []
+    for crossing in crossings:
+        if crossing.outcome == "trigger" and not any(_same(crossing, one) for one in decided):
+            found.append(_ruled(crossing, trigger, [*decided, *found]))
+    return found
+
+
+def _same(crossing: Decision, decision: Decision) -> bool:
+    return decision.channel == crossing.channel and abs(decision.time_s - crossing.time_s) <= SETTLE_S
+
+
+def _ruled(crossing: Decision, trigger: Trigger, before: Sequence[Decision]) -> Decision:
+    """Return what a crossing means after the triggers before it."""
+    met = (d.time_s for d in before if d.outcome != "suppressed" and d.condition != MANUAL)
+    last_s = max((time_s for time_s in met if time_s <= crossing.time_s), default=-float("inf"))
+    if crossing.time_s < last_s + trigger.holdoff_s:
+        return replace(crossing, outcome="suppressed", reason=HOLDOFF)
+    if crossing.time_s >= last_s + trigger.post_s:
+        return crossing
+    if trigger.extend:
+        return replace(crossing, outcome="extension")
+    return replace(crossing, outcome="suppressed", reason=WITHIN_POST)

@@ -1,0 +1,256 @@
+"""What a journal of live acquisition says: its session, and which record is what.
+
+Records of a source carry its number, from 0 in the session's order. Those with the number `OPERATOR` are JSON: what the
+trigger decided, and which shot became of it, so that a crash loses neither.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from recoil_acquisition.devices.device import CAN, EVENT, SERIAL, Anchor, Block
+from recoil_acquisition.errors import StoreError
+from recoil_acquisition.journal.folder import Journal
+from recoil_acquisition.journal.records import JournalRecord
+from recoil_acquisition.shot_name import check_shot_name
+from recoil_acquisition.trigger import Decision, Trigger
+
+SCHEMA = "recoil-daq/live/1"
+
+KINDS = (CAN, SERIAL, EVENT)
+"""Kind of a block, by its number in a record."""
+
+OPERATOR = 0xFFFF
+"""Number of the source of records that no device gave."""
+
+DECISION, SHOT, CLOSED, KEPT = 0, 1, 2, 3
+"""Kinds of the operator's records: a decision of the trigger, a shot that is complete, the orderly end, a stretch that
+is kept for another reason than a decision."""
+
+
+@dataclass(frozen=True)
+class RecordedSource:
+    """A source of a session: its name and kind."""
+
+    name: str
+    kind: str
+
+
+@dataclass(frozen=True)
+class LiveRecord:
+    """What a session's journal begins with.
+
+    Attributes
+    ----------
+    rig_name, rig_text : str
+    rig_path : str
+        Where the rig file was.
+    databases : mapping of str to str
+        Text of the rig's CAN databases.
+    anchor : Anchor
+        The host's two clocks when it was armed.
+    sources : tuple of RecordedSource
+    """
+
+    rig_name: str
+    rig_text: str
+    rig_path: str
+    databases: Mapping[str, str]
+    anchor: Anchor
+    sources: tuple[RecordedSource, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it in JSON types, with its schema."""
+        return {"schema": SCHEMA, **asdict(self)}
+
+    def number(self, source: str) -> int:
+        """Return the number of a source; KeyError if there is none of this name."""
+        for i, one in enumerate(self.sources):
+            if one.name == source:
+                return i
+        raise KeyError(source)
+
+    def block(self, record: JournalRecord) -> Block:
+        """Return the block that a record of a source holds; StoreError if it is none of this session."""
+        if record.source >= len(self.sources) or record.kind >= len(KINDS):
+            raise StoreError(f"record {record.sequence} of the journal is of source {record.source}, which is unknown")
+        empty_ns = None if record.span_us is None else record.from_ns
+        return Block(self.sources[record.source].name, record.host_ns, record.payload, KINDS[record.kind], empty_ns)
+
+
+def live_record_of(journal: Journal) -> LiveRecord:
+    """Return what a journal says of its session.
+
+    Raises
+    ------
+    StoreError
+        If it is not the journal of a live acquisition.
+    """
+    session = journal.session
+    try:
+        if session["schema"] != SCHEMA:
+            raise ValueError(f"schema {session['schema']!r}")
+        return LiveRecord(
+            rig_name=str(session["rig_name"]),
+            rig_text=str(session["rig_text"]),
+            rig_path=str(session["rig_path"]),
+            databases=dict(session["databases"]),
+            anchor=Anchor(**{key: int(value) for key, value in session["anchor"].items()}),
+            sources=tuple(RecordedSource(str(one["name"]), str(one["kind"])) for one in session["sources"]),
+        )
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise StoreError(
+            f"this journal is of no live acquisition: {error}", path=journal.folder, expected=f"a session {SCHEMA}"
+        ) from error
+
+
+@dataclass(frozen=True)
+class CompleteShot:
+    """A shot that the session knew to be complete, by its identifier and its trigger's time."""
+
+    shot: str
+    trigger_s: float
+
+    def __post_init__(self) -> None:
+        check_shot_name(self.shot)
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A stretch of a journal that a person may want, and why.
+
+    Attributes
+    ----------
+    first_s, last_s : float
+        What happened first and last, on the host's monotonic clock.
+    start_s, stop_s : float
+        What is kept of the journal.
+    why : str
+        Such as ``p_brake crossed: not armed``.
+    """
+
+    first_s: float
+    last_s: float
+    start_s: float
+    stop_s: float
+    why: str
+
+    @property
+    def lasting(self) -> str:
+        """How long it lasted, in words."""
+        return "once" if self.last_s == self.first_s else f"over {self.last_s - self.first_s:.3f} s"
+
+    def within(self, spans: Iterable[tuple[float, float]]) -> bool:
+        """Tell whether all that happened lies within one of some spans (start_s, stop_s)."""
+        return any(start <= self.first_s and self.last_s < stop for start, stop in spans)
+
+
+def kept_of(decision: Decision, trigger: Trigger) -> Kept | None:
+    """Return what is kept where something crossed and no shot began; None of an operator's own key."""
+    if decision.outcome != "suppressed" or decision.value is None:
+        return None
+    at_s = decision.time_s
+    return Kept(
+        at_s, at_s, at_s - trigger.pre_s, at_s + trigger.post_s, f"{decision.channel} crossed: {decision.reason}"
+    )
+
+
+def longer(kept: Sequence[Kept], one: Kept) -> list[Kept]:
+    """Return stretches with one more, which makes the last one longer if it follows on it for the same reason."""
+    if kept and kept[-1].why == one.why and one.start_s <= kept[-1].stop_s:
+        last = kept[-1]
+        return [*kept[:-1], replace(last, last_s=one.last_s, stop_s=max(last.stop_s, one.stop_s))]
+    return [*kept, one]
+
+
+@dataclass(frozen=True)
+class OperatorRecords:
+    """What a journal holds that no device gave.
+
+    Attributes
+    ----------
+    decisions : tuple of Decision
+    shots : tuple of CompleteShot
+    kept : tuple of Kept
+        For another reason than a decision.
+    in_order : bool
+        Whether the session was closed in order.
+    """
+
+    decisions: tuple[Decision, ...]
+    shots: tuple[CompleteShot, ...]
+    kept: tuple[Kept, ...]
+    in_order: bool
+
+
+def pack_kept(kept: Kept) -> bytes:
+    """Return the payload of a `KEPT`."""
+    return json.dumps(asdict(kept)).encode()
+
+
+def pack_decision(decision: Decision) -> bytes:
+    """Return the payload of a `DECISION`."""
+    return json.dumps(asdict(decision)).encode()
+
+
+def pack_shot(shot: CompleteShot) -> bytes:
+    """Return the payload of a `SHOT`."""
+    return json.dumps(asdict(shot)).encode()
+
+
+def operator_records(journal: Journal) -> OperatorRecords:
+    """Return what a journal holds that no device gave.
+
+    Raises
+    ------
+    StoreError
+        If one of these records is not what it should be.
+    """
+    decisions: list[Decision] = []
+    shots: list[CompleteShot] = []
+    kept: list[Kept] = []
+    closed = False
+    for record in journal.records(OPERATOR):
+        try:
+            if record.kind == DECISION:
+                decisions.append(Decision(**json.loads(record.payload)))
+            elif record.kind == SHOT:
+                shots.append(CompleteShot(**json.loads(record.payload)))
+            elif record.kind == KEPT:
+                kept = longer(kept, Kept(**json.loads(record.payload)))
+            elif record.kind == CLOSED:
+                closed = True
+        except (ValueError, TypeError) as error:
+            raise StoreError(f"record {record.sequence} cannot be understood: {error}", path=journal.folder) from error
+    return OperatorRecords(tuple(decisions), tuple(shots), tuple(kept), closed)
+
+
+def journal_name(wall_ns: int) -> str:
+    """Return the name of a session's folder: its beginning in UTC."""
+    import datetime as dt
+
+    start = dt.datetime(1970, 1, 1) + dt.timedelta(microseconds=wall_ns // 1000)
+    return start.strftime("%Y%m%dT%H%M%S.%fZ")
+
+
+def reserve_bytes(sources: Sequence[Mapping[str, Any]], seconds: float) -> int:
+    """Return the space that sources need at most in a time, from their ``device`` tables.
+
+    A bus carries at most 8,000 frames per second at 1 Mbit/s, each a record of 88 bytes; a port a byte per ten bits.
+    """
+    rate = 0.0
+    for table in sources:
+        if "baudrate" in table:
+            rate += float(table["baudrate"]) / 10.0
+        else:
+            rate += float(table.get("bitrate", 1_000_000)) / 1_000_000 * 8000 * 88
+    return int(rate * seconds)
+
+
+def session_folder(out: Path, wall_ns: int) -> Path:
+    """Return where a session's journal stands: ``OUT/journal/<UTC time>``."""
+    return out / "journal" / journal_name(wall_ns)

@@ -1,0 +1,98 @@
+"""How an armed acquisition is doing: what the armed screen and the log show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from recoil_acquisition.capture.engine import Level
+from recoil_acquisition.devices.device import Counters
+
+State = Literal["disarmed", "armed", "recording", "stopped"]
+
+
+@dataclass(frozen=True)
+class SourceStatus:
+    """One source.
+
+    Attributes
+    ----------
+    name, kind : str
+    rate_hz : float
+        Frames of a bus, or bytes of a port, per second, over the last second or two.
+    age_s : float or None
+        Time since the last data; None if there was none.
+    counters : Counters
+    error : str
+        Why it is no longer read; empty if it is.
+    """
+
+    name: str
+    kind: str
+    rate_hz: float
+    age_s: float | None
+    counters: Counters
+    error: str
+
+
+@dataclass(frozen=True)
+class ChannelStatus:
+    """One channel.
+
+    Attributes
+    ----------
+    name, source, unit : str
+        The unit is that of SI.
+    level : Level or None
+        None if nothing came within the last second.
+    range : tuple of float or None
+        Of its sensor.
+    triggers_at : float or None
+        Level of the trigger's condition on it, where it has one on the signal itself.
+    """
+
+    name: str
+    source: str
+    unit: str
+    level: Level | None
+    range: tuple[float, float] | None
+    triggers_at: float | None
+
+
+@dataclass(frozen=True)
+class LiveStatus:
+    """The whole acquisition.
+
+    Attributes
+    ----------
+    state : str
+    sources : tuple of SourceStatus
+    channels : tuple of ChannelStatus
+    shots : int
+        Triggered since it was started.
+    armed_s : float
+        Time since it was started.
+    disk_free_bytes : int
+    journal_bytes : int
+        Written so far.
+    unsynced_s : float
+        Age of the oldest data that is not yet forced to the disk.
+    unseen_bytes : int
+        Recorded, and not looked at by the trigger.
+    released_records : int
+        Of the journal: watched, nothing happened in them, and given back.
+    alert : str
+        What nobody may overlook: a device that is lost, an output folder that is gone. Empty if nothing.
+    """
+
+    state: State
+    sources: tuple[SourceStatus, ...]
+    channels: tuple[ChannelStatus, ...]
+    shots: int
+    armed_s: float
+    disk_free_bytes: int
+    journal_bytes: int
+    unsynced_s: float
+    unseen_bytes: int
+    released_records: int = 0
+    alert: str = ""

@@ -1,0 +1,136 @@
+"""One measured time series of one quantity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.quantity import SI_UNITS
+from recoil_acquisition.timebase import TimeBase
+
+
+@dataclass(frozen=True)
+class Step:
+    """One line of a value's history.
+
+    Attributes
+    ----------
+    what : str
+        The operation, for example ``convert to SI``.
+    version : str
+        Version of the package that did it.
+    parameters : dict
+        Its parameters, units in the names; JSON types only.
+    """
+
+    what: str
+    version: str
+    parameters: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class RawCounts:
+    """What the source stored, beside the physical samples: ``source unit = gain * counts + offset``.
+
+    Attributes
+    ----------
+    counts : ndarray of integers, shape (n_samples,)
+    gain, offset : float
+        In the source's own unit.
+    unit : str
+        That unit, as the source spells it.
+    """
+
+    counts: NDArray[np.integer[Any]]
+    gain: float
+    offset: float
+    unit: str
+
+    def __post_init__(self) -> None:
+        if self.counts.dtype.kind not in "iu":
+            raise ValueError(f"raw counts must be integers, not {self.counts.dtype}")
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """One measured time series of one quantity on one time base, in SI.
+
+    Attributes
+    ----------
+    name : str
+        Its name in the rig.
+    quantity : str
+        A key of `recoil_acquisition.quantity.SI_UNITS`.
+    samples : ndarray of float64 or float32, shape (n_samples,)
+        SI values; a lost sample is NaN.
+    time_base : TimeBase
+    signal : str
+        Its name in the source's file.
+    role : str
+        What the equation of motion uses it for; empty if nothing.
+    u_rel : float
+        Relative standard uncertainty of the sensor's scale.
+    resolution : float
+        Smallest step between two sample values in SI; 0 if the source does not say.
+    raw : RawCounts or None
+        As many counts as samples.
+    history : tuple of Step
+
+    Raises
+    ------
+    ValueError
+        If the quantity is unknown, or lengths or types contradict the above.
+    """
+
+    name: str
+    quantity: str
+    samples: NDArray[np.floating[Any]]
+    time_base: TimeBase
+    signal: str = ""
+    role: str = ""
+    u_rel: float = 0.0
+    resolution: float = 0.0
+    raw: RawCounts | None = None
+    history: tuple[Step, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.quantity not in SI_UNITS:
+            raise ValueError(f"unknown quantity {self.quantity!r}")
+        if self.samples.shape != (self.time_base.count,):
+            raise ValueError(
+                f"channel {self.name!r}: {self.samples.shape} samples on a time base of {self.time_base.count}"
+            )
+        if self.samples.dtype not in (np.float64, np.float32):
+            raise ValueError(f"channel {self.name!r}: samples must be float64 or float32, not {self.samples.dtype}")
+        if self.raw is not None and self.raw.counts.shape != self.samples.shape:
+            raise ValueError(
+                f"channel {self.name!r}: {self.raw.counts.shape} raw counts beside {self.samples.shape} samples"
+            )
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the samples."""
+        return SI_UNITS[self.quantity]
+
+    @property
+    def lost(self) -> NDArray[np.bool_]:
+        """Which samples the instrument lost, shape (n_samples,)."""
+        lost: NDArray[np.bool_] = np.isnan(self.samples)
+        return lost
+
+    @property
+    def measured(self) -> NDArray[np.float64]:
+        """The samples as float64, shape (n_samples,); NaN where there is no number: lost, or infinite.
+
+        An infinite sample says that something was beyond what the instrument can tell, and no more.
+        """
+        samples = np.array(self.samples, dtype=np.float64)
+        samples[~np.isfinite(samples)] = np.nan
+        return samples
+
+    def with_samples(self, samples: NDArray[np.floating[Any]], step: Step) -> Channel:
+        """Return a new channel with other samples and one more line of history."""
+        return replace(self, samples=samples, history=(*self.history, step))

@@ -1,0 +1,289 @@
+"""A CAN bus through any interface of python-can.
+
+The bus is read by ``recv`` in the caller's own thread. python-can's Notifier is not used: a listener that
+raises ends its thread without a word, and stopping it leaves what is queued unread. Every frame is
+packed as it comes, with the interface's stamp and the host's, and decoded after the shot.
+
+A bus itself repeats what was damaged, but an adapter's own line to the host may have no checksum (``slcan`` has
+none): what a damaged line turns into a wrong but well-formed frame, nobody can tell.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections import deque
+from collections.abc import Mapping
+from typing import Any
+
+from recoil_acquisition.devices.back_off import BackOff
+from recoil_acquisition.devices.can_link import can_links, enlarge_queue, flags_of, kernel_drops
+from recoil_acquisition.devices.device import CAN, Block, Counters, EmptyLook, StreamCheck, event_block
+from recoil_acquisition.devices.kernel_drops import GrowingCount
+from recoil_acquisition.devices.open_fault import error_number, open_fault
+from recoil_acquisition.errors import DeviceError, nearest_first
+from recoil_acquisition.frames import can_capture_file as capture
+
+HOST_STAMPED = ("slcan", "iscan", "robotell")
+"""Interfaces whose driver stamps a frame with the wall clock when it reads it: no clock of the device."""
+
+BLOCK_S = 0.01
+"""Longest time over which frames are gathered into one block."""
+
+BLOCK_FRAMES = 1024
+"""Most frames in a block."""
+
+_GRACE_S = 0.03
+"""What was sent before the closing is waited for so long: an adapter may hold frames back."""
+_CLOSE_LIMIT_S = 1.0
+_AT_ONCE_NS = 30_000
+"""A frame that is returned faster than this was waiting already."""
+_HOPELESS = 64
+"""A bus with so many unreadable entries in a row is taken for lost."""
+_REPORT_EVERY_NS = 1_000_000_000
+
+
+class CanDevice:
+    """One CAN bus.
+
+    Parameters
+    ----------
+    name : str
+        Name of the source.
+    table : mapping
+        The rig's ``device`` table: ``interface`` and whatever keywords that interface of python-can takes.
+    check : StreamCheck, optional
+        Looks at every block of frames for the counters.
+
+    Raises
+    ------
+    DeviceError
+        If the table names no interface that python-can knows.
+    """
+
+    kind = CAN
+
+    def __init__(self, name: str, table: Mapping[str, Any], *, check: StreamCheck | None = None) -> None:
+        import can
+
+        self.name = name
+        self._options = dict(table)
+        interface = self._options.pop("interface", None)
+        if interface not in can.VALID_INTERFACES:
+            known = nearest_first(str(interface), sorted(can.VALID_INTERFACES))
+            raise DeviceError(
+                f"source '{name}': python-can has no interface {interface!r}",
+                found=", ".join(known[:8]),
+                remedy="correct `device.interface` in the rig file, nearest names first, or install its plug-in",
+            )
+        self._interface = str(interface)
+        self._check = check
+        self._stamped_by_device = 0 if interface in HOST_STAMPED else capture.DEVICE_TIME
+        self._bus: can.BusABC | None = None
+        self._wanted = False
+        self._back_off = BackOff()
+        self._look = EmptyLook()
+        self._ahead: deque[Block] = deque()
+        self._buffer = bytearray(BLOCK_FRAMES * capture.RECORD_SIZE)
+        self._received = self._bad = self._error_frames = self._reopened = self._high_water = 0
+        self._unreported = self._reported_ns = 0
+        self._drops = GrowingCount()
+
+    @property
+    def counters(self) -> Counters:
+        """What it met so far."""
+        check = self._check
+        self._look_for_drops()
+        return Counters(
+            received=self._received,
+            bad=self._bad + (check.bad if check else 0),
+            skipped_bytes=check.skipped_bytes if check else None,
+            counter_gaps=check.counter_gaps if check else None,
+            kernel_drops=self._drops.total,
+            reopened=self._reopened,
+            error_frames=self._error_frames,
+            queue_high_water=self._high_water,
+        )
+
+    def open(self) -> None:
+        """Open the bus; DeviceError if that fails, ValueError if it is open already."""
+        if self._wanted:
+            raise ValueError(f"source '{self.name}' is open already")
+        try:
+            self._connect()
+        except Exception as error:  # every driver has exceptions of its own
+            raise open_fault(self.name, self._what(), error, available=can_links()) from error
+        self._wanted = True
+        self._ahead.append(event_block(self.name, time.monotonic_ns(), "opened", self._what()))
+
+    def read(self, timeout_s: float) -> Block | None:
+        """Return the next block: the frames of up to `BLOCK_S`, or an event; ValueError if it is not open."""
+        if self._ahead:
+            return self._ahead.popleft()
+        if not self._wanted:
+            raise ValueError(f"source '{self.name}' is not open")
+        block = None
+        if self._bus is not None or self._reconnect(timeout_s):
+            block = self._gather(timeout_s, BLOCK_S)
+        if block is None and self._ahead:
+            return self._ahead.popleft()
+        return block
+
+    def close(self) -> tuple[Block, ...]:
+        """Read what still waits, close the bus and return the last blocks."""
+        if not self._wanted:
+            return ()
+        blocks = []
+        began = time.monotonic()
+        # A bus that never falls silent is cut off at the limit
+        while self._bus is not None and (passed_s := time.monotonic() - began) < _CLOSE_LIMIT_S:
+            block = self._ahead.popleft() if self._ahead else self._gather(max(_GRACE_S - passed_s, 0.0), 0.0)
+            if block is not None:
+                blocks.append(block)
+            elif not self._ahead and passed_s > _GRACE_S:
+                break
+        self._wanted = False
+        self._disconnect()
+        self._report_unreadable(at_once=True)
+        self._ahead.append(event_block(self.name, time.monotonic_ns(), "closed", f"{self._received} frames received"))
+        blocks += self._ahead
+        self._ahead.clear()
+        return tuple(blocks)
+
+    def _what(self) -> str:
+        where = self._options.get("channel")
+        return self._interface if where is None else f"{self._interface} {where}"
+
+    def _connect(self) -> None:
+        import can
+
+        # python-can would also read configuration files and the environment: the rig alone says what is opened
+        self._look = EmptyLook()
+        bus = can.Bus(interface=self._interface, ignore_config=True, **self._options)
+        enlarge_queue(bus)
+        self._bus = bus
+        self._drops.restart()
+        self._look_for_drops()
+
+    def _disconnect(self) -> None:
+        bus = self._bus
+        if bus is None:
+            return
+        self._look_for_drops()
+        self._bus = None
+        try:
+            bus.shutdown()
+        except Exception:
+            # slcan writes a last command before it closes its port; without the device that fails
+            port = getattr(bus, "serialPortOrig", None)
+            if port is not None:
+                with contextlib.suppress(Exception):
+                    port.close()
+
+    def _reconnect(self, timeout_s: float) -> bool:
+        if not self._back_off.wait(timeout_s):
+            return False
+        try:
+            self._connect()
+        except Exception:  # still not there: tried again after a pause
+            self._back_off.failed()
+            return False
+        self._reopened += 1
+        detail = f"{self._what()} after {self._back_off.tries} tries"
+        self._ahead.append(event_block(self.name, time.monotonic_ns(), "reopened", detail))
+        return True
+
+    def _lose(self, error: BaseException) -> None:
+        number = error_number(error)
+        detail = f"{self._what()}: {error}" + ("" if number is None else f" [{number}]")
+        self._ahead.append(event_block(self.name, time.monotonic_ns(), "lost", detail))
+        self._disconnect()
+        self._back_off.lost()
+
+    def _gather(self, timeout_s: float, block_s: float) -> Block | None:
+        """Receive frames and pack them, until the time of a block is over or nothing waits."""
+        bus, pack, buffer, now = self._bus, capture.RECORD.pack_into, self._buffer, time.monotonic_ns
+        if bus is None or self._ahead:
+            return None
+        count = errors = at_once = in_a_row = 0
+        stamped = self._stamped_by_device
+        # what waits already is asked for first: the bus is known to be empty only where nothing does
+        ends_ns, wait_s, looking = 0, 0.0, True
+        before_ns = host_ns = now()
+        empty_ns = self._look.empty_ns
+        while count < BLOCK_FRAMES:
+            try:
+                message = bus.recv(wait_s)
+            except Exception as error:
+                in_a_row += 1
+                if self._is_unreadable(error) and in_a_row < _HOPELESS:
+                    self._bad += 1
+                    self._unreported += 1
+                    continue
+                self._lose(error)
+                break
+            self._look.looked(before_ns, empty=message is None)
+            if message is None:
+                if looking and timeout_s:
+                    empty_ns, wait_s, looking, before_ns = self._look.empty_ns, timeout_s, False, now()
+                    continue
+                break
+            host_ns, in_a_row, looking = now(), 0, False
+            at_once = at_once + 1 if host_ns - before_ns < _AT_ONCE_NS else 0
+            if at_once > self._high_water:
+                self._high_water = at_once
+            before_ns = host_ns
+            flags, length, data = flags_of(message), message.dlc, bytes(message.data)
+            if message.timestamp:
+                flags |= stamped
+            if flags & capture.ERROR:
+                errors += 1
+                length = len(data)
+            elif len(data) != length and not flags & capture.REMOTE:
+                # slcan takes a line that lost characters for a frame with less data than its length says
+                self._bad += 1
+                self._unreported += 1
+                continue
+            channel = message.channel if isinstance(message.channel, int) and 0 <= message.channel < 256 else 0
+            stamp_ns = round(message.timestamp * 1e9)
+            place = count * capture.RECORD_SIZE
+            pack(buffer, place, stamp_ns, host_ns, message.arbitration_id, flags, channel, length, data)
+            count += 1
+            if count == 1:
+                ends_ns = host_ns + int(block_s * 1e9)
+            wait_s = max(ends_ns - host_ns, 0) / 1e9
+            if block_s and not wait_s:
+                break
+        self._report_unreadable()
+        if not count:
+            return None
+        payload = bytes(memoryview(buffer)[: count * capture.RECORD_SIZE])
+        self._received += count - errors
+        self._error_frames += errors
+        block = Block(self.name, host_ns, payload, CAN, empty_ns)
+        if self._check is not None:
+            self._check.feed(block)
+        return block
+
+    def _is_unreadable(self, error: BaseException) -> bool:
+        """Tell whether one entry could not be read while the bus itself goes on."""
+        if isinstance(error, UnicodeDecodeError) or isinstance(error.__cause__, UnicodeDecodeError):
+            # slcan keeps a line with a byte that is no ASCII, and would fail with it again for ever
+            held = getattr(self._bus, "_buffer", None)
+            if isinstance(held, bytearray):
+                held.clear()
+            return True
+        # udp_multicast says so of a datagram of another program
+        return isinstance(error, ValueError | IndexError | KeyError) or "could not unpack" in str(error)
+
+    def _report_unreadable(self, *, at_once: bool = False) -> None:
+        """Record unreadable entries as an event, at most once a second."""
+        now_ns = time.monotonic_ns()
+        if self._unreported and (at_once or now_ns - self._reported_ns > _REPORT_EVERY_NS):
+            self._ahead.append(event_block(self.name, now_ns, "unreadable", f"{self._unreported} entries"))
+            self._unreported, self._reported_ns = 0, now_ns
+
+    def _look_for_drops(self) -> None:
+        bus = self._bus
+        if bus is not None:
+            self._drops.see(kernel_drops(bus, self._interface, str(self._options.get("channel", ""))))

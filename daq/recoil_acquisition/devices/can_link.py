@@ -1,0 +1,62 @@
+"""What python-can and the system say of a bus: its messages' flags, its queue, its losses, its neighbours."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+import stat
+import sys
+from typing import Any
+
+from recoil_acquisition.devices.kernel_drops import dropped_by_can_link, dropped_by_udp_socket
+from recoil_acquisition.frames import can_capture_file as capture
+
+RECEIVE_BUFFER = 16 << 20
+"""Bytes asked for as a socket's queue: the kernel's default holds a few hundred frames, this some seconds."""
+
+_FORCED = 33
+"""SO_RCVBUFFORCE of Linux (asm-generic/socket.h): beyond the system's limit, for who may."""
+
+
+def enlarge_queue(bus: Any) -> None:
+    """Ask for a longer queue where the interface is a socket; a refusal is no fault."""
+    with contextlib.suppress(Exception):  # many interfaces have no descriptor, each says so in its own way
+        descriptor = bus.fileno()
+        if descriptor >= 0 and stat.S_ISSOCK(os.fstat(descriptor).st_mode):
+            # a second handle of the same socket: python-can's own is private
+            with socket.socket(fileno=os.dup(descriptor)) as twin:
+                twin.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+                if sys.platform == "linux":
+                    twin.setsockopt(socket.SOL_SOCKET, _FORCED, RECEIVE_BUFFER)
+
+
+def kernel_drops(bus: Any, interface: str, channel: str) -> int | None:
+    """Return what the kernel dropped of an open bus so far; None where it does not tell."""
+    if interface == "socketcan":
+        return dropped_by_can_link(channel)
+    if interface == "udp_multicast":
+        return dropped_by_udp_socket(bus.fileno())
+    return None
+
+
+def flags_of(message: Any) -> int:
+    """Return the flags of a message of python-can, as `frames.can_capture_file` has them, but for its stamp's."""
+    flags = capture.EXTENDED if message.is_extended_id else 0
+    if message.is_error_frame:
+        flags |= capture.ERROR
+    if message.is_remote_frame:
+        flags |= capture.REMOTE
+    if message.is_fd:
+        flags |= capture.FD
+        flags |= capture.BIT_RATE_SWITCH if message.bitrate_switch else 0
+        flags |= capture.ERROR_STATE if message.error_state_indicator else 0
+    return flags if message.is_rx else flags | capture.SENT
+
+
+def can_links() -> list[str]:
+    """Return the CAN network devices of this system."""
+    try:
+        return sorted(name for _, name in socket.if_nameindex() if "can" in name)
+    except (OSError, AttributeError):
+        return []

@@ -1,0 +1,283 @@
+"""What every live source keeps to.
+
+A `Device` is opened, read block by block and closed. A block is what one read returned, with the
+host's monotonic time at its return; nothing in it is decoded. What happens to the device itself
+(lost, opened again, unreadable entries) comes as blocks of kind `EVENT` in the same order as the data,
+so that whoever keeps the blocks keeps the whole story.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+CAN = "can"
+"""Kind of a block of packed CAN records, see `recoil_acquisition.frames.can_capture_file`."""
+
+SERIAL = "serial"
+"""Kind of a block of a serial port's bytes as they came."""
+
+EVENT = "event"
+"""Kind of a block that says what happened to the device, see `event_block`."""
+
+_ANCHOR_TRIES = 9
+_NOBODY_LOOKED_NS = 200_000_000
+"""A reading thread looks up twice as often as this, however silent its source."""
+_BELIEVED_AFTER_NS = 250_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """What one read of a device returned.
+
+    Attributes
+    ----------
+    source : str
+        Name of the source.
+    host_ns : int
+        The host's monotonic clock when the read returned, ns (`time.monotonic_ns`).
+    payload : bytes
+        Of kind `CAN`, whole records of `frames.can_capture_file.RECORD_SIZE` bytes; of kind `SERIAL`,
+        the bytes of the port; of kind `EVENT`, a JSON object.
+    kind : str
+        `CAN`, `SERIAL` or `EVENT`.
+    empty_ns : int or None
+        The same clock when the source was last found empty: the payload arrived after it, and at `host_ns` at the
+        latest. A read comes soon after it, unless the process or its machine stood still. None if it is unknown.
+    """
+
+    source: str
+    host_ns: int
+    payload: bytes
+    kind: str
+    empty_ns: int | None = None
+
+
+@dataclass(frozen=True)
+class DeviceEvent:
+    """Something that happened to a device.
+
+    Attributes
+    ----------
+    name : str
+        ``opened``, ``lost``, ``reopened``, ``unreadable``, ``unanswered`` or ``closed``.
+    detail : str
+        In one line.
+    """
+
+    name: str
+    detail: str
+
+
+def event_block(source: str, host_ns: int, name: str, detail: str) -> Block:
+    """Return the block that records an event."""
+    text = json.dumps({"event": name, "detail": " ".join(detail.split())}, ensure_ascii=False)
+    return Block(source, host_ns, text.encode(), EVENT)
+
+
+def event_of(block: Block) -> DeviceEvent:
+    """Return the event that a block records; ValueError if it is a block of another kind or damaged."""
+    if block.kind != EVENT:
+        raise ValueError(f"a block of kind {block.kind!r} records no event")
+    try:
+        content = json.loads(block.payload)
+        return DeviceEvent(str(content["event"]), str(content["detail"]))
+    except (ValueError, KeyError, TypeError) as error:
+        raise ValueError(f"this block records no event: {block.payload[:80]!r}") from error
+
+
+def interrupts(block: Block) -> bool:
+    """Tell whether a block says that the device was lost or opened again: nothing is continued over it."""
+    return block.kind == EVENT and event_of(block).name in ("lost", "reopened")
+
+
+def joined(blocks: Sequence[Block]) -> list[Block]:
+    """Join the blocks of data of each source, up to its next event.
+
+    Each takes the times of its last part.
+
+    Parameters
+    ----------
+    blocks : sequence of Block
+        In the order in which they came. Sources stay apart; among them the order is lost.
+    """
+    parts: dict[str, list[Block]] = {}
+    made: list[Block] = []
+
+    def close(source: str) -> None:
+        waiting = parts.pop(source, [])
+        if waiting:
+            payload = b"".join(part.payload for part in waiting)
+            made.append(Block(source, waiting[-1].host_ns, payload, waiting[-1].kind, waiting[-1].empty_ns))
+
+    for block in blocks:
+        if block.kind == EVENT:
+            close(block.source)
+            made.append(block)
+        else:
+            parts.setdefault(block.source, []).append(block)
+    for source in tuple(parts):
+        close(source)
+    return made
+
+
+@dataclass(frozen=True)
+class Counters:
+    """What a device met since it was made.
+
+    Attributes
+    ----------
+    received : int
+        Frames of a bus, its error frames not counted; bytes of a port.
+    bad : int
+        Entries that the driver could not read, and what the check of the stream found damaged.
+    skipped_bytes : int or None
+        Bytes outside of good frames; None where nothing checks the stream's frames.
+    counter_gaps : int or None
+        Places where a packet counter misses frames; None where no counter is checked.
+    kernel_drops : int or None
+        Frames or bytes that the kernel dropped before they could be read; None where the platform does not say.
+    reopened : int
+        How often the device was lost and opened again.
+    error_frames : int
+        Error frames of a bus.
+    queue_high_water : int
+        Most frames, or bytes of a port, that were found waiting at once.
+    """
+
+    received: int = 0
+    bad: int = 0
+    skipped_bytes: int | None = None
+    counter_gaps: int | None = None
+    kernel_drops: int | None = None
+    reopened: int = 0
+    error_frames: int = 0
+    queue_high_water: int = 0
+
+
+class EmptyLook:
+    """When a source was last found empty, as far as that can be believed.
+
+    A driver hands on what it holds in pieces: right behind the first piece nothing seems to wait. So what is seen soon
+    after nobody looked for a while is not believed.
+
+    Attributes
+    ----------
+    empty_ns : int
+        Monotonic host time: all that arrived before it was read by the time of the last look. At first that of opening.
+    """
+
+    def __init__(self) -> None:
+        self.empty_ns = self._looked_ns = time.monotonic_ns()
+        self._believed_from_ns = 0
+
+    def looked(self, at_ns: int, *, empty: bool) -> None:
+        """Note a look, at a time before it."""
+        if at_ns - self._looked_ns > _NOBODY_LOOKED_NS:
+            self._believed_from_ns = at_ns + _BELIEVED_AFTER_NS
+        self._looked_ns = at_ns
+        if empty and at_ns >= self._believed_from_ns:
+            self.empty_ns = at_ns
+
+
+class StreamCheck(Protocol):
+    """A look at the blocks of data as they pass, for the counters only."""
+
+    @property
+    def bad(self) -> int:
+        """Damaged frames so far."""
+        ...
+
+    @property
+    def skipped_bytes(self) -> int | None:
+        """Bytes outside of good frames so far; None if that means nothing here."""
+        ...
+
+    @property
+    def counter_gaps(self) -> int | None:
+        """Gaps of a packet counter so far; None if no counter is checked."""
+        ...
+
+    def feed(self, block: Block) -> None:
+        """Take the next block."""
+        ...
+
+
+class Device(Protocol):
+    """One live source. It is read by one thread; `counters` may be asked for by any."""
+
+    @property
+    def name(self) -> str:
+        """Name of the source."""
+        ...
+
+    @property
+    def kind(self) -> str:
+        """Kind of its data blocks: `CAN` or `SERIAL`."""
+        ...
+
+    @property
+    def counters(self) -> Counters:
+        """What it met so far."""
+        ...
+
+    def open(self) -> None:
+        """Open it.
+
+        Raises
+        ------
+        DeviceError
+            In one line: what is wrong, and what to do.
+        ValueError
+            If it is open already.
+        """
+        ...
+
+    def read(self, timeout_s: float) -> Block | None:
+        """Return the next block, or None if nothing came in time.
+
+        A device that is lost while it is read says so by an event, and is opened again by later reads
+        with growing pauses; read does not raise for it. ValueError if it was never opened.
+        """
+        ...
+
+    def close(self) -> tuple[Block, ...]:
+        """Read what still waits, close, and return it; further calls return nothing."""
+        ...
+
+
+@dataclass(frozen=True)
+class Anchor:
+    """One instant on the host's two clocks.
+
+    Attributes
+    ----------
+    wall_ns : int
+        Nanoseconds since 1970-01-01 UTC, by the host's wall clock.
+    monotonic_ns : int
+        The host's monotonic clock.
+    within_ns : int
+        Half the time between the two readings that enclose the wall clock's: by so much the pair may be off.
+    """
+
+    wall_ns: int
+    monotonic_ns: int
+    within_ns: int
+
+    def wall_of(self, monotonic_ns: int) -> int:
+        """Return the wall-clock time of an instant of the monotonic clock, if neither was set since."""
+        return self.wall_ns + monotonic_ns - self.monotonic_ns
+
+
+def anchor() -> Anchor:
+    """Read both clocks of the host, as closely together as a few tries give."""
+    tries = []
+    for _ in range(_ANCHOR_TRIES):
+        before = time.monotonic_ns()
+        wall = time.time_ns()
+        after = time.monotonic_ns()
+        tries.append(Anchor(wall, (before + after) // 2, (after - before + 1) // 2))
+    return min(tries, key=lambda one: one.within_ns)

@@ -1,0 +1,159 @@
+"""The thread that reads one device and hands every block on."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from recoil_acquisition.devices.device import EVENT, Block, Device
+
+READ_TIMEOUT_S = 0.1
+"""Longest wait for a block: how soon the thread sees that it is to stop."""
+
+
+@dataclass(frozen=True)
+class ReaderHealth:
+    """How a reader is doing.
+
+    Attributes
+    ----------
+    alive : bool
+        Whether its thread runs.
+    blocks, payload_bytes : int
+        Handed on so far, events included.
+    data_age_s : float or None
+        Time since the last block of data was read; None if there was none.
+    longest_sink_s : float
+        Longest time that the sink took for one block.
+    undelivered : int
+        Blocks that were read and could not be handed on.
+    error : BaseException or None
+        Why the reader stopped by itself.
+    """
+
+    alive: bool
+    blocks: int
+    payload_bytes: int
+    data_age_s: float | None
+    longest_sink_s: float
+    undelivered: int
+    error: BaseException | None
+
+
+class DeviceReader:
+    """Reads an open device in a thread of its own until it is stopped.
+
+    The sink is called in that thread, with every block in order. If it raises, reading stops,
+    because a block that nobody keeps is lost: the device is closed, `error` says why, and what could
+    not be handed on is counted.
+
+    Parameters
+    ----------
+    device : Device
+        Open. The reader closes it.
+    sink : callable
+        Takes a block.
+    read_timeout_s : float
+    """
+
+    def __init__(
+        self, device: Device, sink: Callable[[Block], None], *, read_timeout_s: float = READ_TIMEOUT_S
+    ) -> None:
+        self.device = device
+        self._sink = sink
+        self._timeout_s = read_timeout_s
+        self._stopping = threading.Event()
+        # A daemon, so that a program that dies elsewhere ends; `stop` is what ends it in order
+        self._thread = threading.Thread(target=self._run, name=f"read {device.name}", daemon=True)
+        self._error: BaseException | None = None
+        self._blocks = self._bytes = self._undelivered = 0
+        self._last_data_ns = 0
+        self._longest_sink_ns = 0
+
+    @property
+    def error(self) -> BaseException | None:
+        """Why it stopped by itself; None if it did not."""
+        return self._error
+
+    @property
+    def health(self) -> ReaderHealth:
+        """How it is doing now."""
+        last = self._last_data_ns
+        return ReaderHealth(
+            alive=self._thread.is_alive(),
+            blocks=self._blocks,
+            payload_bytes=self._bytes,
+            data_age_s=(time.monotonic_ns() - last) / 1e9 if last else None,
+            longest_sink_s=self._longest_sink_ns / 1e9,
+            undelivered=self._undelivered,
+            error=self._error,
+        )
+
+    def start(self) -> None:
+        """Begin to read; RuntimeError if it was started before."""
+        self._thread.start()
+
+    def stop(self, timeout_s: float = 10.0) -> None:
+        """Read what still waits, hand it on, close the device and end the thread; further calls do nothing.
+
+        Raises
+        ------
+        TimeoutError
+            If the thread does not end in time: the sink or the driver hangs.
+        """
+        self._stopping.set()
+        if self._thread.ident is None:
+            self._finish()
+            return
+        self._thread.join(timeout_s)
+        if self._thread.is_alive():
+            raise TimeoutError(f"the reader of '{self.device.name}' does not end within {timeout_s:g} s")
+
+    def __enter__(self) -> DeviceReader:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def _run(self) -> None:
+        try:
+            while not self._stopping.is_set():
+                block = self.device.read(self._timeout_s)
+                if block is not None:
+                    self._hand_on(block)
+        except BaseException as error:
+            self._error = error
+        finally:
+            self._finish()
+
+    def _finish(self) -> None:
+        """Close the device and hand on what it still held."""
+        try:
+            rest = self.device.close()
+        except Exception as error:
+            self._error = self._error or error
+            return
+        for place, block in enumerate(rest):
+            if self._error is not None:
+                self._undelivered += len(rest) - place
+                return
+            try:
+                self._hand_on(block)
+            except Exception as error:
+                self._error = error
+
+    def _hand_on(self, block: Block) -> None:
+        if block.kind != EVENT:
+            self._last_data_ns = block.host_ns
+        before = time.monotonic_ns()
+        try:
+            self._sink(block)
+        except BaseException:
+            self._undelivered += 1
+            raise
+        self._longest_sink_ns = max(self._longest_sink_ns, time.monotonic_ns() - before)
+        self._blocks += 1
+        self._bytes += len(block.payload)

@@ -1,0 +1,126 @@
+"""Which serial port is meant, how it is set, and how it is found again when it comes back under another name."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from recoil_acquisition.errors import DeviceError, nearest_first
+
+_KEYS = (
+    "port",
+    "baudrate",
+    "bytesize",
+    "parity",
+    "stopbits",
+    "xonxoff",
+    "rtscts",
+    "dsrdtr",
+    "low_latency",
+)
+_USB = re.compile(r"usb:([0-9a-f]{4}):([0-9a-f]{4})(?::(.+))?", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class PortIdentity:
+    """What stays the same of a port when it is unplugged and plugged in again.
+
+    Attributes
+    ----------
+    path : str
+        As declared; a link such as those of ``/dev/serial/by-id`` is followed anew at each opening.
+    vendor, product : int or None
+        USB identifiers; None for a port that is no USB device.
+    serial_number : str
+        Of the USB device; empty for any.
+    """
+
+    path: str
+    vendor: int | None = None
+    product: int | None = None
+    serial_number: str = ""
+
+
+def identity_of(declared: str) -> PortIdentity:
+    """Return the identity that a rig declares: a path, or ``usb:VID:PID`` or ``usb:VID:PID:SERIAL`` in hexadecimal."""
+    match = _USB.fullmatch(declared)
+    if match is None:
+        return PortIdentity(declared)
+    return PortIdentity("", int(match.group(1), 16), int(match.group(2), 16), match.group(3) or "")
+
+
+def learn(identity: PortIdentity) -> PortIdentity:
+    """Add the USB identifiers that the system knows of the port at a path, while it is plugged in."""
+    from serial.tools.list_ports import comports
+
+    if identity.vendor is not None:
+        return identity
+    for port in comports():
+        if port.vid is not None and _same(port.device, identity.path):
+            return PortIdentity(identity.path, port.vid, port.pid, port.serial_number or "")
+    return identity
+
+
+def find(identity: PortIdentity) -> str:
+    """Return the path under which a port is to be opened now.
+
+    The declared path is taken if it is there: it may be a link made for this very purpose. Else
+    the USB device with the same identifiers is looked for.
+    """
+    from serial.tools.list_ports import comports
+
+    if identity.path and (identity.vendor is None or Path(identity.path).exists()):
+        return identity.path
+    for port in comports():
+        alike = (port.vid, port.pid) == (identity.vendor, identity.product)
+        if alike and identity.serial_number in ("", port.serial_number):
+            return str(port.device)
+    if identity.path:
+        return identity.path
+    named = f"{identity.vendor:04x}:{identity.product:04x}" if identity.vendor is not None else "?"
+    raise FileNotFoundError(2, f"no USB device {named} {identity.serial_number}".rstrip())
+
+
+def port_names() -> list[str]:
+    """Return the serial ports of this system."""
+    from serial.tools.list_ports import comports
+
+    return sorted(str(port.device) for port in comports())
+
+
+def _same(one: str, other: str) -> bool:
+    if one == other:
+        return True
+    try:
+        return Path(one).resolve() == Path(other).resolve()
+    except OSError:
+        return False
+
+
+def checked_options(name: str, table: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a serial ``device`` table if it has what it needs and nothing else; `DeviceError` if not."""
+    for key in table:
+        if key not in _KEYS:
+            raise DeviceError(
+                f"source '{name}': a serial `device` has no key {key!r}",
+                expected=", ".join(nearest_first(key, _KEYS)[:4]),
+                remedy="correct `device` in the rig file, nearest names first",
+            )
+    port, baudrate = table.get("port"), table.get("baudrate")
+    if not isinstance(port, str) or not port:
+        raise DeviceError(
+            f"source '{name}': a serial `device` needs a port",
+            found=", ".join(port_names()) or "no serial port on this computer",
+            remedy='write such as `device = { port = "/dev/ttyUSB0", baudrate = 921600 }`',
+        )
+    if isinstance(baudrate, bool) or not isinstance(baudrate, int) or baudrate <= 0:
+        raise DeviceError(
+            f"source '{name}': a serial `device` needs a baud rate",
+            expected="a positive whole number",
+            found=repr(baudrate),
+            remedy="write `baudrate` as it is set in the device",
+        )
+    return dict(table)

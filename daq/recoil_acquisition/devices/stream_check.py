@@ -1,0 +1,187 @@
+"""Looks at what passes and counts damage and gaps while it is recorded; it changes nothing and keeps nothing."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from recoil_acquisition.devices.device import Block
+from recoil_acquisition.errors import DeviceError, nearest_first
+from recoil_acquisition.frames import can_capture_file as capture
+from recoil_acquisition.frames.decoder import FrameDecoder
+from recoil_acquisition.frames.framing import Framing
+from recoil_acquisition.frames.values import decode_fields
+from recoil_acquisition.readers.can.decoding import SignalLayout, gather, layout_of
+from recoil_acquisition.readers.can.frames import EXTENDED
+from recoil_acquisition.readers.can.messages import load_database
+
+_BATCH_BYTES = 8192
+
+
+class FramingCheck:
+    """Counts the frames of a serial stream by the framing that the rig declares.
+
+    Blocks are gathered and looked at together, when there are enough of them or when a count is asked for.
+
+    Parameters
+    ----------
+    framing : Framing
+    """
+
+    def __init__(self, framing: Framing) -> None:
+        # only the counter is needed of the frames
+        self._framing = framing
+        self._decoder = FrameDecoder(framing)
+        self._lock = threading.Lock()
+        self._waiting: list[Block] = []
+        self._waiting_bytes = 0
+        self._last: int | None = None
+        self._gaps = self._missing = self._frames = 0
+
+    @property
+    def frames(self) -> int:
+        """Good frames so far."""
+        self._look()
+        return self._frames
+
+    @property
+    def bad(self) -> int:
+        """Places that looked like a frame and were damaged, so far."""
+        self._look()
+        counters = self._decoder.counters
+        return counters.bad_checksum + counters.bad_length + counters.implausible + counters.not_followed
+
+    @property
+    def skipped_bytes(self) -> int:
+        """Bytes outside of good frames so far."""
+        self._look()
+        return self._decoder.counters.skipped_bytes
+
+    @property
+    def counter_gaps(self) -> int | None:
+        """Gaps of the packet counter so far; None if the framing declares none."""
+        self._look()
+        return None if self._framing.counter is None else self._gaps
+
+    @property
+    def missing_frames(self) -> int | None:
+        """Frames that the packet counter misses so far; None if the framing declares none."""
+        self._look()
+        return None if self._framing.counter is None else self._missing
+
+    def feed(self, block: Block) -> None:
+        """Take the next block."""
+        with self._lock:
+            self._waiting.append(block)
+            self._waiting_bytes += len(block.payload)
+            enough = self._waiting_bytes >= _BATCH_BYTES
+        if enough:
+            self._look()
+
+    def _look(self) -> None:
+        with self._lock:
+            if not self._waiting:
+                return
+            for block in self._waiting:
+                self._decoder.feed(block.payload, block.host_ns / 1e9)
+            self._waiting, self._waiting_bytes = [], 0
+            frames = self._decoder.take()
+            self._frames += int(frames.begins.size)
+            counter = self._framing.counter
+            if counter is None or not frames.begins.size:
+                return
+            counts = decode_fields(self._framing, frames, (counter.field,))[counter.field].raw.astype(np.int64)
+            if not counts.size:
+                return
+            steps = np.diff(counts, prepend=counts[0] - counter.step if self._last is None else self._last)
+            if counter.modulo:
+                steps = steps % counter.modulo
+            forward = steps <= (counter.modulo // 2 if counter.modulo else np.iinfo(np.int64).max)
+            self._gaps += int((steps != counter.step).sum())
+            self._missing += int((steps[(steps > counter.step) & forward] // counter.step - 1).sum())
+            self._last = int(counts[-1])
+
+
+class CanCounterCheck:
+    """Counts the gaps of message counters on a bus.
+
+    Parameters
+    ----------
+    counters : mapping of (int, bool) to SignalLayout
+        By identifier and whether it has 29 bits.
+    """
+
+    skipped_bytes = None
+    bad = 0
+
+    def __init__(self, counters: Mapping[tuple[int, bool], SignalLayout]) -> None:
+        self._counters = dict(counters)
+        self._last: dict[tuple[int, bool], int] = {}
+        self.counter_gaps: int | None = 0
+        self.missing_frames = 0
+
+    def feed(self, block: Block) -> None:
+        """Take the next block."""
+        records = capture.parse_records(block.payload)
+        plain = records["flags"] & (capture.ERROR | capture.REMOTE | capture.EVENT | capture.ANCHOR) == 0
+        extended = records["flags"] & capture.EXTENDED != 0
+        for key, layout in self._counters.items():
+            long_enough = records["length"] >= layout.bytes_needed
+            chosen = records[plain & long_enough & (records["id"] == key[0]) & (extended == key[1])]
+            if not chosen.size:
+                continue
+            counts = gather(chosen["data"], layout.pieces)
+            if key in self._last:
+                counts = np.append(np.uint64(self._last[key]), counts)
+            # a counter wraps at a power of two, and so do differences of uint64
+            steps = np.diff(counts) & np.uint64(2**layout.length - 1)
+            self.counter_gaps = (self.counter_gaps or 0) + int((steps != 1).sum())
+            ahead = steps[(steps > 1) & (steps <= np.uint64(2 ** (layout.length - 1)))]
+            self.missing_frames += int((ahead - np.uint64(1)).sum())
+            self._last[key] = int(counts[-1])
+
+
+def can_counter_check(source: str, names: Sequence[str], database: str, path: Path) -> CanCounterCheck:
+    """Find the counters that a rig names, such as ``Message.Signal``, in a bus's database.
+
+    Parameters
+    ----------
+    source : str
+    names : sequence of str
+    database : str
+        Text of the DBC file.
+    path : Path
+        The rig file, for messages.
+
+    Raises
+    ------
+    DeviceError
+        If there is no such signal, with the nearest names, or it is no whole number.
+    ReadError
+        If the database is at fault.
+    """
+    counters: dict[tuple[int, bool], SignalLayout] = {}
+    parsed = load_database(database, path)
+    known = {
+        f"{message.name}.{signal.name}": (message, signal) for message in parsed.messages for signal in message.signals
+    }
+    for name in names:
+        if name not in known:
+            parsed.refuse_faulty(name, path)
+            raise DeviceError(
+                f"source '{source}': the database has no signal {name!r}",
+                found=", ".join(nearest_first(name, tuple(known))[:5]),
+                remedy="correct `counters` of the source in the rig file, nearest names first",
+            )
+        message, signal = known[name]
+        layout = layout_of(signal)
+        if layout is None or layout.kind == "float":
+            raise DeviceError(
+                f"source '{source}': {name} is no whole number", remedy="correct `counters` of the source"
+            )
+        counters[(message.frame_id & ~EXTENDED, bool(message.is_extended_frame))] = replace(layout)
+    return CanCounterCheck(counters)

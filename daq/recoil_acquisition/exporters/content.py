@@ -1,0 +1,265 @@
+"""What is exported of a shot: its channels by time base, and what is said about them.
+
+Every source keeps its own clock unless the export is asked to be aligned; then instants are mapped to the
+reference clock by the shot's alignment, and nothing else: samples are never resampled.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from recoil_acquisition.bounded_toml import parse_toml
+from recoil_acquisition.channel import Channel
+from recoil_acquisition.errors import StoreError, nearest_first
+from recoil_acquisition.shot import Shot
+from recoil_acquisition.store.table import json_text, tree_names
+from recoil_acquisition.timebase import AbsoluteStart, TimeBase
+
+SCHEMA = "recoil-daq/export/1"
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """The channels of one time base.
+
+    Attributes
+    ----------
+    name : str
+        Of letters, digits and underscores: the source, and a number where it has several time bases.
+    clock : str
+        The source's own clock, also where `time_base` is on the reference clock.
+    time_base : TimeBase
+        As exported.
+    channels : tuple of Channel
+    """
+
+    name: str
+    clock: str
+    time_base: TimeBase
+    channels: tuple[Channel, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Content:
+    """What one or several files of an export hold.
+
+    Attributes
+    ----------
+    document : mapping
+        What is said about the shot, JSON types with finite numbers only.
+    groups : tuple of Group
+    sensors : mapping of str to mapping
+        What the rig declares about the sensor of a channel.
+    start : AbsoluteStart or None
+        When the zero of the reference clock was.
+    notes : tuple of str
+        What a user must know about the export as a whole.
+    """
+
+    document: Mapping[str, Any]
+    groups: tuple[Group, ...]
+    sensors: Mapping[str, Any]
+    start: AbsoluteStart | None
+    notes: tuple[str, ...]
+
+    def only(self, groups: Sequence[Group]) -> Content:
+        """Return the same with some of the groups alone."""
+        return replace(self, groups=tuple(groups))
+
+    def group_document(self, group: Group) -> dict[str, Any]:
+        """Say what a file of one time base says: shot, clock, time, channels; JSON types, finite numbers."""
+        base = group.time_base
+        return {
+            **self.document,
+            "clock": group.clock,
+            "time": {"start_s": base.start_s, "step_s": base.step_s, "count": base.count},
+            "absolute_start": start_document(base.absolute_start),
+            "channels": [self.channel_document(channel) for channel in group.channels],
+        }
+
+    def channel_document(self, channel: Channel) -> dict[str, Any]:
+        """Say what is known about a channel beside its samples."""
+        document: dict[str, Any] = finite(
+            {
+                "name": channel.name,
+                "unit": channel.unit,
+                "quantity": channel.quantity,
+                "role": channel.role,
+                "signal": channel.signal,
+                "u_rel": channel.u_rel,
+                "resolution": channel.resolution,
+                "dtype": str(channel.samples.dtype),
+                "lost": int(channel.lost.sum()),
+                "sensor": self.sensors.get(channel.name),
+                "history": [
+                    {"what": step.what, "version": step.version, "parameters": step.parameters}
+                    for step in channel.history
+                ],
+            }
+        )
+        return document
+
+
+def start_document(start: AbsoluteStart | None) -> dict[str, str] | None:
+    """Say when a clock's zero was; None if no source states it."""
+    return None if start is None else {"text": start.text, "zone": start.zone, "origin": start.origin}
+
+
+def finite(value: Any) -> Any:
+    """Return JSON types in which a number that is not finite is None."""
+    return _finite(json.loads(json_text(value)))
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def gather(shot: Shot, provenance: Mapping[str, Any], names: Sequence[str] = (), *, aligned: bool = False) -> Content:
+    """Choose channels of a shot and group them by time base.
+
+    Parameters
+    ----------
+    shot : Shot
+    provenance : mapping
+        Where the shot was read from, JSON types.
+    names : sequence of str
+        Channels to export; all if empty.
+    aligned : bool
+        Map all instants to the reference clock.
+
+    Raises
+    ------
+    StoreError
+        If the shot has no such channel, or no usable alignment of a clock that is to be mapped.
+    """
+    for name in names:
+        if name not in shot.channels:
+            near = ", ".join(nearest_first(name, list(shot.channels))[:8])
+            raise StoreError(f"no channel {name!r} in this shot", found=near or "none", remedy="correct --channel")
+    chosen = [c for c in shot.channels.values() if not names or c.name in names]
+    if not chosen:
+        raise StoreError("this shot has no channels", remedy="ingest it again")
+    notes = []
+    if counted := [c.name for c in chosen if c.raw is not None]:
+        notes.append(f"raw counts stay in the shot file; scaled SI values are exported of {', '.join(counted)}")
+    notes.append("the rig file, CAN databases and the record of the acquisition stay in the shot file")
+    groups = _grouped(chosen)
+    clocks = list(dict.fromkeys(group.clock for group in groups))
+    if aligned:
+        groups = tuple(replace(group, time_base=_mapped(shot, group.time_base)) for group in groups)
+        notes += [_mapping_note(shot, clock) for clock in clocks if clock != shot.reference_clock]
+    elif len(clocks) > 1:
+        notes.append(f"{len(clocks)} clocks, each with its own zero: {', '.join(clocks)}; --aligned maps them to one")
+    return Content(_document(shot, provenance, aligned), groups, _sensors(shot.rig_text), _start(shot), tuple(notes))
+
+
+def _grouped(channels: Iterable[Channel]) -> tuple[Group, ...]:
+    bases: list[tuple[TimeBase, list[Channel]]] = []
+    for channel in channels:
+        for base, members in bases:
+            if base.is_identical(channel.time_base):
+                members.append(channel)
+                break
+        else:
+            bases.append((channel.time_base, [channel]))
+    names = tree_names((base.clock for base, _ in bases), ())
+    return tuple(
+        Group(name, base.clock, base, tuple(members)) for name, (base, members) in zip(names, bases, strict=True)
+    )
+
+
+def _mapped(shot: Shot, base: TimeBase) -> TimeBase:
+    """Map a time base to the reference clock; even spacing stays even spacing."""
+    if base.clock == shot.reference_clock:
+        return base
+    try:
+        alignment = shot.alignment(base.clock)
+    except KeyError as error:
+        raise StoreError(
+            f"the shot does not say how the clock {base.clock!r} maps to {shot.reference_clock!r}",
+            remedy="export without --aligned, or leave its channels out with --channel",
+        ) from error
+    if alignment.status == "failed":
+        raise StoreError(
+            f"the clock {base.clock!r} was not aligned: {'; '.join(alignment.reasons)}",
+            remedy="export without --aligned, or leave its channels out with --channel",
+        )
+    start = _start(shot)
+    try:
+        if base.stamps_s is not None:
+            return TimeBase.stamped(shot.reference_clock, alignment.to_reference(base.stamps_s), start)
+        return TimeBase.uniform(
+            shot.reference_clock,
+            alignment.to_reference(base.start_s),
+            (1.0 + alignment.drift) * float(base.step_s or 0.0),
+            base.count,
+            start,
+        )
+    except ValueError as error:
+        raise StoreError(
+            f"the clock {base.clock!r} cannot be mapped: {error}", remedy="export without --aligned"
+        ) from (error)
+
+
+def _mapping_note(shot: Shot, clock: str) -> str:
+    a = shot.alignment(clock)
+    doubt = "" if a.status == "ok" else f", {a.status}: {'; '.join(a.reasons)}"
+    return (
+        f"clock {clock} was mapped to {shot.reference_clock}: t_ref = (1 + {a.drift!r}) t + {a.offset_s!r} s, "
+        f"u {a.u_offset_s:.2g} s{doubt}"
+    )
+
+
+def _start(shot: Shot) -> AbsoluteStart | None:
+    """Return when the reference clock's zero was, as far as a channel on it says."""
+    bases = (channel.time_base for channel in shot.channels.values())
+    starts = (base.absolute_start for base in bases if base.clock == shot.reference_clock)
+    return next((start for start in starts if start is not None), None)
+
+
+def _document(shot: Shot, provenance: Mapping[str, Any], aligned: bool) -> dict[str, Any]:
+    document: dict[str, Any] = finite(
+        {
+            "schema": SCHEMA,
+            "shot": shot.name,
+            "rig": shot.rig_name,
+            "started": shot.started or None,
+            "reference_clock": shot.reference_clock,
+            "aligned": aligned,
+            "usable": shot.usable,
+            "reasons": list(shot.reasons),
+            "alignment": [
+                {
+                    "clock": a.clock, "offset_s": a.offset_s, "u_offset_s": a.u_offset_s, "drift": a.drift,
+                    "u_drift": a.u_drift, "status": a.status, "method": a.method, "reasons": list(a.reasons),
+                }
+                for a in shot.alignments
+            ],
+            "inputs": [{"file": i.name, "sha256": i.sha256, "source": i.source} for i in shot.inputs],
+            "provenance": dict(provenance),
+        }
+    )  # fmt: skip
+    return document
+
+
+def _sensors(rig_text: str) -> dict[str, Any]:
+    """Read what the rig file says about each channel's sensor; nothing where it cannot be read."""
+    try:
+        channels = parse_toml(rig_text).get("channel", [])
+    except ValueError:
+        return {}
+    if not isinstance(channels, list):
+        return {}
+    return {
+        str(c.get("name")): json.loads(json.dumps(c["sensor"], default=str))
+        for c in channels
+        if isinstance(c, dict) and isinstance(c.get("sensor"), dict)
+    }

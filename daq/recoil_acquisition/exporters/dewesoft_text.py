@@ -1,0 +1,101 @@
+"""Text as Dewesoft exports it: one file per time base, 15 digits.
+
+One heading row, ``Time (s)`` and then ``group/name (unit)`` with the clock as the group, no unit row; numbers with up
+to 15 significant digits; an empty cell is a lost sample. The layout is that of exports which users have published
+(see `recoil_acquisition.readers.text.dewesoft`).
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.exporters.content import Content
+from recoil_acquisition.exporters.csv_text import heading_row
+from recoil_acquisition.exporters.exporter import Carried, Table
+from recoil_acquisition.readers.text.rows import read_rows
+from recoil_acquisition.readers.text.text_file import read_text
+from recoil_acquisition.readers.text.text_table import find_block
+
+ROWS = 65536
+"""Rows that are put into text at a time."""
+
+_LOST = re.compile("-?(NAN|INF)")
+
+
+class DewesoftTextExporter:
+    """Exporter of text in Dewesoft's layout."""
+
+    name = "dewesoft-text"
+    suffix = ".txt"
+    extra = ""
+    single_file = False
+
+    def carried(self, content: Content) -> Carried:
+        """Return the numbers as 15 digits give them back, and by how much they are off."""
+        tables, losses = [], []
+        for group in content.groups:
+            times_s = _printed(group.time_base.times_s)
+            samples = {c.name: _printed(c.samples) for c in group.channels}
+            tables.append(Table(group.name, times_s, samples))
+            losses += _rounding("time", group.time_base.times_s, times_s)
+            for c in group.channels:
+                losses += _rounding(c.name, c.samples.astype(np.float64), samples[c.name])
+            losses.append(
+                "what is known beside name and unit: clock, even spacing, absolute start, sensors, provenance"
+            )
+        return Carried(tuple(tables), tuple(losses))
+
+    def write(self, content: Content, path: Path) -> None:
+        """Write the file of the one group."""
+        (group,) = content.groups
+        columns = [group.time_base.times_s, *(c.samples for c in group.channels)]
+        headings = ["Time (s)", *(f"{group.name}/{c.name} ({_unit(c.unit)})" for c in group.channels)]
+        with path.open("x", encoding="utf-8", newline="\r\n") as file:
+            file.write(heading_row(headings) + "\n")
+            form = ",".join(["%.15G"] * len(columns)) + "\n"
+            for start in range(0, group.time_base.count, ROWS):
+                rows = zip(*(column[start : start + ROWS].tolist() for column in columns), strict=True)
+                file.write(_LOST.sub("", "".join([form % row for row in rows])))
+
+    def read_back(self, content: Content, path: Path) -> tuple[Table, ...]:
+        """Read the numbers; headings may read alike, so the order tells."""
+        (group,) = content.groups
+        names = [c.name for c in group.channels]
+        file = read_text(path)
+        values = np.empty((0, 1 + len(names)))
+        if group.time_base.count:
+            body = file.data.find(b"\n") + 1
+            values = read_rows(find_block(file, body, ",", ["time", *names], decimal_comma=False))
+        columns = [np.ascontiguousarray(column) for column in values.T]
+        return (Table(group.name, columns[0], dict(zip(names, columns[1:], strict=True))),)
+
+
+def _unit(unit: str) -> str:
+    return "-" if unit == "1" else unit
+
+
+def _printed(samples: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+    """Return what 15 digits give back; NaN where there is no number."""
+    printed = np.array([float(f"{value:.15G}") for value in samples.tolist()], dtype=np.float64)
+    printed[np.isinf(printed)] = np.nan
+    return printed
+
+
+def _rounding(name: str, exact: NDArray[np.float64], printed: NDArray[np.float64]) -> list[str]:
+    """Say how many numbers 15 digits change, and by how much at most."""
+    losses = []
+    infinite = int(np.isinf(exact).sum())
+    if infinite:
+        losses.append(f"{name}: {infinite} infinite samples are empty cells, as lost ones are")
+    changed = (exact != printed) & np.isfinite(exact)
+    if changed.any():
+        relative = float((np.abs(exact[changed] - printed[changed]) / np.abs(exact[changed])).max())
+        losses.append(
+            f"{name}: 15 digits change {int(changed.sum())} of {exact.size} numbers, by {relative:.1e} of them at most"
+        )
+    return losses

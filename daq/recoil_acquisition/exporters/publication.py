@@ -1,0 +1,189 @@
+"""Files of an export: written beside their place, read back, compared, and only then named.
+
+Nothing is left behind where it fails, and nothing is overwritten unasked.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from recoil_acquisition.errors import RecoilDaqError, StoreError
+from recoil_acquisition.exporters.content import Content
+from recoil_acquisition.exporters.exporter import Carried, Exporter, exact_table, first_difference
+from recoil_acquisition.new_file import rename_to_new, sync_folder
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class ExportedFile:
+    """One file that was written and verified.
+
+    Attributes
+    ----------
+    path : Path
+    clocks : tuple of str
+        Clocks of its sources.
+    channels : tuple of str
+        Those that are in it.
+    samples : int
+        Of all channels together.
+    size : int
+        Bytes.
+    exact : bool
+        Whether every number of every channel is that of the shot.
+    losses : tuple of str
+        What is not as in the shot, numbers or what is said about them, one line each.
+    left_out : tuple of str
+        Channels that the format cannot carry.
+    """
+
+    path: Path
+    clocks: tuple[str, ...]
+    channels: tuple[str, ...]
+    samples: int
+    size: int
+    exact: bool
+    losses: tuple[str, ...]
+    left_out: tuple[str, ...]
+
+
+def write_export(
+    content: Content,
+    exporter: Exporter,
+    folder: Path,
+    stem: str,
+    *,
+    overwrite: bool = False,
+    progress: Progress = lambda _: None,
+) -> tuple[ExportedFile, ...]:
+    """Write all files of an export; they bear their names only when all of them are verified.
+
+    Parameters
+    ----------
+    content : Content
+    exporter : Exporter
+    folder : Path
+        Is made if it is not there.
+    stem : str
+        What the files' names begin with; a file of one time base has the name of its group behind it.
+    overwrite : bool
+    progress : callable
+        Told the name of each file.
+
+    Returns
+    -------
+    tuple of ExportedFile
+
+    Raises
+    ------
+    StoreError
+        If a file exists and may not be replaced, cannot be written, does not read back as it was written, or the
+        format's library is missing.
+    """
+    parts = [(f"{stem}{exporter.suffix}", content)]
+    if not exporter.single_file:
+        parts = [(f"{stem}_{group.name}{exporter.suffix}", content.only([group])) for group in content.groups]
+    for name, _ in parts:
+        if os.path.lexists(folder / name) and not (overwrite and (folder / name).is_file()):
+            raise _exists(folder / name)
+    new_folders = [f for f in (folder, *folder.parents) if not f.exists()]
+    temporaries: list[Path] = []
+    written: list[tuple[Path, ExportedFile]] = []
+    placed: list[Path] = []
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, part in parts:
+            progress(name)
+            target = folder / name
+            temporary = target.with_name(f".{target.stem}.{secrets.token_hex(4)}.partial{target.suffix}")
+            temporaries.append(temporary)
+            written.append((temporary, _write(part, exporter, temporary, target)))
+        for temporary, file in written:
+            if overwrite:
+                temporary.replace(file.path)
+            else:
+                try:
+                    rename_to_new(temporary, file.path)
+                except FileExistsError as error:
+                    raise _exists(file.path) from error
+                placed.append(file.path)
+        placed.clear()
+    except OSError as error:
+        raise _unwritable(folder, error) from error
+    finally:
+        for left in (*temporaries, *placed):
+            with contextlib.suppress(OSError):
+                left.unlink(missing_ok=True)
+        for empty in new_folders:
+            with contextlib.suppress(OSError):
+                empty.rmdir()  # refused where it holds something
+    sync_folder(folder)
+    return tuple(file for _, file in written)
+
+
+def _write(content: Content, exporter: Exporter, temporary: Path, target: Path) -> ExportedFile:
+    """Write one file under a temporary name, which the caller removes, and verify it."""
+    try:
+        carried = exporter.carried(content)
+        kept = tuple(name for table in carried.tables for name in table.samples)
+        if not kept:
+            raise _nothing_left(exporter, carried, target)
+        exporter.write(content, temporary)
+        _sync_file(temporary)
+        difference = first_difference(carried.tables, exporter.read_back(content, temporary))
+        size = temporary.stat().st_size
+    except ImportError as error:
+        raise StoreError(
+            f"{exporter.name} needs {error.name or 'a library that is not installed'}", path=target,
+            remedy=f"pip install 'recoil-daq[{exporter.extra}]'" if exporter.extra else "install it",
+        ) from error  # fmt: skip
+    except OSError as error:
+        raise _unwritable(target, error) from error
+    except StoreError:
+        raise
+    except RecoilDaqError as error:
+        raise StoreError(f"does not read back: {error.problem}", path=target, remedy=_REMEDY) from error
+    except Exception as error:
+        # The libraries that write raise what they like
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise StoreError(
+            f"{exporter.name} cannot hold this: {reason}", path=target, remedy="choose another --format"
+        ) from error
+    if difference is not None:
+        raise StoreError(f"does not read back as it was written: {difference}", path=target, remedy=_REMEDY)
+    samples = sum(array.size for table in carried.tables for array in table.samples.values())
+    clocks = tuple(dict.fromkeys(g.clock for g in content.groups if any(c.name in kept for c in g.channels)))
+    exact = first_difference(tuple(exact_table(group) for group in content.groups), carried.tables, values_only=True)
+    return ExportedFile(target, clocks, kept, samples, size, exact is None, carried.losses, carried.left_out)
+
+
+def _nothing_left(exporter: Exporter, carried: Carried, target: Path) -> StoreError:
+    return StoreError(
+        f"{exporter.name} can carry none of these channels: {'; '.join(carried.losses)}", path=target,
+        remedy="choose another --format",
+    )  # fmt: skip
+
+
+_REMEDY = "nothing was kept; check the disk, or choose another --format"
+
+
+def _sync_file(path: Path) -> None:
+    with path.open("rb+") as stream:
+        os.fsync(stream.fileno())
+
+
+def _exists(path: Path) -> StoreError:
+    return StoreError("exists already", path=path, remedy="choose another --out, or replace it with --overwrite")
+
+
+def _unwritable(path: Path, error: OSError) -> StoreError:
+    return StoreError(
+        f"cannot be written: {error.strerror or error}", path=path,
+        remedy="choose another folder with --out, or make room and give permission there",
+    )  # fmt: skip

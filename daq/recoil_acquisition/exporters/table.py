@@ -1,0 +1,37 @@
+"""The table of exporters."""
+
+from __future__ import annotations
+
+from recoil_acquisition.exporters.csv_text import CsvExporter
+from recoil_acquisition.exporters.dewesoft_text import DewesoftTextExporter
+from recoil_acquisition.exporters.exporter import Exporter
+from recoil_acquisition.exporters.mat_file import MatExporter
+from recoil_acquisition.exporters.mdf4 import Mdf4Exporter
+from recoil_acquisition.exporters.parquet_file import ParquetExporter
+from recoil_acquisition.exporters.tdms_file import TdmsExporter
+from recoil_acquisition.exporters.uff58 import Uff58Exporter
+
+EXPORTERS: tuple[Exporter, ...] = (
+    Mdf4Exporter(),
+    MatExporter(),
+    Uff58Exporter(),
+    TdmsExporter(),
+    ParquetExporter(),
+    CsvExporter(),
+    DewesoftTextExporter(),
+)
+"""Every exporter, in the order in which they are listed to users."""
+
+
+def exporter_of(name: str) -> Exporter:
+    """Return the exporter of a format.
+
+    Raises
+    ------
+    ValueError
+        If there is none of this name.
+    """
+    for exporter in EXPORTERS:
+        if exporter.name == name:
+            return exporter
+    raise ValueError(f"{name!r} is none of {', '.join(exporter.name for exporter in EXPORTERS)}")

@@ -1,0 +1,86 @@
+"""Every frame of a whole capture."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from recoil_acquisition.frames.capture_file import Capture
+from recoil_acquisition.frames.decoder import FrameDecoder
+from recoil_acquisition.frames.frame_set import FrameSet, joined
+from recoil_acquisition.frames.framing import Framing
+
+_CHUNK = 1 << 20
+
+
+def find_frames(framing: Framing, stream: bytes) -> FrameSet:
+    """Find every frame of a stream without host times, in which no silence ends anything.
+
+    Parameters
+    ----------
+    framing : Framing
+    stream : bytes
+
+    Returns
+    -------
+    FrameSet
+
+    Raises
+    ------
+    ValueError
+        If frames end by silence.
+    """
+    decoder = FrameDecoder(framing)
+    sets = []
+    for at in range(0, len(stream), _CHUNK):
+        decoder.feed(stream[at : at + _CHUNK])
+        sets.append(decoder.take())
+    return _ended(decoder, sets)
+
+
+def find_frames_of_capture(framing: Framing, capture: Capture) -> FrameSet:
+    """Find every frame of a capture, whose host times tell the silences where the framing asks for them.
+
+    Nothing is joined over a place where the device was lost.
+
+    Parameters
+    ----------
+    framing : Framing
+    capture : Capture
+
+    Returns
+    -------
+    FrameSet
+
+    Raises
+    ------
+    ValueError
+        If frames end by silence and the capture has no host times.
+    """
+    timed = framing.silence_s and (framing.kind == "idle" or capture.host_ns.size)
+    if not timed and not capture.breaks:
+        return find_frames(framing, capture.stream)
+    if not capture.host_ns.size:
+        raise ValueError("frames that end by silence need the host time of each read")
+    decoder = FrameDecoder(framing)
+    sets, waiting, begin = [], 0, 0
+    host_s = ((capture.host_ns - capture.host_ns[:1]) / 1e9).tolist()
+    breaks = deque(capture.breaks)
+    for end, instant_s in zip(capture.ends.tolist(), host_s, strict=True):
+        while breaks and breaks[0] <= begin:
+            breaks.popleft()
+            decoder.interrupt(missing=True)
+        decoder.feed(capture.stream[begin:end], instant_s)
+        waiting += end - begin
+        begin = end
+        if waiting >= _CHUNK:
+            sets.append(decoder.take())
+            waiting = 0
+    # the bytes of a record that is cut came with the next read, whose time is lost
+    if capture.stream[begin:]:
+        decoder.feed(capture.stream[begin:], host_s[-1] if host_s else 0.0)
+    return _ended(decoder, sets)
+
+
+def _ended(decoder: FrameDecoder, sets: list[FrameSet]) -> FrameSet:
+    decoder.close()
+    return joined([*sets, decoder.take()], decoder.counters)

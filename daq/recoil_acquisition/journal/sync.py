@@ -1,0 +1,96 @@
+"""Forcing a journal's segments to the disk, closing the full ones and removing the old ones."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Sequence
+
+from recoil_acquisition.errors import StoreError
+from recoil_acquisition.journal.segment import WritingSegment
+
+
+class SegmentSync:
+    """The segments of a journal that hold records, apart from the one that is written.
+
+    Attributes
+    ----------
+    largest_s : float
+        Longest time that forcing to the disk took.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()  # nothing is closed or removed while it is forced to the disk
+        self._full: deque[WritingSegment] = deque()
+        self._finished: deque[WritingSegment] = deque()
+        self.largest_s = 0.0
+
+    @property
+    def count(self) -> int:
+        """Number of segments."""
+        return len(self._full) + len(self._finished)
+
+    def retire(self, segment: WritingSegment) -> None:
+        """Take over a segment that is full; it is closed when it is next forced to the disk."""
+        self._full.append(segment)
+
+    def sync(self, current: WritingSegment) -> None:
+        """Force the segment that is written, or was a moment ago, and all retired ones to the disk.
+
+        Raises
+        ------
+        OSError
+            If the system cannot.
+        """
+        with self._lock:
+            started = time.monotonic()
+            try:
+                # In this order: it may be among the retired by now, which are closed here
+                current.sync()
+                self._finish_full()
+            finally:
+                self.largest_s = max(self.largest_s, time.monotonic() - started)
+
+    def finish(self) -> OSError | None:
+        """Force all retired segments to the disk and close them, whatever fails; return the first failure."""
+        first: OSError | None = None
+        with self._lock:
+            while self._full:
+                try:
+                    self._finish_full()
+                except OSError as error:
+                    first = first or error
+        return first
+
+    def releasable(self, before_ns: int, kept: Sequence[tuple[int, int]]) -> list[WritingSegment]:
+        """Return the closed segments of which all arrived before a time and nothing within a span that is kept."""
+        with self._lock:
+            return [
+                segment
+                for segment in self._finished
+                if segment.newest_ns < before_ns
+                and not any(segment.oldest_ns < stop_ns and segment.newest_ns >= start_ns for start_ns, stop_ns in kept)
+            ]
+
+    def remove(self, segments: Sequence[WritingSegment]) -> None:
+        """Remove some of the segments that `releasable` returned.
+
+        Raises
+        ------
+        StoreError
+            If the system refuses.
+        """
+        with self._lock:
+            for segment in segments:
+                try:
+                    segment.path.unlink(missing_ok=True)
+                except OSError as error:
+                    raise StoreError(f"cannot be removed: {error.strerror or error}", path=segment.path) from error
+                self._finished.remove(segment)
+
+    def _finish_full(self) -> None:
+        while self._full:
+            segment = self._full.popleft()
+            self._finished.append(segment)
+            segment.finish()

@@ -1,0 +1,148 @@
+"""Vector BLF: objects in compressed containers.
+
+Layout (little endian), as documented by the open implementations of the format, Vector_BLF by
+Tobias Lorenz and python-can: a file header ``LOGG`` with its own size, the file's size, the number
+of objects and two SYSTEMTIMEs, then objects ``LOBJ``. An object of type 10 holds a zlib stream of
+further objects, which may run on from one container into the next. The objects themselves:
+`recoil_acquisition.readers.can.blf_objects`.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import struct
+import zlib
+from pathlib import Path
+
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.bounded_file import most_unpacked
+from recoil_acquisition.readers.can.blf_objects import OBJECT, read_objects
+from recoil_acquisition.readers.can.frames import CanLog, FrameList
+from recoil_acquisition.timebase import AbsoluteStart
+
+MAGIC = b"LOGG"
+
+_FILE_HEADER = struct.Struct("<4sL8BQQLL8H8H")
+_CONTAINER = struct.Struct("<H6xL4x")
+_CONTAINER_TYPE = 10
+_DEFLATED = 2
+
+
+def read_blf(path: Path, content: bytes) -> CanLog:
+    """Read a BLF log.
+
+    Parameters
+    ----------
+    path : Path
+        For messages.
+    content : bytes
+        The whole file.
+
+    Returns
+    -------
+    CanLog
+        Time from the start of measurement.
+
+    Raises
+    ------
+    CorruptFileError
+        If its header is cut, a container does not inflate, or objects do not follow each other.
+    ReadError
+        If it would unpack to more than a log does.
+    """
+    if len(content) < _FILE_HEADER.size or not content.startswith(MAGIC):
+        raise CorruptFileError(
+            "the file header is cut",
+            path=path,
+            expected=f"{_FILE_HEADER.size} bytes beginning with LOGG",
+            found=f"{len(content)} bytes",
+        )
+    header = _FILE_HEADER.unpack_from(content)
+    header_size, file_size, object_count = header[1], header[10], header[12]
+    cuts = []
+    if file_size and file_size > len(content):
+        cuts.append(f"the file is cut: its header states {file_size} bytes, it has {len(content)}")
+    objects, cut = _inflate(path, content, header_size)
+    found = FrameList()
+    cut_inside = read_objects(path, objects, found)
+    if cut or cut_inside:
+        cuts.append("the log ends inside an object: what follows is lost")
+    metadata = {**found.counts(), "objects_stated": object_count, "measurement_start": _system_time(header[14:22])}
+    return CanLog(found.frames()[0], _start(header[14:22]), (*found.notes(), *cuts), "; ".join(cuts), metadata)
+
+
+def _inflate(path: Path, content: bytes, at: int) -> tuple[bytes, bool]:
+    """Return the objects of all containers in one piece, and whether the last container is cut."""
+    pieces: list[bytes] = []
+    left = most_unpacked(len(content))
+    while at < len(content):
+        found = content.find(b"LOBJ", at, at + 8)
+        if found < 0 or found + OBJECT.size > len(content):
+            if content[at:].strip(b"\0") == b"":
+                break
+            if len(content) - at < OBJECT.size + 4:
+                return b"".join(pieces), True
+            raise CorruptFileError("no object follows the one before", path=path, place=f"byte {at}", expected="LOBJ")
+        _, _, _, size, kind = OBJECT.unpack_from(content, found)
+        if size < OBJECT.size:
+            raise CorruptFileError(
+                "an object is smaller than its header", path=path, place=f"byte {found}", found=f"{size} bytes"
+            )
+        whole = found + size <= len(content)
+        if kind == _CONTAINER_TYPE and found + OBJECT.size + _CONTAINER.size <= len(content):
+            method, stated = _CONTAINER.unpack_from(content, found + OBJECT.size)
+            packed = content[found + OBJECT.size + _CONTAINER.size : found + size]
+            left -= stated if method == _DEFLATED else 0
+            if left < 0:
+                raise ReadError(
+                    f"the log unpacks to more than {most_unpacked(len(content)) / 1e6:.0f} MB", path=path,
+                    place=f"byte {found}", remedy="save it in parts, or without compression, if this is right",
+                )  # fmt: skip
+            pieces.append(_unpack(path, found, method, stated, packed, whole=whole))
+        elif kind != _CONTAINER_TYPE and whole:
+            pieces.append(content[found : found + size])
+        if not whole:
+            return b"".join(pieces), True
+        at = found + size
+    return b"".join(pieces), False
+
+
+def _unpack(path: Path, at: int, method: int, stated: int, packed: bytes, *, whole: bool) -> bytes:
+    if method == 0:
+        return packed
+    if method != _DEFLATED:
+        raise CorruptFileError(
+            "a container's compression is unknown", path=path, place=f"byte {at}", expected="0 or 2", found=str(method)
+        )
+    try:
+        objects = zlib.decompressobj().decompress(packed, max(stated, 1))
+    except zlib.error as error:
+        raise CorruptFileError(
+            "a container does not inflate", path=path, place=f"byte {at}", remedy="copy the file again"
+        ) from error
+    if whole and len(objects) != stated:
+        raise CorruptFileError(
+            "a container is incomplete",
+            path=path,
+            place=f"byte {at}",
+            expected=f"{stated} bytes",
+            found=f"{len(objects)}",
+        )
+    return objects
+
+
+def _system_time(fields: tuple[int, ...]) -> str:
+    year, month, _, day, hour, minute, second, milliseconds = fields
+    return f"{year:04d}-{month:02d}-{day:02d}T{hour:02d}:{minute:02d}:{second:02d}.{milliseconds:03d}"
+
+
+def _start(fields: tuple[int, ...]) -> AbsoluteStart | None:
+    """Return the start of measurement, if it is a time at all."""
+    text = _system_time(fields)
+    try:
+        dt.datetime.fromisoformat(text)
+    except ValueError:
+        return None
+    return AbsoluteStart(
+        text, "unknown", "BLF file header; by convention local time of the recorder, some writers use UTC"
+    )

@@ -1,0 +1,159 @@
+"""Signals that count the messages they are in, and the messages that are missing by them.
+
+What the counter of n bits tells: up to ``2**(n - 1) - 1`` messages lost in a row are counted exactly; more, up to
+``2**n - 1``, are seen as a gap whose size is not known, because the counter may as well have gone back;
+``2**n`` in a row, 256 of a counter of 8 bits, cannot be seen at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from recoil_acquisition.errors import ReadError, nearest_first
+from recoil_acquisition.readers.can.decoding import SignalLayout, layout_of, present
+from recoil_acquisition.readers.can.frames import EXTENDED, CanFrames
+from recoil_acquisition.readers.can.messages import CanDatabase
+from recoil_acquisition.readers.counter_gaps import CounterGaps, find_gaps
+
+_NEVER_WRAPS_BITS = 63
+"""A counter of so many bits does not wrap while anything is recorded, and its modulo is no int64."""
+
+
+@dataclass(frozen=True, eq=False)
+class MessageCounter:
+    """A signal that counts the messages it is in.
+
+    Attributes
+    ----------
+    name : str
+        ``Message.Signal``.
+    key : int
+        Identifier of the message, with bit 31 for 29 bits.
+    layout : SignalLayout
+    layouts : dict of str to SignalLayout
+        All signals of the message.
+    """
+
+    name: str
+    key: int
+    layout: SignalLayout
+    layouts: dict[str, SignalLayout]
+
+
+@dataclass(frozen=True)
+class MessageCount:
+    """What a counter tells of a log.
+
+    Attributes
+    ----------
+    name : str
+        ``Message.Signal``.
+    channels : tuple of CounterGaps
+        Of each channel of the log that has such messages.
+    """
+
+    name: str
+    channels: tuple[CounterGaps, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return sums and maxima over the channels."""
+        return {
+            "counted_frames": sum(c.counted for c in self.channels),
+            "counter_gaps": sum(c.places for c in self.channels),
+            "missing_frames": sum(c.missing for c in self.channels),
+            "unsized_gaps": sum(c.unsized for c in self.channels),
+            "longest_gap_frames": max((c.longest for c in self.channels), default=0),
+            "longest_gap_s": max((c.longest_s for c in self.channels), default=0.0),
+        }
+
+    def notes(self) -> list[str]:
+        """Say how many messages are missing."""
+        places = sum(c.places for c in self.channels)
+        if not places:
+            return []
+        return [f"{self.name}: {places} gaps, {sum(c.missing for c in self.channels)} messages are missing"]
+
+
+def declared_counters(names: Sequence[str], database: CanDatabase, path: Path) -> list[MessageCounter]:
+    """Find the counters that a rig declares in its database.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Such as ``Message.Signal``.
+    database : CanDatabase
+    path : Path
+        The log, for messages.
+
+    Returns
+    -------
+    list of MessageCounter
+
+    Raises
+    ------
+    ReadError
+        If the database has no such signal, with the nearest names, or it is not an integer.
+    """
+    if not names:
+        return []
+    known: dict[str, MessageCounter] = {}
+    for message in database.messages:
+        layouts = {s.name: layout for s in message.signals if (layout := layout_of(s)) is not None}
+        key = message.frame_id | (EXTENDED if message.is_extended_frame else 0)
+        known |= {f"{message.name}.{n}": MessageCounter(f"{message.name}.{n}", key, own, layouts)
+                  for n, own in layouts.items()}  # fmt: skip
+    integers = [name for name, counter in known.items() if counter.layout.kind != "float"]
+    for name in names:
+        if name in integers:
+            continue
+        database.refuse_faulty(name, path)
+        nearest = nearest_first(name, integers)
+        raise ReadError(
+            f"the counter {name!r} is a float in the CAN database"
+            if name in known
+            else f"the CAN database has no signal {name!r} that could count messages",
+            path=path,
+            expected="an integer signal",
+            found=", ".join(map(repr, nearest[:8])) + (f" and {len(nearest) - 8} more" if len(nearest) > 8 else "")
+            if nearest
+            else "no integer signals at all",
+            remedy="correct `counters` of this source in the rig file, nearest names first",
+        )
+    return [known[name] for name in names]
+
+
+def count_messages(counter: MessageCounter, frames: CanFrames) -> MessageCount:
+    """Count the gaps of a counter, over all frames that hold it, in the order in which the log has them.
+
+    Parameters
+    ----------
+    counter : MessageCounter
+    frames : CanFrames
+        Of each channel of the log the messages are counted for themselves.
+    """
+    chosen = frames.key == counter.key
+    data, length, channel = frames.data[chosen], frames.length[chosen], frames.channel[chosen]
+    needed = max(layout.bytes_needed for layout in counter.layouts.values())
+    if data.shape[1] < needed:
+        data = np.pad(data, ((0, 0), (0, needed - data.shape[1])))
+    held = present(counter.layout, counter.layouts, data, length) & (length >= counter.layout.bytes_needed)
+    modulo = 0 if counter.layout.length >= _NEVER_WRAPS_BITS else 2**counter.layout.length
+    times_s = frames.time_s[chosen]
+    found = []
+    for one in np.unique(channel[held]):
+        own = held & (channel == one)
+        found.append(find_gaps(counter.layout.raw(data[own]).astype(np.int64), times_s[own], modulo))
+    return MessageCount(counter.name, tuple(found))
+
+
+def counts_as_json(counts: Sequence[MessageCount]) -> dict[str, Any]:
+    """Return each counter's count in JSON types, and over all of them sums and maxima; nothing without counters."""
+    if not counts:
+        return {}
+    together = MessageCount("", tuple(one for count in counts for one in count.channels))
+    return {"counters": {count.name: count.as_json() for count in counts}, **together.as_json()}

@@ -1,0 +1,200 @@
+"""Frames of a CAN log as arrays, whatever format the log has."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.timebase import AbsoluteStart
+
+ID_MASK = 0x1FFFFFFF
+EXTENDED = 0x80000000
+"""Flag of a 29-bit identifier, as in ``linux/can.h`` and in Vector's formats."""
+
+FD_LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
+"""Data length by data length code, ISO 11898-1."""
+
+LATEST_NS = 2**62
+"""Stamps beyond 146 years are damage, and differences of those within them fit 64 bits."""
+
+LARGEST_CHANNEL = 2**31 - 1
+
+
+@dataclass(frozen=True, eq=False)
+class CanFrames:
+    """Data frames of one log, in its order.
+
+    Attributes
+    ----------
+    time_s : ndarray of float64, shape (n_frames,)
+        The log's own relative time.
+    key : ndarray of uint32, shape (n_frames,)
+        Identifier, with `EXTENDED` set for a 29-bit one.
+    channel : ndarray of int64, shape (n_frames,)
+        As the log numbers channels.
+    length : ndarray of int64, shape (n_frames,)
+        Bytes of data.
+    data : ndarray of uint8, shape (n_frames, width)
+        Data, zero behind its length.
+    """
+
+    time_s: NDArray[np.float64]
+    key: NDArray[np.uint32]
+    channel: NDArray[np.int64]
+    length: NDArray[np.int64]
+    data: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False)
+class CanLog:
+    """What one log holds.
+
+    Attributes
+    ----------
+    frames : CanFrames
+    absolute_start : AbsoluteStart or None
+    notes : tuple of str
+        Damage and repairs.
+    incomplete : str
+        How it shows that the log was cut off; empty if nothing shows that.
+    metadata : mapping
+        Counts of what is no data frame, and what the header says.
+    """
+
+    frames: CanFrames
+    absolute_start: AbsoluteStart | None
+    notes: tuple[str, ...] = ()
+    incomplete: str = ""
+    metadata: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class FrameBlock:
+    """Frames that were read together.
+
+    Attributes
+    ----------
+    place : ndarray of int64, shape (n_frames,)
+        Where in the log each one stands: the frames of a log are in the order of their places.
+    time_ns : ndarray of int64, shape (n_frames,)
+    key, channel, length : ndarray, shape (n_frames,)
+        As in `CanFrames`.
+    data : ndarray of uint8, shape (n_frames, width)
+        Data, zero behind its length.
+    """
+
+    place: NDArray[np.int64]
+    time_ns: NDArray[np.int64]
+    key: NDArray[np.uint32]
+    channel: NDArray[np.int64]
+    length: NDArray[np.int64]
+    data: NDArray[np.uint8]
+
+
+class FrameList:
+    """Frames gathered while a log is read, one by one or in blocks.
+
+    Attributes
+    ----------
+    place : int
+        Where in the log the frame stands that is added next; it counts on by itself.
+    error_frames, remote_frames, other_events, damaged : int
+        Entries that are no data frames; they are counted and left out.
+    """
+
+    def __init__(self) -> None:
+        self._blocks: list[FrameBlock] = []
+        # Objects would take ten times the bytes of a frame
+        self._places = array("q")
+        self._times = array("q")
+        self._keys = array("I")
+        self._channels = array("q")
+        self._lengths = array("q")
+        self._data = bytearray()
+        self.place = 0
+        self.error_frames = 0
+        self.remote_frames = 0
+        self.other_events = 0
+        self.damaged = 0
+
+    def add(self, time_ns: int, key: int, channel: int, data: bytes) -> None:
+        """Add a data frame; one whose time is no time counts as damaged."""
+        if not -LATEST_NS < time_ns < LATEST_NS or not 0 <= channel <= LARGEST_CHANNEL:
+            self.damaged += 1
+            return
+        self._places.append(self.place)
+        self.place += 1
+        self._times.append(time_ns)
+        self._keys.append(key)
+        self._channels.append(channel)
+        self._lengths.append(len(data))
+        self._data += data
+
+    def add_block(self, block: FrameBlock) -> None:
+        """Add data frames whose times and channels have been checked."""
+        if block.key.size:
+            self._blocks.append(block)
+
+    def frames(self, *, from_first: bool = False) -> tuple[CanFrames, int]:
+        """Return the frames in the log's order, and the time in ns that their time counts from.
+
+        Parameters
+        ----------
+        from_first : bool
+            Count from the first frame.
+        """
+        blocks = [*self._blocks, self._block()]
+        place = np.concatenate([block.place for block in blocks])
+        time_ns = np.concatenate([block.time_ns for block in blocks])
+        key = np.concatenate([block.key for block in blocks])
+        channel = np.concatenate([block.channel for block in blocks])
+        length = np.concatenate([block.length for block in blocks])
+        data = np.zeros((key.size, max(block.data.shape[1] for block in blocks)), dtype=np.uint8)
+        at = 0
+        for block in blocks:
+            data[at : at + block.key.size, : block.data.shape[1]] = block.data
+            at += block.key.size
+        if (np.diff(place) < 0).any():
+            order = np.argsort(place, kind="stable")
+            time_ns, key, channel, length, data = (a[order] for a in (time_ns, key, channel, length, data))
+        zero_ns = int(time_ns[0]) if from_first and time_ns.size else 0
+        return CanFrames((time_ns - zero_ns) / 1e9, key, channel, length, data), zero_ns
+
+    def _block(self) -> FrameBlock:
+        """Return the frames that were added one by one."""
+        length = np.array(self._lengths, dtype=np.int64)
+        width = int(length.max(initial=8))
+        padded = np.zeros((length.size, width), dtype=np.uint8)
+        padded[np.arange(width) < length[:, None]] = np.frombuffer(self._data, dtype=np.uint8)
+        return FrameBlock(
+            place=np.array(self._places, dtype=np.int64),
+            time_ns=np.array(self._times, dtype=np.int64),
+            key=np.array(self._keys, dtype=np.uint32),
+            channel=np.array(self._channels, dtype=np.int64),
+            length=length,
+            data=padded,
+        )
+
+    def counts(self) -> dict[str, int]:
+        """Return how many entries of each kind the log holds."""
+        return {
+            "data_frames": len(self._times) + sum(block.key.size for block in self._blocks),
+            "error_frames": self.error_frames,
+            "remote_frames": self.remote_frames,
+            "other_events": self.other_events,
+            "damaged_entries": self.damaged,
+        }
+
+    def notes(self) -> list[str]:
+        """Say what was left out and matters."""
+        notes = []
+        if self.error_frames:
+            notes.append(f"{self.error_frames} error frames: frames may be missing around them")
+        if self.damaged:
+            notes.append(f"{self.damaged} entries are damaged and were left out")
+        return notes

@@ -1,0 +1,220 @@
+"""Bus logging of MDF 4: raw frames of CAN buses.
+
+Layout: "ASAM MDF 4, bus logging": a group per kind of event has a channel ``CAN_DataFrame``, ``CAN_RemoteFrame``,
+``CAN_ErrorFrame`` or ``CAN_OverloadFrame`` composed of ``.ID``, ``.IDE``, ``.BusChannel``, ``.DataLength`` and
+``.DataBytes``, the last of fixed or variable length. Loggers store their groups together, and are often stopped before
+they wrote how many records there are.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import struct
+from pathlib import Path
+
+import numpy as np
+
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.can.frames import CanLog, FrameBlock, FrameList
+from recoil_acquisition.readers.can.mdf_frames import FRAME, LARGEST_FRAME, frames_of, variable_samples
+from recoil_acquisition.readers.can.recording import CanRecording, declared_database
+from recoil_acquisition.readers.mdf.channel_groups import (
+    HD_AT,
+    MASTERS,
+    ChannelGroup,
+    MdfDamageError,
+    MdfUnsupportedError,
+    iter_groups,
+)
+from recoil_acquisition.readers.mdf.data_blocks import DataBlocks
+from recoil_acquisition.readers.mdf.kind import Unfinished, is_bus_file, is_bus_logging, is_undecided, unfinished
+from recoil_acquisition.readers.mdf.records import split
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.timebase import AbsoluteStart
+
+_PADDING = 8
+"""Bytes, fewer than which may fill up a block behind its records."""
+_LOCAL_TIME = 0x1
+_HEADER = struct.Struct("<QhhB")
+"""Start in ns, two zones, flags."""
+
+
+class MdfBusReader:
+    """Reader of bus logging in MDF 4."""
+
+    name = "MDF4 bus logging"
+    kind = "can"
+    suffixes = (".mf4",)
+
+    def claims(self, head: bytes) -> bool:
+        """Tell whether an MDF 4 file holds frames of a CAN bus, or does not tell it in its first bytes."""
+        return is_bus_logging(head) or is_undecided(head)
+
+    def confirms(self, path: Path) -> bool:
+        """Tell from all of a file whether it holds frames of a bus alone."""
+        return is_bus_file(path)
+
+    def open(self, path: Path, declared: Declarations) -> CanRecording:
+        """Open a log; raises `ReadError` if it is damaged, or the database is missing or wrong."""
+        database = declared_database(declared, path)
+        return CanRecording(path, self.name, read_mdf(path), database, declared)
+
+
+def read_mdf(path: Path) -> CanLog:
+    """Read the frames of all buses in a file.
+
+    Returns
+    -------
+    CanLog
+        Time counts from the first data frame.
+
+    Raises
+    ------
+    ReadError
+        If the file cannot be read, or stores frames in a way that is not read here.
+    CorruptFileError
+        If its blocks do not fit together.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise ReadError(f"cannot be read: {error.strerror}", path=path, remedy="check its permissions") from error
+    try:
+        return _read_groups(content)
+    except MdfDamageError as error:
+        raise CorruptFileError(
+            "the file's blocks do not fit together", path=path, found=str(error), remedy="copy the file again"
+        ) from error
+    except MdfUnsupportedError as error:
+        raise ReadError(
+            "the file stores frames in a way that is not read", path=path, found=str(error),
+            remedy="let the program that wrote it export it as MDF 4.1, ASC or BLF",
+        ) from error  # fmt: skip
+
+
+def _read_groups(content: bytes) -> CanLog:
+    not_closed = unfinished(content)
+    unwritten = not_closed or Unfinished(0)
+    groups = list(iter_groups(content))
+    by_data: dict[int, list[ChannelGroup]] = {}
+    for group in groups:
+        by_data.setdefault(group.stored.at, []).append(group)
+    blocks = DataBlocks(content, _open_block(content, groups) if unwritten.last_length else 0)
+    found, notes, cuts, frames, missing = FrameList(), [], [], [], 0
+    for together in by_data.values():
+        if not any(group.is_bus for group in together):
+            found.other_events += sum(group.count for group in together)
+            notes += [_note_of_others(group, group.count) for group in together if group.count]
+            continue
+        records, left = split(blocks.read(together[0].stored.data_at), together, counted=not unwritten.counts)
+        cuts += _cut(together, left, unwritten)
+        for one in records:
+            names = _event_names(one.group)
+            count = len(one.rows)
+            if FRAME in names:
+                missing += 0 if unwritten.counts else max(0, one.group.count - count)
+                if count:
+                    block = frames_of(content, one, variable_samples(one, records, blocks, unwritten), unwritten)
+                    found.damaged += count - block.key.size
+                    frames.append(block)
+            elif "CAN_ErrorFrame" in names:
+                found.error_frames += count
+            elif "CAN_RemoteFrame" in names:
+                found.remote_frames += count
+            elif count:
+                found.other_events += count
+                notes.append(_note_of_others(one.group, count))
+    for block in _by_time(frames):
+        found.add_block(block)
+    can_frames, zero_ns = found.frames(from_first=True)
+    if missing:
+        cuts.append(f"the file is cut: {missing} frames that it states are not there")
+    incomplete = "; ".join(cuts)
+    if not_closed:
+        cuts.append("the recorder did not close the file: its last frames may be missing")
+    start_ns, flags = _header(content)
+    metadata = {
+        **found.counts(),
+        "version": content[8:16].split(b"\0")[0].decode("latin-1").strip(),
+        "first_stamp_s": zero_ns / 1e9,
+        "recorder_did_not_close_the_file": not_closed is not None,
+    }
+    start = _start(start_ns + zero_ns, flags)
+    return CanLog(can_frames, start, (*found.notes(), *notes, *cuts), incomplete, metadata)
+
+
+def _open_block(content: bytes, groups: list[ChannelGroup]) -> int:
+    """Return the address of the last block of records, whose length the recorder did not write; 0 if there is none."""
+    blocks = DataBlocks(content)
+    lasts = [places[-1] for at in {group.stored.data_at for group in groups} if (places := blocks.places(at))]
+    return max((at for at in lasts if content[at : at + 4] == b"##DT"), default=0)
+
+
+def _cut(together: list[ChannelGroup], left: int, unwritten: Unfinished) -> list[str]:
+    """Say what the bytes behind the records mean, if they are no frame that the recorder had not finished.
+
+    Raises
+    ------
+    MdfDamageError
+        If the recorder closed the file, and the bytes of one group are not whole records.
+    """
+    group = together[0]
+    width = group.width + group.invalidation_width
+    alone = not group.stored.id_bytes
+    if alone and not unwritten.flags:
+        if left % width >= _PADDING:
+            raise MdfDamageError(f"the group at byte {group.at} has {left % width} bytes more than records of {width}")
+        several = f"{left} bytes behind the {group.count} records that a group states were not read"
+        return [several] if left >= width else []
+    widest = max(one.width + one.invalidation_width for one in together) + 8 + 4 + LARGEST_FRAME
+    if not left or (unwritten.flags and left <= widest):
+        return []
+    return [f"the file is cut or damaged: {left} bytes behind the last whole record could not be read"]
+
+
+def _event_names(group: ChannelGroup) -> set[str]:
+    return {channel.name.partition(".")[0] for channel in group.channels}
+
+
+def _note_of_others(group: ChannelGroup, count: int) -> str:
+    named = [channel.name for channel in group.channels if channel.kind not in MASTERS]
+    return f"{count} records of {named[0] if named else 'no channels'}: no CAN frames, not read"
+
+
+def _header(content: bytes) -> tuple[int, int]:
+    """Return the start in ns since 1970 and the flags of the header block."""
+    (links,) = struct.unpack_from("<Q", content, HD_AT + 16)
+    at = HD_AT + 24 + 8 * links
+    if at + _HEADER.size > len(content):
+        raise MdfDamageError("the header block ends early")
+    start_ns, _, _, flags = _HEADER.unpack_from(content, at)
+    return start_ns, flags
+
+
+def _by_time(blocks: list[FrameBlock]) -> list[FrameBlock]:
+    """Give the frames of several groups their places in time; one group keeps its order."""
+    if len(blocks) < 2:
+        return blocks
+    time_ns = np.concatenate([block.time_ns for block in blocks])
+    place = np.empty(time_ns.size, dtype=np.int64)
+    place[np.argsort(time_ns, kind="stable")] = np.arange(time_ns.size)
+    placed, at = [], 0
+    for block in blocks:
+        end = at + block.key.size
+        placed.append(FrameBlock(place[at:end], block.time_ns, block.key, block.channel, block.length, block.data))
+        at = end
+    return placed
+
+
+def _start(start_ns: int, flags: int) -> AbsoluteStart | None:
+    """Return the wall-clock time of the first frame."""
+    try:
+        instant = dt.datetime(1970, 1, 1) + dt.timedelta(microseconds=(start_ns + 500) // 1000)
+    except OverflowError:
+        return None
+    local = bool(flags & _LOCAL_TIME)
+    return AbsoluteStart(
+        instant.isoformat(timespec="microseconds"),
+        "unknown" if local else "UTC",
+        "MDF header block and stamp of the first frame" + (", local time of the recorder" if local else ""),
+    )

@@ -1,0 +1,251 @@
+"""The messages of a CAN database, and the frames of a log that carry them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.errors import ReadError
+from recoil_acquisition.readers.can.decoding import SignalLayout, layout_of
+from recoil_acquisition.readers.can.frames import EXTENDED, CanFrames
+
+XML_FORMATS = ("kcd", "arxml")
+
+_ENTITIES = re.compile(r"<!\s*(?:DOCTYPE|ENTITY)", re.IGNORECASE)
+_ROOT = re.compile(r"<(?:[A-Za-z_][\w.-]*:)?([A-Za-z_][\w.-]*)(?=[\s/>])")
+_SYM = re.compile(r"\ufeff?\s*(?://[^\n]*\s*)*FormatVersion\s*=", re.IGNORECASE)
+_QUOTED = re.compile(r'"[^"]*"')
+_NUMBER = r"\s*\+?(\d[\d_]*)"
+_BYTES = {
+    "dbc": re.compile(rf":{_NUMBER}(?!\s*\|)"),
+    "kcd": re.compile(rf"""\blength\s*=\s*["']{_NUMBER}"""),
+    "sym": re.compile(rf"^\s*(?:Len|DLC)\s*={_NUMBER}", re.MULTILINE | re.IGNORECASE),
+    "arxml": re.compile(rf"LENGTH>{_NUMBER}"),
+}
+"""Where a database may state the length of a message."""
+_BITS = {
+    "dbc": re.compile(rf":{_NUMBER}(?=\s*\|)|\|{_NUMBER}\s*@"),
+    "kcd": re.compile(rf"""\boffset\s*=\s*["']{_NUMBER}"""),
+    "sym": re.compile(r"[\s,](\d+)(?![\w.])"),
+    "arxml": re.compile(rf"POSITION>{_NUMBER}"),
+}
+"""Where it may state the place or length of a signal."""
+MOST_SQUARED_BYTES = 3e8
+"""cantools takes time with the square of a message's length, whatever that says it is: 5 s here. 10,000 messages of
+64 bytes have 4e7."""
+MOST_TOKENS = 1_600_000
+"""cantools takes 3 to 10 s for a million: a database of 4 MB with 64,000 signals has 1.5 million."""
+_TOKEN = re.compile(r'"[^"]*"|\w+|[^\w\s]')
+_DBC = re.compile(r"^\s*(?:VERSION\b|NS_\b|BS_\b|BU_\b|BO_\b)", re.MULTILINE)
+
+
+@dataclass(frozen=True, eq=False)
+class Messages:
+    """One message's frames in a log.
+
+    Attributes
+    ----------
+    name : str
+    layouts : dict of str to SignalLayout
+    time_s : ndarray of float64, shape (n_frames,)
+        Strictly increasing.
+    length : ndarray of int64, shape (n_frames,)
+    data : ndarray of uint8, shape (n_frames, width)
+    """
+
+    name: str
+    layouts: dict[str, SignalLayout]
+    time_s: NDArray[np.float64]
+    length: NDArray[np.int64]
+    data: NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class FaultyMessage:
+    """A message of a database whose signals overlap, or do not fit into it.
+
+    Attributes
+    ----------
+    name : str
+    key : int
+        Identifier, with bit 31 for 29 bits.
+    fault : str
+        As cantools found it.
+    """
+
+    name: str
+    key: int
+    fault: str
+
+
+@dataclass(frozen=True, eq=False)
+class CanDatabase:
+    """A parsed CAN database.
+
+    Attributes
+    ----------
+    messages : tuple of cantools.database.can.Message
+        The sound ones.
+    faulty : tuple of FaultyMessage
+        None of their signals is read.
+    """
+
+    messages: tuple[Any, ...]
+    faulty: tuple[FaultyMessage, ...] = ()
+
+    def refuse_faulty(self, signal: str, path: Path) -> None:
+        """Raise `ReadError` if a signal, such as ``Message.Signal``, is of a faulty message."""
+        for one in self.faulty:
+            if signal.partition(".")[0] == one.name:
+                raise ReadError(
+                    f"the message {one.name!r} of the CAN database is faulty, and {signal!r} is used",
+                    path=path,
+                    found=one.fault,
+                    remedy="correct the message in the database that the rig file names",
+                )
+
+    def notes(self) -> list[str]:
+        """Say which messages are faulty."""
+        if not self.faulty:
+            return []
+        shown = "; ".join(f"{one.name} ({one.fault.rstrip('.')})" for one in self.faulty[:8])
+        more = " ..." if len(self.faulty) > 8 else ""
+        return [f"faulty messages of the database, {len(self.faulty)}, were left out: {shown}{more}"]
+
+
+def load_database(text: str, path: Path) -> CanDatabase:
+    """Parse the text of a CAN database; its format is found from its content.
+
+    Faulty messages among sound ones are named in what is returned, and left to be refused where they are used.
+
+    Parameters
+    ----------
+    text : str
+        DBC, KCD, SYM or ARXML.
+    path : Path
+        The log that needs it, for messages.
+
+    Raises
+    ------
+    ReadError
+        If it is none of these formats, defines entities, or with what cantools found wrong.
+    """
+    kind = database_format(text)
+    if not kind or (kind in XML_FORMATS and _ENTITIES.search(text)):
+        raise ReadError(
+            "the CAN database defines entities, which no database needs" if kind else "this is no CAN database",
+            path=path,
+            expected="the text of a DBC, KCD, SYM or ARXML file",
+            remedy="correct the database that the rig file names",
+        )
+    try:
+        _check_sizes(text, kind)
+        return _parse_database(text, kind)
+    except Exception as error:
+        cause: BaseException = getattr(error, f"e_{kind}", None) or error
+        first = str(cause).strip().splitlines()
+        raise ReadError(
+            f"the CAN database cannot be read: {first[0][:200] if first else type(cause).__name__}",
+            path=path,
+            expected=f"the text of a {kind.upper()} file",
+            remedy="correct the database that the rig file names",
+        ) from error
+
+
+def database_format(text: str) -> str:
+    """Tell a database's format from its content: ``kcd``, ``arxml``, ``sym``, ``dbc``, or empty for none of them."""
+    if text.lstrip("\ufeff \t\r\n").startswith("<"):
+        root = _ROOT.search(text)
+        return {"NetworkDefinition": "kcd", "AUTOSAR": "arxml"}.get(root[1] if root else "", "")
+    if _SYM.match(text):
+        return "sym"
+    return "dbc" if _DBC.search(text) else ""
+
+
+def _check_sizes(text: str, kind: str) -> None:
+    """Refuse what cantools would be busy with for minutes: more text than a bus needs, and lengths that none has."""
+    if (tokens := sum(1 for _ in _TOKEN.finditer(text))) > MOST_TOKENS:
+        raise ValueError(f"{tokens} names, numbers and signs, where {MOST_TOKENS} are the most that is read")
+    plain = text if kind in XML_FORMATS else _QUOTED.sub("", text)
+    total = 0.0
+    for places, bits in ((_BYTES[kind], 1), (_BITS[kind], 8)):
+        for found in places.finditer(plain):
+            digits = (next(filter(None, found.groups()))).replace("_", "")
+            size = float(digits) / bits
+            total += size * size
+            if total > MOST_SQUARED_BYTES:
+                raise ValueError(f"messages and signals as long as {digits[:20]} {'bits' if bits > 1 else 'bytes'}")
+
+
+@lru_cache(maxsize=4)
+def _parse_database(text: str, kind: str) -> CanDatabase:
+    """Parse once per text: a campaign reads hundreds of logs with one database."""
+    import cantools
+    from cantools.database.errors import Error
+
+    loose: Any = cantools.database.load_string(text, kind, strict=False)
+    sound, faulty = [], []
+    for message in loose.messages:
+        try:
+            message.refresh(strict=True)
+        except Error as fault:
+            key = message.frame_id | (EXTENDED if message.is_extended_frame else 0)
+            faulty.append(FaultyMessage(message.name, key, str(fault)))
+        else:
+            sound.append(message)
+    if faulty and not sound:
+        raise ValueError(faulty[0].fault)
+    return CanDatabase(tuple(sound), tuple(faulty))
+
+
+def messages_of(message: Any, frames: CanFrames, chosen: NDArray[np.intp], notes: list[str]) -> Messages:
+    """Take one message's frames; those whose stamp does not increase are left out and counted.
+
+    Parameters
+    ----------
+    message : cantools.database.can.Message
+    frames : CanFrames
+    chosen : ndarray of int, shape (n_frames,)
+        Which frames are of that message.
+    notes : list of str
+        What is to be said of them is added.
+    """
+    time_s = np.take(frames.time_s, chosen)
+    kept = chosen
+    if not (np.diff(time_s) > 0).all():
+        newest = np.maximum.accumulate(np.r_[-np.inf, time_s[:-1]])
+        increasing = time_s > newest
+        kept = chosen[increasing]
+        time_s = time_s[increasing]
+        left_out = int((~increasing).sum())
+        notes.append(f"{message.name}: {left_out} of {chosen.size} frames do not increase in time and were left out")
+    channel = np.take(frames.channel, chosen)
+    if (channel != channel[0]).any():
+        notes.append(f"{message.name}: frames of channels {', '.join(map(str, np.unique(channel)))} were merged")
+    layouts = {}
+    for signal in message.signals:
+        layout = layout_of(signal)
+        if layout is None:
+            notes.append(f"{message.name}.{signal.name}: {signal.length} bits are not decoded")
+        else:
+            layouts[signal.name] = layout
+    width = max([layout.bytes_needed for layout in layouts.values()], default=8)
+    data = np.take(frames.data, kept, axis=0)
+    if data.shape[1] < width:
+        data = np.pad(data, ((0, 0), (0, width - data.shape[1])))
+    return Messages(message.name, layouts, time_s, np.take(frames.length, kept), data)
+
+
+def count_identifiers(keys: NDArray[np.uint32]) -> dict[str, int]:
+    """Count the frames per identifier."""
+    found, counts = np.unique(keys, return_counts=True)
+    return {
+        f"{int(k) & ~EXTENDED:#x}{' (29 bit)' if int(k) & EXTENDED else ''}": int(n)
+        for k, n in zip(found, counts, strict=True)
+    }

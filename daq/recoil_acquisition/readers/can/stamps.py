@@ -1,0 +1,30 @@
+"""Stamps of logs that do not say from when they count."""
+
+from __future__ import annotations
+
+import datetime as dt
+
+from recoil_acquisition.readers.can.frames import CanFrames, FrameList
+from recoil_acquisition.timebase import AbsoluteStart
+
+EARLIEST_CLOCK_NS = 10**18
+"""September 2001: stamps beyond are of a clock that counts from 1970, since no interface counts 31 years."""
+
+
+def start_of_stamps(found: FrameList) -> tuple[CanFrames, AbsoluteStart | None]:
+    """Return a log's frames, and when their time zero was.
+
+    Returns
+    -------
+    frames : CanFrames
+        Their time counts from the first frame if its stamp is that of a clock, else it is as stored.
+    start : AbsoluteStart or None
+        The first frame's stamp if it is that of a clock.
+    """
+    frames, zero_ns = found.frames(from_first=True)
+    if zero_ns < EARLIEST_CLOCK_NS:
+        return found.frames()[0], None
+    instant = dt.datetime(1970, 1, 1) + dt.timedelta(microseconds=zero_ns // 1000)
+    return frames, AbsoluteStart(
+        instant.isoformat(timespec="microseconds"), "UTC", "stamp of the first frame, taken as seconds since 1970"
+    )

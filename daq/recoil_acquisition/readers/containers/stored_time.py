@@ -1,0 +1,135 @@
+"""Time that a container stores as numbers: one stamp per sample.
+
+A time vector is stamps, even where its author meant a constant rate: only the rounding of its
+number type lies between them and a uniform time base, which is taken where all stamps agree with one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.readers.time.printed_time import uniform_from_printed
+from recoil_acquisition.timebase import AbsoluteStart, TimeBase
+
+DAY_S = 86400.0
+DATENUM_OF_YEAR_1 = 367.0
+"""MATLAB's serial date number of 0001-01-01 (documentation of ``datenum``)."""
+
+
+@dataclass(frozen=True, eq=False)
+class StoredTime:
+    """What a time vector says.
+
+    Attributes
+    ----------
+    time_base : TimeBase
+    kept : ndarray of int64 or None
+        Indices of the samples that the time base has; None if it has all.
+    note : str
+        What must be told of it; empty if nothing.
+    dropped : int
+        Number of samples that the time base leaves out.
+    """
+
+    time_base: TimeBase
+    kept: NDArray[np.int64] | None
+    note: str
+    dropped: int = 0
+
+    @property
+    def stamp_count(self) -> int:
+        """Length of the time vector, which is that of its channels as stored."""
+        return self.time_base.count + self.dropped
+
+
+def resolution_of(values: NDArray[Any]) -> float:
+    """Return the step between two neighbouring numbers of a vector's type at its largest value."""
+    if not values.size or values.dtype.kind != "f":
+        return 0.0
+    return float(np.spacing(np.abs(values).max()))
+
+
+def time_from_stamps(
+    clock: str, times_s: NDArray[np.float64], resolution_s: float, start: AbsoluteStart | None = None
+) -> StoredTime:
+    """Make a time base of stamps.
+
+    Stamps that all agree with one constant step, within the resolution of their number type, are uniform. Of
+    samples with equal stamps the first is kept: which of them was measured when cannot be known.
+
+    Parameters
+    ----------
+    clock : str
+    times_s : ndarray of float64, shape (n,)
+    resolution_s : float
+        Of the numbers as stored.
+    start : AbsoluteStart or None
+
+    Raises
+    ------
+    ValueError
+        If a stamp is no number, or steps back.
+    """
+    times_s = np.ascontiguousarray(times_s, dtype=np.float64)
+    wrong = np.flatnonzero(~np.isfinite(times_s))
+    if wrong.size:
+        raise ValueError(f"the time of sample {wrong[0]} is no number")
+    uniform = uniform_from_printed(times_s, 2.0 * resolution_s)
+    if uniform is not None:
+        rebuilt = f"its time resolves only {resolution_s:.1g} s: rebuilt at {1 / uniform[1]:g} Hz"
+        coarse = resolution_s > 0.01 * uniform[1]
+        return StoredTime(TimeBase.uniform(clock, *uniform, times_s.size, start), None, rebuilt if coarse else "")
+    steps = np.diff(times_s)
+    back = np.flatnonzero(steps < 0)
+    if back.size:
+        raise ValueError(f"time steps back by {-steps[back[0]]:g} s behind sample {back[0]}")
+    kept = np.flatnonzero(np.concatenate(([True], steps > 0)))[: times_s.size].astype(np.int64)
+    if kept.size == times_s.size:
+        return StoredTime(TimeBase.stamped(clock, times_s, start), None, "")
+    note = f"{times_s.size - kept.size} of {times_s.size} stamps repeat the one before: those samples are left out"
+    return StoredTime(TimeBase.stamped(clock, times_s[kept], start), kept, note, times_s.size - kept.size)
+
+
+def time_from_datenum(clock: str, days: NDArray[np.float64], origin: str) -> StoredTime:
+    """Make a time base of MATLAB serial date numbers, whose zero is the first of them.
+
+    A float64 date number of this century resolves 10 us; a constant rate beyond that is found again
+    where all stamps agree with it.
+
+    Parameters
+    ----------
+    clock : str
+    days : ndarray of float64, shape (n,)
+    origin : str
+        Where they were read, for `AbsoluteStart.origin`.
+
+    Raises
+    ------
+    ValueError
+        As `time_from_stamps`.
+    """
+    if days.size and not np.isfinite(days).all():
+        raise ValueError(f"the time of sample {np.flatnonzero(~np.isfinite(days))[0]} is no number")
+    start = start_from_datenum(float(days[0]), origin)
+    seconds = (days - days[0]) * DAY_S
+    return time_from_stamps(clock, seconds, resolution_of(days) * DAY_S, start)
+
+
+def start_from_datenum(day: float, origin: str) -> AbsoluteStart:
+    """Return the instant of a MATLAB serial date number, which has no zone.
+
+    Raises
+    ------
+    ValueError
+        If it is no date.
+    """
+    try:
+        instant = datetime(1, 1, 1) + timedelta(days=day - DATENUM_OF_YEAR_1)
+    except OverflowError as error:
+        raise ValueError(f"{day:g} is no date number") from error
+    return AbsoluteStart(instant.isoformat(timespec="microseconds"), "unknown", origin)

@@ -1,0 +1,65 @@
+"""Gaps of a packet or message counter: where, how many frames, for how long."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.frames.values import gaps, unwrap
+
+
+@dataclass(frozen=True)
+class CounterGaps:
+    """What a counter tells of the frames that hold it.
+
+    Attributes
+    ----------
+    counted : int
+        Frames that hold it.
+    places : int
+        Places where it does not go on by one.
+    missing : int
+        Frames that are missing there, as far as the counter tells.
+    unsized : int
+        Places of which it does not tell how many: it stands still or goes back.
+    longest : int
+        Most frames missing in a row, as far as it tells.
+    longest_s : float
+        Longest time between the two frames of any such place.
+    """
+
+    counted: int
+    places: int
+    missing: int
+    unsized: int
+    longest: int
+    longest_s: float
+
+
+def find_gaps(counts: NDArray[np.int64], times_s: NDArray[np.float64], modulo: int, step: int = 1) -> CounterGaps:
+    """Find the gaps of a counter.
+
+    Parameters
+    ----------
+    counts : ndarray of int64, shape (n_frames,)
+        As stored, in the order of the frames.
+    times_s : ndarray of float64, shape (n_frames,)
+        Instants of the frames, NaN where unknown.
+    modulo : int
+        Value at which it wraps; 0 if it never does.
+    step : int
+        What it counts from one frame to the next.
+    """
+    places, missing = gaps(counts, modulo, step)
+    steps = np.diff(unwrap(counts, modulo))
+    apart_s = np.diff(times_s)[steps != step]
+    return CounterGaps(
+        counted=int(counts.size),
+        places=places,
+        missing=missing,
+        unsized=int((steps < step).sum()),
+        longest=int((steps // step - 1).max(initial=0)),
+        longest_s=float(apart_s[np.isfinite(apart_s)].max(initial=0.0)),
+    )

@@ -1,0 +1,287 @@
+"""Dewesoft's own recordings (.dxd, .d7d), by the vendor's library.
+
+The library comes with ``dwdatareader`` (extra ``dewesoft``), for Windows and Linux on x86-64. It runs in a child
+process (`readers.dewesoft.child_process`), once per file: a crash or a hang of it becomes a `CorruptFileError`.
+That is no precaution: of 25 copies of a real file cut short it crashed over 24 and hung over one. The samples wait in
+a temporary file of 8 bytes per sample (16 where stamped), which goes with the recording.
+
+The library does not say whether it read all that was once in a file, nor are there checksums to see a flipped bit by.
+
+What the file says, and what it does not:
+
+- time counts from the start of the measurement, which may be long before the first stored sample;
+- wall-clock times carry no zone;
+- CAN channels cannot be read (the vendor's word: route them through a formula channel); they are named in the notes;
+- channels of a single value go to the metadata, under ``single_values``;
+- the stamps of asynchronous channels repeat: of equal ones the last sample is kept
+  (`recoil_acquisition.readers.time.increasing_stamps`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import shutil
+import subprocess
+import tempfile
+import weakref
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.channel import RawCounts
+from recoil_acquisition.child_process import own_command
+from recoil_acquisition.errors import CorruptFileError, MissingChannelError, ReadError
+from recoil_acquisition.readers.dewesoft import child_process as child
+from recoil_acquisition.readers.reader import Declarations, SignalHeader
+from recoil_acquisition.readers.time.increasing_stamps import keep_increasing, left_out_note
+from recoil_acquisition.timebase import AbsoluteStart, TimeBase
+from recoil_acquisition.track import Track
+
+MAGIC = b"MULTI_STREAM_FILE_VER"
+FEWEST_BYTES = 4096
+OLDEST = (1, 3, 0)
+"""Libraries before this one scale some channels wrongly."""
+LIMIT_S = 30.0
+BYTES_PER_SECOND = 2e6
+"""Slower than this beyond `LIMIT_S` is a hang: the library was measured at ten times that and more."""
+LONGEST_SETUP = 1 << 16
+"""Longer setups are kept by their digest."""
+
+_REMEDY = "open it in DewesoftX and store it again, or export it as text"
+_GAPS = {2: "fast on trigger", 3: "fast on trigger, slow otherwise"}
+
+
+class DewesoftReader:
+    """Reader of Dewesoft's recordings."""
+
+    name = "Dewesoft recording"
+    kind = "dewetron"
+    suffixes = (".dxd", ".d7d")
+
+    def claims(self, head: bytes) -> bool:
+        """Tell whether the file begins as Dewesoft's do; the library is not needed for that."""
+        return head.startswith(MAGIC)
+
+    def open(self, path: Path, declared: Declarations) -> DewesoftRecording:
+        """Read a recording.
+
+        Raises
+        ------
+        ReadError
+            If the library is missing, or refuses the file.
+        CorruptFileError
+            If the library crashes or hangs over it, or what it gives contradicts itself.
+        """
+        try:
+            size = path.stat().st_size
+            with path.open("rb") as file:
+                head = file.read(len(MAGIC))
+        except OSError as error:
+            raise ReadError(f"cannot be read: {error.strerror or error}", path=path) from error
+        if head != MAGIC or size < FEWEST_BYTES:
+            raise CorruptFileError(
+                "this is no recording of Dewesoft", path=path, place="byte 0",
+                expected=f"{MAGIC.decode()} and {FEWEST_BYTES} bytes", found=f"{head!r} and {size} bytes",
+            )  # fmt: skip
+        _check_library(path)
+        folder = Path(tempfile.mkdtemp(prefix="recoil-daq-"))
+        try:
+            return DewesoftRecording(path, folder, _run(path, folder, size), declared.clock)
+        except BaseException:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
+
+
+def _check_library(path: Path) -> None:
+    remedy = "pip install 'recoil-daq[dewesoft]' (Windows and Linux on x86-64)"
+    try:
+        version = metadata.version("dwdatareader")
+    except metadata.PackageNotFoundError as error:
+        raise ReadError("Dewesoft's library is not installed", path=path, remedy=remedy) from error
+    if tuple(int(part) for part in version.split(".")[:3] if part.isdecimal()) < OLDEST:
+        raise ReadError(
+            "Dewesoft's library is too old: it scales some channels wrongly", path=path,
+            expected="dwdatareader 1.3.0 or newer", found=version, remedy=remedy,
+        )  # fmt: skip
+
+
+def _run(path: Path, folder: Path, size: int) -> dict[str, Any]:
+    """Let a child read the file; return what it says."""
+    limit_s = LIMIT_S + size / BYTES_PER_SECOND
+    try:
+        done = subprocess.run(  # noqa: S603  our own module, by our own interpreter
+            own_command(child.__name__, str(path.resolve()), str(folder)),
+            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, timeout=limit_s, check=False,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired as error:
+        raise CorruptFileError(
+            f"Dewesoft's library did not come back within {limit_s:.0f} s", path=path, remedy=_REMEDY
+        ) from error
+    except OSError as error:
+        raise ReadError(f"Dewesoft's library cannot be run: {error}", path=path) from error
+    try:
+        found = json.loads((folder / child.RECORDING).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        said = done.stderr.decode("utf-8", "replace").strip().splitlines()[-1:]
+        raise CorruptFileError(
+            f"Dewesoft's library failed over this file (exit code {done.returncode})", path=path,
+            found=said[0] if said else None, remedy=_REMEDY,
+        ) from error  # fmt: skip
+    if "no_library" in found:
+        raise ReadError(
+            f"Dewesoft's library cannot be loaded: {found['no_library']}", path=path,
+            remedy="it runs on Windows and Linux on x86-64 alone; elsewhere export the file as text",
+        )  # fmt: skip
+    if "refused" in found:
+        raise CorruptFileError(f"Dewesoft's library refuses it: {found['refused']}", path=path, remedy=_REMEDY)
+    return dict(found)
+
+
+class DewesoftRecording:
+    """One recording, as the library gave it.
+
+    Parameters
+    ----------
+    path : Path
+    folder : Path
+        Where the child wrote; removed with the recording.
+    found : dict
+        What the child said.
+    clock : str
+        Name of the source.
+    """
+
+    reader = DewesoftReader.name
+    incomplete = ""
+
+    def __init__(self, path: Path, folder: Path, found: dict[str, Any], clock: str) -> None:
+        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        self.path, self._clock, self._folder = path, clock, folder
+        self.absolute_start: AbsoluteStart | None = AbsoluteStart(
+            found["start_measure_time"], "unknown", "start of the measurement"
+        )
+        self._notes: list[str] = []
+        self._channels: dict[str, dict[str, Any]] = {}
+        self._kept: dict[str, NDArray[np.int64]] = {}
+        single: dict[str, Any] = {}
+        headers, empty = [], []
+        for channel in found["channels"]:
+            name = channel["name"]
+            if "refused" in channel:
+                self._notes.append(f"{name}: left out: {channel['refused']}")
+            elif not channel["count"]:
+                empty.append(name)
+            elif channel["kind"] == child.SINGLE:
+                single[name] = {"value": _plain(self._stored(channel, 0, 1)[0]), "unit": channel["unit"]}
+            else:
+                headers.append(self._take(name, channel))
+        if empty:
+            self._notes.append(f"channels without a sample: {', '.join(empty)}")
+        if not headers:
+            raise ReadError(
+                "there are no samples that can be read", path=path, found="; ".join(self._notes) or "no channels",
+                remedy=_REMEDY,
+            )  # fmt: skip
+        storing = found.get("storing_type", 0)
+        if storing in _GAPS:
+            self._notes.append(f"it was stored {_GAPS[storing]}: there may be gaps, and each is in the time bases")
+        self._notes += [f"the library does not give its {key}: {said}" for key, said in found.get("failed", {}).items()]
+        self.signals = tuple(headers)
+        self.notes = tuple(self._notes)
+        kept = ("sample_rate_hz", "start_measure_time", "start_store_time", "duration_s", "header", "events", "version")
+        self.metadata: dict[str, Any] = {
+            **{key: found.get(key) for key in (*kept, "storing_type")},
+            "single_values": single,
+            **self._setup(),
+        }
+
+    def _setup(self) -> dict[str, Any]:
+        try:
+            setup = (self._folder / child.SETUP).read_bytes()
+        except OSError:
+            return {}  # that it was not given is among the notes
+        digest = {"setup_sha256": hashlib.sha256(setup).hexdigest()}
+        return digest if len(setup) > LONGEST_SETUP else {**digest, "setup": setup.decode("utf-8", "replace")}
+
+    def _take(self, name: str, channel: dict[str, Any]) -> SignalHeader:
+        self._channels[name] = channel
+        count = channel["count"]
+        if name != channel["long_name"]:
+            self._notes.append(f"{name}: another channel is named {channel['long_name']!r} too")
+        if "\ufffd" in name + channel["unit"]:
+            self._notes.append(f"{name}: its name or unit {channel['unit']!r} has letters that are not UTF-8")
+        if "rate_hz" not in channel:
+            stamps_s = self._stored(channel, count, 2 * count)
+            kept, repeated, backward = keep_increasing(stamps_s)
+            self._notes += left_out_note(name, count, repeated, backward)
+            if repeated or backward:
+                self._kept[name] = np.flatnonzero(kept)
+                count = int(self._kept[name].size)
+                stamps_s = stamps_s[kept]
+            if channel["kind"] == child.SYNC and count > 1:
+                steps = np.diff(stamps_s)
+                gaps = int((steps > 1.5 * np.median(steps)).sum())
+                self._notes.append(f"{name}: its samples are not evenly spaced ({gaps} gaps): instants are as stored")
+        told = {key: channel[key] for key in ("description", "data_type") if channel.get(key)}
+        return SignalHeader(name, channel["unit"], count, metadata=told)
+
+    def _stored(self, channel: dict[str, Any], start: int, stop: int) -> NDArray[np.float64]:
+        """Read what the child wrote of one channel: its samples, and behind them its stamps."""
+        try:
+            with (self._folder / child.SAMPLES).open("rb") as file:
+                file.seek(channel["at"] + 8 * start)
+                stored = np.fromfile(file, "<f8", max(stop - start, 0))
+        except OSError as error:
+            raise ReadError(f"its temporary samples cannot be read: {error}", path=self.path) from error
+        if stored.size < stop - start:
+            raise ReadError("its temporary samples are gone", path=self.path, remedy="is the disk full?")
+        return stored.astype(np.float64, copy=False)
+
+    def _find(self, name: str) -> dict[str, Any]:
+        try:
+            return self._channels[name]
+        except KeyError:
+            raise MissingChannelError(name, tuple(self._channels), path=self.path) from None
+
+    def read(self, name: str, start: int = 0, stop: int | None = None) -> NDArray[np.float64]:
+        """Read samples of one signal in the file's unit, shape (stop - start,)."""
+        channel = self._find(name)
+        kept = self._kept.get(name)
+        if kept is not None:
+            return self._stored(channel, 0, channel["count"])[kept[start:stop]]
+        start, stop, _ = slice(start, stop).indices(channel["count"])
+        return self._stored(channel, start, max(start, stop))
+
+    def raw(self, name: str, start: int = 0, stop: int | None = None) -> RawCounts | None:  # noqa: ARG002 - of the protocol
+        """Return None: the library gives scaled samples."""
+        self._find(name)
+        return None
+
+    def time_base(self, name: str) -> TimeBase:
+        """Return the instants of one signal, in seconds after the start of the measurement."""
+        channel = self._find(name)
+        count = channel["count"]
+        try:
+            if "rate_hz" in channel:
+                return TimeBase.uniform(
+                    self._clock, channel["start_s"], 1.0 / channel["rate_hz"], count, self.absolute_start
+                )
+            stamps_s = self._stored(channel, count, 2 * count)
+            kept = self._kept.get(name)
+            return TimeBase.stamped(self._clock, stamps_s if kept is None else stamps_s[kept], self.absolute_start)
+        except ValueError as error:
+            raise CorruptFileError(f"the times of {name} cannot be used: {error}", path=self.path) from error
+
+    def tracks(self) -> tuple[Track, ...]:
+        """Return nothing: this is no camera."""
+        return ()
+
+
+def _plain(value: float) -> float | None:
+    """Return a number that JSON can hold."""
+    return float(value) if math.isfinite(value) else None

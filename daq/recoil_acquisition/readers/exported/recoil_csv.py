@@ -1,0 +1,126 @@
+"""CSV that this project exports: JSON behind ``# key:``, one heading row, and numbers that are exact.
+
+The layout is described in `recoil_acquisition.exporters.csv_text`, which writes it.
+"""
+
+from __future__ import annotations
+
+import io
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.exported.header import ExportedHeader, exported_header, parse_json
+from recoil_acquisition.readers.exported.recording import ExportedRecording
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.text.cells import split_cells
+from recoil_acquisition.readers.text.rows import read_rows
+from recoil_acquisition.readers.text.text_file import TextFile, decode_head, read_text
+from recoil_acquisition.readers.text.text_table import Block, find_block
+
+FIRST_LINE = '# recoil-daq: "csv/1"'
+_LEAST_ROW_BYTES = 4
+"""A row has a time, a separator, a number and a line end."""
+
+
+class RecoilCsvReader:
+    """Reader of this project's CSV."""
+
+    name = "recoil-daq CSV"
+    kind = "dewetron"
+    suffixes = (".csv",)
+
+    def claims(self, head: bytes) -> bool:
+        """Tell whether the first line says so."""
+        return decode_head(head[:256]).startswith(FIRST_LINE + "\n")
+
+    def open(self, path: Path, declared: Declarations) -> RecoilCsvRecording:
+        """Open an export.
+
+        Raises
+        ------
+        ReadError
+            If it cannot be read or is none.
+        CorruptFileError
+            If its comment lines or its heading row are damaged.
+        """
+        file = read_text(path)
+        lines, start = _comment_lines(file)
+        if not lines or lines[0] != FIRST_LINE:
+            raise ReadError("this is no CSV of recoil-daq", path=path, place="line 1", expected=FIRST_LINE)
+        document: dict[str, Any] = {"channels": []}
+        for number, line in enumerate(lines[1:], start=2):
+            key, colon, text = line.removeprefix("# ").partition(": ")
+            if not colon:
+                raise CorruptFileError("no key and value", path=path, place=f"line {number}", found=repr(line[:40]))
+            value = parse_json(text, path, f"line {number}")
+            if key == "channel":
+                document["channels"].append(value)
+            else:
+                document[key] = value
+        header = exported_header(document, path, most=len(file.data) // _LEAST_ROW_BYTES)
+        block = _rows(file, header, start, len(lines) + 1)
+        return RecoilCsvRecording(header, declared.clock, block)
+
+
+class RecoilCsvRecording(ExportedRecording):
+    """One opened CSV; its numbers are read when the first sample is asked for.
+
+    Parameters
+    ----------
+    header : ExportedHeader
+    clock : str
+    block : Block or None
+        The rows; None where the file promises none.
+    """
+
+    reader = RecoilCsvReader.name
+
+    def __init__(self, header: ExportedHeader, clock: str, block: Block | None) -> None:
+        super().__init__(header, clock, 0 if block is None else block.row_count)
+        self._block = block
+
+    @cached_property
+    def _columns(self) -> tuple[NDArray[np.float64], ...]:
+        if self._block is None:
+            return tuple(np.empty(0) for _ in range(len(self.signals) + 1))
+        values = read_rows(self._block)
+        body = self._block.file.read(self._block.start, self._block.stop)
+        if b"inf" in body.lower():
+            # An infinite sample is told apart from a lost one here, because the shot does
+            values = np.loadtxt(io.BytesIO(body), delimiter=",", comments=None, ndmin=2)
+        return tuple(np.ascontiguousarray(column) for column in values.T)
+
+
+def _comment_lines(file: TextFile) -> tuple[list[str], int]:
+    """Return the complete lines that begin with ``#``, and the byte behind them."""
+    lines, start = [], 0
+    while file.data.startswith(b"#", start) and (end := file.data.find(b"\n", start)) >= 0:
+        lines.append(file.data[start:end].decode(file.encoding, errors="replace"))
+        start = end + 1
+    return lines, start
+
+
+def _rows(file: TextFile, header: ExportedHeader, start: int, line: int) -> Block | None:
+    """Delimit the rows below the heading row, and check how many there are."""
+    end = file.data.find(b"\n", start)
+    headings = split_cells(file.data[start : max(end, start)].decode(file.encoding, errors="replace"), ",")
+    if end < 0 or len(headings) != len(header.signals) + 1:
+        raise CorruptFileError(
+            "the heading row is damaged", path=file.path, place=f"line {line}",
+            expected=f"{len(header.signals) + 1} headings", found="no line end" if end < 0 else f"{len(headings)}",
+            remedy="export the shot again",
+        )  # fmt: skip
+    if header.count == 0 and not file.data[end + 1 :].strip():
+        return None
+    block = find_block(file, end + 1, ",", ["time_s", *(signal.name for signal in header.signals)], decimal_comma=False)
+    if block.row_count > header.count:
+        raise CorruptFileError(
+            "more rows than the file promises", path=file.path, place=f"line {line + 1 + header.count}",
+            expected=f"{header.count}", found=f"{block.row_count}", remedy="export the shot again",
+        )  # fmt: skip
+    return block

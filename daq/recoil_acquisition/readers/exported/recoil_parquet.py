@@ -1,0 +1,140 @@
+"""Parquet that this project exports: the time and the channels as columns, JSON in the schema's metadata.
+
+The layout is described in `recoil_acquisition.exporters.parquet_file`, which writes it. Format: Apache Parquet,
+https://parquet.apache.org/docs/file-format/ (magic ``PAR1`` at both ends, the metadata at the end).
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.exported.header import ExportedHeader, exported_header, parse_json
+from recoil_acquisition.readers.exported.recording import ExportedRecording
+from recoil_acquisition.readers.reader import Declarations
+
+MAGIC = b"PAR1"
+KEY = b"recoil-daq"
+"""Of the schema's key-value metadata."""
+
+GROWTH = 10
+"""How much larger than the file its numbers may be."""
+
+SLACK_BYTES = 1 << 16
+"""Small files may grow by more."""
+
+
+class RecoilParquetReader:
+    """Reader of this project's Parquet files."""
+
+    name = "recoil-daq Parquet"
+    kind = "dewetron"
+    suffixes = (".parquet",)
+
+    def claims(self, head: bytes) -> bool:
+        """Tell whether the file is Parquet: whose it is stands at its end."""
+        return head.startswith(MAGIC)
+
+    def open(self, path: Path, declared: Declarations) -> RecoilParquetRecording:
+        """Open an export.
+
+        Raises
+        ------
+        ReadError
+            If pyarrow is missing, or the file is Parquet of another program.
+        CorruptFileError
+            If it is damaged.
+        """
+        try:
+            content = path.read_bytes()
+        except OSError as error:
+            raise ReadError(
+                f"cannot be read: {error.strerror}", path=path, remedy="check its name and permissions"
+            ) from (error)
+        try:
+            import pyarrow as pa
+            import pyarrow.parquet as pq
+        except ImportError as error:
+            raise ReadError("Parquet needs pyarrow", path=path, remedy="pip install 'recoil-daq[parquet]'") from error
+        if len(content) < 12 or not content.endswith(MAGIC):
+            raise CorruptFileError(
+                "the file is cut: its end is missing",
+                path=path,
+                expected=f"{MAGIC!r} at the end",
+                remedy="copy it again",
+            )
+        try:
+            file = pq.ParquetFile(pa.BufferReader(content), page_checksum_verification=True)
+            schema, rows = file.schema_arrow, int(file.metadata.num_rows)
+            packed = _compressions(file.metadata) - {"UNCOMPRESSED"}
+        except (pa.ArrowException, OSError, ValueError, TypeError, KeyError, OverflowError) as error:
+            raise _damaged(path, error) from error
+        text = (schema.metadata or {}).get(KEY)
+        if text is None:
+            raise ReadError(
+                "this Parquet file was not exported by recoil-daq", path=path,
+                remedy="export it as CSV or in the recorder's own format",
+            )  # fmt: skip
+        if packed:
+            # the size of the file bounds what is allocated only where nothing is packed
+            raise ReadError(
+                "was written anew by another program", path=path, expected="columns that are not compressed",
+                found=", ".join(sorted(packed)), remedy="take the file as it was exported",
+            )  # fmt: skip
+        document = parse_json(text.decode("utf-8", errors="replace"), path, "metadata")
+        widths = [8 if kind == pa.float64() else 4 if kind == pa.float32() else 0 for kind in schema.types]
+        row_bytes = sum(widths)
+        most = (GROWTH * len(content) + SLACK_BYTES) // max(row_bytes, 1)
+        header = exported_header(document, path, most=most)
+        if 0 in widths or len(widths) != len(header.signals) + 1 or rows != header.count or widths[0] != 8:
+            raise CorruptFileError(
+                "the columns are not what the metadata says", path=path,
+                expected=f"{len(header.signals) + 1} columns of numbers, {header.count} rows",
+                found=f"{len(widths)} columns, {rows} rows", remedy="export the shot again",
+            )  # fmt: skip
+        return RecoilParquetRecording(header, declared.clock, file)
+
+
+class RecoilParquetRecording(ExportedRecording):
+    """One opened Parquet file; its columns are read when the first sample is asked for.
+
+    Parameters
+    ----------
+    header : ExportedHeader
+    clock : str
+    file : pyarrow.parquet.ParquetFile
+    """
+
+    reader = RecoilParquetReader.name
+
+    def __init__(self, header: ExportedHeader, clock: str, file: Any) -> None:
+        super().__init__(header, clock, header.count)
+        self._file = file
+
+    @cached_property
+    def _columns(self) -> tuple[NDArray[np.float64], ...]:
+        import pyarrow as pa
+
+        try:
+            table = self._file.read(use_threads=False)
+            columns = [column.combine_chunks() for column in table.columns]
+            if any(column.null_count or len(column) != self._header.count for column in columns):
+                raise ValueError("a column has rows without a number, or another number of rows")
+            return tuple(column.to_numpy(zero_copy_only=False).astype(np.float64) for column in columns)
+        except (pa.ArrowException, OSError, ValueError, TypeError, KeyError, OverflowError) as error:
+            raise _damaged(self.path, error) from error
+
+
+def _compressions(metadata: Any) -> set[str]:
+    groups = (metadata.row_group(i) for i in range(metadata.num_row_groups))
+    return {str(group.column(j).compression) for group in groups for j in range(group.num_columns)}
+
+
+def _damaged(path: Path, error: Exception) -> CorruptFileError:
+    reason = " ".join(str(error).split())[:200]
+    return CorruptFileError(f"is damaged: {reason}", path=path, remedy="copy it again, or export the shot again")

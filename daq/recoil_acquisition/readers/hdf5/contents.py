@@ -1,0 +1,118 @@
+"""The groups and datasets of an HDF5 file, and what its attributes say of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from recoil_acquisition.errors import ReadError
+from recoil_acquisition.readers.hdf5.attributes import is_time_name, plain_attributes
+from recoil_acquisition.readers.hdf5.vector import Hdf5Vector, Room, vector_of
+
+MOST_OBJECTS = 5000
+
+
+@dataclass(frozen=True, eq=False)
+class Dataset:
+    """A dataset of numbers along one axis.
+
+    Attributes
+    ----------
+    vector : Hdf5Vector
+    own : mapping
+        Its attributes.
+    above : sequence of mapping
+        Those of the groups it is in, the nearest one first.
+    scale : str or None
+        Name of its dimension scale.
+    """
+
+    vector: Hdf5Vector
+    own: Mapping[str, Any]
+    above: Sequence[Mapping[str, Any]]
+    scale: str | None
+
+    @property
+    def group(self) -> str:
+        """Name of the group it is in."""
+        return self.vector.name.rpartition("/")[0]
+
+    @property
+    def label(self) -> str:
+        """Its name, for people."""
+        return self.vector.name.lstrip("/")
+
+
+@dataclass(frozen=True, eq=False)
+class Contents:
+    """What a file holds.
+
+    Attributes
+    ----------
+    groups : mapping
+        Attributes of every group by its name, that of the root empty.
+    datasets : tuple of Dataset
+    time_names : frozenset of str
+        Names of the datasets that are times: by their own names, or as the scale of another.
+    notes : tuple of str
+        Datasets that are left out, and why.
+    """
+
+    groups: Mapping[str, Mapping[str, Any]]
+    datasets: tuple[Dataset, ...]
+    time_names: frozenset[str]
+    notes: tuple[str, ...]
+
+
+def contents_of(path: Path, file: Any) -> Contents:
+    """List what an open file holds; no samples are read.
+
+    Raises
+    ------
+    ReadError
+        If it holds too many objects to be a recording, or unpacks to more than one does.
+    CorruptFileError
+        If its datasets take more bytes than it has.
+    """
+    groups: dict[str, Mapping[str, Any]] = {"": plain_attributes(file)}
+    names: list[str] = []
+    others = 0
+
+    def visit(name: str, item: Any) -> bool | None:
+        # a dataset that stays open takes 20 kB of the library's memory: only its name is kept
+        nonlocal others
+        if not hasattr(item, "dtype"):
+            groups[f"/{name}"] = plain_attributes(item)
+        elif hasattr(item, "shape"):
+            names.append(name)
+        else:
+            others += 1  # a committed datatype has a dtype, too, but no shape
+        return True if len(groups) + len(names) + others > MOST_OBJECTS else None
+
+    if file.visititems(visit):
+        raise ReadError(f"more than {MOST_OBJECTS} groups and datasets", path=path, remedy="export channels alone")
+    size = path.stat().st_size
+    room = Room(path, size)
+    datasets: list[Dataset] = []
+    notes = []
+    for name in names:
+        item = file[name]
+        vector = vector_of(path, item, size)
+        if isinstance(vector, str):
+            notes.append(f"{name}: {vector}: left out")
+        else:
+            room.take(vector, item.id.get_storage_size())
+            datasets.append(_dataset(vector, item, groups))
+    times = {d.vector.name for d in datasets if is_time_name(d.vector.name.rpartition("/")[2])}
+    times |= {d.scale for d in datasets if d.scale}
+    return Contents(groups, tuple(datasets), frozenset(times), tuple(notes))
+
+
+def _dataset(vector: Hdf5Vector, item: Any, groups: Mapping[str, Mapping[str, Any]]) -> Dataset:
+    scales = [s.name for s in item.dims[vector.axis].values() if s.name] if len(item.dims) else []
+    parts = vector.name.split("/")[:-1]
+    above = [groups.get("/".join(parts[:n]), {}) for n in range(len(parts), 0, -1)]
+    scale = scales[0] if scales and scales[0] != vector.name else None
+    return Dataset(vector, plain_attributes(item), above, scale)

@@ -1,0 +1,186 @@
+"""HDF5 files with one dataset per channel, as recorders and scripts export them.
+
+No layout is standard. A channel is a dataset of real numbers along one axis. Its time is, in this
+order: its own attributes (rate or step, start offset), its dimension scale, a time dataset in its
+group of its length, the attributes of the groups above it. Which was used stands in the channel's
+metadata under ``time``. Dewesoft's exports (group ``AI``, one dataset per channel) are of this kind.
+External links, virtual datasets and references are not followed.
+
+Layout of the container: The HDF Group, *HDF5 File Format Specification*; ``scale_factor``,
+``add_offset`` and ``_FillValue``: NetCDF Users Guide, attribute conventions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.channel import RawCounts
+from recoil_acquisition.errors import ReadError
+from recoil_acquisition.readers.containers.stored_channels import StoredChannel, StoredRecording
+from recoil_acquisition.readers.containers.stored_time import StoredTime
+from recoil_acquisition.readers.hdf5 import attributes as attribute
+from recoil_acquisition.readers.hdf5.attributes import find, find_number, find_start
+from recoil_acquisition.readers.hdf5.contents import Contents, Dataset, contents_of
+from recoil_acquisition.readers.hdf5.dataset_time import DatasetTimes
+from recoil_acquisition.readers.hdf5.kind import is_sleap_file, shows_tracks
+from recoil_acquisition.readers.hdf5.vector import Hdf5Vector, hdf5_file
+from recoil_acquisition.readers.reader import Declarations, SignalHeader
+from recoil_acquisition.timebase import AbsoluteStart, TimeBase
+
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+MATLAB = b"MATLAB 7.3 MAT-file"
+OWN_SCHEMA = "recoil-daq/"
+TIME_REMEDY = (
+    "give each dataset the attribute `sample_rate` (Hz), or put a dataset `time` (s) of its length into its group"
+)
+
+
+def is_hdf5(head: bytes) -> bool:
+    """Tell whether a file is HDF5 and not one of MATLAB's: the signature may stand behind a user block."""
+    return not head.startswith(MATLAB) and any(
+        head[at : at + 8] == SIGNATURE for at in (0, *(512 << i for i in range(7)))
+    )
+
+
+class Hdf5Reader:
+    """Reader of HDF5 files with one dataset per channel."""
+
+    name = "HDF5"
+    kind = "dewetron"
+    suffixes = (".h5", ".hdf5")
+
+    def claims(self, head: bytes) -> bool:
+        """Tell whether the file has HDF5's signature, is not MATLAB's, and does not name a camera's tracks."""
+        return is_hdf5(head) and not shows_tracks(head)
+
+    def confirms(self, path: Path) -> bool:
+        """Tell by all of its names whether a file holds something else than a camera's tracks."""
+        return not is_sleap_file(path)
+
+    def open(self, path: Path, declared: Declarations) -> StoredRecording:
+        """Open a file; time vectors are read, samples are not.
+
+        Raises
+        ------
+        ReadError
+            If it is a shot file of this package, or states no time at all.
+        CorruptFileError
+            If it is damaged.
+        """
+        with hdf5_file(path) as file:
+            schema = file.attrs.get("schema")
+            if isinstance(schema, str) and schema.startswith(OWN_SCHEMA):
+                raise ReadError(
+                    f"this is a file of recoil-daq itself ({schema}), not a recording", path=path,
+                    remedy="see it with `recoil-daq show`, or analyse it with `recoil-daq identify`",
+                )  # fmt: skip
+            return _recording(path, contents_of(path, file), declared.clock)
+
+
+def _recording(path: Path, contents: Contents, clock: str) -> StoredRecording:
+    """Give each dataset its time; those without any are named and left out."""
+    notes = list(contents.notes)
+    times = DatasetTimes(contents, clock, notes)
+    chosen: list[tuple[Dataset, StoredTime, str, tuple[str, datetime] | None]] = []
+    timeless = 0
+    for data in contents.datasets:
+        if data.vector.name in contents.time_names:
+            continue
+        time, source = times.time_of(data)
+        if isinstance(time, str):
+            timeless += 1
+            notes.append(f"{data.label}: {time}: left out")
+            continue
+        start = next((s for a in (data.own, *data.above) if (s := find_start(a)) is not None), None)
+        chosen.append((data, time, source, start))
+    if timeless and not chosen:
+        raise ReadError("no time in this file", path=path, found="; ".join(notes[:4]), remedy=TIME_REMEDY)
+    unused = contents.time_names - {f"/{source.removeprefix('dataset ')}" for _, _, source, _ in chosen}
+    notes += [f"{name.lstrip('/')}: a time that no channel was given: left out" for name in sorted(unused)]
+    first, offsets = _starts([start for *_, start in chosen], notes)
+    channels = []
+    for (data, time, source, _), offset_s in zip(chosen, offsets, strict=True):
+        channel = _channel(data, time, source, offset_s, first, notes)
+        if channel is not None:
+            channels.append(channel)
+    metadata = {"attributes": contents.groups[""], "groups": {n: a for n, a in contents.groups.items() if n and a}}
+    return StoredRecording(path, Hdf5Reader.name, channels, metadata, notes, "", first)
+
+
+def _starts(
+    starts: Sequence[tuple[str, datetime] | None], notes: list[str]
+) -> tuple[AbsoluteStart | None, list[float]]:
+    """Return the earliest absolute start and each channel's offset to it."""
+    stated = [s for s in starts if s is not None]
+    zones = {s.utcoffset() is None for _, s in stated}
+    if not stated or len(zones) > 1 or len(stated) < len(starts):
+        if stated:
+            notes.append("not every channel states an absolute start with or without a zone: none is used")
+        return None, [0.0] * len(starts)
+    name, earliest = min(stated, key=lambda s: s[1])
+    offsets = [(s - earliest).total_seconds() for _, s in stated]
+    if any(offsets):
+        notes.append("channels start at different absolute times: their differences are in their time")
+    offset = earliest.utcoffset()
+    zone = "unknown" if offset is None else ("UTC" if not offset else earliest.isoformat()[-6:])
+    text = earliest.replace(tzinfo=None).isoformat()
+    return AbsoluteStart(text, zone, f"attribute {name}"), offsets
+
+
+def _channel(
+    data: Dataset, time: StoredTime, source: str, offset_s: float, start: AbsoluteStart | None, notes: list[str]
+) -> StoredChannel | None:
+    vector, base = data.vector, time.time_base
+    other = find(data.own, attribute.OTHER_SCALING)
+    if other is not None and vector.dtype.kind in "iu":
+        notes.append(f"{data.label}: integers with the attribute {other.name}, whose meaning is open: left out")
+        return None
+    if other is not None:
+        notes.append(f"{data.label}: the attribute {other.name} = {other.value} is not applied")
+    scale, shift = find_number(data.own, attribute.SCALE), find_number(data.own, attribute.SHIFT)
+    lost = find_number(data.own, attribute.LOST)
+    unit = find(data.own, attribute.UNIT)
+    if unit is None:
+        notes.append(f"{data.label}: no unit is stated")
+    gain, zero = scale.value if scale else 1.0, shift.value if shift else 0.0
+    if base.step_s is None:
+        base = TimeBase.stamped(base.clock, base.times_s + offset_s, start)
+    else:
+        base = TimeBase.uniform(base.clock, base.start_s + offset_s, base.step_s, base.count, start)
+    text = str(unit.value) if unit else ""
+    header = SignalHeader(data.label, text, base.count, metadata={"time": source, "attributes": dict(data.own)})
+    missing = lost.value if lost else None
+    samples = partial(_samples, vector, time.kept, gain, zero, missing)
+    raw = partial(_raw, vector, time.kept, gain, zero, text)
+    if vector.dtype.kind in "iu" and missing is None:
+        return StoredChannel(header, base, samples, raw)
+    return StoredChannel(header, base, samples)
+
+
+def _samples(
+    vector: Hdf5Vector,
+    kept: NDArray[np.int64] | None,
+    gain: float,
+    zero: float,
+    lost: float | None,
+    start: int,
+    stop: int,
+) -> NDArray[np.float64]:
+    stored = vector.samples(start, stop) if kept is None else vector.samples()[kept[start:stop]]
+    values = gain * stored + zero
+    if lost is not None:
+        values[stored == lost] = np.nan
+    return values
+
+
+def _raw(
+    vector: Hdf5Vector, kept: NDArray[np.int64] | None, gain: float, zero: float, unit: str, start: int, stop: int
+) -> RawCounts:
+    stored = vector.stored(start, stop) if kept is None else vector.stored()[kept[start:stop]]
+    return RawCounts(stored, gain, zero, unit)

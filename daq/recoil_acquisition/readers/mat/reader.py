@@ -1,0 +1,161 @@
+"""MATLAB files: one vector per channel, with a time vector or a rate.
+
+MATLAB's variables have no units, and Dewesoft's export replaces every sign of a name but letters and
+digits by ``_``. Time vectors hold seconds, or serial date numbers (days), which resolve 10 us.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.channel import RawCounts
+from recoil_acquisition.errors import ReadError
+from recoil_acquisition.readers.containers.stored_channels import StoredChannel, StoredRecording, damage_is_reported
+from recoil_acquisition.readers.containers.stored_time import (
+    StoredTime,
+    resolution_of,
+    time_from_datenum,
+    time_from_stamps,
+)
+from recoil_acquisition.readers.mat.time_vector import is_time, stated_step, time_of
+from recoil_acquisition.readers.mat.v5 import is_mat_v5, read_mat_v5
+from recoil_acquisition.readers.mat.v73 import read_mat_v73
+from recoil_acquisition.readers.mat.variable import MatContents, MatVariable
+from recoil_acquisition.readers.reader import Declarations, SignalHeader
+from recoil_acquisition.timebase import TimeBase
+
+HEAD_V73 = b"MATLAB 7.3 MAT-file"
+DATENUMS = (693962.0, 767011.0)
+"""Serial date numbers of the years 1900 and 2100; as seconds they would be more than eight days."""
+NO_UNITS = "MATLAB variables have no units: the rig must state them"
+
+
+class MatReader:
+    """Reader of MATLAB files of version 5 to 7.3."""
+
+    name = "MATLAB"
+    kind = "dewetron"
+    suffixes = (".mat",)
+
+    def claims(self, head: bytes) -> bool:
+        """Tell whether the file has the header of a MAT-file of version 5 to 7.3."""
+        return head.startswith(HEAD_V73) or is_mat_v5(head)
+
+    def open(self, path: Path, declared: Declarations) -> StoredRecording:
+        """Open a file; time vectors are read, samples are not.
+
+        Raises
+        ------
+        ReadError
+            If it has no time, or no vectors.
+        CorruptFileError
+            If it is damaged.
+        """
+        with damage_is_reported(path, "a MATLAB file"):
+            with path.open("rb") as file:
+                is_v73 = file.read(len(HEAD_V73)) == HEAD_V73
+            contents = read_mat_v73(path) if is_v73 else read_mat_v5(path)
+            return _recording(path, contents, declared.clock)
+
+
+def _recording(path: Path, contents: MatContents, clock: str) -> StoredRecording:
+    notes = [*([contents.incomplete] if contents.incomplete else [])]
+    notes += [f"{reason}: left out" for reason in contents.left_out]
+    names = [v.name for v in contents.vectors]
+    times = [v for v in contents.vectors if is_time(v.name, names)]
+    step = stated_step(contents.scalars)
+    read: dict[str, StoredTime | str] = {}
+    channels: list[StoredChannel] = []
+    seen: set[str] = set()
+    timeless = 0
+    for vector in contents.vectors:
+        if vector in times:
+            continue
+        if vector.name in seen:
+            notes.append(f"{vector.name}: stored twice: the later one is left out")
+            continue
+        seen.add(vector.name)
+        chosen = time_of(vector, times)
+        if isinstance(chosen, MatVariable):
+            if chosen.name not in read:
+                read[chosen.name] = _read_time(chosen, clock, step, notes)
+            time, source = read[chosen.name], f"variable {chosen.name}"
+        elif chosen is None and step is not None and not times:
+            base = TimeBase.uniform(clock, 0.0, step[1], vector.count)
+            time, source = StoredTime(base, None, ""), f"variable {step[0]}"
+        else:
+            time, source = chosen or "no time vector has its length", ""
+        if isinstance(time, str):
+            notes.append(f"{vector.name}: {time}: left out")
+            timeless += 1
+            continue
+        header = SignalHeader(vector.name, "", time.time_base.count, metadata={"time": source})
+        raw = partial(_raw, vector, time.kept)
+        samples = partial(_samples, vector, time.kept)
+        channels.append(
+            StoredChannel(header, time.time_base, samples, raw)
+            if vector.dtype.kind in "iu"
+            else StoredChannel(header, time.time_base, samples)
+        )
+    notes += [f"{t.name}: a time that no channel was given: left out" for t in times if t.name not in read]
+    if timeless and not channels:
+        raise ReadError(
+            "no time in this file", path=path, found="; ".join(notes[:4]),
+            remedy="add a vector `time` (s) as long as the channels, or a scalar `Sample_rate` (Hz)",
+        )  # fmt: skip
+    starts = {c.time_base.absolute_start for c in channels}
+    metadata: dict[str, Any] = {
+        "version": contents.version,
+        "header": contents.header,
+        "scalars": {name: value for name, value in contents.scalars.items() if np.isfinite(value)},
+        "texts": contents.texts,
+    }
+    start = starts.pop() if len(starts) == 1 else None
+    if len(starts) > 1:
+        notes.append("time vectors with date numbers start at different instants: compare no channels across them")
+    return StoredRecording(path, MatReader.name, channels, metadata, [NO_UNITS, *notes], contents.incomplete, start)
+
+
+def _read_time(time: MatVariable, clock: str, step: tuple[str, float] | None, notes: list[str]) -> StoredTime | str:
+    """Read a time vector, seconds or date numbers."""
+    values = time.load()
+    exact = values.astype(np.float64)
+    try:
+        if _is_datenum(exact, step):
+            stored = time_from_datenum(clock, exact, f"variable {time.name}")
+            notes.append(f"{time.name}: serial date numbers (days), without a zone; time zero is the first of them")
+        else:
+            stored = time_from_stamps(clock, exact, resolution_of(values))
+            notes.append(f"{time.name}: states no unit: read as seconds")
+    except ValueError as error:
+        return f"{time.name}: {error}"
+    if stored.note:
+        notes.append(f"{time.name}: {stored.note}")
+    return stored
+
+
+def _is_datenum(values: NDArray[np.float64], step: tuple[str, float] | None) -> bool:
+    """Tell whether a time vector holds days: all within two centuries of date numbers, and steps that fit."""
+    if not (values.size and DATENUMS[0] < values[0] < DATENUMS[1] and DATENUMS[0] < values[-1] < DATENUMS[1]):
+        return False
+    if step is None or values.size < 2:
+        return True
+    mean = float(values[-1] - values[0]) / (values.size - 1)
+    # A stated rate decides: the mean step is nearer to it in days than in seconds
+    return not 0.1 < mean / step[1] < 10.0
+
+
+def _samples(vector: MatVariable, kept: NDArray[np.int64] | None, start: int, stop: int) -> NDArray[np.float64]:
+    values = vector.load()
+    chosen = values if kept is None else values[kept]
+    return chosen[start:stop].astype(np.float64)
+
+
+def _raw(vector: MatVariable, kept: NDArray[np.int64] | None, start: int, stop: int) -> RawCounts:
+    values = vector.load()
+    return RawCounts((values if kept is None else values[kept])[start:stop], 1.0, 0.0, "")

@@ -1,0 +1,84 @@
+"""What kind of recording an MDF 4 file is: measured channels, a bus log, or both.
+
+From the head of a file alone its groups are walked as far as the head reaches.
+"""
+
+from __future__ import annotations
+
+import mmap
+from dataclasses import dataclass
+from pathlib import Path
+
+from recoil_acquisition.readers.mdf.channel_groups import HD_AT, iter_groups
+
+UNFINALISED = b"UnFinMF 4."
+"""Beginning of a file whose recorder has not yet, or never, put its counts in order."""
+
+_FLAGS_AT = 60
+
+
+@dataclass(frozen=True)
+class Unfinished:
+    """What a recorder did not write before it was stopped, by the flags in the identification of its file."""
+
+    flags: int
+
+    @property
+    def counts(self) -> bool:
+        """Tell whether the numbers of records are not written."""
+        return bool(self.flags & 0x0001)
+
+    @property
+    def last_length(self) -> bool:
+        """Tell whether the length of the last block of records is not written."""
+        return bool(self.flags & 0x0004)
+
+    @property
+    def offsets(self) -> bool:
+        """Tell whether the offsets of samples of variable length are not written."""
+        return bool(self.flags & 0x0040)
+
+
+def unfinished(head: bytes) -> Unfinished | None:
+    """Return what the recorder left unwritten; None if it closed the file."""
+    if not head.startswith(UNFINALISED):
+        return None
+    return Unfinished(int.from_bytes(head[_FLAGS_AT : _FLAGS_AT + 2], "little"))
+
+
+def is_mdf4(head: bytes) -> bool:
+    """Tell whether a file begins as MDF of version 4, finalised or not."""
+    return head.startswith((b"MDF     4.", UNFINALISED)) and len(head) > HD_AT
+
+
+def is_bus_logging(head: bytes) -> bool:
+    """Tell whether a file's head shows bus frames and no measured channel beside them.
+
+    A file whose channels are described behind its first samples shows neither in its head; it is taken
+    for measured channels.
+
+    Parameters
+    ----------
+    head : bytes
+        The first `recoil_acquisition.readers.reader.HEAD_BYTES` bytes, or all of the file.
+    """
+    groups = list(iter_groups(head, strict=False)) if is_mdf4(head) else []
+    return any(g.is_bus for g in groups) and not any(g.channel_count and not g.is_bus for g in groups)
+
+
+def is_undecided(head: bytes) -> bool:
+    """Tell whether a file begins as MDF 4 and describes its first channels behind the bytes given."""
+    if not is_mdf4(head):
+        return False
+    groups = iter_groups(head, strict=False)
+    return next(groups, None) is None
+
+
+def is_bus_file(path: Path) -> bool:
+    """Tell from all of a file what `is_bus_logging` tells from its head."""
+    try:
+        with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            groups = list(iter_groups(data, strict=False))
+    except (OSError, ValueError):
+        return False
+    return any(g.is_bus for g in groups) and not any(g.channel_count and not g.is_bus for g in groups)

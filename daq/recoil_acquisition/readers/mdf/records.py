@@ -1,0 +1,247 @@
+"""The records of an MDF 4 file by channel group, and the numbers that a channel has in them.
+
+Layout (ASAM MDF 4.1): records of one channel group follow one another; where several groups are stored together, the
+number of its group stands before each record, and a record of a group of variable length begins with its length, 4
+bytes. A channel of variable length has an offset in its record: of its sample, 4 bytes of length and then its bytes,
+in the block that the channel links to, or in the records of variable length as if they followed one another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.readers.mdf.channel_groups import (
+    ALL_INVALID,
+    INVALIDATION,
+    VARIABLE_LENGTH,
+    Channel,
+    ChannelGroup,
+    MdfDamageError,
+)
+from recoil_acquisition.readers.mdf.record_places import record_places
+
+_ID_SIZES = (1, 2, 4, 8)
+_BIG_ENDIAN = frozenset({1, 3, 5})
+_SIGNED = frozenset({2, 3})
+_FLOATS = frozenset({4, 5})
+_UNSIGNED = frozenset({0, 1})
+_PIECE = 1 << 18
+"""Samples of variable length that are gathered at a time."""
+
+
+@dataclass(frozen=True, eq=False)
+class Records:
+    """Records of one channel group.
+
+    Attributes
+    ----------
+    group : ChannelGroup
+    rows : ndarray of uint8, shape (n_records, width)
+        With the invalidation bytes; empty for a group of variable length.
+    samples : VariableSamples or None
+        Those of a group of variable length.
+    last_at : int
+        Where the last one begins in the data that several groups share; -1 if there is none, or one group alone.
+    """
+
+    group: ChannelGroup
+    rows: NDArray[np.uint8]
+    samples: VariableSamples | None = None
+    last_at: int = -1
+
+    def numbers(self, channel: Channel) -> NDArray[np.int64] | NDArray[np.uint64] | NDArray[np.float64]:
+        """Return the numbers of a channel as they are stored, shape (n_records,).
+
+        Raises
+        ------
+        MdfDamageError
+            If the channel is no number of at most 64 bits.
+        """
+        if channel.data_type not in _FLOATS:
+            return self.integers(channel)
+        if channel.bits not in (16, 32, 64) or channel.bit:
+            raise MdfDamageError(f"the channel {channel.name} is a float of {channel.bits} bits")
+        count = channel.bits // 8
+        stored = np.ascontiguousarray(self.rows[:, channel.byte : channel.byte + count])
+        return stored.view(f"{'>' if channel.data_type in _BIG_ENDIAN else '<'}f{count}")[:, 0].astype(np.float64)
+
+    def integers(self, channel: Channel) -> NDArray[np.int64] | NDArray[np.uint64]:
+        """Return the whole numbers of a channel as they are stored, shape (n_records,); raises as `numbers` does."""
+        if channel.data_type not in _UNSIGNED | _SIGNED:
+            raise MdfDamageError(f"the channel {channel.name} is no integer, but of data type {channel.data_type}")
+        numbers = self._unsigned(channel, big_endian=channel.data_type in _BIG_ENDIAN)
+        if channel.data_type in _UNSIGNED:
+            return numbers
+        unused = np.int64(64 - channel.bits)
+        return numbers.view(np.int64) << unused >> unused
+
+    def offsets(self, channel: Channel) -> NDArray[np.uint64]:
+        """Return where the samples of a channel of variable length are, shape (n_records,)."""
+        return self._unsigned(channel, big_endian=False)
+
+    def _unsigned(self, channel: Channel, *, big_endian: bool) -> NDArray[np.uint64]:
+        count = (channel.bit + channel.bits + 7) // 8
+        if not channel.bits > 0 or count > 8:
+            raise MdfDamageError(f"the channel {channel.name} has {channel.bits} bits")
+        stored = self.rows[:, channel.byte : channel.byte + count]
+        eight = np.zeros((len(stored), 8), np.uint8)
+        eight[:, :count] = stored[:, ::-1] if big_endian else stored
+        numbers = eight.view("<u8")[:, 0].astype(np.uint64) >> np.uint64(channel.bit)
+        return numbers if channel.bits == 64 else numbers & np.uint64((1 << channel.bits) - 1)
+
+    def valid(self, channel: Channel) -> NDArray[np.bool_]:
+        """Tell which samples of a channel are valid, shape (n_records,)."""
+        if channel.flags & ALL_INVALID:
+            return np.zeros(len(self.rows), bool)
+        if not channel.flags & INVALIDATION:
+            return np.ones(len(self.rows), bool)
+        stored = self.rows[:, self.group.width + channel.invalid_at // 8]
+        return np.asarray(stored & np.uint8(1 << channel.invalid_at % 8) == 0, bool)
+
+
+@dataclass(frozen=True, eq=False)
+class VariableSamples:
+    """Samples of variable length.
+
+    Attributes
+    ----------
+    data : ndarray of uint8, shape (n_bytes,)
+    starts : ndarray of int64, shape (n_samples,), or None
+        Where in the data the length of each begins; None if offsets count in the data themselves.
+    """
+
+    data: NDArray[np.uint8]
+    starts: NDArray[np.int64] | None = None
+
+    def taken(self, offsets: NDArray[np.uint64], most: int) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
+        """Return samples by their offsets.
+
+        Parameters
+        ----------
+        offsets : ndarray of uint64, shape (n,)
+        most : int
+            Bytes of the longest sample that is taken.
+
+        Returns
+        -------
+        samples : ndarray of uint8, shape (n, width)
+            Zero behind their lengths.
+        lengths : ndarray of int64, shape (n,)
+            -1 where there is no sample, or a longer one.
+        """
+        return self._at(self._places(offsets), most)
+
+    def in_order(self, count: int, most: int) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
+        """Return the first samples as they follow one another, for records whose offsets were never written."""
+        at = np.full(count, -1, np.int64)
+        if self.starts is not None:
+            at[: self.starts.size] = self.starts[:count]
+        return self._at(at, most)
+
+    def _at(self, at: NDArray[np.int64], most: int) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
+        there = at >= 0
+        lengths = np.full(at.size, -1, np.int64)
+        eight = self.data[at[there, None] + np.arange(4)] if there.any() else np.zeros((0, 4), np.uint8)
+        lengths[there] = np.ascontiguousarray(eight).view("<u4")[:, 0]
+        lengths[(lengths > most) | (at + 4 + lengths > self.data.size)] = -1
+        lengths[_overlapping(at, lengths)] = -1
+        samples = np.zeros((at.size, int(lengths.max(initial=0))), np.uint8)
+        columns = np.arange(samples.shape[1])
+        for start in range(0, at.size, _PIECE):
+            piece = slice(start, start + _PIECE)
+            within = columns < lengths[piece, None]
+            samples[piece][within] = self.data[(at[piece, None] + 4 + columns)[within]]
+        return samples, lengths
+
+    def _places(self, offsets: NDArray[np.uint64]) -> NDArray[np.int64]:
+        """Return where in the data the samples' lengths stand, -1 where there is none."""
+        within = offsets <= np.uint64(max(0, self.data.size - 4))
+        at = np.where(within, offsets, 0).astype(np.int64)
+        if self.starts is None:
+            return np.where(within & (self.data.size >= 4), at, -1)
+        if not self.starts.size:
+            return np.full(at.size, -1)
+        lengths = np.ascontiguousarray(self.data[self.starts[:, None] + np.arange(4)]).view("<u4")[:, 0]
+        ends = np.cumsum(4 + lengths.astype(np.int64))
+        begins = np.concatenate([[0], ends[:-1]])
+        found = np.searchsorted(begins, at).clip(max=begins.size - 1)
+        return np.where(within & (begins[found] == at), self.starts[found], -1)
+
+
+def _overlapping(at: NDArray[np.int64], lengths: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Tell which samples share bytes with another one, shape (n,); several records may have the very same sample."""
+    there = np.flatnonzero(lengths >= 0)
+    ends_in_order = (at + 4 + lengths)[there]
+    if (at[there][1:] >= ends_in_order[:-1]).all():  # one behind the other, as they are written
+        return np.zeros(at.size, bool)
+    begins, first, inverse = np.unique(at[there], return_index=True, return_inverse=True)
+    ends = ends_in_order[first]
+    into_next = np.zeros(begins.size, bool)
+    into_next[:-1] = ends[:-1] > begins[1:]
+    shared = into_next.copy()
+    shared[1:] |= into_next[:-1]
+    overlapping = np.zeros(at.size, bool)
+    overlapping[there] = shared[inverse]
+    return overlapping
+
+
+def split(data: NDArray[np.uint8], groups: Sequence[ChannelGroup], *, counted: bool) -> tuple[list[Records], int]:
+    """Split the records of one data group by their channel groups.
+
+    Parameters
+    ----------
+    data : ndarray of uint8, shape (n_bytes,)
+    groups : sequence of ChannelGroup
+        All groups that are stored together.
+    counted : bool
+        Whether the number of records is written where a group is stored alone; if not, and where several groups are
+        stored together, there are as many as the data hold.
+
+    Returns
+    -------
+    records : list of Records
+        As the groups are.
+    left : int
+        Bytes at the end that make no whole record.
+
+    Raises
+    ------
+    MdfDamageError
+        If records have no width, or a record is of no group or could be of two.
+    """
+    id_bytes = groups[0].stored.id_bytes
+    if not id_bytes:
+        if len(groups) > 1 or groups[0].flags & VARIABLE_LENGTH:
+            raise MdfDamageError("several groups are stored together without numbers before their records")
+        width = _width(groups[0])
+        held = data.size // width
+        count = min(groups[0].count, held) if counted else held
+        return [Records(groups[0], data[: count * width].reshape(-1, width))], data.size - count * width
+    if id_bytes not in _ID_SIZES:
+        raise MdfDamageError(f"the numbers before records have {id_bytes} bytes")
+    if len({group.record_id for group in groups}) < len(groups) or max(g.record_id for g in groups) >= 2**63:
+        raise MdfDamageError("groups that are stored together have no numbers of their own")
+    strides = {g.record_id: 0 if g.flags & VARIABLE_LENGTH else id_bytes + _width(g) for g in groups}
+    places, numbers, left = record_places(data, strides, id_bytes)
+    return [_gathered(data, group, places[numbers == group.record_id] + id_bytes) for group in groups], left
+
+
+def _width(group: ChannelGroup) -> int:
+    width = group.width + group.invalidation_width
+    if not width:
+        raise MdfDamageError(f"the records of the group at byte {group.at} have no width")
+    return width
+
+
+def _gathered(data: NDArray[np.uint8], group: ChannelGroup, begins: NDArray[np.int64]) -> Records:
+    last_at = int(begins[-1]) if begins.size else -1
+    if group.flags & VARIABLE_LENGTH:
+        return Records(group, np.zeros((0, 0), np.uint8), VariableSamples(data, begins), last_at)
+    width = _width(group)
+    if not begins.size:
+        return Records(group, np.zeros((0, width), np.uint8))
+    return Records(group, np.lib.stride_tricks.sliding_window_view(data, width)[begins], last_at=last_at)

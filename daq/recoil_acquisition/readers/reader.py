@@ -1,0 +1,203 @@
+"""What every reader of an instrument's files keeps to.
+
+A `Reader` tells from a file's first bytes whether it is its own, and opens it as a `Recording`:
+headers first, samples when asked for. The rules are checked for every reader by one suite of
+functions in ``tests/contracts/reader_rules.py``:
+
+- headers before samples; the promised dtype; unknown names say which exist;
+- reading a part is the same as reading all and cutting; parts concatenate;
+- the time base is as long as the samples and increases strictly;
+- a file cut at any byte gives a `CorruptFileError`, or fewer samples and a note, never another
+  exception and never a hang;
+- nothing is resampled, filled or converted: values are in the file's own unit, lost ones NaN.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.channel import RawCounts
+from recoil_acquisition.timebase import AbsoluteStart, TimeBase
+from recoil_acquisition.track import Track
+
+HEAD_BYTES = 65536
+"""How much of a file a reader sees before it says whether it claims it."""
+
+
+@dataclass(frozen=True)
+class SignalHeader:
+    """What a file says about one of its signals before its samples are read.
+
+    Attributes
+    ----------
+    name : str
+        As the file has it, without the unit.
+    unit : str
+        As the file spells it; empty if the file states none.
+    sample_count : int
+    dtype : str
+        Of the samples that `Recording.read` returns; ``float64`` unless the reader says otherwise.
+    metadata : mapping
+        Whatever else the file says of it, JSON types only.
+    """
+
+    name: str
+    unit: str
+    sample_count: int
+    dtype: str = "float64"
+    metadata: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Declarations:
+    """What the rig declares about a source because its files do not carry it.
+
+    Attributes
+    ----------
+    clock : str
+        Name of the source, which names its clock.
+    database : str or None
+        Text of the CAN database (DBC, KCD, SYM or ARXML) of a ``can`` source.
+    counters : tuple of str
+        Signals of a ``can`` source, such as ``Message.Signal``, that count the messages they are in.
+    framing : mapping or None
+        Declared framing of a ``serial`` source.
+    frame_rate_hz : float or None
+        Record rate of a ``camera`` source.
+    scale_mm_per_px : float or None
+        Scale of a ``camera`` source whose tracks are in pixels.
+    layout : mapping or None
+        Layout of the text table of a ``dewetron`` or ``camera`` source whose files do not tell it themselves.
+    """
+
+    clock: str
+    database: str | None = None
+    counters: tuple[str, ...] = ()
+    framing: Mapping[str, Any] | None = None
+    frame_rate_hz: float | None = None
+    scale_mm_per_px: float | None = None
+    layout: Mapping[str, Any] | None = None
+
+
+class Recording(Protocol):
+    """One opened file of one instrument."""
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        ...
+
+    @property
+    def reader(self) -> str:
+        """Name of the reader that opened it."""
+        ...
+
+    @property
+    def signals(self) -> tuple[SignalHeader, ...]:
+        """Its signals, in the file's order."""
+        ...
+
+    @property
+    def metadata(self) -> Mapping[str, Any]:
+        """What the file says about itself: preamble, versions, counters of losses; JSON types only."""
+        ...
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user must know before trusting the samples: losses, repairs, contradictions."""
+        ...
+
+    @property
+    def incomplete(self) -> str:
+        """How it shows that the file was cut off; empty if nothing shows that."""
+        ...
+
+    @property
+    def absolute_start(self) -> AbsoluteStart | None:
+        """Wall-clock time of the recording's time zero, if the file states one."""
+        ...
+
+    def read(self, name: str, start: int = 0, stop: int | None = None) -> NDArray[np.float64]:
+        """Read samples of one signal in the file's unit, lost ones NaN, shape (stop - start,).
+
+        Raises
+        ------
+        MissingChannelError
+            If there is no such signal.
+        """
+        ...
+
+    def raw(self, name: str, start: int = 0, stop: int | None = None) -> RawCounts | None:
+        """Return the integers that the source stored for samples of one signal, if it stored any."""
+        ...
+
+    def time_base(self, name: str) -> TimeBase:
+        """Return the instants of one signal's samples on the source's clock.
+
+        Raises
+        ------
+        MissingChannelError
+            If there is no such signal.
+        """
+        ...
+
+    def tracks(self) -> tuple[Track, ...]:
+        """Return the markers' paths of a camera's file; empty for every other kind."""
+        ...
+
+
+@runtime_checkable
+class Confirming(Protocol):
+    """A reader whose files the first bytes may not tell from another's."""
+
+    def confirms(self, path: Path) -> bool:
+        """Tell from all of a file whether it is of this format; asked only where several readers claim it."""
+        ...
+
+
+@runtime_checkable
+class Shaped(Protocol):
+    """A reader that takes tables which nothing but their shape speaks for, where a rig says what they are."""
+
+    def suits(self, head: bytes) -> str:
+        """Say what a file has of a table of this shape; empty if it is none."""
+        ...
+
+
+class Reader(Protocol):
+    """One format."""
+
+    @property
+    def name(self) -> str:
+        """Name of the format, as users know it."""
+        ...
+
+    @property
+    def kind(self) -> str:
+        """Kind of source that writes it: ``dewetron``, ``can``, ``serial`` or ``camera``."""
+        ...
+
+    @property
+    def suffixes(self) -> tuple[str, ...]:
+        """Usual endings of its files: a hint for people, never used to recognise a file."""
+        ...
+
+    def claims(self, head: bytes) -> bool:
+        """Tell from the first `HEAD_BYTES` bytes whether a file is of this format."""
+        ...
+
+    def open(self, path: Path, declared: Declarations) -> Recording:
+        """Open a file.
+
+        Raises
+        ------
+        ReadError
+            If the file is not what it seems, with the line or byte.
+        """
+        ...

@@ -1,0 +1,337 @@
+"""Captures of serial ports, taken apart by the framing that the rig declares.
+
+The capture holds every byte and the host's time of each read (`recoil_acquisition.frames.capture_file`). Samples are
+dated by the device's own clock where its frames carry one, counted from the first frame; else by
+the host's reads, dated back; else by a declared rate. Device clocks have been seen to step while the
+packet counter ran on, so the counter says what is missing, and the clock never sorts anything; where the
+host stamped the reads, such steps are found, told and taken out (`recoil_acquisition.clock_fit`).
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.channel import RawCounts
+from recoil_acquisition.errors import CorruptFileError, FramingError, MissingChannelError, ReadError
+from recoil_acquisition.frames.capture_file import MAGIC, WALL_CLOCK_NS, Capture, parse_capture
+from recoil_acquisition.frames.declaration import framing_from_table
+from recoil_acquisition.frames.field import Field
+from recoil_acquisition.frames.frame_set import FrameSet
+from recoil_acquisition.frames.framing import Framing
+from recoil_acquisition.frames.ready_made_inertial import xsens_precision
+from recoil_acquisition.frames.scan import find_frames_of_capture
+from recoil_acquisition.frames.values import FieldSeries, decode_fields, unwrap
+from recoil_acquisition.readers.counter_gaps import find_gaps
+from recoil_acquisition.readers.reader import Declarations, SignalHeader
+from recoil_acquisition.readers.serial.frame_time import back_dated, increasing, without_steps
+from recoil_acquisition.readers.time.clock_notes import notes_of_clock, notes_of_jumps
+from recoil_acquisition.timebase import AbsoluteStart, TimeBase
+from recoil_acquisition.track import Track
+
+_LOSSES = {
+    "bad_checksum": "places looked like a frame and had a wrong checksum",
+    "bad_length": "places looked like a frame and had a wrong length or no numbers",
+    "implausible": "places looked like a frame and had a value beyond what is declared plausible",
+    "not_followed": "places looked like a frame and were not followed by the next one",
+    "unknown_types": "frames are of no declared type",
+    "timed_out": "silences ended a half frame",
+}
+
+_LOOKED_AT = 200
+"""Frames in which the elements are looked for that a device sends."""
+
+CUT = "the file ends inside a record: it may have been cut"
+
+
+class SerialCaptureReader:
+    """Reader of captures of serial ports, and of plain files of what a port delivered."""
+
+    name = "serial capture"
+    kind = "serial"
+    suffixes = (".rdsc", ".bin")
+
+    def claims(self, head: bytes) -> bool:
+        """Tell whether the file begins with a capture's first line."""
+        return head.startswith(MAGIC)
+
+    def open(self, path: Path, declared: Declarations) -> SerialRecording:
+        """Open a capture, or a plain file of bytes without host times.
+
+        Raises
+        ------
+        ReadError
+            If no framing is declared or it is faulty, or nothing dates the frames.
+        CorruptFileError
+            If not one frame is found.
+        """
+        if declared.framing is None:
+            raise ReadError(
+                "a serial capture holds no signals without its framing",
+                path=path,
+                remedy="declare `framing = { ... }` of this source",
+            )
+        try:
+            framing = framing_from_table(declared.framing)
+        except FramingError as error:
+            raise ReadError(
+                f"the declared framing is faulty: {error}", path=path, remedy="correct `framing` in the rig file"
+            ) from error
+        try:
+            capture = parse_capture(path.read_bytes())
+        except OSError as error:
+            raise ReadError(f"cannot be read: {error.strerror}", path=path) from error
+        return SerialRecording(path, capture, framing, declared.clock)
+
+
+class SerialRecording:
+    """One opened capture.
+
+    Parameters
+    ----------
+    path : Path
+    capture : Capture
+    framing : Framing
+    clock : str
+    """
+
+    reader = SerialCaptureReader.name
+
+    def __init__(self, path: Path, capture: Capture, framing: Framing, clock: str) -> None:
+        self.path = path
+        self._clock = clock
+        if framing.kind == "idle" and not capture.host_ns.size:
+            raise ReadError(
+                "frames that end by silence cannot be told apart without host times",
+                path=path,
+                expected="a capture with the host's time of each read",
+                remedy="record it as a capture, or declare a `framing` of another kind",
+            )
+        frames = find_frames_of_capture(framing, capture)
+        counters = frames.counters.as_dict()
+        if not frames.begins.size:
+            raise CorruptFileError(
+                "not one frame fits the declared framing",
+                path=path,
+                found=_counted(counters),
+                remedy="compare `framing` with the device's manual",
+            )
+        series = decode_fields(framing, frames)
+        notes = _losses(capture, counters)
+        self.incomplete = CUT if capture.cut else ""
+        self.metadata: dict[str, Any] = {**counters, "bytes": len(capture.stream), "reads": int(capture.host_ns.size)}
+        self.metadata["skipped_at_ends"] = min(
+            int(frames.ends[0] - frames.lengths[0]) + len(capture.stream) - int(frames.ends[-1]),
+            counters["skipped_bytes"],
+        )
+        times_s = self._instants(framing, capture, frames, series, notes)
+        self._count_gaps(framing, series, times_s, notes)
+        self.absolute_start = (
+            _host_start(capture) if framing.device_time is None and framing.baudrate and capture.host_ns.size else None
+        )
+        self._series: dict[str, tuple[FieldSeries, NDArray[np.bool_]]] = {}
+        self._absent = {
+            name: _why_absent(found.field, framing, frames) for name, found in series.items() if not found.frames.size
+        }
+        for reason in dict.fromkeys(self._absent.values()):
+            names = [name for name, why in self._absent.items() if why == reason]
+            notes.append(f"{', '.join(names)}: {reason}: not a signal")
+        headers = []
+        for name, found in series.items():
+            if name in self._absent:
+                continue
+            kept = increasing(times_s[found.frames])
+            if not kept.any():
+                notes.append(f"{name}: no frame that holds it has an instant: not a signal")
+                continue
+            if not kept.all():
+                notes.append(
+                    f"{name}: {int((~kept).sum())} of {kept.size} samples do not increase in time and were left out"
+                )
+            self._series[name] = found, kept
+            headers.append(SignalHeader(name, found.field.unit, int(kept.sum())))
+        if not headers:
+            raise CorruptFileError(
+                "no frame holds a declared field",
+                path=path,
+                found=next(iter(self._absent.values()), _counted(counters)),
+                remedy="compare `framing` with the device's manual",
+            )
+        self._times_s = times_s
+        self.signals = tuple(headers)
+        self.notes = tuple(notes)
+
+    def _count_gaps(
+        self, framing: Framing, series: dict[str, FieldSeries], times_s: NDArray[np.float64], notes: list[str]
+    ) -> None:
+        if framing.counter is None:
+            notes.append("the framing declares no packet counter: missing frames cannot be seen")
+            return
+        counter = series[framing.counter.field]
+        found = find_gaps(
+            counter.raw.astype(np.int64), times_s[counter.frames], framing.counter.modulo, framing.counter.step
+        )
+        self.metadata |= {
+            "counted_frames": found.counted,
+            "counter_gaps": found.places,
+            "missing_frames": found.missing,
+            "unsized_gaps": found.unsized,
+            "longest_gap_frames": found.longest,
+            "longest_gap_s": found.longest_s,
+        }
+        if found.places:
+            notes.append(f"the packet counter has {found.places} gaps: {found.missing} frames are missing")
+
+    def _instants(
+        self, framing: Framing, capture: Capture, frames: FrameSet, series: dict[str, FieldSeries], notes: list[str]
+    ) -> NDArray[np.float64]:
+        """Instant of every frame in seconds, NaN where it has none."""
+        by_reads = bool(capture.host_ns.size and framing.baudrate)
+        self.metadata["dated_by"] = "device" if framing.device_time is not None else "host" if by_reads else "rate"
+        if framing.device_time is not None:
+            return self._device_instants(framing, capture, frames, series, notes)
+        if by_reads:
+            notes.append("samples are dated by the host's reads: their instants are uncertain by its delay")
+            return back_dated(capture.host_ns, capture.ends, frames.ends, framing.byte_s)
+        if framing.rate_hz:
+            return self._counted_instants(framing, frames, series, notes)
+        raise ReadError(
+            "nothing dates the frames",
+            path=self.path,
+            expected="a device clock, host times with a baud rate, or a rate",
+            remedy="declare `device_time`, `baudrate` or `rate_hz` in `framing`",
+        )
+
+    def _device_instants(
+        self, framing: Framing, capture: Capture, frames: FrameSet, series: dict[str, FieldSeries], notes: list[str]
+    ) -> NDArray[np.float64]:
+        clock = framing.device_time
+        times_s = np.full(frames.begins.size, np.nan)
+        if clock is None or not series[clock.field].raw.size:
+            raise CorruptFileError(
+                "no frame holds the device's time",
+                path=self.path,
+                remedy="compare `device_time` in `framing` with the device's manual",
+            )
+        ticks = series[clock.field]
+        ticks_s = unwrap(ticks.raw, clock.modulo) * clock.tick_s
+        counts = _counts_of(framing, series, ticks.frames)
+        self.metadata["device_time_of_first_frame_s"] = float(ticks.raw[0]) * clock.tick_s
+        if capture.host_ns.size:
+            host_s = back_dated(capture.host_ns, capture.ends, frames.ends[ticks.frames], framing.byte_s)
+            ticks_s, fit = without_steps(ticks_s, host_s, int(capture.host_ns[0]), counts)
+            self.metadata["clock_fit"] = None if fit is None else fit.to_json()
+            notes += [] if fit is None else notes_of_clock(fit, "device")
+            start = _host_start(capture)
+            self.metadata["host_start"] = None if start is None else start.text + "Z"
+        elif counts is not None:
+            notes += notes_of_jumps(ticks_s, counts)
+        backwards = int((np.diff(ticks_s) <= 0).sum())
+        if backwards:
+            notes.append(f"the device's clock stood still or stepped back {backwards} times")
+        times_s[ticks.frames] = ticks_s
+        return times_s
+
+    def _counted_instants(
+        self, framing: Framing, frames: FrameSet, series: dict[str, FieldSeries], notes: list[str]
+    ) -> NDArray[np.float64]:
+        """Date frames by their packet counter, or their number where they have none, at the declared rate."""
+        notes.append(f"samples are dated by the declared rate of {framing.rate_hz:g} Hz")
+        if framing.counter is None:
+            return np.arange(frames.begins.size) / framing.rate_hz
+        counts = series[framing.counter.field]
+        times_s = np.full(frames.begins.size, np.nan)
+        numbers = unwrap(counts.raw.astype(np.int64), framing.counter.modulo) / framing.counter.step
+        times_s[counts.frames] = numbers / framing.rate_hz
+        return times_s
+
+    def _find(self, name: str) -> tuple[FieldSeries, NDArray[np.bool_]]:
+        try:
+            return self._series[name]
+        except KeyError:
+            if name in self._absent:
+                raise ReadError(
+                    f"{name!r} is not in the file",
+                    path=self.path,
+                    found=self._absent[name],
+                    remedy="correct `framing` in the rig file, or leave out the channel",
+                ) from None
+            raise MissingChannelError(name, tuple(self._series), path=self.path) from None
+
+    def read(self, name: str, start: int = 0, stop: int | None = None) -> NDArray[np.float64]:
+        """Read samples of one field in its declared unit, lost ones NaN, shape (stop - start,)."""
+        series, kept = self._find(name)
+        values = series.values[kept][start:stop]
+        values[~np.isfinite(values)] = np.nan
+        return values
+
+    def raw(self, name: str, start: int = 0, stop: int | None = None) -> RawCounts | None:
+        """Return the stored integers; None for a field that is a float or text."""
+        series, kept = self._find(name)
+        if series.raw.dtype.kind != "i":
+            return None
+        return RawCounts(series.raw[kept][start:stop], series.field.scale, series.field.offset, series.field.unit)
+
+    def time_base(self, name: str) -> TimeBase:
+        """Return the instants of the frames that hold the field."""
+        series, kept = self._find(name)
+        return TimeBase.stamped(self._clock, self._times_s[series.frames[kept]], self.absolute_start)
+
+    def tracks(self) -> tuple[Track, ...]:
+        """Return nothing: this is no camera."""
+        return ()
+
+
+def _counts_of(framing: Framing, series: dict[str, FieldSeries], wanted: NDArray[np.int64]) -> NDArray[np.int64] | None:
+    """Return the unwrapped packet counter of some frames; None if not every one of them holds it."""
+    if framing.counter is None:
+        return None
+    counter = series[framing.counter.field]
+    if not np.isin(wanted, counter.frames).all():
+        return None
+    counts: NDArray[np.int64] = unwrap(counter.raw.astype(np.int64), framing.counter.modulo)
+    return counts[np.searchsorted(counter.frames, wanted)]
+
+
+def _why_absent(field: Field, framing: Framing, frames: FrameSet) -> str:
+    """Say why not one frame holds a field: of elements, which ones the first frames have."""
+    elements = next((one.elements for one in framing.types if field in one.fields), None)
+    if elements is None or field.element is None:
+        return "no frame holds it"
+    present: set[int] = set()
+    for i in range(min(frames.begins.size, _LOOKED_AT)):
+        frame = frames.frame(i)
+        present |= {found for found, _, _ in elements.places(frame, elements.start, len(frame) - framing.trailer)}
+    precision = xsens_precision(framing.sync, field.element, present)
+    if precision:
+        return f'no frame holds element {field.element:#06x}; the file\'s are those of `precision = "{precision}"`'
+    shown = ", ".join(f"{one:#06x}" for one in sorted(present)[:12])
+    return f"no frame holds element {field.element:#06x}, but {shown or 'none at all'}"
+
+
+def _counted(counters: dict[str, int]) -> str:
+    return ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in counters.items() if count) or "nothing"
+
+
+def _losses(capture: Capture, counters: dict[str, int]) -> list[str]:
+    """Say what of the stream became no sample."""
+    notes = [CUT] if capture.cut else []
+    notes += [f"{counters[key]} {what}" for key, what in _LOSSES.items() if counters[key]]
+    if counters["skipped_bytes"]:
+        notes.append(f"{counters['skipped_bytes']} of {len(capture.stream)} bytes belong to no good frame")
+    return notes
+
+
+def _host_start(capture: Capture) -> AbsoluteStart | None:
+    """Return the host time of the first read; None if the host stamped with no wall clock."""
+    if capture.host_ns[0] < WALL_CLOCK_NS:
+        return None
+    try:
+        instant = dt.datetime(1970, 1, 1) + dt.timedelta(microseconds=int(capture.host_ns[0]) // 1000)
+    except OverflowError:
+        return None
+    return AbsoluteStart(instant.isoformat(timespec="microseconds"), "UTC", "host's clock at the first read")

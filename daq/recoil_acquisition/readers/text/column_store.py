@@ -1,0 +1,180 @@
+"""The columns of a block of numbers, parsed once and kept outside memory where they are many.
+
+A long table is parsed piece by piece, some pieces at a time in parallel. Its numbers go to a temporary
+file, column beside column within each piece, so that any one column is read without the others; a
+short table stays in memory.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
+from queue import SimpleQueue
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.errors import CorruptFileError
+from recoil_acquisition.readers.text.number_file import NumberFile
+from recoil_acquisition.readers.text.row_kernel import LEAST_BYTES, kernel_at_hand
+from recoil_acquisition.readers.text.row_parser import RowParser
+from recoil_acquisition.readers.text.text_table import THREADS, Block, Piece
+
+MEMORY_BYTES = 1 << 26
+"""Numbers up to which a table is kept in memory."""
+
+Seconds = Callable[[Sequence[str]], NDArray[np.float64]]
+Kept = tuple[NDArray[np.int64], list[str]]
+
+
+class ColumnStore:
+    """The columns of a block, parsed when the first of them is asked for.
+
+    Parameters
+    ----------
+    block : Block
+    seconds : callable, optional
+        Turns the cells of the column of stamps into numbers; ValueError with the row as ``args[1]``.
+    stamp_column : int, optional
+        The column of stamps.
+    text_columns : sequence of int
+        Further columns that hold no numbers; they are NaN.
+    remedy : str, optional
+        What the user can do where a stamp cannot be read.
+    """
+
+    def __init__(
+        self,
+        block: Block,
+        seconds: Seconds | None = None,
+        stamp_column: int | None = None,
+        text_columns: Sequence[int] = (),
+        remedy: str | None = None,
+    ) -> None:
+        self.block = block
+        self._seconds, self._stamp_column, self._remedy = seconds, stamp_column, remedy
+        self._text_columns = (*([] if stamp_column is None else [stamp_column]), *text_columns)
+        self._kept: dict[int, NDArray[np.float64]] = {}
+        self._spill: NumberFile | None = None
+        self._ends: NDArray[np.int64] | None = None
+        self._lost = np.zeros(len(block.columns), dtype=np.int64)
+
+    @property
+    def lost(self) -> NDArray[np.int64]:
+        """Number of lost samples of each column, shape (n_columns,)."""
+        self._ensure_parsed()
+        return self._lost
+
+    def column(self, index: int, start: int = 0, stop: int | None = None) -> NDArray[np.float64]:
+        """Return some of a column's numbers, the caller's own, shape (stop - start,).
+
+        Raises
+        ------
+        CorruptFileError
+            If a row has another width or a cell is no number, with line and column.
+        """
+        ends = self._ensure_parsed()
+        first, last, _ = slice(start, stop).indices(int(ends[-1]))
+        result = np.empty(max(last - first, 0))
+        for piece in range(int(np.searchsorted(ends, first, side="right")), len(ends)):
+            begin, end = int(ends[piece - 1]) if piece else 0, int(ends[piece])
+            low, high = max(first, begin), min(last, end)
+            if low >= high:
+                break
+            part = result[low - first : high - first]
+            if self._spill is None:
+                part[:] = self._kept[piece][index, low - begin : high - begin]
+            else:
+                self._spill.read(self._offset(piece, ends, index) + low - begin, part)
+        return result
+
+    def _offset(self, piece: int, ends: NDArray[np.int64], index: int) -> int:
+        """Return where a column of a piece begins among the spilled numbers."""
+        begin = int(ends[piece - 1]) if piece else 0
+        return begin * len(self.block.columns) + index * (int(ends[piece]) - begin)
+
+    def _ensure_parsed(self) -> NDArray[np.int64]:
+        if self._ends is None:
+            self._ends = self._parse()
+        return self._ends
+
+    def _parse(self) -> NDArray[np.int64]:
+        """Parse all pieces; return the number of rows at the end of each."""
+        pieces = self.block.pieces
+        ends = np.cumsum([piece.rows for piece in pieces], dtype=np.int64)
+        self._lost[:] = 0
+        self._kept = {}
+        spill = 8 * self.block.row_count * len(self.block.columns) > MEMORY_BYTES
+        self._spill = NumberFile(self.block.file.path) if spill else None
+        for at, (lost, cells) in enumerate(self._parsed(pieces, ends)):
+            self._lost += lost
+            if self._seconds is not None and self._stamp_column is not None:
+                self._keep_stamps(self._stamps(self._seconds, cells, pieces[at].line), at, ends)
+        return ends
+
+    def _keep_stamps(self, seconds: NDArray[np.float64], piece: int, ends: NDArray[np.int64]) -> None:
+        """Put the seconds of a piece's stamps in their column, which are found in the file's order."""
+        index = self._stamp_column or 0
+        self._lost[index] += np.isnan(seconds).sum()
+        if self._spill is None:
+            self._kept[piece][index] = seconds
+        else:
+            self._spill.write(self._offset(piece, ends, index), np.ascontiguousarray(seconds))
+
+    def _parsed(self, pieces: Sequence[Piece], ends: NDArray[np.int64]) -> Iterator[Kept]:
+        """Parse and keep pieces in their order, some at a time."""
+        waiting: deque[Future[Kept]] = deque()
+        parsers: SimpleQueue[RowParser] = SimpleQueue()
+        compiled = self.block.stop - self.block.start >= LEAST_BYTES and kernel_at_hand()
+        for _ in range(THREADS):
+            parsers.put(RowParser(self.block.format, self._text_columns, compiled=compiled))
+        with ThreadPoolExecutor(THREADS) as pool:
+            try:
+                for at in range(len(pieces)):
+                    waiting.append(pool.submit(self._keep, parsers, at, pieces[at], ends))
+                    if len(waiting) > THREADS:
+                        yield waiting.popleft().result()
+                while waiting:
+                    yield waiting.popleft().result()
+            finally:
+                for future in waiting:
+                    future.cancel()
+        while not parsers.empty():
+            parsers.get().close()
+
+    def _keep(self, parsers: SimpleQueue[RowParser], at: int, piece: Piece, ends: NDArray[np.int64]) -> Kept:
+        """Parse one piece and keep its numbers; return its lost samples per column and its stamps' cells."""
+        parser = parsers.get()
+        try:
+            values, texts = parser.parse(partial(self.block.parts, piece), piece.line, piece.rows)
+        finally:
+            parsers.put(parser)
+        if len(values) != piece.rows:
+            raise CorruptFileError(
+                "rows cannot be told apart", path=self.block.file.path, place=f"from line {piece.line} on",
+                expected=f"{piece.rows} rows", found=f"{len(values)}",
+            )  # fmt: skip
+        with np.errstate(all="ignore"):
+            doubtful = np.isnan(values.sum(axis=0))
+        lost = np.zeros(values.shape[1], dtype=np.int64)
+        lost[doubtful] = np.isnan(values[:, doubtful]).sum(axis=0)
+        if self._stamp_column is not None:
+            lost[self._stamp_column] = 0  # told from its seconds, later
+        columns = np.ascontiguousarray(values.T)
+        if self._spill is None:
+            self._kept[at] = columns
+        else:
+            self._spill.write(self._offset(at, ends, 0), columns)
+        return lost, texts[0] if self._stamp_column is not None else []
+
+    def _stamps(self, seconds: Seconds, cells: Sequence[str], line: int) -> NDArray[np.float64]:
+        try:
+            return seconds(cells)
+        except ValueError as error:
+            row = error.args[1] if len(error.args) > 1 else 0
+            raise CorruptFileError(
+                str(error.args[0]), path=self.block.file.path, place=f"line {line + row}, time column",
+                remedy=self._remedy,
+            ) from error  # fmt: skip

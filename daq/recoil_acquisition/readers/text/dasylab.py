@@ -1,0 +1,182 @@
+"""DASYLab's ASCII files.
+
+The layout, as published readers of them know it: ``DASYLab - V ...``, keys padded before ``:``, among them
+``Recording date``, ``Delta`` (the step of the samples) and ``Number of channels``, a row of headings
+``name [unit];`` with a separator at its end, and rows of numbers. A variant has the headings alone, between
+tabs, its first column ``Measurement time[s]``. The stated number of channels may be wrong: the headings count.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.text.cells import has_decimal_comma, split_cells, split_unit
+from recoil_acquisition.readers.text.recording import TextRecording
+from recoil_acquisition.readers.text.text_file import LongText, decode_head
+from recoil_acquisition.readers.text.text_table import find_block
+from recoil_acquisition.readers.text.time_base import TIME_UNITS_S, TimeSource
+from recoil_acquisition.readers.time.wall_clock import parse_time_of_day
+from recoil_acquisition.timebase import AbsoluteStart
+
+HEADER_LINES = 60
+"""Lines in which the headings are sought."""
+
+LOOKED_AT = 50
+"""Rows from which the decimal mark is found."""
+
+_TIME_OF_DAY = "hh:mm:ss"
+_KEY = re.compile(r"([^:;\t]{1,60}?)\s*:\s*(.*)")
+_DELTA = re.compile(r"([\d.,]+(?:[eE][+-]?\d+)?)\s*(\S+)")
+_DATE = re.compile(r"(\d{1,2})/(\d{1,2})/(\d{4}),?\s+(\d{1,2}):(\d{2}):(\d{2})\s*([AP]M)", re.IGNORECASE)
+_DOTTED_DATE = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4}),?\s+(\d{1,2}):(\d{2}):(\d{2})")
+_REMEDY = "export relative time in seconds"
+
+
+def find_headings(lines: Sequence[str]) -> tuple[int, str] | None:
+    """Find the row of headings: it has a column of measurement time, with a date at most before it."""
+    for i, line in enumerate(lines[:HEADER_LINES]):
+        for separator in ("\t", ";", ","):
+            names = [split_unit(cell)[0].casefold() for cell in split_cells(line, separator)]
+            if len(names) > 1 and (names[0] == "measurement time" or names[:2] == ["date", "measurement time"]):
+                return i, separator
+    return None
+
+
+def _keys(lines: Sequence[str]) -> dict[str, str]:
+    """Return the keys of the preamble, in lower case, and their texts."""
+    matches = (_KEY.fullmatch(line.strip()) for line in lines)
+    return {match[1].casefold(): match[2].strip() for match in matches if match is not None}
+
+
+def step_from(text: str) -> float | None:
+    """Return the step in seconds that ``Delta`` states, such as ``0.2 sec.``; None if it states none that is known."""
+    match = _DELTA.fullmatch(text.strip())
+    if match is None or match[2].casefold() not in TIME_UNITS_S:
+        return None
+    try:
+        step_s = float(match[1].replace(",", ".")) * TIME_UNITS_S[match[2].casefold()]
+    except ValueError:
+        return None
+    return step_s if 1e-12 < step_s < 1e12 else None
+
+
+def start_from(text: str) -> AbsoluteStart | None:
+    """Return the start that ``Recording date`` states; None if the order of day and month is not told.
+
+    Only dates of the United States have ``AM`` and ``PM`` beside slashes; with dots the day is first.
+    """
+    match, dotted = _DATE.fullmatch(text), _DOTTED_DATE.fullmatch(text)
+    try:
+        if match is not None:
+            month, day, year, hour, minute, second = map(int, match.groups()[:6])
+            if not 1 <= hour <= 12:
+                return None
+            hour = hour % 12 + (12 if match[7].upper() == "PM" else 0)
+        elif dotted is not None:
+            day, month, year, hour, minute, second = map(int, dotted.groups())
+        else:
+            return None
+        instant = dt.datetime(year, month, day, hour, minute, second)
+    except ValueError:
+        return None
+    return AbsoluteStart(instant.isoformat(timespec="seconds"), "unknown", "`Recording date` of the preamble")
+
+
+class DasylabTextReader:
+    """Reader of DASYLab's ASCII files."""
+
+    name = "DASYLab ASCII"
+    kind = "dewetron"
+    suffixes = (".asc", ".txt")
+
+    def claims(self, head: bytes) -> bool:
+        """Tell whether the text begins with DASYLab's name, or with a heading of measurement time."""
+        lines = decode_head(head).split("\n")
+        return lines[0].startswith("DASYLab") or find_headings(lines[:2]) is not None
+
+    def open(self, path: Path, declared: Declarations) -> TextRecording:
+        """Open a file.
+
+        Raises
+        ------
+        ReadError
+            If neither ``Delta`` nor the column of time tells the rate.
+        CorruptFileError
+            If it has no row of headings or no complete row, or its time contradicts ``Delta``.
+        """
+        file = LongText(path)
+        lines = file.lines(HEADER_LINES + LOOKED_AT)
+        found = find_headings(lines)
+        if found is None:
+            raise CorruptFileError(
+                "no row of headings", path=path, remedy="export with headings",
+                expected=f"a column `Measurement time[...]` within {HEADER_LINES} lines",
+            )  # fmt: skip
+        row, separator = found
+        cells = split_cells(lines[row], separator)
+        while len(cells) > 2 and not cells[-1]:
+            cells.pop()
+        headings = [split_unit(cell) for cell in cells]
+        has_date = headings[0][0].casefold() == "date"
+        if len(headings) < 2 + has_date:
+            raise CorruptFileError(
+                "there is no channel", path=path, place=f"line {row + 1}", found=repr(lines[row][:60])
+            )
+        keys, at = _keys(lines[:row]), int(has_date)
+        samples = [split_cells(line, separator) for line in lines[row + 1 : row + 1 + LOOKED_AT] if line.strip()]
+        timed = headings[at][1].casefold() == _TIME_OF_DAY
+        comma = has_decimal_comma([cells[at + timed :] for cells in samples], separator)
+        block = find_block(
+            file, file.line_start(row + 1), separator, [f"{n} [{u}]" if u else n for n, u in headings],
+            decimal_comma=comma,
+        )  # fmt: skip
+        time, notes = self._time(keys, headings[at], at, path)
+        channels = len(headings) - 1 - at
+        stated = keys.get("number of channels")
+        if stated is not None and stated != str(channels):
+            notes.append(f"the preamble states {stated} channels, the headings name {channels}: the headings count")
+        metadata = {
+            "preamble": lines[:row],
+            "header": lines[row],
+            "encoding": file.encoding,
+            "separator": separator,
+            "decimal_mark": "," if comma else ".",
+        }
+        left_out = (0,) if has_date else ()
+        return TextRecording(
+            self.name, block, declared.clock, headings, time, metadata, text_columns=left_out, notes=notes
+        )
+
+    def _time(
+        self, keys: dict[str, str], heading: tuple[str, str], at: int, path: Path
+    ) -> tuple[TimeSource, list[str]]:
+        """Return where time comes from, and what to say about the preamble."""
+        step_s, notes = None, []
+        if "delta" in keys:
+            step_s = step_from(keys["delta"])
+            if step_s is None:
+                notes.append(f"`Delta` states no step that is known: {keys['delta']!r}")
+        start = start_from(keys.get("recording date", ""))
+        if "recording date" in keys and start is None:
+            notes.append(f"the order of day and month of `Recording date` is not told: {keys['recording date']!r}")
+        rate_hz = None if step_s is None else float(f"{1.0 / step_s:.12g}")
+        origin = "from `Delta` of the preamble"
+        unit = heading[1]
+        if unit.casefold() == _TIME_OF_DAY:
+            return TimeSource(
+                at, parse=parse_time_of_day, rate_hz=rate_hz, rate_origin=origin, start=start, wraps=True,
+                remedy=_REMEDY,
+            ), notes  # fmt: skip
+        if unit not in TIME_UNITS_S:
+            raise ReadError(
+                "the unit of the time column is unknown", path=path, expected="`Measurement time[s]` or `[hh:mm:ss]`",
+                found=repr(unit), remedy=_REMEDY,
+            )  # fmt: skip
+        return TimeSource(
+            at, unit_s=TIME_UNITS_S[unit], rate_hz=rate_hz, rate_origin=origin, start=start, remedy=_REMEDY
+        ), notes

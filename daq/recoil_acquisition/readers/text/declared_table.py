@@ -1,0 +1,137 @@
+"""A text table whose layout the rig declares, because the file does not tell it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from recoil_acquisition.errors import CorruptFileError, ReadError, nearest_first
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.text.cells import split_cells, split_unit
+from recoil_acquisition.readers.text.layout import MOST_ROWS, TextLayout, column_named, layout_from_table
+from recoil_acquisition.readers.text.recording import TextRecording
+from recoil_acquisition.readers.text.text_file import LongText
+from recoil_acquisition.readers.text.text_table import find_block
+from recoil_acquisition.readers.text.time_base import TIME_UNITS_S, TimeSource
+from recoil_acquisition.readers.time.wall_clock import parse_wall_clock
+
+_REMEDY = "correct `[source.layout]` in the rig file"
+
+
+class DeclaredTextReader:
+    """Reader of a text table by its declared layout; it is chosen by the rig alone."""
+
+    name = "declared text table"
+    kind = "dewetron"
+    suffixes = (".csv", ".txt")
+
+    def claims(self, head: bytes) -> bool:  # noqa: ARG002  every reader is asked alike
+        """Claim nothing: no content tells that a rig declares it."""
+        return False
+
+    def open(self, path: Path, declared: Declarations) -> TextRecording:
+        """Open a table.
+
+        Raises
+        ------
+        ReadError
+            If no layout is declared, it is at fault, or it names what the file does not have.
+        CorruptFileError
+            If the file is shorter than the layout says, or has no complete row.
+        """
+        if declared.layout is None:
+            raise ReadError("the rig declares no layout of this text table", path=path, remedy=_REMEDY)
+        try:
+            layout = layout_from_table(declared.layout)
+        except ReadError as error:
+            raise ReadError(error.problem, path=path, place=error.place, remedy=_REMEDY) from error
+        file = LongText(path, layout.encoding)
+        lines = file.lines(MOST_ROWS)
+        if len(lines) < layout.first_row:
+            raise CorruptFileError(
+                "the file is shorter than its declared layout", path=path,
+                expected=f"numbers from line {layout.first_row}", found=f"{len(lines)} lines", remedy=_REMEDY,
+            )  # fmt: skip
+        headings = _headings(layout, lines, path)
+        names = [name for name, _ in headings]
+        block = find_block(
+            file, file.line_start(layout.first_row - 1), layout.separator, names,
+            decimal_comma=layout.decimal == ",", missing=layout.missing, comment=layout.comment,
+        )  # fmt: skip
+        time, notes = _time(layout, headings, path)
+        metadata = {
+            "preamble": lines[: layout.first_row - 1],
+            "encoding": file.encoding,
+            "separator": layout.separator,
+            "decimal_mark": layout.decimal,
+            "layout": dict(declared.layout),
+        }
+        return TextRecording(self.name, block, declared.clock, headings, time, metadata, notes=notes)
+
+
+def _row(layout: TextLayout, lines: list[str], number: int) -> list[str]:
+    cells = split_cells(lines[number - 1], layout.separator)
+    while len(cells) > 1 and not cells[-1]:
+        cells.pop()
+    return cells
+
+
+def _headings(layout: TextLayout, lines: list[str], path: Path) -> list[tuple[str, str]]:
+    """Return name and unit of every column."""
+    if layout.header_row is None:
+        names = [(name, "") for name in layout.names]
+    else:
+        cells = _row(layout, lines, layout.header_row)
+        if layout.comment:
+            cells[0] = cells[0].removeprefix(layout.comment).strip()
+        apart = layout.unit_row is not None or layout.units
+        names = [(cell, "") if apart else split_unit(cell) for cell in cells]
+    units: list[str] | None = list(layout.units) or None
+    where = "`units`"
+    if layout.unit_row is not None:
+        # Units of the last columns may be empty, and a row of units is cut off then
+        cells = _row(layout, lines, layout.unit_row)
+        units = [split_unit(f"x {cell}")[1] if cell[:1] in ("[", "(") else cell for cell in cells]
+        units += [""] * (len(names) - len(units))
+        where = f"line {layout.unit_row}, the declared row of units"
+    if len(names) < 2:
+        raise ReadError(
+            "the declared row of names has one cell only", path=path, place=f"line {layout.header_row}",
+            expected=f"names between {layout.separator!r}", remedy=_REMEDY,
+        )  # fmt: skip
+    if units is not None and len(units) != len(names):
+        raise ReadError(
+            "names and units do not fit each other", path=path, place=where,
+            expected=f"{len(names)} units", found=f"{len(units)}", remedy=_REMEDY,
+        )  # fmt: skip
+    if units is None:
+        return names
+    return [(name, "" if unit == "-" else unit) for (name, _), unit in zip(names, units, strict=True)]
+
+
+def _time(layout: TextLayout, headings: list[tuple[str, str]], path: Path) -> tuple[TimeSource, list[str]]:
+    """Return where time comes from, and what to say about it."""
+    origin = "declared by the rig"
+    if layout.time_column is None:
+        return TimeSource(None, rate_hz=layout.rate_hz, rate_origin=origin, remedy=_REMEDY), []
+    names = [name for name, _ in headings]
+    at = column_named(names, layout.time_column)
+    if at is None:
+        shown = ", ".join(repr(n) for n in nearest_first(str(layout.time_column), names)[:5])
+        raise ReadError(
+            "the declared time column is not in the file, or more than once", path=path,
+            expected=repr(layout.time_column), found=shown, remedy=_REMEDY,
+        )  # fmt: skip
+    if layout.time_unit is not None:
+        own = headings[at][1]
+        notes = [] if own in ("", layout.time_unit) else [
+            f"the time column states {own!r}, the rig declares {layout.time_unit!r}: the rig counts"
+        ]  # fmt: skip
+        unit_s = TIME_UNITS_S[layout.time_unit]
+        return TimeSource(at, unit_s=unit_s, rate_hz=layout.rate_hz, rate_origin=origin, remedy=_REMEDY), notes
+    if headings[at][1] in TIME_UNITS_S:
+        unit_s = TIME_UNITS_S[headings[at][1]]
+        return TimeSource(at, unit_s=unit_s, rate_hz=layout.rate_hz, rate_origin=origin, remedy=_REMEDY), []
+    return TimeSource(
+        at, parse=parse_wall_clock, rate_hz=layout.rate_hz, rate_origin=origin,
+        remedy=f"{_REMEDY}: `time_unit` for relative time; stamps read yyyy-mm-dd hh:mm:ss or dd.mm.yyyy hh:mm:ss",
+    ), []  # fmt: skip

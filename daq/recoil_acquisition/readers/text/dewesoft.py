@@ -1,0 +1,129 @@
+"""Dewesoft's text export.
+
+The layout, from exports that users have published: any number of preamble lines, one header row
+whose first cell is the time, no unit row, then rows of numbers. A heading is
+``<group>/<channel> (<unit>)`` with the unit in the last parentheses; names contain ``/``, spaces
+and parentheses. Numbers have up to 15 digits and exponents such as ``E-015``. Relative time reads
+``Time (s)``; absolute time reads ``Time (-)``, in whole milliseconds without a zone.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.text.cells import SEPARATORS, has_decimal_comma, is_number, split_cells, split_unit
+from recoil_acquisition.readers.text.dewesoft_time import is_absolute, parse_dewesoft_stamp
+from recoil_acquisition.readers.text.recording import TextRecording
+from recoil_acquisition.readers.text.text_file import LongText, decode_head
+from recoil_acquisition.readers.text.text_table import find_block
+from recoil_acquisition.readers.text.time_base import TIME_UNITS_S, TimeSource
+from recoil_acquisition.timebase import TimeBase
+
+PREAMBLE_LINES = 60
+"""Lines in which the header row is sought."""
+
+LOOKED_AT = 50
+"""Rows from which the decimal mark is found; any later cell with another mark is an error."""
+
+_TIME_HEADING = re.compile(r"time\s*(\([^()]*\))?", re.IGNORECASE)
+_RELATIVE_REMEDY = "export with relative time, column `Time (s)`, or as .dxd"
+
+
+def _find_header(lines: Sequence[str]) -> tuple[int, str] | None:
+    """Find the header row: its first cell is the time, and the next row is as wide and begins with one."""
+    for i, (line, following) in enumerate(pairwise(lines)):
+        for separator in SEPARATORS:
+            cells, row = split_cells(line, separator), split_cells(following, separator)
+            if (
+                len(cells) > 1
+                and _TIME_HEADING.fullmatch(cells[0])
+                and len(row) > 1
+                and (is_number(row[0]) or is_absolute(row[0]))
+            ):
+                return i, separator
+    return None
+
+
+def _is_waterfall(lines: Sequence[str]) -> bool:
+    """Tell an order-tracking or FFT waterfall table, which has no time column."""
+    return any("waterfall" in line.casefold() or re.search(r"/orders? \(", line.casefold()) for line in lines[:12])
+
+
+class DewesoftTextReader:
+    """Reader of Dewesoft's text export."""
+
+    name = "Dewesoft text export"
+    kind = "dewetron"
+    suffixes = (".csv", ".txt")
+
+    def claims(self, head: bytes) -> bool:
+        """Tell whether a time heading over a row that begins with a time is in the first lines."""
+        lines = decode_head(head).split("\n")[: PREAMBLE_LINES + 1]
+        return _find_header(lines) is not None or _is_waterfall(lines)
+
+    def open(self, path: Path, declared: Declarations) -> DewesoftTextRecording:
+        """Open an export.
+
+        Raises
+        ------
+        ReadError
+            If it is not a time history, or its time column cannot be used.
+        CorruptFileError
+            If it has no header row or no complete row.
+        """
+        file = LongText(path)
+        lines = file.lines(PREAMBLE_LINES + 1)
+        found = _find_header(lines)
+        if found is None and _is_waterfall(lines):
+            raise ReadError(
+                "this is an order-tracking or FFT waterfall table, not a time history", path=path,
+                remedy="export the channels over time",
+            )  # fmt: skip
+        if found is None:
+            raise CorruptFileError(
+                "no header row",
+                path=path,
+                expected=f"a first cell `Time (s)` within {PREAMBLE_LINES} lines and numbers below",
+            )
+        row, separator = found
+        lines = file.lines(row + 1 + LOOKED_AT)
+        headings = split_cells(lines[row], separator)
+        while len(headings) > 2 and not headings[-1]:
+            headings.pop()
+        rows = [split_cells(line, separator) for line in lines[row + 1 :] if line]
+        absolute = is_absolute(rows[0][0])
+        comma = has_decimal_comma([cells[int(absolute) :] for cells in rows], separator)
+        block = find_block(file, file.line_start(row + 1), separator, headings, decimal_comma=comma)
+        split = [split_unit(heading) for heading in headings]
+        metadata = {
+            "preamble": lines[:row],
+            "header": lines[row],
+            "encoding": file.encoding,
+            "separator": separator,
+            "decimal_mark": "," if comma else ".",
+        }
+        if absolute:
+            time = TimeSource(0, parse=parse_dewesoft_stamp, remedy=_RELATIVE_REMEDY)
+        else:
+            time = TimeSource(0, unit_s=TIME_UNITS_S.get(split[0][1]), remedy=_RELATIVE_REMEDY)
+        return DewesoftTextRecording(self.name, block, declared.clock, split, time, metadata)
+
+
+class DewesoftTextRecording(TextRecording):
+    """One opened text export."""
+
+    @cached_property
+    def _time(self) -> tuple[TimeBase, tuple[str, ...]]:
+        source = self._time_source
+        if source.unit_s is None and source.parse is None:
+            raise ReadError(
+                "the unit of the time column is unknown", path=self.path, place=f"line {self._block.first_line - 1}",
+                expected="`Time (s)` or `Time (ms)`", found=repr(self._block.columns[0]), remedy=source.remedy,
+            )  # fmt: skip
+        return super()._time

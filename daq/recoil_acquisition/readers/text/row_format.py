@@ -1,0 +1,67 @@
+"""How the rows of a text table are written: all that reading a row needs to know beside its bytes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from recoil_acquisition.errors import CorruptFileError
+
+
+@dataclass(frozen=True)
+class RowFormat:
+    """How rows are written.
+
+    Attributes
+    ----------
+    path : Path
+        The file, for messages.
+    encoding : str
+        Of the rows' bytes.
+    separator : str
+    columns : tuple of str
+        Names of the columns, for messages.
+    width : int
+        Number of cells per row: one more than there are columns where rows end with a separator.
+    decimal_comma : bool
+    missing : tuple of str
+        Further texts, or numbers, that stand for a lost sample.
+    comment : str
+        What begins a line that is no row; empty if there are none.
+    """
+
+    path: Path
+    encoding: str
+    separator: str
+    columns: tuple[str, ...]
+    width: int
+    decimal_comma: bool
+    missing: tuple[str, ...] = ()
+    comment: str = ""
+
+    @property
+    def ends_with_separator(self) -> bool:
+        """Whether a separator ends each row, so that a cell without a column follows."""
+        return self.width > len(self.columns)
+
+    def wrong_width(self, line: int, width: int) -> CorruptFileError:
+        """Return what is wrong with a row of another width."""
+        comma = self.separator == "," and width > len(self.columns)
+        return CorruptFileError(
+            "a row does not fit the header",
+            path=self.path,
+            place=f"line {line}",
+            expected=f"{len(self.columns)} cells",
+            found=f"{width}",
+            remedy="export with a decimal point or with ; between cells" if comma else "export it again",
+        )
+
+
+def is_comment(row: bytes, comment: str) -> bool:
+    """Tell whether a line is a comment, which may be indented."""
+    return row.lstrip(b" ").startswith(comment.encode("utf-8"))
+
+
+def count_rows(text: bytes, comment: str) -> int:
+    r"""Count complete rows, each ended by ``\n``, without comments."""
+    return sum(not is_comment(row, comment) for row in text.split(b"\n")[:-1])

@@ -1,0 +1,289 @@
+"""Text files of unknown encoding and line ends.
+
+What instruments export as text differs in encoding (byte order mark, UTF-8, Windows code page) and
+line ends, and neither is written down in the file: both are found from the bytes.
+"""
+
+from __future__ import annotations
+
+import codecs
+import tempfile
+import threading
+import weakref
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Protocol
+
+from recoil_acquisition.errors import CorruptFileError, ReadError
+
+ENCODING_BYTES = 1 << 20
+"""How much of a file decides on its encoding: all but numbers stands in the first lines."""
+
+PART_BYTES = 1 << 18
+"""How much is read at a time of what is gone through once."""
+
+CHUNK_BYTES = 1 << 22
+"""How much of a file that must be transcoded is held at a time."""
+
+
+class Text(Protocol):
+    """Bytes of a text, one per ASCII character, wherever they are held."""
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        ...
+
+    @property
+    def encoding(self) -> str:
+        """In which the bytes are held."""
+        ...
+
+    @property
+    def size(self) -> int:
+        """Number of bytes."""
+        ...
+
+    @property
+    def line_end(self) -> bytes:
+        """The byte that ends a line; a carriage return before a line feed belongs to the line end."""
+        ...
+
+    def read(self, start: int, stop: int) -> bytes:
+        """Read some of the bytes."""
+        ...
+
+    def parts(self, start: int, stop: int) -> Iterator[bytes]:
+        """Read some of the bytes, a part at a time."""
+        ...
+
+
+@dataclass(frozen=True)
+class TextFile:
+    r"""A text file's content with one byte per ASCII character and ``\n`` as its only line end.
+
+    Attributes
+    ----------
+    path : Path
+    data : bytes
+        Content without byte order mark; UTF-16 is held as UTF-8.
+    encoding : str
+        In which `data` is held.
+    """
+
+    path: Path
+    data: bytes
+    encoding: str
+
+    line_end = b"\n"
+
+    @property
+    def size(self) -> int:
+        """Number of bytes."""
+        return len(self.data)
+
+    def read(self, start: int, stop: int) -> bytes:
+        """Return some of the bytes."""
+        return self.data[start:stop]
+
+    def parts(self, start: int, stop: int) -> Iterator[bytes]:
+        """Return some of the bytes, a part at a time."""
+        for at in range(start, stop, PART_BYTES):
+            yield self.data[at : min(at + PART_BYTES, stop)]
+
+    def lines(self, start: int, count: int) -> list[str]:
+        """Return up to ``count`` lines from byte ``start``, without their line ends."""
+        rows = self.data[start:].split(b"\n", count) if start else self.data.split(b"\n", count)
+        return [row.decode(self.encoding, errors="replace") for row in rows[:count]]
+
+    def start_of(self, line: int) -> int:
+        """Return the byte at which a line begins, counted from 0; the end of the file behind its last one."""
+        start = 0
+        for _ in range(line):
+            end = self.data.find(b"\n", start)
+            if end < 0:
+                return len(self.data)
+            start = end + 1
+        return start
+
+
+class LongText:
+    """A text file that is read in parts; UTF-16 is transcoded to UTF-8 in a temporary file.
+
+    Encoding and line end are found from its beginning; `lines` sees no more of it either.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    ReadError
+        If it cannot be read.
+    CorruptFileError
+        If it announces UTF-16 and is not.
+    """
+
+    def __init__(self, path: Path, encoding: str | None = None) -> None:
+        self.path = path
+        self._transcoded: IO[bytes] | None = None
+        self._lock = threading.Lock()
+        try:
+            with path.open("rb") as file:
+                head = file.read(ENCODING_BYTES)
+                self.size = file.seek(0, 2)
+        except OSError as error:
+            raise _unreadable(path, error) from error
+        self._skip = 0
+        wide = codecs.lookup(encoding).name.startswith("utf-16") if encoding else False
+        if wide or head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+            self._transcode(encoding if wide and encoding else "utf-16")
+            head = self.read(0, ENCODING_BYTES)
+            self.encoding = "utf-8"
+        else:
+            self._skip = len(codecs.BOM_UTF8) if head.startswith(codecs.BOM_UTF8) else 0
+            self.size -= self._skip
+            head = head[self._skip :]
+            self.encoding = encoding or ("utf-8" if _is_utf8(head) else "cp1252")
+        self._head = head
+        self.line_end = b"\r" if b"\r" in head and b"\n" not in head else b"\n"
+
+    def _transcode(self, encoding: str) -> None:
+        """Write the file as UTF-8 to a temporary one that vanishes with this object."""
+        decoder = codecs.getincrementaldecoder(encoding)()
+        at = 0
+        try:
+            self._transcoded = tempfile.TemporaryFile()  # noqa: SIM115 - closed when this object goes
+            weakref.finalize(self, self._transcoded.close)
+            with self.path.open("rb") as file:
+                while chunk := file.read(CHUNK_BYTES):
+                    text = decoder.decode(chunk)
+                    at += len(chunk)
+                    self._transcoded.write((text.removeprefix("\ufeff") if at == len(chunk) else text).encode("utf-8"))
+            self.size = self._transcoded.tell()
+        except (UnicodeDecodeError, UnicodeEncodeError) as error:
+            place = f"byte {at + error.start}"
+            raise CorruptFileError("is not the UTF-16 it announces", path=self.path, place=place) from error
+        except OSError as error:
+            raise _unreadable(self.path, error) from error
+
+    def read(self, start: int, stop: int) -> bytes:
+        """Read some of the bytes.
+
+        Raises
+        ------
+        ReadError
+            If the file cannot be read any more.
+        """
+        return b"".join(self._parts(start, stop, max(stop - start, 1)))
+
+    def parts(self, start: int, stop: int) -> Iterator[bytes]:
+        """Read some of the bytes, a part at a time: what is soon gone through stays near the processor.
+
+        Raises
+        ------
+        ReadError
+            If the file cannot be read any more.
+        """
+        return self._parts(start, stop, PART_BYTES)
+
+    def _parts(self, start: int, stop: int, size: int) -> Iterator[bytes]:
+        stop = min(stop, self.size)
+        try:
+            if self._transcoded is None:
+                with self.path.open("rb") as file:
+                    file.seek(self._skip + start)
+                    for at in range(start, stop, size):
+                        yield self._complete(file.read(min(size, stop - at)), min(size, stop - at))
+                return
+            for at in range(start, stop, size):
+                with self._lock:
+                    self._transcoded.seek(at)
+                    part = self._transcoded.read(min(size, stop - at))
+                yield self._complete(part, min(size, stop - at))
+        except OSError as error:
+            raise _unreadable(self.path, error) from error
+
+    def _complete(self, part: bytes, count: int) -> bytes:
+        if len(part) != count:
+            raise ReadError("became shorter while it was read", path=self.path, remedy="read it when it is complete")
+        return part
+
+    def lines(self, count: int) -> list[str]:
+        """Return up to ``count`` lines from the beginning, without their line ends."""
+        rows = self._head.split(self.line_end, count)[:count]
+        return [row.removesuffix(b"\r").decode(self.encoding, errors="replace") for row in rows]
+
+    def line_start(self, index: int) -> int:
+        """Return the byte at which one of the first lines begins, counted from 0; the size if there are fewer."""
+        start = 0
+        for _ in range(index):
+            start = self._head.find(self.line_end, start) + 1
+            if not start:
+                return self.size
+        return start
+
+
+def read_text(path: Path) -> TextFile:
+    """Read a text file: byte order mark, else UTF-8, else Windows-1252.
+
+    Raises
+    ------
+    ReadError
+        If it cannot be read.
+    CorruptFileError
+        If it announces UTF-16 and is not.
+    """
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        raise _unreadable(path, error) from error
+    return decode_text(path, raw)
+
+
+def decode_text(path: Path, raw: bytes) -> TextFile:
+    """Decode the content of a text file: byte order mark, else UTF-8, else Windows-1252.
+
+    Raises
+    ------
+    CorruptFileError
+        If it announces UTF-16 and is not.
+    """
+    if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        try:
+            text = raw[: len(raw) // 2 * 2].decode("utf-16")
+        except UnicodeDecodeError as error:
+            raise CorruptFileError("is not the UTF-16 it announces", path=path, place=f"byte {error.start}") from error
+        return TextFile(path, one_line_end(text.encode("utf-8")), "utf-8")
+    raw = raw.removeprefix(codecs.BOM_UTF8)
+    encoding = "utf-8" if _is_utf8(raw[:ENCODING_BYTES]) else "cp1252"
+    return TextFile(path, one_line_end(raw), encoding)
+
+
+def decode_head(head: bytes) -> str:
+    r"""Decode a file's first bytes to text with ``\n`` line ends; empty if they are not text."""
+    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        text = head[: len(head) // 2 * 2].decode("utf-16", errors="replace")
+    else:
+        head = head.removeprefix(codecs.BOM_UTF8)
+        text = head.decode("utf-8" if _is_utf8(head) else "cp1252", errors="replace")
+    return "" if "\0" in text else text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _unreadable(path: Path, error: OSError) -> ReadError:
+    return ReadError(f"cannot be read: {error.strerror}", path=path, remedy="check its name and permissions")
+
+
+def _is_utf8(data: bytes) -> bool:
+    """Tell whether bytes are UTF-8, the last character possibly cut."""
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(data, final=False)
+    except UnicodeDecodeError:
+        return False
+    return True
+
+
+def one_line_end(data: bytes) -> bytes:
+    r"""Return bytes with ``\n`` as their only line end."""
+    return data.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in data else data

@@ -1,0 +1,236 @@
+"""The block of numbers of a text table, read strictly and in pieces.
+
+A cell that is no number, or a row of another width, is an error with its line, never a value. Numbers
+are what `float` makes of their text, to the last bit: pandas' parser does that since 3.1 and by
+``round_trip`` before, and what it will not read is read again cell by cell, which finds the place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cached_property
+
+from recoil_acquisition.errors import CorruptFileError
+from recoil_acquisition.readers.text.cells import decimals
+from recoil_acquisition.readers.text.row_format import RowFormat, count_rows, is_comment
+from recoil_acquisition.readers.text.row_stream import count_byte
+from recoil_acquisition.readers.text.text_file import Text, one_line_end
+
+PIECE_BYTES = 3 << 20
+"""Text that is parsed at once; no row is longer."""
+
+THREADS = 2
+"""Pieces that are gone through at a time."""
+
+MOST_LINE_BYTES = 1 << 16
+"""Of a line by which the number of cells is found."""
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Some rows of a block.
+
+    Attributes
+    ----------
+    start, stop : int
+        Bytes of the file.
+    line : int
+        Number of the first row's line, from 1.
+    rows : int
+    """
+
+    start: int
+    stop: int
+    line: int
+    rows: int
+
+
+@dataclass(frozen=True)
+class Block:
+    """Where the numbers of a text file are, and how they are written.
+
+    Attributes
+    ----------
+    file : Text
+    start, stop : int
+        Bytes of the complete rows; ``stop`` lies before the last row's line end.
+    first_line : int
+        Number of the first row's line in the file, from 1.
+    separator : str
+    columns : tuple of str
+        Names of the columns, for messages.
+    decimal_comma : bool
+    dropped : str
+        Why a last row was left out; empty if none was.
+    missing : tuple of str
+        Further texts, or numbers, that stand for a lost sample.
+    comment : str
+        What begins a line that is no row; empty if there are none.
+    """
+
+    file: Text
+    start: int
+    stop: int
+    first_line: int
+    separator: str
+    columns: tuple[str, ...]
+    decimal_comma: bool
+    dropped: str
+    missing: tuple[str, ...] = ()
+    comment: str = ""
+
+    @property
+    def row_count(self) -> int:
+        """Number of complete rows."""
+        return sum(piece.rows for piece in self.pieces)
+
+    @cached_property
+    def width(self) -> int:
+        """Number of cells per row: one more than there are columns where rows end with a separator."""
+        at = self.start
+        while at < self.stop:
+            line = self.file.read(at, min(at + MOST_LINE_BYTES, self.stop)).split(self.file.line_end, 1)[0]
+            if not (self.comment and is_comment(line, self.comment)):
+                break
+            at += len(line) + 1
+        first = line
+        cells = first.count(self.separator.encode()) + 1
+        return len(self.columns) + (cells == len(self.columns) + 1)
+
+    @cached_property
+    def format(self) -> RowFormat:
+        """How the rows are written."""
+        return RowFormat(
+            self.file.path, self.file.encoding, self.separator, self.columns, self.width, self.decimal_comma,
+            self.missing, self.comment,
+        )  # fmt: skip
+
+    def place(self, row: int, column: str) -> str:
+        """Return the place of a cell for messages."""
+        return f"line {self.first_line + row}, column {column!r}"
+
+    @cached_property
+    def pieces(self) -> tuple[Piece, ...]:
+        """Parts of the rows that are parsed at once, in the file's order.
+
+        Raises
+        ------
+        CorruptFileError
+            If a line is longer than a table's rows are.
+        """
+        windows = range(self.start, self.stop, PIECE_BYTES)
+        if len(windows) > THREADS:
+            with ThreadPoolExecutor(THREADS) as pool:
+                found = list(pool.map(self._line_ends, windows))
+        else:
+            found = [self._line_ends(at) for at in windows]
+        at, line, pieces = self.start, self.first_line, []
+        if found:
+            found[-1] = (found[-1][0] + 1, self.stop)  # the last row's line end lies behind the block
+        for lines, stop in found:
+            if not lines:
+                raise CorruptFileError(
+                    f"a line is longer than {PIECE_BYTES} bytes", path=self.file.path, place=f"line {line}",
+                    expected="a row of numbers", remedy="export it again",
+                )  # fmt: skip
+            piece = Piece(at, stop, line, lines)
+            if self.comment:
+                piece = Piece(at, stop, line, count_rows(self.text(piece), self.comment))
+            pieces.append(piece)
+            at, line = stop, line + lines
+        return tuple(pieces)
+
+    def _line_ends(self, start: int) -> tuple[int, int]:
+        """Count the line ends in as much as is parsed at once; return also where the last of them ends."""
+        count, last, at = 0, start, start
+        for part in self.file.parts(start, min(start + PIECE_BYTES, self.stop)):
+            count += count_byte(part, self.file.line_end)
+            last = max(last, at + part.rfind(self.file.line_end) + 1) if self.file.line_end in part else last
+            at += len(part)
+        return count, last
+
+    def text(self, piece: Piece) -> bytes:
+        r"""Read a piece, its last row ended and ``\r`` for ``\n`` where that alone ends lines."""
+        raw = self.file.read(piece.start, piece.stop)
+        if not raw.endswith(self.file.line_end):
+            raw += self.file.line_end
+        return raw if self.file.line_end == b"\n" else one_line_end(raw)
+
+    def parts(self, piece: Piece) -> Iterator[bytes]:
+        """Read a piece as `text` does, some of it at a time."""
+        if self.file.line_end != b"\n":
+            yield self.text(piece)
+            return
+        for part in self.file.parts(piece.start, piece.stop):
+            yield part
+        if not part.endswith(b"\n"):
+            yield b"\n"
+
+
+def find_block(
+    file: Text,
+    start: int,
+    separator: str,
+    columns: Sequence[str],
+    *,
+    decimal_comma: bool,
+    missing: Sequence[str] = (),
+    comment: str = "",
+) -> Block:
+    """Delimit the rows of numbers that begin at a byte of a text file.
+
+    A last row that may be cut is left out: one without a line end, whose last number cannot be
+    trusted, or one with too few cells.
+
+    Raises
+    ------
+    CorruptFileError
+        If there is no complete row.
+    """
+    first_line = file.read(0, start).count(file.line_end) + 1
+    base = max(start, file.size - PIECE_BYTES)
+    tail = file.read(base, file.size)
+    end = tail.rfind(file.line_end) + 1
+    dropped = ""
+    if tail[end:].strip():
+        dropped = "the last row has no line end and may be cut: it was left out"
+    rows = tail[:end].rstrip(b" \r\n")
+    last = rows[rows.rfind(file.line_end) + 1 :]
+    if rows and last.count(separator.encode()) < len(columns) - 1 and not (comment and is_comment(last, comment)):
+        rows = rows[: len(rows) - len(last)].rstrip(b" \r\n")
+        dropped = f"the last row has fewer than {len(columns)} cells: it was left out"
+    if not rows.strip():
+        raise CorruptFileError(
+            "there is no complete row of numbers", path=file.path, place=f"line {first_line}", remedy="export it again"
+        )
+    return Block(
+        file, start, base + len(rows), first_line, separator, tuple(columns), decimal_comma, dropped,
+        tuple(missing), comment,
+    )  # fmt: skip
+
+
+def printed_decimals(block: Block, column: int) -> int:
+    """Return the place of a column's last printed digit: 6 for ``0.000020``, 9 for ``1.5E-008``.
+
+    Cells whose trailing zeros were left out say too little, so the finest of some cells counts; a
+    fixed number of digits says less at the end of the file, so its beginning and end are compared.
+    """
+    separator = block.separator.encode()
+    head = one_line_end(block.file.read(block.start, min(block.start + 8192, block.stop)) + b"\n")
+    tail = one_line_end(block.file.read(max(block.start, block.stop - 8192), block.stop))
+    ends = (head.split(b"\n")[:50], tail.split(b"\n")[-49:])
+    if len(ends[0]) > 2 and block.stop - block.start > 8192:
+        ends = (ends[0][:-2] or ends[0], ends[1][1:] or ends[1])
+    return min(
+        max(
+            (
+                decimals(cells[column].decode("ascii", errors="replace"))
+                for cells in (row.split(separator) for row in rows)
+                if len(cells) > column
+            ),
+            default=0,
+        )
+        for rows in ends
+    )

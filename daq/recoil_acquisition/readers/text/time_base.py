@@ -1,0 +1,209 @@
+"""The time base of a text table: printed relative time, stamps of a wall clock, or the row number."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.text.column_store import ColumnStore
+from recoil_acquisition.readers.text.dewesoft_time import rate_from_stamps, spread_s
+from recoil_acquisition.readers.text.text_table import printed_decimals
+from recoil_acquisition.readers.time.printed_time import PART_ROWS, Times, start_agreeing, uniform_from_printed
+from recoil_acquisition.readers.time.wall_clock import Stamp, Stamps
+from recoil_acquisition.timebase import AbsoluteStart, TimeBase
+
+TIME_UNITS_S = {
+    "s": 1.0, "sec": 1.0, "sec.": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "msec.": 1e-3,
+    "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0,
+}  # fmt: skip
+"""Units of time as recorders write them, in seconds."""
+
+FINE_STEPS = 50
+"""Resolutions of a stamp that a step must be for the stamps to be taken as printed instants."""
+
+DAY_S = 86400.0
+
+
+@dataclass(frozen=True)
+class TimeSource:
+    """Where the time of a table's rows comes from.
+
+    Attributes
+    ----------
+    column : int or None
+        Column of time; None where the rate alone tells.
+    unit_s : float or None
+        Unit of a relative time; None if the column holds stamps, or there is none.
+    parse : callable or None
+        Reads a stamp.
+    rate_hz : float or None
+        Sample rate that the file or the rig states.
+    rate_origin : str
+        What states it.
+    start : AbsoluteStart or None
+        Start that the file states apart from the column.
+    origin : str
+        Where stamps were read.
+    wraps : bool
+        Whether stamps are times of day, which begin anew at midnight.
+    remedy : str
+        What the user can do if the time cannot be used.
+    """
+
+    column: int | None
+    unit_s: float | None = None
+    parse: Callable[[str], Stamp] | None = None
+    rate_hz: float | None = None
+    rate_origin: str = ""
+    start: AbsoluteStart | None = None
+    origin: str = "first row of the time column"
+    wraps: bool = False
+    remedy: str = ""
+
+
+class PrintedColumn:
+    """A column of printed times in seconds, read some at a time: all of it may be more than memory should hold.
+
+    Parameters
+    ----------
+    columns : ColumnStore
+    column : int
+    unit_s : float
+        Unit of the print.
+    """
+
+    def __init__(self, columns: ColumnStore, column: int, unit_s: float) -> None:
+        self._columns, self.column, self.unit_s = columns, column, unit_s
+
+    @property
+    def size(self) -> int:
+        """Number of rows."""
+        return self._columns.block.row_count
+
+    def __getitem__(self, part: slice, /) -> NDArray[np.float64]:
+        """Return the times of some rows."""
+        printed = self._columns.column(self.column, part.start or 0, part.stop)
+        return printed if self.unit_s == 1.0 else printed * self.unit_s
+
+
+def time_base(
+    source: TimeSource, columns: ColumnStore, stamps: Stamps | None, clock: str
+) -> tuple[TimeBase, tuple[str, ...]]:
+    """Find the time base of a table's rows, and what is to say about it.
+
+    Raises
+    ------
+    ReadError
+        If the rows' instants are not told finely enough.
+    CorruptFileError
+        If a time is missing, time does not increase, or it contradicts the stated rate.
+    """
+    rows = columns.block.row_count
+    if source.column is None:
+        if source.rate_hz is None:
+            raise ReadError(
+                "there is no time column and no sample rate", path=columns.block.file.path, remedy=source.remedy
+            )
+        base = TimeBase.uniform(clock, 0.0, 1.0 / source.rate_hz, rows, source.start)
+        return base, (f"time is the row number over {source.rate_hz:g} Hz, {source.rate_origin}",)
+    _check_complete(columns, source.column)
+    if stamps is None:
+        return _from_relative(source, columns, PrintedColumn(columns, source.column, source.unit_s or 1.0), clock)
+    column = PrintedColumn(columns, source.column, 1.0)
+    if source.wraps:
+        return _from_stamps(source, columns, stamps, np.unwrap(column[:], period=DAY_S), clock)
+    return _from_stamps(source, columns, stamps, column, clock)
+
+
+def _check_complete(columns: ColumnStore, column: int) -> None:
+    if columns.lost[column]:
+        row = int(np.flatnonzero(np.isnan(columns.column(column)))[0])
+        raise CorruptFileError("the time is missing", path=columns.block.file.path, place=_place(columns, row))
+
+
+def _place(columns: ColumnStore, row: int) -> str:
+    return f"line {columns.block.first_line + row}, time column"
+
+
+def _from_relative(
+    source: TimeSource, columns: ColumnStore, printed: PrintedColumn, clock: str
+) -> tuple[TimeBase, tuple[str, ...]]:
+    resolution_s = printed.unit_s * 10.0 ** -printed_decimals(columns.block, printed.column)
+    if source.rate_hz is not None:
+        start_s = start_agreeing(printed, 1.0 / source.rate_hz, resolution_s)
+        if start_s is not None:
+            return TimeBase.uniform(clock, start_s, 1.0 / source.rate_hz, printed.size, source.start), ()
+        first_s, last_s = printed[:1][0], printed[printed.size - 1 :][0]
+        raise CorruptFileError(
+            "the time column contradicts the sample rate", path=columns.block.file.path,
+            expected=f"{source.rate_hz:g} Hz, {source.rate_origin}",
+            found=f"rows from {first_s:g} s to {last_s:g} s", remedy=source.remedy,
+        )  # fmt: skip
+    uniform = uniform_from_printed(printed, resolution_s)
+    if uniform is not None:
+        return TimeBase.uniform(clock, *uniform, printed.size, source.start), ()
+    return _as_printed(source, columns, columns.column(printed.column), printed[:], clock)
+
+
+def _as_printed(
+    source: TimeSource, columns: ColumnStore, printed: NDArray[np.float64], times_s: NDArray[np.float64], clock: str
+) -> tuple[TimeBase, tuple[str, ...]]:
+    """Take instants as printed, where they agree with no constant step."""
+    steps = np.diff(times_s)
+    if (steps <= 0).any():
+        row = int(np.flatnonzero(steps <= 0)[0]) + 1
+        raise CorruptFileError(
+            "time does not increase", path=columns.block.file.path, place=_place(columns, row),
+            expected=f"more than {printed[row - 1]:g}", found=f"{printed[row]:g}",
+            remedy="export with more decimals, one sample rate and one recording per file",
+        )  # fmt: skip
+    base = TimeBase.stamped(clock, times_s, source.start)
+    if times_s.size < 2:
+        return base, ("there is one row only: no sample rate",)
+    gaps = int((steps > 1.5 * np.median(steps)).sum())
+    note = f"steps of time differ by more than their printed digits ({gaps} gaps): instants are as printed"
+    return base, (note,)
+
+
+def _usual_step(seconds: Times) -> float:
+    """Return the median step between neighbours: that of the parts' medians, where all would take too much memory."""
+    parts = (seconds[at : at + PART_ROWS + 1] for at in range(0, seconds.size - 1, PART_ROWS))
+    return float(np.median([np.median(np.diff(part)) for part in parts]))
+
+
+def _from_stamps(
+    source: TimeSource, columns: ColumnStore, stamps: Stamps, seconds: Times, clock: str
+) -> tuple[TimeBase, tuple[str, ...]]:
+    path, resolution_s = columns.block.file.path, stamps.resolution_s
+    start = source.start
+    if start is None and stamps.first is not None and not source.wraps:
+        start = AbsoluteStart(stamps.first.text, stamps.first.zone, source.origin)
+    if source.rate_hz is not None:
+        spread = spread_s(seconds, source.rate_hz)
+        if spread > resolution_s * (1 + 1e-6) + 1e-9:
+            raise CorruptFileError(
+                "the time column contradicts the sample rate", path=path, place="time column",
+                expected=f"{source.rate_hz:g} Hz, {source.rate_origin}", found=f"stamps up to {spread:g} s off",
+                remedy=source.remedy,
+            )  # fmt: skip
+        note = f"time is the row number over {source.rate_hz:g} Hz, {source.rate_origin}"
+        return TimeBase.uniform(clock, 0.0, 1.0 / source.rate_hz, seconds.size, start), (note,)
+    if seconds.size > 1 and _usual_step(seconds) >= FINE_STEPS * resolution_s:
+        uniform = uniform_from_printed(seconds, resolution_s)
+        if uniform is None:
+            base, notes = _as_printed(source, columns, seconds[:], seconds[:], clock)
+            return TimeBase.stamped(clock, base.times_s, start), notes
+        return TimeBase.uniform(clock, *uniform, seconds.size, start), ()
+    try:
+        rate_hz, others = rate_from_stamps(seconds, resolution_s)
+    except ValueError as error:
+        raise ReadError(
+            f"absolute time is not fine enough: {error}", path=path, place="time column", remedy=source.remedy
+        ) from error
+    note = f"absolute time resolves only {resolution_s:g} s: time was rebuilt from the row number at {rate_hz:g} Hz"
+    doubt = f"the record is too short to exclude {', '.join(f'{rate:g}' for rate in others)} Hz"
+    return TimeBase.uniform(clock, 0.0, 1.0 / rate_hz, seconds.size, start), (note, doubt) if others else (note,)

@@ -1,0 +1,159 @@
+"""What the columns of a tracking export are: frame, time, coordinates of features, or derived.
+
+The wording of headings is not standardised, so they are classified by their words: ``Frame``,
+``Frame No``, ``Time (s)``, ``Feature #1 - X (mm)``, ``HIP_X``, ``x``. Without headings the numbers
+decide: whole numbers that increase are frames, a steady fraction behind them is time.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.readers.text.cells import split_unit
+
+AXES = ("x", "y", "z")
+_DERIVED = re.compile(r"vel|speed|acc|ang|theta|rot|dist|likelihood|score")
+_RATE = re.compile(r"vel|speed|acc|rate")
+_ANGLE_WORDS = ("ang", "angle", "theta", "rotation", "orientation")
+_TIME_WORDS = {"t", "time", "sec", "secs", "seconds"}
+_UNIT_CELL = re.compile(
+    r"[(\[]?(px|pix|pixels?|mm|cm|m|in|inch|ft|s|sec|ms|deg|rad|mm/s|m/s|mm/s2|m/s2|m/s\^2)[)\]]?", re.IGNORECASE
+)
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of a tracking export.
+
+    Attributes
+    ----------
+    kind : str
+        ``frame``, ``time``, ``position``, ``angle``, ``score`` (how sure the tracking is) or ``derived``.
+    name : str
+        Its heading without the unit.
+    unit : str
+        As the file spells it; empty if it states none.
+    feature : str
+        The feature whose coordinate, angle or score it is; may be empty.
+    axis : str
+        ``X``, ``Y`` or ``Z`` of a position.
+    """
+
+    kind: str
+    name: str
+    unit: str
+    feature: str = ""
+    axis: str = ""
+
+
+def classify(heading: str, unit: str = "") -> Column:
+    """Classify one heading by its words; ``unit`` is from a row of units, where there is one."""
+    name, stated = split_unit(heading)
+    unit = stated or unit
+    words = [w for w in re.split(r"[^0-9a-z]+", name.casefold()) if w]
+    if words and (words[0].startswith("frame") or words[-1].startswith("frame")):
+        return Column("frame", name, unit)
+    if words and (words[0] in _TIME_WORDS or words[-1] == "time"):
+        return Column("time", name, unit)
+    if words and words[-1] in AXES and not any(_DERIVED.match(w) for w in words):
+        feature = name[: name.casefold().rindex(words[-1])].rstrip(" -_.:,/")
+        return Column("position", name, unit, feature, words[-1].upper())
+    if words and words[-1] in _ANGLE_WORDS and not any(_RATE.match(w) for w in words):
+        feature = name[: name.casefold().rindex(words[-1])].rstrip(" -_.:,/")
+        return Column("angle", name, unit, feature)
+    return Column("derived", name, unit)
+
+
+def columns_from_headings(rows: Sequence[Sequence[str]], width: int) -> tuple[Column, ...] | None:
+    """Classify the columns by the header rows above the numbers.
+
+    Parameters
+    ----------
+    rows : sequence of sequence of str
+        Cells of the header's last rows, from top to bottom.
+    width : int
+        Number of columns of numbers.
+
+    Returns
+    -------
+    tuple of Column or None
+        None if no row is as wide as the numbers, so that there are no headings.
+    """
+    fitting = []
+    for row in reversed(rows):
+        cells = [*row, *[""] * max(0, width - len(row))]
+        if len(row) < 2 or any(cells[width:]) or not any(re.search(r"[^\W\d_]", cell) for cell in cells):
+            break
+        fitting.append(cells[:width])
+    if not fitting:
+        return None
+    units = [""] * width
+    if len(fitting) > 1 and all(not cell or _UNIT_CELL.fullmatch(cell) for cell in fitting[0]):
+        units = [cell.strip("()[] ") for cell in fitting.pop(0)]
+    names = fitting[0]
+    if len(fitting) > 1 and _is_upper_row(fitting[1], names):
+        names = _joined(fitting[1], names)
+    return tuple(classify(name, unit) for name, unit in zip(names, units, strict=True))
+
+
+def _is_upper_row(upper: Sequence[str], names: Sequence[str]) -> bool:
+    """Tell whether a row names features over a row of bare axes."""
+    bare = [classify(name).kind == "position" and not classify(name).feature for name in names]
+    return any(bare) and any(cell for cell, is_bare in zip(upper, bare, strict=True) if is_bare)
+
+
+def _joined(upper: Sequence[str], names: Sequence[str]) -> list[str]:
+    """Join feature names, merged over several cells, with the axes below them."""
+    feature, joined = "", []
+    for over, name in zip(upper, names, strict=True):
+        feature = over or feature
+        column = classify(name)
+        joined.append(f"{feature} - {name}" if feature and column.kind in ("position", "angle", "derived") else name)
+    return joined
+
+
+def columns_from_numbers(values: NDArray[np.float64]) -> tuple[Column, ...]:
+    """Classify the columns of a file without headings.
+
+    Parameters
+    ----------
+    values : ndarray of float64, shape (n_rows, n_columns)
+
+    Returns
+    -------
+    tuple of Column
+        The first is the frame if it holds increasing whole numbers; the next is time if it
+        increases steadily; the others are X and Y of ``feature1``, ``feature2`` ...
+    """
+    columns: list[Column] = []
+    if values.shape[1] > 2 and increasing_whole(values[:, 0]):
+        columns.append(Column("frame", "Frame", ""))
+    at = len(columns)
+    if values.shape[1] - at > 1 and _steady(values[:, at], values[:, 0] if columns else None):
+        columns.append(Column("time", "Time", ""))
+    for i in range(values.shape[1] - len(columns)):
+        feature, axis = f"feature{i // 2 + 1}", "XY"[i % 2]
+        columns.append(Column("position", f"{feature} {axis}", "", feature, axis))
+    return tuple(columns)
+
+
+def increasing_whole(numbers: NDArray[np.float64]) -> bool:
+    """Tell whether numbers are whole, below 2**53 and increase strictly."""
+    whole = np.isfinite(numbers).all() and bool(
+        (numbers == np.round(numbers)).all() and (np.abs(numbers) < 2.0**53).all()
+    )
+    return bool(whole and (np.diff(numbers) > 0).all())
+
+
+def _steady(numbers: NDArray[np.float64], frames: NDArray[np.float64] | None) -> bool:
+    """Tell whether numbers increase by a nearly constant step per frame."""
+    steps = np.diff(numbers)
+    if numbers.size < 3 or not np.isfinite(steps).all() or not (steps > 0).all():
+        return False
+    per_frame = steps if frames is None else steps / np.diff(frames)
+    return bool(np.abs(per_frame / np.median(per_frame) - 1).max() < 0.1)

@@ -1,0 +1,246 @@
+"""A table of tracks whose layout the rig declares: any text or workbook that no other reader knows.
+
+The layout is that of `readers.tracks.layout`. Nothing of the file is guessed: rows are read strictly from the
+declared line on, columns that are not declared are left out and named.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from difflib import get_close_matches
+from itertools import islice, pairwise
+from pathlib import Path
+
+import numpy as np
+
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.text.cells import is_lost, is_number, split_cells
+from recoil_acquisition.readers.text.rows import read_rows
+from recoil_acquisition.readers.text.sheet_text import is_workbook, read_sheets
+from recoil_acquisition.readers.text.text_file import LongText, Text, TextFile
+from recoil_acquisition.readers.text.text_table import Block
+from recoil_acquisition.readers.tracks.columns import Column
+from recoil_acquisition.readers.tracks.frame_time import frame_clock
+from recoil_acquisition.readers.tracks.layout import ColumnChoice, LayoutError, TrackLayout
+from recoil_acquisition.readers.tracks.recording import TrackRecording, TrackTable
+
+PART_BYTES = 1 << 20
+"""Of a text that is held at a time."""
+
+NO_ROW = re.compile("(?!)")
+
+REMEDY = "correct `layout` of this source in the rig file"
+
+
+class DeclaredTrackReader:
+    """Reader of tables of tracks that the rig describes."""
+
+    name = "declared track table"
+    kind = "camera"
+    suffixes = (".csv", ".txt", ".xlsx")
+
+    def claims(self, head: bytes) -> bool:  # noqa: ARG002  every reader is asked alike
+        """Claim nothing: the rig alone chooses this reader."""
+        return False
+
+    def open(self, path: Path, declared: Declarations) -> TrackRecording:
+        """Open a table.
+
+        Raises
+        ------
+        ReadError
+            If no layout is declared or it is faulty, a column is not there, or nothing tells the frame rate.
+        CorruptFileError
+            If there is no row, or a declared cell is no number.
+        """
+        if declared.layout is None:
+            raise ReadError(
+                "no layout is declared",
+                path=path,
+                place=f"source {declared.clock!r}",
+                remedy="declare `layout` of this source in the rig file",
+            )
+        try:
+            layout = TrackLayout.from_mapping(declared.layout)
+        except LayoutError as error:
+            raise ReadError(str(error), place=f"source {declared.clock!r}.layout", path=path, remedy=REMEDY) from error
+        file, layout = _text_of(path, layout)
+        header = list(islice(_lines(file), layout.first_row - 1))
+        headings = _headings(header, layout, path)
+        columns, at = _columns(layout, headings, path)
+        block = _block(file, layout, columns, at)
+        values = read_rows(block)
+        for i, column in enumerate(columns):
+            if column.kind not in ("frame", "time") and layout.lost_values:
+                values[np.isin(values[:, i], layout.lost_values), i] = np.nan
+        clock = frame_clock(block, values, columns, declared.frame_rate_hz)
+        left_out = [name for i, name in enumerate(headings) if i not in at and name]
+        notes = (f"columns that the layout does not declare were left out: {', '.join(left_out)}",) if left_out else ()
+        metadata = {"header": header, "encoding": file.encoding}
+        return TrackRecording(
+            TrackTable(path, self.name, columns, values, clock, metadata, notes, block.dropped), declared
+        )
+
+
+def _text_of(path: Path, layout: TrackLayout) -> tuple[Text, TrackLayout]:
+    """Return a file's text; that of a workbook is its first sheet's, with tabs and decimal points."""
+    try:
+        with path.open("rb") as opened:
+            head = opened.read(1024)
+    except OSError as error:
+        raise ReadError(
+            f"cannot be read: {error.strerror}", path=path, remedy="check the name and the folder"
+        ) from error
+    if not is_workbook(head):
+        return LongText(path), layout
+    sheet = read_sheets(path)[0]
+    return TextFile(path, sheet.text.encode(), "utf-8"), replace(layout, separator="\t", decimal=".")
+
+
+def _lines(file: Text) -> Iterator[str]:
+    """Yield the lines of a text, the last one if it has no end too; a part of the text is held at a time."""
+    at, cut = 0, b""
+    while at < file.size:
+        part = file.read(at, min(at + PART_BYTES, file.size))
+        at += len(part)
+        *whole, cut = (cut + part).split(file.line_end)
+        for line in whole:
+            yield line.removesuffix(b"\r").decode(file.encoding, errors="replace")
+    yield cut.decode(file.encoding, errors="replace")
+
+
+def _cells(line: str, layout: TrackLayout) -> list[str]:
+    if layout.separator == " ":
+        return line.split()
+    return split_cells(line, layout.separator)
+
+
+def _headings(lines: Sequence[str], layout: TrackLayout, path: Path) -> list[str]:
+    if layout.header_row is None:
+        return []
+    if layout.header_row > len(lines):
+        raise CorruptFileError(
+            "the file ends above the declared headings",
+            path=path,
+            expected=f"headings in line {layout.header_row}",
+            found=f"{len(lines)} lines",
+            remedy=REMEDY,
+        )
+    return _cells(lines[layout.header_row - 1], layout)
+
+
+def _columns(layout: TrackLayout, headings: Sequence[str], path: Path) -> tuple[tuple[Column, ...], list[int]]:
+    """Return the declared columns and where they are in a row, from 0."""
+    columns: list[Column] = []
+    at: list[int] = []
+
+    def add(key: str, choice: ColumnChoice | None, column: Column) -> None:
+        if choice is not None:
+            columns.append(column)
+            at.append(_place(choice, headings, key, layout, path))
+
+    add("frame_column", layout.frame_column, Column("frame", "frame", ""))
+    add("time_column", layout.time_column, Column("time", "time", layout.time_unit))
+    for i, f in enumerate(layout.features):
+        key = f"features[{i}]"
+        add(f"{key}.x", f.x, Column("position", f"{f.name} x", layout.unit, f.name, "X"))
+        add(f"{key}.y", f.y, Column("position", f"{f.name} y", layout.unit, f.name, "Y"))
+        add(f"{key}.angle", f.angle, Column("angle", f"{f.name} angle", layout.angle_unit, f.name))
+    return tuple(columns), at
+
+
+def _place(choice: ColumnChoice, headings: Sequence[str], key: str, layout: TrackLayout, path: Path) -> int:
+    if isinstance(choice, int):
+        return choice - 1
+    found = [i for i, heading in enumerate(headings) if heading.casefold() == choice.casefold()]
+    exact = [i for i in found if headings[i] == choice]
+    found = exact or found
+    if len(found) == 1:
+        return found[0]
+    near = get_close_matches(choice, [h for h in headings if h], n=3, cutoff=0.4)
+    raise ReadError(
+        f"{len(found)} columns are headed {choice!r}" if found else f"no column is headed {choice!r}",
+        path=path,
+        place=f"line {layout.header_row}, layout.{key}",
+        expected="one of " + ", ".join(repr(h) for h in (near or headings[:8])),
+        remedy=f"{REMEDY}; a column may be given by its number, from 1",
+    )
+
+
+def _rows(lines: Iterator[str]) -> Iterator[str]:
+    """Yield the complete rows: the last line has no end, and blank lines below the last row are none."""
+    waiting: list[str] = []
+    for row, _ in pairwise(lines):
+        waiting.append(row)
+        if row.strip():
+            yield from waiting
+            waiting.clear()
+
+
+def _block(file: Text, layout: TrackLayout, columns: Sequence[Column], at: Sequence[int]) -> Block:
+    """Return the declared columns alone, written plainly; a last row that may be cut is left out."""
+    end = file.read(max(file.size - PART_BYTES, 0), file.size).rpartition(file.line_end)[2]
+    dropped = "the last row has no line end and may be cut: it was left out" if end.strip() else ""
+    body, least = bytearray(), max(at) + 1
+    whole, groups = _row_of_numbers(layout, at), [f"c{i}" for i in at]
+    short: CorruptFileError | None = None
+    rows = _rows(islice(_lines(file), layout.first_row - 1, None))
+    for n, row in enumerate(rows):
+        if short is not None:
+            raise short
+        if (found := whole.match(row)) is not None:
+            body += ("\t".join([found[group] for group in groups]).replace(",", ".") + "\n").encode()
+            continue
+        cells = _cells(row, layout)
+        if len(cells) < least:
+            short = CorruptFileError(
+                "a row has too few cells for the declared columns",
+                path=file.path,
+                place=f"line {layout.first_row + n}",
+                expected=f"at least {least} cells",
+                found=f"{len(cells)}",
+                remedy=f"{REMEDY}: its `separator`, `first_row` or columns",
+            )
+            continue
+        plain = (_plain(cells[i], c, layout, n, file.path) for i, c in zip(at, columns, strict=True))
+        body += ("\t".join(plain) + "\n").encode()
+    if short is not None and (dropped or not body):
+        raise short
+    if short is not None:
+        dropped = f"the last row has fewer than {least} cells: it was left out"
+    if not body:
+        raise CorruptFileError(
+            "there is no complete row of numbers", path=file.path, place=f"line {layout.first_row}", remedy=REMEDY
+        )
+    names = tuple(column.name for column in columns)
+    written = TextFile(file.path, bytes(body), "utf-8")
+    return Block(written, 0, len(body) - 1, layout.first_row, "\t", names, False, dropped)
+
+
+def _row_of_numbers(layout: TrackLayout, at: Sequence[int]) -> re.Pattern[str]:
+    """Return what matches a row without quotes whose declared cells are all numbers: as most rows are, at once."""
+    parting, mark = re.escape(layout.separator), re.escape(layout.decimal)
+    number = rf" *(?P<c{{}}>[+-]?(?:[0-9]+(?:{mark}[0-9]*)?|{mark}[0-9]+)(?:[eE][+-]?[0-9]+)?) *"
+    cells = [number.format(i) if i in at else rf'[^{parting}"]*' for i in range(max(at) + 1)]
+    if layout.separator == " ":
+        return NO_ROW
+    return re.compile(parting.join(cells) + rf'(?:{parting}[^"]*)?\Z')
+
+
+def _plain(cell: str, column: Column, layout: TrackLayout, row: int, path: Path) -> str:
+    """Write a cell with a decimal point; a lost one as nan."""
+    if is_lost(cell) or (cell.casefold() in layout.lost and column.kind not in ("frame", "time")):
+        return "nan"
+    if not is_number(cell) or (layout.decimal not in cell and ("," in cell or "." in cell)):
+        raise CorruptFileError(
+            "a cell is not a number",
+            path=path,
+            place=f"line {layout.first_row + row}, column {column.name!r}",
+            expected=f"a number with decimal {layout.decimal!r}, an empty cell, or one of `lost`",
+            found=repr(cell[:40]),
+            remedy=f"{REMEDY}: its `decimal`, `first_row`, columns or `lost`",
+        )
+    return cell.replace(",", ".")

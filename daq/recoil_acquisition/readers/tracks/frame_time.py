@@ -1,0 +1,213 @@
+"""The frame numbers, the frame rate and the time zero of a tracking export."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.text.text_table import Block, printed_decimals
+from recoil_acquisition.readers.time.printed_time import SLACK_S, start_agreeing, uniform_from_printed
+from recoil_acquisition.readers.tracks.columns import Column, increasing_whole
+
+TIME_UNITS_S = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6, "µs": 1e-6}
+
+CONTRADICTION = 0.005
+"""Relative difference of declared and recorded frame rate above which they contradict each other."""
+
+NO_NUMBERS = (
+    "the file has neither frame numbers nor time: rows are counted as frames, and a missing frame cannot be seen"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class FrameClock:
+    """When the frames of a tracking export were: ``start_s + numbers / rate_hz``.
+
+    Attributes
+    ----------
+    numbers : ndarray of int64, shape (n_frames,)
+        Strictly increasing.
+    rate_hz : float
+    start_s : float
+        Time of frame number 0 as the file's time column has it; 0 without one.
+    notes : tuple of str
+    """
+
+    numbers: NDArray[np.int64]
+    rate_hz: float
+    start_s: float
+    notes: tuple[str, ...]
+
+    @property
+    def times_s(self) -> NDArray[np.float64]:
+        """Instants of the frames, shape (n_frames,)."""
+        return self.start_s + self.numbers / self.rate_hz
+
+
+def frame_clock(
+    block: Block, values: NDArray[np.float64], columns: Sequence[Column], declared_hz: float | None
+) -> FrameClock:
+    """Find when the frames of a tracking export were.
+
+    Parameters
+    ----------
+    block : Block
+        The numbers as printed.
+    values : ndarray of float64, shape (n_frames, n_columns)
+    columns : sequence of Column
+    declared_hz : float or None
+        The frame rate that the rig declares.
+
+    Returns
+    -------
+    FrameClock
+
+    Raises
+    ------
+    ReadError
+        If there is neither a time column in a known unit nor a declared rate.
+    CorruptFileError
+        If frame numbers or times are missing or do not increase.
+    """
+    at = {column.kind: i for i, column in reversed(list(enumerate(columns)))}
+    numbers = _frame_numbers(block, values[:, at["frame"]], columns[at["frame"]]) if "frame" in at else None
+    if "time" in at:
+        clock = _clock_from_time(block, values[:, at["time"]], columns, at["time"], numbers, declared_hz)
+        return replace(clock, notes=(*clock.notes, *_missing(clock.numbers)))
+    if numbers is None:
+        clock = counted_clock(np.arange(len(values), dtype=np.int64), declared_hz, block.file.path)
+        return replace(clock, notes=(NO_NUMBERS,))
+    return counted_clock(numbers, declared_hz, block.file.path)
+
+
+def counted_clock(numbers: NDArray[np.int64], declared_hz: float | None, path: Path) -> FrameClock:
+    """Return when frames were whose file has their numbers and no time.
+
+    Parameters
+    ----------
+    numbers : ndarray of int64, shape (n_frames,)
+        Strictly increasing.
+    declared_hz : float or None
+        The frame rate that the rig declares.
+    path : Path
+        The file, for the message.
+
+    Raises
+    ------
+    ReadError
+        If no frame rate is declared.
+    """
+    if declared_hz is None:
+        raise ReadError(
+            "the frame rate is unknown: the file has no time column",
+            path=path,
+            remedy="declare `frame_rate` (Hz) of this source in the rig file",
+        )
+    return FrameClock(numbers, declared_hz, 0.0, _missing(numbers))
+
+
+def _missing(numbers: NDArray[np.int64]) -> tuple[str, ...]:
+    """Return a note if numbers between the first and the last frame are missing."""
+    if not numbers.size:
+        return ()
+    first, last = int(numbers[0]), int(numbers[-1])
+    missing = last - first + 1 - numbers.size
+    note = f"missing frames (numbers between {first} and {last} that are not in the file): {missing}"
+    return (note,) if missing else ()
+
+
+def _frame_numbers(block: Block, numbers: NDArray[np.float64], column: Column) -> NDArray[np.int64]:
+    if increasing_whole(numbers):
+        return numbers.astype(np.int64)
+    sound = np.isfinite(numbers) & (numbers == np.round(numbers)) & (np.abs(numbers) < 2.0**53)
+    row = int(np.flatnonzero(~(sound & np.r_[True, np.diff(numbers) > 0]))[0])
+    raise CorruptFileError(
+        "the frame number is not a whole number larger than the one before",
+        path=block.file.path,
+        place=block.place(row, column.name),
+        found=f"{numbers[row]:g}",
+        remedy="export one clip per file",
+    )
+
+
+def _clock_from_time(
+    block: Block,
+    printed: NDArray[np.float64],
+    columns: Sequence[Column],
+    at: int,
+    numbers: NDArray[np.int64] | None,
+    declared_hz: float | None,
+) -> FrameClock:
+    """Find the frame rate from the time column, and compare it with the declared one."""
+    heading, path = columns[at], block.file.path
+    if np.isnan(printed).any():
+        row = int(np.flatnonzero(np.isnan(printed))[0])
+        raise CorruptFileError("the time is missing", path=path, place=block.place(row, heading.name))
+    unit = heading.unit.casefold()
+    if unit not in (*TIME_UNITS_S, ""):
+        known = ", ".join(TIME_UNITS_S)
+        raise ReadError("the unit of the time column is unknown", path=path, expected=known, found=repr(heading.unit))
+    factor = TIME_UNITS_S[unit or "s"]
+    notes: tuple[str, ...] = () if unit else ("the time column states no unit: it was read in seconds",)
+    times_s = printed * factor
+    backwards = np.flatnonzero(np.diff(times_s) < 0)
+    if backwards.size or times_s.size < 2 or times_s[-1] == times_s[0]:
+        row = int(backwards[0]) + 1 if backwards.size else 0
+        place = block.place(row, heading.name)
+        raise CorruptFileError("time does not increase", path=path, place=place, remedy="export one clip per file")
+    if numbers is None:
+        numbers = _numbers_from(times_s)
+    resolution_s = factor * 10.0 ** -printed_decimals(block, at)
+    if declared_hz is not None:
+        start_s = start_agreeing(times_s, 1.0 / declared_hz, resolution_s, numbers)
+        if start_s is not None:
+            return FrameClock(numbers, declared_hz, start_s, notes)
+    uniform = uniform_from_printed(times_s, resolution_s, numbers)
+    if uniform is None:
+        uniform, note = _robust_line(times_s, numbers, resolution_s)
+        notes += (note,)
+    rate_hz = 1.0 / uniform[1]
+    if declared_hz is not None:
+        notes += (_contradiction(rate_hz, declared_hz),)
+    return FrameClock(numbers, rate_hz, uniform[0], notes)
+
+
+def _numbers_from(times_s: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return frame numbers by time where the file has none: a long step is a gap."""
+    steps = np.diff(times_s)
+    typical = float(np.median(steps))
+    if not typical > 0 or steps.max() / typical > 1e9:
+        return np.arange(times_s.size, dtype=np.int64)
+    numbers = np.r_[0, np.round(steps / typical).cumsum()].astype(np.int64)
+    return numbers if (np.diff(numbers) > 0).all() else np.arange(times_s.size, dtype=np.int64)
+
+
+def _robust_line(
+    times_s: NDArray[np.float64], numbers: NDArray[np.int64], resolution_s: float
+) -> tuple[tuple[float, float], str]:
+    """Fit start and step to the rows that agree with the median slope; say how many rows disagree."""
+    half = times_s.size // 2
+    slopes = (times_s[-half:] - times_s[:half]) / (numbers[-half:] - numbers[:half])
+    step_s = float(np.median(slopes[slopes > 0]))
+    residuals = times_s - step_s * numbers
+    sound = np.abs(residuals - np.median(residuals)) <= resolution_s + SLACK_S
+    start_s, step_s = uniform_from_printed(times_s[sound], resolution_s, numbers[sound]) or (
+        float(np.median(residuals)),
+        step_s,
+    )
+    residuals = times_s - step_s * numbers
+    off = int((np.abs(residuals - start_s) > 0.5 * resolution_s + SLACK_S).sum())
+    note = f"the printed time of {off} frames disagrees with their numbers at {1 / step_s:.6g} Hz"
+    return (start_s, step_s), f"{note}: time is from the numbers"
+
+
+def _contradiction(rate_hz: float, declared_hz: float) -> str:
+    contradicts = abs(declared_hz / rate_hz - 1) > CONTRADICTION
+    verb, hint = ("contradicts", " (a playback rate?)") if contradicts else ("differs from", "")
+    own = f"the file's own frame rate of {rate_hz:.8g} Hz"
+    return f"{own} {verb} the declared {declared_hz:g} Hz{hint}: the file's was taken"

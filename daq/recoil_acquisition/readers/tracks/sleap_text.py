@@ -1,0 +1,161 @@
+"""SLEAP's analysis table as text: one row per animal and frame.
+
+Columns ``track``, ``frame_idx``, ``instance.score``, then ``<node>.x``, ``<node>.y``, ``<node>.score`` for every
+node; frames are counted from 0, coordinates are in pixels, the centre of the first one being 0. A frame in which
+nothing was found has no row, a node that was not found has empty cells, and the file has no time. Source: SLEAP
+documentation, "Export data for analysis", and ``sleap.io.convert``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.text.rows import iter_rows
+from recoil_acquisition.readers.text.text_file import decode_head
+from recoil_acquisition.readers.text.text_table import Block
+from recoil_acquisition.readers.tracks.columns import Column
+from recoil_acquisition.readers.tracks.frame_time import counted_clock
+from recoil_acquisition.readers.tracks.headed_text import read_headed_text
+from recoil_acquisition.readers.tracks.recording import TrackRecording, TrackTable, refuse_layout
+from recoil_acquisition.readers.tracks.signature import signature
+
+MOST_TRACKS = 256
+"""Animals of one film; more of them are identities that were lost and found anew."""
+
+MOST_BYTES, MOST_RATIO = 1 << 26, 10
+"""Of animals side by side in every frame: bytes, or so many times the file's size where that is more."""
+
+JOIN = "join the tracks of one animal in SLEAP and export again"
+
+Places = NDArray[np.intp]
+
+
+class SleapTextReader:
+    """Reader of SLEAP's analysis table as text."""
+
+    name = "SLEAP text"
+    kind = "camera"
+    suffixes = (".csv",)
+
+    def claims(self, head: bytes) -> bool:
+        """Tell whether the headings have a frame index and a node's coordinate."""
+        return signature(decode_head(head).split("\n")[:1]) == "sleap"
+
+    def open(self, path: Path, declared: Declarations) -> TrackRecording:
+        """Open a table.
+
+        Raises
+        ------
+        ReadError
+            If no frame rate is declared.
+        CorruptFileError
+            If a row is damaged, or an animal is in one frame twice.
+        """
+        refuse_layout(declared, path)
+        text = read_headed_text(path, lambda cells: "frame_idx" in cells)
+        names = text.rows[0]
+        if "frame_idx" not in names or len(set(names)) < len(names):
+            raise CorruptFileError("no heading of a SLEAP table", path=path, place="line 1", expected="frame_idx, once")
+        named = names[0] == "track"
+        block = text.block(names, text_columns=int(named))
+        values, animals, animal = _instances(block, named=named)
+        at = names.index("frame_idx")
+        frames, row = _frames(values[:, at], block)
+        kept = [i for i in range(len(names)) if i != at and not (named and i == 0)]
+        table = _paths(values, kept, row, animal, (frames.size, len(animals)), block)
+        del values
+        columns = tuple(sleap_column(name if len(animals) > 1 else "", names[i]) for name in animals for i in kept)
+        clock = counted_clock(frames, declared.frame_rate_hz, path)
+        metadata = {"tracks": animals, "encoding": text.file.encoding, "first_pixel": 0}
+        return TrackRecording(
+            TrackTable(path, self.name, columns, table, clock, metadata, incomplete=block.dropped), declared
+        )
+
+
+def _instances(block: Block, *, named: bool) -> tuple[NDArray[np.float64], list[str], Places]:
+    """Read the rows, each of which is an animal in a frame; return them, the animals, and the animal of each row."""
+    values = np.empty((block.row_count, len(block.columns)))
+    animal: Places = np.zeros(len(values), dtype=np.intp)
+    number: dict[str, int] = {}
+    for rows, numbers, names in iter_rows(block, named=named):
+        values[rows] = numbers
+        for name in dict.fromkeys(names):
+            number.setdefault(name, len(number))
+        if len(number) > 1:
+            animal[rows] = list(map(number.__getitem__, names))
+    if len(number) > MOST_TRACKS:
+        raise CorruptFileError(
+            f"{len(number)} tracks in one film", path=block.file.path, expected=f"at most {MOST_TRACKS}", remedy=JOIN
+        )
+    return values, list(number) or [""], animal
+
+
+def _frames(numbers: NDArray[np.float64], block: Block) -> tuple[NDArray[np.int64], Places]:
+    """Return the frames, increasing, and which of them each row is of."""
+    bad = np.flatnonzero(~(np.isfinite(numbers) & (numbers == np.round(numbers)) & (np.abs(numbers) < 2.0**53)))
+    if bad.size:
+        place = block.place(int(bad[0]), "frame_idx")
+        raise CorruptFileError("the frame is no whole number", path=block.file.path, place=place)
+    if (np.diff(numbers) > 0).all():
+        return numbers.astype(np.int64), np.arange(numbers.size)
+    frames, row = np.unique(numbers.astype(np.int64), return_inverse=True)
+    return frames, row
+
+
+def _paths(
+    values: NDArray[np.float64], kept: Sequence[int], row: Places, animal: Places, shape: tuple[int, int], block: Block
+) -> NDArray[np.float64]:
+    """Put the animals of a frame side by side; an animal that is not in a frame is NaN there.
+
+    Parameters
+    ----------
+    values : ndarray of float64, shape (n_rows, n_columns)
+    kept : sequence of int
+        Columns that are taken.
+    row, animal : ndarray of intp, shape (n_rows,)
+        Frame and animal of each row.
+    shape : tuple of int
+        Number of frames and of animals.
+    block : Block
+
+    Returns
+    -------
+    ndarray of float64, shape (n_frames, n_animals * n_kept)
+    """
+    frames, animals = shape
+    size = 8 * frames * animals * len(kept)
+    if size > max(MOST_BYTES, MOST_RATIO * block.stop):
+        raise ReadError(
+            f"{animals} tracks over {frames} frames, of which few are in any one frame", path=block.file.path,
+            found=f"{len(values)} rows, {size >> 20} MB side by side", remedy=JOIN,
+        )  # fmt: skip
+    place = row * animals + animal
+    order = np.sort(place)
+    if (order[1:] == order[:-1]).any():
+        _, first, count = np.unique(place, return_index=True, return_counts=True)
+        raise CorruptFileError(
+            "a track is in one frame more than once", path=block.file.path,
+            place=block.place(int(first[count > 1].min()), "frame_idx"),
+            remedy="track the instances in SLEAP, so that each has a track of its own, and export again",
+        )  # fmt: skip
+    del order
+    table = np.full((frames * animals, len(kept)), np.nan)
+    for i, column in enumerate(kept):
+        table[place, i] = values[:, column]
+    return table.reshape(frames, -1)
+
+
+def sleap_column(animal: str, heading: str) -> Column:
+    """Return the column of a heading such as ``tip.x`` or ``instance.score``."""
+    node, _, what = heading.rpartition(".")
+    feature = " ".join(part for part in (animal, node) if part)
+    name = " ".join(part for part in (animal, heading) if part)
+    if what in ("x", "y"):
+        return Column("position", name, "px", feature, what.upper())
+    return Column("score" if what == "score" else "derived", name, "", feature)

@@ -1,0 +1,102 @@
+r"""Data that Tracker (Open Source Physics) exports from its tables.
+
+An optional line ``#multi:``, a row with the names of the tracks, each over its first column, and a row of variables
+that begins with ``t``: ``x``, ``y``, ``v_{x}`` or ``vx`` ...; then one row per step. A step without a mark keeps its
+row, with empty cells; velocities, which are central differences, are empty at the ends. Separated by tabs, semicolons,
+commas or several spaces, often with a separator at the end of the row. Time is in seconds; lengths are in whatever
+the user calibrated, which the file does not say. Source: Tracker help, "Exporting data"; examples quoted by the
+physics department of Brock University.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from recoil_acquisition.errors import CorruptFileError
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.text.cells import has_decimal_comma, split_cells
+from recoil_acquisition.readers.text.rows import read_rows
+from recoil_acquisition.readers.text.text_file import LongText, Text, decode_head
+from recoil_acquisition.readers.text.text_table import find_block
+from recoil_acquisition.readers.tracks.columns import AXES, Column
+from recoil_acquisition.readers.tracks.frame_time import frame_clock
+from recoil_acquisition.readers.tracks.recording import TrackRecording, TrackTable, refuse_layout
+from recoil_acquisition.readers.tracks.signature import signature, spread, spread_text, tracker_header
+
+HEAD_ROWS = 9
+"""Rows by which header and decimal mark are found."""
+
+
+class TrackerTextReader:
+    """Reader of Tracker's exported data."""
+
+    name = "Tracker text"
+    kind = "camera"
+    suffixes = (".txt", ".csv")
+
+    def claims(self, head: bytes) -> bool:
+        """Tell whether a row of names stands over a row of variables that begins with the time."""
+        return signature(decode_head(head).split("\n")[:8]) == "tracker"
+
+    def open(self, path: Path, declared: Declarations) -> TrackRecording:
+        """Open an export.
+
+        Raises
+        ------
+        ReadError
+            If it has no variable but the time.
+        CorruptFileError
+            If its header or a row is damaged, or time does not increase.
+        """
+        refuse_layout(declared, path)
+        file = LongText(path)
+        head = file.lines(HEAD_ROWS)
+        found = tracker_header(head[:4])
+        if found is None:
+            raise CorruptFileError(
+                "no header of a Tracker export",
+                path=path,
+                expected="a row of track names over a row that begins with `t`",
+                remedy="export it again with File > Export > Data File",
+            )
+        row, separator = found
+        lines = [split_cells(spread(line), separator) for line in head[: row + 6]]
+        columns = _columns(lines[row - 1], lines[row], single=row == 1)
+        comma = has_decimal_comma(lines[row + 1 :], separator)
+        parted: Text = file
+        start = file.line_start(row + 1)
+        if any(spread(line) != line for line in head):
+            parted = spread_text(file)
+            start = parted.start_of(row + 1)
+        block = find_block(parted, start, separator, [column.name for column in columns], decimal_comma=comma)
+        values = read_rows(block)
+        # a frame column of one track of several is empty where that track is
+        columns = tuple(
+            replace(c, kind="derived") if c.kind == "frame" and np.isnan(values[:, i]).any() else c
+            for i, c in enumerate(columns)
+        )
+        clock = frame_clock(block, values, columns, declared.frame_rate_hz)
+        metadata = {"header": head[: row + 1], "encoding": file.encoding, "separator": separator}
+        return TrackRecording(
+            TrackTable(path, self.name, columns, values, clock, metadata, incomplete=block.dropped), declared
+        )
+
+
+def _columns(over: list[str], names: list[str], *, single: bool) -> tuple[Column, ...]:
+    """Return the columns under a row of track names over a row of variables."""
+    while not names[-1]:
+        names = names[:-1]
+    only = next(cell for cell in over if cell)
+    feature, columns = "", [Column("time", names[0], "s")]
+    for track, name in zip([*over[1:], *[""] * len(names)], names[1:], strict=False):
+        feature = only if single else track or feature
+        if name.casefold() == "frame":
+            columns.append(Column("frame", f"{feature} {name}", "", feature))
+        elif name.casefold() in AXES:
+            columns.append(Column("position", f"{feature} {name}", "", feature, name.upper()))
+        else:
+            columns.append(Column("derived", f"{feature} {name}", "", feature))
+    return tuple(columns)

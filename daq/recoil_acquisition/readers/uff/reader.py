@@ -1,0 +1,223 @@
+"""Universal Files: time responses of datasets 58 and 58b.
+
+Read here and not by pyuff, which reads every sample with every header, loses signs beyond ASCII in
+units, and stops at blank lines and at exponents written with D. Layout: see `recoil_acquisition.readers.uff.dataset`.
+"""
+
+from __future__ import annotations
+
+import mmap
+from collections import Counter
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.errors import CorruptFileError
+from recoil_acquisition.readers.containers.stored_channels import StoredChannel, StoredRecording, damage_is_reported
+from recoil_acquisition.readers.containers.stored_time import StoredTime, resolution_of, time_from_stamps
+from recoil_acquisition.readers.reader import Declarations, SignalHeader
+from recoil_acquisition.readers.text.cells import unique_names
+from recoil_acquisition.readers.text.dewesoft_time import is_absolute, parse_dewesoft_stamp
+from recoil_acquisition.readers.uff.dataset import (
+    DOUBLE,
+    FUNCTIONS,
+    SINGLE,
+    TIME,
+    TIME_RESPONSE,
+    Remark,
+    UffDataset,
+    is_uff,
+    iter_datasets,
+)
+from recoil_acquisition.timebase import AbsoluteStart, TimeBase
+
+TIME_UNITS_S = {"": 1.0, "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
+PRINTED_DIGITS = 6
+"""Of the abscissa's start and step in the header (format E13.5)."""
+
+
+_DATE_LINE = 2
+"""Of a dataset's five lines of identification, the one whose beginning is by convention the date and time."""
+
+
+class UffReader:
+    """Reader of Universal Files, dataset 58."""
+
+    name = "UFF 58"
+    kind = "dewetron"
+    suffixes = (".uff", ".unv")
+
+    def claims(self, head: bytes) -> bool:
+        """Tell whether the file begins with a line ``-1`` and a dataset's number."""
+        return is_uff(head)
+
+    def open(self, path: Path, declared: Declarations) -> StoredRecording:
+        """Open a file; uneven abscissas are read, samples are not.
+
+        Raises
+        ------
+        ReadError
+            If it holds no time response.
+        CorruptFileError
+            If it is damaged.
+        """
+        with damage_is_reported(path, "a whole Universal File"):
+            with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+                # A map is searched and cut as bytes are
+                found = list(iter_datasets(data, len(data)))  # type: ignore[arg-type]
+            if found and isinstance(found[0], Remark) and found[0].is_cut:
+                raise CorruptFileError("no whole dataset", path=path, found=found[0].text, remedy="export it again")
+            return _recording(path, found, declared.clock)
+
+
+def _recording(path: Path, found: list[UffDataset | Remark], clock: str) -> StoredRecording:
+    notes = [f"{r.text}: left out" for r in found if isinstance(r, Remark)]
+    incomplete = next((r.text for r in found if isinstance(r, Remark) and r.is_cut), "")
+    chosen: list[tuple[UffDataset, StoredTime]] = []
+    for data in (d for d in found if isinstance(d, UffDataset)):
+        reason = _why_not(data)
+        time = reason or _time(path, data, clock, notes)
+        if isinstance(time, str):
+            notes.append(f"{_label(data)}: {time}: left out")
+        else:
+            chosen.append((data, time))
+    plain = [_label(data) for data, _ in chosen]
+    repeated = {name for name, count in Counter(plain).items() if count > 1}
+    names, name_notes = unique_names(
+        [f"{n} {d.node} {d.direction}" if n in repeated else n for n, (d, _) in zip(plain, chosen, strict=True)]
+    )
+    channels = []
+    for name, (data, time) in zip(names, chosen, strict=True):
+        if any(ord(c) > 126 for c in data.unit + data.label):
+            notes.append(
+                f"{name}: signs beyond ASCII in its unit or label, whose encoding is not stated: {data.unit!r}"
+            )
+        if not data.unit:
+            notes.append(f"{name}: no unit is stated")
+        header = SignalHeader(
+            name, data.unit, time.time_base.count,
+            metadata={"header": list(data.lines), "label": data.label, "node": data.node, "direction": data.direction},
+        )  # fmt: skip
+        channels.append(StoredChannel(header, time.time_base, partial(_samples, path, data, time.kept)))
+    metadata = {"datasets": len(found)}
+    start = _start([data for data, _ in chosen], notes)
+    return StoredRecording(path, UffReader.name, channels, metadata, [*notes, *name_notes], incomplete, start)
+
+
+def _start(chosen: list[UffDataset], notes: list[str]) -> AbsoluteStart | None:
+    """Return the date that all datasets state; if they do not agree there is none."""
+    stated = {data.lines[_DATE_LINE].strip() for data in chosen}
+    dates = sorted(text for text in stated if is_absolute(text))
+    if len(dates) == 1 and len(stated) == 1:
+        try:
+            instant = parse_dewesoft_stamp(dates[0]).second
+        except ValueError:
+            return None
+        return AbsoluteStart(instant.isoformat(), "unknown", "third identification line of the datasets")
+    if dates:
+        shown = ", ".join(dates[:4]) + (" ..." if len(dates) > 4 else "")
+        notes.append(f"not all datasets state the same date ({shown}): the start is not known")
+    return None
+
+
+def _label(data: UffDataset) -> str:
+    named = data.entity or data.lines[0].strip()
+    return named if named and named.upper() != "NONE" else f"node {data.node} {data.direction}"
+
+
+def _why_not(data: UffDataset) -> str:
+    """Say why a dataset is no time response; empty if it is one."""
+    if data.function != TIME_RESPONSE:
+        return FUNCTIONS.get(data.function, f"function {data.function}") + ", not a time response"
+    if data.ordinate not in (SINGLE, DOUBLE):
+        return "complex values" if data.ordinate in (5, 6) else f"ordinate type {data.ordinate}"
+    if data.abscissa_kind not in (0, TIME):
+        return f"an abscissa of type {data.abscissa_kind}, not time"
+    if data.abscissa_unit.casefold() not in TIME_UNITS_S:
+        return f"an abscissa in {data.abscissa_unit!r}, which is no unit of time"
+    return ""
+
+
+def _time(path: Path, data: UffDataset, clock: str, notes: list[str]) -> StoredTime | str:
+    factor = TIME_UNITS_S[data.abscissa_unit.casefold()]
+    if not data.abscissa_unit:
+        notes.append(f"{_label(data)}: its abscissa states no unit: read as seconds")
+    try:
+        if not data.even:
+            times = _values(path, data)[0]
+            resolution = _resolution(data, times)
+            stored = time_from_stamps(clock, times.astype(np.float64) * factor, resolution * factor)
+            if stored.note:
+                notes.append(f"{_label(data)}: {stored.note}")
+            return stored
+        base = TimeBase.uniform(clock, data.start * factor, data.step * factor, data.count)
+    except ValueError as error:
+        return f"its time is wrong ({error})"
+    last_digit = 0.5 * 10.0 ** (np.floor(np.log10(data.step)) - PRINTED_DIGITS + 1)
+    if last_digit * data.count > 0.1 * data.step and abs(1 / data.step - round(1 / data.step)) > 1e-9 / data.step:
+        notes.append(
+            f"{_label(data)}: its step has {PRINTED_DIGITS} digits: time may be off by up to"
+            f" {last_digit * data.count * factor:.1g} s at the end"
+        )
+    return StoredTime(base, None, "")
+
+
+def _resolution(data: UffDataset, times: NDArray[Any]) -> float:
+    """Return the step of an uneven abscissa's numbers; as text they have six digits."""
+    if data.binary:
+        return resolution_of(times)
+    largest = float(np.abs(times).max())
+    return float(10.0 ** (np.floor(np.log10(largest)) - PRINTED_DIGITS + 1)) if largest else 0.0
+
+
+def _values(path: Path, data: UffDataset, start: int = 0, stop: int | None = None) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Read abscissas, empty if they are even, and ordinates of one dataset, shape (stop - start,) each."""
+    stop = data.count if stop is None else stop
+    if not data.binary:
+        return _printed(path, data, start, stop)
+    order = ">" if data.big_endian else "<"
+    width = (data.data_end - data.data_at) // data.count
+    ordinate = f"{order}f{4 if data.ordinate == SINGLE else 8}"
+    fields = [("y", ordinate)]
+    if not data.even:
+        fields.insert(0, ("x", f"{order}f{width - np.dtype(ordinate).itemsize}"))
+    with path.open("rb") as file:
+        file.seek(data.data_at + start * width)
+        rows = np.frombuffer(file.read((stop - start) * width), np.dtype(fields))
+    return rows["x"] if not data.even else np.empty(0), rows["y"]
+
+
+def _printed(path: Path, data: UffDataset, start: int, stop: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    with path.open("rb") as file:
+        file.seek(data.data_at)
+        content = file.read(data.data_end - data.data_at)
+    cells = content.replace(b"D", b"E").replace(b"d", b"e").split()
+    expected = data.count * (1 if data.even else 2)
+    if len(cells) != expected:
+        raise CorruptFileError(
+            "a dataset has not as many values as it states", path=path, place=f"dataset at byte {data.at}",
+            expected=f"{expected}", found=f"{len(cells)}",
+        )  # fmt: skip
+    try:
+        numbers = np.array(cells).astype(np.float64)
+    except ValueError as error:
+        raise CorruptFileError(
+            "a value is no number", path=path, place=f"dataset at byte {data.at}", found=str(error)
+        ) from error
+    if data.even:
+        return np.empty(0), numbers[start:stop]
+    return numbers[0::2][start:stop], numbers[1::2][start:stop]
+
+
+def _samples(
+    path: Path, data: UffDataset, kept: NDArray[np.int64] | None, start: int, stop: int
+) -> NDArray[np.float64]:
+    if kept is not None:
+        return np.asarray(_values(path, data)[1][kept[start:stop]], np.float64)
+    values = _values(path, data, start, stop)[1].astype(np.float64)
+    if values.size != stop - start:
+        raise ValueError(f"{values.size} values of {stop - start}")
+    return values

@@ -1,0 +1,235 @@
+"""One firing, assembled."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.acquisition import Acquisition
+from recoil_acquisition.channel import Channel, Step
+from recoil_acquisition.shot_name import check_shot_name
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Verdict = Literal["ok", "warn", "fail"]
+AlignmentStatus = Literal["ok", "ambiguous", "failed"]
+Times = TypeVar("Times", float, NDArray[np.float64])
+
+
+@dataclass(frozen=True)
+class InputFile:
+    """A file that went into a shot.
+
+    Attributes
+    ----------
+    name : str
+        File name without folders.
+    sha256 : str
+        Hexadecimal digest of its bytes.
+    size : int
+        Bytes.
+    source : str
+        Name of the rig's source that it was matched to; empty for the record of the acquisition.
+    reader : str
+        Name of the reader that read it; ``acquisition`` for that record.
+    """
+
+    name: str
+    sha256: str
+    size: int
+    source: str
+    reader: str
+
+
+@dataclass(frozen=True)
+class ClockAlignment:
+    """How one clock maps to the reference clock: ``t_ref = (1 + drift) * t_source + offset_s``.
+
+    Attributes
+    ----------
+    clock : str
+    offset_s : float
+    u_offset_s : float
+        Standard uncertainty of the mapped time in the middle of the motion.
+    drift : float
+        Dimensionless; 0 where the record cannot resolve one.
+    u_drift : float
+    status : str
+        ``ok``, ``ambiguous`` or ``failed``.
+    method : str
+        ``motion``, ``redundant``, ``trigger``, ``exposure``, ``fixed`` or ``reference``.
+    reasons : tuple of str
+        Why it is not ``ok``.
+    details : dict
+        Figures of the method, JSON types only: gain, innovation statistic, candidates.
+    """
+
+    clock: str
+    offset_s: float
+    u_offset_s: float
+    drift: float
+    u_drift: float
+    status: AlignmentStatus
+    method: str
+    reasons: tuple[str, ...] = ()
+    details: Mapping[str, Any] | None = None
+
+    def to_reference(self, times_s: Times) -> Times:
+        """Map instants of the source's clock, a number or an array, to the reference clock."""
+        return (1.0 + self.drift) * times_s + self.offset_s
+
+    def to_source(self, times_s: Times) -> Times:
+        """Map instants of the reference clock, a number or an array, to the source's clock."""
+        return (times_s - self.offset_s) / (1.0 + self.drift)
+
+
+@dataclass(frozen=True)
+class QualityCheck:
+    """The outcome of one check of one channel or of the shot.
+
+    Attributes
+    ----------
+    channel : str
+        Name of the channel, of the clock, or ``shot``.
+    check : str
+        Name of the check.
+    verdict : str
+        ``ok``, ``warn`` or ``fail``.
+    detail : str
+        The figure, its limit, and what to do about it.
+    """
+
+    channel: str
+    check: str
+    verdict: Verdict
+    detail: str
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """One firing: channels on their own clocks and how the clocks relate.
+
+    Attributes
+    ----------
+    name : str
+        The shot's identifier.
+    rig_name : str
+    rig_text : str
+        The rig file, verbatim.
+    reference_clock : str
+    channels : mapping of str to Channel
+        By the names of the rig, in its order.
+    alignments : tuple of ClockAlignment
+        One per clock other than the reference.
+    quality : tuple of QualityCheck
+    inputs : tuple of InputFile
+    started : str
+        Absolute start, ISO 8601, or empty if no source states one.
+    started_source : str
+        The file, or the clock, that tells it, and whether its zone is known.
+    history : tuple of Step
+    databases : mapping of str to str
+        Text of every file that the rig names (CAN databases), by file name.
+    acquisition : Acquisition or None
+        How it was acquired live; None if nothing tells.
+    clock_fits : mapping of str to mapping
+        By source, how its device's clock relates to the host's, as `clock_fit.ClockFit.to_json`; JSON types.
+
+    Raises
+    ------
+    ValueError
+        If it cannot bear its name, a channel stands under another name than its own, or a clock is aligned twice.
+    """
+
+    name: str
+    rig_name: str
+    rig_text: str
+    reference_clock: str
+    channels: Mapping[str, Channel]
+    alignments: tuple[ClockAlignment, ...] = ()
+    quality: tuple[QualityCheck, ...] = ()
+    inputs: tuple[InputFile, ...] = ()
+    started: str = ""
+    started_source: str = ""
+    history: tuple[Step, ...] = ()
+    databases: Mapping[str, str] | None = None
+    acquisition: Acquisition | None = None
+    clock_fits: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check_shot_name(self.name)
+        for key, channel in self.channels.items():
+            if key != channel.name:
+                raise ValueError(f"channel {channel.name!r} stands under the name {key!r}")
+        clocks = [alignment.clock for alignment in self.alignments]
+        if len(set(clocks)) < len(clocks):
+            raise ValueError(f"a clock is aligned twice: {', '.join(clocks)}")
+
+    def by_role(self, role: str) -> Channel | None:
+        """Return the channel of a role, or None."""
+        return next((c for c in self.channels.values() if c.role == role), None)
+
+    def alignment(self, clock: str) -> ClockAlignment:
+        """Return how a clock maps to the reference clock; the identity for the reference itself.
+
+        Raises
+        ------
+        KeyError
+            If the shot does not say how.
+        """
+        if clock == self.reference_clock:
+            return ClockAlignment(clock, 0.0, 0.0, 0.0, 0.0, "ok", "reference")
+        for alignment in self.alignments:
+            if alignment.clock == clock:
+                return alignment
+        raise KeyError(clock)
+
+    def frames(self) -> dict[str, pd.DataFrame]:
+        """Return the channels as pandas frames, one per time base.
+
+        Returns
+        -------
+        dict of str to DataFrame
+            By clock, and by clock and number where one clock has several time bases. The index is the
+            time on that clock in seconds; `shot.alignment(clock).to_reference` maps it. Columns are the
+            channels in SI, lost samples NaN; ``attrs["units"]`` gives their units.
+        """
+        import pandas as pd
+
+        groups: list[list[Channel]] = []
+        for channel in self.channels.values():
+            group = next((g for g in groups if g[0].time_base.same_instants(channel.time_base)), None)
+            if group is None:
+                groups.append([channel])
+            else:
+                group.append(channel)
+        frames: dict[str, pd.DataFrame] = {}
+        for group in groups:
+            base = group[0].time_base
+            names = [base.clock, *(f"{base.clock}_{i}" for i in range(2, len(groups) + 1))]
+            index = pd.Index(base.times_s, name="time_s")
+            frame = pd.DataFrame({c.name: c.samples for c in group}, index=index)
+            frame.attrs["units"] = {c.name: c.unit for c in group}
+            frames[next(name for name in names if name not in frames)] = frame
+        return frames
+
+    @property
+    def usable(self) -> bool:
+        """Whether no check failed."""
+        return not any(check.verdict == "fail" for check in self.quality)
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why the shot is not usable: the details of the failed checks."""
+        return tuple(f"{c.channel}: {c.detail}" for c in self.quality if c.verdict == "fail")
+
+    def with_results(
+        self, alignments: tuple[ClockAlignment, ...], quality: tuple[QualityCheck, ...], step: Step
+    ) -> Shot:
+        """Return a new shot with alignments, quality verdicts and one more line of history."""
+        return replace(self, alignments=alignments, quality=quality, history=(*self.history, step))

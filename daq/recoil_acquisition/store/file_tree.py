@@ -1,0 +1,179 @@
+"""The tree of a shot file, read with care and told as plain values.
+
+The HDF5 library was not made for damaged files: of shot files in which twenty bytes are changed it ends the process
+that reads them, more often than not. So this runs in a process of its own (`store.reader_process`), which tells
+another what it found, as bytes: a document of the tree in JSON, the arrays one behind the other, and a last word.
+
+Nothing is followed that leads out of the file, and nothing is read before all of it is known to be no larger than a
+file of that size may hold.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from recoil_acquisition.reader_process import most_bytes
+
+LARGEST_CHUNK_BYTES = 16 << 20
+DEEPEST = 8
+SMALL_BYTES = 1 << 16
+"""Arrays up to this size are read with the headers; those of the samples are larger, or not of interest then."""
+
+ALIGNMENT = 16
+_FILTERS = (h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32)
+_PIECE, _TEXTS = 1 << 16, 8
+
+
+def tell(path: Path, what: str, write: Callable[[bytes], object]) -> None:
+    """Tell what is in a file: ``schema``, the root's attributes alone; ``headers``; or ``all`` of it.
+
+    Whatever goes wrong is told by the last word: ``{"fault": "..."}`` in place of ``{}``, and its length in 8 bytes.
+    """
+    last: dict[str, str] = {}
+    try:
+        size = path.stat().st_size
+        # A shot file never changes once it has its name, so no lock is needed, and some network drives have none
+        with h5py.File(path, "r", locking=False) as file:
+            _Tree(file, what, most_bytes(size)).tell(write)
+    except MemoryError:
+        last = {"fault": "it asks for more memory than a shot file of its size needs"}
+    except Exception as error:  # the library's binding raises what it likes
+        last = {"fault": " ".join(str(error.args[0] if error.args else error).split()) or type(error).__name__}
+    word = json.dumps(last).encode()
+    write(word + len(word).to_bytes(8, "little"))
+
+
+class _Tree:
+    """Walks a file once, and then tells it."""
+
+    def __init__(self, file: Any, what: str, most: int) -> None:
+        self._what, self._most = what, most
+        self._nodes: list[dict[str, Any]] = []
+        self._places: dict[int, int] = {}
+        self._arrays: list[Any] = []
+        self._texts: list[tuple[Any, dict[str, Any]]] = []
+        self._told_bytes = 0
+        self._walk(h5py.h5o.open(file.id, b"/"), "", 0)
+
+    def tell(self, write: Callable[[bytes], object]) -> None:
+        for dataset, node in self._texts:
+            node["texts"] = self._strings(dataset)
+        document = json.dumps(self._nodes).encode()
+        # so that what follows is aligned
+        document = document.ljust(-(-(8 + len(document)) // ALIGNMENT) * ALIGNMENT - 8)
+        write(len(document).to_bytes(8, "little") + document)
+        for dataset in self._arrays:
+            plain = dataset.dtype.newbyteorder("<")
+            count = int(dataset.size)
+            if dataset.shape == ():
+                write(np.asarray(dataset[()], dtype=plain).tobytes())
+            for start in range(0, count if dataset.shape else 0, _PIECE):
+                write(np.ascontiguousarray(dataset[start : start + _PIECE], dtype=plain).tobytes())
+            write(bytes(_padding(count * plain.itemsize)))
+
+    def _charge(self, size: int) -> None:
+        self._most -= size
+        if self._most < 0:
+            raise ValueError("it says that it holds more than a shot file of its size can")
+
+    def _walk(self, item: Any, name: str, depth: int) -> int:
+        """Look at one object and what is below it; return its place among the nodes."""
+        address = int(h5py.h5o.get_info(item).addr)
+        if address in self._places:
+            if isinstance(item, h5py.h5g.GroupID):
+                raise ValueError(f"{name} is a group that stands in two places")
+            return self._places[address]
+        place = self._places[address] = len(self._nodes)
+        node: dict[str, Any] = {"name": name or "/"}
+        self._nodes.append(node)
+        if isinstance(item, h5py.h5d.DatasetID):
+            self._dataset(item, name, node)
+        elif isinstance(item, h5py.h5g.GroupID):
+            if depth > DEEPEST:
+                raise ValueError(f"{name} lies deeper than any group of a shot file")
+            node["items"] = {}
+            for link in item if self._what != "schema" else ():
+                key = self._text(link, f"a name in {name or '/'}")
+                kind = item.links.get_info(link).type
+                if kind != h5py.h5l.TYPE_HARD:
+                    what = "a link to another file" if kind == h5py.h5l.TYPE_EXTERNAL else "a link"
+                    raise ValueError(f"{name}/{key} is {what}, which is not followed")
+                node["items"][key] = self._walk(h5py.h5o.open(item, link), f"{name}/{key}", depth + 1)
+        else:
+            raise TypeError(f"{name} is neither a group nor a dataset")
+        node["attributes"] = self._attributes(item, name)
+        return place
+
+    def _attributes(self, item: Any, name: str) -> dict[str, Any]:
+        """Read the attributes that are one text or one number; a shot file's others are for viewers."""
+        found: dict[str, Any] = {}
+        for i in range(h5py.h5a.get_num_attrs(item)):
+            attribute = h5py.h5a.open(item, index=i)
+            if attribute.get_space().get_simple_extent_type() != h5py.h5s.SCALAR:
+                continue
+            key = self._text(attribute.name, f"a name in {name or '/'}")
+            kind = attribute.get_type()
+            self._charge(kind.get_size())
+            is_text = kind.get_class() == h5py.h5t.STRING
+            if is_text or (kind.get_class() in (h5py.h5t.INTEGER, h5py.h5t.FLOAT) and kind.get_size() <= 8):
+                value = np.empty((), dtype=attribute.dtype)
+                attribute.read(value)
+                found[key] = self._text(value[()], f"{name}@{key}") if is_text else value.item()
+        return found
+
+    def _dataset(self, item: Any, name: str, node: dict[str, Any]) -> None:
+        made = item.get_create_plist()
+        if made.get_external_count():
+            raise ValueError(f"{name} is stored in another file, which is not followed")
+        if made.get_layout() == h5py.h5d.VIRTUAL:
+            raise ValueError(f"{name} is put together from other files, which are not followed")
+        if any(made.get_filter(i)[0] not in _FILTERS for i in range(made.get_nfilters())):
+            raise ValueError(f"{name} is packed in a way that no shot file is")
+        shape, dtype = item.shape, item.dtype
+        if item.get_space().get_simple_extent_type() == h5py.h5s.NULL or len(shape) > 1:
+            raise ValueError(f"{name} has the shape {shape}, and no shot file has such a dataset")
+        text = h5py.check_string_dtype(dtype)
+        if text is None and (dtype.kind not in "iuf" or dtype.itemsize > 8 or dtype.subdtype is not None):
+            raise ValueError(f"{name} is of type {dtype}, and no shot file has such a dataset")
+        if made.get_layout() == h5py.h5d.CHUNKED:
+            (chunk,) = made.get_chunk()
+            if chunk * dtype.itemsize > LARGEST_CHUNK_BYTES:
+                raise ValueError(f"{name} has chunks of {chunk} elements, and no shot file has such large ones")
+        size = (shape[0] if shape else 1) * dtype.itemsize
+        self._charge(size)
+        node["shape"] = list(shape)
+        dataset = h5py.Dataset(item)
+        if text is not None:
+            self._texts.append((dataset, node))
+            return
+        node["dtype"] = dtype.newbyteorder("<").str
+        if self._what == "all" or size <= SMALL_BYTES:
+            node["at"] = self._told_bytes
+            self._arrays.append(dataset)
+            self._told_bytes += size + _padding(size)
+
+    def _strings(self, dataset: Any) -> list[str]:
+        """Read texts few at a time: many may name one place in the file, each with all of its bytes."""
+        name = str(dataset.name)
+        if dataset.shape == ():
+            return [self._text(dataset[()], name)]
+        pieces = (dataset[start : start + _TEXTS] for start in range(0, int(dataset.size), _TEXTS))
+        return [self._text(value, name) for piece in pieces for value in piece]
+
+    def _text(self, value: Any, name: str) -> str:
+        content = value.encode("utf-8", "surrogateescape") if isinstance(value, str) else bytes(value)
+        self._charge(len(content))
+        try:
+            return content.decode()
+        except UnicodeDecodeError as error:
+            raise ValueError(f"{name} is not UTF-8 text") from error
+
+
+def _padding(size: int) -> int:
+    return -size % ALIGNMENT

@@ -1,0 +1,241 @@
+"""The shot file: one firing in one HDF5 file, written whole or not at all.
+
+Where each value stands in the file is described in `recoil_acquisition.store.layout`. A shot file is made in
+memory, written under a temporary name beside its own, forced to the disk, read back, compared with
+the shot bit for bit, and only then renamed. A reader never meets half a file under the final name.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from recoil_acquisition.errors import ReadError, StoreError
+from recoil_acquisition.new_file import rename_to_new, sync_folder
+from recoil_acquisition.reader_process import EXPANSION, READER, SPARE_BYTES
+from recoil_acquisition.regular_file import read_beginning
+from recoil_acquisition.shot import Shot
+from recoil_acquisition.store.difference import first_difference
+from recoil_acquisition.store.layout import SCHEMA, read_layout, write_layout
+from recoil_acquisition.store.plain_tree import Group, last_word, tree_of
+from recoil_acquisition.store.summary import summarise_layout
+
+HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+"""First bytes of an HDF5 file (HDF5 File Format Specification, superblock)."""
+
+
+def write_shot(shot: Shot, path: Path, *, overwrite: bool = False) -> None:
+    """Write a shot file; it bears its final name only when it is complete and verified.
+
+    Parameters
+    ----------
+    shot : Shot
+    path : Path
+        The file; folders that are missing on the way are made.
+    overwrite : bool
+        Whether a file of that name may be replaced.
+
+    Raises
+    ------
+    StoreError
+        If the file exists and may not be replaced, cannot be written, or does not read back as
+        it was written. Nothing of it is left then.
+    TypeError
+        If a history parameter, an alignment detail or a clock fit is not of a JSON type.
+    """
+    path = Path(path)
+    if not overwrite and os.path.lexists(path):
+        raise _exists(path)
+    if path.is_dir():
+        raise StoreError("this is a folder", path=path, expected="the name of a shot file")
+    image = _image(shot, path)
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.partial")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _write_durably(image, temporary)
+        _verify(shot, temporary, path)
+        if overwrite:
+            temporary.replace(path)
+        else:
+            try:
+                rename_to_new(temporary, path)
+            except FileExistsError as error:
+                raise _exists(path) from error
+    except OSError as error:
+        raise StoreError(
+            f"cannot be written: {error.strerror or error}",
+            path=path,
+            remedy="choose another folder with --out, or make room and give permission there",
+        ) from error
+    finally:
+        # After a rename there is nothing left to remove; a disk that refuses this too has been reported
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
+    sync_folder(path.parent)
+
+
+def read_shot(path: Path) -> Shot:
+    """Read a shot file: the exact shot that was written.
+
+    Raises
+    ------
+    StoreError
+        If there is no such file, or it is not a complete and undamaged shot file.
+    """
+    with _damage_is_named(Path(path)):
+        return read_layout(_tree(Path(path), "all"))
+
+
+def shot_summary(path: Path) -> dict[str, Any]:
+    """Say what is in a shot file, without reading its samples.
+
+    Returns
+    -------
+    dict
+        JSON types only: ``shot``, ``rig``, ``started`` and ``started_source`` (None if unknown),
+        ``reference_clock``, ``usable``, ``reasons``, and lists of ``channels`` (name, quantity, unit, role, clock,
+        signal, count, lost, rate_hz, start_s, end_s, u_rel), ``alignments``, ``quality`` and ``inputs``;
+        ``acquisition`` (None if the shot was not acquired live) and ``clock_fits`` (by source). A number that is not
+        finite is None.
+
+    Raises
+    ------
+    StoreError
+        As `read_shot`.
+    """
+    with _damage_is_named(Path(path)):
+        return summarise_layout(_tree(Path(path), "headers"))
+
+
+def is_shot_file(path: Path) -> bool:
+    """Tell whether a file is a shot file of any version, or HDF5 that is damaged beyond telling.
+
+    Parameters
+    ----------
+    path : Path
+        False for one that cannot be read.
+    """
+    try:
+        if read_beginning(Path(path), len(HDF5_SIGNATURE)) != HDF5_SIGNATURE:
+            return False
+    except ReadError:
+        return False
+    try:
+        schema = _asked(Path(path), "schema").attrs.get("schema")
+    except StoreError:
+        return True
+    return str(schema).startswith(SCHEMA.rpartition("/")[0])
+
+
+def _image(shot: Shot, path: Path) -> bytes:
+    """Make the whole file in memory, so that a full disk is an error of one plain write."""
+    image = _packed(shot, path, compressed=True)
+    if _content_bytes(shot) > EXPANSION * len(image) + SPARE_BYTES // 2:
+        # such a file would be refused as one that expands without bounds
+        return _packed(shot, path, compressed=False)
+    return image
+
+
+def _content_bytes(shot: Shot) -> int:
+    channels = shot.channels.values()
+    counts = sum(channel.raw.counts.nbytes for channel in channels if channel.raw is not None)
+    return counts + sum(channel.samples.nbytes + 8 * channel.time_base.count for channel in channels)
+
+
+def _packed(shot: Shot, path: Path, *, compressed: bool) -> bytes:
+    import h5py
+
+    try:
+        # The name goes nowhere: the core driver without a backing store keeps the file in memory
+        with h5py.File("shot", "w", driver="core", backing_store=False) as file:
+            write_layout(file, shot, compressed=compressed)
+            file.flush()
+            image: bytes = file.id.get_file_image()
+    except (ValueError, UnicodeError) as error:
+        raise StoreError(f"holds a value that HDF5 cannot store: {error}", path=path) from error
+    return image
+
+
+def _write_durably(image: bytes, path: Path) -> None:
+    with path.open("xb") as stream:
+        stream.write(image)
+        stream.flush()
+        os.fsync(stream.fileno())
+
+
+def _verify(shot: Shot, temporary: Path, path: Path) -> None:
+    remedy = "nothing was kept; check the disk and write it again"
+    try:
+        with _damage_is_named(temporary):
+            # written by this very process, which need not fear it
+            difference = first_difference(shot, read_layout(_tree(temporary, "all", own=True)))
+    except StoreError as error:
+        raise StoreError(f"does not read back: {error.problem}", path=path, remedy=remedy) from error
+    if difference is not None:
+        raise StoreError(f"does not read back as it was written: {difference}", path=path, remedy=remedy)
+
+
+def _exists(path: Path) -> StoreError:
+    return StoreError("exists already", path=path, remedy="choose another name, or replace it with --overwrite")
+
+
+def _tree(path: Path, what: str, *, own: bool = False) -> Group:
+    """Read the tree of a file that claims to be a shot file; ``what`` as `recoil_acquisition.store.file_tree.tell`."""
+    expected = f"a shot file, {SCHEMA}"
+    try:
+        head = read_beginning(path, len(HDF5_SIGNATURE))
+    except ReadError as error:
+        raise StoreError(error.problem, path=path, expected=expected) from error
+    if head != HDF5_SIGNATURE:
+        found = "an empty file" if not head else f"a file that begins with {head!r}"
+        raise StoreError("this is not an HDF5 file", path=path, expected=expected, found=found)
+    tree = _asked(path, what, own=own)
+    schema = tree.attrs.get("schema")
+    if schema != SCHEMA:
+        found = "HDF5 of something else" if schema is None else f"schema {schema!r}"
+        raise StoreError("this is not a shot file of this version", path=path, expected=expected, found=found)
+    if tree.attrs.get("complete") != 1:
+        raise StoreError("this shot file was never completed", path=path, remedy="ingest the shot again")
+    return tree
+
+
+def _asked(path: Path, what: str, *, own: bool = False) -> Group:
+    """Let a file be read: in the process that is there for it, or in this one if it is its own."""
+    with _damage_is_named(path):
+        if own:
+            from recoil_acquisition.store.file_tree import tell
+
+            told, fault = bytearray(), ""
+            tell(path, what, told.extend)
+        else:
+            told, fault = READER.ask(path, what, path.stat().st_size)
+        fault = fault or last_word(told).get("fault", "")
+        if fault:
+            raise ValueError(fault)
+        return tree_of(told)
+
+
+@contextlib.contextmanager
+def _damage_is_named(path: Path) -> Iterator[None]:
+    """Map everything that the content of a shot file can cause to `StoreError`."""
+    try:
+        yield
+    except (
+        OSError,
+        LookupError,
+        ValueError,
+        TypeError,
+        AttributeError,
+        ArithmeticError,
+        RuntimeError,
+        MemoryError,
+    ) as error:
+        reason = " ".join(str(error.args[0] if isinstance(error, KeyError) and error.args else error).split())
+        raise StoreError(
+            f"is damaged: {reason}", path=path, expected=f"a shot file, {SCHEMA}",
+            remedy="restore it from a copy, or ingest the shot again",
+        ) from error  # fmt: skip

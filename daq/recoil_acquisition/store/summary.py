@@ -1,0 +1,109 @@
+"""What is in a shot file, told from its headers and small tables alone."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+from recoil_acquisition.acquisition import AT_TRIGGER
+from recoil_acquisition.shot_name import check_shot_name
+from recoil_acquisition.store.channel_layout import signals_of, time_groups
+from recoil_acquisition.store.layout import (
+    ENTRY_NAMES,
+    SCHEMA,
+    read_acquisition_of,
+    read_alignments,
+    read_clock_fits,
+    read_inputs,
+    read_quality,
+    read_started,
+)
+from recoil_acquisition.store.table import json_text, read_text
+
+
+def summarise_layout(file: Any) -> dict[str, Any]:
+    """Say what is in an open shot file in JSON types; only headers and small tables are read.
+
+    Raises
+    ------
+    KeyError, ValueError, TypeError, OSError
+        As `read_layout`.
+    """
+    entry = file["entry"]
+    name = read_text(entry, "entry_identifier")
+    check_shot_name(name)
+    channels = [
+        (int(signal.attrs["order"]), _channel_summary(signal.attrs, group["time"].attrs, int(signal.shape[0])))
+        for _, group in time_groups(entry, ENTRY_NAMES)
+        for _, signal in signals_of(group)
+    ]
+    quality = read_quality(entry)
+    acquisition = read_acquisition_of(entry)
+    started, source = read_started(entry)
+    if not started and acquisition is not None:
+        started, source = acquisition.trigger_utc, AT_TRIGGER
+    failed = [check for check in quality if check.verdict == "fail"]
+    return {
+        "schema": SCHEMA,
+        "shot": name,
+        "rig": read_text(entry["rig"], "name"),
+        "reference_clock": read_text(entry["rig"], "reference_clock"),
+        "started": started or None,
+        "started_source": source or None,
+        "usable": not failed,
+        "reasons": [f"{check.channel}: {check.detail}" for check in failed],
+        "channels": [row for _, row in sorted(channels, key=lambda placed: placed[0])],
+        "alignments": [
+            {
+                "clock": a.clock,
+                "offset_s": _json_number(a.offset_s),
+                "u_offset_s": _json_number(a.u_offset_s),
+                "drift": _json_number(a.drift),
+                "u_drift": _json_number(a.u_drift),
+                "status": a.status,
+                "method": a.method,
+                "reasons": list(a.reasons),
+            }
+            for a in read_alignments(entry)
+        ],
+        "quality": [
+            {"channel": c.channel, "check": c.check, "verdict": c.verdict, "detail": c.detail} for c in quality
+        ],
+        "inputs": [
+            {"file": i.name, "sha256": i.sha256, "size": i.size, "source": i.source, "reader": i.reader}
+            for i in read_inputs(entry)
+        ],
+        "acquisition": None if acquisition is None else json.loads(json_text(acquisition.to_json())),
+        "clock_fits": _json_numbers(read_clock_fits(entry)),
+    }
+
+
+def _channel_summary(signal: Any, time: Any, count: int) -> dict[str, Any]:
+    return {
+        "name": str(signal["channel"]),
+        "quantity": str(signal["quantity"]),
+        "unit": str(signal["units"]),
+        "role": str(signal["role"]),
+        "clock": str(signal["clock"]),
+        "signal": str(signal["source_signal"]),
+        "count": count,
+        "lost": int(signal["lost"]),
+        "rate_hz": _json_number(time["rate_hz"]),
+        "start_s": _json_number(time["start_s"]),
+        "end_s": _json_number(time["end_s"]),
+        "u_rel": _json_number(signal["u_rel"]),
+    }
+
+
+def _json_number(value: Any) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _json_numbers(value: Any) -> Any:
+    """Return JSON types with None for every number that is not finite."""
+    if isinstance(value, dict):
+        return {key: _json_numbers(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_json_numbers(item) for item in value]
+    return _json_number(value) if isinstance(value, float) else value

@@ -1,0 +1,23 @@
+"""The trigger of a shot, live or recorded: `detector` decides, `shot_window` says what belongs to the shot."""
+
+from recoil_acquisition.trigger.condition import Condition, Edge, PulseWidth, RateOfChange, Window
+from recoil_acquisition.trigger.decision import Decision
+from recoil_acquisition.trigger.detector import Trigger, TriggerDetector, find_triggers
+from recoil_acquisition.trigger.shot_window import ShotCutter, ShotWindow
+from recoil_acquisition.trigger.table import trigger_faults, trigger_from_table
+
+__all__ = [
+    "Condition",
+    "Decision",
+    "Edge",
+    "PulseWidth",
+    "RateOfChange",
+    "ShotCutter",
+    "ShotWindow",
+    "Trigger",
+    "TriggerDetector",
+    "Window",
+    "find_triggers",
+    "trigger_faults",
+    "trigger_from_table",
+]

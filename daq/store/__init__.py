@@ -1,5 +1,0 @@
-"""The shot file: written, verified and read back by `shot_file`, its tree described in `layout`."""
-
-from daq.store.shot_file import is_shot_file, read_shot, shot_summary, write_shot
-
-__all__ = ["is_shot_file", "read_shot", "shot_summary", "write_shot"]

@@ -1,0 +1,201 @@
+"""One shot from aligned channels to a mass: the order of the steps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.shot import Shot
+from recoil_identification.calibration import Calibration
+from recoil_identification.camera_route import mass_by_camera
+from recoil_identification.camera_shot import identify_by_camera
+from recoil_identification.constancy.mass_constancy import MassConstancy, constancy_of
+from recoil_identification.default_method import DEFAULTS, default_method
+from recoil_identification.estimators.endogeneity import Endogeneity, durbin_wu_hausman
+from recoil_identification.estimators.errors_in_variables import neighbouring_force
+from recoil_identification.estimators.estimates import FilmedShot, further_estimates, other_acceleration
+from recoil_identification.filter_choice import choose_filter, mass_filter
+from recoil_identification.identified import (
+    DEFAULT_WINDOW_S,
+    FILMED_METHODS,
+    FURTHER,
+    METHODS,
+    Identification,
+    Method,
+    Options,
+    Result,
+)
+from recoil_identification.mass import ScaleUncertainty, forward_mass, reverse_mass
+from recoil_identification.method_result import method_result
+from recoil_identification.monte_carlo import propagate
+from recoil_identification.preparation import camera_scale, filmed, prepare
+from recoil_identification.regression import Regression
+from recoil_identification.sensor_scales import scale_uncertainty
+from recoil_identification.skew import find_skew, skew_contribution
+from recoil_identification.stress_waves import find_stress_waves
+from recoil_identification.trace_window import trace_window
+from recoil_identification.uncertainty import further_contributions
+from recoil_identification.verdict import notes_on, reasons_against
+from recoil_identification.zero_shift import ZeroShift, calibrated_with_zero_shift
+from recoil_processing.quality.repeatability import shot_peaks
+from recoil_rigs.assumptions import assumptions_of
+from recoil_rigs.rig import Rig
+
+__all__ = [
+    "DEFAULTS",
+    "DEFAULT_WINDOW_S",
+    "FILMED_METHODS",
+    "FURTHER",
+    "METHODS",
+    "Identification",
+    "Method",
+    "Options",
+    "Result",
+    "default_method",
+    "identify_shot",
+    "scale_uncertainty",
+]
+
+INSTRUMENT_LAG_S = 2.5e-4
+"""Of the force that is the instrument of the test on bias: beyond its noise's correlation, short against the pulse."""
+
+
+def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
+    """Identify the recoiling mass of one shot.
+
+    Parameters
+    ----------
+    shot : Shot
+        With its alignments.
+    rig : Rig
+    options : Options
+
+    Returns
+    -------
+    Identification
+
+    Raises
+    ------
+    IdentificationError
+        If no number can be given at all; a doubtful number is a result with reasons.
+    """
+    method = options.method or default_method(shot)
+    if method == "camera":
+        return identify_by_camera(shot, rig, options)
+    prepared = prepare(shot, rig)
+    signals, recorded = prepared.signals, prepared.recorded
+    camera, camera_clock = prepared.camera, prepared.camera_clock
+    choice = choose_filter(recorded, shot, given_hz=options.cutoff_hz, campaign=options.campaign)
+    low_pass = choice.low_pass
+    scales = scale_uncertainty(rig)
+    offset = signals.offsets["recoil_acceleration"]
+    told = camera_scale(camera, camera_clock), filmed(signals, prepared.acceleration_m_s2, camera, camera_clock)
+
+    mass_low_pass = mass_filter(recorded, choice)
+
+    def calibrated(regression: Regression) -> tuple[Regression, Regression, Regression, Calibration, ZeroShift]:
+        shifted, narrow, found, shift = calibrated_with_zero_shift(regression, mass_low_pass, scales, offset.u, *told)
+        # the trace, the skew and the figures need the whole band
+        return shifted, narrow, narrow if mass_low_pass == low_pass else shifted.filtered(low_pass), found, shift
+
+    recorded, narrow, filtered, calibration, zero_shift = calibrated(recorded)
+    skew = find_skew(filtered, calibration)
+    while skew.due_s:
+        recorded = prepared.without_skew(shot, rig, skew.corrected_s + skew.due_s)
+        recorded, narrow, filtered, calibration, zero_shift = calibrated(recorded)
+        skew = find_skew(filtered, calibration, corrected_s=skew.corrected_s + skew.due_s, steps=skew.steps + 1)
+    further = (
+        *further_contributions(recorded, narrow, calibration, signals, shot, rig),
+        *skew_contribution(narrow, calibration, skew),
+    )
+    estimates = {
+        "calibrated": calibration.estimate,
+        "reverse": reverse_mass(narrow, scales),
+        "forward": forward_mass(narrow, scales),
+        "paper": replace(forward_mass(recorded, scales), method="paper"),
+    }
+    estimates = {k: replace(e, budget=(*e.budget, *further)) for k, e in estimates.items()}
+    if options.compare or method in FURTHER:
+        film = None
+        if camera is not None and camera_clock is not None:
+            # a clock that was aligned by the accelerometer is as much less late as that was
+            clock = replace(camera_clock, offset_s=camera_clock.offset_s - skew.corrected_s)
+            other = other_acceleration(prepared.acceleration_m_s2, prepared.inertial_m_s2)
+            film = FilmedShot(camera, clock, other)
+        estimates |= further_estimates(narrow, recorded, signals, shot, rig, scales, further, film)
+    if method not in estimates:
+        raise IdentificationError(
+            f"this shot allows no estimate by the method {method}",
+            found=f"estimates by {', '.join(estimates)}",
+            remedy="take another --method, or mend the camera's alignment and what was lost",
+        )
+    constancy = _constancy(filtered, calibration, scales, offset.u)
+    regressions = {name: filtered if name != "paper" else recorded for name in estimates}
+    notes: tuple[str, ...] = ()
+    if camera is not None and camera_clock is not None and camera_clock.status != "failed":
+        try:
+            regressions["kinematic"], estimates["kinematic"] = mass_by_camera(
+                recorded, signals, prepared.motion, shot, rig, camera, camera_clock, low_pass, scales, calibration
+            )
+        except IdentificationError as error:
+            notes = (f"no mass by the camera: {error}",)
+    window_s, window_choice = trace_window(options.window_s, filtered, *calibration.correct(filtered))
+    results = {
+        name: method_result(estimate, regressions[name], calibration, window_s, rig)
+        for name, estimate in estimates.items()
+    }
+    trace = results[method].trace
+    return Identification(
+        options=options,
+        method=method,
+        specification_kg=rig.mechanism.m3,
+        u_specification_kg=rig.mechanism.u.get("m3", 0.0),
+        results=results,
+        calibration=calibration,
+        filter_choice=choice,
+        mass_low_pass=mass_low_pass,
+        zero_shift=zero_shift,
+        monte_carlo=propagate(calibration.problem.draws(further)),
+        endogeneity=_endogeneity(recorded),
+        constancy=constancy,
+        window_choice=window_choice,
+        skew=skew,
+        stress_waves=find_stress_waves(shot, signals, choice),
+        peaks=shot_peaks(shot.name, recorded.acceleration_m_s2, recorded.rate_hz, low_pass),
+        signals=signals,
+        recorded=recorded,
+        filtered=filtered,
+        fitted=narrow,
+        kinematic=regressions.get("kinematic"),
+        camera=camera,
+        travel_m=prepared.travel_m,
+        velocity_m_s=prepared.velocity_m_s,
+        fused=prepared.fused,
+        alignments=prepared.alignments,
+        reasons=reasons_against(shot, rig, signals, estimates, trace, calibration, zero_shift, filtered, constancy),
+        assumptions=assumptions_of(rig),
+        notes=(*notes_on(rig, signals, recorded, trace, zero_shift, constancy), *notes),
+    )
+
+
+def _constancy(
+    filtered: Regression, calibration: Calibration, scales: ScaleUncertainty, u_zero_m_s2: float
+) -> MassConstancy | None:
+    try:
+        return constancy_of(filtered, calibration, scales, u_zero_m_s2)
+    except IdentificationError:
+        # too few rows to tell; the mass itself has its own reasons then
+        return None
+
+
+def _endogeneity(recorded: Regression) -> Endogeneity | None:
+    force = recorded.force_n
+    lag = max(1, round(INSTRUMENT_LAG_S * recorded.rate_hz))
+    instrument = neighbouring_force(np.where(np.isfinite(force), force, 0.0), lag)
+    used = recorded.used & np.roll(recorded.trusted, lag) & np.roll(recorded.trusted, -lag)
+    try:
+        return durbin_wu_hausman(recorded.acceleration_m_s2, force, instrument, used=used)
+    except IdentificationError:
+        return None

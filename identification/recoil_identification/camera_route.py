@@ -1,0 +1,112 @@
+"""The mass by the camera: the kinematic route of the model, which checks the route by the accelerometer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from recoil_acquisition.channel import Channel
+from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_identification.corrections import Corrections
+from recoil_identification.kinematics import Turning, kinematic_acceleration
+from recoil_identification.mass import ACCELERATION, MassEstimate, ScaleUncertainty, reverse_mass
+from recoil_identification.regression import Regression
+from recoil_identification.sensor_observations import CAMERA_SCALE
+from recoil_identification.signals import Signals
+from recoil_identification.uncertainty import (
+    clock_contributions,
+    cutoff_contribution,
+    other_cutoffs,
+    zero_contributions,
+)
+from recoil_processing.filters import LowPass
+from recoil_rigs.rig import Rig
+
+LARGEST_CUTOFF_HZ = 100.0
+"""Frame noise of 0.05 mm at 6000 frames/s is 25 m/s^2 of acceleration below 300 Hz, 1.6 m/s^2 below 100 Hz."""
+
+
+def mass_by_camera(
+    recorded: Regression,
+    signals: Signals,
+    motion: Turning,
+    shot: Shot,
+    rig: Rig,
+    camera: Channel,
+    alignment: ClockAlignment,
+    low_pass: LowPass,
+    scales: ScaleUncertainty,
+    calibration: Corrections,
+    *,
+    longest_gap_s: float = 0.0,
+) -> tuple[Regression, MassEstimate]:
+    """Estimate the mass as `reverse_mass` does, with a' from the camera's displacement.
+
+    Parameters
+    ----------
+    recorded : Regression
+        Gives the forces.
+    signals, motion, shot, rig
+        As of the route by the accelerometer.
+    camera : Channel
+        Displacement on its own clock, without the delay of its chain.
+    alignment : ClockAlignment
+        Of that clock.
+    low_pass : LowPass
+        That of the accelerometer's route. A displacement differentiated twice needs a lower cut-off,
+        `LARGEST_CUTOFF_HZ` at the most; its forces pass the same filter.
+    scales : ScaleUncertainty
+    calibration : Corrections
+        Under whose corrections the forces are moved by what is uncertain of them.
+    longest_gap_s : float
+        Of lost frames that are bridged in any case.
+
+    Returns
+    -------
+    Regression, MassEstimate
+
+    Raises
+    ------
+    IdentificationError
+        If too few frames are left.
+    """
+
+    def behind(filter_: LowPass) -> Regression:
+        return regression_by_camera(
+            recorded, signals, motion, rig, camera, alignment, filter_, longest_gap_s=longest_gap_s
+        )
+
+    slow = LowPass(min(low_pass.cutoff_hz, LARGEST_CUTOFF_HZ), low_pass.half_order)
+    own_scales = replace(scales, acceleration=camera.u_rel)
+    regression = behind(slow)
+    estimate = reverse_mass(regression, own_scales)
+    others = [reverse_mass(behind(other), own_scales).mass_kg for other in other_cutoffs(slow, recorded.rate_hz)]
+    budget = [replace(row, source=CAMERA_SCALE) if row.source == ACCELERATION else row for row in estimate.budget]
+    budget += clock_contributions(regression, calibration, shot, "recoil_displacement")
+    budget += zero_contributions(regression, calibration, signals, rig)
+    budget.append(cutoff_contribution([estimate.mass_kg, *others]))
+    return regression, replace(estimate, method="kinematic", budget=tuple(budget))
+
+
+def regression_by_camera(
+    recorded: Regression,
+    signals: Signals,
+    motion: Turning,
+    rig: Rig,
+    camera: Channel,
+    alignment: ClockAlignment,
+    low_pass: LowPass,
+    *,
+    longest_gap_s: float = 0.0,
+) -> Regression:
+    """Put a' from the camera's displacement beside the forces, both behind one low-pass.
+
+    Parameters
+    ----------
+    recorded, signals, motion, rig, camera, alignment, longest_gap_s
+        As of `mass_by_camera`.
+    low_pass : LowPass
+    """
+    acceleration, made_of = kinematic_acceleration(
+        signals, rig, motion, camera, alignment, low_pass, longest_gap_s=longest_gap_s
+    )
+    return recorded.filtered(low_pass).with_acceleration(acceleration, made_of)

@@ -1,0 +1,153 @@
+"""One shot without an accelerometer on the recoiling part: from the camera's track and the forces to a mass."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.shot import Shot
+from recoil_identification.camera_route import LARGEST_CUTOFF_HZ, mass_by_camera, regression_by_camera
+from recoil_identification.constancy.mass_constancy import MassConstancy, constancy_of
+from recoil_identification.film_budget import film_contributions
+from recoil_identification.film_calibration import FilmCalibration
+from recoil_identification.film_verdict import notes_on_film, reasons_against_film
+from recoil_identification.filmed_recoil import FilmedRecoil
+from recoil_identification.filter_choice import FORCE_ROLES, LARGEST_SHARE_OF_RATE, FilterChoice
+from recoil_identification.forced_recoil import CARRIAGE_ROLES, ForcedRecoil, missing_forces
+from recoil_identification.identified import Identification, Options
+from recoil_identification.method_result import method_result
+from recoil_identification.regression import PRESSURE_ROLES, Regression
+from recoil_identification.signals import collect_signals
+from recoil_identification.stress_waves import find_stress_waves
+from recoil_identification.trace_window import trace_window
+from recoil_processing.filters import LowPass
+from recoil_rigs.assumptions import assumptions_of
+from recoil_rigs.rig import Rig
+
+LONGEST_GAP_S = 1e-3
+"""Of lost frames: a tenth of the low-pass's period, over which a travel bends less than its frames are uncertain."""
+
+
+def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification:
+    """Identify the recoiling mass of one shot by the camera's track of the recoiling part and the forces.
+
+    Parameters
+    ----------
+    shot : Shot
+        With its alignments.
+    rig : Rig
+    options : Options
+
+    Returns
+    -------
+    Identification
+
+    Raises
+    ------
+    IdentificationError
+        If no number can be given at all; a doubtful number is a result with reasons.
+    """
+    missing = [role for role in PRESSURE_ROLES if shot.by_role(role) is None]
+    if missing:
+        raise missing_forces(missing)
+    alignments = {a.clock: a for a in shot.alignments}
+    filmed = FilmedRecoil.of(shot, rig, collect_signals(shot, rig, alignments))
+    forced, found, camera = filmed.forced, filmed.found, filmed.camera
+    signals = forced.signals
+    choice = _slow_filter(shot, options)
+    u_random_kg, further = film_contributions(filmed)
+    calibration = FilmCalibration.of(found, u_random_kg, forced.scales, camera.u_rel)
+    clock = replace(filmed.clock, offset_s=filmed.clock.offset_s + found.shift_s)
+    regression = regression_by_camera(
+        forced.recorded,
+        signals,
+        forced.motion,
+        rig,
+        camera,
+        clock,
+        choice.low_pass,
+        longest_gap_s=LONGEST_GAP_S,
+    )
+    calibration = calibration.with_residual(regression)
+    estimate = replace(calibration.estimate, budget=(*calibration.estimate.budget, *further))
+    estimates = {"camera": estimate}
+    missing_routes: tuple[str, ...] = ()
+    try:
+        _, estimates["kinematic"] = mass_by_camera(
+            forced.recorded,
+            signals,
+            forced.motion,
+            shot,
+            rig,
+            camera,
+            clock,
+            choice.low_pass,
+            forced.scales,
+            calibration,
+            longest_gap_s=LONGEST_GAP_S,
+        )
+    except IdentificationError as error:
+        missing_routes = (f"no mass by the acceleration from the camera: {error}",)
+    constancy = _constancy(regression, calibration, forced)
+    window_s, window_choice = trace_window(options.window_s, regression, *calibration.correct(regression))
+    results = {name: method_result(e, regression, calibration, window_s, rig) for name, e in estimates.items()}
+    trace = results["camera"].trace
+    return Identification(
+        options=options,
+        method="camera",
+        specification_kg=rig.mechanism.m3,
+        u_specification_kg=rig.mechanism.u.get("m3", 0.0),
+        results=results,
+        calibration=calibration,
+        filter_choice=choice,
+        mass_low_pass=choice.low_pass,
+        zero_shift=None,
+        monte_carlo=None,
+        endogeneity=None,
+        constancy=constancy,
+        window_choice=window_choice,
+        skew=None,
+        stress_waves=find_stress_waves(shot, signals, choice),
+        peaks=None,
+        signals=signals,
+        recorded=forced.recorded,
+        filtered=regression,
+        fitted=regression,
+        kinematic=regression,
+        camera=camera,
+        travel_m=filmed.travel_m,
+        velocity_m_s=filmed.velocity_m_s,
+        fused=filmed.fused,
+        alignments=alignments,
+        reasons=reasons_against_film(shot, rig, filmed, regression, trace, calibration, constancy),
+        assumptions=assumptions_of(rig),
+        notes=(*notes_on_film(shot, filmed, regression, trace, constancy), *missing_routes),
+    )
+
+
+def _slow_filter(shot: Shot, options: Options) -> FilterChoice:
+    """Choose the low-pass of the mass over time; the mass itself passes none."""
+    if options.cutoff_hz is not None and options.cutoff_hz < LARGEST_CUTOFF_HZ:
+        return FilterChoice(LowPass(options.cutoff_hz), "given", None, f"{options.cutoff_hz:g} Hz were asked for")
+    rates = [c.time_base.rate_hz for c in shot.channels.values() if c.role in FORCE_ROLES]
+    slowest = min((rate for rate in rates if math.isfinite(rate)), default=math.inf)
+    cutoff_hz = min(LARGEST_CUTOFF_HZ, LARGEST_SHARE_OF_RATE * slowest)
+    reason = (
+        f"the fixed {cutoff_hz:g} Hz: a displacement that is differentiated twice for the mass over time bears no more"
+        + ("" if options.cutoff_hz is None else f", {options.cutoff_hz:g} Hz were asked for")
+    )
+    return FilterChoice(LowPass(cutoff_hz), "default", None, reason)
+
+
+def _constancy(regression: Regression, calibration: FilmCalibration, forced: ForcedRecoil) -> MassConstancy | None:
+    try:
+        return constancy_of(regression, calibration, forced.scales, _u_zero_m_s2(forced))
+    except IdentificationError:
+        # too few rows to tell; the mass itself has its own reasons then
+        return None
+
+
+def _u_zero_m_s2(forced: ForcedRecoil) -> float:
+    """Combine what is uncertain of the zeros of the carriage's accelerometers."""
+    return math.hypot(*(forced.signals.offsets[role].u for role in CARRIAGE_ROLES))

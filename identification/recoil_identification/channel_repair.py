@@ -1,0 +1,168 @@
+"""What is mended of a channel before the equation of motion uses it, and what the mending leaves uncertain.
+
+What an instrument did to its own samples is mended on them: drop-outs are masked, clipped tips are rebuilt
+where the rule of `repairs.clipping` allows it, and masked where it does not. What it added to all of them is
+taken off on the grid, where the silence is known: the mains' hum, and the droop of an AC-coupled chain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.channel import Channel
+from recoil_acquisition.quantity import SI_UNITS
+from recoil_processing.repairs.clipping import find_clipped, repair_clipping
+from recoil_processing.repairs.droop import invert_droop
+from recoil_processing.repairs.dropouts import find_drop_outs
+from recoil_processing.repairs.hum import subtract_hum
+from recoil_processing.repairs.repair import Repair, Repaired, runs_of
+from recoil_rigs.assemble import range_si
+from recoil_rigs.rig import ChannelSpec
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+U_TIME_CONSTANT = 0.05
+"""Relative standard uncertainty of a chain's time constant where none is declared: that of its components."""
+EVENLY_STAMPED = ("dewetron",)
+"""Kinds of source whose stamps are those of a converter; a bus or a port makes them late one by one."""
+MOST_SPANS = 200
+"""Stretches of time that are listed one by one."""
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelRepair:
+    """One thing that was done to one channel of a shot.
+
+    Attributes
+    ----------
+    channel, role : str
+    repair : Repair
+        Of the channel's own samples, or of the grid's.
+    spans_s : ndarray, shape (n_runs, 2)
+        First and last instant of every stretch that was touched, on the reference clock; none where it was all of it.
+    """
+
+    channel: str
+    role: str
+    repair: Repair
+    spans_s: Array
+
+    @classmethod
+    def of(cls, channel: str, role: str, repair: Repair, times_s: Array) -> ChannelRepair:
+        """Tell the stretches of a repair whose samples were at the instants given, shape (n_samples,)."""
+        whole = repair.kind in ("hum subtracted", "droop corrected")
+        runs = [] if whole else runs_of(repair.flags)
+        spans = [(times_s[start], times_s[stop - 1]) for start, stop in runs]
+        return cls(channel, role, repair, np.array(spans, dtype=np.float64).reshape(-1, 2))
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it in JSON types."""
+        told = self.repair.to_json()
+        return {
+            "channel": self.channel,
+            "what": self.repair.kind,
+            "samples": f"{told['count']} of {told['of']}",
+            "detail": self.repair.sentence,
+            "count": told["count"],
+            "of": told["of"],
+            "figures": told["figures"],
+            "spans_s": self.spans_s[:MOST_SPANS].tolist(),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Levelled:
+    """A series on the grid without hum and droop; the level at rest is still in it.
+
+    Attributes
+    ----------
+    samples : ndarray, shape (n,)
+    repairs : tuple of Repair
+    left : mapping of str to ndarray, shape (n,)
+        What a repair may have left wrong, by its cause: one error of standard size, in all samples at once.
+    """
+
+    samples: Array
+    repairs: tuple[Repair, ...] = ()
+    left: Mapping[str, Array] = field(default_factory=dict)
+
+
+_MENDED: WeakKeyDictionary[Channel, tuple[ChannelSpec, str, Repaired]] = WeakKeyDictionary()
+"""Channels that were mended already: clocks, checks and mass each begin with the same ones."""
+
+
+def mend_samples(channel: Channel, spec: ChannelSpec, kind: str) -> Repaired:
+    """Mask drop-outs, and rebuild or mask clipped samples; what was done once is remembered with the channel.
+
+    Parameters
+    ----------
+    channel : Channel
+        As recorded.
+    spec : ChannelSpec
+        For the range of its sensor.
+    kind : str
+        Of its source.
+    """
+    known = _MENDED.get(channel)
+    if known is None or known[:2] != (spec, kind):
+        known = _MENDED[channel] = spec, kind, _mended(channel, spec, kind)
+    return known[2]
+
+
+def _mended(channel: Channel, spec: ChannelSpec, kind: str) -> Repaired:
+    samples = np.asarray(channel.samples, dtype=np.float64)
+    limits = range_si(spec)
+    clipped = None if limits is None else find_clipped(samples, *limits)
+    stamps = channel.time_base.stamps_s if kind in EVENLY_STAMPED else None
+    drop_outs = find_drop_outs(samples, stamps, spared=None if clipped is None else clipped.flags)
+    masked, repairs = drop_outs.mask(samples)
+    mended = Repaired(samples).then(masked, *repairs)
+    if limits is None or clipped is None or not clipped.flags.any():
+        return mended
+    tips = repair_clipping(mended.samples, *limits, unit=SI_UNITS[channel.quantity])
+    return mended.then(tips.samples, *tips.repairs)
+
+
+def level_samples(samples: Array, step_s: float, quiet: Flags, spec: ChannelSpec, noise: float) -> Levelled:
+    """Take hum and droop off a series on the grid.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n,)
+        Lost ones NaN; some of the silence is there.
+    step_s : float
+    quiet : ndarray of bool, shape (n,)
+        The silence before the shot.
+    spec : ChannelSpec
+        For the sensor's time constant.
+    noise : float
+        Standard deviation per sample in the silence.
+    """
+    done, left = Repaired(samples), dict[str, Array]()
+    hum = subtract_hum(samples, 1.0 / step_s, quiet, unit=SI_UNITS[spec.quantity])
+    if hum.lines:
+        done = done.then(hum.samples, *hum.repairs)
+        left["hum"] = hum.quadrature
+    constant_s = spec.sensor.time_constant_s
+    if constant_s is not None:
+        silence = done.samples[quiet & np.isfinite(samples)]
+        u_constant_s = spec.sensor.u_time_constant_s
+        droop = invert_droop(
+            done.samples,
+            step_s,
+            constant_s,
+            float(np.mean(silence)),
+            u_time_constant_s=U_TIME_CONSTANT * constant_s if u_constant_s is None else u_constant_s,
+            u_rest=noise / max(np.sqrt(silence.size), 1.0),
+            noise=noise,
+        )
+        done = done.then(droop.samples, droop.repair)
+        left["droop"] = droop.by_constant
+    return Levelled(done.samples, done.repairs, left)

@@ -1,0 +1,116 @@
+"""A camera's positions of a recoil: parted at the release, without the frames that contradict their neighbours."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.errors import IdentificationError
+from recoil_processing.alignment.velocity_walk import WalkFilter
+from recoil_processing.motion.double_integral import DoubleIntegral
+from recoil_processing.noise import noise_sigma
+from recoil_processing.outliers import isolated_outliers, stuck_repeats
+
+Array = NDArray[np.float64]
+
+LEAST_FRAMES = 30
+"""Of the motion: fewer hardly tell a mass beside two noise levels."""
+
+
+@dataclass(frozen=True, eq=False)
+class Film:
+    """A camera's positions, parted at the release.
+
+    Attributes
+    ----------
+    times_s, positions_m : ndarray, shape (n,)
+        Frames of the motion that have a position and agree with their neighbours, on the force's clock.
+    release_s : float
+    rest_m : float
+        Mean of the frames before the release; NaN without any.
+    rest_frames : int
+    set_aside : int
+        Frames that contradict their neighbours.
+    """
+
+    times_s: Array
+    positions_m: Array
+    release_s: float
+    rest_m: float
+    rest_frames: int
+    set_aside: int
+
+    @classmethod
+    def of(
+        cls, frame_times_s: Array, displacement_m: Array, release_s: float, end_s: float, rough: DoubleIntegral
+    ) -> Film:
+        """Take the frames up to the end of the interval.
+
+        Parameters
+        ----------
+        frame_times_s, displacement_m : ndarray, shape (n_frames,)
+            Strictly increasing; lost frames NaN.
+        release_s, end_s : float
+        rough : DoubleIntegral
+            Of roughly the motion's acceleration, to see which frames contradict their neighbours.
+
+        Raises
+        ------
+        ValueError
+            If shapes do not fit or frames do not increase.
+        IdentificationError
+            If too few frames saw the motion.
+        """
+        if frame_times_s.ndim != 1 or frame_times_s.shape != displacement_m.shape:
+            raise ValueError(
+                f"frames and displacements must be equally many, not {frame_times_s.shape}, {displacement_m.shape}"
+            )
+        if not np.all(np.diff(frame_times_s) > 0):
+            raise ValueError("frame_times_s must increase strictly")
+        seen = np.isfinite(displacement_m) & rough.covers(frame_times_s) & (frame_times_s <= end_s)
+        t, x = frame_times_s[seen], displacement_m[seen]
+        if np.count_nonzero(t >= release_s) < LEAST_FRAMES:
+            raise IdentificationError(
+                f"only {np.count_nonzero(t >= release_s)} frames saw the recoil",
+                expected=f"at least {LEAST_FRAMES} with a position, on a clock that could be aligned",
+                remedy="check the track and the camera's alignment",
+            )
+        sigma = noise_sigma(x)
+        set_aside = 0
+        if sigma > 0:
+            residual = x - rough.at(t)[0]
+            stuck = stuck_repeats(x, residual, sigma)
+            odd = stuck.copy()
+            fresh = np.flatnonzero(~stuck)
+            odd[fresh[isolated_outliers(t[fresh], residual[fresh], sigma)]] = True
+            t, x, set_aside = t[~odd], x[~odd], int(np.count_nonzero(odd))
+        moving = t >= release_s
+        rest = x[~moving]
+        mean = float(rest.mean()) if rest.size else math.nan
+        return cls(t[moving], x[moving], release_s, mean, int(rest.size), set_aside)
+
+    @property
+    def from_rest_m(self) -> Array:
+        """Positions less that at rest, negative, shape (n,): what a scale that is too large takes off the travel."""
+        return np.asarray((self.rest_m if self.rest_frames else float(self.positions_m[0])) - self.positions_m)
+
+    def whiten(self, columns: Array, density_ratio: float) -> tuple[Array, float]:
+        """Make rows independent, of variance 1 in units of the marker's.
+
+        Parameters
+        ----------
+        columns : ndarray, shape (n, n_columns)
+        density_ratio : float
+            Of the walk over the marker's variance, 1/s^3.
+
+        Returns
+        -------
+        rows : ndarray, shape (n, n_columns)
+        log_determinant : float
+            Of the noise's covariance, in units of the marker's variance.
+        """
+        walk = WalkFilter.design(self.times_s, 1.0, density_ratio)
+        return walk.whiten(columns), walk.log_determinant

@@ -1,0 +1,280 @@
+"""The mass by the weak form: both sides of the equation of motion, averaged by smooth functions of bounded support.
+
+Multiplied by a function phi that vanishes with its derivatives at the ends of its support, and integrated,
+``m a' = F'`` holds for the averages ``<phi, a'>`` and ``<phi, F'>``: a low-pass of finite reach on both. Its worth is
+with a displacement: twice integrated by parts, ``<phi'', x> = <phi, F'> / m``, both derivatives go to phi and noise is
+never differentiated (D. M. Bortz, D. A. Messenger and V. Dukic, Bull. Math. Biol. 85, 2023). Position and velocity at
+the begin drop out.
+
+Functions overlap, so that their averages' errors are correlated; for white noise of the samples the covariance is
+known up to a factor, and the rows are made independent with it. Directions in which the functions differ by
+rounding alone are left out.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.errors import IdentificationError
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+ORDER = 6
+"""Of the bump ``(1 - s^2)^p``: five derivatives vanish at its ends. `Bumps.at` multiplies its powers out."""
+HALF_WIDTH_S = 2e-3
+"""Of the acceleration's functions: they pass one half at 400 Hz, and nothing of stress waves beyond 1200 Hz."""
+DISPLACEMENT_HALF_WIDTH_S = 8e-3
+"""Of the displacement's: short against the recoil, long enough for frames."""
+PER_HALF_WIDTH = 3
+"""Functions per half width: more of them tell nothing more."""
+LEAST_INDEPENDENCE = 1e-6
+"""Share of the largest variance below which a direction of the functions is not used."""
+UNEVEN = 0.2
+"""Of the frames' period, by which two may be closer or farther apart: more of it, and one is missing between them."""
+LEAST_ROWS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Bumps:
+    """Functions ``(1 - s^2)^p`` of one width, ``s = (t - centre) / half width``.
+
+    Attributes
+    ----------
+    centres_s : ndarray, shape (n,)
+    half_width_s : float
+    """
+
+    centres_s: Array
+    half_width_s: float
+
+    @classmethod
+    def over(cls, begin_s: float, end_s: float, half_width_s: float) -> Bumps:
+        """Spread functions evenly so that none reaches beyond an interval; none where it is too short for one."""
+        room = end_s - begin_s - 2.0 * half_width_s
+        if not room >= 0:
+            return cls(np.zeros(0), half_width_s)
+        count = int(room * PER_HALF_WIDTH / half_width_s) + 1
+        return cls(np.linspace(begin_s + half_width_s, end_s - half_width_s, count), half_width_s)
+
+    def at(self, times_s: Array) -> tuple[Array, Array]:
+        """Evaluate the functions and their second derivatives in 1/s^2, shape (n, n_times) each."""
+        square = ((times_s[None, :] - self.centres_s[:, None]) / self.half_width_s) ** 2
+        left = np.maximum(1.0 - square, 0.0)
+        fourth = left * left
+        fourth *= fourth
+        curvature = fourth * (4.0 * ORDER * (ORDER - 1) * square - 2.0 * ORDER * left)
+        return fourth * left * left, curvature / self.half_width_s**2
+
+
+@dataclass(frozen=True, eq=False)
+class WeakMass:
+    """Mass by the weak form.
+
+    Attributes
+    ----------
+    mass_kg, u_kg : float
+        And its standard uncertainty by the random errors.
+    noise : float
+        Of the averages' residuals: as white noise per sample of the acceleration in m/s^2, in which ringing beyond
+        the functions' band is not; over what was given where a displacement was averaged.
+    rows : int
+        Independent rows.
+    rows_left_out : int
+        Functions that reach across samples that are not to be used.
+    residuals : ndarray, shape (n_rows,)
+        Of independent rows, over the noise.
+    answers_kg : ndarray, shape (n_probes,)
+        By how much the mass is too large if the force is by one of the probes.
+    """
+
+    mass_kg: float
+    u_kg: float
+    noise: float
+    rows: int
+    rows_left_out: int
+    residuals: Array
+    answers_kg: Array
+
+
+def weak_mass(
+    times_s: Array,
+    acceleration_m_s2: Array,
+    force_n: Array,
+    *,
+    half_width_s: float = HALF_WIDTH_S,
+    used: Flags | None = None,
+    force_sigma_n: float = 0.0,
+    quiet_sigma_m_s2: float = 0.0,
+    probes_n: Array | None = None,
+) -> WeakMass:
+    """Estimate by averages of the acceleration on averages of the force.
+
+    Parameters
+    ----------
+    times_s, acceleration_m_s2, force_n : ndarray, shape (n,)
+        Evenly sampled, unfiltered.
+    half_width_s : float
+    used : ndarray of bool, shape (n,), optional
+        Functions that reach a sample that is not used are left out.
+    force_sigma_n : float
+        White noise of the force per sample; what it adds to the averages' power is taken off.
+    quiet_sigma_m_s2 : float
+        White noise of the acceleration per sample in the silence before the shot; the noise is no less.
+    probes_n : ndarray, shape (n, n_probes), optional
+        Errors that the force may have.
+
+    Raises
+    ------
+    ValueError
+        If shapes do not fit, or a width or noise is not a length or a noise.
+    IdentificationError
+        If too few functions are left, or force and acceleration have nothing in common.
+    """
+    used = _checked(times_s, (acceleration_m_s2, force_n), used, half_width_s, (force_sigma_n, quiet_sigma_m_s2))
+    part, step_s = _around(used), float(times_s[1] - times_s[0])
+    half = int(half_width_s / step_s)
+    stride = max(1, half // PER_HALF_WIDTH)
+    offsets_s = np.linspace(-half * step_s, half * step_s, 2 * half + 1)
+    kernel = Bumps(np.zeros(1), half_width_s).at(offsets_s)[0][0]
+    probes = np.zeros((times_s.size, 0)) if probes_n is None else probes_n
+    if part.stop - part.start < kernel.size:
+        return _estimate(np.zeros((0, 2)), np.zeros((0, 0)), 0.0, 0.0, 0)
+    columns = np.where(used[:, None], np.column_stack([force_n, acceleration_m_s2, probes]), 0.0)[part]
+    whole = np.convolve(~used[part], np.ones(kernel.size), mode="valid")[::stride] < 0.5
+    averages = np.column_stack([np.convolve(column, kernel, mode="valid")[::stride] for column in columns.T])[whole]
+    # functions of one shape at whole strides: their products depend on how far they are apart
+    products = np.convolve(kernel, kernel)[kernel.size - 1 :: stride]
+    apart = np.abs(np.subtract.outer(np.flatnonzero(whole), np.flatnonzero(whole)))
+    covariance = np.append(products, 0.0)[np.minimum(apart, products.size)]
+    rows = _independent(covariance, averages)
+    return _estimate(rows[:, :2], rows[:, 2:], quiet_sigma_m_s2, force_sigma_n, int(np.count_nonzero(~whole)))
+
+
+def weak_displacement_mass(
+    frame_times_s: Array,
+    displacement_m: Array,
+    times_s: Array,
+    force_n: Array,
+    other_m_s2: Array | None = None,
+    *,
+    half_width_s: float = DISPLACEMENT_HALF_WIDTH_S,
+    used: Flags | None = None,
+    marker_sigma_m: float,
+    force_sigma_n: float = 0.0,
+) -> WeakMass:
+    """Estimate by a camera's displacement: ``<phi'', x> - <phi, other> = <phi, F'> / m``.
+
+    Parameters
+    ----------
+    frame_times_s, displacement_m : ndarray, shape (n_frames,)
+        On the force's clock, evenly spaced; lost frames are NaN or missing. Functions that reach one are left out.
+    times_s, force_n : ndarray, shape (n,)
+        Evenly sampled.
+    other_m_s2 : ndarray, shape (n,), optional
+        Acceleration of the displacement that is no force over mass, such as gravity and the carriage's motion.
+    half_width_s : float
+    used : ndarray of bool, shape (n,), optional
+    marker_sigma_m, force_sigma_n : float
+        White noise of the displacement and of the force, per frame and per sample; the noise is no less.
+
+    Raises
+    ------
+    ValueError
+        If shapes do not fit, or a width or noise is not a length or a noise.
+    IdentificationError
+        If too few functions are left, or force and displacement have nothing in common.
+    """
+    other = np.zeros_like(force_n) if other_m_s2 is None else other_m_s2
+    used = _checked(times_s, (force_n, other), used, half_width_s, (marker_sigma_m,))
+    if frame_times_s.ndim != 1 or frame_times_s.shape != displacement_m.shape or frame_times_s.size < 2:
+        raise ValueError(
+            f"frames and displacements must be equally many, two at least, not {frame_times_s.shape}, "
+            f"{displacement_m.shape}"
+        )
+    step_s, frame_s = float(times_s[1] - times_s[0]), float(np.median(np.diff(frame_times_s)))
+    inside = used & (times_s >= frame_times_s[0]) & (times_s <= frame_times_s[-1])
+    bumps = _over_used(times_s, inside, half_width_s)
+    part = _around(inside)
+    phi, _ = bumps.at(times_s[part])
+    near = (frame_times_s > times_s[part.start]) & (frame_times_s < times_s[part.stop - 1])
+    _, curvature = bumps.at(frame_times_s[near])
+    even = np.abs(np.diff(frame_times_s) / frame_s - 1.0) < UNEVEN
+    broken = (~np.isfinite(displacement_m) | ~np.append(even, True) | ~np.append(True, even))[near]
+    whole = ~np.any((phi > 0) & ~inside[part], axis=1) & ~np.any((curvature != 0) & broken, axis=1)
+    phi, curvature = phi[whole] * step_s, curvature[whole] * frame_s
+    x = np.where(broken, 0.0, displacement_m[near])
+    f, rest = (np.where(used, one, 0.0)[part] for one in (force_n, other))
+    averages = np.column_stack([phi @ f, curvature @ x - phi @ rest])
+    power = float(averages[:, 0] @ averages[:, 0])
+    rough = float(averages[:, 0] @ averages[:, 1]) / power if power > 0 else 0.0
+    covariance = marker_sigma_m**2 * curvature @ curvature.T + (rough * force_sigma_n) ** 2 * phi @ phi.T
+    rows = _independent(covariance, averages)
+    return _estimate(rows, np.zeros((rows.shape[0], 0)), 1.0, 0.0, int(np.count_nonzero(~whole)))
+
+
+def _checked(
+    times: Array, series: tuple[Array, ...], used: Flags | None, half_width: float, noises: tuple[float, ...]
+) -> Flags:
+    used = np.ones(times.shape, dtype=bool) if used is None else used
+    if times.ndim != 1 or times.size < 2 or any(one.shape != times.shape for one in (*series, used)):
+        raise ValueError(f"times and series must be equally long, not {times.shape}, {[one.shape for one in series]}")
+    if not all(np.all(np.isfinite(one[used])) for one in series):
+        raise ValueError("used samples must be finite")
+    if not (math.isfinite(half_width) and half_width > 2.0 * float(times[1] - times[0])):
+        raise ValueError(f"half_width_s must be longer than two samples, not {half_width}")
+    if not all(math.isfinite(noise) and noise >= 0 for noise in noises):
+        raise ValueError(f"noises must be zero or positive, not {noises}")
+    return used
+
+
+def _over_used(times: Array, used: Flags, half_width: float) -> Bumps:
+    at = np.flatnonzero(used)
+    begin, end = (float(times[at[0]]), float(times[at[-1]])) if at.size else (0.0, -1.0)
+    return Bumps.over(begin, end, half_width)
+
+
+def _around(used: Flags) -> slice:
+    at = np.flatnonzero(used)
+    return slice(int(at[0]), int(at[-1]) + 1) if at.size else slice(0, 1)
+
+
+def _independent(covariance: Array, averages: Array) -> Array:
+    """Turn averages into independent ones of unit variance."""
+    if covariance.size == 0:
+        return averages
+    variances, directions = np.linalg.eigh(covariance)
+    kept = variances > max(LEAST_INDEPENDENCE * float(variances[-1]), 0.0)
+    return np.asarray((directions[:, kept] / np.sqrt(variances[kept])).T @ averages)
+
+
+def _estimate(averages: Array, probes: Array, least_noise: float, force_sigma_n: float, left_out: int) -> WeakMass:
+    if averages.shape[0] < LEAST_ROWS:
+        raise IdentificationError(
+            f"only {averages.shape[0]} functions of bounded support fit between the samples that can be used",
+            expected=f"at least {LEAST_ROWS}",
+            remedy="check for lost samples in the identification interval, or take narrower functions",
+        )
+    f, y = averages.T
+    power = float(f @ f)
+    noise_power = min(f.size * force_sigma_n**2, 0.5 * power)
+    inverse = float(f @ y) / (power - noise_power)
+    if not inverse > 0:
+        raise IdentificationError(
+            "force and motion do not go together: no positive mass relates them",
+            found=f"an acceleration per force of {inverse:.3g} 1/kg",
+            remedy="check areas, units and polarities in the rig file",
+        )
+    residual = y - inverse * f
+    found = math.sqrt(float(residual @ residual) / (f.size - 1))
+    noise = max(found, math.hypot(least_noise, force_sigma_n * inverse))
+    # a wave that rings while the force is large is in the rows of large force
+    robust = math.sqrt(float((f * residual) @ (f * residual)))
+    u_inverse = max(noise * math.sqrt(power), robust) / (power - noise_power)
+    over = residual / noise if noise > 0 else residual
+    answers = f @ probes / (power - noise_power) / inverse
+    return WeakMass(1.0 / inverse, u_inverse / inverse**2, noise, int(f.size), left_out, over, answers)

@@ -1,0 +1,124 @@
+"""What speaks against a camera's mass, and what its reader should know."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from recoil_acquisition.shot import Shot
+from recoil_identification.constancy.mass_constancy import MassConstancy
+from recoil_identification.film_calibration import FilmCalibration
+from recoil_identification.filmed_recoil import FilmedRecoil
+from recoil_identification.regression import Regression
+from recoil_identification.trace import MassTrace
+from recoil_identification.verdict import CERTAINLY_VARIES, doubted_sensors, reasons_against_record, varies
+from recoil_processing.alignment.align import INNOVATION_LIMITS, MOST_INFLATION, MOST_SET_ASIDE
+from recoil_processing.noise import noise_sigma
+from recoil_rigs.rig import Rig
+
+UNCHECKED = (
+    "no accelerometer on the recoiling part was used: what it checks is not checked, the camera's scale and a skew of "
+    "the recorder's channels among it"
+)
+LARGEST_SHIFT = 4.0
+"""Standard uncertainties by which film and forces may call for another offset of the clock than it was aligned by."""
+
+
+def reasons_against_film(
+    shot: Shot,
+    rig: Rig,
+    filmed: FilmedRecoil,
+    regression: Regression,
+    trace: MassTrace,
+    calibration: FilmCalibration,
+    constancy: MassConstancy | None,
+) -> tuple[str, ...]:
+    """Say what speaks against the result.
+
+    Parameters
+    ----------
+    shot, rig : Shot, Rig
+    filmed : FilmedRecoil
+    regression : Regression
+        With the acceleration by the camera.
+    trace : MassTrace
+    calibration : FilmCalibration
+    constancy : MassConstancy or None
+
+    Returns
+    -------
+    tuple of str
+        One sentence each, with its limit; empty if nothing does.
+    """
+    reasons = reasons_against_record(shot, rig, filmed.forced.signals, trace, regression, unused_channels(shot, rig))
+    reasons += doubted_sensors(calibration)
+    reasons += _against_the_fit(filmed)
+    if constancy is not None and varies(constancy, CERTAINLY_VARIES, calibration.estimate):
+        reasons.append(f"{str(constancy).rstrip('.')}: see the mass over time, one number does not describe it")
+    return tuple(reasons)
+
+
+def unused_channels(shot: Shot, rig: Rig) -> tuple[str, ...]:
+    """Return the names of what a camera's mass does not hang on: the accelerometer on the recoiling part."""
+    spec, channel = rig.by_role("recoil_acceleration"), shot.by_role("recoil_acceleration")
+    return tuple(dict.fromkeys(c.name for c in (spec, channel) if c is not None))
+
+
+def _against_the_fit(filmed: FilmedRecoil) -> Iterator[str]:
+    found, clock = filmed.found, filmed.clock
+    if found.inflation > MOST_INFLATION:
+        yield (
+            f"film and forces do not show the same motion: {found.inflation:.0f} times the force's noise would be "
+            f"needed to explain the difference (limit {MOST_INFLATION:g})"
+        )
+    noise = noise_sigma(filmed.positions_m)
+    if noise > 0 and (found.marker_sigma_m / noise) ** 2 > INNOVATION_LIMITS[1]:
+        yield (
+            f"the film is {1e3 * found.marker_sigma_m:.3g} mm off what the forces drive, its own noise is "
+            f"{1e3 * noise:.3g} mm: a dropped frame, a wrong frame rate or a force that is wrong"
+        )
+    if found.set_aside > MOST_SET_ASIDE * (found.frames + found.set_aside):
+        yield f"{found.set_aside} of {found.frames + found.set_aside} frames contradict their neighbours"
+    if not filmed.by_force:
+        apart = abs(found.shift_s) / max(clock.u_offset_s, 1e-9)
+        if apart > LARGEST_SHIFT:
+            yield (
+                f"film and forces call for an offset of clock {clock.clock} {1e6 * found.shift_s:+.0f} us away, "
+                f"{apart:.1f} of its standard uncertainties (limit {LARGEST_SHIFT:g})"
+            )
+
+
+def notes_on_film(
+    shot: Shot, filmed: FilmedRecoil, regression: Regression, trace: MassTrace, constancy: MassConstancy | None
+) -> tuple[str, ...]:
+    """Say what a reader should know although it does not make the result invalid.
+
+    Parameters
+    ----------
+    shot : Shot
+    filmed : FilmedRecoil
+    regression : Regression
+        With the acceleration by the camera.
+    trace : MassTrace
+    constancy : MassConstancy or None
+    """
+    signals, found = filmed.forced.signals, filmed.found
+    notes = [UNCHECKED]
+    if filmed.by_force:
+        notes.append(
+            f"clock {filmed.clock.clock} is aligned by film and forces, and its offset is found with the mass "
+            f"(u {1e6 * math.hypot(found.u_shift_s, 0.0):.1f} us)"
+        )
+    notes += [
+        f"no usable channel of role {role}: its term in the equation of motion is taken at rest"
+        for role in ("carriage_rate", "tipping_rate")
+        if role not in signals.series and filmed.forced.rig.by_role(role) is not None
+    ]
+    ignored = [c for c in shot.quality if c.verdict == "fail" and c.channel in unused_channels(shot, filmed.forced.rig)]
+    notes += [f"not used: {c.channel}: {c.detail}" for c in ignored]
+    if regression.interval_s[1] >= regression.times_s[-1]:
+        notes.append("the record ends before the recoil does: the interval ends with it")
+    notes += [f"{count} samples not identified: {reason}" for reason, count in trace.reasons.items()]
+    if constancy is not None and not constancy.constant() and constancy.constant(CERTAINLY_VARIES):
+        notes.append(str(constancy).rstrip("."))
+    return tuple(notes)

@@ -1,0 +1,170 @@
+"""A film and the forces of one recoil on one clock, and the mass that brings them in line."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.channel import Channel
+from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_identification.estimators.double_impulse import DoubleImpulseMass
+from recoil_identification.force_clocks import METHOD as BY_FORCE
+from recoil_identification.force_clocks import recoil_only
+from recoil_identification.force_errors import NamedErrors, force_errors
+from recoil_identification.forced_recoil import CARRIAGE_ROLES, RATE_ROLES, ForcedRecoil, require_forces
+from recoil_identification.kinematics import fused_motion, travel_and_velocity
+from recoil_identification.signals import Signals, at_instants
+from recoil_processing.motion.fusion import FusedMotion
+from recoil_rigs.rig import Rig
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class FilmedRecoil:
+    """A film and the forces on one clock, and the mass that brings them in line.
+
+    Attributes
+    ----------
+    camera : Channel
+        Displacement on its own clock, without the delay of its chain.
+    clock : ClockAlignment
+        Of that clock, without what `found` says is left of its offset.
+    by_force : bool
+        Whether nothing but the forces tells the clock's offset.
+    forced : ForcedRecoil
+    errors : NamedErrors
+        What is unknown besides the scales.
+    found : DoubleImpulseMass
+    fused : FusedMotion or None
+        Film and forces together.
+    travel_m, velocity_m_s : ndarray, shape (n,)
+    """
+
+    camera: Channel
+    clock: ClockAlignment
+    by_force: bool
+    forced: ForcedRecoil
+    errors: NamedErrors
+    found: DoubleImpulseMass
+    fused: FusedMotion | None
+    travel_m: Array
+    velocity_m_s: Array
+
+    @property
+    def frame_times_s(self) -> Array:
+        """Of the frames, on the reference clock, shape (n_frames,)."""
+        return np.asarray(self.clock.to_reference(self.camera.time_base.times_s))
+
+    @property
+    def positions_m(self) -> Array:
+        """Of the recoil; NaN where a frame was lost, and when the part runs back, shape (n_frames,)."""
+        return recoil_only(self.camera.measured)
+
+    @classmethod
+    def of(cls, shot: Shot, rig: Rig, signals: Signals) -> FilmedRecoil:
+        """Find the mass twice: by the motion that the forces give, and with the end of travel that the film then tells.
+
+        Parameters
+        ----------
+        shot : Shot
+            With its alignments.
+        rig : Rig
+        signals : Signals
+
+        Raises
+        ------
+        IdentificationError
+            If film, forces or the carriage's accelerometers are missing, or film and forces have nothing in common.
+        """
+        camera, clock = _camera_of(shot, rig)
+        require_forces(signals)
+        require_carriage(signals)
+        by_force = clock.method == BY_FORCE
+        u_shift_s = math.inf if by_force else clock.u_offset_s
+        times, positions = camera.time_base.times_s, recoil_only(camera.measured)
+        forced = ForcedRecoil.of(shot, rig, signals)
+        first = forced.film_mass(clock.to_reference(times), positions, u_shift_s=u_shift_s)
+        corrected = forced.corrected(first)
+        fused = fused_motion(signals, corrected.acceleration_m_s2, replace(camera, samples=positions), clock)
+        travel, velocity = travel_and_velocity(fused, corrected.acceleration_m_s2, signals.step_s)
+        forced = ForcedRecoil.of(shot, rig, signals, first.mass_kg, velocity)
+        errors = force_errors(forced)
+        found = forced.film_mass(clock.to_reference(times), positions, u_shift_s=u_shift_s, further_n=errors.columns_n)
+        return cls(camera, clock, by_force, forced, errors, found, fused, travel, velocity)
+
+    @property
+    def u_shift_s(self) -> float:
+        """What is known of the clock's offset without the film and the forces."""
+        return math.inf if self.by_force else self.clock.u_offset_s
+
+    def mass_with(self, *, held: bool = False, stretch: float = 0.0) -> DoubleImpulseMass:
+        """Estimate the mass again, with the noise as found.
+
+        Parameters
+        ----------
+        held : bool
+            Whether the clock's offset is known, as it was found.
+        stretch : float
+            By how much longer the camera's seconds are, relative.
+        """
+        times = self.frame_times_s
+        times = times + stretch * (times - float(np.mean(self.forced.recorded.interval_s)))
+        return self.forced.film_mass(
+            times + (self.found.shift_s if held else 0.0),
+            self.positions_m,
+            u_shift_s=0.0 if held else self.u_shift_s,
+            further_n=self.errors.columns_n,
+            levels=(self.found.marker_sigma_m, self.found.density),
+        )
+
+
+def require_carriage(signals: Signals) -> None:
+    """Refuse signals that do not tell how the tipping part moves, on which the camera's origin is.
+
+    Both accelerometers of the carriage are needed, and one of the two rates: how much a rig turns nothing else tells.
+
+    Raises
+    ------
+    IdentificationError
+        Naming every role that is missing.
+    """
+    missing = [role for role in CARRIAGE_ROLES if not _usable(signals, role)]
+    if not any(_usable(signals, role) for role in RATE_ROLES):
+        missing.append(" or ".join(RATE_ROLES))
+    if missing:
+        raise IdentificationError(
+            f"no usable channel of role {', '.join(missing)}: a camera sees the recoil relative to the tipping part, "
+            "and nothing tells how that moves itself",
+            expected="accelerometers and a gyro on the carriage or the tipping part, or one on the recoiling part",
+            remedy="declare their roles in the rig file, or mend the alignment",
+        )
+
+
+def _usable(signals: Signals, role: str) -> bool:
+    return role in signals.series and bool(np.isfinite(signals.series[role]).any())
+
+
+def _camera_of(shot: Shot, rig: Rig) -> tuple[Channel, ClockAlignment]:
+    camera = shot.by_role("recoil_displacement")
+    if camera is None:
+        raise IdentificationError(
+            "no channel of role recoil_displacement",
+            found=", ".join(c.role for c in shot.channels.values() if c.role) or "no roles",
+            remedy="declare its role in the rig file, or take another --method",
+        )
+    name = camera.time_base.clock
+    if name == shot.reference_clock:
+        return at_instants(camera, shot, rig), ClockAlignment(name, 0.0, 0.0, 0.0, 0.0, "ok", "reference")
+    clock = next((a for a in shot.alignments if a.clock == name), None)
+    if clock is None or clock.status == "failed":
+        raise IdentificationError(
+            "the camera's track of the recoiling part is on a clock that could not be aligned",
+            found="; ".join(clock.reasons) if clock is not None else "no alignment",
+            remedy="check the track, or how the rig file aligns the camera",
+        )
+    return at_instants(camera, shot, rig), clock

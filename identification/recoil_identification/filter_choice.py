@@ -1,0 +1,151 @@
+"""Which low-pass both sides of the equation of motion pass, and why that one.
+
+The cut-off is chosen from the data: where the spectra of the acceleration and of the force say that
+motion and stress waves part (`recoil_processing.spectra.cutoff`). Several shots of one rig are given one cut-off
+(`recoil_processing.spectra.campaign_cutoff`). Where no spectrum tells, a fixed one stands in, and the report says so.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from recoil_acquisition.shot import Shot
+from recoil_identification.regression import Regression
+from recoil_processing.filters import LowPass
+from recoil_processing.spectra.campaign_cutoff import campaign_cutoff
+from recoil_processing.spectra.cutoff import CutoffChoice
+from recoil_processing.spectra.spectral_gap import ShotSpectrum, shot_spectrum
+
+Basis = Literal["given", "shot", "campaign", "default"]
+
+DEFAULT_CUTOFF_HZ = 300.0
+"""Stress waves of gun-size mechanisms ring above 900 Hz, the recoil pulse has little above 300 Hz."""
+LARGEST_SHARE_OF_RATE = 0.2
+"""A force that is sampled slowly cannot follow a higher cut-off."""
+MASS_ENERGY = 0.99
+"""Share of the force's energy below the cut-off of the fit of the mass: noise above it says nothing more of it."""
+FORCE_ROLES = ("recoil_acceleration", "breech_pressure", "brake_pressure", "recuperator_pressure")
+
+
+@dataclass(frozen=True)
+class FilterChoice:
+    """A low-pass and why it was taken.
+
+    Attributes
+    ----------
+    low_pass : LowPass
+    basis : str
+        ``given`` by the user, from this ``shot``, from the ``campaign``, or the ``default``.
+    cutoff : CutoffChoice or None
+        What the spectra said; None where nobody asked them.
+    reason : str
+        In words.
+    """
+
+    low_pass: LowPass
+    basis: Basis
+    cutoff: CutoffChoice | None
+    reason: str
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it in JSON types; what is not a number is None."""
+        said = self.cutoff
+        figures = {} if said is None else {
+            "valley_hz": said.valley_hz,
+            "shoulder_hz": said.shoulder_hz,
+            "depth_db": said.depth_db,
+            "predicted_error": said.predicted_error,
+        }  # fmt: skip
+        return {
+            "cutoff_hz": self.low_pass.cutoff_hz,
+            "half_order": self.low_pass.half_order,
+            "basis": self.basis,
+            "confidence": None if said is None else said.confidence,
+            "reason": self.reason,
+            **{key: value if math.isfinite(value) else None for key, value in figures.items()},
+        }
+
+
+def force_spectra(recorded: Regression) -> dict[str, ShotSpectrum]:
+    """Return the spectra of both sides of the equation of motion around the onset, where they have one."""
+    found = {}
+    for name, column, quantity in (
+        ("acceleration", recorded.acceleration_m_s2, "acceleration"),
+        ("force", recorded.force_n, "force"),
+    ):
+        onset = int((recorded.times_s < recorded.interval_s[0]).sum())
+        spectrum = shot_spectrum(column, recorded.rate_hz, onset_index=min(onset, column.size - 1), quantity=quantity)
+        if not isinstance(spectrum, str):
+            found[name] = spectrum
+    return found
+
+
+def campaign_choice(shots: Sequence[Mapping[str, ShotSpectrum]]) -> CutoffChoice | None:
+    """Choose one cut-off for several shots of one rig from what `force_spectra` found; None if no shot has any."""
+    names = sorted({name for spectra in shots for name in spectra})
+    channels = {name: [spectra[name] for spectra in shots if name in spectra] for name in names}
+    return campaign_cutoff(channels) if channels else None
+
+
+def mass_filter(recorded: Regression, choice: FilterChoice) -> LowPass:
+    """Return the low-pass of the fit of the mass: the force's own band, within that of the choice.
+
+    A mass is one number, and the force tells it where the force has its energy; the trace over time and peaks need
+    the rest of the band as well. A cut-off that was asked for holds for both; where samples of the recoil are lost, a
+    lower one would lose more around them.
+
+    Parameters
+    ----------
+    recorded : Regression
+    choice : FilterChoice
+    """
+    if choice.basis == "given" or not recorded.trusted[recorded.inside].all():
+        return choice.low_pass
+    force = np.where(np.isfinite(recorded.force_n), recorded.force_n, 0.0)[recorded.inside]
+    energy = np.cumsum(np.abs(np.fft.rfft(force, 4 * force.size)) ** 2)
+    bin_hz = recorded.rate_hz / (4 * force.size)
+    band_hz = bin_hz * float(np.searchsorted(energy, MASS_ENERGY * energy[-1]))
+    if not bin_hz < band_hz < choice.low_pass.cutoff_hz:
+        return choice.low_pass
+    return LowPass(band_hz, choice.low_pass.half_order)
+
+
+def choose_filter(
+    recorded: Regression, shot: Shot, *, given_hz: float | None = None, campaign: CutoffChoice | None = None
+) -> FilterChoice:
+    """Choose the low-pass of one shot's regression.
+
+    Parameters
+    ----------
+    recorded : Regression
+        As recorded.
+    shot : Shot
+        For the rates of the forces' channels.
+    given_hz : float, optional
+        The user's own cut-off; nothing else counts then.
+    campaign : CutoffChoice, optional
+        Chosen for several shots, this one among them.
+    """
+    if given_hz is not None:
+        return FilterChoice(LowPass(given_hz), "given", None, f"{given_hz:g} Hz were asked for")
+    basis: Basis = "shot" if campaign is None else "campaign"
+    said = campaign_choice([force_spectra(recorded)]) if campaign is None else campaign
+    rates = [c.time_base.rate_hz for c in shot.channels.values() if c.role in FORCE_ROLES]
+    slowest = min((rate for rate in rates if math.isfinite(rate)), default=math.inf)
+    most_hz = LARGEST_SHARE_OF_RATE * slowest
+    if said is not None and said.cutoff_hz is not None and said.confidence == "sure":
+        if said.cutoff_hz <= most_hz:
+            return FilterChoice(LowPass(said.cutoff_hz, said.half_order), basis, said, said.reason)
+        reason = (
+            f"the spectra would allow {said.cutoff_hz:.4g} Hz, but a force is sampled at {slowest:.4g} Hz only; "
+            f"{said.reason}"
+        )
+        return FilterChoice(LowPass(most_hz, said.half_order), basis, said, reason)
+    why = "the record allows no spectrum" if said is None else said.reason
+    cutoff_hz = min(DEFAULT_CUTOFF_HZ, most_hz)
+    return FilterChoice(LowPass(cutoff_hz), "default", said, f"the fixed {cutoff_hz:g} Hz: {why}")

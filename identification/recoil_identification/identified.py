@@ -1,0 +1,267 @@
+"""What may be chosen of an identification, and what one shot's gives."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.channel import Channel
+from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.shot import ClockAlignment
+from recoil_identification.calibration import Calibration
+from recoil_identification.constancy.mass_constancy import MassConstancy
+from recoil_identification.estimators.endogeneity import Endogeneity
+from recoil_identification.film_calibration import FilmCalibration
+from recoil_identification.filter_choice import FilterChoice
+from recoil_identification.mass import MassEstimate
+from recoil_identification.memory.window_length import WindowChoice
+from recoil_identification.monte_carlo import MonteCarlo
+from recoil_identification.regression import Regression
+from recoil_identification.signals import Signals
+from recoil_identification.skew import RecorderSkew
+from recoil_identification.stress_waves import StressWaves
+from recoil_identification.trace import MassTrace
+from recoil_identification.zero_shift import ZeroShift
+from recoil_processing.filters import LowPass
+from recoil_processing.motion.fusion import FusedMotion
+from recoil_processing.quality.repeatability import ShotPeaks
+from recoil_processing.spectra.cutoff import CutoffChoice
+
+Array = NDArray[np.float64]
+Method = Literal[
+    "calibrated", "reverse", "forward", "paper", "camera", "tls", "ar-gls", "weak", "camera-gls", "joint"
+]  # fmt: skip
+METHODS: tuple[Method, ...] = ("calibrated", "reverse", "forward", "paper")
+"""Computed for every shot with forces and an accelerometer on the recoiling part. The default is then ``calibrated``,
+because the scales of the sensors are less certain than the shot is random; a camera that was aligned adds its own."""
+FILMED_METHODS: tuple[Method, ...] = ("camera",)
+"""Computed for a shot with forces and a camera, but no such accelerometer: the default then. It may be asked for where
+there is one: nothing of the accelerometer is used then but, if the rig says so, for the camera's clock."""
+FURTHER: tuple[Method, ...] = ("tls", "ar-gls", "weak", "camera-gls", "joint")
+"""Computed when asked for, see `estimators.estimates`; the last two need a camera that was aligned."""
+
+DEFAULT_WINDOW_S = 0.02
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the user may choose.
+
+    Attributes
+    ----------
+    method : str or None
+        One of `METHODS`, ``camera`` or `FURTHER`; it gives the mass and the trace of the report. None for the one that
+        `recoil_identification.default_method` says.
+    cutoff_hz : float or None
+        -3 dB point of the zero-phase low-pass of both sides; None to choose it from the data.
+    window_s : float or None
+        Memory of the trace; None to choose it from the shot, see `recoil_identification.trace_window`.
+    campaign : CutoffChoice or None
+        The cut-off chosen for several shots, this one among them.
+    compare : bool
+        Whether those of `FURTHER` are all computed.
+
+    Raises
+    ------
+    ValueError
+        If the method is unknown, or cut-off or window are not positive.
+    """
+
+    method: Method | None = None
+    cutoff_hz: float | None = None
+    window_s: float | None = DEFAULT_WINDOW_S
+    campaign: CutoffChoice | None = None
+    compare: bool = False
+
+    def __post_init__(self) -> None:
+        known = tuple(dict.fromkeys((*METHODS, *FILMED_METHODS, *FURTHER)))
+        if self.method is not None and self.method not in known:
+            raise ValueError(f"method must be one of {', '.join(known)}, not {self.method!r}")
+        for name in ("cutoff_hz", "window_s"):
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and value > 0):
+                raise ValueError(f"{name} must be positive, not {value}")
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """One method's mass, trace and RPE.
+
+    Attributes
+    ----------
+    estimate : MassEstimate
+    trace : MassTrace
+    rpe_percent : float
+    rpe_interval_percent : tuple of float
+        95 %.
+    """
+
+    estimate: MassEstimate
+    trace: MassTrace
+    rpe_percent: float
+    rpe_interval_percent: tuple[float, float]
+
+
+class Inertial(NamedTuple):
+    """What only an accelerometer on the recoiling part tells, see `Identification`."""
+
+    calibration: Calibration
+    zero_shift: ZeroShift
+    skew: RecorderSkew
+    peaks: ShotPeaks
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """Everything that was found out about one shot.
+
+    Attributes
+    ----------
+    options : Options
+    method : str
+        That was asked for, or the default.
+    specification_kg, u_specification_kg : float
+    results : mapping of str to Result
+        By method, the inertial route; ``kinematic`` is the reverse estimate by the camera's route.
+    calibration : Calibration or FilmCalibration
+        The latter where the mass is the camera's.
+    filter_choice : FilterChoice
+        The low-pass, and why that one.
+    mass_low_pass : LowPass
+        That of the fit of the mass, the force's own band within it.
+    zero_shift : ZeroShift or None
+        Of the recoiling part's accelerometer; None, as skew and peaks, where the mass is the camera's.
+    monte_carlo : MonteCarlo or None
+        Of the mass by the calibrated method; None where a draw has no mass.
+    endogeneity : Endogeneity or None
+        Whether force on acceleration, as recorded, is biased here; None where that cannot be told.
+    constancy : MassConstancy or None
+        Whether one mass explains the shot; None where that cannot be told.
+    window_choice : WindowChoice or None
+        Why the trace has this memory, where it was chosen from the shot.
+    skew : RecorderSkew or None
+        Of acceleration and force.
+    stress_waves : tuple of StressWaves
+        By channel.
+    peaks : ShotPeaks or None
+        Of the recoil acceleration, recorded and filtered.
+    signals : Signals
+    recorded, filtered, fitted : Regression
+        Both sides of the equation of motion as recorded, behind the low-pass, and behind that of the fit of the mass.
+        Where the mass is the camera's, no acceleration was recorded: it is zero there, and by the camera behind the
+        low-pass.
+    kinematic : Regression or None
+        With a' by the camera.
+    camera : Channel or None
+        Displacement on its own clock, without the delay of its chain.
+    travel_m, velocity_m_s : ndarray, shape (n,)
+    fused : FusedMotion or None
+        Camera and accelerometers together, with their standard uncertainties.
+    alignments : mapping of str to ClockAlignment
+    reasons : tuple of str
+        Why the result is not valid; empty if it is.
+    assumptions : list of dict
+        What is taken for granted because the rig file does not say otherwise, see `recoil_rigs.assumptions`.
+    notes : tuple of str
+        What a reader should know although it does not make the result invalid.
+    """
+
+    options: Options
+    method: Method
+    specification_kg: float
+    u_specification_kg: float
+    results: Mapping[str, Result]
+    calibration: Calibration | FilmCalibration
+    filter_choice: FilterChoice
+    mass_low_pass: LowPass
+    zero_shift: ZeroShift | None
+    monte_carlo: MonteCarlo | None
+    endogeneity: Endogeneity | None
+    constancy: MassConstancy | None
+    window_choice: WindowChoice | None
+    skew: RecorderSkew | None
+    stress_waves: tuple[StressWaves, ...]
+    peaks: ShotPeaks | None
+    signals: Signals
+    recorded: Regression
+    filtered: Regression
+    fitted: Regression
+    kinematic: Regression | None
+    camera: Channel | None
+    travel_m: Array
+    velocity_m_s: Array
+    fused: FusedMotion | None
+    alignments: Mapping[str, ClockAlignment]
+    reasons: tuple[str, ...]
+    assumptions: list[dict[str, str]]
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def chosen(self) -> Result:
+        """The result of the method that gives the report's mass."""
+        return self.results[self.method]
+
+    @property
+    def inertial(self) -> Inertial:
+        """What was found with the accelerometer on the recoiling part.
+
+        Raises
+        ------
+        IdentificationError
+            If the mass was identified without it.
+        """
+        if (
+            not isinstance(self.calibration, Calibration)
+            or self.zero_shift is None
+            or self.skew is None
+            or self.peaks is None
+        ):
+            raise IdentificationError(
+                "this needs the route by the accelerometer on the recoiling part",
+                found=f"the method {self.method}",
+                remedy="record one, or take another --method",
+            )
+        return Inertial(self.calibration, self.zero_shift, self.skew, self.peaks)
+
+    @property
+    def valid(self) -> bool:
+        """Whether nothing speaks against the result."""
+        return not self.reasons
+
+    @property
+    def normalised_error(self) -> float:
+        """``E_n = (m - m_spec) / sqrt(U^2 + U_spec^2)`` (ISO/IEC 17043, annex B), with k = 2 throughout.
+
+        NaN where neither mass has an uncertainty.
+        """
+        estimate = self.chosen.estimate
+        expanded = 2 * math.hypot(estimate.u_kg, self.u_specification_kg)
+        return (estimate.mass_kg - self.specification_kg) / expanded if expanded > 0 else math.nan
+
+    @property
+    def deviation(self) -> str | None:
+        """Say of a valid mass that it deviates from the specification, and what may be the cause; else None.
+
+        It does not decide whether the mass is valid: the specification is what the mass is compared with.
+        """
+        if not self.valid or not abs(self.normalised_error) > 1.0:
+            return None
+        scales = ["the scale of the breech gauge or the bore area"]
+        if self.method in ("camera", "camera-gls"):
+            scales.append("that of the camera")
+        elif self.camera is not None and self.method in ("calibrated", "joint"):
+            scales.append("those of accelerometer and camera together")
+        else:
+            scales.append("that of the accelerometer")
+        if self.method in ("forward", "paper"):
+            scales.append("noise of the acceleration, by which this method reads low")
+        causes = ", ".join(["the mass itself", *scales[:-1]])
+        return (
+            f"deviates from the specification (E_n {self.normalised_error:+.2f}): {causes}, or {scales[-1]}; "
+            "this shot cannot tell which"
+        )

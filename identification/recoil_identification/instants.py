@@ -1,0 +1,161 @@
+"""When the physics was that a channel's samples show: its stamps, laid on the source's beat, less the chain's delay.
+
+Whatever compares channels of two clocks takes their instants from here, so that a clock's alignment and the signals
+that are mapped by it mean the same.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.channel import Channel
+from recoil_acquisition.frames.values import unwrap
+from recoil_acquisition.shot import Shot
+from recoil_processing.alignment.aliasing import USUAL_ORDER
+from recoil_processing.alignment.delays import Delay, declared_delay, exposure_delay, filter_delay, mount_delay, sum_of
+from recoil_processing.alignment.stamps import EvenStamps, even_stamps
+from recoil_processing.filters.analog_filter import AnalogLowPass
+from recoil_rigs.rig import ChannelSpec, Rig, Sensor, Source
+
+Array = NDArray[np.float64]
+
+STAMPED_KINDS = ("can", "serial")
+"""Kinds of source whose samples are stamped one by one, and late."""
+
+
+@dataclass(frozen=True, eq=False)
+class Instants:
+    """When a channel's samples were, on its source's clock.
+
+    Attributes
+    ----------
+    times_s : ndarray, shape (n_samples,)
+        Of the physics: on the source's even beat where it has one, the delay taken off.
+    stamps : EvenStamps
+        How the beat was found; ``line`` is ``none`` where the stamps are taken as they are.
+    delay : Delay
+        What was taken off.
+    """
+
+    times_s: Array
+    stamps: EvenStamps
+    delay: Delay
+
+    @property
+    def u_s(self) -> float:
+        """Standard uncertainty that all of them share, seconds."""
+        return math.hypot(self.delay.u_s, self.stamps.u_line_s)
+
+    def stamps_to_json(self) -> dict[str, Any]:
+        """Tell how the beat was found, in JSON types; nothing but the line where there is none."""
+        stamps = self.stamps
+        if not stamps.even:
+            return {"line": stamps.line}
+        return {
+            "line": stamps.line,
+            "step_s": stamps.step_s,
+            "scatter_s": stamps.scatter_s,
+            "wait_s": stamps.wait_s,
+            "u_line_s": stamps.u_line_s,
+        }
+
+
+def delay_of(spec: ChannelSpec, source: Source) -> Delay:
+    """Return what the rig declares of the delay between the physics and a channel's stamps.
+
+    Parameters
+    ----------
+    spec : ChannelSpec
+    source : Source
+        The channel's.
+    """
+    sensor = spec.sensor
+    parts = []
+    # a delay that is declared is that of the whole chain, the filter's included; 0 is said by who knows it
+    if "delay_s" in sensor.model_fields_set or sensor.filter_hz is None:
+        parts.append(declared_delay(sensor.delay_s, sensor.u_delay_s or 0.0))
+    else:
+        parts.append(filter_delay(sensor.filter_hz, sensor.filter_type, sensor.filter_order, sensor.u_delay_s))
+    if sensor.resonance_hz is not None and sensor.resonance_damping is not None:
+        parts.append(mount_delay(sensor.resonance_hz, sensor.resonance_damping))
+    if source.exposure_s is not None:
+        parts.append(exposure_delay(source.exposure_s, source.exposure_stamp))
+    return sum_of(parts)
+
+
+def anti_alias_filter(sensor: Sensor) -> AnalogLowPass | None:
+    """Return a sensor's anti-alias filter as far as it is declared; of second order where its order is not."""
+    if sensor.filter_hz is None:
+        return None
+    if sensor.filter_type is None:
+        return AnalogLowPass(sensor.filter_hz, "butterworth", USUAL_ORDER)
+    return AnalogLowPass(sensor.filter_hz, sensor.filter_type, sensor.filter_order or USUAL_ORDER)
+
+
+def instants(channel: Channel, shot: Shot, rig: Rig) -> Instants:
+    """Find when the physics was that a channel's samples show.
+
+    Stamps of a bus or a port lie above the source's beat by a wait of their own; they are laid on the
+    line along their lower edge, and gaps are counted by the source's message counter where a channel of the
+    shot has it. Stamps of other sources are taken as they are.
+
+    Parameters
+    ----------
+    channel : Channel
+    shot : Shot
+        That may have the counter's channel.
+    rig : Rig
+    """
+    spec = rig.channel(channel.name)
+    source = rig.source(spec.source)
+    delay = delay_of(spec, source)
+    stamps = EvenStamps(channel.time_base.times_s, "none")
+    if source.kind in STAMPED_KINDS:
+        stamps = even_stamps(channel.time_base.times_s, _counts(channel, spec, shot, rig))
+        if not stamps.even:
+            # a counter that was reset or read wrongly contradicts the stamps
+            stamps = even_stamps(channel.time_base.times_s)
+    return Instants(np.asarray(stamps.times_s - delay.delay_s), stamps, delay)
+
+
+def _counts(channel: Channel, spec: ChannelSpec, shot: Shot, rig: Rig) -> NDArray[np.int64] | None:
+    """Return the unwrapped message counter of a channel's samples; None where the shot has none that can be read."""
+    source = rig.source(spec.source)
+    counters, modulo = source.counters or (), None
+    message = spec.signal.rpartition(".")[0]
+    if source.framing is not None and isinstance(source.framing.get("counter"), dict):
+        table = source.framing["counter"]
+        counters, modulo = (str(table.get("field")),), table.get("modulo")
+    for other in rig.channels_of(source.name):
+        counter = shot.channels.get(other.name)
+        if (
+            counter is None
+            or other.signal not in counters
+            or other.signal.rpartition(".")[0] != message
+            or not counter.time_base.same_instants(channel.time_base)
+        ):
+            continue
+        values = np.asarray(counter.samples, dtype=np.float64)
+        if not np.all(np.isfinite(values)) or np.any(values != np.round(values)):
+            return None
+        whole = values.astype(np.int64)
+        if not isinstance(modulo, int):
+            modulo = _modulo(whole)
+        return None if modulo is None else unwrap(whole, modulo)
+    return None
+
+
+def _modulo(counts: NDArray[np.int64]) -> int | None:
+    """Tell where a counter begins anew: after a power of two, or after 15 as those of 4 bits that keep 15 for a fault.
+
+    0 where it never went back, and so needs none.
+    """
+    most = int(counts.max(initial=0)) + 1
+    if not np.any(np.diff(counts) < 0):
+        return 0
+    return most if most == 15 or (most >= 4 and most & (most - 1) == 0) else None

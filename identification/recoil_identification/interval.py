@@ -1,0 +1,142 @@
+"""When the recoiling part is held, when it moves, and when its travel ends."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.errors import IdentificationError
+
+Array = NDArray[np.float64]
+
+SUSTAINED = 10
+"""Samples in a row with a driving force that count as the release."""
+
+
+def release_index(times_s: Array, net_force_n: Array, onset_s: float) -> int:
+    """Index of the first sample at which the gauges' net force drives the part to the rear.
+
+    Until then the battery stop holds it with a force that no gauge reads, so neither side of the
+    equation of motion is known there.
+
+    Parameters
+    ----------
+    times_s, net_force_n : ndarray, shape (n,)
+        Breech force less brake, recuperator and friction; NaN where lost.
+    onset_s : float
+
+    Returns
+    -------
+    int
+        The first of `SUSTAINED` samples in a row with a driving force; a lost sample does not drive.
+
+    Raises
+    ------
+    IdentificationError
+        If the net force never turns positive.
+    """
+    driving = (times_s >= onset_s - 1e-9) & (np.nan_to_num(net_force_n, nan=-1.0) > 0)
+    release = _first_of_run(driving)
+    if release is None:
+        present = net_force_n[np.isfinite(net_force_n)]
+        largest = f"at most {present.max() / 1e3:.1f} kN" if present.size else "no sample of all three pressures"
+        raise IdentificationError(
+            "the force by the gauges never drives the recoiling part to the rear",
+            expected=f"a positive net force over {SUSTAINED} samples",
+            found=largest,
+            remedy="check areas, units and polarities of the pressures in the rig file",
+        )
+    return release
+
+
+def _first_of_run(flags: NDArray[np.bool_]) -> int | None:
+    """Index of the first of `SUSTAINED` flags in a row: a single noisy sample is none."""
+    run = np.convolve(flags, np.ones(SUSTAINED), mode="full")[SUSTAINED - 1 :]
+    sustained = np.flatnonzero(run > SUSTAINED - 0.5)
+    return int(sustained[0]) if sustained.size else None
+
+
+class LettingGo(NamedTuple):
+    """What battery stop and packing may give the part while they let it go, and no gauge reads.
+
+    Attributes
+    ----------
+    per_s : ndarray, shape (n,)
+        Its shape over time, of unit impulse; zero throughout where the release was not recorded.
+    u_n_s : float
+        Standard uncertainty of its impulse.
+    """
+
+    per_s: Array
+    u_n_s: float
+
+
+def letting_go(times_s: Array, net_force_n: Array, onset_s: float) -> LettingGo:
+    """Tell in what shape stop and packing push the part on after its release, and how much that may be.
+
+    They are springs: they push with what they held until the part has left them, while the driving force rises. So
+    at most they push with all of what they held until the net force has reached as much the other way; after the
+    release that dies away.
+
+    Parameters
+    ----------
+    times_s, net_force_n : ndarray, shape (n,)
+        On a uniform grid; breech force less brake, recuperator and friction; NaN where lost.
+    onset_s : float
+
+    Raises
+    ------
+    IdentificationError
+        As of `release_index`.
+    """
+    release = release_index(times_s, net_force_n, onset_s)
+    per_s = np.zeros(times_s.size)
+    at_rest = net_force_n[(times_s < onset_s) & np.isfinite(net_force_n)]
+    held_n = -float(np.median(at_rest)) if at_rest.size else 0.0
+    driven = _first_of_run((times_s >= onset_s) & (np.nan_to_num(net_force_n, nan=-math.inf) >= held_n))
+    if held_n <= 0 or driven is None:
+        return LettingGo(per_s, 0.0)
+    step_s = float(times_s[1] - times_s[0])
+    count = max(driven - release, 1)
+    per_s[release : release + count] = 1.0 - (np.arange(count) + 0.5) / count
+    return LettingGo(per_s / (per_s.sum() * step_s), held_n * float(times_s[driven] - onset_s))
+
+
+def end_of_travel(times_s: Array, velocity_m_s: Array, onset_s: float) -> float:
+    """Instant at which the velocity of recoil first returns to zero after its peak.
+
+    Parameters
+    ----------
+    times_s, velocity_m_s : ndarray, shape (n,)
+        Without missing samples.
+    onset_s : float
+
+    Returns
+    -------
+    float
+        Interpolated between samples; the record's last instant where the velocity does not return.
+
+    Raises
+    ------
+    IdentificationError
+        If the part never moves to the rear after the onset.
+    """
+    first = int(np.searchsorted(times_s, onset_s))
+    v = velocity_m_s[first:]
+    peak = int(np.argmax(v)) if v.size else 0
+    if v.size == 0 or not v[peak] > 0:
+        raise IdentificationError(
+            "the recoiling part never moves to the rear after the onset of force",
+            found=f"a largest velocity of {v[peak]:.3g} m/s" if v.size else "no sample after the onset",
+            remedy="check the accelerometer's polarity and that the record goes on after the shot",
+        )
+    below = np.flatnonzero(v[peak:] <= 0)
+    if below.size == 0:
+        return float(times_s[-1])
+    i = first + peak + int(below[0])
+    v0, v1 = velocity_m_s[i - 1], velocity_m_s[i]
+    share = v0 / (v0 - v1)
+    return float(times_s[i - 1] + share * (times_s[i] - times_s[i - 1]))

@@ -1,0 +1,69 @@
+"""When the shot begins: the first instant of force."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.errors import IdentificationError
+from recoil_processing.noise import noise_sigma
+
+Array = NDArray[np.float64]
+
+LEAST_QUIET_SAMPLES = 8
+"""Below this there is no level of the silence."""
+ONSET_SIGMA = 6.0
+"""Noise multiples that count as force."""
+ONSET_SHARE = 0.02
+"""Share of the peak that counts as force."""
+ONSET_SAMPLES = 3
+"""Samples in a row that must; fewer are a spark of the ignition, not force."""
+LEAST_PEAK_SIGMA = 20.0
+"""A shot's peak over its noise, at the least."""
+
+
+def find_onset(times_s: Array, series: Mapping[str, Array]) -> float:
+    """Find the first instant of force: breech pressure if it was measured, acceleration otherwise.
+
+    Where the signal first exceeds `ONSET_SHARE` of its peak and `ONSET_SIGMA` of its noise for
+    `ONSET_SAMPLES` in a row, traced back to the last sample that lay within three times its noise. Level
+    and noise are those of the record's first fiftieth.
+
+    Parameters
+    ----------
+    times_s : ndarray, shape (n,)
+    series : mapping of str to ndarray, shape (n,)
+        By role; lost samples NaN.
+
+    Raises
+    ------
+    IdentificationError
+        If the signal has no samples, or never leaves its noise.
+    """
+    role = "breech_pressure" if "breech_pressure" in series else "recoil_acceleration"
+    present = np.flatnonzero(np.isfinite(series[role]))
+    if present.size < LEAST_QUIET_SAMPLES:
+        raise IdentificationError(
+            f"{role} has {present.size} samples on the reference clock",
+            expected="a record of the shot",
+            remedy="check that its file is of this shot, and how its clock was aligned",
+        )
+    samples = series[role][present]
+    first = samples[: max(64, samples.size // 50)]
+    signal = samples - np.median(first[: max(LEAST_QUIET_SAMPLES, samples.size // 50)])
+    sigma = noise_sigma(first)
+    sigma = max(sigma, 1e-12) if math.isfinite(sigma) else 1e-12
+    peak = float(np.max(signal))
+    force = signal > max(ONSET_SHARE * peak, ONSET_SIGMA * sigma)
+    run = np.convolve(force, np.ones(ONSET_SAMPLES), mode="full")[ONSET_SAMPLES - 1 :] > ONSET_SAMPLES - 0.5
+    if peak < LEAST_PEAK_SIGMA * sigma or not run.any():
+        raise IdentificationError(
+            f"{role} shows no shot: its peak is {peak / sigma:.1f} times its noise",
+            expected=f"at least {LEAST_PEAK_SIGMA:g} times, over {ONSET_SAMPLES} samples",
+            remedy="check that the file is of this shot and the sensor was connected",
+        )
+    silent = np.flatnonzero(signal[: int(np.argmax(run)) + 1] < 3 * sigma)
+    return float(times_s[present[silent[-1] if silent.size else 0]])

@@ -1,0 +1,278 @@
+"""Masses, first moments and inertias from the equations of motion, with the sensors' errors as further unknowns.
+
+The regressor is measured like everything else: a gyro that reads 1 % high makes a whole column, and parts of
+others, 1 % high in every row. Ordinary least squares takes that for motion, and white-noise total least squares
+for something that averages out; both then state intervals that are far too narrow. Here the parameters and one
+unknown for every such error are solved for together, each error restricted by its standard uncertainty, and by
+what other sensors say of it:
+
+    minimise  sum over rows and equations of ((Y(g) theta - Q(g)) / sigma)^2  +  sum of ((R g - v) / u)^2
+
+by Gauss and Newton's iteration (structured total least squares; generalized least squares with the calibrations
+as observations).
+
+Noise that the low-pass leaves on the regressor attenuates: it adds to the columns' energy, and its product with
+the noise of the residual does not vanish on average. Both are seen in the silence before the shot, where the
+equations hold nothing else, and what they do to the estimate is taken off to first order (bias-compensated least
+squares; P. Stoica, T. Soderstrom, "Bias correction in least-squares identification", Int. J. Control 35, 1982).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.errors import IdentificationError
+from recoil_identification.mass import correlation_factor
+from recoil_identification.parameters.base_parameters import BaseParameters, ToldByShot, structural_base, told_by_shot
+from recoil_identification.parameters.load_cells import usable_equations
+from recoil_identification.parameters.mechanism_rows import MechanismRows
+from recoil_rigs.mechanism_regressor import PARAMETERS, Geometry, regressor
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+PREFERRED = tuple(PARAMETERS.index(name) for name in (
+    "m1", "m1 X1", "m1 Y1", "J1", "m3", "m3 b", "m3 d", "J3A", "m2 s2", "m2 d2", "m2", "J2",
+))  # fmt: skip
+"""Parameters that lead a combination before others do: those of the carriage rather than the tipping part's."""
+LARGEST_U = 0.15
+"""Standard uncertainty, in natural scales, beyond which a combination is not told."""
+LEAST_ROWS = 20
+"""Of an equation of motion; fewer say nothing of its noise."""
+SMALLEST_SIGMA, LARGEST_SIGMA = 1e-6, 0.01
+"""Shares of an equation's largest force that its noise may have; for what is beyond, the sensors must answer."""
+MOST_ITERATIONS = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """What is known of the sensors' errors: ``weights @ errors = value``, with standard uncertainty ``u``."""
+
+    weights: Array
+    value: float
+    u: float
+
+
+@dataclass(frozen=True, eq=False)
+class MechanismFit:
+    """What one shot says of the mechanism.
+
+    Attributes
+    ----------
+    structural : BaseParameters
+        What the equations that can be used could tell with motions of any kind.
+    values, covariance : ndarray, shape (r,) and (r, r)
+        Its combinations by this shot; standard uncertainties are infinite where the shot says nothing.
+    told : ToldByShot
+        What this shot does tell of them, combined from the columns of `structural`.
+    errors : ndarray, shape (n_errors,)
+        Sensors' errors as the shot and the calibrations say.
+    joint_covariance : ndarray, shape (n_errors + r, n_errors + r)
+        Of errors and values together.
+    sigmas : ndarray, shape (5,)
+        Noise of the equations, N and N m; NaN where one cannot be used.
+    usable : tuple of int
+        Numbers of the equations that can be used.
+    residuals : ndarray, shape (n, 5)
+        NaN where a row is not used.
+    rows : int
+    attenuation : ndarray, shape (r,)
+        What was added to `values` for the noise of the regressor.
+    """
+
+    structural: BaseParameters
+    values: Array
+    covariance: Array
+    told: ToldByShot
+    errors: Array
+    joint_covariance: Array
+    sigmas: Array
+    usable: tuple[int, ...]
+    residuals: Array
+    rows: int
+    attenuation: Array
+
+    @property
+    def u_errors(self) -> Array:
+        """Standard uncertainties of `errors`."""
+        return np.asarray(np.sqrt(np.diag(self.joint_covariance)[: self.errors.size]))
+
+
+def natural_scales(geometry: Geometry, mass_kg: float) -> Array:
+    """Return the natural size of every standard parameter, shape (12,).
+
+    A mass is one specification mass of the recoiling part, lengths are those from C to the trunnion: no guess
+    of the parameters is in it.
+    """
+    length = math.hypot(geometry.XA, geometry.YA)
+    return mass_kg * np.array([1.0, length, length, length**2] * 3)
+
+
+def structural_parameters(geometry: Geometry, usable: tuple[int, ...], *, seed: int = 0) -> BaseParameters:
+    """Find what the usable equations could tell with motions of any kind.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    usable : tuple of int
+        Equations.
+    seed : int
+        Of the random motions.
+    """
+    rng = np.random.default_rng(seed)
+    q, qd, qdd = rng.normal(0.0, 1.0, (3, 40, 5))
+    design = regressor(geometry, q, qd, qdd) - regressor(geometry, *np.zeros((3, 1, 5)))
+    return structural_base(design[:, list(usable)].reshape(-1, len(PARAMETERS)), PREFERRED)
+
+
+def fit_mechanism(
+    rows: MechanismRows,
+    observations: tuple[Observation, ...],
+    mass_kg: float,
+    *,
+    largest_u: float = LARGEST_U,
+    equations: tuple[int, ...] = (0, 1, 2, 3, 4),
+    unknowns: BaseParameters | None = None,
+) -> MechanismFit:
+    """Estimate all that the equations of motion tell of a shot.
+
+    Parameters
+    ----------
+    rows : MechanismRows
+    observations : tuple of Observation
+        Of the sensors' errors, besides their own standard uncertainties.
+    mass_kg : float
+        Natural scale of a mass.
+    largest_u : float
+        See `LARGEST_U`.
+    equations : tuple of int
+        Those to use, as far as their loads are measured.
+    unknowns : BaseParameters, optional
+        What to solve for in the place of what the equations can tell: the standard parameters are then these
+        times the rows of `combinations`, of which every parameter has the leading one's share.
+
+    Raises
+    ------
+    IdentificationError
+        If no equation has enough rows.
+    """
+    combine, usable = usable_equations(rows.geometry, rows.columns["alpha"], rows.columns["beta"], rows.measured)
+    usable = tuple(i for i in usable if i in equations)
+    used = np.column_stack([rows.recoils if i == 4 else rows.trusted for i in range(5)])
+    used[:, [i for i in range(5) if i not in usable]] = False
+    usable = tuple(i for i in usable if np.count_nonzero(used[:, i]) >= LEAST_ROWS)
+    used[:, [i for i in range(5) if i not in usable]] = False
+    if not usable:
+        raise IdentificationError(
+            "no equation of motion has rows enough",
+            expected=f"{LEAST_ROWS} or more without lost samples",
+            found=f"{int(used.any(axis=1).sum())}",
+            remedy="check for lost samples, or raise the cut-off",
+        )
+    structural = structural_parameters(rows.geometry, usable) if unknowns is None else unknowns
+    leading = list(structural.leading)
+    spread = np.eye(len(PARAMETERS))[:, leading] if unknowns is None else unknowns.combinations.T
+    scales = natural_scales(rows.geometry, mass_kg)[leading]
+
+    def both_sides(errors: Array, other: Mapping[str, Array] | None = None) -> tuple[Array, Array]:
+        moved = rows if other is None else replace(rows, columns={**rows.columns, **other})
+        Y, Q = moved.corrected(errors).equations()
+        return (combine @ Y @ spread)[used], np.einsum("nij,nj->ni", combine, Q)[used]
+
+    equation = np.broadcast_to(np.arange(5), used.shape)[used]
+    u = np.array([error.u for error in rows.errors])
+    known = np.array([o.weights for o in observations]).reshape(len(observations), u.size)
+    restriction = np.vstack([np.diag(1.0 / u), known / np.array([o.u for o in observations])[:, np.newaxis]])
+    wanted = np.concatenate([np.zeros(u.size), [o.value / o.u for o in observations]])
+    errors, theta = np.zeros(u.size), np.zeros(scales.size)
+    sigmas = np.full(5, np.nan)
+    for iteration in range(MOST_ITERATIONS):
+        Y, Q = both_sides(errors)
+        if iteration == 0:
+            theta = _truncated(Y, Q, equation, scales)
+            sigmas = _noise(Y @ theta - Q, Q, equation)
+        columns = np.empty((Q.size, u.size))
+        for k, step in enumerate(u):
+            moved = errors.copy()
+            moved[k] += step
+            Y_moved, Q_moved = both_sides(moved)
+            columns[:, k] = ((Y_moved - Y) @ theta - (Q_moved - Q)) / step
+        weight = 1.0 / sigmas[equation]
+        target = weight * (Q + columns @ errors)
+        sensors = np.vstack([columns * weight[:, np.newaxis], restriction])
+        parameters = np.vstack([Y * weight[:, np.newaxis], np.zeros((wanted.size, scales.size))])
+        right = np.concatenate([target, wanted])
+        # the sensors' errors first: what is left of the triangle is the parameters' alone
+        width = np.concatenate([u, scales])
+        q, triangle = np.linalg.qr(np.hstack([sensors, parameters]) * width)
+        response = q.T @ right
+        n = u.size
+        free, seen = triangle[n:, n:] / scales, response[n:]
+        told = told_by_shot(free, seen, scales, largest_u)
+        before, theta = theta, _basic(told, scales.size)
+        errors_before = errors
+        errors = u * np.linalg.solve(triangle[:n, :n], response[:n] - triangle[:n, n:] @ (theta / scales))
+        Y, Q = both_sides(errors)
+        sigmas_before, sigmas = sigmas, _noise(Y @ theta - Q, Q, equation)
+        settled = np.nanmax(np.abs(sigmas / sigmas_before - 1.0)) < 1e-3
+        if settled and np.max(np.abs(errors - errors_before) / u) < 1e-3 and np.allclose(theta, before, rtol=1e-4):
+            break
+    score = np.zeros(scales.size)
+    for name, deviation in rows.noise.items():
+        Y_noisy, Q_noisy = both_sides(errors, {name: rows.columns[name] + deviation})
+        score += (Y_noisy - Y).T @ (weight**2 * ((Y_noisy - Y) @ theta - (Q_noisy - Q)))
+    # the triangle's rows are the parameters' own: R theta = y, so that a score moves y by R^-T score
+    shift = np.linalg.lstsq(free.T * scales[:, np.newaxis], score * scales, rcond=1e-12)[0]
+    # the variance of a variance from n independent samples is 2 / n of its square
+    doubt = np.outer(shift, shift) * 2.0 / max(2.0 * rows.cutoff_hz * rows.silence_s, 1.0)
+    told = told_by_shot(free, seen + shift, scales, largest_u, doubt)
+    inverse = np.linalg.pinv(free * scales, rcond=1e-12) * scales[:, np.newaxis]
+    whole = np.linalg.pinv(triangle, rcond=1e-12) * width[:, np.newaxis]
+    residuals = np.full(used.shape, np.nan)
+    residuals[used] = Y @ theta - Q
+    return MechanismFit(
+        structural=structural,
+        values=inverse @ (seen + shift),
+        covariance=inverse @ (np.eye(scales.size) + doubt) @ inverse.T,
+        told=told,
+        errors=errors,
+        joint_covariance=whole @ whole.T,
+        sigmas=sigmas,
+        usable=usable,
+        residuals=residuals,
+        rows=int(used.sum()),
+        attenuation=inverse @ shift,
+    )
+
+
+def _truncated(Y: Array, Q: Array, equation: NDArray[np.int64], scales: Array) -> Array:
+    """First parameters: ordinary least squares, every equation in units of its largest force."""
+    size = np.array([np.max(np.abs(Q[equation == i]), initial=1e-300) for i in range(5)])[equation]
+    scaled = np.linalg.lstsq(Y * scales / size[:, np.newaxis], Q / size, rcond=1e-4)[0]
+    return np.asarray(scales * scaled)
+
+
+def _basic(told: ToldByShot, count: int) -> Array:
+    """Return the solution in which parameters that do not lead a told combination are zero."""
+    theta = np.zeros(count)
+    theta[list(told.base.leading)] = told.values
+    return theta
+
+
+def _noise(residual: Array, Q: Array, equation: NDArray[np.int64]) -> Array:
+    """Return every equation's standard deviation, widened by its correlation in time, shape (5,); NaN without rows."""
+    sigmas = np.full(5, np.nan)
+    for i in range(5):
+        rows = equation == i
+        if not rows.any():
+            continue
+        own = residual[rows]
+        deviation = math.sqrt(float(own @ own) / max(own.size - 2, 1)) * correlation_factor(own)
+        largest = max(float(np.max(np.abs(Q[rows]))), 1e-9)
+        sigmas[i] = min(max(deviation, SMALLEST_SIGMA * largest), LARGEST_SIGMA * largest)
+    return sigmas

@@ -1,0 +1,202 @@
+"""One shot from aligned channels to the equation of motion as recorded: what every estimator begins with."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.channel import Channel
+from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_identification.kinematics import (
+    Turning,
+    fused_motion,
+    inertial_acceleration,
+    travel_acceleration,
+    travel_and_velocity,
+    turning,
+)
+from recoil_identification.regression import Regression, build_regression
+from recoil_identification.sensor_observations import CameraScale
+from recoil_identification.signals import Signals, at_instants, collect_signals, static_value
+from recoil_identification.skew import without_skew
+from recoil_identification.zero_shift import Filmed
+from recoil_processing.alignment.motion_alignment import INFLATIONS
+from recoil_processing.motion.double_integral import DoubleIntegral
+from recoil_processing.motion.fusion import FusedMotion
+from recoil_processing.motion.scale_and_zero import filmed_motion
+from recoil_rigs.rig import MotionAlignment, RedundantAlignment, Rig
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A shot's equation of motion as recorded.
+
+    Attributes
+    ----------
+    alignments : mapping of str to ClockAlignment
+    signals : Signals
+    motion : Turning
+    camera : Channel or None
+        Displacement on its own clock, without the delay of its chain.
+    camera_clock : ClockAlignment or None
+        Of that clock.
+    acceleration_m_s2 : ndarray, shape (n,)
+        Second derivative of the travel by the accelerometers, what the camera would see.
+    travel_m, velocity_m_s : ndarray, shape (n,)
+        Of `fused`, or the accelerometers' integrals.
+    fused : FusedMotion or None
+        Camera and accelerometers together; None without a camera that was aligned.
+    recorded : Regression
+    inertial_m_s2 : ndarray, shape (n,)
+        a' by the accelerometer, as `recorded` took it.
+    static_m_s2 : float
+        Of it, at rest in battery.
+    """
+
+    alignments: Mapping[str, ClockAlignment]
+    signals: Signals
+    motion: Turning
+    camera: Channel | None
+    camera_clock: ClockAlignment | None
+    acceleration_m_s2: Array
+    travel_m: Array
+    velocity_m_s: Array
+    fused: FusedMotion | None
+    recorded: Regression
+    inertial_m_s2: Array
+    static_m_s2: float
+
+    def without_skew(self, shot: Shot, rig: Rig, skew_s: float) -> Regression:
+        """Set up the equation of motion with an accelerometer that is less late.
+
+        A clock that was aligned by the accelerometer is then as much less late, and so are the forces on it.
+
+        Parameters
+        ----------
+        shot : Shot
+        rig : Rig
+        skew_s : float
+        """
+        moved = {
+            clock: replace(found, offset_s=found.offset_s - skew_s) if _aligned_by_it(clock, shot, rig) else found
+            for clock, found in self.alignments.items()
+        }
+        signals = self.signals if moved == dict(self.alignments) else collect_signals(shot, rig, moved)
+        acceleration = without_skew(self.signals.times_s, self.inertial_m_s2, skew_s)
+        return build_regression(signals, rig.mechanism, acceleration, self.velocity_m_s, self.static_m_s2)
+
+
+def prepare(shot: Shot, rig: Rig) -> Prepared:
+    """Set up the equation of motion of one shot.
+
+    Parameters
+    ----------
+    shot : Shot
+        With its alignments.
+    rig : Rig
+
+    Raises
+    ------
+    IdentificationError
+        If an acceleration or a pressure is missing, or the record shows no recoil.
+    """
+    alignments = {a.clock: a for a in shot.alignments}
+    if shot.by_role("recoil_acceleration") is None:
+        raise IdentificationError(
+            "no channel of role recoil_acceleration",
+            found=", ".join(c.role for c in shot.channels.values() if c.role) or "no roles",
+            remedy="declare its role in the rig file",
+        )
+    signals = collect_signals(shot, rig, alignments)
+    if not np.isfinite(signals.series.get("recoil_acceleration", 0.0)).any():
+        raise IdentificationError(
+            "no sample of the recoiling part's accelerometer can be used",
+            expected="a record of the shot",
+            remedy="check its file, its range and its cable",
+        )
+    if "recoil_acceleration" not in signals.series:
+        raise IdentificationError("the recoiling part's accelerometer is on a clock that could not be aligned")
+    motion = turning(signals, rig)
+    camera = shot.by_role("recoil_displacement")
+    if camera is not None:
+        camera = at_instants(camera, shot, rig)
+    camera_clock = None if camera is None else alignments.get(camera.time_base.clock)
+    acceleration = travel_acceleration(signals, rig, motion)
+    fused = fused_motion(signals, acceleration, camera, camera_clock)
+    travel, velocity = travel_and_velocity(fused, acceleration, signals.step_s)
+    static = static_value("recoil_acceleration", rig.mechanism) or 0.0
+    inertial = inertial_acceleration(signals, rig, motion)
+    return Prepared(
+        alignments=alignments,
+        signals=signals,
+        motion=motion,
+        camera=camera,
+        camera_clock=camera_clock,
+        acceleration_m_s2=acceleration,
+        travel_m=travel,
+        velocity_m_s=velocity,
+        fused=fused,
+        recorded=build_regression(signals, rig.mechanism, inertial, velocity, static),
+        inertial_m_s2=inertial,
+        static_m_s2=static,
+    )
+
+
+def _aligned_by_it(clock: str, shot: Shot, rig: Rig) -> bool:
+    """Whether a clock was aligned by the accelerometer on the recoiling part."""
+    accelerometer = shot.by_role("recoil_acceleration")
+    align = next((source.align for source in rig.sources if source.name == clock), None)
+    if accelerometer is None or not isinstance(align, RedundantAlignment | MotionAlignment):
+        return False
+    return align.against == accelerometer.name
+
+
+def camera_scale(camera: Channel | None, alignment: ClockAlignment | None) -> CameraScale | None:
+    """Return what the camera says of the accelerometer; None unless it was aligned by motion without doubt."""
+    if camera is None or alignment is None or alignment.status != "ok" or not alignment.details:
+        return None
+    d = alignment.details
+    if "u_bias_m_s2" not in d:
+        return None
+    constant = float(d["integration_constants"][2])
+    return CameraScale.of_constant(
+        d["gain"], d["u_gain"], constant, d["u_bias_m_s2"], d["gain_bias_correlation"], camera.u_rel
+    )
+
+
+def filmed(
+    signals: Signals, acceleration_m_s2: Array, camera: Channel | None, alignment: ClockAlignment | None
+) -> Filmed | None:
+    """Return the motion as camera and accelerometers recorded it; None where `camera_scale` has none.
+
+    Parameters
+    ----------
+    signals : Signals
+    acceleration_m_s2 : ndarray, shape (n,)
+        Second derivative of the travel by the accelerometers, on the grid.
+    camera : Channel or None
+        Displacement, without the delay of its chain.
+    alignment : ClockAlignment or None
+    """
+    if camera is None or alignment is None or camera_scale(camera, alignment) is None or not alignment.details:
+        return None
+    d = alignment.details
+    integral = DoubleIntegral.of(acceleration_m_s2, signals.start_s, signals.step_s)
+    motion = filmed_motion(
+        alignment.to_reference(camera.time_base.times_s),
+        camera.measured,
+        integral,
+        gain=d["gain"],
+        marker_sigma_m=d["marker_sigma_m"],
+        u_offset_s=alignment.u_offset_s,
+        u_bias_m_s2=math.inf,  # the silence has its say where the mass is found
+    )
+    quietest = d["acceleration_density"] / d["noise_inflation"]
+    return Filmed(motion, tuple(quietest * inflation for inflation in INFLATIONS), camera.u_rel)

@@ -1,0 +1,369 @@
+"""The machine-readable report: ``report.json`` and ``mass.csv``."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from recoil_acquisition.acquisition import AT_TRIGGER
+from recoil_acquisition.shot import InputFile, Shot
+from recoil_identification.analysis import Identification, Result
+from recoil_identification.budget import COVERAGE
+from recoil_identification.rpe import RPE_MEANING
+from recoil_identification.skew import RecorderSkew
+from recoil_identification.stress_waves import StressWaves
+from recoil_identification.zero_shift import ZeroShift
+
+SCHEMA = "recoil-daq/report/1"
+REPORT_FILE = "report.json"
+TRACE_FILE = "mass.csv"
+TRACE_COLUMNS = ("time_s", "mass_kg", "u_kg", "identified")
+
+METHOD_NOTES = {
+    "calibrated": "acceleration on forces, both filtered alike, every sensor's scale restricted by its calibration",
+    "reverse": "acceleration on force, both filtered alike",
+    "forward": "force on acceleration, both filtered alike",
+    "camera": "displacement on the double integral of all forces, every gauge's scale restricted by its calibration",
+    "kinematic": "as reverse, with the acceleration from the camera's displacement",
+    "paper": "force on acceleration, unfiltered, as published in 2013: low by errors in variables",
+    "tls": "total least squares behind the low-pass, the noises' ratio from the silence; over time as reverse",
+    "ar-gls": "acceleration on force as recorded, with autoregressive errors; over time as reverse",
+    "weak": "averages over test functions of finite reach, as recorded; over time as reverse",
+    "camera-gls": "the camera's displacement against the double integral of force; over time as reverse",
+    "joint": "force, accelerometer and camera in one smoother; over time as reverse",
+}
+
+
+def report_document(
+    shot: Shot, found: Identification, *, version: str, shot_file: InputFile, truth: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """Build the report of one shot, JSON types only.
+
+    Parameters
+    ----------
+    shot : Shot
+    found : Identification
+    version : str
+        Of the package.
+    shot_file : InputFile
+        The shot file itself, for the provenance.
+    truth : mapping, optional
+        Of a virtual shot: ``m3``.
+
+    Returns
+    -------
+    dict
+        Keys as published in the README; numbers that are not finite are null.
+    """
+    chosen = found.chosen
+    estimate = chosen.estimate
+    document = {
+        "schema": SCHEMA,
+        "shot": shot.name,
+        "rig": shot.rig_name,
+        **started(shot),
+        "mass": {
+            "value": estimate.mass_kg,
+            "u": estimate.u_kg,
+            "U95": list(estimate.interval_kg),
+            "unit": "kg",
+            "specification": found.specification_kg,
+            "method": estimate.method,
+        },
+        "rpe_percent": {
+            "value": chosen.rpe_percent,
+            "U95": list(chosen.rpe_interval_percent),
+            "meaning": RPE_MEANING,
+        },
+        "E_n": found.normalised_error,
+        "deviation": found.deviation,
+        "interval_s": list(found.filtered.interval_s),
+        "window_s": chosen.trace.window_s,
+        "window_reason": "given" if found.window_choice is None else found.window_choice.reason,
+        "identified_share": chosen.trace.share,
+        "trace": {"file": TRACE_FILE, "columns": list(TRACE_COLUMNS)},
+        "budget": [
+            {
+                "source": row.source,
+                "u_kg": row.u_kg,
+                "type": row.kind,
+                "sensitivity_kg": row.sensitivity,
+                "sensitivity_per": row.sensitivity_per if row.sensitivity is not None else None,
+                "u_source": math.nan if row.u_source is None else row.u_source,
+                "degrees_of_freedom": row.degrees_of_freedom,
+                "distribution": row.distribution,
+            }
+            for row in sorted(estimate.budget, key=lambda row: -row.u_kg)
+        ],
+        "uncertainty": _uncertainty(found),
+        "endogeneity": _endogeneity(found),
+        "constancy": _constancy(found),
+        "alignment": [
+            {
+                "clock": a.clock,
+                "offset_s": a.offset_s,
+                "u_offset_s": a.u_offset_s,
+                "drift": a.drift,
+                "u_drift": a.u_drift,
+                "status": a.status,
+                "method": a.method,
+                "reasons": list(a.reasons),
+            }
+            for a in found.alignments.values()
+        ],
+        "quality": [
+            {"channel": c.channel, "check": c.check, "verdict": c.verdict, "detail": c.detail} for c in shot.quality
+        ],
+        "filter": {**found.filter_choice.to_json(), "mass_cutoff_hz": _mass_cutoff_hz(found)},
+        "zero_shift": _zero_shift(found.zero_shift),
+        "repairs": [*(one.to_json() for one in found.signals.repairs), *_fitted_zero(shot, found)],
+        "skew": _skew(found.skew),
+        "fusion": _fusion(found),
+        "ringing": [_ringing(one) for one in found.stress_waves],
+        "peak_acceleration": {
+            "recorded_m_s2": None if found.peaks is None else found.peaks.raw,
+            "filtered_m_s2": None if found.peaks is None else found.peaks.filtered,
+        },
+        "methods": [_method(name, result, found) for name, result in found.results.items()],
+        "sensors": [
+            {
+                "source": source,
+                "departure_sigma": departure,
+                "significance": found.calibration.significances[source],
+            }
+            for source, departure in found.calibration.departures.items()
+        ],
+        "valid": found.valid,
+        "reasons": list(found.reasons),
+        "notes": list(found.notes),
+        "assumptions": found.assumptions,
+        "provenance": {
+            "version": version,
+            "inputs": provenance_inputs(shot, shot_file),
+            "parameters": {
+                "method": found.method,
+                "cutoff_hz": found.filtered.low_pass.cutoff_hz if found.filtered.low_pass else None,
+                "half_order": found.filtered.low_pass.half_order if found.filtered.low_pass else None,
+                "window_s": found.options.window_s,
+                "rows": estimate.rows,
+                "residual_m_s2": estimate.residual_m_s2,
+            },
+        },
+    }
+    if truth is not None and "m3" in truth:
+        error = 100 * (estimate.mass_kg / float(truth["m3"]) - 1)
+        document["truth"] = {"mass_kg": float(truth["m3"]), "error_percent": error}
+    return dict(to_json(document))
+
+
+def started(shot: Shot) -> dict[str, str | None]:
+    """Say when a shot was, and what tells it; null where nothing does."""
+    when, source = shot.started, shot.started_source
+    if not when and shot.acquisition is not None:
+        when, source = shot.acquisition.trigger_utc, AT_TRIGGER
+    return {"started": when or None, "started_source": source or None}
+
+
+def provenance_inputs(shot: Shot, shot_file: InputFile) -> list[dict[str, Any]]:
+    """List the shot file and what it was made of, with their digests."""
+    return [
+        {"file": f.name, "sha256": f.sha256, "size": f.size, "source": f.source, "reader": f.reader}
+        for f in (shot_file, *shot.inputs)
+    ]
+
+
+def _mass_cutoff_hz(found: Identification) -> float | None:
+    """Return the cut-off of the mass's own fit; None for the camera's, which passes no filter."""
+    return None if found.method == "camera" else found.mass_low_pass.cutoff_hz
+
+
+def _zero_shift(shift: ZeroShift | None) -> dict[str, Any] | None:
+    if shift is None:
+        return None
+    return {
+        "demanded": shift.demanded,
+        "confirmed": shift.confirmed,
+        "criterion": shift.criterion,
+        "step_m_s2": shift.step_m_s2,
+        "u_step_m_s2": shift.u_step_m_s2,
+        "decaying_m_s2": shift.decaying_m_s2,
+        "u_decaying_m_s2": shift.u_decaying_m_s2,
+        "time_constant_s": shift.time_constant_s,
+        "kick_m_s": shift.kick_m_s,
+        "u_kick_m_s": shift.u_kick_m_s,
+    }
+
+
+def _skew(skew: RecorderSkew | None) -> dict[str, Any] | None:
+    if skew is None:
+        return None
+    return {
+        "skew_s": skew.skew_s,
+        "u_skew_s": skew.u_s,
+        "corrected_s": skew.corrected_s,
+        "reason": skew.reason,
+    }
+
+
+def _endogeneity(found: Identification) -> dict[str, Any] | None:
+    test = found.endogeneity
+    if test is None:
+        return None
+    return {
+        "statistic": test.statistic,
+        "p": test.p,
+        "biased": test.biased,
+        "bias_percent": test.bias_percent,
+        "detail": str(test),
+    }
+
+
+def _constancy(found: Identification) -> dict[str, Any] | None:
+    test = found.constancy
+    if test is None:
+        return None
+    return {
+        "p": test.p_value,
+        "constant": test.constant(),
+        "change_kg": test.change_kg,
+        "u_change_kg": test.u_change_kg,
+        "instant_s": test.step.instant_s,
+        "interval_s": list(test.step.interval_s),
+        "detail": str(test),
+    }
+
+
+def _uncertainty(found: Identification) -> dict[str, Any]:
+    """State how the interval came about, and what a Monte Carlo method says of it."""
+    estimate = found.chosen.estimate
+    ends = [found.results[name].estimate.mass_kg for name in ("forward", "reverse") if name in found.results]
+    stated: dict[str, Any] = {
+        "degrees_of_freedom": estimate.degrees_of_freedom,
+        "coverage": COVERAGE,
+        "coverage_factor": estimate.coverage_factor,
+        "U_kg": estimate.coverage_factor * estimate.u_kg,
+        "frisch_bracket_kg": sorted(ends) or None,
+        "monte_carlo": None,
+    }
+    drawn = found.monte_carlo
+    if estimate.method == "calibrated" and drawn is not None:
+        low, high = drawn.differences(estimate.interval_kg)
+        stated["monte_carlo"] = {
+            "draws": drawn.draws,
+            "seed": drawn.seed,
+            "mean_kg": drawn.mean,
+            "u_kg": drawn.u,
+            "interval_kg": list(drawn.interval),
+            "shortest_kg": list(drawn.shortest),
+            "tolerance_kg": drawn.tolerance,
+            "converged": drawn.converged,
+            "difference_kg": [low, high],
+            "agrees": max(abs(low), abs(high)) <= drawn.tolerance + drawn.scatter,
+        }
+    return stated
+
+
+def _fusion(found: Identification) -> dict[str, Any] | None:
+    fused = found.fused
+    if fused is None:
+        return None
+    end = int(np.argmin(np.abs(fused.times_s - found.filtered.interval_s[1])))
+    fastest = int(np.argmax(fused.velocity_m_s))
+    alignment = found.alignments.get(found.camera.time_base.clock) if found.camera is not None else None
+    return {
+        "travel_m": {"value": fused.position_m[end], "u": fused.u_position_m[end]},
+        "largest_velocity_m_s": {"value": fused.velocity_m_s[fastest], "u": fused.u_velocity_m_s[fastest]},
+        "gain": {"value": fused.gain, "u": fused.u_gain},
+        "innovation_statistic": fused.innovation_statistic,
+        "clock_shift_sigma": None if alignment is None else fused.shift_statistic(alignment.u_offset_s),
+        "frames_set_aside": fused.frames_set_aside,
+    }
+
+
+def _fitted_zero(shot: Shot, found: Identification) -> list[dict[str, Any]]:
+    """List a shifted zero among the repairs: it is taken off every sample since the onset."""
+    accelerometer = shot.by_role("recoil_acceleration")
+    if found.zero_shift is None or not found.zero_shift.demanded or accelerometer is None:
+        return []
+    times_s, onset_s = found.signals.times_s, found.signals.onset_s
+    count = int(np.count_nonzero(times_s >= onset_s))
+    return [
+        {
+            "channel": accelerometer.name,
+            "what": "zero shift fitted",
+            "samples": f"{count} of {times_s.size}",
+            "detail": f"the zero shifted {found.zero_shift}: a column of the regression",
+            "count": count,
+            "of": int(times_s.size),
+            "figures": {},
+            "spans_s": [[onset_s, float(times_s[-1])]],
+        }
+    ]
+
+
+def _ringing(found: StressWaves) -> dict[str, Any]:
+    report = found.report
+    return {
+        "channel": found.channel,
+        "role": found.role,
+        "energy_share": report.ringing_share,
+        "modes": [
+            {
+                "frequency_hz": mode.frequency_hz,
+                "damping_ratio": mode.damping_ratio,
+                "energy_share": mode.energy_share,
+                "amplitude": mode.amplitude,
+                "unit": found.unit,
+            }
+            for mode in report.modes
+        ],
+    }
+
+
+def _method(name: str, result: Result, found: Identification) -> dict[str, Any]:
+    return {
+        "name": name,
+        "mass_kg": result.estimate.mass_kg,
+        "u_kg": result.estimate.u_kg,
+        "deviation_percent": 100 * (result.estimate.mass_kg / found.specification_kg - 1),
+        "rpe_percent": result.rpe_percent,
+        "identified_share": result.trace.share,
+        "note": METHOD_NOTES.get(name, ""),
+    }
+
+
+def write_document(folder: Path, document: Mapping[str, Any]) -> Path:
+    """Write ``report.json`` into a folder."""
+    path = folder / REPORT_FILE
+    path.write_text(json.dumps(document, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    return path
+
+
+def write_trace(folder: Path, result: Result) -> Path:
+    """Write the identified mass over time as ``mass.csv``; what was not identified is left blank."""
+    path = folder / TRACE_FILE
+    trace = result.trace
+    rows = [",".join(TRACE_COLUMNS)]
+    for t, mass, u, identified in zip(trace.times_s, trace.mass_kg, trace.u_kg, trace.identified, strict=True):
+        number = f"{mass:.6f},{u:.6f},1" if identified else ",,0"
+        rows.append(f"{t:.9g},{number}")
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    return path
+
+
+def to_json(value: Any) -> Any:
+    """Reduce a value to JSON types; a number that is not finite becomes null."""
+    if isinstance(value, Mapping):
+        return {str(k): to_json(v) for k, v in value.items()}
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [to_json(v) for v in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,307 @@
+"""Figures as the plain dictionaries that plotly's script draws; plotly's Python package is not used.
+
+The keys are those of plotly.js' figure reference. Samples travel as its typed arrays (little-endian base64,
+``{"dtype", "bdata"}``), which are a third of the text; a gap is a NaN inside them, and null elsewhere.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from recoil_identification.report.figure import (
+    Figure,
+    FloatArray,
+    HorizontalLine,
+    Panel,
+    Scale,
+    Span,
+    Trace,
+    bucket_starts,
+    envelope_indices,
+)
+
+Range = tuple[float, float]
+
+HUES = ("50,116,186", "217,121,32", "46,146,104", "138,92,176", "20,150,170", "200,66,72", "150,120,40", "110,120,135")
+REFERENCE_HUE = "139,147,160"
+LINE_COLOUR = {"specification": "rgb(200,66,72)", "limit": "rgb(217,121,32)", "mean": "rgb(45,106,176)"}
+SPAN_COLOUR = "rgba(110,130,160,0.11)"
+MARK_COLOUR = "rgb(139,147,160)"
+
+PAGE_POINTS = 96_000  # times two coordinates, 4 bytes and base64: about 1 MB
+TRACE_POINTS = 8_000
+
+SINGLE_PX, STACKED_PX = 360, 235
+LEGEND_PX, AXIS_PX, GAP_PX, BOTTOM_PX = 34, 52, 4, 46
+LOG_DECADES = 10  # below the largest value; what lies deeper is the arithmetic's, not the recorder's
+
+
+def drawings(figures: Sequence[Figure]) -> list[dict[str, Any]]:
+    """Turn figures into plotly dictionaries that stay small together.
+
+    Parameters
+    ----------
+    figures : sequence of Figure
+
+    Returns
+    -------
+    list of dict
+        ``key``, ``data``, ``layout`` and ``height`` (pixels) of each; JSON-serialisable, without NaN.
+    """
+    sizes = [np.size(t.x) for f in figures for p in f.panels for t in p.traces]
+    buckets = max(_points_per_trace(sizes) // 2, 100)
+    return [drawing(figure, buckets) for figure in figures]
+
+
+def _points_per_trace(sizes: Sequence[int]) -> int:
+    """Share the page's points out equally; short traces leave what they do not need to the long ones."""
+    left, ration = PAGE_POINTS, TRACE_POINTS
+    for done, size in enumerate(sorted(sizes)):
+        ration = min(TRACE_POINTS, left // (len(sizes) - done))
+        left -= min(size, ration)
+    return ration
+
+
+def drawing(figure: Figure, buckets: int = TRACE_POINTS // 2) -> dict[str, Any]:
+    """Turn one figure into the dictionary that plotly draws.
+
+    Parameters
+    ----------
+    figure : Figure
+    buckets : int
+        Stretches of the envelope of each trace.
+
+    Returns
+    -------
+    dict
+        As of `drawings`.
+    """
+    data: list[dict[str, Any]] = []
+    layout: dict[str, Any] = {
+        "hovermode": "x unified",
+        "hoversubplots": "axis",
+        "dragmode": "zoom",
+        "showlegend": True,
+        "shapes": [],
+    }
+    tops, bottoms, height = _stack(figure)
+    sharing = [i for i, panel in enumerate(figure.panels) if panel.x_label is None]
+    for i, panel in enumerate(figure.panels):
+        own = panel.x_label is not None
+        number = "" if i == 0 else str(i + 1)
+        # every sharing panel hangs on one and the same axis: that is what links zoom, spike and read-out
+        x_number = number if own else ("" if sharing[0] == 0 else str(sharing[0] + 1))
+        shown = panel.x_shown if own else figure.shown
+        scale = panel.x_scale if own else figure.x_scale
+        if own or i == sharing[-1]:
+            label = figure.x_label if panel.x_label is None else panel.x_label
+            layout[f"xaxis{x_number}"] = _axis(label, scale, shown, anchor=f"y{number}") | {
+                "showspikes": True,
+                "unifiedhovertitle": {"text": f"{_plain(label)}: %{{x:.6~g}}"},
+            }
+        layout[f"yaxis{number}"] = _axis(panel.y_label, panel.y_scale, _y_range(panel, shown), anchor=f"x{x_number}")
+        layout[f"yaxis{number}"]["domain"] = [bottoms[i], tops[i]]
+        layout[f"legend{number}"] = {
+            "orientation": "h",
+            "x": 0,
+            "xanchor": "left",
+            "y": tops[i],
+            "yanchor": "bottom",
+            "yref": "paper",
+        }
+        used: Counter[str] = Counter()
+        for trace in panel.traces:
+            hue = _hue(trace, used[trace.kind])
+            used[trace.kind] += trace.hue is None
+            axes = {"xaxis": f"x{x_number}", "yaxis": f"y{number}", "legend": f"legend{number}"}
+            data += [part | axes for part in _trace(trace, hue, buckets, log=scale == "log", shown=shown)]
+        for span in panel.spans:
+            layout["shapes"].append(_span(span, f"x{x_number}", f"y{number}"))
+        for line in panel.lines:
+            layout["shapes"] += _line(line, f"x{x_number}", f"y{number}")
+    return {"key": figure.key, "data": data, "layout": layout, "height": height}
+
+
+def _hue(trace: Trace, earlier: int) -> str:
+    """Choose the colour of a trace from the number of earlier ones of its kind in the panel."""
+    if trace.hue is None and trace.kind == "reference" and earlier == 0:
+        return REFERENCE_HUE
+    # a model and points are there to be compared with a filtered trace, and so begin with another hue
+    first = 1 if trace.kind in ("model", "points", "reference") else 0
+    return HUES[(first + earlier if trace.hue is None else trace.hue) % len(HUES)]
+
+
+def _stack(figure: Figure) -> tuple[list[float], list[float], int]:
+    """Tops and bottoms of the panels as shares of the plotting area, and the height of the whole in pixels."""
+    panel_px = SINGLE_PX if len(figure.panels) == 1 else STACKED_PX
+    last_sharing = max((i for i, p in enumerate(figure.panels) if p.x_label is None), default=-1)
+    edges, y = [], 0.0
+    for i, panel in enumerate(figure.panels):
+        if i:
+            y += LEGEND_PX
+        edges.append((y, y + panel_px))
+        has_axis = panel.x_label is not None or i == last_sharing
+        y += panel_px + (0 if i == len(figure.panels) - 1 else AXIS_PX if has_axis else GAP_PX)
+    return [1 - a / y for a, _ in edges], [max(1 - b / y, 0.0) for _, b in edges], int(y) + LEGEND_PX + BOTTOM_PX
+
+
+def _axis(label: str, scale: Scale, shown: Range | None, *, anchor: str) -> dict[str, Any]:
+    axis: dict[str, Any] = {"title": {"text": _plain(label)}, "type": scale, "anchor": anchor, "exponentformat": "SI"}
+    if scale == "log":
+        decades = 1.0 if shown is None else float(np.log10(shown[1] / shown[0]))
+        axis |= {"exponentformat": "power", "dtick": max(1, round(decades / 6))}
+    if shown is not None:
+        axis["range"] = [float(np.log10(v)) if scale == "log" else float(v) for v in shown]
+    return axis
+
+
+def _y_range(panel: Panel, shown: Range | None) -> Range | None:
+    """Find the range of y that holds the lines and all that is visible within the x range shown first."""
+    if panel.y_shown is not None:
+        return panel.y_shown
+    log = panel.y_scale == "log"
+    if shown is None and not log and not panel.spans:
+        return None
+    within = (-np.inf, np.inf) if shown is None else shown
+    levels = [np.array([v for n in panel.lines for v in (n.y, n.y_low, n.y_high) if v is not None], dtype=np.float64)]
+    for trace in panel.traces:
+        x = np.asarray(trace.x, dtype=np.float64)
+        inside = (x >= within[0]) & (x <= within[1])
+        levels += [
+            np.asarray(v)[inside] for v in (trace.y, trace.y_low, trace.y_high) if v is not None and trace.visible
+        ]
+    values = np.concatenate(levels)
+    values = values[np.isfinite(values) & ((values > 0.0) | (not log))]
+    if values.size == 0:
+        return None
+    low, high = float(values.min()), float(values.max())
+    if log:
+        return max(low, high * 10.0**-LOG_DECADES) / 2.0, high * 3.0
+    # a span's label stands at the top of the panel, and needs room there
+    below, above = 0.06 * (high - low), (0.13 if panel.spans else 0.06) * (high - low)
+    return (low - below, high + above) if low < high else None
+
+
+def _trace(trace: Trace, hue: str, buckets: int, *, log: bool, shown: Range | None) -> list[dict[str, Any]]:
+    x, y = np.asarray(trace.x, dtype=np.float64), np.asarray(trace.y, dtype=np.float64)
+    whole = x.size <= 2 * buckets
+    chosen = np.arange(x.size) if whole else envelope_indices(y, bucket_starts(x, buckets, log=log, shown=shown))
+    unit = _plain(trace.unit)
+    drawn: dict[str, Any] = {
+        "type": "scatter",
+        "name": _plain(trace.name),
+        "x": _samples(x[chosen]),
+        "y": _samples(y[chosen]),
+        "mode": "lines",
+        "line": {"color": f"rgb({hue})", "width": 1.5},
+        "hovertemplate": f"%{{y:.5~g}} {unit}",
+    }
+    if not trace.visible:
+        drawn["visible"] = "legendonly"
+    if trace.kind == "measured":
+        drawn["line"] = {"color": f"rgba({hue},0.42)", "width": 1}
+    elif trace.kind == "model":
+        drawn["line"] |= {"dash": "6px,3px"}
+    elif trace.kind == "reference":
+        drawn["line"] |= {"dash": "2px,2px"}
+    elif trace.kind == "points":
+        drawn |= {"mode": "markers", "marker": {"size": 4, "color": f"rgb({hue})"}}
+        del drawn["line"]
+    elif trace.kind == "bars":
+        drawn |= {"type": "bar", "marker": {"color": f"rgba({hue},0.55)"}}
+        del drawn["line"], drawn["mode"]
+    elif trace.kind == "band":
+        low, high = (np.asarray(v, dtype=np.float64) for v in (trace.y_low, trace.y_high))
+        group = {"legendgroup": drawn["name"]}
+        drawn |= group | {
+            "customdata": _samples(((high - low) / 2)[chosen]),
+            "hovertemplate": f"%{{y:.5~g}} ± %{{customdata:.2~g}} {unit}",
+        }
+        edge_x, edge_y = _outline(x, low, high, bucket_starts(x, buckets, log=log, shown=shown))
+        filled = {
+            "type": "scatter",
+            "name": drawn["name"],
+            "x": _samples(edge_x),
+            "y": _samples(edge_y),
+            "mode": "lines",
+            "line": {"width": 0},
+            "fill": "toself",
+            "fillcolor": f"rgba({hue},0.20)",
+            "hoverinfo": "skip",
+            "showlegend": False,
+        }
+        return [filled | group | {k: v for k, v in drawn.items() if k == "visible"}, drawn]
+    return [drawn]
+
+
+def _outline(x: FloatArray, low: FloatArray, high: FloatArray, starts: np.ndarray[Any, Any]) -> tuple[FloatArray, ...]:
+    """Draw round a band: one closed outline for each stretch without a gap, parted by NaN."""
+    if x.size == 0:
+        return x, x
+    # a band is at least as wide on the drawing as at any sample of the bucket
+    lower, upper, at = np.fmin.reduceat(low, starts), np.fmax.reduceat(high, starts), x[starts]
+    lower, upper, at = np.append(lower, low[-1]), np.append(upper, high[-1]), np.append(at, x[-1])
+    present = np.isfinite(lower) & np.isfinite(upper)
+    cuts = np.flatnonzero(np.diff(present.astype(np.int8), prepend=0, append=0))
+    edge_x: list[FloatArray] = []
+    edge_y: list[FloatArray] = []
+    gap = np.array([np.nan])
+    for first, last in zip(cuts[::2], cuts[1::2], strict=True):
+        edge_x += [at[first:last], at[first:last][::-1], gap]
+        edge_y += [upper[first:last], lower[first:last][::-1], gap]
+    if not edge_x:
+        return np.empty(0), np.empty(0)
+    return np.concatenate(edge_x), np.concatenate(edge_y)
+
+
+def _samples(values: FloatArray) -> dict[str, str]:
+    """Pack a typed array, in single precision unless that would move a sample by a millionth of the range."""
+    with np.errstate(over="ignore"):
+        single = values.astype("<f4")
+    finite = values[np.isfinite(values)]
+    if finite.size and np.abs(single[np.isfinite(values)] - finite).max() > 1e-6 * np.ptp(finite) > 0.0:
+        return {"dtype": "f8", "bdata": base64.b64encode(values.astype("<f8").tobytes()).decode("ascii")}
+    return {"dtype": "f4", "bdata": base64.b64encode(single.tobytes()).decode("ascii")}
+
+
+def _span(span: Span, x_axis: str, y_axis: str) -> dict[str, Any]:
+    shape: dict[str, Any] = {"xref": x_axis, "yref": f"{y_axis} domain", "x0": span.x0, "x1": span.x1, "y0": 0, "y1": 1}
+    label = {"text": _plain(span.label), "font": {"size": 11, "color": MARK_COLOUR}, "padding": 4}
+    if span.x0 == span.x1:
+        line = {"color": MARK_COLOUR, "width": 1, "dash": "4px,3px"}
+        # at the foot, where no stretch has its label
+        place = {"textposition": "start", "textangle": 0, "xanchor": "left", "yanchor": "bottom"}
+        return shape | {"type": "line", "line": line, "label": label | place}
+    fill = {"type": "rect", "layer": "below", "fillcolor": SPAN_COLOUR, "line": {"width": 0}}
+    return shape | fill | {"label": label | {"textposition": "top left"}}
+
+
+def _line(line: HorizontalLine, x_axis: str, y_axis: str) -> list[dict[str, Any]]:
+    if not np.isfinite(line.y):
+        return []
+    colour = LINE_COLOUR[line.kind]
+    place = {"xref": f"{x_axis} domain", "yref": y_axis, "x0": 0, "x1": 1}
+    label = {
+        "text": _plain(line.label),
+        "textposition": "end",
+        "yanchor": "bottom",
+        "font": {"size": 11, "color": colour},
+    }
+    shapes: list[dict[str, Any]] = [
+        place | {"type": "line", "y0": line.y, "y1": line.y, "line": {"color": colour, "width": 1.3}, "label": label}
+    ]
+    if line.y_low is not None and line.y_high is not None:
+        band = {"type": "rect", "y0": line.y_low, "y1": line.y_high, "layer": "below", "line": {"width": 0}}
+        shapes.insert(0, place | band | {"fillcolor": colour.replace("rgb(", "rgba(").replace(")", ",0.10)")})
+    return shapes
+
+
+def _plain(text: str) -> str:
+    """Text that plotly neither reads as markup nor as a template."""
+    escaped = text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
+    return escaped.replace("%{", "% {")

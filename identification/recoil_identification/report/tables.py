@@ -1,0 +1,365 @@
+"""What a report's page says in words and tables: rows of text, rounded to their uncertainties.
+
+Every number comes from the report; only its rounding, and a source's share of the variance, are made here.
+Optional keys may be absent or null, and give no row or a dash.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from recoil_identification.report.rounding import NO_NUMBER, fixed, plain, rounded, significant
+from recoil_rigs.assumptions import assumption_lines
+
+Report = Mapping[str, Any]
+Row = dict[str, Any]
+
+SEVERITY = {"fail": 0, "warn": 1, "ok": 2}
+
+
+def verdict(report: Report) -> Row:
+    """Word the page's first line.
+
+    Parameters
+    ----------
+    report : mapping
+        Schema ``recoil-daq/report/1``.
+
+    Returns
+    -------
+    dict
+        ``valid``, ``number`` and ``agrees`` are bool, ``unit`` is a text, every other value a text or None.
+    """
+    mass, rpe = report["mass"], report["rpe_percent"] or {}
+    value, u95, unit = mass.get("value"), _limits(mass.get("U95")), mass.get("unit", "kg")
+    half, rpe_u95, e_n = _half(u95), _limits(rpe.get("U95")), report.get("E_n")
+    mass_text, half_text = rounded(value, half)
+    rpe_text, _ = rounded(rpe.get("value"), _half(rpe_u95))
+    number = value is not None and math.isfinite(value)
+    return {
+        "valid": bool(report["valid"]),
+        "number": number,
+        "mass": mass_text,
+        "spread": _spread(value, u95, half_text) if number else None,
+        "unit": unit,
+        "interval": _interval(u95, unit),
+        "specification": _known(mass.get("specification")),
+        "rpe": None if rpe_text == NO_NUMBER else rpe_text,
+        "rpe_interval": _interval(rpe_u95, "%"),
+        "rpe_meaning": rpe.get("meaning"),
+        "e_n": None if e_n is None else fixed(e_n, 2),
+        "deviation": report.get("deviation"),
+        "agrees": e_n is not None and abs(e_n) <= 1.0,
+    }
+
+
+def started(report: Report) -> str | None:
+    """Say when the shot was and what tells it; None where nothing does."""
+    when, source = report.get("started"), report.get("started_source")
+    return f"{when} ({source})" if when and source else when
+
+
+def facts(report: Report) -> list[tuple[str, str]]:
+    """Label and text of what stands in small print under the verdict.
+
+    Parameters
+    ----------
+    report : mapping
+
+    Returns
+    -------
+    list of (str, str)
+    """
+    found = []
+    interval, window, share = (report.get(key) for key in ("interval_s", "window_s", "identified_share"))
+    if report["mass"].get("method"):
+        found.append(("method", str(report["mass"]["method"])))
+    if interval:
+        start, end = (fixed(_scaled(limit, 1e3), 1) for limit in interval)
+        found.append(("identification interval", f"{start} ms to {end} ms"))
+    if window is not None:
+        chosen = "" if report.get("window_reason", "given") == "given" else ", by what its masses predict"
+        found.append(("memory (window)", f"{plain(1e3 * window)} ms{chosen}"))
+    if share is not None:
+        found.append(("identified share of it", f"{fixed(100 * share, 1)} %"))
+    truth = report.get("truth") or {}
+    if truth.get("mass_kg") is not None:
+        found.append(("true mass (virtual shot)", f"{plain(truth['mass_kg'])} kg"))
+    if truth.get("error_percent") is not None:
+        found.append(("error against the truth", f"{_signed(significant(truth['error_percent'], 2))} %"))
+    for name, value in (report.get("summary") or {}).items():
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        found.append((str(name).replace("_", " "), plain(value) if number else str(value)))
+    return found
+
+
+def notes(report: Report) -> list[str]:
+    """Say what a reader should know: the notes, and in a line for each kind what is taken for granted."""
+    return [*(report.get("notes") or ()), *assumption_lines(report.get("assumptions") or ())]
+
+
+def methods(report: Report) -> list[Row]:
+    """One row for each method that was tried; percentages have the digits that the mass has."""
+    rows = []
+    for method in report.get("methods") or ():
+        mass, u = method.get("mass_kg"), method.get("u_kg")
+        relative = 100 * u / abs(mass) if mass and u else None
+        mass_text, u_text = rounded(mass, u)
+        rows.append(
+            {
+                "name": method.get("name", NO_NUMBER),
+                "mass": mass_text,
+                "u": u_text,
+                "deviation": _signed(rounded(method.get("deviation_percent"), relative)[0]),
+                "rpe": rounded(method.get("rpe_percent"), relative)[0],
+                "note": method.get("note") or "",
+                "chosen": method.get("name") == report["mass"].get("method"),
+            }
+        )
+    return rows
+
+
+def budget(report: Report) -> tuple[list[Row], str | None]:
+    """Rows of the uncertainty budget, the largest first, and the combined standard uncertainty of the report.
+
+    The share is that of the sum of squares (JCGM 100:2008, 5.1.3, with unit sensitivities: each row is in kg).
+    """
+    entries = sorted(report.get("budget") or (), key=lambda entry: -abs(entry.get("u_kg") or 0.0))
+    total = math.fsum((e.get("u_kg") or 0.0) ** 2 for e in entries)
+    rows = []
+    for entry in entries:
+        u = abs(entry.get("u_kg") or 0.0)
+        share = 100 * u**2 / total if total > 0.0 else 0.0
+        per = entry.get("sensitivity_per") or ""
+        unit = "" if per in ("", "1") else f" {per}"
+        per_unit = "" if not unit else f"/({per})" if "/" in per else f"/{per}"
+        sensitivity, u_source = entry.get("sensitivity_kg"), entry.get("u_source")
+        freedom = entry.get("degrees_of_freedom")
+        rows.append(
+            {
+                "source": entry.get("source", NO_NUMBER),
+                "kind": ", ".join(text for text in (entry.get("type"), entry.get("distribution")) if text),
+                "u_source": f"{significant(u_source, 2)}{unit}" if u_source else "",
+                "sensitivity": f"{_signed(significant(sensitivity, 3))} kg{per_unit}" if sensitivity else "",
+                "freedom": "∞" if freedom is None or not math.isfinite(freedom) else fixed(freedom, 0),
+                "u": significant(u, 2),
+                "share": "< 1" if 0.0 < share < 1.0 else fixed(share, 0),
+                "width": f"{share:.1f}",
+            }
+        )
+    u_mass = report["mass"].get("u")
+    return rows, None if u_mass is None else significant(u_mass, 2)
+
+
+def coverage(report: Report) -> list[str]:
+    """Say in sentences how the interval comes about, and how a Monte Carlo method compares with it."""
+    stated = report.get("uncertainty") or {}
+    if not stated:
+        return []
+    freedom = stated.get("degrees_of_freedom")
+    known = "infinitely many" if freedom is None or freedom > 1e4 else fixed(freedom, 0)
+    factor, expanded = fixed(stated["coverage_factor"], 3), significant(stated["U_kg"], 2)
+    interval = f"The interval is the mass and k = {factor} standard uncertainties, U95 = {expanded} kg, for {known}"
+    sentences = [f"{interval} effective degrees of freedom (Welch-Satterthwaite)."]
+    drawn = stated.get("monte_carlo")
+    if drawn:
+        low, high = (fixed(limit, 2) for limit in drawn["interval_kg"])
+        below, above = (_signed(fixed(d, 2)) for d in drawn["difference_kg"])
+        sentences.append(
+            f"Monte Carlo method (JCGM 101), {drawn['draws']} draws, seed {drawn['seed']}: mean "
+            f"{fixed(drawn['mean_kg'], 2)} kg, u {significant(drawn['u_kg'], 3)} kg, 95 % interval {low} kg to {high} "
+            f"kg; the ends of the interval above differ from it by {below} kg and {above} kg, "
+            f"{'within' if drawn['agrees'] else 'beyond'} the numerical tolerance of {plain(drawn['tolerance_kg'])} kg"
+            f"{'' if drawn['converged'] else ', which the draws have not reached'}."
+        )
+    if stated.get("frisch_bracket_kg"):
+        low, high = (fixed(limit, 2) for limit in stated["frisch_bracket_kg"])
+        sentences.append(
+            f"Frisch's bracket, force on acceleration and acceleration on force, both filtered: {low} kg to {high} kg; "
+            "its width is what noise in both can do to a regression of one on the other."
+        )
+    for key in ("endogeneity", "constancy"):
+        detail = (report.get(key) or {}).get("detail")
+        if detail:
+            sentences.append(f"{detail[:1].upper()}{detail[1:].rstrip('.')}.")
+    return sentences
+
+
+def alignment(report: Report) -> list[Row]:
+    """One row for each clock: offset in ms, its u in µs, drift and its u in ppm."""
+    rows = []
+    for clock in report.get("alignment") or ():
+        offset_ms, u_offset_ms = (_scaled(clock.get(key), 1e3) for key in ("offset_s", "u_offset_s"))
+        drift, u_drift = rounded(_scaled(clock.get("drift"), 1e6), _scaled(clock.get("u_drift"), 1e6))
+        rows.append(
+            {
+                "clock": clock.get("clock", NO_NUMBER),
+                "offset": rounded(offset_ms, u_offset_ms)[0],
+                "u_offset": significant(_scaled(u_offset_ms, 1e3), 2),
+                "drift": drift,
+                "u_drift": u_drift,
+                "status": clock.get("status", NO_NUMBER),
+                "method": ": ".join(str(clock[key]) for key in ("method", "detail") if clock.get(key)),
+            }
+        )
+    return rows
+
+
+def quality(report: Report) -> list[Row]:
+    """One row for each check, what needs attention first; an unknown verdict counts as a failure."""
+    rows = [
+        {key: row.get(key, NO_NUMBER) for key in ("channel", "check", "verdict", "detail")}
+        for row in report.get("quality") or ()
+    ]
+    return sorted(rows, key=lambda row: SEVERITY.get(row["verdict"], 0))
+
+
+def quality_counts(report: Report) -> list[tuple[str, int]]:
+    """How many checks gave each verdict, the worst first."""
+    verdicts = [row["verdict"] for row in quality(report)]
+    return [(name, verdicts.count(name)) for name in dict.fromkeys(verdicts)]
+
+
+def conditioning(report: Report) -> list[str]:
+    """Say in sentences what was done to the signals: the filter, a shift of the zero, what was repaired."""
+    said, shift = report.get("filter") or {}, report.get("zero_shift") or {}
+    sentences = []
+    if said.get("cutoff_hz") is not None:
+        basis = {"given": "as asked for", "shot": "chosen from this shot's spectra",
+                 "campaign": "chosen from the spectra of all shots together", "default": "a fixed one"}  # fmt: skip
+        order = 2 * said.get("half_order", 4)
+        if report["mass"].get("method") == "camera":
+            sentences.append("The mass is that of displacement and forces as recorded; no filter is in it.")
+        sentences.append(
+            f"Both sides of the equation of motion pass one zero-phase Butterworth low-pass of order {order}, "
+            f"-3 dB at {plain(float(significant(said['cutoff_hz'], 3)))} Hz, {basis.get(str(said.get('basis')), '')}: "
+            f"{said.get('reason', '')}."
+        )
+    narrow = said.get("mass_cutoff_hz")
+    if narrow is not None and narrow < said.get("cutoff_hz", 0.0):
+        sentences.append(
+            f"The mass is fitted below {plain(float(significant(narrow, 3)))} Hz, where the force has 99 % of its "
+            "energy; the mass over time and the figures have the whole band."
+        )
+    if shift.get("demanded"):
+        parts = [
+            f"{significant(shift[key], 3)} m/s² (u {significant(shift['u_' + key], 2)}) {how}"
+            for key, how in (("step_m_s2", "that stays"), ("decaying_m_s2", "that decays"))
+            if shift.get("u_" + key)
+        ]
+        told = "force and camera" if shift.get("confirmed") else "the force alone"
+        sentences.append(
+            f"The accelerometer's zero shifted at the shot, as {told} tell: {' and '.join(parts)}; taken off."
+        )
+    skew = report.get("skew") or {}
+    if skew.get("corrected_s"):
+        sentences.append(f"Among the recorder's channels {skew.get('reason', '')}.")
+    return sentences
+
+
+def ringing(report: Report) -> list[Row]:
+    """One row for each mode that rings on a channel, the strongest of each channel first."""
+    rows = []
+    for channel in report.get("ringing") or ():
+        share = fixed(100 * channel["energy_share"], 1)
+        modes = channel.get("modes") or ()
+        if not modes:
+            rows.append({"channel": channel["channel"], "share": share, "frequency": NO_NUMBER,
+                         "damping": NO_NUMBER, "mode": NO_NUMBER, "amplitude": NO_NUMBER})  # fmt: skip
+        for i, mode in enumerate(modes):
+            rows.append(
+                {
+                    "channel": channel["channel"] if i == 0 else "",
+                    "share": share if i == 0 else "",
+                    "frequency": fixed(mode["frequency_hz"], 0),
+                    "damping": significant(100 * mode["damping_ratio"], 2),
+                    "mode": fixed(100 * mode["energy_share"], 1),
+                    "amplitude": f"{significant(mode['amplitude'], 2)} {mode['unit']}",
+                }
+            )
+    return rows
+
+
+def quantities(document: Report) -> list[Row]:
+    """One row for each identified quantity, with the digits that its uncertainty justifies."""
+    rows = []
+    for one in document["quantities"]:
+        value, u = rounded(one["value"], one["u"])
+        low, high = (rounded(limit, one["u"])[0] for limit in one["U95"])
+        rows.append(
+            {
+                "name": one["name"],
+                "symbol": one["symbol"],
+                "value": value,
+                "u": u if one["value"] is not None else NO_NUMBER,
+                "interval": f"{low} … {high}" if one["value"] is not None else NO_NUMBER,
+                "unit": one["unit"],
+                "expected": plain(one["declared"]),
+                "e_n": NO_NUMBER if one["E_n"] is None else _signed(fixed(one["E_n"], 2)),
+                "basis": one["basis"],
+            }
+        )
+    return rows
+
+
+def repairs(report: Report) -> list[Row]:
+    """One row for each repair: channel, what was done, to how many samples, and the figures."""
+    return [
+        {key: row.get(key, NO_NUMBER) for key in ("channel", "what", "samples", "detail")}
+        for row in report.get("repairs") or ()
+    ]
+
+
+def inputs(report: Report) -> list[Row]:
+    """One row for each input file: its digest whole, and shortened to sixteen digits."""
+    rows = []
+    for entry in report["provenance"].get("inputs") or ():
+        digest = str(entry.get("sha256") or NO_NUMBER)
+        shortened = digest if len(digest) <= 16 else f"{digest[:16]}…"
+        rows.append({"file": entry.get("file", NO_NUMBER), "sha256": digest, "shortened": shortened})
+    return rows
+
+
+def _limits(interval: Sequence[float | None] | None) -> tuple[float, float] | None:
+    """Take an interval if both its limits are numbers."""
+    if interval is None:
+        return None
+    low, high = interval
+    return None if low is None or high is None or not math.isfinite(high - low) else (low, high)
+
+
+def _half(interval: tuple[float, float] | None) -> float | None:
+    return None if interval is None else (interval[1] - interval[0]) / 2
+
+
+def _spread(value: float, interval: tuple[float, float] | None, half_text: str) -> str | None:
+    """± and half the interval, or both distances where the value does not stand in its middle."""
+    if interval is None:
+        return None
+    half = (interval[1] - interval[0]) / 2
+    up, down = interval[1] - value, value - interval[0]
+    if abs(up - down) <= 0.2 * half:
+        return f"± {half_text}"
+    return f"+{rounded(up, half)[0]} \N{MINUS SIGN}{rounded(down, half)[0]}"
+
+
+def _interval(interval: tuple[float, float] | None, unit: str) -> str | None:
+    if interval is None:
+        return None
+    low, high = (rounded(limit, _half(interval))[0] for limit in interval)
+    return f"{low} {unit} to {high} {unit}"
+
+
+def _known(value: float | None) -> str | None:
+    return None if value is None else plain(value)
+
+
+def _scaled(value: float | None, factor: float) -> float | None:
+    return None if value is None else factor * value
+
+
+def _signed(text: str) -> str:
+    """Put a plus sign before a positive number."""
+    return f"+{text}" if text[:1].isdigit() and text.strip("0.") else text

@@ -1,0 +1,37 @@
+"""What `recoil-daq identify --target` can identify beside the mass, by name; each module is loaded when asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from types import MappingProxyType
+from typing import TYPE_CHECKING, cast
+
+if TYPE_CHECKING:
+    from recoil_identification.targets.target import Case, Finding
+
+TARGETS: Mapping[str, str] = MappingProxyType(
+    {
+        "parameters": "masses, first moments and inertias from all five equations of motion",
+        "stiffness": "stiffness and damping of elevating gear and ground, over time",
+        "breech-force": "the propellant's force from the motion, without the breech gauge",
+        "inertia-force": "inertia forces of the recoiling part, and of the mechanism at the trunnion",
+        "resistance": "law of the recoil resistance, packing friction, balance of energy and momentum",
+        "arx": "transfer function from force to acceleration, with its order",
+    }
+)
+"""Name on the command line -> what it identifies."""
+
+
+def target_function(name: str) -> Callable[[Case], Finding]:
+    """Load the function of a target.
+
+    Raises
+    ------
+    ValueError
+        If there is none of that name.
+    """
+    if name not in TARGETS:
+        raise ValueError(f"target must be one of {', '.join(TARGETS)}, not {name!r}")
+    module = import_module(f"recoil_identification.targets.{name.replace('-', '_')}")
+    return cast("Callable[[Case], Finding]", module.find)

@@ -1,0 +1,207 @@
+"""What speaks against a shot's mass, and what its reader should know."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+
+from recoil_acquisition.shot import Shot
+from recoil_identification.calibration import LARGEST_RESIDUAL, LARGEST_SIGNIFICANCE, Calibration
+from recoil_identification.constancy.mass_constancy import MassConstancy
+from recoil_identification.corrections import Corrections
+from recoil_identification.mass import ACCELERATION, RANDOM, MassEstimate
+from recoil_identification.regression import Regression
+from recoil_identification.sensor_observations import CAMERA_SCALE, RELEASE
+from recoil_identification.signals import Signals
+from recoil_identification.trace import MassTrace
+from recoil_identification.zero_shift import ZeroShift
+from recoil_rigs.assumptions import CARRIAGE_ROLES
+from recoil_rigs.rig import Rig
+
+LEAST_SHARE = 0.5
+"""Below this share of identified samples the trace does not describe the shot."""
+LARGEST_LOSS = 0.8
+"""Of the squares of the force: the mass then hangs on the slow rest of the motion, and on the friction."""
+CERTAINLY_VARIES = 0.01
+"""Level below which a mass is not taken for constant any more; from 0.05 on it is a note."""
+LARGEST_ROUTE_GAP = 3.0
+"""Combined standard uncertainties by which the two routes to the acceleration may differ."""
+
+
+def reasons_against(
+    shot: Shot,
+    rig: Rig,
+    signals: Signals,
+    estimates: Mapping[str, MassEstimate],
+    trace: MassTrace,
+    calibration: Calibration,
+    shift: ZeroShift,
+    filtered: Regression,
+    constancy: MassConstancy | None,
+) -> tuple[str, ...]:
+    """Say what speaks against the result.
+
+    Parameters
+    ----------
+    shot, rig, signals
+    estimates : mapping of str to MassEstimate
+        By method.
+    trace : MassTrace
+        Of the method that was asked for.
+    calibration : Calibration
+    shift : ZeroShift
+        Of the recoiling part's accelerometer.
+    filtered : Regression
+        Tells what of the pulse was lost.
+    constancy : MassConstancy or None
+
+    Returns
+    -------
+    tuple of str
+        One sentence each, with its limit; empty if nothing does.
+    """
+    reasons = reasons_against_record(shot, rig, signals, trace, filtered)
+    reasons += doubted_sensors(calibration)
+    if shift.demanded and not shift.confirmed:
+        reasons.append(
+            f"either the accelerometer's zero shifted at the shot {shift}, or a gauge is off: without a camera that is "
+            "aligned the shot cannot tell"
+        )
+    residual, limit = calibration.estimate.residual_m_s2, calibration.largest_residual_m_s2
+    if residual > limit:
+        reasons.append(
+            f"mass and forces leave {residual:.3g} m/s^2 of the acceleration unexplained, limit {limit:.3g} m/s^2 "
+            f"({100 * LARGEST_RESIDUAL:g} % of its peak): check areas, units and signals of the pressures"
+        )
+    if "kinematic" in estimates:
+        inertial, camera = estimates["reverse"], estimates["kinematic"]
+        # both routes share the forces, so only what they do not share counts
+        apart = abs(inertial.mass_kg - camera.mass_kg)
+        own = math.hypot(*(r.u_kg for e in (inertial, camera) for r in e.budget if _not_shared(r.source)))
+        if apart > LARGEST_ROUTE_GAP * own:
+            reasons.append(
+                f"the accelerometer gives {inertial.mass_kg:.1f} kg and the camera {camera.mass_kg:.1f} kg, "
+                f"{apart / own:.1f} standard uncertainties apart (limit {LARGEST_ROUTE_GAP:g})"
+            )
+    if constancy is not None and varies(constancy, CERTAINLY_VARIES, calibration.estimate):
+        reasons.append(f"{str(constancy).rstrip('.')}: see the mass over time, one number does not describe it")
+    return tuple(reasons)
+
+
+def reasons_against_record(
+    shot: Shot, rig: Rig, signals: Signals, trace: MassTrace, filtered: Regression, unused: Collection[str] = ()
+) -> list[str]:
+    """Say what speaks against the record of a shot, whatever its mass was found by.
+
+    Parameters
+    ----------
+    shot, rig, signals
+    trace : MassTrace
+        Of the method that gives the mass.
+    filtered : Regression
+        Tells what of the pulse was lost.
+    unused : collection of str
+        Channels that the mass does not hang on.
+    """
+    failed = [c for c in shot.quality if c.verdict == "fail" and c.check != "alignment" and c.channel not in unused]
+    reasons = [f"quality: {c.channel}: {c.detail}" for c in failed]
+    reasons += doubts_of(rig)
+    doubtful = [a for a in shot.alignments if a.status != "ok"]
+    reasons += [f"clock {a.clock}: alignment {a.status}: {'; '.join(a.reasons)}" for a in doubtful]
+    if signals.quiet_s[0] == signals.quiet_s[1]:
+        reasons.append("no silence before the shot: the zeros of the sensors, and their uncertainties, are not known")
+    recuperator = rig.by_role("recuperator_pressure")
+    if recuperator is not None and recuperator.sensor.time_constant_s is not None:
+        reasons.append(f"{recuperator.name} is AC-coupled (time_constant_s): it does not read the pressure at rest")
+    lost = _lost_excitation(filtered)
+    if lost > LARGEST_LOSS:
+        channels = [c.channel for c in shot.quality if c.check in ("losses", "held values") and c.verdict != "ok"]
+        reasons.append(
+            f"{100 * lost:.0f} % of the shot's force lies where samples are lost, limit {100 * LARGEST_LOSS:.0f} %"
+            + (f": see the losses of {', '.join(channels)}" if channels else "")
+        )
+    if trace.share < LEAST_SHARE:
+        reasons.append(
+            f"only {100 * trace.share:.0f} % of the interval could be identified (limit {100 * LEAST_SHARE:.0f} %)"
+        )
+    return reasons
+
+
+def doubts_of(rig: Rig) -> list[str]:
+    """Say what a rig file would be refused for, where a shot has been recorded with it all the same."""
+    return [f"rig file: {doubt}" for doubt in rig.doubts]
+
+
+def varies(constancy: MassConstancy, level: float, estimate: MassEstimate) -> bool:
+    """Tell whether the mass changes beyond chance, and by more than it is uncertain anyway."""
+    return not constancy.constant(level) and abs(constancy.change_kg) > estimate.u_kg
+
+
+def _lost_excitation(filtered: Regression) -> float:
+    """Share of the squares of force, or of acceleration, that lies where a sample is lost, whichever is more."""
+    inside, lost = filtered.inside, filtered.inside & ~filtered.trusted
+    shares = [
+        float(column[lost] @ column[lost]) / max(float(column[inside] @ column[inside]), 1e-300)
+        for column in (filtered.force_n, filtered.acceleration_m_s2)
+    ]
+    return max(shares)
+
+
+def doubted_sensors(calibration: Corrections) -> list[str]:
+    """Name the calibrations that contradict the shot, the least likely first.
+
+    One wrong sensor pulls on those that it is compared with; which of them it is the shot alone may
+    not tell, so all that are beyond the limit are named. By how much the others say that it is off is its
+    departure over its redundancy, the square of departure over significance.
+    """
+    beyond = {s: w for s, w in calibration.significances.items() if abs(w) > LARGEST_SIGNIFICANCE and s != RELEASE}
+    return [
+        f"{source} contradicts the other sensors: it reads {'high' if w > 0 else 'low'} by "
+        f"{w * w / abs(calibration.departures[source]):.3g} of its standard uncertainties if they are right "
+        f"({abs(w):.1f} standard deviations, limit {LARGEST_SIGNIFICANCE:g})"
+        for source, w in sorted(beyond.items(), key=lambda item: -abs(item[1]))
+    ]
+
+
+def _not_shared(source: str) -> bool:
+    return source in (RANDOM, ACCELERATION, CAMERA_SCALE)
+
+
+def notes_on(
+    rig: Rig,
+    signals: Signals,
+    recorded: Regression,
+    trace: MassTrace,
+    shift: ZeroShift,
+    constancy: MassConstancy | None,
+) -> tuple[str, ...]:
+    """Say what a reader should know although it does not make the result invalid.
+
+    Parameters
+    ----------
+    rig : Rig
+        A role that it has no channel of is one of its assumptions, and no note.
+    signals : Signals
+    recorded : Regression
+    trace : MassTrace
+        Of the method that was asked for.
+    shift : ZeroShift
+        Of the recoiling part's accelerometer.
+    constancy : MassConstancy or None
+    """
+    notes = [
+        f"no usable channel of role {role}: its term in the equation of motion is taken at rest"
+        for role in CARRIAGE_ROLES
+        if role not in signals.series and rig.by_role(role) is not None
+    ]
+    if recorded.interval_s[1] >= recorded.times_s[-1]:
+        notes.append("the record ends before the recoil does: the interval ends with it")
+    notes += [f"{count} samples not identified: {reason}" for reason, count in trace.reasons.items()]
+    if shift.demanded and shift.confirmed:
+        notes.append(
+            f"the accelerometer's zero shifted at the shot {shift}, as force and camera tell: it is taken off, at the "
+            "cost of a wider interval; check its mounting and charge amplifier"
+        )
+    if constancy is not None and not constancy.constant() and constancy.constant(CERTAINLY_VARIES):
+        notes.append(str(constancy).rstrip("."))
+    return tuple(notes)

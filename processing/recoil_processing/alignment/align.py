@@ -1,0 +1,289 @@
+"""One clock for all: the verdict on an alignment, and how it is reported.
+
+The estimators are `recoil_processing.alignment.motion_alignment`, `recoil_processing.alignment.redundant_alignment` and
+`recoil_processing.alignment.trigger_alignment`. Here their figures become a `ClockAlignment` with a status:
+``ok``, ``ambiguous`` where the data allow doubt, ``failed`` where there is nothing to align by.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+
+from recoil_acquisition.shot import AlignmentStatus, ClockAlignment
+from recoil_processing.alignment.motion_fit import MotionFit
+from recoil_processing.alignment.redundant_alignment import RedundantFit
+from recoil_processing.alignment.trigger_alignment import EdgeFit
+
+LEAST_CORRELATION = 0.8
+"""Below this the two records are not of one motion."""
+LEAST_MARGIN = 0.03
+"""By how much the best correlation must exceed the next peak away from it."""
+INNOVATION_LIMITS = (0.5, 1.6)
+"""Mean squared normalised residual of a fit whose noise levels are right is 1."""
+GAIN_LIMIT_SIGMA = 4.0
+"""How many standard uncertainties the scales of two sensors may differ by."""
+DRIFT_LIMIT_SIGMA = 3.5
+"""How many standard uncertainties the record's own drift may be off zero, that of the clocks' quality among them."""
+VELOCITY_LIMIT_SIGMA = 3.0
+"""How many combined standard uncertainties velocities and likelihood may differ by."""
+MOST_SET_ASIDE = 0.02
+"""Share of the frames that may contradict their neighbours: published tracks repeat 1.4 % in the median."""
+LOW_NOISE = "the track was smoothed or filled, or too many frames are lost to tell its noise"
+MOST_INFLATION = 300.0
+"""How much the accelerometer's noise may have to be raised before the motions differ."""
+EDGE_RESIDUAL_SIGMA = 4.0
+"""How many standard uncertainties a pair of edges may lie off the line."""
+MOST_UNPAIRED = 0.1
+"""Edges without a counterpart over pairs, beyond which the two trains may not be the same."""
+MOST_LISTED = 50
+"""Instants of edges that are listed one by one."""
+MOST_U_OFFSET_S = 2e-4
+"""Beyond this an offset is hardly known: at 10 m/s it is 2 mm of travel."""
+MOST_DRIFT = 1e-3
+"""No two quartz clocks differ by a tenth of this; a frame rate that was entered wrongly does."""
+
+
+def judge_motion(
+    clock: str,
+    fit: MotionFit | str,
+    *,
+    u_gain: float,
+    noise_density: float,
+    frame_period_s: float,
+    against: str = "accelerometer",
+    method: str = "motion",
+) -> ClockAlignment:
+    """Judge a camera's alignment by motion.
+
+    Parameters
+    ----------
+    clock : str
+    fit : MotionFit or str
+        A sentence if there was nothing to align by.
+    u_gain : float
+        Standard uncertainty of the ratio of the two sensors' scales, from their calibrations.
+    noise_density : float
+        The accelerometer's white noise density before the shot, (m/s^2)^2/Hz, two-sided.
+    frame_period_s : float
+    against, method : str
+        What it was aligned by, in words, and as it is reported.
+
+    Returns
+    -------
+    ClockAlignment
+        Where the film is wrong from some frame on (`alignment.frame_fault`) it is ``ambiguous`` and of the
+        file as it is; the details hold the places, and the offset of a corrected film. ``drift_told_from`` is the
+        drift beyond which the record would have told a wrong frame rate.
+
+    Raises
+    ------
+    ValueError
+        If the noise density is not positive.
+    """
+    if not noise_density > 0:
+        raise ValueError(f"noise_density must be positive, not {noise_density}")
+    if isinstance(fit, str):
+        return failed_alignment(clock, method, fit)
+    if not _finite(fit.offset_s, fit.u_offset_s, fit.drift, fit.gain, fit.u_gain, fit.innovation_statistic):
+        return failed_alignment(clock, method, "the fit gives no finite number: check both records for spikes")
+    # what a missing frame or a jump does to the fit is said by itself; the rest is judged without it
+    sound = fit.corrected or fit
+    doubts, failures = _common_doubts(sound)
+    doubts = [*(str(fault) for fault in fit.frame_faults), *doubts]
+    low, high = INNOVATION_LIMITS
+    if not low <= sound.innovation_statistic <= high:
+        doubts.append(
+            f"residuals are {sound.innovation_statistic:.2f} times their expected variance (limits {low} to {high}): "
+            + (
+                "a dropped frame, a wrong frame rate or another motion"
+                if sound.innovation_statistic > high
+                else LOW_NOISE
+            )
+        )
+    if sound.frames_set_aside > MOST_SET_ASIDE * (sound.frames + sound.frames_set_aside):
+        doubts.append(
+            f"{sound.frames_set_aside} of {sound.frames + sound.frames_set_aside} frames contradict their neighbours"
+        )
+    inflation = sound.acceleration_density / noise_density
+    if inflation > MOST_INFLATION:
+        failures.append(
+            f"camera and {against} do not show the same motion: {inflation:.0f} times the {against}'s noise "
+            "would be needed to explain the difference"
+        )
+    off = abs(sound.gain - 1.0) / max(math.hypot(u_gain, sound.u_gain), 1e-12)
+    if off > GAIN_LIMIT_SIGMA:
+        failures.append(
+            f"the camera's travel is {100 * (sound.gain - 1):+.2f} % off the {against}'s, "
+            f"{off:.1f} standard uncertainties: another shot's file, a wrong scale or a wrong sensitivity"
+        )
+    if not failures and abs(sound.drift) <= MOST_DRIFT and sound.drift_departure > DRIFT_LIMIT_SIGMA:
+        doubts.append(
+            f"the motions fit best if the camera's seconds are {100 * sound.free_drift:+.3f} % longer "
+            f"(u {100 * sound.u_free_drift:.3f} %): check the frame rate"
+        )
+    apart = abs(sound.coarse_offset_s - (sound.offset_s + sound.drift * sound.origin_s))
+    if apart > max(2e-3, 6 * frame_period_s):
+        doubts.append(f"velocity correlation and likelihood are {1e3 * apart:.2f} ms apart")
+    by_velocity_s = sound.velocity_offset_s - sound.offset_s
+    combined = abs(by_velocity_s) / math.hypot(sound.u_velocity_offset_s, sound.u_offset_s)
+    if combined > VELOCITY_LIMIT_SIGMA:
+        doubts.append(
+            f"velocities alone give an offset {1e6 * by_velocity_s:+.0f} us from the likelihood's, "
+            f"{combined:.1f} combined standard uncertainties"
+        )
+    details = {
+        "gain": fit.gain,
+        "u_gain": fit.u_gain,
+        "u_bias_m_s2": fit.u_bias_m_s2,
+        "gain_bias_correlation": fit.gain_bias_correlation,
+        "integration_constants": list(fit.integration_constants),
+        "origin_s": fit.origin_s,
+        "marker_sigma_m": fit.marker_sigma_m,
+        "acceleration_density": fit.acceleration_density,
+        "innovation_statistic": fit.innovation_statistic,
+        "noise_inflation": inflation,
+        "free_drift": fit.free_drift,
+        "u_free_drift": fit.u_free_drift,
+        "frames": fit.frames,
+        "frames_set_aside": fit.frames_set_aside,
+        "coarse_offset_s": fit.coarse_offset_s,
+        "correlation": fit.correlation,
+        "second_peak": fit.second_peak,
+        "candidates_s": fit.candidates_s.tolist(),
+        "log_likelihood": fit.log_likelihood.tolist(),
+        "drift_allowance": fit.drift_allowance,
+        "drift_earned": fit.drift_earned,
+        "drift_departure": sound.drift_departure,
+        "drift_told_from": DRIFT_LIMIT_SIGMA * math.hypot(sound.u_free_drift, sound.drift_allowance),
+        "frame_faults": [asdict(fault) for fault in fit.frame_faults],
+    }
+    if fit.shifted_zero_m_s2 is not None:
+        details["shifted_zero_m_s2"] = fit.shifted_zero_m_s2
+    if math.isfinite(sound.u_velocity_offset_s):
+        details |= {"velocity_apart_s": by_velocity_s, "u_velocity_offset_s": sound.u_velocity_offset_s}
+    if fit.corrected is not None:
+        details |= {
+            "corrected_offset_s": fit.corrected.offset_s,
+            "u_corrected_offset_s": fit.corrected.u_offset_s,
+            "corrected_drift": fit.corrected.drift,
+        }
+    return ClockAlignment(
+        clock, fit.offset_s, fit.u_offset_s, fit.drift, fit.u_drift, *_status(doubts, failures, method), details
+    )
+
+
+def judge_redundant(clock: str, fit: RedundantFit | str, *, method: str = "redundant") -> ClockAlignment:
+    """Judge an alignment by a channel that repeats another, or its integral or derivative (method ``motion``)."""
+    if isinstance(fit, str):
+        return failed_alignment(clock, method, fit)
+    if not _finite(fit.offset_s, fit.u_offset_s, fit.drift, fit.gain, fit.u_gain):
+        return failed_alignment(clock, method, "the fit gives no finite number: check both records for spikes")
+    doubts, failures = _common_doubts(fit)
+    details = {
+        "gain": fit.gain,
+        "u_gain": fit.u_gain,
+        "coarse_offset_s": fit.coarse_offset_s,
+        "correlation": fit.correlation,
+        "second_peak": fit.second_peak,
+        "cutoff_hz": fit.cutoff_hz,
+        "residual_share": fit.residual_share,
+        "u_alias_s": fit.u_alias_s,
+        "rows": fit.rows,
+    }
+    return ClockAlignment(
+        clock, fit.offset_s, fit.u_offset_s, fit.drift, fit.u_drift, *_status(doubts, failures, method), details
+    )
+
+
+def judge_edges(clock: str, fit: EdgeFit | str, *, u_edge_s: float, method: str = "trigger") -> ClockAlignment:
+    """Judge an alignment by edges: triggers, or the pulses of a camera's exposures (method ``exposure``).
+
+    Parameters
+    ----------
+    clock : str
+    fit : EdgeFit or str
+        A sentence if there was nothing to align by.
+    u_edge_s : float
+        Standard uncertainty of one pair.
+    method : str
+
+    Returns
+    -------
+    ClockAlignment
+        Its details tell where an edge has no counterpart, on its own clock.
+    """
+    if isinstance(fit, str):
+        return failed_alignment(clock, method, fit)
+    doubts = []
+    if abs(fit.drift) > MOST_DRIFT:
+        doubts.append(_too_much_drift(fit.drift))
+    # the largest of many residuals is larger than one
+    if fit.residual_s > u_edge_s * math.sqrt(EDGE_RESIDUAL_SIGMA**2 + 2.0 * math.log(fit.edges)):
+        doubts.append(f"an edge lies {1e6 * fit.residual_s:.1f} us off the line through the others")
+    counts = f"{fit.all_source} edges on the source, {fit.all_reference} on the reference"
+    if fit.rivals:
+        doubts.append(f"{fit.rivals} other offsets pair the edges as well: {counts}")
+    alone = fit.set_aside + len(fit.unpaired_source) + len(fit.unpaired_reference)
+    if alone > MOST_UNPAIRED * fit.edges:
+        doubts.append(f"{alone} edges between the first and the last pair have no counterpart: {counts}")
+    if fit.u_offset_s > MOST_U_OFFSET_S:
+        doubts.append(hardly_known(fit.u_offset_s))
+    details = {
+        "edges": fit.edges,
+        "residual_s": fit.residual_s,
+        "set_aside": fit.set_aside,
+        "rivals": fit.rivals,
+        "all_source": fit.all_source,
+        "all_reference": fit.all_reference,
+        "unpaired_source": len(fit.unpaired_source),
+        "unpaired_reference": len(fit.unpaired_reference),
+        "unpaired_source_s": list(fit.unpaired_source[:MOST_LISTED]),
+        "unpaired_reference_s": list(fit.unpaired_reference[:MOST_LISTED]),
+    }
+    return ClockAlignment(
+        clock, fit.offset_s, fit.u_offset_s, fit.drift, fit.u_drift, *_status(doubts, [], method), details
+    )
+
+
+def _common_doubts(fit: MotionFit | RedundantFit) -> tuple[list[str], list[str]]:
+    doubts: list[str] = []
+    failures: list[str] = []
+    if fit.correlation < LEAST_CORRELATION:
+        failures.append(f"correlation {fit.correlation:.2f} is below {LEAST_CORRELATION}: not the same motion")
+    if fit.correlation - fit.second_peak < LEAST_MARGIN:
+        doubts.append(
+            f"a second offset fits nearly as well (correlation {fit.second_peak:.3f} against {fit.correlation:.3f})"
+        )
+    if fit.at_search_edge:
+        doubts.append("the best offset lies at the edge of the search")
+    if fit.u_offset_s > MOST_U_OFFSET_S:
+        doubts.append(hardly_known(fit.u_offset_s))
+    if abs(fit.drift) > MOST_DRIFT:
+        doubts.append(_too_much_drift(fit.drift))
+    if not fit.converged:
+        doubts.append("the search for the offset did not settle")
+    return doubts, failures
+
+
+def _too_much_drift(drift: float) -> str:
+    return f"the clocks' rates differ by {100 * drift:+.3f} %, more than clocks do: check the source's declared rate"
+
+
+def hardly_known(u_offset_s: float) -> str:
+    """Say that an offset is hardly known."""
+    return f"the offset is known to {1e3 * u_offset_s:.2f} ms only"
+
+
+def _finite(*figures: float) -> bool:
+    return all(math.isfinite(figure) for figure in figures)
+
+
+def _status(doubts: list[str], failures: list[str], method: str) -> tuple[AlignmentStatus, str, tuple[str, ...]]:
+    status: AlignmentStatus = "failed" if failures else "ambiguous" if doubts else "ok"
+    return status, method, (*failures, *doubts)
+
+
+def failed_alignment(clock: str, method: str, reason: str) -> ClockAlignment:
+    """Return the alignment of a clock that could not be related to the reference, with the reason."""
+    return ClockAlignment(clock, 0.0, math.inf, 0.0, math.inf, "failed", method, (reason,))

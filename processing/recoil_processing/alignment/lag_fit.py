@@ -1,0 +1,231 @@
+"""How much one low-passed signal lags behind another, with an uncertainty that holds for the few rows of a shot.
+
+``y_i = g r(t_i + shift + drift (t_i - origin)) + c`` is solved by Gauss-Newton. The uncertainty is the largest of
+
+- the curvature with the residual's variance, as if the residual were noise;
+- the sandwich covariance with the residuals where they occur: what two sensors do not have in common is largest in
+  the motion. A row that bends the fit to itself hides its own error (HC2 of J. G. MacKinnon and H. White,
+  J. Econometrics 29(3), 1985). Neighbouring rows are taken as independent or as correlated (W. K. Newey and
+  K. D. West, Econometrica 55(3), 1987).
+
+What the fit cannot see because it bends to it is the caller's: `LagSolution.influence` tells how any error of the rows
+moves the lag (`recoil_processing.alignment.aliasing`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_processing.filters import LowPass
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+GRID_PER_PERIOD = 10
+"""Points of the source's grid per period of the cut-off."""
+STRIDE = 4
+"""Of that grid: rows 2.5 times per period, about as many as carry information of their own."""
+LEAST_ROWS = 20
+"""Below this the records hardly overlap."""
+LONGEST_STEP_S = 5e-3
+"""By which the offset may move at once."""
+MOST_STEPS = 20
+"""Of Gauss-Newton; three or four are usual."""
+NEGLIGIBLE_STEP = 1e-2
+"""Share of the offset's uncertainty below which a step is no step."""
+MOST_CONDITION = 1e8
+"""Of the scaled columns; more and they are not independent."""
+CORRELATED_ROWS = (0, 3, 6)
+"""Over how many rows residuals may be correlated: not at all, one period of the cut-off, two."""
+LEAST_HIDDEN = 0.05
+"""Smallest share of its own error that a row is taken to show."""
+
+
+@dataclass(frozen=True, eq=False)
+class LagRows:
+    """Both low-passed signals.
+
+    The clocks map by ``t_ref = t + shift + drift (t - origin)``: shift and drift are nearly independent
+    wherever the source's clock has its zero.
+    """
+
+    times_s: Array
+    values: Array
+    origin_s: float
+    curve: PPoly
+    slope: PPoly
+    first_s: float
+    last_s: float
+
+    @classmethod
+    def of(
+        cls,
+        grid_s: Array,
+        smooth: Array,
+        trusted: Flags,
+        start_s: float,
+        step_s: float,
+        target: Array,
+        target_trusted: Flags | None,
+        low_pass: LowPass,
+    ) -> LagRows:
+        """Take rows of the source's grid, and the reference between its samples.
+
+        Parameters
+        ----------
+        grid_s, smooth : ndarray, shape (n_grid,)
+            The source, low-passed, `GRID_PER_PERIOD` times per period of the cut-off.
+        trusted : ndarray of bool, shape (n_grid,)
+            False where a gap is within the filter's reach.
+        start_s, step_s : float
+            Time base of the reference.
+        target : ndarray, shape (n_reference,)
+            The reference, low-passed alike.
+        target_trusted : ndarray of bool, shape (n_reference,), optional
+            All of it if left out. Where it is not, at the lag that the two are at already, rows are left out.
+        low_pass : LowPass
+            The filter of both; within its reach of the reference's ends no row is used.
+        """
+        from scipy.interpolate import CubicSpline
+
+        curve = CubicSpline(start_s + step_s * np.arange(target.size), target)
+        end_s = start_s + step_s * (target.size - 1)
+        at = np.arange(0, grid_s.size, STRIDE)
+        sound = trusted[at]
+        if target_trusted is not None:
+            place = np.clip(np.round((grid_s[at] - start_s) / step_s).astype(np.int64), 0, target.size - 1)
+            sound &= target_trusted[place]
+        at = at[sound]
+        reach = low_pass.reach_s
+        origin = 0.5 * float(grid_s[0] + grid_s[-1])
+        return cls(grid_s[at], smooth[at], origin, curve, curve.derivative(), start_s + reach, end_s - reach)
+
+
+@dataclass(frozen=True, eq=False)
+class LagSolution:
+    """Shift, drift and gain behind the last step.
+
+    Attributes
+    ----------
+    shift_s, drift, gain : float
+    u_shift_s : float
+        Standard uncertainty of the mapped time in the middle of the motion.
+    u_drift, u_gain : float
+    residual_share : float
+        Root mean square of the residual over that of the source's signal.
+    rows : float
+        How many rows tell the shift: the square of the sum of their information over the sum of its squares.
+    influence : ndarray, shape (n_inside,)
+        By how much the mapped time in the middle of the motion moves with the value of each row.
+    inside : ndarray of bool, shape (n_rows,)
+        The rows that were used.
+    converged : bool
+        Whether the last step was negligible.
+    """
+
+    shift_s: float
+    drift: float
+    gain: float
+    u_shift_s: float
+    u_drift: float
+    u_gain: float
+    residual_share: float
+    rows: float
+    influence: Array
+    inside: Flags
+    converged: bool
+
+
+def solve_lag(rows: LagRows, shift_s: float, *, drift_allowance: float) -> LagSolution | str:
+    """Find shift and drift, from a shift that is right within the correlation's lobe.
+
+    Parameters
+    ----------
+    rows : LagRows
+    shift_s : float
+        To start from.
+    drift_allowance : float
+        Standard deviation of the drift's prior, which has the mean 0; without a drift if 0.
+
+    Returns
+    -------
+    LagSolution or str
+        A sentence where the rows do not tell the shift.
+    """
+    steps, drift = 0, 0.0
+    while True:
+        solution = _step(rows, shift_s, drift, drift_allowance)
+        if isinstance(solution, str):
+            return solution
+        steps += 1
+        shift_s, drift = solution.shift_s, solution.drift
+        if solution.converged or steps == MOST_STEPS:
+            return solution
+
+
+def _step(rows: LagRows, shift_s: float, drift: float, drift_allowance: float) -> LagSolution | str:
+    mapped = rows.times_s + shift_s + drift * (rows.times_s - rows.origin_s)
+    inside = (mapped > rows.first_s) & (mapped < rows.last_s)
+    if np.count_nonzero(inside) < LEAST_ROWS:
+        return "the two records hardly overlap"
+    since, values = rows.times_s[inside] - rows.origin_s, rows.values[inside]
+    model, rate = rows.curve(mapped[inside]), rows.slope(mapped[inside])
+    gain = float(np.linalg.lstsq(np.column_stack([model, np.ones_like(model)]), values, rcond=None)[0][0])
+    design = np.column_stack([model, gain * rate, gain * rate * since, np.ones_like(model)])
+    variance = _residual_variance(design, values)
+    prior = np.array([0.0, 0.0, math.sqrt(variance) / max(drift_allowance, 1e-12), 0.0])
+    full, target = np.vstack([design, prior]), np.append(values, -prior[2] * drift)
+    scale = np.sqrt((full**2).sum(axis=0))
+    if not np.all(scale > 0) or np.linalg.cond(full / scale) > MOST_CONDITION:
+        return "what both records show does not tell one offset from another"
+    bread = np.linalg.inv((full / scale).T @ (full / scale)) / np.outer(scale, scale)
+    solution = bread @ (full.T @ target)
+    residual = values - design @ solution
+    information = rate**2
+    pick = np.array([0.0, 1.0, float(np.average(since, weights=information)), 0.0])
+    covariance = _covariance(design, residual, prior, variance, bread, pick)
+    step = float(np.clip(solution[1], -LONGEST_STEP_S, LONGEST_STEP_S))
+    u_shift, u_drift, u_gain = np.sqrt([pick @ covariance @ pick, covariance[2, 2], covariance[0, 0]]).tolist()
+    return LagSolution(
+        shift_s=shift_s + step,
+        drift=drift + float(solution[2]),
+        gain=float(solution[0]),
+        u_shift_s=u_shift,
+        u_drift=min(u_drift, drift_allowance),
+        u_gain=u_gain,
+        residual_share=float(np.std(residual) / max(float(np.std(values)), 1e-300)),
+        rows=float(information.sum() ** 2 / (information**2).sum()),
+        influence=np.asarray(design @ (bread @ pick)),
+        inside=inside,
+        converged=abs(step) < max(NEGLIGIBLE_STEP * math.sqrt(float(covariance[1, 1])), 1e-10),
+    )
+
+
+def _residual_variance(design: Array, target: Array) -> float:
+    solution, *_ = np.linalg.lstsq(design, target, rcond=None)
+    residual = target - design @ solution
+    return float(max(residual @ residual / max(target.size - design.shape[1], 1), 1e-300))
+
+
+def _covariance(design: Array, residual: Array, prior: Array, variance: float, bread: Array, pick: Array) -> Array:
+    """Covariance by the curvature, or by the residuals where they occur, whichever gives most for `pick`."""
+    leverage = np.einsum("ij,jk,ik->i", design, bread, design)
+    products = design * (residual / np.sqrt(np.maximum(1.0 - leverage, LEAST_HIDDEN)))[:, None]
+    best = bread * variance
+    for rows in CORRELATED_ROWS:
+        scores = products.T @ products + variance * np.outer(prior, prior)
+        for lag in range(1, rows + 1):
+            cross = products[lag:].T @ products[:-lag]
+            scores += (1.0 - lag / (rows + 1)) * (cross + cross.T)
+        candidate = bread @ scores @ bread
+        if pick @ candidate @ pick > pick @ best @ pick:
+            best = candidate
+    return best

@@ -1,0 +1,303 @@
+"""The camera's clock from the motion itself: camera displacement against accelerometer.
+
+The camera saw ``z_i = x(t_i) + n_i`` at frame times on its own clock; the accelerometer felt
+``x''(t)`` on the recorder's. With ``D`` the double integral of the accelerometer's signal,
+
+    z_i = k D((1 + gamma) t_i + tau) + c0 + c1 t_i + c2 t_i^2 / 2 + w_i + n_i,
+
+where k is the ratio of the camera's scale to the accelerometer's, c0 to c2 are the integration
+constants and the accelerometer's bias, n is the marker's white noise and w the double integral of
+the accelerometer's white noise: a random walk of the velocity. A Kalman filter of w turns every
+column of this linear model into independent rows (it whitens them), so that tau is found by
+weighted least squares and its uncertainty is the likelihood's own curvature. The filter does not
+depend on tau.
+
+The model is the multi-rate displacement-acceleration filter of Smyth and Wu (2007), Mech. Syst.
+Signal Process. 21(2), with the clock's offset as a parameter.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_processing.alignment.correlation import CoarseLag, coarse_lag
+from recoil_processing.alignment.dropped_frames import find_frame_faults
+from recoil_processing.alignment.frame_fault import FrameFault, correct_times
+from recoil_processing.alignment.motion_fit import MotionFit
+from recoil_processing.alignment.motion_least_squares import MotionModel, MotionSolution, profile
+from recoil_processing.alignment.motion_solver import LEAST_FRAMES, MotionSolver
+from recoil_processing.alignment.velocity_lag import camera_velocity, mean_accelerations, velocity_shift
+from recoil_processing.motion.double_integral import DoubleIntegral, integrate
+from recoil_processing.noise import noise_sigma
+from recoil_processing.outliers import isolated_outliers, stuck_repeats
+
+__all__ = ["INFLATIONS", "MotionFit", "align_motion", "integrate"]
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+INFLATIONS = (1.0, 4.0, 16.0, 64.0, 256.0, 1024.0)
+"""Candidate factors on the accelerometer's noise density: ringing and mounting add to its white noise."""
+LEAST_NOISE_M = 1e-9
+"""Of a marker; no camera is better."""
+UNKNOWN_DRIFT = 0.1
+"""Prior of a drift of which nothing is known; a wrong frame rate hides in it."""
+SEARCH_STEP_S = 5e-4
+"""Of the coarse search."""
+SHIFT_SPAN_S = 0.03
+"""Over which accelerations are compared where the zero shifted: a pulse is shorter, and what a zero adds small."""
+LEAST_SHIFT_GAIN = 12.0
+"""In log-likelihood, for which a shift of the accelerometer's zero is taken: nearly five standard deviations."""
+DOUBTED_STATISTIC = 1.6
+"""Mean squared normalised residual from which on a fit is doubted, see `recoil_processing.alignment.align`."""
+PROBE_S = 1e-5
+"""Over which a travel is differentiated."""
+KICK_FRAMES = 10
+"""Frames that there must be on either side of an instant at which the velocity may be wrong."""
+LEAST_TRAVEL_SIGMA = 20.0
+"""How many times its noise a marker must move."""
+
+
+def align_motion(
+    camera_times_s: Array,
+    displacement_m: Array,
+    start_s: float,
+    step_s: float,
+    acceleration_m_s2: Array,
+    *,
+    acceleration_sigma_m_s2: float,
+    drift_allowance: float,
+    onset_s: float | None = None,
+    kicks_s: tuple[float, ...] = (),
+) -> MotionFit | str:
+    """Find the offset and drift between a camera's clock and an accelerometer's.
+
+    Parameters
+    ----------
+    camera_times_s : ndarray, shape (n_frames,)
+        On the camera's clock, strictly increasing.
+    displacement_m : ndarray, shape (n_frames,)
+        Lost frames NaN; they are left out, not filled.
+    start_s, step_s : float
+        Time base of the acceleration on the reference clock.
+    acceleration_m_s2 : ndarray, shape (n_samples,)
+        Second derivative of the same motion, positive alike, bias taken off as far as known; without
+        missing samples.
+    acceleration_sigma_m_s2 : float
+        Its white noise per sample.
+    drift_allowance : float
+        Standard uncertainty of the clocks' rate ratio before this record is seen.
+    onset_s : float, optional
+        First instant of force on the reference clock, at which the accelerometer's zero may shift. That it did is
+        taken only where the record cannot be explained without it, and is far likelier with it.
+    kicks_s : tuple of float
+        Instants on the reference clock where samples of the acceleration were lost and bridged: from each on its
+        integral may be wrong by a velocity, which is one more unknown.
+
+    Returns
+    -------
+    MotionFit or str
+        A sentence where there is no motion to align by.
+
+    Raises
+    ------
+    ValueError
+        If shapes do not fit, times do not increase, the acceleration is not finite, or its noise or step
+        is not positive.
+    """
+    _check(camera_times_s, displacement_m, step_s, acceleration_m_s2, acceleration_sigma_m_s2)
+    if acceleration_m_s2.size < 2:
+        return f"only {acceleration_m_s2.size} samples of the acceleration are there"
+    integral = DoubleIntegral.of(acceleration_m_s2, start_s, step_s)
+    density = acceleration_sigma_m_s2**2 * step_s
+    fit, faults = _fit(camera_times_s, displacement_m, integral, density, drift_allowance, None, kicks_s)
+    shifted_from_s = None
+    if onset_s is not None and _doubted(fit, density):
+        shifted, others = _fit(camera_times_s, displacement_m, integral, density, drift_allowance, onset_s, kicks_s)
+        if not isinstance(shifted, str) and (
+            isinstance(fit, str) or shifted.best_log_likelihood > fit.best_log_likelihood + LEAST_SHIFT_GAIN
+        ):
+            fit, faults, shifted_from_s = shifted, others, onset_s
+    if isinstance(fit, str) or not faults:
+        return fit
+    times, real = correct_times(camera_times_s, faults)
+    positions = np.where(real, displacement_m, np.nan)
+    for fault in faults:
+        positions[fault.index :] -= fault.jump_m
+    corrected, _ = _fit(times, positions, integral, density, drift_allowance, shifted_from_s, kicks_s)
+    return replace(fit, frame_faults=faults, corrected=None if isinstance(corrected, str) else corrected)
+
+
+def _doubted(fit: MotionFit | str, density: float) -> bool:
+    """Whether a fit without a shift of the zero leaves something to be explained."""
+    return isinstance(fit, str) or fit.acceleration_density > density or fit.innovation_statistic > DOUBTED_STATISTIC
+
+
+def _fit(
+    times_s: Array,
+    displacement_m: Array,
+    integral: DoubleIntegral,
+    density: float,
+    drift_allowance: float,
+    shifted_from_s: float | None,
+    kicks_s: tuple[float, ...],
+) -> tuple[MotionFit | str, tuple[FrameFault, ...]]:
+    """Fit a record with the times given, and tell where those are wrong by a frame."""
+    seen = np.isfinite(displacement_m)
+    t, z = times_s[seen], displacement_m[seen]
+    if t.size < LEAST_FRAMES:
+        return f"only {t.size} frames have a position", ()
+    marker_sigma = _marker_sigma(displacement_m)
+    if np.ptp(z) < LEAST_TRAVEL_SIGMA * marker_sigma:
+        return f"the track does not move: it spans {1e3 * np.ptp(z):.3g} mm at {1e3 * marker_sigma:.2g} mm noise", ()
+    model = MotionModel(t, z, 0.5 * float(t[0] + t[-1]), integral, shifted_from_s, kicks_s)
+    if shifted_from_s is None:
+        filmed, felt = camera_velocity(t, z), integral.velocity
+    else:
+        filmed, felt = mean_accelerations(model, SHIFT_SPAN_S)
+    lag = coarse_lag(*filmed, integral.start_s, integral.step_s, felt, step_of_search_s=SEARCH_STEP_S)
+    if isinstance(lag, str):
+        return lag, ()
+    model = replace(model, kicks_s=_seen_kicks(model, lag.offset_s))
+    solver = MotionSolver(marker_sigma**2, [inflation * density for inflation in INFLATIONS])
+    first = solver.converge(model, lag.offset_s, 0.0, density, drift_allowance)
+    if isinstance(first, str):
+        return first, ()
+    odd = _contradicting(model, first, marker_sigma)
+    model = replace(model, times_s=t[~odd], positions_m=z[~odd])
+    best = solver.likeliest(model, first.shift_s, first.drift, drift_allowance)
+    if isinstance(best, str):
+        return best, ()
+    free = solver.likeliest(model, best[0].shift_s, best[0].drift, UNKNOWN_DRIFT)
+    if isinstance(free, str):
+        return free, ()
+    faults = find_frame_faults(
+        model,
+        best[0],
+        solver,
+        rows=np.flatnonzero(seen)[~odd],
+        repeated=np.append(False, np.diff(displacement_m) == 0),
+        period_s=float(np.median(np.diff(times_s))),
+        drift_allowance=drift_allowance,
+    )
+    fit = _report(model, *best, free[0], lag, marker_sigma, int(odd.sum()), drift_allowance)
+    return fit, faults
+
+
+def _seen_kicks(model: MotionModel, shift_s: float) -> tuple[float, ...]:
+    """Kicks with frames before and behind them; one at an end of the film is a part of its constant velocity."""
+    mapped = model.mapped_s(shift_s, 0.0)
+    mapped = mapped[model.integral.covers(mapped)]
+    if mapped.size <= 2 * KICK_FRAMES:
+        return ()
+    return tuple(k for k in model.kicks_s if mapped[KICK_FRAMES] < k < mapped[-1 - KICK_FRAMES])
+
+
+def _check(times_s: Array, positions: Array, step_s: float, acceleration: Array, sigma: float) -> None:
+    if times_s.ndim != 1 or times_s.shape != positions.shape:
+        raise ValueError(f"camera times and displacements must be equally many, not {times_s.shape}, {positions.shape}")
+    if not np.all(np.diff(times_s) > 0):
+        raise ValueError("camera_times_s must increase strictly")
+    if not np.all(np.isfinite(acceleration)):
+        raise ValueError("acceleration_m_s2 must be finite; bridge lost samples first")
+    for name, value in (("step_s", step_s), ("acceleration_sigma_m_s2", sigma)):
+        if not (math.isfinite(value) and value > 0):
+            raise ValueError(f"{name} must be positive, not {value}")
+
+
+def _marker_sigma(displacement_m: Array) -> float:
+    """Noise of a marker; positions that software held instead of measuring tell nothing of it."""
+    held = np.zeros(displacement_m.shape, dtype=bool)
+    held[1:-1] = (displacement_m[1:-1] == displacement_m[:-2]) & (displacement_m[1:-1] == displacement_m[2:])
+    sigma = noise_sigma(np.where(held, np.nan, displacement_m))
+    if not math.isfinite(sigma):
+        # never four frames in a row: the differences then reach over the lost ones
+        sigma = noise_sigma(displacement_m[np.isfinite(displacement_m)])
+    return max(sigma, LEAST_NOISE_M)
+
+
+def _contradicting(model: MotionModel, solution: MotionSolution, marker_sigma: float) -> Flags:
+    """Find the frames that contradict their neighbours, given the accelerometer, shape (n_frames,)."""
+    travel, _ = model.integral.at(model.mapped_s(solution.shift_s, solution.drift)[solution.inside])
+    times, positions = model.times_s[solution.inside], model.positions_m[solution.inside]
+    residual = positions - solution.gain * travel
+    stuck = stuck_repeats(positions, residual, marker_sigma)
+    spikes = isolated_outliers(times[~stuck], residual[~stuck], marker_sigma)
+    odd = np.zeros(model.times_s.shape, dtype=bool)
+    inside = np.flatnonzero(solution.inside)
+    odd[inside[stuck]] = True
+    odd[inside[~stuck][spikes]] = True
+    return odd
+
+
+def _report(
+    model: MotionModel,
+    solution: MotionSolution,
+    density: float,
+    free: MotionSolution,
+    lag: CoarseLag,
+    marker_sigma: float,
+    frames_set_aside: int,
+    drift_allowance: float,
+) -> MotionFit:
+    """Give the fit on the clocks' own terms, with the likelihood around the offset."""
+    mapped = model.mapped_s(solution.shift_s, solution.drift)[solution.inside]
+    _, velocity = model.integral.at(mapped)
+    since = model.times_s[solution.inside] - model.origin_s
+    # what the accelerometer's bias adds is no motion
+    _, rate, curvature = solution.constants
+    moves = solution.gain * velocity + rate + curvature * since
+    # the velocity that an error makes of nothing is its travel's derivative
+    later, earlier = model.errors(mapped + PROBE_S), model.errors(mapped - PROBE_S)
+    for size, after, before in zip(solution.errors, later, earlier, strict=True):
+        moves += size * (after - before) / (2 * PROBE_S)
+    middle = float(np.average(since, weights=moves**2))
+    u_offset = solution.u_mapped_s(middle)
+    by_velocity, u_by_velocity = velocity_shift(
+        model,
+        solution.shift_s,
+        solution.drift,
+        marker_variance=marker_sigma**2,
+        density=density,
+        u_drift=math.sqrt(solution.covariance[2, 2]),
+        since_s=middle,
+    )
+    offset = solution.shift_s - solution.drift * model.origin_s
+    around = np.linspace(-1.0, 1.0, 41) * max(8 * u_offset, 2e-4)
+    curve = profile(model, solution, around)
+    u_gain, u_bias = (math.sqrt(solution.covariance[i, i]) for i in (0, 5))
+    return MotionFit(
+        offset_s=offset,
+        drift=solution.drift,
+        u_offset_s=u_offset,
+        u_drift=math.sqrt(solution.covariance[2, 2]),
+        gain=solution.gain,
+        u_gain=u_gain,
+        u_bias_m_s2=u_bias,
+        gain_bias_correlation=float(solution.covariance[0, 5] / (u_gain * u_bias)),
+        integration_constants=solution.constants,
+        origin_s=model.origin_s,
+        marker_sigma_m=marker_sigma,
+        acceleration_density=density,
+        innovation_statistic=solution.innovation_statistic,
+        coarse_offset_s=lag.offset_s,
+        correlation=lag.correlation,
+        second_peak=lag.second_peak,
+        at_search_edge=lag.at_search_edge,
+        candidates_s=offset + around,
+        log_likelihood=curve - curve.max(),
+        free_drift=free.drift,
+        u_free_drift=math.sqrt(free.covariance[2, 2]),
+        frames=int(np.count_nonzero(solution.inside)),
+        frames_set_aside=frames_set_aside,
+        converged=solution.converged,
+        drift_allowance=drift_allowance,
+        velocity_offset_s=by_velocity - solution.drift * model.origin_s,
+        u_velocity_offset_s=u_by_velocity,
+        best_log_likelihood=solution.log_likelihood,
+        shifted_zero_m_s2=None if model.shifted_from_s is None else -float(solution.errors[0]) / solution.gain,
+    )

@@ -1,0 +1,238 @@
+"""The linear model behind a camera's alignment by motion: one Gauss-Newton step, and the likelihood's shape.
+
+The model stands in `recoil_processing.alignment.motion_alignment`. Columns and camera positions are whitened by the
+filter of the walk that the accelerometer's noise integrates to.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_processing.alignment.velocity_walk import WalkFilter
+from recoil_processing.motion.double_integral import DoubleIntegral
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+LONGEST_STEP_S = 2e-3
+"""By which the offset may move at once: over it a recoil's travel is nearly a parabola."""
+NEGLIGIBLE_STEP = 1e-2
+"""Share of the offset's uncertainty below which a step is no step."""
+LEAST_INDEPENDENCE = 1e-10
+"""Smallest sine of the angle between a column and the others."""
+
+
+@dataclass(frozen=True, eq=False)
+class MotionModel:
+    """Both records of one motion.
+
+    The clocks map by ``t_ref = t + shift + drift (t - origin)``: shift and drift are nearly independent
+    wherever the camera's clock has its zero.
+
+    Attributes
+    ----------
+    times_s, positions_m : ndarray, shape (n_frames,)
+        Frames with a position, on the camera's clock.
+    origin_s : float
+        Middle of the camera's record.
+    integral : DoubleIntegral
+        Of the acceleration, on the reference clock.
+    shifted_from_s : float or None
+        Instant of the reference clock from which on the acceleration's zero may be another; None if it is the same
+        throughout.
+    kicks_s : tuple of float
+        Instants of the reference clock at which the acceleration's integral may be wrong by a velocity: samples that
+        were lost there and bridged.
+    """
+
+    times_s: Array
+    positions_m: Array
+    origin_s: float
+    integral: DoubleIntegral
+    shifted_from_s: float | None = None
+    kicks_s: tuple[float, ...] = ()
+
+    def mapped_s(self, shift_s: float, drift: float) -> Array:
+        """Instants of the frames on the reference clock, shape (n_frames,)."""
+        return np.asarray(self.times_s + shift_s + drift * (self.times_s - self.origin_s))
+
+    def constants(self, inside: Flags, mapped_s: Array) -> Array:
+        """Columns of the integration constants at some of the frames, shape (n_inside, 3 + n_errors).
+
+        Behind them those of `errors`.
+
+        Parameters
+        ----------
+        inside : ndarray of bool, shape (n_frames,)
+        mapped_s : ndarray, shape (n_inside,)
+            Their instants on the reference clock.
+        """
+        since = self.times_s[inside] - self.origin_s
+        return np.column_stack([np.ones_like(since), since, 0.5 * since**2, *self.errors(mapped_s)])
+
+    def errors(self, mapped_s: Array) -> list[Array]:
+        """Travel that a shifted zero, and then each kick, makes of nothing, at instants of the reference clock."""
+        kicked = [np.maximum(mapped_s - kick_s, 0.0) for kick_s in self.kicks_s]
+        if self.shifted_from_s is None:
+            return kicked
+        return [0.5 * np.maximum(mapped_s - self.shifted_from_s, 0.0) ** 2, *kicked]
+
+
+@dataclass(frozen=True, eq=False)
+class MotionSolution:
+    """The outcome of one step.
+
+    Attributes
+    ----------
+    shift_s, drift : float
+        Behind the step.
+    gain, constants : float, tuple of float
+        k; c0, c1, c2.
+    errors : ndarray, shape (n_errors,)
+        Coefficients of the model's errors, in the camera's scale.
+    covariance : ndarray, shape (6 + n_errors, 6 + n_errors)
+        Of k, shift, drift, c0, c1, c2, and of those coefficients; never less than the residuals call for.
+    log_likelihood : float
+    innovation_statistic : float
+        Mean squared normalised residual.
+    inside : ndarray of bool, shape (n_frames,)
+        The frames that fall into the recorder's record.
+    walk : WalkFilter
+    converged : bool
+        Whether the step was negligible.
+    residual : ndarray, shape (n_inside + 1,)
+        What the columns leave of the whitened positions; the last one is the drift's prior.
+    basis : ndarray, shape (n_inside + 1, 6 + n_errors)
+        Orthonormal columns that span the whitened model.
+    """
+
+    shift_s: float
+    drift: float
+    gain: float
+    constants: tuple[float, float, float]
+    errors: Array
+    covariance: Array
+    log_likelihood: float
+    innovation_statistic: float
+    inside: Flags
+    walk: WalkFilter
+    converged: bool
+    residual: Array
+    basis: Array
+
+    def u_mapped_s(self, since_s: float) -> float:
+        """Return the standard uncertainty of the mapped time at a camera time counted from the origin."""
+        pick = np.zeros(self.covariance.shape[0])
+        pick[1:3] = 1.0, since_s
+        return math.sqrt(float(pick @ self.covariance @ pick))
+
+
+def gauss_newton_step(
+    model: MotionModel,
+    shift_s: float,
+    drift: float,
+    *,
+    marker_variance: float,
+    density: float,
+    drift_allowance: float,
+    previous: MotionSolution | None = None,
+) -> MotionSolution | None:
+    """Improve a shift and a drift by least squares on ``D, V, V t, 1, t, t^2/2``, and the accelerometer's errors.
+
+    Parameters
+    ----------
+    model : MotionModel
+    shift_s, drift : float
+        To start from.
+    marker_variance : float
+        Of the camera's white noise, m^2.
+    density : float
+        Of the accelerometer's white noise, (m/s^2)^2/Hz, two-sided.
+    drift_allowance : float
+        Standard deviation of the drift's prior, which has the mean 0.
+    previous : MotionSolution, optional
+        A step at the same noise levels, whose filter serves again if it was for the same frames.
+
+    Returns
+    -------
+    MotionSolution or None
+        None where the columns are not independent.
+    """
+    mapped = model.mapped_s(shift_s, drift)
+    inside = model.integral.covers(mapped)
+    if not inside.any():
+        return None
+    if previous is not None and np.array_equal(previous.inside, inside):
+        walk = previous.walk
+    else:
+        walk = WalkFilter.design(model.times_s[inside], marker_variance, density)
+    travel, velocity = model.integral.at(mapped[inside])
+    constants = model.constants(inside, mapped[inside])
+    rows = walk.whiten(
+        np.column_stack([model.positions_m[inside], travel, velocity, velocity * constants[:, 1], constants])
+    )
+    z, design = rows[:, 0], rows[:, 1:].copy()
+    design[:, 1:3] *= float(np.linalg.lstsq(np.delete(design, [1, 2], axis=1), z, rcond=None)[0][0])
+    prior = np.zeros((1, design.shape[1]))
+    prior[0, 2] = 1.0 / max(drift_allowance, 1e-12)
+    design = np.vstack([design, prior])
+    target = np.append(z, -drift * prior[0, 2])
+    scale = np.sqrt((design**2).sum(axis=0))
+    if not np.all(scale > 0):
+        return None
+    q, r = np.linalg.qr(design / scale)
+    if not np.abs(np.diag(r)).min() > LEAST_INDEPENDENCE:
+        return None
+    inverse = np.linalg.inv(r)
+    solution = inverse @ (q.T @ target) / scale
+    residual = target - design @ solution
+    chi2 = float(residual @ residual)
+    statistic = chi2 / z.size
+    covariance = inverse @ inverse.T / np.outer(scale, scale) * max(1.0, statistic)
+    step = float(np.clip(solution[1], -LONGEST_STEP_S, LONGEST_STEP_S))
+    return MotionSolution(
+        shift_s=shift_s + step,
+        drift=drift + float(solution[2]),
+        gain=float(solution[0]),
+        constants=(float(solution[3]), float(solution[4]), float(solution[5])),
+        errors=solution[6:],
+        covariance=covariance,
+        log_likelihood=-0.5 * (chi2 + walk.log_determinant),
+        innovation_statistic=statistic,
+        inside=inside,
+        walk=walk,
+        converged=abs(step) < max(NEGLIGIBLE_STEP * math.sqrt(covariance[1, 1]), 1e-10),
+        residual=residual,
+        basis=q,
+    )
+
+
+def profile(model: MotionModel, solution: MotionSolution, around_s: Array) -> Array:
+    """Log-likelihood at other shifts, gain and constants at their best for each, the drift held.
+
+    Parameters
+    ----------
+    model : MotionModel
+    solution : MotionSolution
+    around_s : ndarray, shape (n_shifts,)
+        Differences from the solution's shift.
+
+    Returns
+    -------
+    ndarray, shape (n_shifts,)
+        Up to a constant.
+    """
+    inside = solution.inside
+    mapped = model.mapped_s(solution.shift_s, solution.drift)[inside]
+    shapes = [model.integral.at(mapped + shift)[0] for shift in around_s]
+    constants = model.constants(inside, mapped)
+    rows = solution.walk.whiten(np.column_stack([model.positions_m[inside], constants, *shapes]))
+    q, _ = np.linalg.qr(rows[:, 1 : 1 + constants.shape[1]])
+    left = rows - q @ (q.T @ rows)
+    target, candidates = left[:, 0], left[:, 1 + constants.shape[1] :]
+    explained = (candidates.T @ target) ** 2 / np.einsum("ij,ij->j", candidates, candidates)
+    return np.asarray(-0.5 * (target @ target - explained))

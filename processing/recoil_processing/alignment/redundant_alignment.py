@@ -1,0 +1,189 @@
+"""A bus's clock from a channel that repeats a channel of the reference recorder.
+
+Both signals are low-passed alike, so that neither the slower sampling nor stress waves that only one
+of the sensors felt decide; `alignment.lag_fit` then finds the lag, and what its uncertainty is made of.
+
+A bus's stamps should lie on an even line (`alignment.stamps`). The alignment is then that of this line: the
+wait by which the bus delays the aligning channel's frames is in the offset, whatever it is, and what else comes
+the same way has it too. A frame of another message has a wait of its own.
+
+A slow source folds ringing above half its sampling rate down into the motion's band, where nothing tells it from
+motion. How far that pulls the offset is found by letting the ringing that the reference felt come to the source's
+samples as well (`recoil_processing.alignment.aliasing`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_processing.alignment.aliasing import folded_samples, usual_filter
+from recoil_processing.alignment.correlation import coarse_lag
+from recoil_processing.alignment.lag_fit import GRID_PER_PERIOD, LagRows, solve_lag
+from recoil_processing.filters import LowPass
+from recoil_processing.filters.analog_filter import AnalogLowPass
+from recoil_processing.gaps import near
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+LEAST_SAMPLES = 50
+"""Below this, on either side, two records are not compared."""
+LONGEST_GAP = 0.5
+"""Periods of the cut-off beyond which nothing is interpolated: two samples per period are the least that tell it."""
+
+
+@dataclass(frozen=True, eq=False)
+class RedundantFit:
+    """The outcome of aligning a signal with its repeat.
+
+    Attributes
+    ----------
+    offset_s, drift : float
+        ``t_ref = (1 + drift) t_source + offset_s``.
+    u_offset_s : float
+        Standard uncertainty of the mapped time in the middle of the motion.
+    u_alias_s : float
+        Its part that is due to ringing above half the source's sampling rate.
+    u_drift : float
+    gain, u_gain : float
+        Source over reference.
+    coarse_offset_s, correlation, second_peak : float
+        Of the cross-correlation that came first.
+    at_search_edge : bool
+    cutoff_hz : float
+        -3 dB point of the low-pass that both signals passed.
+    residual_share : float
+        Root mean square of the residual over that of the source's signal.
+    rows : float
+        How many rows tell the offset.
+    converged : bool
+        Whether the last step towards the offset was negligible.
+    """
+
+    offset_s: float
+    drift: float
+    u_offset_s: float
+    u_alias_s: float
+    u_drift: float
+    gain: float
+    u_gain: float
+    coarse_offset_s: float
+    correlation: float
+    second_peak: float
+    at_search_edge: bool
+    cutoff_hz: float
+    residual_share: float
+    rows: float
+    converged: bool = True
+
+
+def align_redundant(
+    source_times_s: Array,
+    source: Array,
+    start_s: float,
+    step_s: float,
+    reference: Array,
+    *,
+    drift_allowance: float,
+    cutoff_hz: float | None = None,
+    derivative: bool = False,
+    source_filter: AnalogLowPass | None = None,
+) -> RedundantFit | str:
+    """Find the offset and drift between a source's clock and the reference's.
+
+    Parameters
+    ----------
+    source_times_s, source : ndarray, shape (n_source,)
+        On the source's clock, strictly increasing; lost samples NaN. What lies near gaps is not used.
+    start_s, step_s : float
+        Time base of the reference signal.
+    reference : ndarray, shape (n_reference,)
+        The same quantity, without missing samples.
+    drift_allowance : float
+        Standard uncertainty of the clocks' rate ratio before this record is seen.
+    cutoff_hz : float, optional
+        -3 dB point of the common low-pass; 0.15 of the slower rate, 300 Hz at most, if left out.
+    derivative : bool
+        Whether it is the source's derivative that repeats the reference.
+    source_filter : AnalogLowPass, optional
+        The source's anti-alias filter; a gentle one near half its sampling rate if left out.
+
+    Returns
+    -------
+    RedundantFit or str
+        A sentence where the two cannot be aligned.
+
+    Raises
+    ------
+    ValueError
+        If shapes do not fit, times do not increase, or the reference is not finite.
+    """
+    if source_times_s.ndim != 1 or source_times_s.shape != source.shape:
+        raise ValueError(f"times and samples must be equally many, not {source_times_s.shape}, {source.shape}")
+    if not np.all(np.diff(source_times_s) > 0):
+        raise ValueError("source_times_s must increase strictly")
+    if not np.all(np.isfinite(reference)):
+        raise ValueError("reference must be finite; bridge lost samples first")
+    present = np.isfinite(source)
+    t, y = source_times_s[present], source[present]
+    if min(t.size, reference.size) < LEAST_SAMPLES:
+        return f"only {min(t.size, reference.size)} samples are there to align by"
+    rate_hz = 1.0 / float(np.median(np.diff(t)))
+    low_pass = LowPass(cutoff_hz if cutoff_hz is not None else min(300.0, 0.15 * rate_hz, 0.15 / step_s))
+    grid_step = 1.0 / (GRID_PER_PERIOD * low_pass.cutoff_hz)
+    grid, smooth, trusted = _smoothed(t, y, low_pass, grid_step, derivative=derivative)
+    target = low_pass.apply(reference, 1.0 / step_s)
+    lag = coarse_lag(grid, smooth, start_s, step_s, target, step_of_search_s=grid_step)
+    if isinstance(lag, str):
+        return lag
+    rows = LagRows.of(grid, smooth, trusted, start_s, step_s, target, None, low_pass)
+    found = solve_lag(rows, lag.offset_s, drift_allowance=drift_allowance)
+    if isinstance(found, str):
+        return found
+    mapped = t + found.shift_s + found.drift * (t - rows.origin_s)
+    anti_alias = source_filter or usual_filter(rate_hz)
+    pulls = []
+    for alias in folded_samples(mapped, start_s, step_s, reference, anti_alias, integral=derivative):
+        _, folded, _ = _smoothed(t, alias, low_pass, grid_step, derivative=derivative)
+        pulls.append(float(found.influence @ np.interp(rows.times_s[found.inside], grid, folded)))
+    # each band is there twice, a quarter of a period apart
+    u_alias = abs(found.gain) * math.sqrt(0.5 * sum(pull**2 for pull in pulls))
+    return RedundantFit(
+        offset_s=found.shift_s - found.drift * rows.origin_s,
+        drift=found.drift,
+        u_offset_s=math.hypot(found.u_shift_s, u_alias),
+        u_alias_s=u_alias,
+        u_drift=found.u_drift,
+        gain=found.gain,
+        u_gain=found.u_gain,
+        coarse_offset_s=lag.offset_s,
+        correlation=lag.correlation,
+        second_peak=lag.second_peak,
+        at_search_edge=lag.at_search_edge,
+        cutoff_hz=low_pass.cutoff_hz,
+        residual_share=found.residual_share,
+        rows=found.rows,
+        converged=found.converged,
+    )
+
+
+def _smoothed(
+    times_s: Array, samples: Array, low_pass: LowPass, grid_step_s: float, *, derivative: bool
+) -> tuple[Array, Array, Flags]:
+    """Low-pass samples or their derivative on an even grid; false where a gap is in the filter's reach."""
+    from scipy.interpolate import CubicSpline
+
+    grid = np.arange(times_s[0], times_s[-1], grid_step_s)
+    after = np.clip(np.searchsorted(times_s, grid, side="right"), 1, times_s.size - 1)
+    gap = times_s[after] - times_s[after - 1] > LONGEST_GAP / low_pass.cutoff_hz
+    # a cubic swings out of a long gap; a straight line does not
+    spline, line = CubicSpline(times_s, samples), np.interp(grid, times_s, samples)
+    if derivative:
+        spline, line = spline.derivative(), np.gradient(line, grid_step_s)
+    values = np.where(gap, line, spline(grid))
+    trusted = ~near(gap, math.ceil(low_pass.reach_s / grid_step_s))
+    return grid, low_pass.apply(values, 1.0 / grid_step_s), trusted

@@ -1,0 +1,181 @@
+"""Stamps of sources that sample evenly and are stamped late, by a varying wait.
+
+A sample is taken on the even beat of its source's crystal; its stamp comes later, by the shortest way and by a wait:
+for the bus, in the adapter, until the host was scheduled. A wait is one-sided, so that the line along the lower
+edge of the stamps is nearest to the beat: it is late by the shortest way alone, the mean by the mean wait as
+well. Where jitter is two-sided, as of rounded stamps, the mean is better known than an edge. Which of the two
+lies straighter along the record is seen from the record, and that one is taken.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_processing.alignment.lattice import count_steps
+
+Array = NDArray[np.float64]
+Counts = NDArray[np.int64]
+Line = Literal["lower edge", "mean", "none"]
+
+RUNS = (96, 48, 24, 12)
+"""Into how many runs the stamps may be cut, each giving a point of the line: a longer one reaches the edge surer."""
+LEAST_RUN = 8
+"""Stamps of a run."""
+MEDIAN_LOSS = math.sqrt(math.pi / 2)
+"""Standard error of a median over that of a mean, where errors are normal."""
+MOST_WANDER = 0.6
+"""Scatter of the runs' points over that of the stamps within a run: of white jitter 0.35, of a walk mostly over 1."""
+FINE_WANDER = 1e-2
+"""Of a step, within which stamps may wander: rounded ones do, at the beat of step and rounding."""
+MAD_TO_SIGMA = 1.482602218505602
+
+
+@dataclass(frozen=True, eq=False)
+class EvenStamps:
+    """When a source that samples evenly took its samples.
+
+    Attributes
+    ----------
+    times_s : ndarray, shape (n,)
+        On the line; the stamps as given where the source does not sample evenly.
+    line : str
+        Which line was taken; ``none`` where the source does not sample evenly.
+    step_s : float
+        Period of the source; NaN where it has none.
+    scatter_s : float
+        Standard deviation of the stamps about the line, 0 without one.
+    wait_s : float
+        By how much the stamps are later than the line in the mean, 0 without one.
+    u_line_s : float
+        Standard uncertainty of the line against the beat and its shortest way, 0 without one.
+    """
+
+    times_s: Array
+    line: Line
+    step_s: float = math.nan
+    scatter_s: float = 0.0
+    wait_s: float = 0.0
+    u_line_s: float = 0.0
+
+    @property
+    def even(self) -> bool:
+        """Whether the source samples evenly."""
+        return self.line != "none"
+
+
+def even_stamps(times_s: Array, counts: Counts | None = None) -> EvenStamps:
+    """Lay a line through stamps of a source that samples evenly and is stamped with jitter.
+
+    Parameters
+    ----------
+    times_s : ndarray, shape (n,)
+        Increasing; some steps may be multiples of the others where samples were lost.
+    counts : ndarray of int64, shape (n,), optional
+        The source's own count of its samples, unwrapped. It says what was lost however large the jitter is; without it
+        jitter may be a quarter of a step, or the mean wait half of one.
+
+    Returns
+    -------
+    EvenStamps
+        As given where the source does not sample evenly, the jitter hides it, or the count contradicts itself.
+
+    Raises
+    ------
+    ValueError
+        If there is not one count for each stamp.
+    """
+    if counts is not None and counts.shape != times_s.shape:
+        raise ValueError(f"stamps and counts must be equally many, not {times_s.shape}, {counts.shape}")
+    as_given = EvenStamps(times_s, "none")
+    if times_s.size < 2 or not times_s[-1] > times_s[0]:
+        return as_given
+    places = count_steps(times_s) if counts is None else counts - counts[0]
+    if places is None or not np.all(np.diff(places) > 0):
+        return as_given
+    return _line_through(times_s, places.astype(np.float64)) or as_given
+
+
+def _line_through(times_s: Array, places: Array) -> EvenStamps | None:
+    """Lay the line; None where the stamps wander about it."""
+    first, rough_s = float(times_s[0]), float((times_s[-1] - times_s[0]) / places[-1])
+    beyond = (times_s - first) - rough_s * places
+    runs = [count for count in RUNS if count * LEAST_RUN <= times_s.size]
+    if runs:
+        candidates = [_through_means(places, beyond, runs[0]), *(_through_lowest(places, beyond, r) for r in runs)]
+        best = min(candidates, key=lambda candidate: candidate.u_s)
+    else:
+        best = _through_all(places, beyond)
+    step_s = rough_s + best.slope
+    u_line = best.u_s
+    if best.wander_s > MOST_WANDER * best.within_s:
+        if best.wander_s > FINE_WANDER * step_s:
+            return None
+        u_line = best.wander_s
+    left = beyond - best.level_s - best.slope * places
+    return EvenStamps(
+        times_s=first + best.level_s + step_s * places,
+        line=best.line,
+        step_s=step_s,
+        scatter_s=float(np.std(left)),
+        wait_s=float(np.mean(left)),
+        u_line_s=u_line,
+    )
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """A line, its uncertainty, and how its points scatter about it against the stamps within a run."""
+
+    line: Line
+    slope: float
+    level_s: float
+    u_s: float
+    wander_s: float = 0.0
+    within_s: float = 0.0
+
+
+def _through_all(places: Array, beyond: Array) -> _Candidate:
+    since = places - places.mean()
+    slope = float(since @ beyond / (since @ since))
+    level = float(beyond.mean()) - slope * float(places.mean())
+    scatter = float(np.std(beyond - level - slope * places))
+    return _Candidate("mean", slope, level, scatter / math.sqrt(places.size))
+
+
+def _through_means(places: Array, beyond: Array, count: int) -> _Candidate:
+    runs = np.array_split(np.arange(places.size), count)
+    x, y = (np.array([values[run].mean() for run in runs]) for values in (places, beyond))
+    slope, level = _robust_line(x, y)
+    return _candidate("mean", x, y, slope, level, runs, beyond - slope * places)
+
+
+def _through_lowest(places: Array, beyond: Array, count: int) -> _Candidate:
+    runs = np.array_split(np.arange(places.size), count)
+    slope = 0.0
+    # which stamp of a run is the lowest is known once the slope is
+    for _ in range(3):
+        lowest = np.array([run[np.argmin((beyond - slope * places)[run])] for run in runs])
+        slope, level = _robust_line(places[lowest], beyond[lowest])
+    return _candidate("lower edge", places[lowest], beyond[lowest], slope, level, runs, beyond - slope * places)
+
+
+def _candidate(
+    line: Line, x: Array, y: Array, slope: float, level: float, runs: list[NDArray[np.intp]], flat: Array
+) -> _Candidate:
+    spread = MAD_TO_SIGMA * float(np.median(np.abs(y - level - slope * x)))
+    within = float(np.median([np.std(flat[run]) for run in runs]))
+    # rounding of the sums of seconds is no wander
+    within = max(within, 4e-15 * float(np.abs(flat).max()), 1e-12)
+    return _Candidate(line, slope, level, MEDIAN_LOSS * spread / math.sqrt(len(runs)), spread, within)
+
+
+def _robust_line(x: Array, y: Array) -> tuple[float, float]:
+    """Return slope and level of the line through the medians of slopes and of what is left (Theil and Sen)."""
+    one, other = np.triu_indices(x.size, k=1)
+    slope = float(np.median((y[other] - y[one]) / (x[other] - x[one])))
+    return slope, float(np.median(y - slope * x))

@@ -1,0 +1,215 @@
+"""A recursive filter run forward and backward: its sections, its padding and how each pass starts.
+
+The recursion is the transposed direct form II of second-order sections (A. V. Oppenheim, R. W. Schafer,
+Discrete-Time Signal Processing, section 6.3), which keeps low cut-offs accurate where one polynomial of
+the whole order does not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_processing.filters.padding import PaddingKind, after, before
+from recoil_processing.filters.zero_phase_filter import ZeroPhaseFilter, check_finite, not_finite
+
+Array = NDArray[np.float64]
+Start = Literal["steady", "mean of ten"]
+
+STANDARD_MEAN = 10
+"""Samples whose mean the first two outputs of a pass are, by SAE J211-1 and ISO 6487."""
+
+
+def sweep(sections: Array, state: Array, rows: Array, *, backward: bool = False) -> Array:
+    """Filter rows once, from first to last or from last to first, and leave the state behind.
+
+    Parameters
+    ----------
+    sections : ndarray, shape (n_sections, 6)
+    state : ndarray, shape (n_sections, 2, ...)
+        Changed in place.
+    rows : ndarray, shape (n, ...)
+        Not changed.
+    backward : bool
+
+    Returns
+    -------
+    ndarray of float64, shape (n, ...)
+    """
+    from scipy.signal import sosfilt
+
+    if rows.shape[0] == 0:
+        return rows.copy()
+    filtered, state[...] = sosfilt(sections, rows[::-1] if backward else rows, axis=0, zi=state)
+    return np.asarray(filtered[::-1] if backward else filtered, dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class TwoPass:
+    """A recursion at one sampling rate, run forward and then backward.
+
+    Attributes
+    ----------
+    sections : ndarray, shape (n_sections, 6)
+        ``b0 b1 b2 1 a1 a2`` of one pass.
+    padding : {"odd", "even", "constant"}
+    padding_samples : int
+        At either end; a record that is shorter is continued by all that it has but one.
+    start : {"steady", "mean of ten"}
+        Each pass starts as if its first sample had always been there, or by the rule of the standards
+        (one section only): its first two outputs are the mean of its first ten inputs.
+    """
+
+    sections: Array
+    padding: PaddingKind
+    padding_samples: int
+    start: Start = "steady"
+
+    @cached_property
+    def _steady(self) -> Array:
+        """State of the sections after a constant 1, shape (n_sections, 2)."""
+        from scipy.signal import sosfilt_zi
+
+        return np.asarray(sosfilt_zi(self.sections), dtype=np.float64)
+
+    @property
+    def least_samples(self) -> int:
+        """Samples of the shortest record that can be filtered."""
+        return 1 if self.start == "steady" else STANDARD_MEAN
+
+    def steady_state(self, level: Array) -> Array:
+        """Return the state after inputs that have always been at a level, shape (...) to (n_sections, 2, ...)."""
+        return self._steady.reshape(self._steady.shape + (1,) * np.ndim(level)) * level
+
+    def begin(self, inputs: Array) -> tuple[Array, Array]:
+        """Start a pass.
+
+        Parameters
+        ----------
+        inputs : ndarray, shape (n, ...)
+            The first ones of the pass, in its order: ten, or all if there are fewer.
+
+        Returns
+        -------
+        outputs : ndarray, shape (0, ...) or (2, ...)
+            Outputs that the start itself sets; the recursion goes on after them.
+        state : ndarray, shape (n_sections, 2, ...)
+        """
+        if self.start == "steady":
+            return inputs[:0], self.steady_state(inputs[0])
+        _, b1, b2, _, a1, a2 = self.sections[0]
+        level = np.mean(inputs[:STANDARD_MEAN], axis=0)
+        later = b2 * inputs[1] - a2 * level
+        state = np.stack([b1 * inputs[1] - a1 * level + b2 * inputs[0] - a2 * level, later])
+        return np.stack([level, level]), state[np.newaxis]
+
+    def begin_backward(self, forward: Array, tail: Array) -> tuple[Array, Array]:
+        """Start the pass backward, from the outputs of the pass forward over the record's end and its padding."""
+        return self.begin(np.concatenate([forward[-STANDARD_MEAN:], tail[-STANDARD_MEAN:]])[::-1])
+
+    def run(self, samples: Array) -> Array:
+        """Filter a whole record along its first axis.
+
+        Parameters
+        ----------
+        samples : ndarray, shape (n, ...)
+
+        Returns
+        -------
+        ndarray of float64, same shape
+            A new array.
+
+        Raises
+        ------
+        ValueError
+            If a sample is not finite, or the record is too short for the standards' start.
+        """
+        if samples.size == 0:
+            return np.array(samples, dtype=np.float64)
+        samples, count = np.asarray(samples, dtype=np.float64), samples.shape[0]
+        if count < self.least_samples:
+            raise too_short(count)
+        length = min(self.padding_samples, count - 1)
+        check_finite(samples[: length + 1])
+        check_finite(samples[-length - 1 :])
+        head, tail = before(samples, length, self.padding), after(samples, length, self.padding)
+        outputs, state = self.begin(np.concatenate([head[:STANDARD_MEAN], samples[:STANDARD_MEAN]]))
+        sweep(self.sections, state, head[outputs.shape[0] :])
+        forward = sweep(self.sections, state, samples)
+        # a missing or infinite sample stays in the state of a recursion for ever
+        if not np.all(np.isfinite(state)):
+            raise not_finite()
+        return self.finish(forward, sweep(self.sections, state, tail))
+
+    def warm_up_samples(self, tolerance: float) -> int:
+        """Return after how many samples a pass that starts at a wrong place is right, whatever came before.
+
+        A pass that starts as if its first input ``v`` had always been there differs from one that knows the
+        inputs before, ``x``, by ``sum h[j] (x[-j] - v)`` over the lags j back to the start, h being the
+        impulse response. Inputs are at most 3 times the record's peak, where they are its odd reflection,
+        and pass one pass before by at most the sum of ``|h|``.
+
+        Parameters
+        ----------
+        tolerance : float
+            Largest difference over the record's peak, positive.
+
+        Returns
+        -------
+        int
+            At least 1.
+        """
+        from scipy.signal import sosfilt
+
+        length = 1024
+        while True:
+            impulse = np.zeros(length)
+            impulse[0] = 1.0
+            magnitude = np.abs(np.asarray(sosfilt(self.sections, impulse), dtype=np.float64))
+            if magnitude[length // 2 :].sum() <= 1e-3 * tolerance:
+                break
+            length *= 2
+        left = np.cumsum(magnitude[::-1])[::-1]
+        return max(1, int(np.argmax(6.0 * left[0] * left <= tolerance)))
+
+    def finish(self, forward: Array, tail: Array) -> Array:
+        """Run backward over the end of a record.
+
+        Parameters
+        ----------
+        forward : ndarray, shape (n, ...)
+            Outputs of the pass forward, up to the record's last sample.
+        tail : ndarray, shape (m, ...)
+            The same of its padding.
+
+        Returns
+        -------
+        ndarray, shape (n, ...)
+        """
+        outputs, state = self.begin_backward(forward, tail)
+        sweep(self.sections, state, tail[: tail.shape[0] - outputs.shape[0]], backward=True)
+        return sweep(self.sections, state, forward, backward=True)
+
+
+def too_short(count: int) -> ValueError:
+    """Return the error for a record that is shorter than the standards' start."""
+    return ValueError(f"the standards' start needs {STANDARD_MEAN} samples, not {count}")
+
+
+@runtime_checkable
+class TwoPassFilter(ZeroPhaseFilter, Protocol):
+    """A zero-phase filter that is a recursion run forward and backward."""
+
+    def two_pass(self, rate_hz: float) -> TwoPass:
+        """Design the recursion for a sampling rate.
+
+        Raises
+        ------
+        ValueError
+            If the rate is too low for the filter.
+        """
+        ...

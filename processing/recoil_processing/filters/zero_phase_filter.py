@@ -1,0 +1,229 @@
+"""What every linear zero-phase filter here can do, and what it says of itself.
+
+A filter without phase delays nothing, so that channels stay aligned. A linear one commutes with
+``F = m a``, so that whatever it does to the motion it does to the force too, provided that it is the same
+for both: see `recoil_processing.filters.filtered`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_processing.gaps import bridge, near
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+HALF_POWER = math.sqrt(0.5)
+"""Amplitude at the -3 dB point: 3.0103 dB."""
+HALF_AMPLITUDE = 0.5
+"""Amplitude at the -6 dB point: 6.0206 dB."""
+
+
+@dataclass(frozen=True)
+class FilterDescription:
+    """What a report must say of a filter, so that another program can repeat it.
+
+    Attributes
+    ----------
+    kind : str
+        ``butterworth``, ``channel frequency class``, ``kaiser``, ``whittaker``, ``wiener``.
+    order : int or None
+        Of one pass; of the differences of a Whittaker smoother. None where there is no such thing.
+    passes : int
+        How often a sample passes the filter: 2 forward and backward, 1 otherwise.
+    minus_3_db_hz, minus_6_db_hz : float or None
+        Where the amplitude of all passes together is ``1/sqrt(2)`` and ``1/2``, the lowest such
+        frequency; None where it never falls so low.
+    padding : str
+        How the record is continued at its ends: ``odd``, ``even``, ``constant``, or ``none``.
+    padding_s : float
+        Over which time.
+    rate_hz : float or None
+        Sampling rate for which this holds; None is for the limit of high rates.
+    parameters : mapping of str to float
+        What else defines the filter.
+    """
+
+    kind: str
+    order: int | None
+    passes: int
+    minus_3_db_hz: float | None
+    minus_6_db_hz: float | None
+    padding: str
+    padding_s: float
+    rate_hz: float | None = None
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+    def to_json(self) -> dict[str, object]:
+        """Return the description in JSON types, parameters under a key of their own."""
+        return {
+            "kind": self.kind,
+            "order": self.order,
+            "passes": self.passes,
+            "minus_3_db_hz": self.minus_3_db_hz,
+            "minus_6_db_hz": self.minus_6_db_hz,
+            "padding": self.padding,
+            "padding_s": self.padding_s,
+            "rate_hz": self.rate_hz,
+            "parameters": dict(self.parameters),
+        }
+
+
+class ZeroPhaseFilter(Protocol):
+    """A linear filter without phase."""
+
+    def apply(self, samples: Array, rate_hz: float) -> Array:
+        """Filter samples along their first axis.
+
+        Parameters
+        ----------
+        samples : ndarray of float64, shape (n_samples,) or (n_samples, n_channels)
+            Without missing values.
+        rate_hz : float
+            Samples per second.
+
+        Returns
+        -------
+        ndarray of float64, same shape
+            A new array.
+
+        Raises
+        ------
+        ValueError
+            If the rate is too low for the filter, or the samples are not finite.
+        """
+        ...
+
+    def apply_with_gaps(self, samples: Array, rate_hz: float) -> tuple[Array, Flags]:
+        """Filter one channel with missing samples (NaN), and say which results depend on them.
+
+        Parameters
+        ----------
+        samples : ndarray of float64, shape (n_samples,)
+        rate_hz : float
+
+        Returns
+        -------
+        filtered : ndarray of float64, shape (n_samples,)
+        trusted : ndarray of bool, shape (n_samples,)
+            False within the filter's reach of a missing sample.
+
+        Raises
+        ------
+        ValueError
+            If too few samples are there, one is infinite, or as in `apply`.
+        """
+        ...
+
+    def gain(self, frequency_hz: Array, rate_hz: float | None = None) -> Array:
+        """Amplitude of all passes together, any shape; at a sampling rate, or in the limit of high rates."""
+        ...
+
+    def reach_samples(self, rate_hz: float) -> int:
+        """How far a sample spreads to either side: beyond, under 1 % is left of a disturbance that lasts."""
+        ...
+
+    def describe(self, rate_hz: float | None = None) -> FilterDescription:
+        """Say what the filter is, at a sampling rate or in the limit of high rates."""
+        ...
+
+
+def check_rate(rate_hz: float) -> None:
+    """Refuse a sampling rate that is none.
+
+    Raises
+    ------
+    ValueError
+        If it is not positive and finite.
+    """
+    if not (math.isfinite(rate_hz) and rate_hz > 0):
+        raise ValueError(f"rate_hz must be positive, not {rate_hz}")
+
+
+def check_cutoff(cutoff_hz: float) -> None:
+    """Refuse a cut-off that is none.
+
+    Raises
+    ------
+    ValueError
+        If it is not positive and finite.
+    """
+    if not (math.isfinite(cutoff_hz) and cutoff_hz > 0):
+        raise ValueError(f"cutoff_hz must be positive, not {cutoff_hz}")
+
+
+def check_below_nyquist(cutoff_hz: float, rate_hz: float) -> None:
+    """Refuse a sampling rate that is too low for a cut-off.
+
+    Raises
+    ------
+    ValueError
+        If the cut-off is not below half the rate, or the rate is none.
+    """
+    check_rate(rate_hz)
+    if not cutoff_hz < 0.5 * rate_hz:
+        raise ValueError(f"a cut-off of {cutoff_hz:g} Hz needs more than {2 * cutoff_hz:g} samples/s, not {rate_hz:g}")
+
+
+def check_shape(samples: Array) -> None:
+    """Refuse samples that are neither one channel nor a table of channels.
+
+    Raises
+    ------
+    ValueError
+        If their shape is neither (n,) nor (n, n_channels).
+    """
+    if samples.ndim not in (1, 2):
+        raise ValueError(f"samples must have shape (n_samples,) or (n_samples, n_channels), not {samples.shape}")
+
+
+def not_finite() -> ValueError:
+    """Return the error for samples that are missing or infinite."""
+    return ValueError("samples must be finite; use apply_with_gaps where some are missing (NaN)")
+
+
+def check_finite(samples: Array) -> None:
+    """Refuse samples that are missing or infinite.
+
+    Raises
+    ------
+    ValueError
+        If one is.
+    """
+    if not np.all(np.isfinite(samples)):
+        raise not_finite()
+
+
+def apply_bridged(zero_phase: ZeroPhaseFilter, samples: Array, rate_hz: float) -> tuple[Array, Flags]:
+    """Filter a channel with its gaps bridged by straight lines: `ZeroPhaseFilter.apply_with_gaps` of most filters.
+
+    The bridge is there for the filter only and is not data.
+
+    Parameters
+    ----------
+    zero_phase : ZeroPhaseFilter
+    samples : ndarray of float64, shape (n_samples,)
+        Missing ones are NaN.
+    rate_hz : float
+
+    Returns
+    -------
+    filtered : ndarray of float64, shape (n_samples,)
+    trusted : ndarray of bool, shape (n_samples,)
+
+    Raises
+    ------
+    ValueError
+        If samples are missing and fewer than two are there, if one is infinite, or as in the filter's `apply`.
+    """
+    missing = np.isnan(samples)
+    if missing.any() and np.count_nonzero(~missing) < 2:
+        raise ValueError(f"{np.count_nonzero(~missing)} of {samples.size} samples are there; two are needed")
+    return zero_phase.apply(bridge(samples), rate_hz), ~near(missing, zero_phase.reach_samples(rate_hz))

@@ -1,0 +1,209 @@
+"""Checks of a channel's levels: rest before the shot, rest after it.
+
+Every check returns ``(verdict, detail)``; the limits and their sources stand in `recoil_processing.quality.limits`.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.shot import Verdict
+from recoil_processing.noise import robust_sigma
+from recoil_processing.quality.limits import LIMITS, Outcome
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+NO_SAMPLE = "no sample at all: check the sensor and its signal's name"
+
+LEAST_SILENCE = 50
+"""Samples of silence that tell offset and noise."""
+LEAST_PER_HALF = 64
+"""Samples of a half of the silence below which the noise of the two halves is not compared."""
+BLOCKS_PER_HALF = 8
+"""Means that tell how far the level of a half scatters, whatever the colour of its noise."""
+HALVES_SIGMA = 4.0
+"""Standard errors between the halves of a silence; by chance 1 in 800."""
+LOUDER = 2.0
+"""Noise of the louder half over that of the quieter one."""
+
+
+def check_quiet(samples: Array, quiet: Flags, static: float | None, *, unit: str) -> Outcome:
+    """Offset and noise before the shot, against the pulse.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n,)
+        Lost samples NaN.
+    quiet : ndarray of bool, shape (n,)
+        Before the shot.
+    static : float or None
+        What the sensor reads at rest if its zero is right, in the unit; None if that is not known.
+    unit : str
+    """
+    present = np.isfinite(samples)
+    silence = samples[quiet & present]
+    if silence.size < LEAST_SILENCE:
+        return "warn", (
+            f"{silence.size} samples of silence before the shot (limit {LEAST_SILENCE}): offset and noise unknown; "
+            "lengthen the pre-trigger"
+        )
+    peak = float(np.max(np.abs(samples[present] - np.mean(silence))))
+    noise = float(np.std(silence))
+    if peak == 0:
+        return "fail", f"the signal never leaves {silence[0]:.3g} {unit}: check gain and cable"
+    ratio_db = 20 * math.log10(peak / noise) if noise > 0 else math.inf
+    offset = 0.0 if static is None else float(np.mean(silence)) - static
+    text = f"offset {offset:.3g} {unit}, noise {noise:.3g} {unit}"
+    text += f", peak {ratio_db:.0f} dB above it" if noise > 0 else " (below the resolution)"
+    limit_db, limit_offset = LIMITS["signal_to_noise_db"], LIMITS["offset_share"]
+    share = abs(offset) / peak
+    if ratio_db < limit_db.fail:
+        return "fail", f"{text}; below {limit_db.fail:.0f} dB: check gain and cable"
+    if share > limit_offset.fail:
+        return "fail", f"{text}; the offset is {100 * share:.0f} % of the peak: zero the sensor"
+    if ratio_db < limit_db.warn:
+        return "warn", f"{text}; below {limit_db.warn:.0f} dB: a smaller range would help"
+    if share > limit_offset.warn:
+        return "warn", f"{text}; the offset is {100 * share:.1f} % of the peak: zero the sensor before the next shot"
+    return "ok", text
+
+
+def check_steady_silence(samples: Array, quiet: Flags, *, unit: str) -> Outcome:
+    """Compare level and noise of the two halves of the silence before the shot.
+
+    A difference counts if it is beyond chance, by the scatter of `BLOCKS_PER_HALF` means of either half, and
+    beyond the limit for a zero: only then it is in the velocity.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n,)
+        Lost samples NaN.
+    quiet : ndarray of bool, shape (n,)
+        Before the shot.
+    unit : str
+    """
+    present = np.isfinite(samples)
+    silence = samples[quiet & present]
+    if silence.size < max(LEAST_SILENCE, 4 * BLOCKS_PER_HALF):
+        return "ok", f"{silence.size} samples of silence: too few to compare its halves"
+    peak = float(np.max(np.abs(samples[present] - np.median(silence))))
+    half = silence.size // 2
+    halves = silence[:half], silence[-half:]
+    means = [np.array([np.mean(block) for block in np.array_split(h, BLOCKS_PER_HALF)]) for h in halves]
+    moved = float(np.mean(means[1]) - np.mean(means[0]))
+    error = math.sqrt(sum(float(np.var(m, ddof=1)) / BLOCKS_PER_HALF for m in means))
+    limit = LIMITS["silence_share"]
+    bound = f"(limit {100 * limit.warn:g} % of the peak)"
+    if abs(moved) > HALVES_SIGMA * error and limit.verdict(abs(moved) / max(peak, 1e-300)) != "ok":
+        return "warn", (
+            f"the level before the shot moves by {moved:+.3g} {unit}, {100 * abs(moved) / peak:.2f} % of the peak "
+            f"{bound}; wait until the mechanism is at rest and the sensor has settled before the next shot"
+        )
+    first, second = (robust_sigma(h) for h in halves)
+    louder, quieter = max(first, second), min(first, second)
+    if half >= LEAST_PER_HALF and louder > LOUDER * quieter and limit.verdict(louder / max(peak, 1e-300)) != "ok":
+        return "warn", (
+            f"the noise before the shot changes from {first:.3g} to {second:.3g} {unit} {bound}; look for a loose "
+            "cable, or somebody at the mechanism, before the next shot"
+        )
+    return "ok", f"level and noise of the silence are steady within {abs(moved):.2g} {unit}"
+
+
+def check_filtered_noise(filtered: Array, quiet: Flags, pulse: Flags, *, needed: bool) -> Outcome:
+    """Ratio of signal to noise behind the low-pass: root mean square in the pulse over that before it.
+
+    Parameters
+    ----------
+    filtered : ndarray, shape (n,)
+        Behind the low-pass; what is not trusted NaN.
+    quiet, pulse : ndarray of bool, shape (n,)
+        Before the shot, out of reach of the filter; and in it.
+    needed : bool
+        Whether the mass depends on this channel directly: only then the limit for 1 % of mass warns.
+    """
+    silence, signal = filtered[quiet & np.isfinite(filtered)], filtered[pulse & np.isfinite(filtered)]
+    if silence.size < LEAST_SILENCE or signal.size == 0:
+        return "ok", f"{silence.size} samples of silence out of the filter's reach: too few to tell its noise"
+    level = float(np.mean(silence))
+    noise, rms = float(np.std(silence)), float(np.sqrt(np.mean((signal - level) ** 2)))
+    if noise == 0:
+        return "ok", "noise below the resolution"
+    ratio_db = 20 * math.log10(max(rms, 1e-300) / noise)
+    limit = LIMITS["filtered_signal_to_noise_db"]
+    verdict: Verdict = limit.verdict(ratio_db)
+    if verdict == "warn" and not needed:
+        verdict = "ok"
+    text = f"pulse {ratio_db:.0f} dB above the noise behind the low-pass"
+    if verdict == "ok":
+        return "ok", text
+    bound = limit.fail if verdict == "fail" else limit.warn
+    return (
+        verdict,
+        f"{text} (limit {bound:g} dB); choose a smaller range, or check gain and cable, before the next shot",
+    )
+
+
+def check_level_after(samples: Array, quiet: Flags, after: Flags, *, unit: str) -> Outcome:
+    """Compare the level after the shot, at rest again, with the one before.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n,)
+        Lost samples NaN.
+    quiet, after : ndarray of bool, shape (n,)
+        Before the shot; and after it, where the signal should be back.
+    unit : str
+    """
+    present = np.isfinite(samples)
+    before, behind = samples[quiet & present], samples[after & present]
+    if min(before.size, behind.size) < LEAST_SILENCE:
+        return "ok", f"{behind.size} samples after the shot: too few to tell the zero"
+    blocks = [np.array([np.mean(b) for b in np.array_split(part, 2 * BLOCKS_PER_HALF)]) for part in (before, behind)]
+    shift = float(np.mean(behind) - np.mean(before))
+    error = math.sqrt(sum(float(np.var(b, ddof=1)) / b.size for b in blocks))
+    peak = float(np.max(np.abs(samples[present] - np.mean(before))))
+    sure = max(abs(shift) - 3 * error, 0.0) / max(peak, 1e-300)
+    limit = LIMITS["zero_shift_share"]
+    verdict = limit.verdict(sure)
+    text = (
+        f"zero after the shot {shift:+.3g} {unit} (u {error:.2g}) off the one before, {100 * abs(shift) / peak:.2f} % "
+        "of the peak"
+    )
+    if verdict == "ok":
+        return "ok", text
+    bound = limit.fail if verdict == "fail" else limit.warn
+    return verdict, (
+        f"{text} (limit {100 * bound:g} %); check its mounting, its temperature and its charge amplifier before the "
+        "next shot"
+    )
+
+
+def check_zero_shift(bias: float, u_bias: float, peak: float, *, unit: str, against: str = "the camera") -> Outcome:
+    """Whether an accelerometer's zero moved during the shot.
+
+    Parameters
+    ----------
+    bias, u_bias : float
+        Constant acceleration by which it disagrees with another sensor, after its offset before the shot
+        was taken off, and the standard uncertainty of that.
+    peak : float
+        Of the acceleration.
+    unit : str
+    against : str
+        What it is compared with.
+    """
+    if not (math.isfinite(bias) and peak > 0):
+        return "warn", f"zero moved by {bias:.3g} {unit} at a peak of {peak:.3g} {unit}: check both records"
+    share = abs(bias) / peak
+    sure = max(abs(bias) - 3 * u_bias, 0.0) / peak
+    limit = LIMITS["zero_shift_share"]
+    verdict = limit.verdict(sure)
+    text = f"zero moved by {bias:+.3g} {unit} (u {u_bias:.2g}) against {against}, {100 * share:.2f} % of the peak"
+    if verdict == "ok":
+        return "ok", text
+    bound = limit.fail if verdict == "fail" else limit.warn
+    return verdict, f"{text} (limit {100 * bound:g} %); check its mounting and charge amplifier before the next shot"

@@ -1,0 +1,214 @@
+"""Checks of the motion: velocity against the camera and at rest, direction of the pulse.
+
+Every check returns ``(verdict, detail)``; the limits and their sources stand in `recoil_processing.quality.limits`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_processing.quality.level_checks import NO_SAMPLE
+from recoil_processing.quality.limits import LIMITS, Outcome
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+SPAN_S = 4e-3
+"""Over which the camera's velocity is taken: 0.05 mm of noise at 6000 frames/s then is 0.02 m/s."""
+LEAST_SPANS = 8
+"""Velocities that must be there to be compared."""
+SIGNIFICANT = 3.29
+"""Standard uncertainties that a departure must have; by chance one of 1000 has."""
+EXPLAINED = 1 / 3
+"""Of the difference that may be left for a shift of the zero to explain it."""
+
+
+@dataclass(frozen=True)
+class VelocityError:
+    """How far an accelerometer's velocity is off a camera's.
+
+    Attributes
+    ----------
+    largest_m_s : float
+        Where it is largest, signed: accelerometer less camera.
+    peak_m_s : float
+        Largest velocity by the camera.
+    zero_m_s2 : float
+        Constant acceleration since the first instant that explains most of the differences.
+    left_m_s : float
+        The largest difference without it.
+    """
+
+    largest_m_s: float
+    peak_m_s: float
+    zero_m_s2: float
+    left_m_s: float
+
+
+def velocity_error(times_s: Array, positions_m: Array, travel_m: Array, start_s: float) -> VelocityError | None:
+    """Compare two velocities, a camera's and an accelerometer's.
+
+    Both are taken over the same spans of `SPAN_S`. The median over as many differences keeps a frame that
+    jumps from deciding.
+
+    Parameters
+    ----------
+    times_s : ndarray, shape (n,)
+        Of the frames, within the motion.
+    positions_m : ndarray, shape (n,)
+        Of the mark; lost frames NaN.
+    travel_m : ndarray, shape (n,)
+        By the accelerometer, at the same instants.
+    start_s : float
+        Since when a zero may have shifted.
+
+    Returns
+    -------
+    VelocityError or None
+        None if there are too few frames.
+    """
+    seen = np.isfinite(positions_m) & np.isfinite(travel_m)
+    t, x, d = times_s[seen], positions_m[seen], travel_m[seen]
+    if t.size < 2:
+        return None
+    span = max(2, round(SPAN_S / float(np.median(np.diff(t)))))
+    if t.size < 3 * span + LEAST_SPANS:
+        return None
+    dt = t[span:] - t[:-span]
+    by_camera, by_accelerometer = (x[span:] - x[:-span]) / dt, (d[span:] - d[:-span]) / dt
+    width = 2 * span + 1
+    difference = np.median(np.lib.stride_tricks.sliding_window_view(by_accelerometer - by_camera, width), axis=1)
+    middle = 0.5 * (t[span:] + t[:-span])[span : span + difference.size]
+    since = np.maximum(middle - start_s, 0.0)
+    zero = float(np.sum(difference * since) / max(float(np.sum(since**2)), 1e-300))
+    left = difference - zero * since
+    return VelocityError(
+        float(difference[np.argmax(np.abs(difference))]),
+        float(np.max(np.abs(by_camera))),
+        zero,
+        float(np.max(np.abs(left))),
+    )
+
+
+def check_velocity(error: VelocityError) -> Outcome:
+    """Compare the accelerometer's velocity with the camera's.
+
+    Parameters
+    ----------
+    error : VelocityError
+
+    Returns
+    -------
+    verdict, detail
+        What a constant acceleration explains is no more than a warning: a zero that moved can be corrected.
+    """
+    if not (math.isfinite(error.largest_m_s) and error.peak_m_s > 0):
+        return "warn", f"velocity off by {error.largest_m_s:.3g} m/s at {error.peak_m_s:.3g} m/s: check both records"
+    share, left = abs(error.largest_m_s) / error.peak_m_s, error.left_m_s / error.peak_m_s
+    limit = LIMITS["velocity_share"]
+    verdict = limit.verdict(share)
+    text = (
+        f"the accelerometer's velocity is at most {error.largest_m_s:+.3g} m/s off, {100 * share:.1f} % of "
+        f"{error.peak_m_s:.3g} m/s"
+    )
+    if verdict == "ok":
+        return "ok", text
+    if left < EXPLAINED * share:
+        verdict = "fail" if limit.verdict(left) == "fail" else "warn"
+        return verdict, (
+            f"{text} (limit {100 * limit.warn:g} %); a zero that is off by {error.zero_m_s2:+.3g} m/s^2 since the shot "
+            "explains it: check the accelerometer's mounting and charge amplifier before the next shot"
+        )
+    bound = limit.fail if verdict == "fail" else limit.warn
+    return verdict, (
+        f"{text} (limit {100 * bound:g} %): wrong sensitivity, clipping or another scale of the picture; check range "
+        "and gain, and the picture's scale, before the next shot"
+    )
+
+
+def check_carriage(excess: float, u: float) -> Outcome:
+    """Judge the part that a carriage's accelerometer has in the recoil travel against a camera's.
+
+    Parameters
+    ----------
+    excess : float
+        Share of that part which would have to be taken off to agree with the camera: 0 if the sensor is right,
+        2 if it is turned, ``1 - 1/g`` if it reads g times too much.
+    u : float
+        Its standard uncertainty, that of the sensor's scale included.
+
+    Returns
+    -------
+    verdict, detail
+        What is not significant is never more than ok.
+    """
+    limit = LIMITS["carriage_excess"]
+    text = f"{100 * (1.0 - excess):.0f} % of its part in the recoil travel is there (u {100 * u:.2g} %) by the camera"
+    if not abs(excess) > SIGNIFICANT * u:
+        return "ok", text
+    verdict = limit.verdict(abs(excess))
+    if verdict == "ok":
+        return "ok", text
+    turned = abs(excess - 2.0) < min(0.5, SIGNIFICANT * u + 0.25)
+    advice = (
+        "the sensor is turned: turn it, or set `polarity = -1`"
+        if turned
+        else "check that all files are of this shot, then its gain, its axis and its cable"
+    )
+    return verdict, f"{text}, within {100 * (limit.fail if verdict == 'fail' else limit.warn):g} % of all: {advice}"
+
+
+def check_rest_to_rest(final_m_s: float, peak_m_s: float) -> Outcome:
+    """Whether the accelerometer's velocity is zero where the mechanism has come to rest again.
+
+    Parameters
+    ----------
+    final_m_s, peak_m_s : float
+        Velocity by the accelerometer at rest after the shot, and its largest.
+    """
+    share = abs(final_m_s) / peak_m_s if peak_m_s > 0 else math.nan
+    limit = LIMITS["velocity_share"]
+    verdict = limit.verdict(share)
+    text = f"its velocity is {final_m_s:+.3g} m/s at rest after the shot, {100 * share:.1f} % of its peak"
+    if verdict == "ok":
+        return "ok", text
+    bound = limit.fail if verdict == "fail" else limit.warn
+    return (
+        verdict,
+        f"{text} (limit {100 * bound:g} %): its zero moved; check mounting and charge amplifier before the next shot",
+    )
+
+
+def check_polarity(samples: Array, quiet: Flags) -> Outcome:
+    """Whether the pulse points the declared way: its first swing must be positive.
+
+    Judged by the integral, on which ringing leaves little: it must first reach half its largest size
+    upwards. An acceleration is followed by braking of the same impulse, so that extremes do not tell.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n,)
+        Lost samples NaN.
+    quiet : ndarray of bool, shape (n,)
+        Before the shot; its level counts as zero.
+    """
+    present = np.isfinite(samples)
+    silence = samples[quiet & present]
+    moved = samples[present] - (float(np.median(silence)) if silence.size else 0.0)
+    if moved.size == 0:
+        return "fail", NO_SAMPLE
+    # outside the motion the integral would only gather what is wrong with the level
+    motion = np.flatnonzero(np.abs(moved) >= 0.1 * np.max(np.abs(moved)))
+    swing = np.cumsum(moved[motion[0] : motion[-1] + 1])
+    first = int(np.argmax(np.abs(swing) >= 0.5 * np.max(np.abs(swing))))
+    mean = float(swing[first]) / (first + 1)
+    if mean >= 0:
+        return "ok", f"pulse points the declared way: its first swing averages {mean:+.3g}"
+    return "fail", (
+        f"the pulse points against the declared polarity, its first swing averages {mean:+.3g}: set `polarity = -1` or "
+        "turn the sensor"
+    )

@@ -1,0 +1,248 @@
+"""Clipped samples: found from the declared range, repaired where that is honest, masked where it is not.
+
+"In general there is no data recovery from a clipped signal" (MIL-STD-810H, 522.2). What can be recovered is the tip
+of a wave whose course before and behind it tells how it goes on: a run shorter than a quarter of the local wave
+that comes out at most a fifth beyond the range. The rest of a clipped record is masked. A repaired sample lies at
+or beyond the level at which it was clipped, for that much was measured; no peak may be claimed from it.
+
+What is masked must be left out together with its surroundings, as behind a filter's reach. To leave out the tips of
+ringing alone keeps the troughs that belong to them, which is worse than to use them as they are.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_processing.gaps import bridge
+from recoil_processing.repairs.autoregressive import MOST_ORDER, Interpolation, interpolate_unknown
+from recoil_processing.repairs.clipped_wave import ClippedRun, judge_by_peak, judge_by_wave
+from recoil_processing.repairs.repair import Repair, runs_of
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+END_SHARE = 0.001
+"""Of the range: as near to one of its ends a sample counts as clipped."""
+CONTEXT = 160
+"""Samples that are looked at on either side of a clipped run."""
+PER_WAVE = 4
+"""Coefficients of the model per wave that it saw: amplitude, phase, frequency and damping. A lone pulse that is
+given more is continued by a third too high."""
+WAVE_HEIGHT = 0.2
+"""Of the largest magnitude, from which on a wave counts."""
+MOST_UNKNOWN = 250
+"""Samples of one piece that may be unknown: a record with more is not clipped at its tips."""
+
+
+@dataclass(frozen=True, eq=False)
+class Clipped:
+    """Samples at or beyond an end of the declared range.
+
+    Attributes
+    ----------
+    above, below : ndarray of bool, shape (n_samples,)
+    """
+
+    above: Flags
+    below: Flags
+
+    @property
+    def flags(self) -> Flags:
+        """Either of them, shape (n_samples,)."""
+        return self.above | self.below
+
+    @property
+    def runs(self) -> list[tuple[int, int]]:
+        """Runs at one and the same end, as (first, one beyond the last), in order of time."""
+        return sorted(runs_of(self.above) + runs_of(self.below))
+
+
+@dataclass(frozen=True, eq=False)
+class ClippingRepair:
+    """A channel whose clipped samples are repaired or masked.
+
+    Attributes
+    ----------
+    samples : ndarray, shape (n_samples,)
+        Masked ones NaN.
+    u : ndarray, shape (n_samples,)
+        Standard uncertainty of the repaired ones, a lower bound: as if the model of the wave were true. 0 elsewhere.
+    runs : tuple of ClippedRun
+    repairs : tuple of Repair
+        At most one of what was repaired and one of what was masked.
+    """
+
+    samples: Array
+    u: Array
+    runs: tuple[ClippedRun, ...]
+    repairs: tuple[Repair, ...]
+
+
+def find_clipped(samples: Array, low: float, high: float) -> Clipped:
+    """Find samples at or beyond an end of the declared range.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n_samples,)
+        Lost ones NaN; they are not clipped, infinite ones are.
+    low, high : float
+        Declared range. Within `END_SHARE` of it from an end counts as clipped; an end at zero is where a one-sided
+        gauge rests, and only what lies as far beyond it counts.
+
+    Returns
+    -------
+    Clipped
+
+    Raises
+    ------
+    ValueError
+        If the range is empty or not finite.
+    """
+    if not (math.isfinite(low) and math.isfinite(high) and low < high):
+        raise ValueError(f"a range needs low < high, not [{low}, {high}]")
+    margin = END_SHARE * (high - low)
+    above = samples > high + margin if abs(high) <= margin else samples >= high - margin
+    below = samples < low - margin if abs(low) <= margin else samples <= low + margin
+    return Clipped(np.asarray(above), np.asarray(below))
+
+
+def repair_clipping(samples: Array, low: float, high: float, *, unit: str = "") -> ClippingRepair:
+    """Repair the clipped tips of waves, and mask what else is clipped.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n_samples,)
+        Evenly spaced, as recorded; lost ones NaN.
+    low, high : float
+        Declared range, see `find_clipped`.
+    unit : str
+        Of the samples, for the sentences.
+
+    Returns
+    -------
+    ClippingRepair
+        Without a clipped sample, a copy and no repairs.
+
+    Raises
+    ------
+    ValueError
+        As of `find_clipped`.
+    """
+    clipped = _flat_ended(samples, find_clipped(samples, low, high), low, high)
+    margin = END_SHARE * (high - low)
+    runs = [
+        judge_by_wave(samples, alike, start, stop, side, flat_within=2 * margin)
+        for side, alike in ((1, clipped.above), (-1, clipped.below))
+        for start, stop in runs_of(alike)
+    ]
+    runs.sort(key=lambda run: run.start)
+    result, u = np.array(samples, dtype=np.float64), np.zeros(samples.size)
+    for piece in _pieces(samples, runs):
+        found = _interpolated(samples, clipped, piece)
+        for i, run in enumerate(runs):
+            if run.refusal or not piece.start <= run.start < piece.stop:
+                continue
+            if isinstance(found, str):
+                runs[i] = replace(run, refusal=found)
+                continue
+            inside = slice(run.start - piece.start, run.stop - piece.start)
+            tip = found.samples[inside]
+            peak = float(run.side * np.max(run.side * tip))
+            runs[i] = judge_by_peak(replace(run, peak=peak), high if run.side > 0 else low)
+            result[run.start : run.stop] = tip
+            u[run.start : run.stop] = found.u[inside]
+    repaired, masked = np.zeros(samples.size, dtype=bool), np.zeros(samples.size, dtype=bool)
+    for run in runs:
+        (masked if run.refusal else repaired)[run.start : run.stop] = True
+    result[masked], u[masked] = np.nan, 0.0
+    repairs = []
+    if repaired.any():
+        repairs.append(_told_repaired(repaired, [r for r in runs if not r.refusal], u, (low, high), unit))
+    if masked.any():
+        repairs.append(_told_masked(masked, [r for r in runs if r.refusal], (low, high), unit))
+    return ClippingRepair(result, u, tuple(runs), tuple(repairs))
+
+
+def _flat_ended(samples: Array, clipped: Clipped, low: float, high: float) -> Clipped:
+    """Leave out what lies beyond an end at zero: a one-sided gauge still reads there, and nothing is cut off."""
+    margin = END_SHARE * (high - low)
+    infinite = np.isinf(samples)
+    return Clipped(
+        clipped.above & infinite if abs(high) <= margin else clipped.above,
+        clipped.below & infinite if abs(low) <= margin else clipped.below,
+    )
+
+
+def _pieces(samples: Array, runs: Sequence[ClippedRun]) -> list[slice]:
+    """Cut the record into pieces, each with all that one model must look at together.
+
+    Runs that are refused, and gaps, are unknown to the model too; where they are longer than its order it cannot
+    look across them, and the piece ends.
+    """
+    walls = [(r.start, r.stop) for r in runs if r.refusal and r.count > MOST_ORDER]
+    walls += [(a, b) for a, b in runs_of(np.isnan(samples)) if b - a > MOST_ORDER]
+    pieces: list[slice] = []
+    for run in runs:
+        if run.refusal:
+            continue
+        first = max([0, run.start - CONTEXT, *(b for _, b in walls if b <= run.start)])
+        last = min([samples.size, run.stop + CONTEXT, *(a for a, _ in walls if a >= run.stop)])
+        if pieces and first < pieces[-1].stop:
+            pieces[-1] = slice(pieces[-1].start, last)
+        else:
+            pieces.append(slice(first, last))
+    return pieces
+
+
+def _interpolated(samples: Array, clipped: Clipped, piece: slice) -> Interpolation | str:
+    part = samples[piece]
+    above, below = clipped.above[piece], clipped.below[piece]
+    unknown = above | below | ~np.isfinite(part)
+    count = int(np.count_nonzero(unknown))
+    if count > MOST_UNKNOWN:
+        return f"{count} samples of one piece are unknown, more than {MOST_UNKNOWN}: too much is clipped to be told"
+    # at least what was read there was there
+    lowest, highest = np.where(above, part, -np.inf), np.where(below, part, np.inf)
+    order = min(MOST_ORDER, PER_WAVE * _waves(part))
+    return interpolate_unknown(part, unknown, lowest=lowest, highest=highest, most_order=order)
+
+
+def _waves(part: Array) -> int:
+    """Count the waves of a piece, upward or downward, whichever are more; the clipped one is one at the least."""
+    from scipy.signal import find_peaks
+
+    whole = bridge(np.where(np.isfinite(part), part, np.nan))
+    height = WAVE_HEIGHT * float(np.max(np.abs(whole - np.median(whole))))
+    return max(1, *(find_peaks(side * whole, prominence=height)[0].size for side in (1, -1)))
+
+
+def _told_repaired(
+    flags: Flags, runs: Sequence[ClippedRun], u: Array, limits: tuple[float, float], unit: str
+) -> Repair:
+    count, longest = int(np.count_nonzero(flags)), max(r.count for r in runs)
+    highest = max(abs(r.peak) for r in runs)
+    largest = float(np.max(u))
+    return Repair(
+        "clipped repaired",
+        flags,
+        f"{count} samples in {len(runs)} runs of at most {longest} are clipped at "
+        f"[{limits[0]:g}, {limits[1]:g}] {unit} and were replaced by how the wave goes on around them, up to "
+        f"{highest:.4g} {unit}: no peak may be claimed from them",
+        {"runs": len(runs), "longest_run": longest, "largest_magnitude": highest, "largest_u": largest},
+    )
+
+
+def _told_masked(flags: Flags, runs: Sequence[ClippedRun], limits: tuple[float, float], unit: str) -> Repair:
+    count, longest = int(np.count_nonzero(flags)), max(runs, key=lambda r: r.count)
+    return Repair(
+        "clipped masked",
+        flags,
+        f"{count} samples in {len(runs)} runs are clipped at [{limits[0]:g}, {limits[1]:g}] {unit} and left out; the "
+        f"longest: {longest.refusal}",
+        {"runs": len(runs), "longest_run": longest.count},
+    )

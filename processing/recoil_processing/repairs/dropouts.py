@@ -1,0 +1,183 @@
+"""Drop-outs: samples that are no measurement, found and masked, never filled.
+
+A sample is none where the instrument says so (NaN), where the converter was stuck at a code longer than noise
+holds one, and where its stamp is not to be believed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_processing.repairs.repair import Repair, runs_of
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+CHANCE = 1e-6
+"""Runs of equal values that noise may make in a record."""
+LEAST_RUN = 3
+"""Equal values in a row that can be a hold."""
+BLOCKS = 20
+"""Parts of a record, of which the quietest tells how often noise repeats a value."""
+LEAST_STEPS = 4.0
+"""Steps of the resolution that noise must change a value by, in the median, for repeats to tell something."""
+MOST_AT_REST = 32
+"""Changes at the begin of a record, where it is quiet, that tell whether there is noise."""
+MEDIAN_TO_SIGMA = 1.482602218505602
+"""Median absolute value to standard deviation, of a normal distribution."""
+STEP_SHARE = 0.01
+"""Of the period, by which a time step may be off a whole number of periods."""
+
+
+@dataclass(frozen=True, eq=False)
+class DropOuts:
+    """What is no measurement.
+
+    Attributes
+    ----------
+    lost, held, mistimed : ndarray of bool, shape (n_samples,)
+        NaN or infinite; repeats of a stuck converter, without the first sample of each run, which was measured; stamp
+        off.
+    absent : int
+        Samples that the stamps say were never recorded: steps of several periods.
+    repeats_told : bool
+        Whether the noise is above the resolution, so that a repeat tells something.
+    """
+
+    lost: Flags
+    held: Flags
+    mistimed: Flags
+    absent: int
+    repeats_told: bool
+
+    @property
+    def flags(self) -> Flags:
+        """Any of them, shape (n_samples,)."""
+        return self.lost | self.held | self.mistimed
+
+    @property
+    def weights(self) -> Array:
+        """0 where a sample is no measurement, 1 elsewhere, shape (n_samples,)."""
+        return (~self.flags).astype(np.float64)
+
+    def mask(self, samples: Array) -> tuple[Array, tuple[Repair, ...]]:
+        """Mask them.
+
+        Parameters
+        ----------
+        samples : ndarray, shape (n_samples,)
+
+        Returns
+        -------
+        samples : ndarray, shape (n_samples,)
+            NaN where a sample is no measurement.
+        repairs : tuple of Repair
+            One, or none where there is no drop-out.
+        """
+        flags = self.flags
+        masked = np.where(flags, np.nan, samples)
+        if not flags.any():
+            return masked, ()
+        runs = runs_of(flags)
+        longest = max(stop - start for start, stop in runs)
+        counts = {
+            "lost": int(np.count_nonzero(self.lost)),
+            "held": int(np.count_nonzero(self.held)),
+            "mistimed": int(np.count_nonzero(self.mistimed)),
+        }
+        causes = {"lost": "not recorded", "held": "held by a stuck converter", "mistimed": "with a stamp that is off"}
+        parts = ", ".join(f"{counts[name]} {cause}" for name, cause in causes.items() if counts[name])
+        share = f"{np.count_nonzero(flags)} of {flags.size} samples"
+        sentence = f"{share} are left out ({parts}), the longest gap {longest} samples"
+        figures = {name: float(count) for name, count in counts.items()}
+        figures |= {"absent": float(self.absent), "gaps": float(len(runs)), "longest_gap": float(longest)}
+        return masked, (Repair("drop-outs masked", flags, sentence, figures),)
+
+
+def find_drop_outs(samples: Array, times_s: Array | None = None, *, spared: Flags | None = None) -> DropOuts:
+    """Find what is no measurement.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n_samples,)
+        As recorded; lost ones NaN.
+    times_s : ndarray, shape (n_samples,), optional
+        Stamps of a source whose instants should be even. Leave them out where a bus makes messages late.
+    spared : ndarray of bool, shape (n_samples,), optional
+        Where equal values are no hold: what is clipped, see `recoil_processing.repairs.clipping.find_clipped`.
+
+    Returns
+    -------
+    DropOuts
+
+    Raises
+    ------
+    ValueError
+        If shapes do not fit, or stamps do not increase.
+    """
+    if samples.ndim != 1 or (spared is not None and spared.shape != samples.shape):
+        raise ValueError("samples must be one series, and spared alike")
+    clipped = np.zeros(samples.size, dtype=bool) if spared is None else spared
+    # what is infinite was beyond the converter: clipping judges it where a range says so
+    lost = np.isnan(samples) | (np.isinf(samples) & ~clipped)
+    held, told = _held(samples, lost | clipped)
+    mistimed, absent = (np.zeros(samples.size, dtype=bool), 0) if times_s is None else _mistimed(times_s, samples)
+    return DropOuts(lost, held, mistimed, absent, told)
+
+
+def _held(samples: Array, apart: Flags) -> tuple[Flags, bool]:
+    """Flag repeats in runs that are longer than noise makes them, and say whether repeats tell anything.
+
+    Normal noise whose differences have the standard deviation s repeats a value of resolution q with the
+    probability ``q / (s sqrt(2 pi))``.
+    """
+    held = np.zeros(samples.size, dtype=bool)
+    with np.errstate(invalid="ignore"):
+        changes = np.where(apart[1:] | apart[:-1], np.nan, np.diff(samples))
+    present = changes[np.isfinite(changes)]
+    moving = np.abs(present[present != 0])
+    if present.size < LEAST_RUN * BLOCKS or moving.size == 0:
+        return held, False
+    at_rest = present[: min(present.size // BLOCKS, MOST_AT_REST)]
+    if np.count_nonzero(at_rest == 0) > 0.5 * at_rest.size:
+        # a record that begins without noise has none, or too little for its resolution
+        return held, False
+    q = float(moving.min())
+    # only what changes: where every other value is a repeat the median of all changes would be zero
+    quietest = min(float(np.median(np.abs(b[b != 0]))) for b in np.array_split(present, BLOCKS) if np.any(b))
+    if quietest < LEAST_STEPS * q:
+        return held, False
+    chance = q / (MEDIAN_TO_SIGMA * quietest * math.sqrt(2 * math.pi))
+    least = max(LEAST_RUN, 1 + math.ceil(math.log(CHANCE / present.size) / math.log(chance)))
+    for start, stop in runs_of(np.asarray(changes == 0)):
+        if stop - start + 1 >= least:
+            # the first of the equal samples was measured
+            held[start + 1 : stop + 1] = True
+    return held, True
+
+
+def _mistimed(times_s: Array, samples: Array) -> tuple[Flags, int]:
+    """Flag samples whose stamp is off, and count those that are absent."""
+    if times_s.shape != samples.shape:
+        raise ValueError(f"stamps and samples must be equally many, not {times_s.shape} and {samples.shape}")
+    flags = np.zeros(samples.size, dtype=bool)
+    if times_s.size < LEAST_RUN:
+        return flags, 0
+    steps = np.diff(times_s)
+    if not np.all(steps > 0):
+        raise ValueError("stamps must increase strictly")
+    ratio = steps / float(np.median(steps))
+    whole = np.maximum(np.round(ratio), 1.0)
+    off = np.abs(ratio - whole) > STEP_SHARE
+    absent = int(np.sum(whole[~off] - 1))
+    # a stamp between two steps that are off is the one at fault; beside a lone one either may be
+    before, behind = np.concatenate([[False], off]), np.concatenate([off, [False]])
+    flags |= before & behind
+    alone = off & ~flags[:-1] & ~flags[1:]
+    flags[:-1] |= alone
+    flags[1:] |= alone
+    return flags, absent

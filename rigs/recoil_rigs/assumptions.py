@@ -1,0 +1,60 @@
+"""What every result on a rig takes for granted, because its rig file does not say otherwise."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Literal
+
+from recoil_rigs.rig import Rig
+
+AREAS = ("bore_area", "brake_area", "recuperator_area")
+CARRIAGE_ROLES = ("carriage_acceleration_x", "carriage_acceleration_y", "carriage_rate", "tipping_rate")
+"""Roles whose term in the equation of motion is taken at rest where no channel measures it."""
+
+
+@dataclass(frozen=True)
+class Assumption:
+    """One value that is taken as it stands.
+
+    Attributes
+    ----------
+    quantity : str
+        Symbol of the mechanism, role, or name of a channel.
+    taken : str
+        What is assumed of it.
+    detail : str
+        What the rig file lacks, and what follows from it.
+    """
+
+    quantity: str
+    taken: Literal["taken as exact", "not measured", "no calibration date"]
+    detail: str
+
+
+def assumptions_of(rig: Rig) -> list[dict[str, str]]:
+    """List the assumptions of a rig in JSON types, for verdicts and reports."""
+    return [asdict(one) for one in _assumptions(rig)]
+
+
+def assumption_lines(assumptions: Sequence[Mapping[str, str]]) -> list[str]:
+    """Say each kind of assumption in one line that names all it holds for."""
+    kinds = dict.fromkeys(one["taken"] for one in assumptions)
+    return [f"{kind}: {', '.join(one['quantity'] for one in assumptions if one['taken'] == kind)}" for kind in kinds]
+
+
+def _assumptions(rig: Rig) -> Iterator[Assumption]:
+    m = rig.mechanism
+    for symbol in AREAS:
+        if symbol not in m.u:
+            yield Assumption(symbol, "taken as exact", f"[mechanism] has no u_{symbol}")
+    if "friction" not in m.u:
+        yield Assumption("friction", "taken as exact", f"[mechanism] has no u_friction: {m.friction:g} N is taken")
+    for role in CARRIAGE_ROLES:
+        if rig.by_role(role) is None:
+            detail = "no channel has this role: its term in the equation of motion is taken at rest"
+            yield Assumption(role, "not measured", detail)
+    for channel in rig.channels:
+        if channel.enters_estimate and channel.sensor.calibrated is None:
+            detail = "its sensor has no `calibrated`: nothing says when its u_rel was found"
+            yield Assumption(channel.name, "no calibration date", detail)

@@ -1,0 +1,89 @@
+"""The sources of a rig that are read live, with their channels' way to SI."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from recoil_acquisition.capture.live_source import LiveChannel, LiveSource
+from recoil_acquisition.errors import DeviceError, Fault, RigError
+from recoil_acquisition.frames.declaration import framing_from_table
+from recoil_acquisition.quantity import SI_UNITS
+from recoil_acquisition.readers.can.messages import load_database
+from recoil_acquisition.readers.reader import SignalHeader
+from recoil_rigs.assemble import range_si, sensor_factor, unit_of
+from recoil_rigs.can_signals import faults_of_can_signals
+from recoil_rigs.rig import ChannelSpec, Rig, Source
+
+
+def live_sources(rig: Rig, devices: Mapping[str, Mapping[str, Any]] | None = None) -> tuple[LiveSource, ...]:
+    """Return the sources of a rig that have a ``device``, in its order.
+
+    Parameters
+    ----------
+    rig : Rig
+    devices : mapping of str to mapping, optional
+        ``device`` tables in place of the rig's own, by source: those of virtual devices.
+
+    Raises
+    ------
+    DeviceError
+        If no source has a device.
+    RigError
+        If units contradict, or a CAN database lacks a signal, with every case.
+    ReadError
+        If a CAN database is at fault.
+    """
+    tables = {s.name: (devices or {}).get(s.name, s.device) for s in rig.sources}
+    faults: list[Fault] = []
+    sources = [_live_source(rig, s, table, faults) for s in rig.sources if (table := tables[s.name]) is not None]
+    if faults:
+        raise RigError(rig.path, faults)
+    if not sources:
+        raise DeviceError(
+            f"rig {rig.name!r} has no source that can be read live",
+            path=rig.path,
+            remedy='declare such as `device = { port = "/dev/ttyUSB0", baudrate = 921600 }` of a can or serial source',
+        )
+    return tuple(sources)
+
+
+def _live_source(rig: Rig, source: Source, table: Mapping[str, Any], faults: list[Fault]) -> LiveSource:
+    database = None if source.database is None else rig.databases[source.database]
+    framing = None if source.framing is None else framing_from_table(source.framing)
+    units: dict[str, str] = {}
+    if database is not None:
+        for message in load_database(database, rig.path).messages:
+            units |= {f"{message.name}.{signal.name}": signal.unit or "" for signal in message.signals}
+    if framing is not None:
+        units = {field.name: field.unit for frame_type in framing.types for field in frame_type.fields}
+    faults += faults_of_can_signals(rig, source)
+    channels = [_live_channel(rig, source, spec, units, faults) for spec in rig.channels_of(source.name)]
+    return LiveSource(
+        name=source.name,
+        kind=source.kind,
+        device=table,
+        channels=tuple(channel for channel in channels if channel is not None),
+        framing=framing,
+        database=database,
+        counters=source.counters or (),
+        path=rig.path,
+    )
+
+
+def _live_channel(
+    rig: Rig, source: Source, spec: ChannelSpec, units: Mapping[str, str], faults: list[Fault]
+) -> LiveChannel | None:
+    header = SignalHeader(spec.signal, units.get(spec.signal, ""), 0)
+    unit = unit_of(spec, header, source, rig.path, faults)
+    if unit is None:
+        return None
+    scale = sensor_factor(spec.sensor, "voltage" in unit.quantities) * spec.polarity
+    return LiveChannel(
+        name=spec.name,
+        signal=spec.signal,
+        factor=scale * unit.factor,
+        offset=scale * unit.offset,
+        unit=SI_UNITS[spec.quantity],
+        range=range_si(spec),
+    )

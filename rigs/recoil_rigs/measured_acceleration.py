@@ -1,0 +1,197 @@
+"""The acceleration a' of the identification equation (36), as sensors on the mechanism measure it.
+
+Two ways lead to it and check one another: an accelerometer on the recoiling part, and the relative
+motion together with accelerometers on the carriage. Symbols, signs and equation numbers are those of
+`recoil_rigs.mechanism`. Plain arrays, SI units.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from recoil_rigs.mechanism_parameters import Mechanism
+
+Array = NDArray[np.float64]
+
+
+def specific_acceleration(mechanism: Mechanism, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Array:
+    """Return a', the recoiling part's acceleration without gravity along -e5: ``m3 a' = P - R_f``, (36).
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    q, qd, qdd : array_like, shape (..., 5)
+        State, rate and acceleration.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        m/s^2, positive rearward; what an accelerometer at the centre of mass of B3 reads.
+
+    Notes
+    -----
+    Misprint corrected: (10) has ``x''`` where ``x'' + d w2' + (b - x) w2^2`` stands, and (27) lacks the
+    square of ``w2``.
+    """
+    m, state, rate = mechanism, np.asarray(q, dtype=np.float64), np.asarray(qd, dtype=np.float64)
+    change = np.asarray(qdd, dtype=np.float64)
+    f_x, f_y = carriage_specific_force(m, state, rate, change)
+    return specific_acceleration_kinematic(
+        m,
+        change[..., 4],
+        state[..., 4],
+        rate[..., 2] + rate[..., 3],
+        change[..., 2] + change[..., 3],
+        f_x,
+        f_y,
+        state[..., 3],
+    )
+
+
+def carriage_specific_force(
+    mechanism: Mechanism, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, r_x: float = 0.0, r_y: float = 0.0
+) -> tuple[Array, Array]:
+    """Return what accelerometers on the carriage read, gravity included, in carriage axes.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    q, qd, qdd : array_like, shape (..., 5)
+        State, rate and acceleration.
+    r_x, r_y : float
+        Their place from the trunnion A in carriage axes, m.
+
+    Returns
+    -------
+    f_x, f_y : ndarray, shape (...)
+        Specific force along the carriage's axes, m/s^2; at rest gravity resolved on them.
+
+    Notes
+    -----
+    The acceleration of a point of B1, equation (1) differentiated. Misprint corrected: (1) labels
+    accelerations as velocities.
+    """
+    m, state = mechanism, np.asarray(q, dtype=np.float64)
+    rate, change = np.asarray(qd, dtype=np.float64), np.asarray(qdd, dtype=np.float64)
+    phi1 = m.phi10 + state[..., 2]
+    forward, up = change[..., 0], change[..., 1] + m.g
+    x, y = m.XA + r_x, m.YA + r_y
+    f_x = forward * np.cos(phi1) + up * np.sin(phi1) - change[..., 2] * y - rate[..., 2] ** 2 * x
+    f_y = up * np.cos(phi1) - forward * np.sin(phi1) + change[..., 2] * x - rate[..., 2] ** 2 * y
+    return f_x, f_y
+
+
+def specific_acceleration_kinematic(
+    mechanism: Mechanism,
+    ddx: ArrayLike,
+    x: ArrayLike,
+    w2: ArrayLike,
+    dw2: ArrayLike,
+    f_x: ArrayLike,
+    f_y: ArrayLike,
+    beta: ArrayLike,
+    *,
+    w1: ArrayLike = 0.0,
+    dw1: ArrayLike = 0.0,
+    r_x: float = 0.0,
+    r_y: float = 0.0,
+) -> Array:
+    """Return a' of (36) from the relative motion and the carriage's accelerometers.
+
+    ``a' = x'' + d w2' + (b - x) w2^2 - (f_x cos(phi2 - phi1) + f_y sin(phi2 - phi1))`` with the specific
+    force at A: gravity and the carriage's motion are all in it.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    ddx, x : array_like, shape (...)
+        Acceleration, m/s^2, and travel, m, of the recoiling part along the tipping part, rearward.
+    w2, dw2 : array_like, shape (...)
+        ``alpha' + beta'``, rad/s, and its derivative, rad/s^2.
+    f_x, f_y : array_like, shape (...)
+        Specific force that the carriage's accelerometers read, carriage axes, m/s^2.
+    beta : array_like, shape (...)
+        Rotation of the tipping part relative to the carriage from battery, rad.
+    w1, dw1 : array_like, shape (...)
+        ``alpha'``, rad/s, and its derivative, rad/s^2; needed if the accelerometers are not at A.
+    r_x, r_y : float
+        Place of the accelerometers from A, carriage axes, m.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        m/s^2, positive rearward.
+
+    Notes
+    -----
+    Misprints corrected: see `specific_acceleration`.
+    """
+    m = mechanism
+    square1, angular1 = np.square(np.asarray(w1, dtype=np.float64)), np.asarray(dw1, dtype=np.float64)
+    at_a_x = np.asarray(f_x, dtype=np.float64) + angular1 * r_y + square1 * r_x
+    at_a_y = np.asarray(f_y, dtype=np.float64) - angular1 * r_x + square1 * r_y
+    angle = m.phi20 - m.phi10 + np.asarray(beta, dtype=np.float64)
+    turning = m.d * np.asarray(dw2, dtype=np.float64) + (m.b - np.asarray(x, dtype=np.float64)) * np.square(w2)
+    total: Array = np.asarray(ddx, dtype=np.float64) + turning - at_a_x * np.cos(angle) - at_a_y * np.sin(angle)
+    return total
+
+
+def relative_acceleration(
+    mechanism: Mechanism,
+    a: ArrayLike,
+    x: ArrayLike,
+    w2: ArrayLike,
+    dw2: ArrayLike,
+    f_x: ArrayLike,
+    f_y: ArrayLike,
+    beta: ArrayLike,
+    *,
+    w1: ArrayLike = 0.0,
+    dw1: ArrayLike = 0.0,
+    r_x: float = 0.0,
+    r_y: float = 0.0,
+) -> Array:
+    """Return x'' from a': the inverse of `specific_acceleration_kinematic`, whose parameters it shares.
+
+    Parameters
+    ----------
+    a : array_like, shape (...)
+        a' of (36), m/s^2, in the place of ``ddx``.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        x'', m/s^2, positive rearward.
+
+    Notes
+    -----
+    Misprints corrected: see `specific_acceleration`.
+    """
+    without_travel = specific_acceleration_kinematic(
+        mechanism, 0.0, x, w2, dw2, f_x, f_y, beta, w1=w1, dw1=dw1, r_x=r_x, r_y=r_y
+    )
+    return np.asarray(a, dtype=np.float64) - without_travel
+
+
+def specific_acceleration_inertial(
+    acc: ArrayLike, w2: ArrayLike, dw2: ArrayLike, r5: float = 0.0, r6: float = 0.0
+) -> Array:
+    """Return a' of (36) from an accelerometer on the recoiling part: ``acc - r5 w2^2 - r6 w2'``.
+
+    Parameters
+    ----------
+    acc : array_like, shape (...)
+        What it reads along -e5, m/s^2, gravity included.
+    w2, dw2 : array_like, shape (...)
+        ``alpha' + beta'``, rad/s, and its derivative, rad/s^2.
+    r5, r6 : float
+        Its place from the centre of mass of B3 along e5 and e6, m.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        m/s^2, positive rearward.
+    """
+    squared, angular = np.square(np.asarray(w2, dtype=np.float64)), np.asarray(dw2, dtype=np.float64)
+    return np.asarray(acc, dtype=np.float64) - r5 * squared - r6 * angular

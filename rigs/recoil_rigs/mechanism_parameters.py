@@ -1,0 +1,85 @@
+"""The parameters of the three-body model of the recoiling mechanism; see `recoil_rigs.mechanism` for its equations."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from types import MappingProxyType
+from typing import ClassVar
+
+from recoil_acquisition.quantity import STANDARD_GRAVITY_M_S2
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """Parameters of the three-body model, SI units, angles in rad; NaN where not declared.
+
+    Attributes
+    ----------
+    m1, m2, m3 : float
+        Masses of carriage, tipping part and recoiling part, kg. ``m3`` is the specification mass.
+    J1, J2, J3c : float
+        Moments of inertia, kg m^2: of the carriage about C, of the tipping part about A, of the
+        recoiling part about its centre of mass.
+    X1, Y1 : float
+        Centre of mass of the carriage from C, carriage axes, m.
+    XA, YA : float
+        Trunnion A from C, carriage axes, m.
+    s2, d2 : float
+        Centre of mass of the tipping part from A, tipping axes, m.
+    b, d : float
+        Centre of mass of the recoiling part in battery from A, tipping axes, m.
+    e : float
+        Offset of the breech force's line above the recoiling part's centre of mass, m.
+    L, f : float
+        Distance of ground contact D ahead of C, m, and its friction coefficient.
+    phi10, phi20 : float
+        Angles of the carriage axis and of the bore axis over the horizontal, in battery, rad.
+    g : float
+        Acceleration of gravity, m/s^2.
+    bore_area, brake_area, recuperator_area : float
+        Areas on which the breech, brake and recuperator pressures act, m^2.
+    friction : float
+        Packing friction that no gauge reads, N.
+    u : mapping of str to float
+        Standard uncertainties of any of these values, by symbol, in the value's unit.
+    """
+
+    m3: float
+    XA: float
+    YA: float
+    b: float
+    d: float
+    phi10: float
+    phi20: float
+    bore_area: float
+    brake_area: float
+    recuperator_area: float
+    friction: float
+    m1: float = math.nan
+    m2: float = math.nan
+    J1: float = math.nan
+    J2: float = math.nan
+    J3c: float = math.nan
+    X1: float = math.nan
+    Y1: float = math.nan
+    s2: float = math.nan
+    d2: float = math.nan
+    e: float = math.nan
+    L: float = math.nan
+    f: float = math.nan
+    g: float = STANDARD_GRAVITY_M_S2
+    u: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+
+    REQUIRED: ClassVar[tuple[str, ...]] = (
+        "m3", "XA", "YA", "b", "d", "phi10", "phi20", "bore_area", "brake_area", "recuperator_area", "friction",
+    )  # fmt: skip
+    POSITIVE: ClassVar[frozenset[str]] = frozenset(
+        {"m1", "m2", "m3", "J1", "J2", "J3c", "L", "g", "bore_area", "brake_area", "recuperator_area"}
+    )
+
+    @classmethod
+    def symbols(cls) -> tuple[str, ...]:
+        """Names of all values, without their uncertainties."""
+        return tuple(f.name for f in fields(cls) if f.name != "u")

@@ -1,0 +1,130 @@
+"""Which values a rig of this kind can have, and which are usual: a value in another unit shows by its size."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from recoil_acquisition.errors import Fault
+from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.rig_tables import ChannelSpec, Source
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Between what a value lies.
+
+    Attributes
+    ----------
+    possible : tuple of float
+        Least and largest that any such mechanism has; beyond is a fault.
+    usual : tuple of float
+        Beyond, a value is worth a second look.
+    unit : str
+        Of both.
+    """
+
+    possible: tuple[float, float]
+    usual: tuple[float, float]
+    unit: str
+
+    def fault(self, value: float) -> str:
+        """Say what is wrong with an impossible value; empty if it is possible."""
+        least, largest = self.possible
+        if least <= value <= largest:
+            return ""
+        return f"must lie between {least:.3g} and {largest:.3g} {self.unit}".rstrip() + f", found {value:g}"
+
+    def warning(self, value: float) -> str:
+        """Say what is unusual of a possible value; empty if nothing is."""
+        least, largest = self.usual
+        if self.fault(value) or least <= value <= largest:
+            return ""
+        return f"{value:g} {self.unit}".rstrip() + f" is unusual; most lie between {least:g} and {largest:g}"
+
+
+MASS = Bounds((1e-2, 1e6), (1.0, 1e5), "kg")
+INERTIA = Bounds((1e-6, 1e9), (1e-3, 1e7), "kg m2")
+LENGTH = Bounds((-50.0, 50.0), (-20.0, 20.0), "m")
+OFFSET = Bounds((-5.0, 5.0), (-1.0, 1.0), "m")
+AREA = Bounds((1e-6, 1.0), (1e-5, 0.3), "m2")
+QUARTER = math.pi / 2
+
+OF_SYMBOL: Mapping[str, Bounds] = MappingProxyType(
+    {
+        **dict.fromkeys(("m1", "m2", "m3"), MASS),
+        **dict.fromkeys(("J1", "J2", "J3c"), INERTIA),
+        **dict.fromkeys(("X1", "Y1", "XA", "YA", "s2", "b", "L"), LENGTH),
+        **dict.fromkeys(("d2", "d", "e"), OFFSET),
+        **dict.fromkeys(("bore_area", "brake_area", "recuperator_area"), AREA),
+        # a carriage stands about level, a bore may point anywhere above it
+        "phi10": Bounds((-QUARTER / 2, QUARTER / 2), (-0.3, 0.3), "rad"),
+        "phi20": Bounds((-QUARTER, QUARTER), (-0.35, 1.4), "rad"),
+        "f": Bounds((0.0, 10.0), (0.0, 2.0), ""),
+        "g": Bounds((9.0, 10.5), (9.76, 9.84), "m/s2"),
+        "friction": Bounds((0.0, 1e7), (0.0, 1e5), "N"),
+    }
+)
+"""Symbol of the mechanism -> its bounds."""
+OF_SOURCE: Mapping[str, Bounds] = MappingProxyType(
+    {
+        "frame_rate": Bounds((10.0, 1e7), (500.0, 1e6), "Hz"),
+        "scale_mm_per_px": Bounds((1e-5, 1e3), (1e-3, 50.0), "mm/px"),
+    }
+)
+"""Key of a source -> its bounds."""
+U_REL = Bounds((0.0, 1.0), (0.0, 0.1), "of the reading (1 % is 0.01)")
+
+
+def implausible_values(
+    mechanism: Mechanism | None, sources: Sequence[tuple[str, Source]], channels: Sequence[tuple[str, ChannelSpec]]
+) -> list[Fault]:
+    """Name the values that no such rig has, with their bounds.
+
+    Parameters
+    ----------
+    mechanism : Mechanism or None
+        None where it is at fault otherwise.
+    sources, channels : sequence of (str, table)
+        With their key paths.
+    """
+    found = [
+        Fault(key, problem) for key, value, bounds in _bounded(mechanism, sources, channels)
+        if (problem := bounds.fault(value))
+    ]  # fmt: skip
+    for symbol, u in () if mechanism is None else mechanism.u.items():
+        if symbol in Mechanism.POSITIVE and u > getattr(mechanism, symbol):
+            unit = OF_SYMBOL[symbol].unit
+            problem = f"must be in {unit} and smaller than {symbol}, {getattr(mechanism, symbol):g}, found {u:g}"
+            found.append(Fault(f"mechanism.u_{symbol}", problem))
+    return found
+
+
+def unusual_values(
+    mechanism: Mechanism, sources: Sequence[tuple[str, Source]], channels: Sequence[tuple[str, ChannelSpec]]
+) -> list[Fault]:
+    """Name the values that a rig may have and few do; parameters as of `implausible_values`."""
+    return [
+        Fault(key, problem) for key, value, bounds in _bounded(mechanism, sources, channels)
+        if (problem := bounds.warning(value))
+    ]  # fmt: skip
+
+
+def _bounded(
+    mechanism: Mechanism | None, sources: Sequence[tuple[str, Source]], channels: Sequence[tuple[str, ChannelSpec]]
+) -> Iterator[tuple[str, float, Bounds]]:
+    """Pass every value that has bounds, with its key path."""
+    for symbol, bounds in OF_SYMBOL.items():
+        value = math.nan if mechanism is None else getattr(mechanism, symbol)
+        if not math.isnan(value):
+            yield f"mechanism.{symbol}", value, bounds
+    for where, source in sources:
+        for key, bounds in OF_SOURCE.items():
+            if getattr(source, key) is not None:
+                yield f"{where}.{key}", getattr(source, key), bounds
+    for where, channel in channels:
+        yield f"{where}.sensor.u_rel", channel.sensor.u_rel, U_REL
+        for i, place in enumerate(channel.sensor.position):
+            yield f"{where}.sensor.position[{i}]", place, LENGTH

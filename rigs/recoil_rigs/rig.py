@@ -1,0 +1,344 @@
+"""The rig file: the stand, its sources, its channels and the mechanism under test.
+
+A rig file is TOML. `load_rig` reads one and reports every fault at once (`recoil_acquisition.errors.RigError`),
+each with its key path and what would be right.
+"""
+
+from __future__ import annotations
+
+import codecs
+import datetime as dt
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from recoil_acquisition.bounded_toml import LARGEST_BYTES, parse_toml
+from recoil_acquisition.errors import Fault, ReadError, RigError
+from recoil_acquisition.readers.can.messages import load_database
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.regular_file import check_regular, read_small
+from recoil_acquisition.trigger.detector import Trigger
+from recoil_acquisition.trigger.table import trigger_from_table
+from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.plausible import implausible_values, unusual_values
+from recoil_rigs.rig_alignments import motion_channels
+from recoil_rigs.rig_faults import (
+    checked_mechanism,
+    faults_of_channels,
+    faults_of_sources,
+    faults_of_trigger,
+    unstated_uncertainties,
+)
+from recoil_rigs.rig_tables import (
+    MOTIONS,
+    ROLES,
+    Alignment,
+    ChannelSpec,
+    ExposureAlignment,
+    FixedAlignment,
+    MotionAlignment,
+    RedundantAlignment,
+    Sensor,
+    Source,
+    SourceKind,
+    TriggerAlignment,
+)
+from recoil_rigs.rig_validation import names_in, unknown_keys, validated_rows
+
+__all__ = [
+    "MOTIONS",
+    "ROLES",
+    "SCHEMA",
+    "Alignment",
+    "ChannelSpec",
+    "ExposureAlignment",
+    "FixedAlignment",
+    "MotionAlignment",
+    "RedundantAlignment",
+    "Rig",
+    "Sensor",
+    "Source",
+    "SourceKind",
+    "TriggerAlignment",
+    "bundled_rigs",
+    "find_rig",
+    "load_rig",
+    "parse_rig",
+]
+
+SCHEMA = "recoil-daq/rig/1"
+
+LARGEST_DATABASE_BYTES = 4_000_000
+"""Some 15,000 signals have 2 MB; parsing takes 300 bytes of memory for each byte."""
+
+_TOP_LEVEL_KEYS = ("schema", "name", "reference_clock", "mechanism", "source", "channel", "trigger", "twin")
+
+
+@dataclass(frozen=True)
+class Rig:
+    """A validated rig.
+
+    Attributes
+    ----------
+    name : str
+    reference_clock : str
+        Name of the source whose clock all others are aligned to.
+    mechanism : Mechanism
+    sources : tuple of Source
+    channels : tuple of ChannelSpec
+    text : str
+        The file, verbatim.
+    path : Path
+    databases : mapping of str to str
+        Text of every CAN database that a source names, by the name it uses.
+    trigger : Trigger or None
+        When a live shot begins, and how much is kept around it.
+    twin : mapping
+        The table ``[twin]`` of a virtual rig, as read; empty if there is none.
+    doubts : tuple of Fault
+        For which a rig file is refused and a shot that was recorded all the same is not valid, see `parse_rig`.
+    """
+
+    name: str
+    reference_clock: str
+    mechanism: Mechanism
+    sources: tuple[Source, ...]
+    channels: tuple[ChannelSpec, ...]
+    text: str
+    path: Path
+    databases: Mapping[str, str] = field(default_factory=dict)
+    trigger: Trigger | None = None
+    twin: Mapping[str, Any] = field(default_factory=dict)
+    doubts: tuple[Fault, ...] = ()
+
+    def source(self, name: str) -> Source:
+        """Return a source by its name; KeyError if there is none."""
+        for source in self.sources:
+            if source.name == name:
+                return source
+        raise KeyError(name)
+
+    def channel(self, name: str) -> ChannelSpec:
+        """Return a channel by its name; KeyError if there is none."""
+        for channel in self.channels:
+            if channel.name == name:
+                return channel
+        raise KeyError(name)
+
+    def by_role(self, role: str) -> ChannelSpec | None:
+        """Return the channel of a role, or None."""
+        return next((c for c in self.channels if c.role == role), None)
+
+    def channels_of(self, source: str) -> tuple[ChannelSpec, ...]:
+        """Return the channels of one source, in the file's order."""
+        return tuple(c for c in self.channels if c.source == source)
+
+    def motion_channel(self, source: Source) -> ChannelSpec | None:
+        """Return the channel of a source whose motion its alignment compares; None if it is not aligned by motion."""
+        if not isinstance(source.align, MotionAlignment | ExposureAlignment) or source.align.against is None:
+            return None
+        wanted = source.align.channel if isinstance(source.align, MotionAlignment) else None
+        return next(iter(motion_channels(source.name, wanted, source.align.against, self.channels)), None)
+
+    def declarations(self, source: Source) -> Declarations:
+        """Return what the rig declares about a source because its files do not carry it."""
+        return Declarations(
+            clock=source.name,
+            database=None if source.database is None else self.databases[source.database],
+            counters=source.counters or (),
+            framing=source.framing,
+            frame_rate_hz=source.frame_rate,
+            scale_mm_per_px=source.scale_mm_per_px,
+            layout=source.layout,
+        )
+
+    def matching(self, file_name: str) -> tuple[Source, ...]:
+        """Return the sources whose ``match`` pattern fits a file name, without regard to case."""
+        return tuple(s for s in self.sources if s.pattern is not None and s.pattern.fullmatch(file_name))
+
+    @property
+    def warnings(self) -> tuple[Fault, ...]:
+        """Values that a rig may have and few do."""
+        sources = [(f"source '{source.name}'", source) for source in self.sources]
+        channels = [(f"channel '{channel.name}'", channel) for channel in self.channels]
+        return tuple(unusual_values(self.mechanism, sources, channels))
+
+    def overdue(self, on: dt.date) -> tuple[Fault, ...]:
+        """Return the calibrations that were past their due date on a day."""
+        return tuple(
+            Fault(
+                f"channel '{c.name}'.sensor.due",
+                f"calibration was due {c.sensor.due}, {(on - c.sensor.due).days} days ago",
+            )
+            for c in self.channels
+            if c.sensor.due is not None and c.sensor.due < on
+        )
+
+
+def bundled_rigs() -> tuple[str, ...]:
+    """Names of the rigs that ship with the package."""
+    folder = resources.files("recoil_rigs")
+    return tuple(sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml")))
+
+
+def find_rig(name_or_path: str) -> Path:
+    """Find a rig file by its path or a bundled rig by its name.
+
+    Raises
+    ------
+    ReadError
+        If there is neither, with the names of the bundled rigs.
+    """
+    path = Path(name_or_path)
+    if path.is_file():
+        return path
+    if name_or_path in bundled_rigs():
+        return Path(str(resources.files("recoil_rigs") / f"{name_or_path}.toml"))
+    expected = f"a TOML file or one of the bundled rigs {', '.join(bundled_rigs())}"
+    if path.exists():
+        check_regular(path)
+    raise ReadError("no such rig file", path=path, expected=expected)
+
+
+def load_rig(name_or_path: str | Path, *, refuse_doubts: bool = True) -> Rig:
+    """Read and validate a rig file, or a bundled rig by its name; parameters otherwise as of `parse_rig`.
+
+    Raises
+    ------
+    ReadError
+        If there is no such file, it is larger than a rig file is, or not readable UTF-8.
+    RigError
+        With every fault of the file.
+    """
+    path = find_rig(str(name_or_path))
+    content = read_small(path, LARGEST_BYTES, "a rig file")
+    try:
+        text = content.decode("utf-8-sig")  # Windows editors begin a file with a byte order mark
+    except UnicodeDecodeError as error:
+        raise ReadError("is not UTF-8 text", path=path, place=f"byte {error.start}", expected="a TOML file") from error
+    return parse_rig(text.replace("\r\n", "\n").replace("\r", "\n"), path, refuse_doubts=refuse_doubts)
+
+
+def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None, *, refuse_doubts: bool = True) -> Rig:
+    """Validate the text of a rig file.
+
+    Some faults do not keep a shot from being read, they only leave its result in doubt: that the uncertainty of a
+    sensor is not stated, or that a value is one which no such rig has.
+
+    Parameters
+    ----------
+    text : str
+    path : Path
+        Where it came from; the files it names are looked up beside it.
+    databases : mapping of str to str, optional
+        Text of the CAN databases by name, where they are at hand already (in a shot file).
+    refuse_doubts : bool
+        Whether such faults are faults as any other. Where the shot has been recorded they are kept in the rig.
+
+    Raises
+    ------
+    RigError
+        With every fault of the text.
+    """
+    try:
+        tables = parse_toml(text)
+    except ValueError as error:
+        raise RigError(path, [Fault("TOML", str(error))]) from error
+    faults = unknown_keys(tables, _TOP_LEVEL_KEYS, "")
+    if tables.get("schema") != SCHEMA:
+        faults.append(Fault("schema", f"must be {SCHEMA!r}, found {tables.get('schema')!r}"))
+    for key in ("name", "reference_clock"):
+        if not isinstance(tables.get(key), str) or not tables[key]:
+            faults.append(Fault(key, "must be a text" if key in tables else "is missing"))
+    if not isinstance(tables.get("twin", {}), dict):
+        faults.append(Fault("twin", "must be a table"))
+    mechanism = checked_mechanism(tables.get("mechanism"), faults)
+    sources = validated_rows(tables, "source", Source, faults)
+    channels = validated_rows(tables, "channel", ChannelSpec, faults)
+    faults += faults_of_sources(sources, channels, tables)
+    faults += faults_of_channels(channels, sources, tables)
+    faults += faults_of_trigger(tables, channels, sources)
+    texts = _databases([s for _, s in sources], path, databases, faults)
+    doubts = [*unstated_uncertainties(channels), *implausible_values(mechanism, sources, channels)]
+    if refuse_doubts:
+        faults += doubts
+    if faults or mechanism is None:
+        raise RigError(path, faults)
+    return Rig(
+        name=str(tables["name"]),
+        reference_clock=str(tables["reference_clock"]),
+        mechanism=mechanism,
+        sources=tuple(s for _, s in sources),
+        channels=tuple(c for _, c in channels),
+        text=text,
+        path=path,
+        databases=texts,
+        trigger=_trigger(tables, path),
+        twin=tables.get("twin", {}),
+        doubts=tuple(doubts),
+    )
+
+
+def _trigger(tables: Mapping[str, Any], path: Path) -> Trigger | None:
+    if "trigger" not in tables:
+        return None
+    return trigger_from_table(tables["trigger"], names_in(tables, "channel"), path)
+
+
+def _databases(
+    sources: Sequence[Source], path: Path, given: Mapping[str, str] | None, faults: list[Fault]
+) -> Mapping[str, str]:
+    """Read the CAN databases that the sources name, used or not, from beside the rig file unless they are given.
+
+    Their texts go into every shot file, so that each must be a database: what else a rig names stays where it is.
+    """
+    texts: dict[str, str] = {}
+    for source in sources:
+        if source.kind != "can" or source.database is None:
+            continue
+        if given is not None:
+            # a shot file names no files of this computer
+            if source.database in given:
+                texts[source.database] = given[source.database]
+            else:
+                faults.append(Fault(f"source '{source.name}'.database", f"{source.database} is not in {path.name}"))
+            continue
+        file = path.parent / source.database
+        try:
+            text = _database_text(read_small(file, LARGEST_DATABASE_BYTES, "a CAN database"))
+            load_database(text, file)
+            texts[source.database] = text
+        except ReadError as error:
+            faults.append(Fault(f"source '{source.name}'.database", str(error)))
+    return MappingProxyType(texts)
+
+
+_XML_ENCODING = re.compile(
+    rb"""\s*<\?xml[^>]{1,100}?encoding\s*=\s*["']((?:utf|iso|windows|latin|us|cp)[\w.-]{0,40})["']""",
+    re.ASCII | re.IGNORECASE,
+)
+
+
+def _database_text(content: bytes) -> str:
+    """Decode a CAN database: what its mark or XML declaration says, UTF-8, else the code page of Vector's tools.
+
+    A text of the code page that has a degree sign or a superscript is never valid UTF-8 by chance:
+    each would have to stand in a run of continuation bytes. The code page leaves five bytes
+    undefined; they occur in comments of other code pages only, and become U+FFFD.
+    """
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return content.decode("utf-16", errors="replace")
+    declared = _XML_ENCODING.match(content)
+    if declared is not None:
+        try:
+            return content.decode(declared[1].decode())
+        except (LookupError, UnicodeError):
+            pass  # the declaration is wrong, as those are that a tool copied
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("cp1252", errors="replace")

@@ -1,0 +1,168 @@
+"""What a source's alignment must have to do with the rig's channels: clocks, roles, quantities that compare."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from recoil_acquisition.errors import Fault
+from recoil_rigs.rig_tables import (
+    MOTIONS,
+    ChannelSpec,
+    ExposureAlignment,
+    MotionAlignment,
+    RedundantAlignment,
+    Source,
+    TriggerAlignment,
+)
+from recoil_rigs.rig_validation import did_you_mean, names_in
+
+FORCE_ROLE = "breech_pressure"
+"""What stands for the forces, which drive the motion that a camera sees."""
+
+
+def motion_channels(
+    source: str, channel: str | None, against: str, channels: Sequence[ChannelSpec]
+) -> list[ChannelSpec]:
+    """Return the channels of a source that its alignment by motion may mean, the likeliest first.
+
+    Parameters
+    ----------
+    source : str
+    channel : str or None
+        The one that the rig names, if it does.
+    against : str
+        Name of the channel of the reference clock.
+    channels : sequence of ChannelSpec
+
+    Returns
+    -------
+    list of ChannelSpec
+        The named one alone; else the one with the role of the recoil's travel, and any of a quantity that compares.
+    """
+    if channel is not None:
+        return [c for c in channels if c.name == channel]
+    reference = next((c for c in channels if c.name == against), None)
+    if reference is None:
+        return []
+    if reference.role == FORCE_ROLE:
+        return [c for c in channels if c.source == source and c.role == "recoil_displacement"]
+    fitting = [c for c in channels if c.source == source and reference.quantity in MOTIONS.get(c.quantity, ())]
+    return sorted(fitting, key=lambda c: (c.role != "recoil_displacement", c.quantity != "displacement"))
+
+
+def faults_of_alignment(
+    where: str, source: Source, reference: str, channels: Sequence[ChannelSpec], tables: Mapping[str, Any]
+) -> list[Fault]:
+    """Check a source's alignment.
+
+    Parameters
+    ----------
+    where : str
+        Its key path.
+    source : Source
+        Not the reference clock's.
+    reference : str
+        Name of the reference clock.
+    channels : sequence of ChannelSpec
+        The sound ones.
+    tables : mapping
+        The whole rig file.
+    """
+    align, faults = source.align, []
+    names = names_in(tables, "channel")
+    clocks = set(names_in(tables, "source"))
+    by_name = {channel.name: channel for channel in channels}
+    # A faulty channel is not judged twice: what it might have been is unknown
+    rows = tables.get("channel")
+    complete = isinstance(rows, list) and len(channels) == len(rows)
+
+    def check(key: str, name: str | None, clock: str, whose: str) -> ChannelSpec | None:
+        if name is None:
+            return None
+        if name not in names:
+            faults.append(Fault(f"{where}.{key}", f"{name!r} is no channel; {did_you_mean(name, names)}"))
+        elif name in by_name and by_name[name].source in clocks - {clock}:
+            faults.append(Fault(f"{where}.{key}", f"{name!r} must be a channel of {whose}"))
+        return by_name.get(name)
+
+    of_reference = f"the reference clock {reference!r}"
+    against = own = None
+    if isinstance(align, MotionAlignment | RedundantAlignment | ExposureAlignment):
+        against = check("against", align.against, reference, of_reference)
+    if isinstance(align, MotionAlignment | RedundantAlignment | TriggerAlignment):
+        own = check("channel", align.channel, source.name, "this source")
+    if isinstance(align, ExposureAlignment):
+        pulses = check("channel", align.channel, reference, of_reference)
+        if pulses and pulses.source == reference and pulses.quantity not in ("voltage", "count"):
+            faults.append(Fault(f"{where}.channel", f"{pulses.name!r} must be a voltage, found {pulses.quantity}"))
+        if against and against.quantity != "acceleration" and against.role != FORCE_ROLE:
+            problem = f"{against.name!r} must be an acceleration, found {against.quantity}"
+            faults.append(Fault(f"{where}.against", problem))
+    if isinstance(align, RedundantAlignment) and own and against:
+        if own.quantity != against.quantity:
+            faults.append(Fault(where, f"a channel of {own.quantity} does not repeat one of {against.quantity}"))
+        faults += _faults_of_bodies(where, own, against)
+    if isinstance(align, MotionAlignment) and against:
+        faults += _faults_of_motion(where, source, align, own, against, channels if complete else None)
+    triggered = any(c.source == reference and c.role == "trigger" for c in channels)
+    if isinstance(align, TriggerAlignment) and complete and not triggered:
+        faults.append(Fault(where, f"no channel of the reference clock {reference!r} has the role `trigger`"))
+    return faults
+
+
+def _faults_of_motion(
+    where: str,
+    source: Source,
+    align: MotionAlignment,
+    own: ChannelSpec | None,
+    against: ChannelSpec,
+    channels: Sequence[ChannelSpec] | None,
+) -> list[Fault]:
+    """Check that a source has one channel whose motion the reference clock has in another quantity."""
+    if own is not None and own.quantity == against.quantity:
+        problem = f"{own.name!r} repeats {against.name!r}: the method for one and the same quantity is `redundant`"
+        return [Fault(f"{where}.method", problem)]
+    if against.role == FORCE_ROLE:
+        return _faults_of_force(where, source, own, channels)
+    comparable = [quantity for quantity, others in MOTIONS.items() if against.quantity in others]
+    if not comparable or (source.kind == "camera" and against.quantity != "acceleration"):
+        problem = f"{against.name!r} must be an acceleration, found {against.quantity}"
+        if source.kind != "camera":
+            problem = f"{against.name!r} must be of a motion, found {against.quantity}"
+        return [Fault(f"{where}.against", problem)]
+    if own is not None:
+        if own.quantity not in comparable:
+            problem = f"a channel of {own.quantity} is not the motion of one of {against.quantity}"
+            return [Fault(where, f"{problem}; compared are {' and '.join(comparable)}")]
+        return _faults_of_bodies(where, own, against)
+    if align.channel is not None or channels is None:
+        return []
+    found = motion_channels(source.name, None, against.name, channels)
+    if not found:
+        kinds = ["displacement"] if source.kind == "camera" else comparable
+        return [Fault(where, f"motion needs a {' or '.join(kinds)} channel of this source")]
+    if len(found) > 1 and found[0].quantity != "displacement":
+        problem = f"is needed: {', '.join(c.name for c in found)} may all be meant"
+        return [Fault(f"{where}.channel", problem)]
+    return _faults_of_bodies(where, found[0], against)
+
+
+def _faults_of_force(
+    where: str, source: Source, own: ChannelSpec | None, channels: Sequence[ChannelSpec] | None
+) -> list[Fault]:
+    """Check that a source has the travel that the forces drive."""
+    role = "recoil_displacement"
+    if own is not None:
+        return [] if own.role == role else [Fault(f"{where}.channel", f"{own.name!r} must have the role {role}")]
+    if channels is not None and not any(c.source == source.name and c.role == role for c in channels):
+        return [Fault(where, f"motion against the forces needs a channel of role {role} of this source")]
+    return []
+
+
+def _faults_of_bodies(where: str, own: ChannelSpec, against: ChannelSpec) -> list[Fault]:
+    """Refuse to compare channels whose roles are of two bodies."""
+    bodies = [channel.role.partition("_")[0] for channel in (own, against)]
+    if all(bodies) and bodies[0] != bodies[1]:
+        return [Fault(where, f"{own.name!r} is of the {bodies[0]} part, {against.name!r} of the {bodies[1]} part")]
+    return []

@@ -1,0 +1,216 @@
+"""What a rig file's tables must have to do with each other: names, clocks, roles, quantities and units."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Any
+
+from recoil_acquisition.errors import Fault, FramingError, nearest_first
+from recoil_acquisition.frames.declaration import framing_from_table
+from recoil_acquisition.quantity import SI_UNITS, UNITS, find_unit, normalise_unit
+from recoil_acquisition.readers.text.layout import layout_faults
+from recoil_acquisition.readers.tracks.layout import LayoutError, TrackLayout
+from recoil_acquisition.trigger.table import trigger_faults
+from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.rig_alignments import faults_of_alignment
+from recoil_rigs.rig_tables import LIVE_KINDS, ROLES, ChannelSpec, Source
+from recoil_rigs.rig_validation import did_you_mean, names_in, unknown_keys
+
+
+def checked_mechanism(table: Any, faults: list[Fault]) -> Mechanism | None:
+    """Validate ``[mechanism]``: every value a finite number, every required one there.
+
+    Faults are appended; None if there is any.
+    """
+    if not isinstance(table, dict):
+        faults.append(Fault("mechanism", "a table [mechanism] is needed"))
+        return None
+    symbols = Mechanism.symbols()
+    known = (*symbols, *(f"u_{s}" for s in symbols))
+    own = unknown_keys(table, known, "mechanism.")
+    for key in (key for key in table if key in known):
+        problem = _problem_of_value(key, table[key], key not in symbols)
+        if problem is not None:
+            own.append(Fault(f"mechanism.{key}", problem))
+    own += [Fault(f"mechanism.{key}", "is missing") for key in Mechanism.REQUIRED if key not in table]
+    if own:
+        faults += own
+        return None
+    values = {key: float(value) for key, value in table.items() if key in symbols}
+    u = {key.removeprefix("u_"): float(value) for key, value in table.items() if key not in symbols}
+    return Mechanism(**values, u=MappingProxyType(u))
+
+
+def _problem_of_value(key: str, value: Any, is_uncertainty: bool) -> str | None:
+    try:
+        number = math.nan if isinstance(value, bool | str) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if not math.isfinite(number):
+        return f"must be a finite number, found {value!r}"
+    if is_uncertainty:
+        return f"a standard uncertainty is not negative, found {value}" if number < 0 else None
+    if key in Mechanism.POSITIVE and number <= 0:
+        return f"must be positive, found {value}"
+    return None
+
+
+def faults_of_sources(
+    sources: Sequence[tuple[str, Source]], channels: Sequence[tuple[str, ChannelSpec]], tables: Mapping[str, Any]
+) -> list[Fault]:
+    """Check names, the reference clock and the alignments of the sound sources, given with their key paths."""
+    faults = []
+    names = names_in(tables, "source")
+    reference = tables.get("reference_clock")
+    known_reference = reference if isinstance(reference, str) and reference in names else None
+    if isinstance(reference, str) and reference and known_reference is None:
+        faults.append(Fault("reference_clock", f"{reference!r} is no source; {did_you_mean(reference, names)}"))
+    for where, source in sources:
+        if names.count(source.name) > 1:
+            faults.append(Fault(f"{where}.name", "two sources have this name"))
+        faults += _faults_of_framing(where, source)
+        faults += _faults_of_layout(where, source)
+        if known_reference is None:
+            continue  # which of the sources needs no alignment is not known then
+        if source.name == known_reference:
+            if source.align is not None:
+                faults.append(Fault(f"{where}.align", "the reference clock is not aligned to anything; leave it out"))
+        elif source.align is None:
+            remedy = 'declare `align = { method = "motion" | "redundant" | "trigger" | "exposure" | "fixed", ... }`'
+            faults.append(Fault(f"{where}.align", f"is missing; {remedy}"))
+        else:
+            faults += faults_of_alignment(f"{where}.align", source, known_reference, [c for _, c in channels], tables)
+    return faults
+
+
+def _faults_of_framing(where: str, source: Source) -> list[Fault]:
+    """Check the framing of a serial source as its reader will."""
+    if source.framing is None:
+        return []
+    try:
+        framing_from_table(source.framing)
+    except FramingError as error:
+        return [Fault(where, str(error))]
+    return []
+
+
+def _faults_of_layout(where: str, source: Source) -> list[Fault]:
+    """Check the layout of a recorder's or a camera's text tables as its reader will."""
+    if source.layout is None:
+        return []
+    if source.kind == "camera":
+        try:
+            TrackLayout.from_mapping(source.layout)
+        except LayoutError as error:
+            split = (fault.partition(": ") for fault in error.faults)
+            return [Fault(f"{where}.layout.{key}", problem) for key, _, problem in split]
+        return []
+    return [Fault(f"{where}.layout.{key}", problem) for key, problem in layout_faults(source.layout)]
+
+
+def faults_of_trigger(
+    tables: Mapping[str, Any], channels: Sequence[tuple[str, ChannelSpec]], sources: Sequence[tuple[str, Source]]
+) -> list[Fault]:
+    """Check the table ``[trigger]``: its own keys, and that its channels can be watched.
+
+    On a rig with devices it is for shots that are acquired live, and its channels must come from a bus or a port.
+    Without devices it tells where in a long recording the shot is.
+    """
+    table = tables.get("trigger")
+    if table is None:
+        return []
+    if not isinstance(table, dict):
+        return [Fault("trigger", "must be a table")]
+    faults = list(trigger_faults(table, names_in(tables, "channel")))
+    if faults:
+        return faults
+    kinds = {source.name: source.kind for _, source in sources}
+    live = any(source.device is not None for _, source in sources)
+    source_of = {channel.name: channel.source for _, channel in channels}
+    for key in (key for key in ("any", "all") if key in table):
+        for i, row in enumerate(table[key]):
+            kind = kinds.get(source_of.get(row["channel"], ""))
+            where = f"trigger.{key}[{i}].channel"
+            if live and kind is not None and kind not in LIVE_KINDS:
+                problem = f"{row['channel']!r} is of a {kind} source, which cannot be read live"
+                faults.append(Fault(where, f"{problem}; take a channel of a bus or port"))
+            elif kind == "camera":
+                problem = f"{row['channel']!r} is of a camera, whose film is one shot's already"
+                faults.append(Fault(where, f"{problem}; take a channel of a recorder, a bus or a port"))
+    return faults
+
+
+def faults_of_channels(
+    channels: Sequence[tuple[str, ChannelSpec]], sources: Sequence[tuple[str, Source]], tables: Mapping[str, Any]
+) -> list[Fault]:
+    """Check names, sources, roles, quantities and units of the sound channels, given with their key paths."""
+    faults = []
+    names = [c.name for _, c in channels]
+    source_names = names_in(tables, "source")
+    sound_sources = {s.name: s for _, s in sources}
+    for where, channel in channels:
+        if names.count(channel.name) > 1:
+            faults.append(Fault(f"{where}.name", "two channels have this name"))
+        if channel.source not in source_names:
+            what = f"role {channel.role!r} has no source" if channel.role else "no such source"
+            problem = f"{what}: {channel.source!r} is not declared; {did_you_mean(channel.source, source_names)}"
+            faults.append(Fault(f"{where}.source", problem))
+        faults += _faults_of_role(where, channel, [c for _, c in channels])
+        faults += _faults_of_unit(where, channel, sound_sources.get(channel.source))
+    return faults
+
+
+def unstated_uncertainties(channels: Sequence[tuple[str, ChannelSpec]]) -> list[Fault]:
+    """Name the channels that enter the estimate and do not state how uncertain their scale is."""
+    return [
+        Fault(
+            f"{where}.sensor.u_rel",
+            f"is missing: role {channel.role!r} enters the estimate; state the relative standard uncertainty of its "
+            "scale, such as 0.005, and 0 only where it is exact",
+        )
+        for where, channel in channels
+        if channel.enters_estimate and not channel.sensor.states_u_rel
+    ]
+
+
+def _faults_of_role(where: str, channel: ChannelSpec, channels: Sequence[ChannelSpec]) -> list[Fault]:
+    faults = []
+    if not channel.role:
+        return []
+    if channel.role not in ROLES:
+        nearest = nearest_first(channel.role, list(ROLES))[0]
+        return [Fault(f"{where}.role", f"unknown role {channel.role!r}; did you mean `{nearest}`?")]
+    others = [c.name for c in channels if c.role == channel.role and c is not channel]
+    if others:
+        problem = f"{channel.role!r} is also the role of {', '.join(others)}; one channel per role"
+        faults.append(Fault(f"{where}.role", problem))
+    if channel.quantity in SI_UNITS and channel.quantity != ROLES[channel.role]:
+        problem = f"role {channel.role!r} needs quantity {ROLES[channel.role]!r}, found {channel.quantity!r}"
+        faults.append(Fault(f"{where}.quantity", problem))
+    return faults
+
+
+def _faults_of_unit(where: str, channel: ChannelSpec, source: Source | None) -> list[Fault]:
+    if channel.quantity not in SI_UNITS:
+        nearest = nearest_first(channel.quantity, list(SI_UNITS))[0]
+        return [Fault(f"{where}.quantity", f"unknown quantity {channel.quantity!r}; did you mean `{nearest}`?")]
+    if channel.unit is None:
+        return []
+    if channel.unit == "px":
+        if channel.quantity != "displacement":
+            return [Fault(f"{where}.unit", f"'px' is no unit of {channel.quantity}")]
+        if source is not None and source.scale_mm_per_px is None:
+            return [Fault(f"{where}.unit", f"'px' needs `scale_mm_per_px` of the camera source {source.name!r}")]
+        return []
+    unit = find_unit(channel.unit)
+    if unit is None:
+        nearest = ", ".join(nearest_first(normalise_unit(channel.unit), sorted(UNITS))[:3])
+        return [Fault(f"{where}.unit", f"unknown unit {channel.unit!r}; nearest known: {nearest}")]
+    allowed = {channel.quantity} | ({"voltage"} if channel.sensor.sensitivity is not None else set())
+    if not allowed & unit.quantities:
+        fitting = ", ".join(u for u, v in UNITS.items() if channel.quantity in v.quantities)
+        chain = "; volts need `sensitivity` in `sensor`" if "voltage" in unit.quantities else ""
+        return [Fault(f"{where}.unit", f"{channel.unit!r} is no unit of {channel.quantity}; one of {fitting}{chain}")]
+    return []

@@ -1,0 +1,206 @@
+"""The virtual rig: one simulated shot as the vendors' files that the real rig would have written.
+
+`simulate_shot` integrates the three-body model, lets the rig's sensors measure it with their errors,
+stress waves and clocks, and writes the files together with what they hide (``truth.json``).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePath
+from typing import Any
+
+import numpy as np
+
+from recoil_acquisition.errors import Fault, RigError, StoreError
+from recoil_rigs.beam import shapes
+from recoil_rigs.rig import Rig, Source
+from recoil_rigs.twin.can_node import can_file
+from recoil_rigs.twin.instruments import generator, stress_waves
+from recoil_rigs.twin.loads import check_statics
+from recoil_rigs.twin.motion import Motion, simulate_motion, tube_of
+from recoil_rigs.twin.serial_sensor import serial_file
+from recoil_rigs.twin.settings import TwinSettings, measured_roles, read_settings
+from recoil_rigs.twin.sources import Scene, SourceFile, camera_file, dewetron_file
+
+__all__ = ["TwinSettings", "TwinShot", "draw_scene", "read_settings", "simulate_shot"]
+
+_RECORDERS: Mapping[str, Callable[[Scene, Source, list[Fault]], SourceFile]] = {
+    "dewetron": dewetron_file,
+    "can": can_file,
+    "serial": serial_file,
+    "camera": camera_file,
+}
+
+
+@dataclass(frozen=True)
+class TwinShot:
+    """One simulated shot.
+
+    Attributes
+    ----------
+    shot : str
+    folder : Path
+    files : tuple of Path
+        The recorders' files, to be ingested, in the order of the rig's sources.
+    rig_file, truth_file : Path
+    truth : mapping
+        The content of ``truth_file``.
+    """
+
+    shot: str
+    folder: Path
+    files: tuple[Path, ...]
+    rig_file: Path
+    truth_file: Path
+    truth: Mapping[str, Any]
+
+
+def simulate_shot(rig: Rig, folder: Path, *, seed: int, shot: str) -> TwinShot:
+    """Simulate one shot of a rig and write the files that its recorders would have written.
+
+    The same rig, seed and shot name give the same bytes. Nothing is written unless all of it can be.
+
+    Parameters
+    ----------
+    rig : Rig
+        With a complete mechanism; its table ``[twin]`` holds the settings, see `TwinSettings`.
+    folder : Path
+        Is made if it is not there.
+    seed : int
+        Not negative.
+    shot : str
+        The shot's identifier; part of the file names.
+
+    Returns
+    -------
+    TwinShot
+
+    Raises
+    ------
+    RigError
+        With every reason why this rig cannot be simulated.
+    StoreError
+        If a file exists already, or cannot be written.
+    ValueError
+        If the seed is negative or the shot's name is not fit for a file name.
+
+    Notes
+    -----
+    Keys of the truth, SI: ``m3``; ``m3_after`` and ``t_release``, if a part of the mass lets go, what is left and
+    from when on the reference clock; ``friction``; ``t_fire`` and ``t_end``, first rise of the breech force and
+    end of recoil travel on the reference clock; ``stroke_m``; ``peak_breech_force_n``; ``gains`` and
+    ``offsets`` by channel (offsets in the unit of the file); ``clocks``: ``t_ref = (1 + drift) t + offset_s``,
+    with ``latency_s``, the mean time from a sample to its stamp where a recorder stamps messages (an alignment
+    by a repeated channel finds ``offset_s`` less the shortest such time, the stamps' lower edge); the declared
+    ``delay_s`` of a sensor is not in it;
+    ``tube``, if it is flexible: the frequencies at which it would bend if clamped to what does not move, its end's
+    sag at rest and largest deflection from there;
+    ``sources``: all that is known of each source's file; ``cam_offset``, ``cam_drift`` and ``lost_frames`` of
+    the (first) camera; ``seed``.
+    """
+    if seed < 0:
+        raise ValueError(f"seed must not be negative, not {seed}")
+    if not shot or PurePath(shot).name != shot or shot in (".", ".."):
+        raise ValueError(f"shot must be fit for a file name, not {shot!r}")
+    scene = draw_scene(rig, seed, shot)
+    faults: list[Fault] = []
+    recorded = [
+        _RECORDERS[s.kind](scene, s, faults) for s in rig.sources if any(c.source == s.name for c in rig.channels)
+    ]
+    if faults:
+        raise RigError(rig.path, faults)
+    truth = _truth(scene, recorded)
+    contents = {file.name: file.content for file in recorded}
+    contents["rig.toml"] = rig.text.encode("utf-8")
+    for name, text in rig.databases.items():
+        if PurePath(name).name == name:
+            contents[name] = text.encode("cp1252", errors="replace")
+    contents["truth.json"] = (json.dumps(truth, indent=2) + "\n").encode("utf-8")
+    _write(folder, contents)
+    files = tuple(folder / file.name for file in recorded)
+    return TwinShot(shot, folder, files, folder / "rig.toml", folder / "truth.json", truth)
+
+
+def draw_scene(rig: Rig, seed: int, shot: str) -> Scene:
+    """Draw what this shot's mechanism truly is, and let it move.
+
+    Raises
+    ------
+    RigError
+        If it cannot be simulated.
+    """
+    settings = read_settings(rig)
+    mechanism = dataclasses.replace(rig.mechanism, m3=settings.m3_true or rig.mechanism.m3)
+    faults = check_statics(mechanism, settings)
+    if faults:
+        raise RigError(rig.path, faults)
+    rng = generator(seed, "shot")
+    peak_scatter, friction_error = rng.normal(0.0, 1.0, 2)
+    friction = mechanism.friction + settings.friction_error * mechanism.u.get("friction", 0.0) * float(friction_error)
+    motion = simulate_motion(
+        mechanism,
+        settings,
+        peak_pressure_pa=settings.peak_pressure_pa * (1.0 + settings.shot_to_shot * float(peak_scatter)),
+        friction_n=max(friction, 0.0),
+    )
+    if not motion.t_end_s <= settings.duration_s:
+        problem = f"the recoil does not end within {settings.duration_s} s; it has come {motion.q[-1, 4]:.3f} m"
+        raise RigError(rig.path, [Fault("twin.duration_s", problem)])
+    if motion.released_kg and not motion.t_release_s < motion.t_end_s:
+        ends = motion.t_end_s - motion.t_fire_s
+        raise RigError(rig.path, [Fault("twin.release_after_s", f"the recoil ends {ends:.4f} s after it begins")])
+    modes = stress_waves(motion.times_s, motion.t_fire_s, motion.t_end_s, generator(seed, "stress waves"))
+    return Scene(rig, settings, mechanism, motion, modes, measured_roles(rig, settings), seed, shot)
+
+
+def _truth(scene: Scene, recorded: list[SourceFile]) -> dict[str, Any]:
+    motion: Motion = scene.motion
+    truth: dict[str, Any] = {
+        "shot": scene.shot,
+        "seed": scene.seed,
+        "m3": scene.mechanism.m3,
+        "friction": float(motion.friction_n.max()),
+        "t_fire": motion.t_fire_s,
+        "t_end": motion.t_end_s,
+        "stroke_m": float(motion.q[:, 4].max()),
+        "peak_breech_force_n": float(scene.mechanism.bore_area * motion.breech_pressure_pa.max()),
+        "gains": scene.gains,
+        "offsets": scene.offsets,
+        "clocks": {f.source: f.truth["clock"] for f in recorded if f.source != scene.rig.reference_clock},
+        "sources": {f.source: {"file": f.name, **f.truth} for f in recorded},
+    }
+    if motion.released_kg:
+        truth["m3_after"] = scene.mechanism.m3 - motion.released_kg
+        truth["t_release"] = motion.t_release_s
+    tube = tube_of(scene.mechanism, scene.settings)
+    if tube is not None:
+        ends = shapes(scene.settings.tube_length_m, tube.modes, [scene.settings.tube_length_m])[0][:, 0]
+        end = motion.modal @ ends
+        truth["tube"] = {
+            "clamped_frequencies_hz": (np.sqrt(tube.stiffness_n_m / tube.mass_kg) / (2 * np.pi)).tolist(),
+            "sag_m": float(-end[0]),
+            "largest_deflection_m": float(np.max(np.abs(end - end[0]))),
+        }
+    for file in recorded:
+        if "lost_frames" in file.truth and "cam_offset" not in truth:
+            truth["cam_offset"], truth["cam_drift"] = file.truth["clock"]["offset_s"], file.truth["clock"]["drift"]
+            truth["lost_frames"] = file.truth["lost_frames"]
+    return truth
+
+
+def _write(folder: Path, contents: Mapping[str, bytes]) -> None:
+    """Write all files into a folder, none over an existing one."""
+    for name in contents:
+        if (folder / name).exists():
+            raise StoreError("exists already", path=folder / name, remedy="choose another folder or remove it first")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, content in contents.items():
+            with (folder / name).open("xb") as file:
+                file.write(content)
+    except OSError as error:
+        raise StoreError(f"cannot be written: {error.strerror}", path=error.filename or folder) from error

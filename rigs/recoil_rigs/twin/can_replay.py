@@ -1,0 +1,178 @@
+"""The frames of a virtual CAN bus over a whole play: shots as their logs hold them, quiet frames between them."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from recoil_acquisition.readers.can.decoding import Piece, layout_of
+from recoil_acquisition.readers.can.frames import EXTENDED
+from recoil_acquisition.readers.can.messages import load_database
+from recoil_rigs.rig import Rig, Source
+from recoil_rigs.twin import TwinShot
+from recoil_rigs.twin.faults import ClockStep
+from recoil_rigs.twin.timeline import DeviceClock, Timeline
+
+_QUIET_BEFORE_S = 2e-3
+"""Frames up to here before the shot are quiet; sensors' filters ring before an abrupt rise."""
+
+
+@dataclass(frozen=True, slots=True)
+class CanItem:
+    """One frame of the play.
+
+    Attributes
+    ----------
+    at_s : float
+        When the interface has it, on the play's clock.
+    stamp_s : float
+        What the interface's clock says then, counted from the play's start.
+    identifier : int
+    extended : bool
+    data : bytes
+    error : bool
+        An error frame.
+    """
+
+    at_s: float
+    stamp_s: float
+    identifier: int
+    extended: bool
+    data: bytes
+    error: bool = False
+
+
+@dataclass(frozen=True)
+class _Logged:
+    """The frames of one identifier in one shot: times of the play, data, and those before the shot."""
+
+    times_s: list[float]
+    data: list[bytes]
+    quiet: list[bytes]
+
+
+_Key = tuple[int, bool, bool]
+
+
+def can_items(
+    rig: Rig, source: Source, shots: Sequence[TwinShot], timeline: Timeline, steps: Sequence[ClockStep], seed: int
+) -> Iterator[CanItem]:
+    """Yield the frames of a bus in the order of their times.
+
+    Between shots every message goes on at its own period with data of its quiet frames before the shot,
+    drawn at random, so that the noise is there. Signals whose name ends with ``counter`` count through.
+
+    Parameters
+    ----------
+    rig : Rig
+    source : Source
+    shots : sequence of TwinShot
+    timeline : Timeline
+    steps : sequence of ClockStep
+        Of the interface's clock.
+    seed : int
+    """
+    clocks = [shot.truth["sources"][source.name]["clock"] for shot in shots]
+    clock = DeviceClock(timeline.boundaries_s(), [c["drift"] for c in clocks], steps)
+    logs = [
+        _logged(shot, source, start_s, (c["drift"], c["offset_s"]))
+        for shot, start_s, c in zip(shots, timeline.starts_s, clocks, strict=True)
+    ]
+    counters = _counters(rig, source)
+    keys = sorted(set().union(*logs))
+    streams = [
+        _stream(key, [log.get(key) for log in logs], timeline, clock, counters.get(key, ()), seed + i)
+        for i, key in enumerate(keys)
+    ]
+    return heapq.merge(*streams, key=lambda item: item.at_s)
+
+
+def _logged(shot: TwinShot, source: Source, start_s: float, line: tuple[float, float]) -> dict[_Key, _Logged]:
+    """Read a shot's log and sort its frames by identifier."""
+    import can
+
+    drift, offset_s = line
+    path: Path = shot.folder / shot.truth["sources"][source.name]["file"]
+    quiet_until_s = start_s + shot.truth["t_fire"] - _QUIET_BEFORE_S
+    found: dict[_Key, _Logged] = {}
+    with can.LogReader(path) as log:
+        messages = list(log)
+    # a log counts from its first frame, whose stamp on the interface's clock is 0
+    zero_s = min(message.timestamp for message in messages)
+    for message in messages:
+        at_s = start_s + (1.0 + drift) * (message.timestamp - zero_s) + offset_s
+        key = (message.arbitration_id, bool(message.is_extended_id), bool(message.is_error_frame))
+        entry = found.setdefault(key, _Logged([], [], []))
+        data = bytes(message.data)
+        entry.times_s.append(at_s)
+        entry.data.append(data)
+        if at_s < quiet_until_s:
+            entry.quiet.append(data)
+    return found
+
+
+def _counters(rig: Rig, source: Source) -> dict[_Key, tuple[tuple[Piece, ...], ...]]:
+    """Return where the counters of each message are."""
+    database = load_database(rig.databases[str(source.database)], rig.path)
+    places: dict[_Key, tuple[tuple[Piece, ...], ...]] = {}
+    for message in database.messages:
+        layouts = [layout_of(s) for s in message.signals if s.name.casefold().endswith("counter")]
+        pieces = tuple(layout.pieces for layout in layouts if layout is not None)
+        if pieces:
+            places[(message.frame_id & ~EXTENDED, bool(message.is_extended_frame), False)] = pieces
+    return places
+
+
+def _stream(
+    key: _Key,
+    logged: Sequence[_Logged | None],
+    timeline: Timeline,
+    clock: DeviceClock,
+    counters: tuple[tuple[Piece, ...], ...],
+    seed: int,
+) -> Iterator[CanItem]:
+    """Yield one identifier's frames over the whole play."""
+    rng = np.random.default_rng([seed, key[0]])
+    count = 0
+
+    def item(at_s: float, data: bytes) -> CanItem:
+        nonlocal count
+        for pieces in counters:
+            data = with_bits(data, pieces, count)
+        count += 1
+        return CanItem(at_s, clock.at(at_s), *key[:2], data, key[2])
+
+    after_s, period_s, quiet = 0.0, 0.0, [b""]
+    for entry in logged:
+        if entry is None:
+            continue
+        if len(entry.times_s) > 1 and not key[2]:
+            span_s = entry.times_s[-1] - entry.times_s[0]
+            period_s = span_s / max(round(span_s / float(np.median(np.diff(entry.times_s)))), 1)
+        quiet = entry.quiet or entry.data[:1]
+        first_s = entry.times_s[0]
+        # to the nearest whole number of periods, but nothing before the play begins
+        missing = int((first_s - after_s) / period_s + (0.5 if after_s else 0.0)) if period_s else 0
+        for k in range(missing, 0, -1):
+            yield item(first_s - k * period_s, quiet[int(rng.integers(len(quiet)))])
+        for at_s, data in zip(entry.times_s, entry.data, strict=True):
+            yield item(at_s, data)
+        after_s = entry.times_s[-1] + period_s
+    while period_s and after_s < timeline.end_s:
+        yield item(after_s, quiet[int(rng.integers(len(quiet)))])
+        after_s += period_s
+
+
+def with_bits(data: bytes, pieces: tuple[Piece, ...], value: int) -> bytes:
+    """Return data with a whole number put into a signal's bits; what does not fit is cut off."""
+    octets = bytearray(data)
+    for piece in pieces:
+        mask = (1 << piece.count) - 1
+        if piece.byte < len(octets):
+            kept = octets[piece.byte] & ~(mask << piece.shift)
+            octets[piece.byte] = kept | (value >> piece.place & mask) << piece.shift
+    return bytes(octets)

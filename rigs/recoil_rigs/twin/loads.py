@@ -1,0 +1,136 @@
+"""The loads of the virtual rig: brake, recuperator, packing, stop, elevating gear and ground.
+
+One state at a time in plain floats, because a shot takes some hundred thousand evaluations. The rest in
+battery is the equilibrium ``q = 0``: the loads of ground, elevating gear and stop at rest are found from
+the weights.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from recoil_acquisition.errors import Fault
+from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.twin.settings import TwinSettings
+
+State = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Rest:
+    """The loads at rest in battery.
+
+    Attributes
+    ----------
+    ground_c_n, ground_d_n : float
+        Ground at C and D, upward.
+    elevating_moment_n_m : float
+    stop_n : float
+        Rearward push of the stop.
+    """
+
+    ground_c_n: float
+    ground_d_n: float
+    elevating_moment_n_m: float
+    stop_n: float
+
+
+class Loads(NamedTuple):
+    """The loads at a state, in the signs of `recoil_rigs.mechanism.generalized_forces`; N, N m, Pa.
+
+    ``resistance`` is R_f with all its parts; ``recorded`` are brake pressure, recuperator pressure, packing
+    friction, contact and the five loads after ``resistance``; ``drag`` is the rate of the packing's bristle, m/s.
+    """
+
+    resistance: float
+    elevating_moment: float
+    ground_x: float
+    ground_y: float
+    ground_d: float
+    ground_friction: float
+    recorded: State
+    drag: float
+
+
+def rest_in_battery(m: Mechanism, settings: TwinSettings, sag_n_m: float = 0.0) -> Rest:
+    """Return the loads that hold the mechanism at ``q = 0``.
+
+    Parameters
+    ----------
+    m : Mechanism
+    settings : TwinSettings
+    sag_n_m : float
+        What the sag of a flexible tube adds to the weights' moment about the trunnion, positive if it
+        lowers the muzzle.
+    """
+    c1, s1, c2, s2 = math.cos(m.phi10), math.sin(m.phi10), math.cos(m.phi20), math.sin(m.phi20)
+    tipping = m.g * ((m.m2 * m.s2 + m.m3 * m.b) * c2 - (m.m2 * m.d2 + m.m3 * m.d) * s2) + sag_n_m
+    Sx1, Sy1 = m.m1 * m.X1 + (m.m2 + m.m3) * m.XA, m.m1 * m.Y1 + (m.m2 + m.m3) * m.YA
+    ground_d = (m.g * (Sx1 * c1 - Sy1 * s1) + tipping) / (m.L * c1)
+    ground_c = (m.m1 + m.m2 + m.m3) * m.g - ground_d
+    stop = settings.recuperator_pressure_pa * m.recuperator_area - m.m3 * m.g * s2
+    return Rest(ground_c, ground_d, -tipping, stop)
+
+
+def check_statics(m: Mechanism, settings: TwinSettings) -> list[Fault]:
+    """Return why the mechanism cannot rest in battery, if it cannot."""
+    rest = rest_in_battery(m, settings)
+    faults = []
+    if rest.ground_c_n <= 0 or rest.ground_d_n <= 0:
+        problem = f"the mechanism tips over at rest: {rest.ground_c_n:.0f} N on C and {rest.ground_d_n:.0f} N on D"
+        faults.append(Fault("mechanism.L", problem))
+    if rest.stop_n <= 0:
+        problem = f"does not hold the recoiling part in battery: {-rest.stop_n:.0f} N are missing"
+        faults.append(Fault("twin.recuperator_pressure_pa", problem))
+    return faults
+
+
+def loads_of(m: Mechanism, s: TwinSettings, friction_n: float, rest: Rest) -> Callable[..., Loads]:
+    """Return a function from a state to its loads.
+
+    Parameters
+    ----------
+    m : Mechanism
+    s : TwinSettings
+    friction_n : float
+        Packing friction while it slides.
+    rest : Rest
+
+    Returns
+    -------
+    callable
+        Of ``xi, eta, beta, x, dxi, deta, w1, dbeta, dx``, the packing's bristle, m, and cosine and sine of phi1.
+    """
+    L, tanh, sin_phi10 = m.L, math.tanh, math.sin(m.phi10)
+    rest_c, rest_d, rest_moment, rest_stop = rest.ground_c_n, rest.ground_d_n, rest.elevating_moment_n_m, rest.stop_n
+    throttle = 0.5 * s.oil_density_kg_m3 * (m.brake_area / s.discharge) ** 2
+    slip = friction_n / s.packing_stiffness_n_m
+    gas, volume, area_r = s.recuperator_pressure_pa, s.recuperator_volume_m3, m.recuperator_area
+    k_ground, c_ground = s.ground_stiffness_n_m, s.ground_damping_n_s_m
+
+    def loads(
+        xi: float, eta: float, beta: float, x: float, dxi: float, deta: float, w1: float, dbeta: float, dx: float,
+        bristle: float, c1: float, s1: float,
+    ) -> Loads:  # fmt: skip
+        opening = 1.0 - x / s.stroke_m
+        orifice = s.leak_m2 + (s.orifice_m2 * math.sqrt(opening) if opening > 0.0 else 0.0)
+        p_brake = throttle * (dx / orifice) ** 2 if dx > 0.0 else 0.0
+        p_gas = gas * (volume / (volume - area_r * x)) ** s.polytropic
+        packing = s.packing_stiffness_n_m * min(max(bristle, -slip), slip)
+        contact = max(0.0, rest_stop - s.stop_stiffness_n_m * x - s.stop_damping_n_s_m * dx)
+        if dx < 0.0:
+            contact += s.counter_recoil_n_s2_m2 * dx * dx
+        R = m.brake_area * p_brake + area_r * p_gas + packing - contact
+        M_C = rest_moment + s.elevating_stiffness_n_m_rad * beta + s.elevating_damping_n_m_s_rad * dbeta
+        N_x = k_ground * xi + c_ground * dxi
+        N_y = -max(0.0, rest_c - k_ground * eta - c_ground * deta)
+        N_d = -max(0.0, rest_d - k_ground * (eta + L * (s1 - sin_phi10)) - c_ground * (deta + L * c1 * w1))
+        N_f = -m.f * N_d * tanh((dxi - L * s1 * w1) / s.ground_slip_m_s)
+        # the packing is dragged along until it slides
+        drag = 0.0 if (bristle >= slip and dx > 0.0) or (bristle <= -slip and dx < 0.0) else dx
+        return Loads(R, M_C, N_x, N_y, N_d, N_f, (p_brake, p_gas, packing, contact, M_C, N_x, N_y, N_d, N_f), drag)
+
+    return loads

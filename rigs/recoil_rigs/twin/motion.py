@@ -1,0 +1,267 @@
+"""The true motion of the virtual rig: integration of its equations of motion through one shot.
+
+A part of the recoiling mass may let go while it moves: it leaves with the velocity that it has, so that the
+rest goes on with its own. The part is taken to have its centre of mass where the recoiling part has it, and no
+moment of inertia worth mentioning: centre of mass and moment of inertia of the rest stay what they were.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_rigs.flexible_tube import FlexibleTube, sag, uniform_tube
+from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.twin.equations import Equations, rigid_equations
+from recoil_rigs.twin.loads import Rest, State, check_statics, rest_in_battery
+from recoil_rigs.twin.settings import TwinSettings
+from recoil_rigs.twin.tube_equations import tube_equations
+
+Array = NDArray[np.float64]
+
+_LARGEST_STEP_S = 25e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """True states and loads at the instants of the reference clock, shape (n,) each.
+
+    Attributes
+    ----------
+    times_s : ndarray
+        Uniform, from 0; rest before.
+    q, qd, qdd : ndarray, shape (n, 5)
+        State, rate and acceleration in the order of `recoil_rigs.mechanism`.
+    breech_pressure_pa, brake_pressure_pa, recuperator_pressure_pa : ndarray
+    friction_n : ndarray
+        Packing friction, positive against recoil.
+    contact_n : ndarray
+        What the stop, and the throttling of the counter-recoil, push rearward.
+    elevating_moment_n_m, ground_x_n, ground_y_n, ground_d_n, ground_friction_n : ndarray
+        Loads in the signs of `recoil_rigs.mechanism.generalized_forces`.
+    t_fire_s, t_end_s : float
+        First rise of the breech force; end of recoil travel, NaN if it lies behind the record.
+    released_kg, t_release_s : float
+        What lets go of the recoiling mass, and when; 0 and NaN if nothing does.
+    modal, modal_rate, modal_acceleration : ndarray, shape (n, n_modes)
+        Of the flexible tube, m, m/s and m/s^2; without columns if it is rigid.
+    """
+
+    times_s: Array
+    q: Array
+    qd: Array
+    qdd: Array
+    breech_pressure_pa: Array
+    brake_pressure_pa: Array
+    recuperator_pressure_pa: Array
+    friction_n: Array
+    contact_n: Array
+    elevating_moment_n_m: Array
+    ground_x_n: Array
+    ground_y_n: Array
+    ground_d_n: Array
+    ground_friction_n: Array
+    t_fire_s: float
+    t_end_s: float
+    released_kg: float = 0.0
+    t_release_s: float = math.nan
+    modal: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    modal_rate: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    modal_acceleration: Array = field(default_factory=lambda: np.zeros((0, 0)))
+
+    def recoiling_mass_kg(self, mechanism: Mechanism) -> Array:
+        """Return the recoiling mass over time, shape (n,); what lets go at an instant is gone there."""
+        return np.where(self.times_s >= self.t_release_s, mechanism.m3 - self.released_kg, mechanism.m3)
+
+    def resistance_n(self, mechanism: Mechanism) -> Array:
+        """Return R_f with all its parts, shape (n,)."""
+        return (
+            mechanism.brake_area * self.brake_pressure_pa
+            + mechanism.recuperator_area * self.recuperator_pressure_pa
+            + self.friction_n
+            - self.contact_n
+        )
+
+
+def breech_pressure(times_s: Array, peak_pa: float, rise_s: float, decay_s: float) -> Array:
+    """Return a breech pressure that rises like ``1 - exp(-(t / rise)^3)`` and decays like ``exp(-t / decay)``.
+
+    Parameters
+    ----------
+    times_s : ndarray
+        From the first rise; zero before.
+    peak_pa : float
+        Its largest value.
+    rise_s, decay_s : float
+        Time constants.
+    """
+
+    def shape(t: Array) -> Array:
+        since = np.maximum(t, 0.0)
+        pulse: Array = -np.expm1(-((since / rise_s) ** 3)) * np.exp(-since / decay_s)
+        return pulse
+
+    highest = float(shape(np.linspace(0.0, 5.0 * (rise_s + decay_s), 50_001)).max())
+    return peak_pa / highest * shape(times_s)
+
+
+def _trial(y: State, along: State, rates: State, step: float, n: int) -> State:
+    """Return ``y`` moved by a step along the velocities of another state and given accelerations."""
+    place = [p + step * v for p, v in zip(y[:n], along[n : 2 * n], strict=True)]
+    speed = [v + step * a for v, a in zip(y[n:], rates, strict=True)]
+    return (*place, *speed)
+
+
+def _step(evaluate: Equations, y: State, k1: State, forces: tuple[float, float], step: float, slip: float) -> State:
+    """Return the state a step later, by the classical Runge-Kutta method.
+
+    Parameters
+    ----------
+    evaluate : callable
+    y, k1 : tuple
+        State and its accelerations at the start.
+    forces : (float, float)
+        Breech force in the middle of the step and at its end.
+    step : float
+    slip : float
+        Largest deflection of the packing's bristle, m.
+    """
+    n = len(y) // 2
+    y2 = _trial(y, y, k1, 0.5 * step, n)
+    k2, _ = evaluate(y2, forces[0])
+    y3 = _trial(y, y2, k2, 0.5 * step, n)
+    k3, _ = evaluate(y3, forces[0])
+    y4 = _trial(y, y3, k3, step, n)
+    k4, _ = evaluate(y4, forces[1])
+    sixth = step / 6.0
+    velocities = zip(y[:n], y[n : 2 * n], y2[n : 2 * n], y3[n : 2 * n], y4[n : 2 * n], strict=True)
+    place = [p + sixth * (a + 2 * (b + c) + d) for p, a, b, c, d in velocities]
+    speed = [v + sixth * (a + 2 * (b + c) + d) for v, a, b, c, d in zip(y[n:], k1, k2, k3, k4, strict=True)]
+    return (*place, *speed[:n], min(max(speed[n], -slip), slip))
+
+
+def tube_of(mechanism: Mechanism, settings: TwinSettings) -> FlexibleTube | None:
+    """Return the flexible tube of a virtual rig; None if it is rigid."""
+    if not settings.tube_modes:
+        return None
+    return uniform_tube(
+        settings.tube_length_m,
+        settings.tube_mass_kg,
+        settings.tube_bending_stiffness_n_m2,
+        settings.tube_modes,
+        settings.tube_damping,
+        settings.tube_root_m,
+        mechanism.e,
+    )
+
+
+def _equations(
+    mechanism: Mechanism, tube: FlexibleTube | None, settings: TwinSettings, friction_n: float, rest: Rest
+) -> Equations:
+    if tube is None:
+        return rigid_equations(mechanism, settings, friction_n, rest)
+    return tube_equations(mechanism, tube, settings, friction_n, rest)
+
+
+def simulate_motion(
+    mechanism: Mechanism, settings: TwinSettings, *, peak_pressure_pa: float, friction_n: float
+) -> Motion:
+    """Integrate the equations of motion through one shot by the classical Runge-Kutta method.
+
+    The step in which a part of the mass lets go is taken in two: up to that instant, and from it.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        With the true recoiling mass, before anything lets go.
+    settings : TwinSettings
+    peak_pressure_pa : float
+        Of this shot.
+    friction_n : float
+        True packing friction.
+
+    Raises
+    ------
+    ValueError
+        If the mechanism cannot rest in battery (see `check_statics`), ``friction_n`` is negative, or all of
+        the recoiling mass would let go.
+    """
+    if check_statics(mechanism, settings):
+        raise ValueError("the mechanism cannot rest in battery")
+    if not friction_n >= 0:
+        raise ValueError(f"friction_n must not be negative, found {friction_n!r}")
+    released = settings.released_mass_kg
+    if not released < mechanism.m3:
+        raise ValueError(f"released_mass_kg must be less than m3 = {mechanism.m3!r}, found {released!r}")
+    substeps = math.ceil(1.0 / (settings.sample_rate_hz * _LARGEST_STEP_S) - 1e-9)
+    rate_hz = settings.sample_rate_hz * substeps
+    step = 1.0 / rate_hz
+    count = round(settings.duration_s * rate_hz)
+
+    def breech(since_start_s: Array) -> Array:
+        since = since_start_s - settings.pre_trigger_s
+        return breech_pressure(since, peak_pressure_pa, settings.rise_s, settings.decay_s)
+
+    pressure = breech(np.arange(2 * count) / (2.0 * rate_hz))
+    forces = (mechanism.bore_area * pressure).tolist()
+    tube = tube_of(mechanism, settings)
+    hangs, sag_n_m = (np.zeros(0), 0.0) if tube is None else sag(mechanism, tube)
+    rest = rest_in_battery(mechanism, settings, sag_n_m)
+    evaluate = _equations(mechanism, tube, settings, friction_n, rest)
+    lighter = dataclasses.replace(mechanism, m3=mechanism.m3 - released)
+    without = _equations(lighter, tube, settings, friction_n, rest)
+    slip = friction_n / settings.packing_stiffness_n_m
+    t_release, last_whole, share = _release(settings, rate_hz)
+
+    n = 5 + hangs.size
+    y: State = (*(0.0,) * 5, *hangs.tolist(), *(0.0,) * (n + 1))
+    states, changes, loads = [], [], []
+    for i in range(count):
+        if i > last_whole:
+            evaluate = without
+        k1, load = evaluate(y, forces[2 * i])
+        states.append(y)
+        changes.append(k1)
+        loads.append(load)
+        if forces[2 * i + 1] == 0.0:
+            continue  # rest is an equilibrium: nothing moves before the shot
+        if i == last_whole and share:
+            before, after = share * step, (1.0 - share) * step
+            instants = np.array([t_release - 0.5 * before, t_release, t_release + 0.5 * after, (i + 1) * step])
+            middle, end, next_middle, next_end = (mechanism.bore_area * breech(instants)).tolist()
+            y = _step(evaluate, y, k1, (middle, end), before, slip)
+            y = _step(without, y, without(y, end)[0], (next_middle, next_end), after, slip)
+        else:
+            y = _step(evaluate, y, k1, (forces[2 * i + 1], forces[min(2 * i + 2, 2 * count - 1)]), step, slip)
+    q = np.array(states)
+    qd, qdd = q[:, n : n + 5], np.array(changes)
+    ended = np.flatnonzero((qd[:-1, 4] > 0) & (qd[1:, 4] <= 0) & (q[:-1, 4] > 1e-3))
+    end = math.nan
+    if ended.size:
+        last = int(ended[0])
+        end = (last + qd[last, 4] / (qd[last, 4] - qd[last + 1, 4])) / rate_hz
+    times = np.arange(count) / rate_hz
+    p_brake, p_gas, packing, contact, M_C, N_x, N_y, N_d, N_f = np.array(loads).T
+    return Motion(
+        times, q[:, :5], qd, qdd[:, :5], pressure[::2], p_brake, p_gas, packing, contact, M_C, N_x, N_y,
+        N_d, N_f, t_fire_s=settings.pre_trigger_s, t_end_s=float(end), released_kg=released, t_release_s=t_release,
+        modal=q[:, 5:n], modal_rate=q[:, n + 5 : 2 * n], modal_acceleration=qdd[:, 5:n],
+    )  # fmt: skip
+
+
+def _release(settings: TwinSettings, rate_hz: float) -> tuple[float, float, float]:
+    """Return when a part lets go, the last step that begins with the whole mass, and the share of it with it.
+
+    The share is 0 where the step ends at the instant; NaN, infinity and 0 if nothing lets go.
+    """
+    if not settings.released_mass_kg:
+        return math.nan, math.inf, 0.0
+    place = (settings.pre_trigger_s + settings.release_after_s) * rate_hz
+    nearest = round(place)
+    if abs(place - nearest) < 1e-6:
+        return nearest / rate_hz, nearest - 1, 0.0
+    return place / rate_hz, math.floor(place), place - math.floor(place)

@@ -1,0 +1,267 @@
+"""The bytes of a virtual serial sensor over a whole play: shots as their captures hold them, quiet frames between."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Literal
+
+import numpy as np
+
+from recoil_acquisition.frames.capture_file import parse_capture
+from recoil_acquisition.frames.checksum import CHECKSUMS
+from recoil_rigs.rig import Source
+from recoil_rigs.twin import TwinShot
+from recoil_rigs.twin.faults import ClockStep
+from recoil_rigs.twin.timeline import DeviceClock, Timeline
+
+_QUIET_BEFORE_S = 5e-3
+_SIZES = {"u8": 1, "u16": 2, "u24": 3, "u32": 4}
+
+
+@dataclass(frozen=True, slots=True)
+class SerialItem:
+    """What the sensor says at once.
+
+    Attributes
+    ----------
+    at_s : float
+        When the last byte has come over the line, on the play's clock.
+    data : bytes
+    whole : bool
+        Whether it is a good frame; else bytes between frames.
+    """
+
+    at_s: float
+    data: bytes
+    whole: bool
+
+
+@dataclass(frozen=True)
+class _Place:
+    """A whole number in a frame, which wraps at a modulus."""
+
+    at: int
+    size: int
+    modulo: int
+
+
+@dataclass(frozen=True)
+class SensorFrame:
+    """How the virtual sensor lays out its frames: the part of the rig's framing that it speaks.
+
+    Attributes
+    ----------
+    sync : bytes
+    length : int
+    order : {"little", "big"}
+    counter, clock : _Place or None
+    tick_s : float
+        Of the sensor's clock.
+    check : tuple or None
+        Checksum's name, first byte covered, size and byte order.
+    """
+
+    sync: bytes
+    length: int
+    order: Literal["little", "big"]
+    counter: _Place | None
+    clock: _Place | None
+    tick_s: float
+    check: tuple[str, int, int, Literal["little", "big"]] | None
+
+    @classmethod
+    def of(cls, framing: Mapping[str, Any]) -> SensorFrame:
+        """Take the layout from a framing of fixed length that the twin could simulate."""
+        fields = {field["name"]: field for field in framing["fields"]}
+
+        def place(key: str) -> _Place | None:
+            if key not in framing:
+                return None
+            field = fields[framing[key]["field"]]
+            return _Place(int(field["at"]), _SIZES[field["type"]], int(framing[key]["modulo"]))
+
+        check = framing.get("checksum")
+        return cls(
+            sync=bytes.fromhex(framing["sync"]),
+            length=int(framing["length"]["fixed"]),
+            order=framing.get("endian", "little"),
+            counter=place("counter"),
+            clock=place("device_time"),
+            tick_s=float(framing.get("device_time", {}).get("tick_s", 1.0)),
+            check=None
+            if check is None
+            else (check["algo"], int(check.get("from", 0)), int(check["size"]), check.get("order", "little")),
+        )
+
+    def is_whole(self, frame: bytes) -> bool:
+        """Tell whether bytes are a good frame."""
+        if len(frame) != self.length or not frame.startswith(self.sync):
+            return False
+        return self.check is None or self._closed(frame) == frame
+
+    def get(self, frame: bytes, place: _Place) -> int:
+        """Return a whole number of a frame."""
+        return int.from_bytes(frame[place.at : place.at + place.size], self.order)
+
+    def put(self, frame: bytes, place: _Place | None, value: int) -> bytes:
+        """Return a frame with another number in it, its checksum not yet right."""
+        if place is None:
+            return frame
+        octets = (value % place.modulo).to_bytes(place.size, self.order)
+        return frame[: place.at] + octets + frame[place.at + place.size :]
+
+    def _closed(self, frame: bytes) -> bytes:
+        if self.check is None:
+            return frame
+        name, start, size, order = self.check
+        body = frame[:-size]
+        return body + CHECKSUMS[name].of(body[start:]).to_bytes(size, order)
+
+    def stamped(self, frame: bytes, count: int, ticks: int) -> bytes:
+        """Return a frame with another count and time, and the checksum of that."""
+        return self._closed(self.put(self.put(frame, self.counter, count), self.clock, ticks))
+
+    def split(self, stream: bytes) -> list[tuple[int, bytes, bool]]:
+        """Cut a stream into good frames and what lies between; each with the byte behind it."""
+        pieces: list[tuple[int, bytes, bool]] = []
+        done = at = 0
+        while (at := stream.find(self.sync, at)) >= 0:
+            frame = stream[at : at + self.length]
+            if not self.is_whole(frame):
+                at += 1
+                continue
+            if at > done:
+                pieces.append((at, stream[done:at], False))
+            at = done = at + self.length
+            pieces.append((at, frame, True))
+        if done < len(stream):
+            pieces.append((len(stream), stream[done:], False))
+        return pieces
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """Bytes of a capture: when they arrived and were sampled, and their frame's number; -1 between frames."""
+
+    arrived_s: float
+    sampled_s: float
+    data: bytes
+    number: int
+
+
+@dataclass(frozen=True)
+class _Recorded:
+    """One shot's capture on the play's clock."""
+
+    pieces: list[_Piece]
+    quiet: list[bytes]
+    period_s: float
+    drift: float
+    latency_s: float
+
+    @property
+    def first_s(self) -> float:
+        """When the first frame was sampled."""
+        return next(piece.sampled_s for piece in self.pieces if piece.number >= 0)
+
+    @property
+    def last_s(self) -> float:
+        """When the last frame was sampled."""
+        return next(piece.sampled_s for piece in reversed(self.pieces) if piece.number >= 0)
+
+
+def serial_items(
+    source: Source, shots: Sequence[TwinShot], timeline: Timeline, steps: Sequence[ClockStep], seed: int
+) -> Iterator[SerialItem]:
+    """Yield what a serial sensor says, in the order of its times.
+
+    Between shots it goes on at its own period with its quiet frames before the shot, drawn at random.
+    Counter and clock run through; bytes that the twin damaged stay damaged, and their count is missing.
+
+    Parameters
+    ----------
+    source : Source
+    shots : sequence of TwinShot
+    timeline : Timeline
+    steps : sequence of ClockStep
+        Of the sensor's clock.
+    seed : int
+    """
+    layout = SensorFrame.of(source.framing or {})
+    recorded = [
+        _recorded(layout, source, shot, start_s) for shot, start_s in zip(shots, timeline.starts_s, strict=True)
+    ]
+    clock = DeviceClock(timeline.boundaries_s(), [r.drift for r in recorded], steps)
+    rng = np.random.default_rng([seed, *source.name.encode()])
+    power_up = int(rng.integers(2**31))
+
+    def frame(data: bytes, number: int, sampled_s: float) -> bytes:
+        return layout.stamped(data, number, power_up + round(clock.at(sampled_s) / layout.tick_s))
+
+    def quiet_frame(part: _Recorded, number: int, sampled_s: float) -> SerialItem:
+        drawn = part.quiet[int(rng.integers(len(part.quiet)))]
+        return SerialItem(sampled_s + part.latency_s, frame(drawn, number, sampled_s), whole=True)
+
+    count, next_s = 0, 0.0
+    for part in recorded:
+        # to the nearest whole number of periods, but nothing before the play begins
+        missing = int((part.first_s - next_s) / part.period_s + (0.5 if next_s else 0.0))
+        for k in range(missing, 0, -1):
+            yield quiet_frame(part, count, part.first_s - k * part.period_s)
+            count += 1
+        base = count
+        for piece in part.pieces:
+            if piece.number < 0:
+                yield SerialItem(piece.arrived_s, piece.data, whole=False)
+                continue
+            data = frame(piece.data, base + piece.number, piece.sampled_s)
+            yield SerialItem(piece.arrived_s, data, whole=True)
+            count = base + piece.number + 1
+        next_s = part.last_s + part.period_s
+    while next_s < timeline.end_s:
+        yield quiet_frame(recorded[-1], count, next_s)
+        count += 1
+        next_s += recorded[-1].period_s
+
+
+def _recorded(layout: SensorFrame, source: Source, shot: TwinShot, start_s: float) -> _Recorded:
+    """Read a shot's capture and put its pieces on the play's clock."""
+    truth = shot.truth["sources"][source.name]
+    host = truth.get("host_clock", truth["clock"])
+    capture = parse_capture((shot.folder / truth["file"]).read_bytes())
+    cut = layout.split(capture.stream)
+    reads = np.searchsorted(capture.ends, [end for end, _, _ in cut], side="left")
+    read_s = capture.host_ns[np.minimum(reads, capture.host_ns.size - 1)] / 1e9
+    arrived_s = (start_s + (1.0 + host["drift"]) * read_s + host["offset_s"]).tolist()
+    latency_s = float(host.get("latency_s", 0.0))
+    numbers = iter(_numbers(layout, [data for _, data, whole in cut if whole]))
+    pieces = []
+    for at_s, (_, data, whole) in zip(arrived_s, cut, strict=True):
+        sampled_s = at_s - latency_s
+        if whole and layout.clock is not None:
+            ticks = (layout.get(data, layout.clock) - truth["ticks_at_zero"]) % layout.clock.modulo
+            device_s = ticks * layout.tick_s
+            sampled_s = start_s + (1.0 + truth["clock"]["drift"]) * device_s + truth["clock"]["offset_s"]
+        pieces.append(_Piece(at_s, sampled_s, data, next(numbers) if whole else -1))
+    frames = [piece for piece in pieces if piece.number >= 0]
+    until_s = start_s + shot.truth["t_fire"] - _QUIET_BEFORE_S
+    return _Recorded(
+        pieces,
+        [piece.data for piece in frames if piece.sampled_s < until_s] or [frames[0].data],
+        (frames[-1].sampled_s - frames[0].sampled_s) / (frames[-1].number - frames[0].number),
+        truth["clock"]["drift"],
+        latency_s,
+    )
+
+
+def _numbers(layout: SensorFrame, frames: list[bytes]) -> list[int]:
+    """Count the frames from 0 by their counter, so that a missing one leaves its number out."""
+    if layout.counter is None:
+        return list(range(len(frames)))
+    counts = [layout.get(frame, layout.counter) for frame in frames]
+    numbers = [0]
+    for before, after in pairwise(counts):
+        numbers.append(numbers[-1] + (after - before) % layout.counter.modulo)
+    return numbers

@@ -1,0 +1,313 @@
+"""The recorders of the virtual rig: each samples the sensors on its own clock and gives its file's bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.errors import Fault
+from recoil_acquisition.quantity import SI_UNITS, find_unit
+from recoil_rigs.assemble import range_si
+from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.rig import ChannelSpec, Rig, Source
+from recoil_rigs.rig_tables import SHOT_PLACE
+from recoil_rigs.twin.files import dewesoft_text, track_text
+from recoil_rigs.twin.instruments import chain, digitise, generator, mix, sample, truth
+from recoil_rigs.twin.motion import Motion
+from recoil_rigs.twin.settings import TwinSettings
+
+Array = NDArray[np.float64]
+
+MIDDLE_AFTER_STAMP = {"start": 0.5, "middle": 0.0, "end": -0.5}
+"""How far behind a frame's stamp the middle of its exposure is, in exposures."""
+
+
+@dataclass(frozen=True)
+class Clock:
+    """A clock: ``t_ref = (1 + drift) * t + offset_s``."""
+
+    offset_s: float = 0.0
+    drift: float = 0.0
+
+    def to_reference(self, times_s: Array) -> Array:
+        """Map instants of this clock to the reference clock."""
+        return (1.0 + self.drift) * times_s + self.offset_s
+
+    def from_reference(self, times_s: Array) -> Array:
+        """Map instants of the reference clock to this clock."""
+        return (times_s - self.offset_s) / (1.0 + self.drift)
+
+
+@dataclass(frozen=True)
+class SourceFile:
+    """What one source recorded.
+
+    Attributes
+    ----------
+    source : str
+    name : str
+        Of the file.
+    content : bytes
+    truth : mapping
+        What the file hides, JSON types only.
+    """
+
+    source: str
+    name: str
+    content: bytes
+    truth: Mapping[str, Any]
+
+
+@dataclass
+class Scene:
+    """One shot before the recorders: what all sensors feel, and the errors drawn so far.
+
+    Attributes
+    ----------
+    rig : Rig
+    settings : TwinSettings
+    mechanism : Mechanism
+        With the true recoiling mass.
+    motion : Motion
+    modes : ndarray, shape (n_modes, n)
+        Stress waves, see `recoil_rigs.twin.instruments.stress_waves`.
+    roles : mapping of str to str
+        Channel -> role whose quantity it measures.
+    seed : int
+    shot : str
+    gains, offsets : dict of str to float
+        Errors drawn, by channel; offsets in the unit of the file. Filled as channels are sampled.
+    """
+
+    rig: Rig
+    settings: TwinSettings
+    mechanism: Mechanism
+    motion: Motion
+    modes: Array
+    roles: Mapping[str, str]
+    seed: int
+    shot: str
+    gains: dict[str, float] = field(default_factory=dict)
+    offsets: dict[str, float] = field(default_factory=dict)
+
+    def clock(self, source: Source) -> Clock:
+        """Return a source's clock: drawn from the seed, or the reference itself."""
+        if source.name == self.rig.reference_clock:
+            return Clock()
+        rng = generator(self.seed, "clock", source.name)
+        offset, drift = rng.uniform(-1.0, 1.0, 2) * (self.settings.clock_offset_s, self.settings.clock_drift)
+        return Clock(float(offset), float(drift))
+
+    def instants(self, clock: Clock, rate_hz: float) -> Array:
+        """Return the instants n / rate of a clock up to the end of the record, on that clock."""
+        end = float(clock.from_reference(self.motion.times_s[-1:])[0])
+        return np.arange(int(np.floor(end * rate_hz + 1e-6)) + 1) / rate_hz
+
+    def samples(self, spec: ChannelSpec, at_s: Array) -> Array:
+        """Return what a channel's recorder stores at instants of the reference clock, in the file's unit."""
+        rng = generator(self.seed, "channel", spec.name)
+        role = self.roles[spec.name]
+        motion, times = self.motion, self.motion.times_s
+        at_s = at_s - self.settings.skew_s.get(spec.name, 0.0)
+        feels = truth(role, self.mechanism, motion, spec.sensor.position)
+        if role == "trigger":
+            stored = np.interp(at_s, times, feels)
+        else:
+            peak = self._ringing_peak(role, spec, feels)
+            if peak > 0:
+                feels = feels + mix(self.modes, peak, rng)
+            stored = sample(chain(feels, float(times[1]), spec.sensor), times, at_s, spec.sensor)
+        after_shot = at_s >= motion.t_fire_s
+        full_range = _range_in_file(spec)
+        stored = to_file(stored, spec)
+        if self.settings.hum > 0:
+            stored = np.asarray(stored + self._hum(spec, stored, at_s), dtype=np.float64)
+        shift = np.asarray(self._zero_shift(role) * after_shot, dtype=np.float64)
+        stored, errors = digitise(stored, full_range, spec.sensor.u_rel, self.settings, rng, shift)
+        self.gains[spec.name], self.offsets[spec.name] = errors.gain, errors.offset
+        return stored
+
+    def _zero_shift(self, role: str) -> float:
+        """Return by how much a sensor's zero shifts at the shot, share of full scale."""
+        if role == "recoil_acceleration":
+            return self.settings.zero_shift
+        if role.endswith(("_acceleration_x", "_acceleration_y")):
+            return self.settings.zero_shift * self.settings.ringing_carriage
+        return self.settings.zero_shift_pressure if role.endswith("_pressure") else 0.0
+
+    def _hum(self, spec: ChannelSpec, stored: Array, at_s: Array) -> Array:
+        """Return the mains' hum on a channel, in the file's unit; each channel catches it in a phase of its own."""
+        full_range = _range_in_file(spec)
+        full_scale = float(np.abs(stored if full_range is None else full_range).max())
+        phase = generator(self.seed, "hum", spec.name).uniform(0.0, 2 * np.pi)
+        return np.asarray(
+            self.settings.hum * full_scale * np.sin(2 * np.pi * self.settings.hum_hz * at_s + phase), dtype=np.float64
+        )
+
+    def _ringing_peak(self, role: str, spec: ChannelSpec, feels: Array) -> float:
+        """Return the peak of the stress waves on a channel, SI."""
+        s, m = self.settings, self.mechanism
+        on_recoil = s.ringing * m.bore_area * float(self.motion.breech_pressure_pa.max()) / m.m3
+        if role == "recoil_acceleration":
+            return on_recoil
+        if role.startswith("carriage_acceleration"):
+            return s.ringing_carriage * on_recoil
+        if role.endswith("_rate"):
+            return s.ringing_rate_s_m * on_recoil
+        if role.endswith("_pressure"):
+            high = float(np.abs(feels).max())
+            limits = range_si(spec)
+            if limits is not None:
+                high = max(abs(limits[0]), abs(limits[1]))
+            return 2 * s.ringing * s.ringing_pressure * high
+        return 0.0
+
+
+def file_unit(spec: ChannelSpec) -> str:
+    """Return the unit of a channel's numbers in its file, as the rig spells it."""
+    return spec.unit or SI_UNITS[spec.quantity]
+
+
+def _line(spec: ChannelSpec) -> tuple[float, float]:
+    """Return factor and offset of ``SI value = factor * number + offset``, the polarity included."""
+    unit = find_unit(file_unit(spec))
+    factor, offset = (1.0, 0.0) if unit is None else (unit.factor, unit.offset)
+    sensor = spec.sensor
+    if sensor.sensitivity is not None and unit is not None and "voltage" in unit.quantities:
+        # a charge amplifier's gain is in V per pC
+        volts = (
+            {"pC": 1.0, "mV": 1e-3, "V": 1.0}[sensor.sensitivity_unit or "V"] * sensor.sensitivity * sensor.amplifier
+        )
+        factor /= volts
+    return spec.polarity * factor, offset
+
+
+def to_file(values: Array, spec: ChannelSpec) -> Array:
+    """Convert SI values to the numbers of the channel's file: its unit, its polarity, its voltage chain."""
+    factor, offset = _line(spec)
+    return (values - offset) / factor
+
+
+def from_file(numbers: Array, spec: ChannelSpec) -> Array:
+    """Convert the numbers of the channel's file to SI values."""
+    factor, offset = _line(spec)
+    return factor * numbers + offset
+
+
+def _range_in_file(spec: ChannelSpec) -> tuple[float, float] | None:
+    """Return the sensor's range in the numbers of the file, the lower one first."""
+    limits = range_si(spec)
+    if limits is None:
+        return None
+    low, high = np.sort(to_file(np.array(limits), spec)).tolist()
+    return low, high
+
+
+def in_unit(numbers: Array, spec: ChannelSpec, unit_name: str) -> Array:
+    """Convert the numbers of a channel from the unit that the rig declares to the one that its message carries."""
+    unit = find_unit(unit_name) if unit_name else None
+    if unit is None or spec.sensor.sensitivity is not None:
+        return numbers
+    return spec.polarity * (from_file(numbers, spec) - unit.offset) / unit.factor
+
+
+def file_name(scene: Scene, source: Source, suffix: str, faults: list[Fault]) -> str:
+    """Return a name for a source's file that its ``match`` pattern, and no other source's, fits."""
+    name = f"{scene.shot}_{source.name}{suffix}"
+    if source.match and SHOT_PLACE in source.match:
+        name = source.match.replace(SHOT_PLACE, scene.shot).replace("*", "")
+    elif source.match and not (source.pattern and source.pattern.fullmatch(name)):
+        head, star, tail = source.match.partition("*")
+        name = head + (f"{scene.shot}_" if not head else f"_{scene.shot}") * bool(star) + tail.replace("*", "")
+        name += suffix if source.match.endswith("*") else ""
+    owners = [s.name for s in scene.rig.matching(name)]
+    if owners not in ([], [source.name]):
+        faults.append(Fault(f"source '{source.name}'.match", f"{name!r} would also match {', '.join(owners)}"))
+    elif source.match and not owners:
+        faults.append(Fault(f"source '{source.name}'.match", f"{source.match!r} gives no name; use only `*` in it"))
+    return name
+
+
+def dewetron_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile:
+    """Record the channels of a Dewetron recorder as a Dewesoft text export."""
+    clock = scene.clock(source)
+    times = scene.instants(clock, scene.settings.sample_rate_hz)
+    at = clock.to_reference(times)
+    specs = [c for c in scene.rig.channels if c.source == source.name]
+    columns = {f"{c.signal} ({file_unit(c)})": scene.samples(c, at) for c in specs}
+    content = dewesoft_text(times, columns, scene.settings.dewesoft_style)
+    return SourceFile(source.name, file_name(scene, source, ".csv", faults), content, clock_truth(clock))
+
+
+def clock_truth(clock: Clock, **more: float) -> dict[str, Any]:
+    """Return what the truth says of a clock."""
+    return {"clock": {"offset_s": clock.offset_s, "drift": clock.drift, **more}}
+
+
+def camera_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile:
+    """Record the tracks of a camera: the features of its channels, and one that is fixed on the tipping part.
+
+    Positions are relative to the tipping part, along the bore (rearward) and across it, as a tracker
+    reports them that takes its origin from a mark on the tipping part.
+    """
+    s = scene.settings
+    rng = generator(scene.seed, "camera", source.name)
+    clock = scene.clock(source)
+    rate = float(source.frame_rate or 0.0)
+    times = scene.instants(clock, rate)
+    at = clock.to_reference(times)
+    if source.exposure_s is not None:
+        # a moving mark's picture has its centre where the mark was in the middle of the exposure
+        at = at + MIDDLE_AFTER_STAMP[source.exposure_stamp or "start"] * source.exposure_s
+    count = len(times)
+    unit, positions = "mm", {}
+    for spec in (c for c in scene.rig.channels if c.source == source.name):
+        feature, dash, axis = spec.signal.rpartition(" - ")
+        if not dash or axis not in ("X", "Y"):
+            problem = f"{spec.signal!r} should end in ' - X' or ' - Y'; a virtual camera names its axes so"
+            faults.append(Fault(f"channel '{spec.name}'.signal", problem))
+            continue
+        unit = file_unit(spec)
+        gain = 1.0 + float(generator(scene.seed, "channel", spec.name).normal(0.0, spec.sensor.u_rel)) * s.gain_errors
+        place = np.zeros((count, 2))
+        place[:, "XY".index(axis)] = gain * sample(
+            truth(scene.roles[spec.name], scene.mechanism, scene.motion, (0.0, 0.0)), scene.motion.times_s, at
+        )
+        positions[feature] = _in_picture(place + rng.normal(0.0, 1.0, place.shape) * s.camera_noise_m, spec, source)
+        scene.gains[spec.name] = gain
+        fixed = np.array([-0.35, 0.12]) + rng.normal(0.0, 1.0, place.shape) * s.camera_noise_m
+        positions.setdefault("Feature #2", _in_picture(fixed, spec, source))
+    wanted = s.camera_lost + s.camera_missing + s.camera_repeated
+    if wanted > count - 4:
+        faults.append(Fault("twin.camera_lost", f"{wanted} faulty frames are too many for a film of {count}"))
+    if faults:
+        return SourceFile(source.name, "", b"", clock_truth(clock))
+    chosen = rng.choice(np.arange(2, count - 2), wanted, replace=False)
+    lost, missing, repeated = np.split(chosen, [s.camera_lost, s.camera_lost + s.camera_missing])
+    for place in positions.values():
+        place[repeated] = place[repeated - 1]
+    kept = np.setdiff1d(np.arange(count), missing)
+    # a camera that drops a picture without knowing it numbers the next one in its place
+    dropped = np.sort(generator(scene.seed, "dropped frames").choice(kept[2:-2], s.camera_dropped, replace=False))
+    seen = np.setdiff1d(kept, dropped)
+    numbers = seen - np.searchsorted(dropped, seen)
+    content = track_text(numbers, rate, {k: v[seen] for k, v in positions.items()}, np.isin(seen, lost), unit)
+    hidden = {
+        **clock_truth(clock),
+        "lost_frames": np.sort(lost).tolist(),
+        "missing_frames": np.sort(missing).tolist(),
+        "repeated_frames": np.sort(repeated).tolist(),
+        "dropped_frames": dropped.tolist(),
+    }
+    return SourceFile(source.name, file_name(scene, source, ".csv", faults), content, hidden)
+
+
+def _in_picture(place_m: Array, spec: ChannelSpec, source: Source) -> Array:
+    """Convert positions to the unit of the tracks: a length, or pixels of a declared scale."""
+    if file_unit(spec) == "px":
+        return spec.polarity * place_m * 1e3 / float(source.scale_mm_per_px or 1.0)
+    return to_file(place_m, spec)
