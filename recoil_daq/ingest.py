@@ -21,8 +21,8 @@ from recoil_acquisition.shot import InputFile, Shot
 from recoil_acquisition.shot_name import shot_name_fault
 from recoil_acquisition.store import write_shot
 from recoil_daq import __version__
-from recoil_identification.clocks import align_clocks
-from recoil_identification.quality.shot_quality import check_shot
+from recoil_processing.shot.clocks.shot_clocks import align_clocks
+from recoil_processing.shot.verdict.shot_quality import check_shot
 from recoil_rigs.assemble import assemble_channels, match_files
 from recoil_rigs.long_recording import cut_long_recordings
 from recoil_rigs.rig import Rig

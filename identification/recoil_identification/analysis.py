@@ -27,12 +27,10 @@ from recoil_identification.identified import (
     Options,
     Result,
 )
-from recoil_identification.mass import ScaleUncertainty, forward_mass, reverse_mass
+from recoil_identification.mass import forward_mass, reverse_mass
 from recoil_identification.method_result import method_result
 from recoil_identification.monte_carlo import propagate
-from recoil_identification.preparation import camera_scale, filmed, prepare
-from recoil_identification.regression import Regression
-from recoil_identification.sensor_scales import scale_uncertainty
+from recoil_identification.preparation import camera_scale, prepare
 from recoil_identification.skew import find_skew, skew_contribution
 from recoil_identification.stress_waves import find_stress_waves
 from recoil_identification.trace_window import trace_window
@@ -40,6 +38,9 @@ from recoil_identification.uncertainty import further_contributions
 from recoil_identification.verdict import notes_on, reasons_against
 from recoil_identification.zero_shift import ZeroShift, calibrated_with_zero_shift
 from recoil_processing.quality.repeatability import shot_peaks
+from recoil_processing.shot.filmed_motion import filmed
+from recoil_processing.shot.regression import Regression
+from recoil_processing.shot.sensor_scales import ScaleUncertainty, scale_uncertainty
 from recoil_rigs.assumptions import assumptions_of
 from recoil_rigs.rig import Rig
 

@@ -29,15 +29,7 @@ from numpy.typing import NDArray
 
 from recoil_identification.budget import BudgetRow
 from recoil_identification.calibrated_draws import CalibratedProblem
-from recoil_identification.mass import (
-    RANDOM,
-    MassEstimate,
-    ScaleUncertainty,
-    correlation_factor,
-    independent_rows,
-    reverse_mass,
-)
-from recoil_identification.regression import Regression, spaced_rows
+from recoil_identification.mass import RANDOM, MassEstimate, correlation_factor, independent_rows, reverse_mass
 from recoil_identification.sensor_observations import (
     BIAS,
     FRICTION_ERROR,
@@ -51,6 +43,8 @@ from recoil_identification.sensor_observations import (
     Observation,
     observations_of,
 )
+from recoil_processing.shot.regression import Regression, spaced_rows
+from recoil_processing.shot.sensor_scales import ScaleUncertainty
 
 Array = NDArray[np.float64]
 

@@ -7,11 +7,8 @@ from dataclasses import replace
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_identification.corrections import Corrections
-from recoil_identification.kinematics import Turning, kinematic_acceleration
-from recoil_identification.mass import ACCELERATION, MassEstimate, ScaleUncertainty, reverse_mass
-from recoil_identification.regression import Regression
+from recoil_identification.mass import ACCELERATION, MassEstimate, reverse_mass
 from recoil_identification.sensor_observations import CAMERA_SCALE
-from recoil_identification.signals import Signals
 from recoil_identification.uncertainty import (
     clock_contributions,
     cutoff_contribution,
@@ -19,6 +16,10 @@ from recoil_identification.uncertainty import (
     zero_contributions,
 )
 from recoil_processing.filters import LowPass
+from recoil_processing.shot.kinematics import Turning, kinematic_acceleration
+from recoil_processing.shot.regression import Regression
+from recoil_processing.shot.sensor_scales import ScaleUncertainty
+from recoil_processing.shot.signals import Signals
 from recoil_rigs.rig import Rig
 
 LARGEST_CUTOFF_HZ = 100.0

@@ -14,14 +14,14 @@ from recoil_identification.film_calibration import FilmCalibration
 from recoil_identification.film_verdict import notes_on_film, reasons_against_film
 from recoil_identification.filmed_recoil import FilmedRecoil
 from recoil_identification.filter_choice import FORCE_ROLES, LARGEST_SHARE_OF_RATE, FilterChoice
-from recoil_identification.forced_recoil import CARRIAGE_ROLES, ForcedRecoil, missing_forces
 from recoil_identification.identified import Identification, Options
 from recoil_identification.method_result import method_result
-from recoil_identification.regression import PRESSURE_ROLES, Regression
-from recoil_identification.signals import collect_signals
 from recoil_identification.stress_waves import find_stress_waves
 from recoil_identification.trace_window import trace_window
 from recoil_processing.filters import LowPass
+from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ROLES, ForcedRecoil, missing_forces
+from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
+from recoil_processing.shot.signals import collect_signals
 from recoil_rigs.assumptions import assumptions_of
 from recoil_rigs.rig import Rig
 

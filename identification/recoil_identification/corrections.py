@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_identification.mass import MassEstimate
-from recoil_identification.regression import Regression
+from recoil_processing.shot.regression import Regression
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from recoil_identification.budget import BudgetRow
 from recoil_identification.filmed_recoil import FilmedRecoil
-from recoil_identification.forced_recoil import SCALES
+from recoil_processing.shot.clocks.forced_recoil import SCALES
 
 
 def film_contributions(filmed: FilmedRecoil) -> tuple[float, tuple[BudgetRow, ...]]:

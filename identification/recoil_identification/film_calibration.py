@@ -15,18 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_identification.budget import BudgetRow
-from recoil_identification.estimators.double_impulse import DoubleImpulseMass
-from recoil_identification.mass import (
-    FRICTION,
-    GAUGES,
-    RANDOM,
-    MassEstimate,
-    ScaleUncertainty,
-    correlation_factor,
-    independent_rows,
-)
-from recoil_identification.regression import Regression, spaced_rows
+from recoil_identification.mass import FRICTION, GAUGES, RANDOM, MassEstimate, correlation_factor, independent_rows
 from recoil_identification.sensor_observations import CAMERA_SCALE, RELEASE
+from recoil_processing.shot.clocks.double_impulse import DoubleImpulseMass
+from recoil_processing.shot.regression import Regression, spaced_rows
+from recoil_processing.shot.sensor_scales import ScaleUncertainty
 
 Array = NDArray[np.float64]
 

@@ -9,11 +9,11 @@ from recoil_acquisition.shot import Shot
 from recoil_identification.constancy.mass_constancy import MassConstancy
 from recoil_identification.film_calibration import FilmCalibration
 from recoil_identification.filmed_recoil import FilmedRecoil
-from recoil_identification.regression import Regression
 from recoil_identification.trace import MassTrace
 from recoil_identification.verdict import CERTAINLY_VARIES, doubted_sensors, reasons_against_record, varies
 from recoil_processing.alignment.align import INNOVATION_LIMITS, MOST_INFLATION, MOST_SET_ASIDE
 from recoil_processing.noise import noise_sigma
+from recoil_processing.shot.regression import Regression
 from recoil_rigs.rig import Rig
 
 UNCHECKED = (

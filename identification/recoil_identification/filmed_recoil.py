@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import ClockAlignment, Shot
-from recoil_identification.estimators.double_impulse import DoubleImpulseMass
-from recoil_identification.force_clocks import METHOD as BY_FORCE
-from recoil_identification.force_clocks import recoil_only
 from recoil_identification.force_errors import NamedErrors, force_errors
-from recoil_identification.forced_recoil import CARRIAGE_ROLES, RATE_ROLES, ForcedRecoil, require_forces
-from recoil_identification.kinematics import fused_motion, travel_and_velocity
-from recoil_identification.signals import Signals, at_instants
 from recoil_processing.motion.fusion import FusedMotion
+from recoil_processing.shot.clocks.double_impulse import DoubleImpulseMass
+from recoil_processing.shot.clocks.force_clocks import METHOD as BY_FORCE
+from recoil_processing.shot.clocks.force_clocks import recoil_only
+from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ROLES, RATE_ROLES, ForcedRecoil, require_forces
+from recoil_processing.shot.kinematics import fused_motion, travel_and_velocity
+from recoil_processing.shot.signals import Signals, at_instants
 from recoil_rigs.rig import Rig
 
 Array = NDArray[np.float64]

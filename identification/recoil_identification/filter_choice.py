@@ -15,8 +15,8 @@ from typing import Any, Literal
 import numpy as np
 
 from recoil_acquisition.shot import Shot
-from recoil_identification.regression import Regression
 from recoil_processing.filters import LowPass
+from recoil_processing.shot.regression import Regression
 from recoil_processing.spectra.campaign_cutoff import campaign_cutoff
 from recoil_processing.spectra.cutoff import CutoffChoice
 from recoil_processing.spectra.spectral_gap import ShotSpectrum, shot_spectrum

@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_identification.forced_recoil import CARRIAGE_ROLES, RATE_ROLES, ForcedRecoil
-from recoil_identification.kinematics import Turning, relative_to_tipping_part
-from recoil_identification.regression import AREAS, PRESSURE_ROLES
-from recoil_identification.signals import static_value
 from recoil_processing.motion.double_integral import integrate
+from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ROLES, RATE_ROLES, ForcedRecoil
+from recoil_processing.shot.kinematics import Turning, relative_to_tipping_part
+from recoil_processing.shot.regression import AREAS, PRESSURE_ROLES
+from recoil_processing.shot.signals import static_value
 
 Array = NDArray[np.float64]
 

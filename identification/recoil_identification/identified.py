@@ -21,8 +21,6 @@ from recoil_identification.filter_choice import FilterChoice
 from recoil_identification.mass import MassEstimate
 from recoil_identification.memory.window_length import WindowChoice
 from recoil_identification.monte_carlo import MonteCarlo
-from recoil_identification.regression import Regression
-from recoil_identification.signals import Signals
 from recoil_identification.skew import RecorderSkew
 from recoil_identification.stress_waves import StressWaves
 from recoil_identification.trace import MassTrace
@@ -30,6 +28,8 @@ from recoil_identification.zero_shift import ZeroShift
 from recoil_processing.filters import LowPass
 from recoil_processing.motion.fusion import FusedMotion
 from recoil_processing.quality.repeatability import ShotPeaks
+from recoil_processing.shot.regression import Regression
+from recoil_processing.shot.signals import Signals
 from recoil_processing.spectra.cutoff import CutoffChoice
 
 Array = NDArray[np.float64]

@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_identification.budget import BudgetRow, combined_u, coverage_factor, effective_degrees_of_freedom
-from recoil_identification.regression import PRESSURE_ROLES, Regression, spaced_rows
+from recoil_processing.shot.regression import PRESSURE_ROLES, Regression, spaced_rows
+from recoil_processing.shot.sensor_scales import ScaleUncertainty
 
 Array = NDArray[np.float64]
 
@@ -79,25 +80,6 @@ class MassEstimate:
         """95 % coverage interval."""
         half = self.coverage_factor * self.u_kg
         return self.mass_kg - half, self.mass_kg + half
-
-
-@dataclass(frozen=True)
-class ScaleUncertainty:
-    """Standard uncertainties of what the scale of the mass hangs on.
-
-    Attributes
-    ----------
-    acceleration : float
-        Of the accelerometer's sensitivity, relative.
-    gauges : tuple of float
-        Of breech, brake and recuperator force, gauge and area together, relative.
-    friction_n : float
-        Of the packing friction, N: absolute, because a friction that is declared as zero may have one.
-    """
-
-    acceleration: float
-    gauges: tuple[float, float, float]
-    friction_n: float
 
 
 def forward_mass(regression: Regression, scales: ScaleUncertainty) -> MassEstimate:

@@ -8,9 +8,9 @@ from typing import Literal
 from recoil_identification.corrections import Corrections
 from recoil_identification.identified import Result
 from recoil_identification.mass import RANDOM, MassEstimate
-from recoil_identification.regression import Regression
 from recoil_identification.rpe import relative_percentage_error, rpe_interval
 from recoil_identification.trace import LARGEST_RELATIVE_U, mass_trace
+from recoil_processing.shot.regression import Regression
 from recoil_rigs.rig import Rig
 
 CORRECTED = ("calibrated", "camera")

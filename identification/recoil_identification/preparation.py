@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -12,7 +11,11 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import ClockAlignment, Shot
-from recoil_identification.kinematics import (
+from recoil_identification.sensor_observations import CameraScale
+from recoil_identification.skew import without_skew
+from recoil_processing.motion.fusion import FusedMotion
+from recoil_processing.shot.filmed_motion import motion_fit
+from recoil_processing.shot.kinematics import (
     Turning,
     fused_motion,
     inertial_acceleration,
@@ -20,15 +23,8 @@ from recoil_identification.kinematics import (
     travel_and_velocity,
     turning,
 )
-from recoil_identification.regression import Regression, build_regression
-from recoil_identification.sensor_observations import CameraScale
-from recoil_identification.signals import Signals, at_instants, collect_signals, static_value
-from recoil_identification.skew import without_skew
-from recoil_identification.zero_shift import Filmed
-from recoil_processing.alignment.motion_alignment import INFLATIONS
-from recoil_processing.motion.double_integral import DoubleIntegral
-from recoil_processing.motion.fusion import FusedMotion
-from recoil_processing.motion.scale_and_zero import filmed_motion
+from recoil_processing.shot.regression import Regression, build_regression
+from recoil_processing.shot.signals import Signals, at_instants, collect_signals, static_value
 from recoil_rigs.rig import MotionAlignment, RedundantAlignment, Rig
 
 Array = NDArray[np.float64]
@@ -160,43 +156,10 @@ def _aligned_by_it(clock: str, shot: Shot, rig: Rig) -> bool:
 
 def camera_scale(camera: Channel | None, alignment: ClockAlignment | None) -> CameraScale | None:
     """Return what the camera says of the accelerometer; None unless it was aligned by motion without doubt."""
-    if camera is None or alignment is None or alignment.status != "ok" or not alignment.details:
-        return None
-    d = alignment.details
-    if "u_bias_m_s2" not in d:
+    d = motion_fit(alignment)
+    if camera is None or d is None:
         return None
     constant = float(d["integration_constants"][2])
     return CameraScale.of_constant(
         d["gain"], d["u_gain"], constant, d["u_bias_m_s2"], d["gain_bias_correlation"], camera.u_rel
     )
-
-
-def filmed(
-    signals: Signals, acceleration_m_s2: Array, camera: Channel | None, alignment: ClockAlignment | None
-) -> Filmed | None:
-    """Return the motion as camera and accelerometers recorded it; None where `camera_scale` has none.
-
-    Parameters
-    ----------
-    signals : Signals
-    acceleration_m_s2 : ndarray, shape (n,)
-        Second derivative of the travel by the accelerometers, on the grid.
-    camera : Channel or None
-        Displacement, without the delay of its chain.
-    alignment : ClockAlignment or None
-    """
-    if camera is None or alignment is None or camera_scale(camera, alignment) is None or not alignment.details:
-        return None
-    d = alignment.details
-    integral = DoubleIntegral.of(acceleration_m_s2, signals.start_s, signals.step_s)
-    motion = filmed_motion(
-        alignment.to_reference(camera.time_base.times_s),
-        camera.measured,
-        integral,
-        gain=d["gain"],
-        marker_sigma_m=d["marker_sigma_m"],
-        u_offset_s=alignment.u_offset_s,
-        u_bias_m_s2=math.inf,  # the silence has its say where the mass is found
-    )
-    quietest = d["acceleration_density"] / d["noise_inflation"]
-    return Filmed(motion, tuple(quietest * inflation for inflation in INFLATIONS), camera.u_rel)

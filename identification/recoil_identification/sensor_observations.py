@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_identification.mass import ACCELERATION, FRICTION, GAUGES, ScaleUncertainty
+from recoil_identification.mass import ACCELERATION, FRICTION, GAUGES
+from recoil_processing.shot.sensor_scales import ScaleUncertainty
 
 Array = NDArray[np.float64]
 

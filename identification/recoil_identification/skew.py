@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from recoil_identification.budget import BudgetRow
 from recoil_identification.calibration import Calibration
-from recoil_identification.regression import Regression
 from recoil_identification.uncertainty import corrected_mass
 from recoil_processing.alignment.channel_skew import COVERAGE, measure_skew
+from recoil_processing.shot.regression import Regression
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from recoil_acquisition.shot import Shot
 from recoil_identification.filter_choice import FilterChoice
-from recoil_identification.signals import Signals
+from recoil_processing.shot.signals import Signals
 from recoil_processing.spectra.cutoff import CutoffChoice, refusal
 from recoil_processing.stress_waves.stress_wave import StressWaveReport, strip_stress_waves
 

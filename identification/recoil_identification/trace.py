@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from recoil_identification.mass import correlation_factor
 from recoil_identification.memory.limited_memory import limited_memory_least_squares
-from recoil_identification.regression import Regression, spaced_rows
+from recoil_processing.shot.regression import Regression, spaced_rows
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_identification.memory.window_length import WindowChoice, choose_window
-from recoil_identification.regression import Regression
+from recoil_processing.shot.regression import Regression
 
 Array = NDArray[np.float64]
 

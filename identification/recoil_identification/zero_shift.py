@@ -19,11 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_identification.calibration import LARGEST_SIGNIFICANCE, Calibration, calibrated_mass
-from recoil_identification.mass import ScaleUncertainty
-from recoil_identification.regression import Regression
 from recoil_identification.sensor_observations import CAMERA_SCALE, CAMERA_SHIFT, CameraScale
 from recoil_processing.filters import LowPass
-from recoil_processing.motion.scale_and_zero import FilmedMotion, ScaleAndZero
+from recoil_processing.motion.scale_and_zero import ScaleAndZero
+from recoil_processing.shot.filmed_motion import Filmed
+from recoil_processing.shot.regression import Regression
+from recoil_processing.shot.sensor_scales import ScaleUncertainty
 
 Array = NDArray[np.float64]
 
@@ -101,30 +102,10 @@ def shift_columns(regression: Regression) -> Array:
     return np.column_stack([step, kick, *decays])
 
 
-@dataclass(frozen=True, eq=False)
-class Filmed:
-    """What a camera adds to the decision.
-
-    Attributes
-    ----------
-    motion : FilmedMotion
-        On the grid of the regression.
-    densities : tuple of float
-        Of the accelerometer's noise that are tried, (m/s^2)^2/Hz, two-sided.
-    u_rel : float
-        Relative standard uncertainty of the camera's own scale.
-    """
-
-    motion: FilmedMotion
-    densities: tuple[float, ...]
-    u_rel: float
-
-    def scale(self, found: ScaleAndZero, shape: Shape) -> CameraScale:
-        """Return what a solution for a shape says of the accelerometer."""
-        kick = shape.index(_KICK) if _KICK in shape else None
-        return CameraScale(
-            found.gain, np.append(found.bias_m_s2, found.shifts_m_s2), found.covariance, self.u_rel, kick
-        )
+def _scale(camera: Filmed, found: ScaleAndZero, shape: Shape) -> CameraScale:
+    """Return what a solution for a shape says of the accelerometer."""
+    kick = shape.index(_KICK) if _KICK in shape else None
+    return CameraScale(found.gain, np.append(found.bias_m_s2, found.shifts_m_s2), found.covariance, camera.u_rel, kick)
 
 
 def calibrated_with_zero_shift(
@@ -183,7 +164,7 @@ def calibrated_with_zero_shift(
             seen = {}
 
     def fitted(shape: Shape, noise_m_s2: float | None = None) -> Calibration:
-        told = filmed.scale(seen[shape], shape) if filmed is not None and seen else None
+        told = _scale(filmed, seen[shape], shape) if filmed is not None and seen else None
         regression = replace(plain, shifts=filtered[:, shape])
         return calibrated_mass(regression, scales, u_bias_m_s2, told, noise_m_s2=noise_m_s2)
 

@@ -10,7 +10,7 @@ import pytest
 from recoil_acquisition.readers.reader import Recording
 from recoil_acquisition.shot import Shot
 from recoil_daq.ingest import reader_of
-from recoil_identification.clocks import align_clocks
+from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_rigs.assemble import assemble_channels, match_files
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin import simulate_shot

@@ -13,7 +13,6 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import pytest
 
-from recoil_identification.estimators.double_impulse import DoubleImpulseMass, double_impulse_mass
 from recoil_identification.estimators.endogeneity import durbin_wu_hausman
 from recoil_identification.estimators.errors_in_variables import (
     bias_compensated_mass,
@@ -26,6 +25,7 @@ from recoil_identification.estimators.joint_smoother import JointMass, joint_mas
 from recoil_identification.estimators.prewhitening import prewhitened_mass
 from recoil_identification.estimators.weak_form import weak_displacement_mass, weak_mass
 from recoil_processing.motion.double_integral import DoubleIntegral
+from recoil_processing.shot.clocks.double_impulse import DoubleImpulseMass, double_impulse_mass
 from tests.builders.recoil_scenario import (
     ACCELERATION_NOISE,
     AMPLITUDE_SPREAD,

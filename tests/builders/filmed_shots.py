@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_acquisition.timebase import TimeBase
-from recoil_identification.kinematics import travel_acceleration, turning
-from recoil_identification.signals import collect_signals
 from recoil_processing.alignment.align import judge_motion
 from recoil_processing.alignment.motion_alignment import align_motion
 from recoil_processing.alignment.motion_fit import MotionFit
+from recoil_processing.shot.kinematics import travel_acceleration, turning
+from recoil_processing.shot.signals import collect_signals
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin import draw_scene
 from recoil_rigs.twin.instruments import generator, sample

@@ -9,8 +9,8 @@ import pytest
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_identification.analysis import METHODS, Identification, Options, identify_shot, scale_uncertainty
-from recoil_identification.clocks import align_clocks
 from recoil_identification.preparation import camera_scale
+from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_rigs.rig import Rig, parse_rig
 from tests.builders.bench_shots import MASS_KG, bench_motion, bench_rig, bench_shot
 from tests.builders.virtual_shots import VirtualShot, identified, virtual_shot, with_channels, without_channels

@@ -12,9 +12,9 @@ import pytest
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_identification.analysis import Identification, Options, identify_shot
-from recoil_identification.clocks import align_clocks
 from recoil_identification.filmed_recoil import FilmedRecoil
-from recoil_identification.signals import collect_signals
+from recoil_processing.shot.clocks.shot_clocks import align_clocks
+from recoil_processing.shot.signals import collect_signals
 from recoil_rigs.rig import Rig
 from tests.builders.filmed_rigs import filmed_shot
 from tests.builders.virtual_shots import virtual_shot, with_channels, without_channels

@@ -7,7 +7,7 @@ import pytest
 
 from recoil_identification.film_calibration import FilmCalibration
 from recoil_identification.mass import MassEstimate
-from recoil_identification.regression import Regression
+from recoil_processing.shot.regression import Regression
 from tests.builders.bench_shots import MASS_KG, bench_regression
 
 GAUGES = np.array([0.01, -0.02, 0.03])

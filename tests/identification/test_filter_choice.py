@@ -15,7 +15,7 @@ from recoil_identification.filter_choice import (
     force_spectra,
     mass_filter,
 )
-from recoil_identification.regression import Regression
+from recoil_processing.shot.regression import Regression
 from recoil_processing.spectra.cutoff import refusal
 from tests.builders.bench_shots import bench_regression, bench_shot
 

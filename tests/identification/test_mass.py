@@ -18,13 +18,13 @@ from recoil_identification.mass import (
     GAUGES,
     RANDOM,
     MassEstimate,
-    ScaleUncertainty,
     correlation_factor,
     forward_mass,
     reverse_mass,
 )
-from recoil_identification.regression import Regression
 from recoil_processing.filters import LowPass
+from recoil_processing.shot.regression import Regression
+from recoil_processing.shot.sensor_scales import ScaleUncertainty
 from tests.builders.bench_shots import (
     MASS_KG,
     assembled_bench_shot,

@@ -15,8 +15,8 @@ from scipy.signal import butter, sosfilt
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import ClockAlignment, QualityCheck, Shot
 from recoil_identification.analysis import Options, identify_shot
-from recoil_identification.clocks import align_clocks
-from recoil_identification.quality.shot_quality import check_shot
+from recoil_processing.shot.clocks.shot_clocks import align_clocks
+from recoil_processing.shot.verdict.shot_quality import check_shot
 from recoil_rigs.rig import Rig, parse_rig
 from tests.builders.virtual_shots import virtual_shot, with_channels, without_channels
 

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from recoil_identification.mass import ScaleUncertainty
-from recoil_identification.regression import Regression
 from recoil_identification.zero_shift import MARGIN, ZeroShift, calibrated_with_zero_shift
 from recoil_processing.filters import LowPass
+from recoil_processing.shot.regression import Regression
+from recoil_processing.shot.sensor_scales import ScaleUncertainty
 from tests.builders.bench_shots import MASS_KG, bench_regression
 
 SCALES = ScaleUncertainty(0.005, (0.005, 0.004, 0.004), 150.0)

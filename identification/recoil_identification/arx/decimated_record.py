@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_identification.regression import AREAS, PRESSURE_ROLES, Regression
-from recoil_identification.signals import Signals
 from recoil_processing.filters import LowPass, filter_alike
 from recoil_processing.gaps import bridge
+from recoil_processing.shot.regression import AREAS, PRESSURE_ROLES, Regression
+from recoil_processing.shot.signals import Signals
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -31,9 +31,10 @@ from recoil_identification.constancy.recursive_residuals import (
     recursive_residuals,
 )
 from recoil_identification.corrections import Corrections
-from recoil_identification.mass import LEAST_ROWS, ScaleUncertainty
-from recoil_identification.regression import Regression, spaced_rows
+from recoil_identification.mass import LEAST_ROWS
 from recoil_processing.filters import filter_alike
+from recoil_processing.shot.regression import Regression, spaced_rows
+from recoil_processing.shot.sensor_scales import ScaleUncertainty
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

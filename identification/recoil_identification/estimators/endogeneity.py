@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_identification.estimators.autoregressive_noise import long_run_variance, runs
 from recoil_identification.estimators.errors_in_variables import instrumental_mass
+from recoil_processing.shot.clocks.autoregressive_noise import long_run_variance, runs
 
 Array = NDArray[np.float64]
 

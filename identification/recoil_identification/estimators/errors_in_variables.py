@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_identification.estimators.autoregressive_noise import long_run_variance, runs
 from recoil_identification.estimators.prewhitening import LEAST_ROWS
+from recoil_processing.shot.clocks.autoregressive_noise import long_run_variance, runs
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -23,18 +23,19 @@ from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_identification.budget import BudgetRow
-from recoil_identification.estimators.double_impulse import double_impulse_mass
 from recoil_identification.estimators.errors_in_variables import deming_mass
-from recoil_identification.estimators.estimator_inputs import EstimatorInputs
 from recoil_identification.estimators.joint_recoil import Knowledge, Recoil
 from recoil_identification.estimators.joint_smoother import joint_mass
 from recoil_identification.estimators.prewhitening import prewhitened_mass
 from recoil_identification.estimators.weak_form import HALF_WIDTH_S, WeakMass, weak_mass
-from recoil_identification.mass import ACCELERATION, FRICTION, GAUGES, RANDOM, MassEstimate, ScaleUncertainty
-from recoil_identification.regression import Regression, spaced_rows
+from recoil_identification.mass import ACCELERATION, FRICTION, GAUGES, RANDOM, MassEstimate
 from recoil_identification.sensor_observations import CAMERA_SCALE, RELEASE
-from recoil_identification.signals import Signals
 from recoil_processing.gaps import bridge
+from recoil_processing.shot.clocks.double_impulse import double_impulse_mass
+from recoil_processing.shot.clocks.estimator_inputs import EstimatorInputs
+from recoil_processing.shot.regression import Regression, spaced_rows
+from recoil_processing.shot.sensor_scales import ScaleUncertainty
+from recoil_processing.shot.signals import Signals
 from recoil_rigs.rig import Rig
 
 Array = NDArray[np.float64]

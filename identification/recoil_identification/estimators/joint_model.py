@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_identification.estimators.autoregressive_noise import AutoregressiveNoise, runs
-from recoil_identification.estimators.double_impulse import INFLATIONS, LEAST_DENSITY, LEAST_MARKER_M, LIKELIER
-from recoil_identification.estimators.film import Film
 from recoil_identification.estimators.joint_recoil import Knowledge, NoiseLevels, Recoil
 from recoil_processing.motion.double_integral import DoubleIntegral
+from recoil_processing.shot.clocks.autoregressive_noise import AutoregressiveNoise, runs
+from recoil_processing.shot.clocks.double_impulse import INFLATIONS, LEAST_DENSITY, LEAST_MARKER_M, LIKELIER
+from recoil_processing.shot.clocks.film import Film
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_identification.estimators.autoregressive_noise import AutoregressiveNoise
+from recoil_processing.shot.clocks.autoregressive_noise import AutoregressiveNoise
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

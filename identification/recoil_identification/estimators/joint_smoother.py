@@ -26,8 +26,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_identification.estimators.autoregressive_noise import MOST_ORDER, fit_noise
-from recoil_identification.estimators.double_impulse import LEAST_MARKER_M
 from recoil_identification.estimators.joint_model import (
     GAIN,
     MASS,
@@ -43,6 +41,8 @@ from recoil_identification.estimators.joint_recoil import Knowledge, NoiseLevels
 from recoil_identification.estimators.prewhitening import prewhitened_mass
 from recoil_processing.motion.walk_smoother import WalkSmoother
 from recoil_processing.noise import noise_sigma
+from recoil_processing.shot.clocks.autoregressive_noise import MOST_ORDER, fit_noise
+from recoil_processing.shot.clocks.double_impulse import LEAST_MARKER_M
 
 Array = NDArray[np.float64]
 

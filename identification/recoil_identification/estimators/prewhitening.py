@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_identification.estimators.autoregressive_noise import (
+from recoil_processing.shot.clocks.autoregressive_noise import (
     MOST_ORDER,
     AutoregressiveNoise,
     few_samples_factor,

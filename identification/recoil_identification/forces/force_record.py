@@ -17,12 +17,12 @@ from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_identification.forces.measured_force import U_FREE_CLOCK_S, FilmedTravel, MeasuredForce
-from recoil_identification.kinematics import inertial_acceleration, travel_acceleration, turning
-from recoil_identification.onset import find_onset
-from recoil_identification.signals import Signals, at_instants, collect_signals, static_value
 from recoil_processing.filters import LowPass
 from recoil_processing.gaps import bridge
 from recoil_processing.noise import noise_sigma
+from recoil_processing.shot.kinematics import inertial_acceleration, travel_acceleration, turning
+from recoil_processing.shot.onset import find_onset
+from recoil_processing.shot.signals import Signals, at_instants, collect_signals, static_value
 from recoil_processing.stress_waves.ringing import Mode
 from recoil_processing.stress_waves.stress_wave import strip_stress_waves
 from recoil_rigs.rig import Rig

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.shot import Shot
-from recoil_identification.channel_repair import mend_samples
 from recoil_identification.preparation import Prepared
-from recoil_identification.signals import at_instants, on_grid
+from recoil_processing.shot.channel_repair import mend_samples
+from recoil_processing.shot.signals import at_instants, on_grid
 from recoil_rigs.mechanism_regressor import EQUATIONS, LOADS, Geometry, load_directions
 from recoil_rigs.rig import Rig
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_identification.parameters.sensor_errors import SensorError
-from recoil_identification.regression import FORCES
+from recoil_processing.shot.regression import FORCES
 from recoil_rigs.mechanism_regressor import LOADS, Geometry, load_directions, regressor
 
 Array = NDArray[np.float64]

@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.shot import Shot
-from recoil_identification.instants import anti_alias_filter
 from recoil_identification.parameters.load_cells import LOAD_CELLS
 from recoil_identification.parameters.mechanism_rows import MechanismRows
 from recoil_identification.parameters.sensor_errors import sensor_errors
 from recoil_identification.preparation import Prepared
-from recoil_identification.regression import FORCES, PRESSURE_ROLES, Regression
 from recoil_processing.alignment.motion_alignment import integrate
 from recoil_processing.filters import LowPass, filter_alike
 from recoil_processing.filters.analog_filter import AnalogLowPass
 from recoil_processing.gaps import bridge
+from recoil_processing.shot.instants import anti_alias_filter
+from recoil_processing.shot.regression import FORCES, PRESSURE_ROLES, Regression
 from recoil_rigs.mechanism_regressor import Geometry
 from recoil_rigs.rig import Rig
 

@@ -12,10 +12,10 @@ from recoil_acquisition.shot import ClockAlignment
 from recoil_identification.analysis import Identification
 from recoil_identification.budget import COVERAGE_FACTOR
 from recoil_identification.method_result import CORRECTED
-from recoil_identification.regression import FORCES
 from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Span, Trace
-from recoil_identification.signals import Signals, on_grid
 from recoil_processing.filters import LowPass
+from recoil_processing.shot.regression import FORCES
+from recoil_processing.shot.signals import Signals, on_grid
 
 Array = NDArray[np.float64]
 TIME = "time on the reference clock, s"

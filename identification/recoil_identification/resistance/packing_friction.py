@@ -12,9 +12,10 @@ import math
 from dataclasses import dataclass, replace
 
 from recoil_identification.calibration import Calibration, calibrated_mass
-from recoil_identification.mass import FRICTION, ScaleUncertainty
-from recoil_identification.regression import Regression
+from recoil_identification.mass import FRICTION
 from recoil_identification.sensor_observations import CameraScale
+from recoil_processing.shot.regression import Regression
+from recoil_processing.shot.sensor_scales import ScaleUncertainty
 
 WIDE = 10.0
 """Standard uncertainty of a declaration that tells nothing, over the largest force that may be friction."""

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_identification.analysis import Identification
-from recoil_identification.mass import ScaleUncertainty
 from recoil_identification.resistance.packing_friction import Friction
 from recoil_identification.resistance.resistance_fit import FittedBrake, FittedGas
 from recoil_identification.resistance.resistance_record import ResistanceRecord
+from recoil_processing.shot.sensor_scales import ScaleUncertainty
 from recoil_rigs.mechanism import Mechanism
 
 Array = NDArray[np.float64]

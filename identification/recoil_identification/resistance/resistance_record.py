@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import Shot
 from recoil_identification.analysis import Identification
-from recoil_identification.mass import ScaleUncertainty
 from recoil_identification.preparation import Prepared
-from recoil_identification.regression import AREAS, PRESSURE_ROLES
 from recoil_identification.resistance.resistance_law import block_means
 from recoil_identification.resistance.shot_balance import Terms
 from recoil_processing.filters import LowPass
 from recoil_processing.gaps import bridge
+from recoil_processing.shot.regression import AREAS, PRESSURE_ROLES
+from recoil_processing.shot.sensor_scales import ScaleUncertainty
 from recoil_rigs.assemble import range_si
 from recoil_rigs.rig import Rig
 

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_identification.instants import anti_alias_filter
 from recoil_identification.preparation import Prepared
-from recoil_identification.regression import AREAS, PRESSURE_ROLES
 from recoil_identification.supports.mechanism_loads import MeasuredMotion
 from recoil_processing.filters import LowPass, filter_alike
 from recoil_processing.filters.analog_filter import AnalogLowPass
+from recoil_processing.shot.instants import anti_alias_filter
+from recoil_processing.shot.regression import AREAS, PRESSURE_ROLES
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.rig import Rig
 

@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.shot import Shot
-from recoil_identification.instants import delay_of
-from recoil_identification.regression import PRESSURE_ROLES
-from recoil_identification.signals import Signals
 from recoil_identification.supports.carriage_record import MOTION_ROLES, CarriageRecord
 from recoil_identification.supports.restoring_force import RestoringFit, fit_restoring_force, rows_of
 from recoil_identification.supports.support_filter import Band
 from recoil_identification.supports.supports import PARAMETERS, Assumptions, supports_of
+from recoil_processing.shot.instants import delay_of
+from recoil_processing.shot.regression import PRESSURE_ROLES
+from recoil_processing.shot.signals import Signals
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.rig import Rig
 

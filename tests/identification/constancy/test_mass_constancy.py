@@ -11,9 +11,9 @@ import pytest
 from recoil_acquisition.errors import IdentificationError
 from recoil_identification.calibration import calibrated_mass
 from recoil_identification.constancy.mass_constancy import MassConstancy, constancy_of, mass_constancy, sensor_columns
-from recoil_identification.mass import ScaleUncertainty
-from recoil_identification.regression import Regression
 from recoil_processing.filters import LowPass
+from recoil_processing.shot.regression import Regression
+from recoil_processing.shot.sensor_scales import ScaleUncertainty
 from tests.builders.bench_shots import MASS_KG, bench_regression
 
 SCALES = ScaleUncertainty(0.005, (0.005, 0.004, 0.004), 150.0)

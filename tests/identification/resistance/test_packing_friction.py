@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from recoil_identification.calibration import calibrated_mass
-from recoil_identification.mass import ScaleUncertainty
-from recoil_identification.regression import Regression, spaced_rows
 from recoil_identification.resistance.packing_friction import Friction, packing_friction
 from recoil_processing.filters import LowPass
+from recoil_processing.shot.regression import Regression, spaced_rows
+from recoil_processing.shot.sensor_scales import ScaleUncertainty
 from tests.builders.bench_shots import MASS_KG, bench_regression
 
 

@@ -1,1 +1,0 @@
-"""Whether a shot can be used: the checks wired to its channels."""

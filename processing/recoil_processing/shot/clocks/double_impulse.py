@@ -1,0 +1,245 @@
+"""The mass by the camera alone: its displacement against the double integral of the force.
+
+From the release on the travel is
+
+    x(t) = D_F(t) / m + D_K(t) + x0 + v0 t + c t^2 / 2 + tau x'(t) + w(t) + n,
+
+with D_F and D_K the double integrals of the force and of the acceleration that is no force over mass (gravity, the
+carriage's motion), tau what is left of the clocks' offset, c a zero of the motion's other sensors, n the marker's white
+noise and w the walk that the force's noise integrates to. No acceleration is measured: stress waves and zero shifts
+of accelerometers do not matter. It is generalized least squares: a Kalman filter of the walk makes the rows
+independent (`recoil_processing.alignment.velocity_walk`). At rest before the release all that is unknown is x0.
+
+Noise levels are those that make the positions likeliest; the walk has at least the force's noise of the silence.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.errors import IdentificationError
+from recoil_processing.motion.double_integral import DoubleIntegral
+from recoil_processing.noise import noise_sigma
+from recoil_processing.shot.clocks.film import Film
+from recoil_processing.shot.clocks.impulse_fit import LEAST_MARKER_M, LIKELIER, START, ImpulseFit
+
+__all__ = ["INFLATIONS", "LEAST_DENSITY", "LEAST_MARKER_M", "LIKELIER", "DoubleImpulseMass", "double_impulse_mass"]
+
+Array = NDArray[np.float64]
+
+INFLATIONS = (1.0, 4.0, 16.0, 64.0, 256.0, 1024.0, 4096.0)
+"""Of the walk's density over that of the force's noise: what the model leaves out walks too."""
+LEAST_DENSITY = 1e-9
+"""Of the walk, (m/s^2)^2/Hz: a force without noise has some."""
+_SHIFT, _VELOCITY, _ZERO, _ERRORS = range(2, 6)
+"""Columns behind the force's double integral and x0: tau, v0, c, and the force's errors."""
+
+
+@dataclass(frozen=True, eq=False)
+class DoubleImpulseMass:
+    """Mass by displacement and force.
+
+    Attributes
+    ----------
+    mass_kg, u_kg : float
+        And its standard uncertainty by the random errors of camera and force.
+    u_shift_kg, u_zero_kg : float
+        By what was known of the clocks' offset and of the zero beforehand.
+    start_m : float
+        x0.
+    velocity_m_s, zero_m_s2, shift_s : float
+        v0, c and tau; 0 where they were held.
+    marker_sigma_m : float
+        Standard deviation of the marker's noise.
+    density : float
+        Of the walk, (m/s^2)^2/Hz, two-sided.
+    inflation : float
+        Of the density over that of the force's noise.
+    residuals : ndarray, shape (n,)
+        Of the independent rows, over the marker's noise.
+    answers_kg : ndarray, shape (n_probes,)
+        By how much the mass is too large if the force is by one of the probes.
+    scale_answer_kg : float
+        By how much per relative error of the displacement's scale.
+    frames, set_aside : int
+    u_shift_s : float
+        Standard uncertainty of `shift_s`, with what was known of it; 0 where it was held.
+    force_errors : ndarray, shape (n_errors,)
+        Of the force, as the film and what was known of them say.
+    force_error_covariance : ndarray, shape (n_errors, n_errors)
+    force_answers_kg : ndarray, shape (n_errors,)
+        By how much the mass is too large if the force is by one standard uncertainty of each.
+    """
+
+    mass_kg: float
+    u_kg: float
+    u_shift_kg: float
+    u_zero_kg: float
+    start_m: float
+    velocity_m_s: float
+    zero_m_s2: float
+    shift_s: float
+    marker_sigma_m: float
+    density: float
+    inflation: float
+    residuals: Array
+    answers_kg: Array
+    scale_answer_kg: float
+    frames: int
+    set_aside: int
+    u_shift_s: float
+    force_errors: Array
+    force_error_covariance: Array
+    force_answers_kg: Array
+
+
+def double_impulse_mass(
+    frame_times_s: Array,
+    displacement_m: Array,
+    start_s: float,
+    step_s: float,
+    force_n: Array,
+    other_m_s2: Array | None = None,
+    *,
+    release_s: float,
+    end_s: float = math.inf,
+    rough_mass_kg: float,
+    force_sigma_n: float = 0.0,
+    u_shift_s: float = 0.0,
+    u_velocity_m_s: float = 0.0,
+    u_zero_m_s2: float = 0.0,
+    levels: tuple[float, float] | None = None,
+    least_levels: tuple[float, float] = (LEAST_MARKER_M, LEAST_DENSITY),
+    probes_n: Array | None = None,
+    force_errors_n: Array | None = None,
+    u_force_errors: Array | None = None,
+) -> DoubleImpulseMass:
+    """Estimate the mass by generalized least squares of the displacement on the force's double integral.
+
+    Parameters
+    ----------
+    frame_times_s, displacement_m : ndarray, shape (n_frames,)
+        On the force's clock, strictly increasing; lost frames NaN.
+    start_s, step_s : float
+        Time base of the force.
+    force_n : ndarray, shape (n,)
+        Finite, zero before the release.
+    other_m_s2 : ndarray, shape (n,), optional
+        The displacement's acceleration that is no force over mass, zero before the release.
+    release_s : float
+        From when on the part is free.
+    end_s : float
+        Up to when frames are used.
+    rough_mass_kg : float
+        To a few percent.
+    force_sigma_n : float
+        White noise of the force per sample.
+    u_shift_s, u_velocity_m_s, u_zero_m_s2 : float
+        Standard uncertainties of tau, v0 and c, which are zero to this; 0 to hold them, infinite to free them.
+    levels : (float, float), optional
+        Marker's noise in m and the walk's density, if they are known; otherwise the likeliest.
+    least_levels : (float, float)
+        What they are never taken to be better than.
+    probes_n : ndarray, shape (n, n_probes), optional
+        Errors that the force may have, finite, zero before the release.
+    force_errors_n : ndarray, shape (n, n_errors), optional
+        The same, each by one unit, that are unknowns: what a shot sees in different mixtures it tells apart.
+    u_force_errors : ndarray, shape (n_errors,), optional
+        Standard uncertainties of these, which are zero to this.
+
+    Raises
+    ------
+    ValueError
+        If shapes do not fit, a series is not finite, or an uncertainty is negative.
+    IdentificationError
+        If too few frames saw the motion, or force and displacement have nothing in common.
+    """
+    other = np.zeros_like(force_n) if other_m_s2 is None else other_m_s2
+    if force_n.ndim != 1 or force_n.size < 2 or other.shape != force_n.shape:
+        raise ValueError(
+            f"two samples of the force and as many of the other are needed, not {force_n.shape}, {other.shape}"
+        )
+    if not (np.all(np.isfinite(force_n)) and np.all(np.isfinite(other))):
+        raise ValueError("force and acceleration must be finite; bridge lost samples first")
+    if not all(u >= 0 for u in (u_shift_s, u_velocity_m_s, u_zero_m_s2, force_sigma_n)):
+        raise ValueError("uncertainties must be zero or positive")
+    if not (math.isfinite(rough_mass_kg) and rough_mass_kg > 0):
+        raise ValueError(f"rough_mass_kg must be positive, not {rough_mass_kg}")
+    impulse = DoubleIntegral.of(force_n, start_s, step_s)
+    given = DoubleIntegral.of(other, start_s, step_s)
+    rough = DoubleIntegral.of(force_n / rough_mass_kg + other, start_s, step_s)
+    own_errors = np.zeros((force_n.size, 0)) if force_errors_n is None else force_errors_n
+    u_errors = np.zeros(0) if u_force_errors is None else u_force_errors
+    if own_errors.shape != (force_n.size, u_errors.size):
+        raise ValueError(f"{u_errors.size} uncertainties do not fit errors of shape {own_errors.shape}")
+    film = Film.of(frame_times_s, displacement_m, release_s, end_s, rough)
+    t = film.times_s
+    since = t - release_s
+    columns = [impulse.at(t)[0], np.ones_like(t), rough.at(t)[1], since, 0.5 * since**2]
+    columns += [-DoubleIntegral.of(e / rough_mass_kg, start_s, step_s).at(t)[0] for e in own_errors.T]
+    knowledge = [math.inf, math.inf, u_shift_s, u_velocity_m_s, u_zero_m_s2, *u_errors.tolist()]
+    # an error that moves nothing is none
+    free = [j for j, u in enumerate(knowledge) if u > 0 and (j < _ERRORS or np.any(columns[j]))]
+    target = film.positions_m - given.at(t)[0]
+    table = np.column_stack([*(columns[j] for j in free), target])
+    scale = np.sqrt((table[:, :-1] ** 2).sum(axis=0))
+    if not np.all(scale > 0):
+        raise IdentificationError(
+            "the force does not move the part while it is filmed",
+            expected="frames from the release on",
+            remedy="check the camera's alignment",
+        )
+    table[:, :-1] /= scale
+    priors = np.array([knowledge[j] for j in free]) * scale
+    least = max((force_sigma_n / rough_mass_kg) ** 2 * step_s, least_levels[1])
+    if levels is not None:
+        found = ImpulseFit.of(film, table, priors, *levels)
+    else:
+        sigma = max(noise_sigma(film.positions_m), least_levels[0])
+        densities = [inflation * least for inflation in INFLATIONS]
+        found = ImpulseFit.likeliest(film, table, priors, sigma, densities, least_levels[0])
+    values = dict(zip(free, (found.solution / scale).tolist(), strict=True))
+    inverse = values[0]
+    if not inverse > 0:
+        raise IdentificationError(
+            "force and displacement do not go together: no positive mass relates them",
+            found=f"an acceleration per force of {inverse:.3g} 1/kg",
+            remedy="check areas, units and polarities in the rig file",
+        )
+    mass = 1.0 / inverse
+    own = mass**2 / float(scale[0])
+    probes = np.zeros((force_n.size, 0)) if probes_n is None else probes_n
+    errors = [inverse * DoubleIntegral.of(probe, start_s, step_s).at(t)[0] for probe in probes.T]
+    answers = own * found.answers(film, np.column_stack([*errors, film.from_rest_m]))
+    by_prior = {j: own * float(weight) for j, weight in zip(free, found.by_priors, strict=True)}
+    told = [i for i, j in enumerate(free) if j >= _ERRORS]
+    at = [free[i] - _ERRORS for i in told]
+    unscaled = found.covariance / np.outer(scale, scale)
+    covariance = np.zeros((u_errors.size, u_errors.size))
+    covariance[np.ix_(at, at)] = unscaled[np.ix_(told, told)]
+    return DoubleImpulseMass(
+        mass_kg=mass,
+        u_kg=own * found.u_by_rows,
+        u_shift_kg=abs(by_prior.get(_SHIFT, 0.0)),
+        u_zero_kg=math.hypot(by_prior.get(_VELOCITY, 0.0), by_prior.get(_ZERO, 0.0)),
+        start_m=values[START],
+        velocity_m_s=values.get(_VELOCITY, 0.0),
+        zero_m_s2=values.get(_ZERO, 0.0),
+        shift_s=values.get(_SHIFT, 0.0),
+        marker_sigma_m=found.sigma,
+        density=found.density,
+        inflation=found.density / least,
+        residuals=found.residuals,
+        answers_kg=answers[:-1],
+        scale_answer_kg=float(answers[-1]),
+        frames=int(t.size),
+        set_aside=film.set_aside,
+        u_shift_s=math.sqrt(float(unscaled[free.index(_SHIFT), free.index(_SHIFT)])) if _SHIFT in free else 0.0,
+        force_errors=np.array([values.get(_ERRORS + j, 0.0) for j in range(u_errors.size)]),
+        force_error_covariance=covariance,
+        force_answers_kg=np.array([by_prior.get(_ERRORS + j, 0.0) for j in range(u_errors.size)]),
+    )

@@ -1,0 +1,178 @@
+"""What every estimator of a mass takes: both sides as recorded, the silence's noise, the force's possible errors."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.shot import Shot
+from recoil_processing.gaps import bridge
+from recoil_processing.shot.clocks.autoregressive_noise import MOST_ORDER, fit_noise
+from recoil_processing.shot.regression import AREAS, PRESSURE_ROLES, Regression
+from recoil_processing.shot.signals import Signals
+from recoil_rigs.rig import Rig
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+LEAD_S = 2e-3
+"""Before the onset: where autoregressive errors begin, and functions of finite reach."""
+LEAST_SILENCE = 64
+"""Samples to tell a noise from."""
+ORDER_S = 2.5e-3
+"""Reach of the autoregressive errors: fewer milliseconds do not part stress waves of one kilohertz from the motion."""
+QUIET_ORDER = 4
+"""Of the silence's autoregressive model: enough for a chain's filter."""
+
+
+@dataclass(frozen=True)
+class QuietNoise:
+    """Noise of the silence before the shot, per sample: as recorded, at low frequency, and behind the low-pass."""
+
+    force: float = 0.0
+    slow_acceleration: float = 0.0
+    slow_force: float = 0.0
+    filtered_acceleration: float = 0.0
+    filtered_force: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class ForceErrors:
+    """Errors that the force may have, each of one standard uncertainty or per unit.
+
+    Attributes
+    ----------
+    per_unit : ndarray, shape (n, 4)
+        Of each gauge per relative error, and of the friction per newton.
+    zeros, clocks : sequence of (str, ndarray)
+        Source and error of one standard uncertainty, shape (n,); two errors per clock, one in each direction.
+    """
+
+    per_unit: Array
+    zeros: tuple[tuple[str, Array], ...]
+    clocks: tuple[tuple[str, Array], ...]
+
+    @property
+    def table(self) -> Array:
+        """All of them in this order, shape (n, n_probes)."""
+        return np.column_stack([self.per_unit, *(error for _, error in (*self.zeros, *self.clocks))])
+
+
+@dataclass(frozen=True, eq=False)
+class EstimatorInputs:
+    """Both sides of one shot, and what every estimator takes of them.
+
+    Attributes
+    ----------
+    filtered, recorded : Regression
+    signals : Signals
+    shot : Shot
+    rig : Rig
+    """
+
+    filtered: Regression
+    recorded: Regression
+    signals: Signals
+    shot: Shot
+    rig: Rig
+
+    @cached_property
+    def used(self) -> Flags:
+        """Trusted samples from a little before the onset to the end of travel, shape (n,)."""
+        r = self.recorded
+        return r.trusted & (r.times_s >= r.interval_s[0] - LEAD_S) & (r.times_s <= r.interval_s[1])
+
+    @cached_property
+    def forces_n(self) -> Array:
+        """As recorded; lost samples bridged, which no estimator uses but to integrate; shape (n, 4)."""
+        return np.column_stack([bridge(column, otherwise=0.0) for column in self.recorded.forces_n.T])
+
+    @cached_property
+    def force_n(self) -> Array:
+        """F' as recorded, lost samples bridged, shape (n,)."""
+        return np.asarray(self.forces_n.sum(axis=1))
+
+    @cached_property
+    def acceleration_m_s2(self) -> Array:
+        """Acceleration a' as recorded, lost samples bridged, shape (n,)."""
+        return bridge(self.recorded.acceleration_m_s2, otherwise=0.0)
+
+    @cached_property
+    def silent(self) -> Flags:
+        """Samples of the silence before the shot, shape (n,)."""
+        times = self.recorded.times_s
+        return np.asarray((times >= self.signals.quiet_s[0]) & (times < self.signals.quiet_s[1]))
+
+    @cached_property
+    def held_force_n(self) -> Array:
+        """Sum of the gauges' forces, their noise also where the part is held and F' is zero by construction."""
+        force = np.zeros(self.recorded.times_s.size)
+        for role, area in zip(PRESSURE_ROLES, AREAS, strict=True):
+            force += bridge(self.signals.get(role), otherwise=0.0) * getattr(self.rig.mechanism, area)
+        return force
+
+    @cached_property
+    def slow_force_n(self) -> float:
+        """Noise of the force at low frequency, per sample; zero without a silence."""
+        if np.count_nonzero(self.silent) < LEAST_SILENCE:
+            return 0.0
+        force = self.held_force_n[self.silent]
+        return math.sqrt(fit_noise([force - force.mean()], QUIET_ORDER).slow_density)
+
+    @cached_property
+    def quiet(self) -> QuietNoise:
+        """Noise of the silence; without a silence it is zero, and nothing is claimed by it."""
+        silent = self.silent
+        if np.count_nonzero(silent) < LEAST_SILENCE:
+            return QuietNoise()
+        force = self.held_force_n
+        a, f = (side[silent] - side[silent].mean() for side in (self.acceleration_m_s2, force))
+        slow_acceleration = math.sqrt(fit_noise([a], QUIET_ORDER).slow_density)
+        low_pass, rate_hz = self.filtered.low_pass, self.recorded.rate_hz
+        behind = [side if low_pass is None else low_pass.apply(side, rate_hz) for side in (a, f)]
+        return QuietNoise(
+            float(f.std()), slow_acceleration, self.slow_force_n, float(behind[0].std()), float(behind[1].std())
+        )
+
+    @cached_property
+    def probes(self) -> ForceErrors:
+        """What may be wrong with the force as recorded."""
+        free, times = self.recorded.released, self.recorded.times_s
+        zeros, clocks = [], []
+        for role, area in zip(PRESSURE_ROLES, AREAS, strict=True):
+            u_pa = self.signals.offsets[role].u if role in self.signals.offsets else 0.0
+            if math.isfinite(u_pa) and u_pa > 0:
+                zeros.append((f"{role} zero", u_pa * getattr(self.rig.mechanism, area) * free))
+        on = {role: c.time_base.clock for role in PRESSURE_ROLES if (c := self.shot.by_role(role)) is not None}
+        for clock in sorted({*on.values()} - {self.shot.reference_clock}):
+            u_s = self.shot.alignment(clock).u_offset_s
+            if not math.isfinite(u_s):
+                continue
+            moved = self.forces_n[:, [on.get(role) == clock for role in PRESSURE_ROLES] + [False]].sum(axis=1)
+            clocks += [
+                (f"alignment of clock {clock}", (np.interp(times - by_s, times, moved) - moved) * free)
+                for by_s in (u_s, -u_s)
+            ]
+        per_unit = np.column_stack([self.forces_n[:, :3], self.recorded.sliding])
+        return ForceErrors(per_unit, tuple(zeros), tuple(clocks))
+
+    @property
+    def most_order(self) -> int:
+        """Order up to which autoregressive errors are tried."""
+        return max(MOST_ORDER, round(ORDER_S * self.recorded.rate_hz))
+
+    @property
+    def release_s(self) -> float:
+        """First instant at which the part is free."""
+        return float(self.recorded.times_s[int(np.argmax(self.recorded.released > 0))])
+
+    @property
+    def rough_kg(self) -> float:
+        """Mass by acceleration on force as recorded."""
+        f, a = self.force_n[self.used], self.acceleration_m_s2[self.used]
+        common = float(f @ a)
+        return float(f @ f) / common if common > 0 else self.rig.mechanism.m3

@@ -1,0 +1,232 @@
+"""The recoil as the gauges' forces drive it: what a camera sees of it, where no accelerometer rides along.
+
+The forces over a first mass, with what the carriage's sensors tell of the tipping part's own motion, give the
+acceleration that the camera's displacement is the double integral of. A camera is aligned by it, and the mass is
+what brings both in line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.shot import Shot
+from recoil_processing.motion.double_integral import integrate
+from recoil_processing.shot.clocks.double_impulse import DoubleImpulseMass, double_impulse_mass
+from recoil_processing.shot.clocks.estimator_inputs import EstimatorInputs
+from recoil_processing.shot.kinematics import Turning, relative_to_tipping_part, turning
+from recoil_processing.shot.regression import PRESSURE_ROLES, Regression, build_regression
+from recoil_processing.shot.sensor_scales import ScaleUncertainty, scale_uncertainty
+from recoil_processing.shot.signals import Signals
+from recoil_rigs.rig import Rig
+
+Array = NDArray[np.float64]
+
+CARRIAGE_ROLES = ("carriage_acceleration_x", "carriage_acceleration_y")
+"""A camera sees the recoil relative to the tipping part; these tell how that moves itself."""
+RATE_ROLES = ("carriage_rate", "tipping_rate")
+"""And these how it turns."""
+SCALES = 4
+"""Errors of the force that are scales: of three gauges and the friction, in this order."""
+PASSES = 3
+"""Of the motion and the end of travel that it gives itself: the friction turns with the velocity."""
+STRAIGHTNESS = 3e-4
+"""Share of the acceleration's peak that the forces are never taken to be better than: no gauge is straighter, nor is a
+rigid part that slides and strikes what it is written down as."""
+STRAIGHT_S = 1e-3
+"""For how long such an error stays the same."""
+LINEARITY = 1e-5
+"""Share of the travel that the frames are never taken to be better than: no lens is."""
+ROUGH_STEPS = 3
+"""Of the mass that the model is linearised at; each leaves some thousandths of what the one before did."""
+
+
+@dataclass(frozen=True, eq=False)
+class ForcedRecoil:
+    """A recoil by its forces.
+
+    Attributes
+    ----------
+    shot, rig : Shot, Rig
+    signals : Signals
+    motion : Turning
+    recorded : Regression
+        The forces; its acceleration is zero throughout, for none was measured.
+    mass_kg : float
+        Over which the forces are the acceleration.
+    acceleration_m_s2 : ndarray, shape (n,)
+        Second derivative of the travel, lost samples of the forces bridged.
+    """
+
+    shot: Shot
+    rig: Rig
+    signals: Signals
+    motion: Turning
+    recorded: Regression
+    mass_kg: float
+    acceleration_m_s2: Array
+
+    @classmethod
+    def of(
+        cls,
+        shot: Shot,
+        rig: Rig,
+        signals: Signals,
+        mass_kg: float | None = None,
+        velocity_m_s: Array | None = None,
+    ) -> ForcedRecoil:
+        """Let the forces drive the recoiling part.
+
+        Parameters
+        ----------
+        shot, rig, signals
+        mass_kg : float, optional
+            The specification mass if left out.
+        velocity_m_s : ndarray, shape (n,), optional
+            Of recoil, whose sign is that of the friction; the one that the forces give if left out.
+
+        Raises
+        ------
+        IdentificationError
+            If a pressure is missing, or the forces never drive the part to the rear.
+        """
+        require_forces(signals)
+        mass, motion = mass_kg or rig.mechanism.m3, turning(signals, rig)
+        # until it is known when the part turns back it is taken to recoil
+        velocity = np.ones(signals.times_s.size) if velocity_m_s is None else velocity_m_s
+        nothing = np.zeros(velocity.size)
+        for _ in range(PASSES):
+            recorded = build_regression(signals, rig.mechanism, nothing, velocity, 0.0)
+            inputs = EstimatorInputs(recorded, recorded, signals, shot, rig)
+            acceleration = relative_to_tipping_part(
+                inputs.force_n / mass, rig.mechanism, motion, signals.step_s, recorded.released
+            )
+            if velocity_m_s is not None:
+                break
+            velocity = integrate(acceleration, signals.step_s)
+        return cls(shot, rig, signals, motion, recorded, mass, acceleration)
+
+    @cached_property
+    def inputs(self) -> EstimatorInputs:
+        """The forces as the estimators take them."""
+        return EstimatorInputs(self.recorded, self.recorded, self.signals, self.shot, self.rig)
+
+    @cached_property
+    def scales(self) -> ScaleUncertainty:
+        """Of the gauges and the friction."""
+        return scale_uncertainty(self.rig)
+
+    @cached_property
+    def other_m_s2(self) -> Array:
+        """The travel's acceleration that is no force over mass, shape (n,): gravity, and the carriage's motion."""
+        return np.asarray(self.acceleration_m_s2 - self.inputs.force_n / self.mass_kg * (self.recorded.released > 0))
+
+    @cached_property
+    def least_levels(self) -> tuple[float, float]:
+        """Noise that frames and forces are never taken to be better than: m, and a density of (m/s^2)^2/Hz."""
+        inside = self.recorded.inside
+        peak = float(np.max(np.abs(self.acceleration_m_s2[inside])))
+        travel = float(np.ptp(integrate(integrate(self.acceleration_m_s2, self.signals.step_s), self.signals.step_s)))
+        return LINEARITY * travel, (STRAIGHTNESS * peak) ** 2 * STRAIGHT_S
+
+    def corrected(self, found: DoubleImpulseMass) -> ForcedRecoil:
+        """Take off the forces what a film found wrong with them, and drive the mass that it found.
+
+        Parameters
+        ----------
+        found : DoubleImpulseMass
+            Of `film_mass`.
+        """
+        r, errors = self.recorded, found.force_errors
+        forces = r.forces_n.copy()
+        forces[:, :3] /= 1.0 + errors[:3]
+        forces[:, 3] -= errors[3] * r.sliding
+        recorded = replace(r, forces_n=forces)
+        force = EstimatorInputs(recorded, recorded, self.signals, self.shot, self.rig).force_n
+        acceleration = relative_to_tipping_part(
+            force / found.mass_kg, self.rig.mechanism, self.motion, self.signals.step_s, r.released
+        )
+        return replace(self, recorded=recorded, mass_kg=found.mass_kg, acceleration_m_s2=acceleration)
+
+    def film_mass(
+        self,
+        frame_times_s: Array,
+        displacement_m: Array,
+        *,
+        u_shift_s: float,
+        further_n: Array | None = None,
+        levels: tuple[float, float] | None = None,
+    ) -> DoubleImpulseMass:
+        """Estimate the mass by a film, the gauges' scales and the friction being unknowns that are restricted.
+
+        Parameters
+        ----------
+        frame_times_s, displacement_m : ndarray, shape (n_frames,)
+            On the reference clock; lost frames NaN.
+        u_shift_s : float
+            What is known of these times beforehand; infinite for nothing.
+        further_n : ndarray, shape (n, n_errors), optional
+            Errors of the force beyond its scales, each of one standard uncertainty.
+        levels : (float, float), optional
+            As of `double_impulse_mass`.
+
+        Raises
+        ------
+        IdentificationError
+            If too few frames saw the motion, or force and displacement have nothing in common.
+        """
+        r, rough = self.recorded, self.mass_kg
+        errors = np.column_stack([self.inputs.forces_n[:, :3], r.sliding])
+        u = np.array([*self.scales.gauges, self.scales.friction_n])
+        if further_n is not None:
+            errors, u = np.column_stack([errors, further_n]), np.append(u, np.ones(further_n.shape[1]))
+        for _ in range(ROUGH_STEPS):
+            found = double_impulse_mass(
+                frame_times_s,
+                displacement_m,
+                float(r.times_s[0]),
+                r.step_s,
+                self.inputs.force_n,
+                self.other_m_s2,
+                release_s=self.inputs.release_s,
+                end_s=r.interval_s[1],
+                rough_mass_kg=rough,
+                force_sigma_n=self.inputs.slow_force_n,
+                u_shift_s=u_shift_s,
+                u_velocity_m_s=r.u_release_n_s / rough,
+                levels=levels,
+                least_levels=self.least_levels,
+                force_errors_n=errors,
+                u_force_errors=u,
+            )
+            rough = found.mass_kg
+        return found
+
+
+def require_forces(signals: Signals) -> None:
+    """Refuse signals that lack a force.
+
+    Raises
+    ------
+    IdentificationError
+        Naming every role that is missing.
+    """
+    missing = [
+        role for role in PRESSURE_ROLES if role not in signals.series or not np.isfinite(signals.series[role]).any()
+    ]
+    if missing:
+        raise missing_forces(missing)
+
+
+def missing_forces(roles: Sequence[str]) -> IdentificationError:
+    """Return what a shot without some of its forces is refused with."""
+    return IdentificationError(
+        f"no usable channel of role {', '.join(roles)}: without all forces a motion tells no mass",
+        expected="breech, brake and recuperator pressure, on clocks that could be aligned",
+        remedy="declare the roles in the rig file, or mend the alignment",
+    )

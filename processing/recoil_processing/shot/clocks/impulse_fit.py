@@ -1,0 +1,143 @@
+"""Generalized least squares of a film: rows made independent by a walk's Kalman filter, and what was known beforehand.
+
+The first unknown is 1/m, the second the position at rest; each further one may be restricted by its standard
+uncertainty. Noise levels are those that make the positions likeliest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_processing.shot.clocks.film import Film
+
+Array = NDArray[np.float64]
+
+START = 1
+"""Column of the position at rest."""
+LIKELIER = 0.5
+"""By which the log-likelihood must rise for a larger density."""
+LEAST_MARKER_M = 1e-9
+"""Noise of a marker; no camera is better."""
+SIGMA_STEPS = 3
+"""Of the marker's noise towards what its residuals call for; each one's error is a fraction of the one before."""
+
+
+@dataclass(frozen=True, eq=False)
+class ImpulseFit:
+    """Solution for one pair of noise levels, the unknowns scaled as the table's columns.
+
+    Attributes
+    ----------
+    solution : ndarray, shape (n_unknowns,)
+    covariance : ndarray, shape (n_unknowns, n_unknowns)
+    by_rows : ndarray, shape (n_rows + 1,)
+        Answers of the first unknown to rows; the last is that of the frames at rest.
+    by_priors : ndarray, shape (n_unknowns,)
+        And to one standard uncertainty of what was known of each unknown.
+    residuals : ndarray, shape (n_rows,)
+        Over the marker's noise.
+    sigma, density : float
+        Marker's noise, m, and the walk's density, (m/s^2)^2/Hz.
+    log_likelihood : float
+        Up to a constant.
+    """
+
+    solution: Array
+    covariance: Array
+    by_rows: Array
+    by_priors: Array
+    residuals: Array
+    sigma: float
+    density: float
+    log_likelihood: float
+
+    @classmethod
+    def of(cls, film: Film, table: Array, priors: Array, sigma: float, density: float) -> ImpulseFit:
+        """Solve for one pair of noise levels.
+
+        Parameters
+        ----------
+        film : Film
+        table : ndarray, shape (n, n_unknowns + 1)
+            Columns of the unknowns, and the positions as the last.
+        priors : ndarray, shape (n_unknowns,)
+            Standard uncertainties, in the columns' scale; infinite where nothing was known.
+        sigma, density : float
+        """
+        rows, log_determinant = film.whiten(table, density / sigma**2)
+        rows /= sigma
+        rest = np.zeros((1, table.shape[1]))
+        if film.rest_frames:
+            weight = math.sqrt(film.rest_frames) / sigma
+            # the column of ones was scaled with the others
+            rest[0, START] = weight * float(table[0, START])
+            rest[0, -1] = weight * film.rest_m
+        known = np.zeros((priors.size, table.shape[1]))
+        known[:, :-1] = np.diag(np.where(np.isfinite(priors), 1.0 / np.where(priors > 0, priors, 1.0), 0.0))
+        full = np.vstack([rows, rest, known])
+        design, target = full[:, :-1], full[:, -1]
+        # what is known far better than the film tells must not hide the rest from the pseudo-inverse
+        size = np.sqrt((design**2).sum(axis=0))
+        inverse = np.linalg.pinv(design / size) / size[:, np.newaxis]
+        solution = inverse @ target
+        residuals = (target - design @ solution)[: rows.shape[0]]
+        by_rows, by_priors = inverse[0, : rows.shape[0] + 1], inverse[0, rows.shape[0] + 1 :]
+        misfit = float(residuals @ residuals) + log_determinant + 2.0 * rows.shape[0] * math.log(sigma)
+        return cls(solution, inverse @ inverse.T, by_rows, by_priors, residuals, sigma, density, -0.5 * misfit)
+
+    @classmethod
+    def likeliest(
+        cls,
+        film: Film,
+        table: Array,
+        priors: Array,
+        sigma: float,
+        densities: Sequence[float],
+        least_sigma: float = LEAST_MARKER_M,
+    ) -> ImpulseFit:
+        """Find the marker's noise for each density of the walk, and the density that makes the positions likeliest.
+
+        Parameters
+        ----------
+        film, table, priors
+            As of `of`.
+        sigma : float
+            A first guess of the marker's noise.
+        densities : sequence of float
+            Rising.
+        least_sigma : float
+            What the marker's noise is never taken to be better than.
+
+        Raises
+        ------
+        ValueError
+            If there is no density.
+        """
+        best: ImpulseFit | None = None
+        for density in densities:
+            tried = cls.of(film, table, priors, sigma, density)
+            for _ in range(SIGMA_STEPS):
+                freedom = max(tried.residuals.size - tried.solution.size, 1)
+                own = tried.sigma * math.sqrt(float(tried.residuals @ tried.residuals) / freedom)
+                tried = cls.of(film, table, priors, max(own, least_sigma), density)
+            if best is not None and tried.log_likelihood <= best.log_likelihood + LIKELIER:
+                break
+            best, sigma = tried, tried.sigma
+        if best is None:
+            raise ValueError("there must be a density to try")
+        return best
+
+    @property
+    def u_by_rows(self) -> float:
+        """Standard uncertainty of the first unknown by the positions' errors alone."""
+        return float(np.linalg.norm(self.by_rows))
+
+    def answers(self, film: Film, errors_m: Array) -> Array:
+        """Return by how much errors of the modelled travel lower the first unknown; at rest there are none."""
+        rows = film.whiten(errors_m, self.density / self.sigma**2)[0] / self.sigma
+        return np.asarray(self.by_rows[: rows.shape[0]] @ rows)

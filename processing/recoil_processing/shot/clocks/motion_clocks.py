@@ -1,0 +1,209 @@
+"""A clock from a motion that both it and the reference clock recorded, in the same quantity or in two.
+
+Travel against acceleration is `alignment.motion_alignment`: the accelerometer's noise, integrated twice, is
+a part of that model. Quantities one integral apart are compared as a channel and its repeat
+(`alignment.redundant_alignment`), the integral differentiated first: behind the common low-pass a derivative
+is sound, where an integrated acceleration has a walk of its own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.channel import Channel
+from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_processing.alignment.align import failed_alignment, judge_motion, judge_redundant
+from recoil_processing.alignment.alignment_budget import with_uncertainty
+from recoil_processing.alignment.motion_alignment import align_motion
+from recoil_processing.alignment.redundant_alignment import align_redundant
+from recoil_processing.gaps import bridge
+from recoil_processing.noise import noise_sigma
+from recoil_processing.shot.clocks.force_clocks import align_by_force
+from recoil_processing.shot.instants import anti_alias_filter, instants
+from recoil_processing.shot.kinematics import bridged_kicks, travel_acceleration, turning
+from recoil_processing.shot.signals import Signals, collect_signals
+from recoil_rigs.rig import MOTIONS, Rig, Source
+
+Array = NDArray[np.float64]
+Evenly = tuple[float, float, Array]
+"""Start and step of even instants of the reference clock, and samples there."""
+
+_DERIVATIVES = ("displacement", "velocity", "acceleration", "angular_rate", "angular_acceleration")
+
+
+def align_by_motion(
+    shot: Shot,
+    rig: Rig,
+    source: Source,
+    against: str,
+    drift_allowance: float,
+    found: Mapping[str, ClockAlignment],
+) -> ClockAlignment:
+    """Align a source by one of its channels and a channel of the reference clock of another quantity.
+
+    Parameters
+    ----------
+    shot : Shot
+    rig : Rig
+    source : Source
+    against : str
+        Name of the reference clock's channel.
+    drift_allowance : float
+        Standard uncertainty of the clocks' rate ratio before the record is seen.
+    found : mapping of str to ClockAlignment
+        The clocks aligned so far: what moves the carriage may be on one of them.
+    """
+    spec = rig.motion_channel(source)
+    own = None if spec is None else shot.channels.get(spec.name)
+    other = shot.channels.get(against)
+    if own is not None and own.role == "recoil_displacement" and _silent(other) and _rode_along(rig, against):
+        # what rode along recorded nothing; what drives the motion did
+        other = shot.by_role("breech_pressure") or other
+    if own is None or other is None:
+        what = (
+            f"channel {against}" if own is not None else f"channel {spec.name}" if spec else "a channel of the motion"
+        )
+        return failed_alignment(source.name, "motion", f"{what} is not in this shot")
+    if other.time_base.clock != shot.reference_clock:
+        return failed_alignment(source.name, "motion", f"channel {against} is not on the reference clock")
+    if other.role == "breech_pressure" and own.role == "recoil_displacement":
+        return align_by_force(shot, rig, own, other, drift_allowance, found)
+    if other.quantity not in MOTIONS.get(own.quantity, ()):
+        problem = f"a channel of {own.quantity} is not the motion of one of {other.quantity}"
+        return failed_alignment(source.name, "motion", problem)
+    if other.quantity == "acceleration":
+        return _by_travel(shot, rig, own, other, drift_allowance, found)
+    start, step, samples = evenly(shot, rig, other)
+    derivative = _DERIVATIVES.index(own.quantity) < _DERIVATIVES.index(other.quantity)
+    reference = start, step, samples if derivative else np.gradient(samples, step)
+    return align_by_comparison(
+        shot, rig, own, other, reference, drift_allowance=drift_allowance, method="motion", derivative=derivative
+    )
+
+
+def _silent(channel: Channel | None) -> bool:
+    return channel is None or not np.isfinite(channel.measured).any()
+
+
+def _rode_along(rig: Rig, name: str) -> bool:
+    return any(c.name == name and c.role == "recoil_acceleration" for c in rig.channels)
+
+
+def align_by_comparison(
+    shot: Shot,
+    rig: Rig,
+    own: Channel,
+    other: Channel,
+    reference: Evenly,
+    *,
+    drift_allowance: float,
+    method: str,
+    derivative: bool = False,
+) -> ClockAlignment:
+    """Align a source by a channel and what it should show.
+
+    Parameters
+    ----------
+    shot : Shot
+    rig : Rig
+    own, other : Channel
+        Of the source, and the one of the reference clock that `reference` was made of.
+    reference : tuple
+        Start, step, and what the source's channel should show but for its gain.
+    drift_allowance : float
+    method : str
+        As it is reported.
+    derivative : bool
+        Whether it is the derivative of the source's channel that should.
+    """
+    one, two = instants(own, shot, rig), instants(other, shot, rig)
+    sensor = rig.channel(own.name).sensor
+    fit = align_redundant(
+        one.times_s,
+        samples_of(own),
+        *reference,
+        drift_allowance=drift_allowance,
+        derivative=derivative,
+        source_filter=anti_alias_filter(sensor),
+    )
+    found = judge_redundant(own.time_base.clock, fit, method=method)
+    return with_uncertainty(
+        found,
+        math.hypot(found.u_offset_s, one.u_s, two.u_s),
+        delays=[*one.delay.to_json(own.name), *two.delay.to_json(other.name)],
+        stamps=one.stamps_to_json(),
+    )
+
+
+def _by_travel(
+    shot: Shot, rig: Rig, own: Channel, other: Channel, drift_allowance: float, found: Mapping[str, ClockAlignment]
+) -> ClockAlignment:
+    """Compare travel or velocity along the tipping part with the accelerometers' motion of the recoiling part."""
+    clock = own.time_base.clock
+    if other.role != "recoil_acceleration":
+        return failed_alignment(clock, "motion", f"channel {other.name} must have the role recoil_acceleration")
+    try:
+        signals = collect_signals(shot, rig, found)
+    except IdentificationError as error:
+        return failed_alignment(clock, "motion", str(error))
+    acceleration = travel_acceleration(signals, rig, turning(signals, rig))
+    if own.quantity == "velocity":
+        reference = signals.start_s, signals.step_s, acceleration
+        return align_by_comparison(
+            shot, rig, own, other, reference, drift_allowance=drift_allowance, method="motion", derivative=True
+        )
+    sigma = _silent_noise(signals, acceleration)
+    one, two = instants(own, shot, rig), instants(other, shot, rig)
+    # the pulse's silence fixes the zero; what is left of it is the fit's own unknown
+    fit = align_motion(
+        one.times_s,
+        samples_of(own),
+        signals.start_s,
+        signals.step_s,
+        acceleration,
+        acceleration_sigma_m_s2=sigma,
+        drift_allowance=drift_allowance,
+        onset_s=signals.onset_s,
+        kicks_s=bridged_kicks(signals, acceleration),
+    )
+    judged = judge_motion(
+        clock,
+        fit,
+        u_gain=math.hypot(own.u_rel, other.u_rel),
+        noise_density=sigma**2 * signals.step_s,
+        frame_period_s=1.0 / own.time_base.rate_hz,
+    )
+    return with_uncertainty(
+        judged,
+        math.hypot(judged.u_offset_s, one.u_s, two.u_s),
+        delays=[*one.delay.to_json(own.name), *two.delay.to_json(other.name)],
+        stamps=one.stamps_to_json(),
+    )
+
+
+def evenly(shot: Shot, rig: Rig, channel: Channel) -> Evenly:
+    """Start, step and samples of a channel on even instants of its clock, lost samples bridged."""
+    times, step = instants(channel, shot, rig).times_s, 1.0 / channel.time_base.rate_hz
+    samples = bridge(samples_of(channel), otherwise=0.0)
+    if channel.time_base.step_s is None:
+        grid = times[0] + step * np.arange(int((times[-1] - times[0]) / step) + 1)
+        samples = np.interp(grid, times, samples)
+    return float(times[0]), step, samples
+
+
+def samples_of(channel: Channel) -> Array:
+    """Return a channel's samples, shape (n,); NaN where there is none."""
+    return channel.measured
+
+
+def _silent_noise(signals: Signals, acceleration: Array) -> float:
+    times = signals.times_s
+    silent = acceleration[(times >= signals.quiet_s[0]) & (times < signals.quiet_s[1])]
+    if silent.size >= 50:
+        return max(float(np.std(silent)), 1e-6)
+    return max(noise_sigma(acceleration), 1e-6)

@@ -1,0 +1,141 @@
+"""Every clock of a shot related to the reference clock, in the order in which they need one another.
+
+Fixed and trigger alignments come first, then redundant channels, then motion: the camera's alignment
+uses the carriage's motion, which may have been recorded on another clock.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from recoil_acquisition.channel import Channel
+from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_processing.alignment.align import failed_alignment, judge_edges
+from recoil_processing.alignment.alignment_budget import with_second_opinion, with_uncertainty
+from recoil_processing.alignment.trigger_alignment import align_edges, rising_edges
+from recoil_processing.shot.clocks.motion_clocks import align_by_comparison, align_by_motion, evenly, samples_of
+from recoil_processing.shot.instants import Instants, instants
+from recoil_rigs.rig import (
+    ExposureAlignment,
+    FixedAlignment,
+    MotionAlignment,
+    RedundantAlignment,
+    Rig,
+    Source,
+    TriggerAlignment,
+)
+
+_ORDER = (FixedAlignment, TriggerAlignment, RedundantAlignment, MotionAlignment, ExposureAlignment)
+
+EXPANDED = 3.0
+"""Standard uncertainties of the motion's offset within which a pulse is looked for."""
+
+
+def align_clocks(shot: Shot, rig: Rig) -> tuple[ClockAlignment, ...]:
+    """Align every clock of a shot, each by the method that the rig declares.
+
+    Parameters
+    ----------
+    shot : Shot
+        Assembled, without alignments.
+    rig : Rig
+
+    Returns
+    -------
+    tuple of ClockAlignment
+        One per source other than the reference that the shot has channels of, in the rig's order. What
+        cannot be aligned has status ``failed`` and says why. They map instants as `instants` gives
+        them: of the physics, on the source's even beat. Details list the delays that were taken off.
+    """
+    recorded = {c.time_base.clock for c in shot.channels.values()}
+    sources = [s for s in rig.sources if s.name != rig.reference_clock and s.name in recorded]
+    found: dict[str, ClockAlignment] = {}
+    for method in _ORDER:
+        for source in sources:
+            if isinstance(source.align, method):
+                found[source.name] = _align(shot, rig, source, found)
+    return tuple(found[s.name] if s.name in found else _align(shot, rig, s, found) for s in sources)
+
+
+def _align(shot: Shot, rig: Rig, source: Source, found: Mapping[str, ClockAlignment]) -> ClockAlignment:
+    align = source.align
+    if isinstance(align, FixedAlignment):
+        return ClockAlignment(source.name, align.offset_s, align.u_offset_s, align.drift, align.u_drift, "ok", "fixed")
+    if isinstance(align, TriggerAlignment):
+        return _by_trigger(shot, rig, source, align)
+    if isinstance(align, ExposureAlignment):
+        return _by_exposure(shot, rig, source, align, found)
+    if isinstance(align, RedundantAlignment):
+        return _by_redundant_channel(shot, rig, source, align)
+    if isinstance(align, MotionAlignment):
+        return align_by_motion(shot, rig, source, align.against, align.drift_allowance, found)
+    return failed_alignment(source.name, "none", "the rig declares no alignment")
+
+
+def _by_trigger(shot: Shot, rig: Rig, source: Source, align: TriggerAlignment) -> ClockAlignment:
+    own, other = shot.channels.get(align.channel), shot.by_role("trigger")
+    if own is None or other is None:
+        missing = align.channel if own is None else "a channel of role trigger on the reference clock"
+        return failed_alignment(source.name, "trigger", f"{missing} is not in this shot")
+    one, two = instants(own, shot, rig), instants(other, shot, rig)
+    u_edge = math.hypot(1.0 / own.time_base.rate_hz, 1.0 / other.time_base.rate_hz) / math.sqrt(12.0)
+    fit = align_edges(
+        rising_edges(one.times_s, samples_of(own)),
+        rising_edges(two.times_s, samples_of(other)),
+        u_edge_s=u_edge,
+        drift_allowance=align.drift_allowance,
+    )
+    found = judge_edges(source.name, fit, u_edge_s=u_edge)
+    return with_uncertainty(found, _u_of(found, one, two), **_listed((own, one), (other, two)))
+
+
+def _by_exposure(
+    shot: Shot, rig: Rig, source: Source, align: ExposureAlignment, found: Mapping[str, ClockAlignment]
+) -> ClockAlignment:
+    own = next((c for c in shot.channels.values() if c.time_base.clock == source.name), None)
+    other = shot.channels.get(align.channel)
+    if own is None or other is None:
+        missing = "a channel of this source" if own is None else f"channel {align.channel}"
+        return failed_alignment(source.name, "exposure", f"{missing} is not in this shot")
+    frames, pulses = instants(own, shot, rig), instants(other, shot, rig)
+    # a pulse rises where the exposure starts; a moving mark's picture is where the mark was in the middle of it
+    edges_s = rising_edges(pulses.times_s, samples_of(other)) + 0.5 * (source.exposure_s or 0.0)
+    middle_s = 0.5 * float(frames.times_s[0] + frames.times_s[-1])
+    near, motion = None, None
+    if align.against is not None:
+        motion = align_by_motion(shot, rig, source, align.against, align.drift_allowance, found)
+        if motion.status != "failed":
+            within = max(0.5 / own.time_base.rate_hz, EXPANDED * motion.u_offset_s)
+            near = motion.to_reference(middle_s) - middle_s, within
+    u_edge = 1.0 / other.time_base.rate_hz / math.sqrt(12.0)
+    fit = align_edges(frames.times_s, edges_s, u_edge_s=u_edge, drift_allowance=align.drift_allowance, near_s=near)
+    judged = judge_edges(source.name, fit, u_edge_s=u_edge, method="exposure")
+    # what the camera's stamps mean is in the offset, whatever it is: its delays are none of the uncertainty
+    judged = with_uncertainty(judged, _u_of(judged, pulses), **_listed((own, frames), (other, pulses)))
+    return judged if motion is None else with_second_opinion(judged, motion, middle_s)
+
+
+def _by_redundant_channel(shot: Shot, rig: Rig, source: Source, align: RedundantAlignment) -> ClockAlignment:
+    own, other = shot.channels.get(align.channel), shot.channels.get(align.against)
+    if own is None or other is None:
+        missing = align.channel if own is None else align.against
+        return failed_alignment(source.name, "redundant", f"channel {missing} is not in this shot")
+    if other.time_base.clock != shot.reference_clock:
+        return failed_alignment(source.name, "redundant", f"channel {align.against} is not on the reference clock")
+    reference = evenly(shot, rig, other)
+    return align_by_comparison(
+        shot, rig, own, other, reference, method="redundant", drift_allowance=align.drift_allowance
+    )
+
+
+def _u_of(found: ClockAlignment, *sides: Instants) -> float:
+    return math.hypot(found.u_offset_s, *(side.u_s for side in sides))
+
+
+def _listed(*sides: tuple[Channel, Instants]) -> dict[str, object]:
+    """List the delays of both sides, and how the source's beat was found."""
+    return {
+        "delays": [part for channel, side in sides for part in side.delay.to_json(channel.name)],
+        "stamps": sides[0][1].stamps_to_json(),
+    }

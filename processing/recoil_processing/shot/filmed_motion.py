@@ -1,0 +1,79 @@
+"""The motion as a camera that was aligned by it and the accelerometers recorded it together."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.channel import Channel
+from recoil_acquisition.shot import ClockAlignment
+from recoil_processing.alignment.motion_alignment import INFLATIONS
+from recoil_processing.motion.double_integral import DoubleIntegral
+from recoil_processing.motion.scale_and_zero import FilmedMotion, filmed_motion
+from recoil_processing.shot.signals import Signals
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Filmed:
+    """What a camera adds to the accelerometers.
+
+    Attributes
+    ----------
+    motion : FilmedMotion
+        On the grid of the signals.
+    densities : tuple of float
+        Of the accelerometer's noise that are tried, (m/s^2)^2/Hz, two-sided.
+    u_rel : float
+        Relative standard uncertainty of the camera's own scale.
+    """
+
+    motion: FilmedMotion
+    densities: tuple[float, ...]
+    u_rel: float
+
+
+def motion_fit(alignment: ClockAlignment | None) -> Mapping[str, Any] | None:
+    """Return the details of a camera's clock that was found by the motion without doubt, with its accelerometer's zero.
+
+    None if it was found in another way.
+    """
+    details = None if alignment is None or alignment.status != "ok" else alignment.details
+    return details if details and "u_bias_m_s2" in details else None
+
+
+def filmed(
+    signals: Signals, acceleration_m_s2: Array, camera: Channel | None, alignment: ClockAlignment | None
+) -> Filmed | None:
+    """Return the motion as camera and accelerometers recorded it; None unless the camera was aligned by motion.
+
+    Parameters
+    ----------
+    signals : Signals
+    acceleration_m_s2 : ndarray, shape (n,)
+        Second derivative of the travel by the accelerometers, on the grid.
+    camera : Channel or None
+        Displacement, without the delay of its chain.
+    alignment : ClockAlignment or None
+    """
+    d = motion_fit(alignment)
+    if camera is None or alignment is None or d is None:
+        return None
+    integral = DoubleIntegral.of(acceleration_m_s2, signals.start_s, signals.step_s)
+    motion = filmed_motion(
+        alignment.to_reference(camera.time_base.times_s),
+        camera.measured,
+        integral,
+        gain=d["gain"],
+        marker_sigma_m=d["marker_sigma_m"],
+        u_offset_s=alignment.u_offset_s,
+        u_bias_m_s2=math.inf,  # the silence has its say where the mass is found
+    )
+    quietest = d["acceleration_density"] / d["noise_inflation"]
+    return Filmed(motion, tuple(quietest * inflation for inflation in INFLATIONS), camera.u_rel)

@@ -1,0 +1,273 @@
+"""The recoiling part's acceleration by the two routes of the model, and its travel.
+
+The inertial route takes the accelerometer on the recoiling part; the kinematic route takes the
+camera's displacement twice differentiated, with the carriage's accelerometers and the gyros. The two
+share no sensor that matters, so they check one another.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.channel import Channel
+from recoil_acquisition.shot import ClockAlignment
+from recoil_processing.alignment.motion_alignment import INFLATIONS, integrate
+from recoil_processing.filters import Filtered, LowPass, filter_alike
+from recoil_processing.gaps import bridge
+from recoil_processing.motion.derivative import second_derivative
+from recoil_processing.motion.fusion import FusedMotion, fuse
+from recoil_processing.noise import noise_sigma
+from recoil_processing.repairs.bridged_gaps import bridge_errors
+from recoil_processing.shot.signals import Signals, on_grid
+from recoil_rigs.mechanism import (
+    Mechanism,
+    relative_acceleration,
+    specific_acceleration_inertial,
+    specific_acceleration_kinematic,
+)
+from recoil_rigs.rig import Rig
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+ANGULAR_CUTOFF_HZ = 150.0
+"""Low-pass of the angular rates before they are differentiated for the lever arms, which are small terms."""
+TRAVEL_ROLES = ("recoil_acceleration", "carriage_acceleration_x", "carriage_acceleration_y")
+"""Whose integral is the travel."""
+LEAST_KICK_M_S = 3e-4
+"""Error of a velocity that a camera of 50 um notices within a tenth of a second."""
+MOST_KICKS = 6
+"""Of one record; with more of them its integral is hardly known."""
+LEAST_SILENT_SAMPLES = 50
+"""Of the accelerometer before the shot, to tell its noise."""
+LEAST_NOISE_M_S2 = 1e-6
+"""Of an accelerometer; none is better."""
+
+
+@dataclass(frozen=True, eq=False)
+class Turning:
+    """Angular motion on the grid, SI; zero where it was not measured.
+
+    Attributes
+    ----------
+    w1, w2 : ndarray, shape (n,)
+        Angular rates of carriage and tipping part.
+    dw1, dw2 : ndarray, shape (n,)
+        Their derivatives.
+    beta : ndarray, shape (n,)
+        Rotation of the tipping part relative to the carriage since rest.
+    f_x, f_y : ndarray, shape (n,)
+        Specific force of the carriage in its own axes.
+    r_x, r_y : float
+        Where the carriage's accelerometers sit, from A.
+    """
+
+    w1: Array
+    w2: Array
+    dw1: Array
+    dw2: Array
+    beta: Array
+    f_x: Array
+    f_y: Array
+    r_x: float
+    r_y: float
+
+
+def turning(signals: Signals, rig: Rig) -> Turning:
+    """Collect the angular motion and the carriage's specific force; gaps are bridged for these small terms."""
+    mechanism = rig.mechanism
+    low_pass = LowPass(min(ANGULAR_CUTOFF_HZ, 0.1 * signals.rate_hz))
+    w1, w2 = (bridge(signals.get(role), otherwise=0.0) for role in ("carriage_rate", "tipping_rate"))
+    smooth1, smooth2 = low_pass.apply(w1, signals.rate_hz), low_pass.apply(w2, signals.rate_hz)
+    if "tipping_rate" not in signals.series:
+        smooth2 = smooth1
+    spec = rig.by_role("carriage_acceleration_x")
+    r_x, r_y = spec.sensor.position if spec is not None else (0.0, 0.0)
+    return Turning(
+        w1=smooth1,
+        w2=smooth2,
+        dw1=np.gradient(smooth1, signals.step_s),
+        dw2=np.gradient(smooth2, signals.step_s),
+        beta=integrate(smooth2 - smooth1, signals.step_s),
+        f_x=bridge(signals.get("carriage_acceleration_x", mechanism.g * np.sin(mechanism.phi10)), otherwise=0.0),
+        f_y=bridge(signals.get("carriage_acceleration_y", mechanism.g * np.cos(mechanism.phi10)), otherwise=0.0),
+        r_x=r_x,
+        r_y=r_y,
+    )
+
+
+def inertial_acceleration(signals: Signals, rig: Rig, motion: Turning) -> Array:
+    """Return a' of equation (36) by the accelerometer on the recoiling part, m/s^2, shape (n,); NaN where lost."""
+    spec = rig.by_role("recoil_acceleration")
+    r5, r6 = spec.sensor.position if spec is not None else (0.0, 0.0)
+    return specific_acceleration_inertial(signals.series["recoil_acceleration"], motion.w2, motion.dw2, r5, r6)
+
+
+def travel_acceleration(signals: Signals, rig: Rig, motion: Turning) -> Array:
+    """X'' by the accelerometers, m/s^2, shape (n,): what a camera on the tipping part would see."""
+    inertial = bridge(inertial_acceleration(signals, rig, motion), otherwise=0.0)
+    return relative_to_tipping_part(inertial, rig.mechanism, motion, signals.step_s)
+
+
+def relative_to_tipping_part(
+    inertial: Array, mechanism: Mechanism, motion: Turning, step_s: float, free: Array | None = None
+) -> Array:
+    """X'' of a recoiling part with a given a', m/s^2, shape (n,).
+
+    The travel that it needs itself, in the small centripetal term, is its own double integral.
+
+    Parameters
+    ----------
+    inertial : ndarray, shape (n,)
+        a' of equation (36), without missing samples.
+    mechanism : Mechanism
+    motion : Turning
+    step_s : float
+    free : ndarray, shape (n,), optional
+        0 where the part is held, 1 where it is free; free throughout if left out.
+    """
+    travel = np.zeros_like(inertial)
+    for _ in range(2):
+        acceleration = _relative(mechanism, inertial, travel, motion)
+        if free is not None:
+            acceleration = acceleration * free
+        travel = integrate(integrate(acceleration, step_s), step_s)
+    return acceleration
+
+
+def kinematic_acceleration(
+    signals: Signals,
+    rig: Rig,
+    motion: Turning,
+    camera: Channel,
+    alignment: ClockAlignment,
+    low_pass: LowPass,
+    *,
+    longest_gap_s: float = 0.0,
+) -> tuple[Array, Filtered]:
+    """Return a' of equation (36) by the camera, already low-pass filtered, and what it was computed from.
+
+    Parameters
+    ----------
+    signals, rig, motion
+    camera : Channel
+        Displacement on its own clock.
+    alignment : ClockAlignment
+        Of that clock.
+    low_pass : LowPass
+        The filter of the regression; a displacement can only be differentiated behind it.
+    longest_gap_s : float
+        As of `recoil_identification.signals.on_grid`.
+
+    Returns
+    -------
+    acceleration : ndarray, shape (n,)
+    made_of : Filtered
+        Not trusted near lost frames and beyond the track's ends.
+    """
+    travel = on_grid(camera, alignment, signals.times_s, longest_gap_s=longest_gap_s)
+    recorded = {"travel": travel, "f_x": motion.f_x, "f_y": motion.f_y}
+    smooth = filter_alike(low_pass, recorded, signals.rate_hz)
+    ddx = second_derivative(smooth["travel"], signals.step_s)
+    acceleration = specific_acceleration_kinematic(
+        rig.mechanism, ddx, smooth["travel"], motion.w2, motion.dw2, smooth["f_x"], smooth["f_y"], motion.beta,
+        w1=motion.w1, dw1=motion.dw1, r_x=motion.r_x, r_y=motion.r_y,
+    )  # fmt: skip
+    return acceleration, smooth
+
+
+def travel_and_velocity(fused: FusedMotion | None, acceleration: Array, step_s: float) -> tuple[Array, Array]:
+    """Return travel and velocity of recoil on the grid, m and m/s, shape (n,) each.
+
+    Those of `fused_motion`; the accelerometers' integrals where there is none.
+    """
+    if fused is not None:
+        return fused.position_m, fused.velocity_m_s
+    velocity = integrate(acceleration, step_s)
+    return integrate(velocity, step_s), velocity
+
+
+def bridged_samples(signals: Signals) -> Flags:
+    """Tell where `travel_acceleration` stands on a bridge across lost samples, shape (n,)."""
+    roles = [role for role in TRAVEL_ROLES if role in signals.series]
+    return np.asarray(np.any([np.isnan(signals.series[role]) for role in roles], axis=0))
+
+
+def bridged_kicks(signals: Signals, acceleration: Array) -> tuple[float, ...]:
+    """Instants from which on the velocity by the accelerometers may be wrong, because samples were bridged.
+
+    Parameters
+    ----------
+    signals : Signals
+    acceleration : ndarray, shape (n,)
+        Of `travel_acceleration`.
+
+    Returns
+    -------
+    tuple of float
+        The middles of the worst gaps that matter, at most `MOST_KICKS`, in order.
+    """
+    gaps = bridge_errors(acceleration, bridged_samples(signals), signals.step_s)
+    worst = sorted((g for g in gaps if g.error * g.duration_s > LEAST_KICK_M_S), key=lambda g: -g.error * g.duration_s)
+    return tuple(sorted(signals.start_s + g.start_s + 0.5 * g.duration_s for g in worst[:MOST_KICKS]))
+
+
+def fused_motion(
+    signals: Signals, acceleration: Array, camera: Channel | None, alignment: ClockAlignment | None
+) -> FusedMotion | None:
+    """Fuse the camera's displacement with the accelerometers' on the grid, in the camera's scale.
+
+    Parameters
+    ----------
+    signals : Signals
+    acceleration : ndarray, shape (n,)
+        Second derivative of the travel by the accelerometers; lost samples bridged.
+    camera : Channel or None
+        Displacement, without the delay of its chain.
+    alignment : ClockAlignment or None
+        Of its clock. The noise levels are those that an alignment by motion found; otherwise they are told
+        from the track's third differences, and from the silence before the shot and the likelihood.
+
+    Returns
+    -------
+    FusedMotion or None
+        None where there is no camera, its clock could not be aligned, or it saw too little of the motion.
+    """
+    if camera is None or alignment is None or alignment.status == "failed":
+        return None
+    details = alignment.details or {}
+    seen = camera.measured
+    sigma = float(details.get("marker_sigma_m", noise_sigma(seen)))
+    density = details.get("acceleration_density") or _likely_densities(signals, acceleration)
+    if not sigma > 0:
+        return None
+    fused = fuse(
+        alignment.to_reference(camera.time_base.times_s),
+        seen,
+        signals.start_s,
+        signals.step_s,
+        acceleration,
+        marker_sigma_m=sigma,
+        acceleration_density=density,
+        u_offset_s=alignment.u_offset_s,
+        u_drift=alignment.u_drift,
+        bridged=bridged_samples(signals),
+    )
+    return None if isinstance(fused, str) else fused
+
+
+def _likely_densities(signals: Signals, acceleration: Array) -> list[float]:
+    times = signals.times_s
+    silent = acceleration[(times >= signals.quiet_s[0]) & (times < signals.quiet_s[1])]
+    sigma = float(np.std(silent)) if silent.size >= LEAST_SILENT_SAMPLES else noise_sigma(acceleration)
+    return [inflation * max(sigma, LEAST_NOISE_M_S2) ** 2 * signals.step_s for inflation in INFLATIONS]
+
+
+def _relative(mechanism: Mechanism, inertial: Array, travel: Array, motion: Turning) -> Array:
+    return relative_acceleration(
+        mechanism, inertial, travel, motion.w2, motion.dw2, motion.f_x, motion.f_y, motion.beta,
+        w1=motion.w1, dw1=motion.dw1, r_x=motion.r_x, r_y=motion.r_y,
+    )  # fmt: skip

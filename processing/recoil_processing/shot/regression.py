@@ -1,0 +1,249 @@
+"""The fifth equation of motion as a linear regression: ``m3 a' = P - R_f``, equation (36).
+
+The force is the breech pressure on the bore, less brake pressure and recuperator pressure on their
+pistons, less the packing friction that no gauge reads. Before the part is released both sides are
+zero by construction: what the battery stop contributes is not measured.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.errors import IdentificationError
+from recoil_processing.filters import Filtered, LowPass, filter_alike
+from recoil_processing.shot.interval import end_of_travel, letting_go, release_index
+from recoil_processing.shot.signals import Signals
+from recoil_rigs.mechanism import Mechanism
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+FORCES = ("breech", "brake", "recuperator", "friction")
+"""Order of the force columns."""
+PRESSURE_ROLES = ("breech_pressure", "brake_pressure", "recuperator_pressure")
+AREAS = ("bore_area", "brake_area", "recuperator_area")
+"""Symbols of the areas on which they act, in the same order."""
+
+
+@dataclass(frozen=True, eq=False)
+class Regression:
+    """Both sides of the equation of motion on one grid.
+
+    Attributes
+    ----------
+    times_s : ndarray, shape (n,)
+    step_s : float
+    acceleration_m_s2 : ndarray, shape (n,)
+        a' of equation (36).
+    forces_n : ndarray, shape (n, 4)
+        Signed contributions to F' in the order of `FORCES`; their sum is F'.
+    released : ndarray, shape (n,)
+        1 where the part is free to move, 0 where it is held; filtered with the rest, because it is
+        the regressor of a constant error of the accelerometer.
+    sliding : ndarray, shape (n,)
+        Force of the packing friction per newton of it: -1 while the part recoils, +1 while it runs
+        back, 0 where it is held; filtered with the rest, because it is the regressor of the friction.
+    release_per_s : ndarray, shape (n,)
+        Force of battery stop and packing while they let the part go, for a unit impulse of it, see
+        `interval.letting_go`; filtered with the rest, because it is the regressor of that impulse.
+    trusted : ndarray of bool, shape (n,)
+        False where a sample was lost or lies within the filter's reach of a lost one.
+    interval_s : tuple of float
+        From the onset of force to the end of recoil travel.
+    u_release_n_s : float
+        Standard uncertainty of the impulse while the part is let go, N s; 0 where that was not recorded.
+    table : Filtered or None
+        All of these columns as one and the same filter left them; None for recorded signals.
+    shifts : ndarray, shape (n, n_shifts), or None
+        Shapes that a shift of the accelerometer's zero at the shot may have, see
+        `recoil_identification.zero_shift`; filtered with the rest.
+    """
+
+    times_s: Array
+    step_s: float
+    acceleration_m_s2: Array
+    forces_n: Array
+    released: Array
+    sliding: Array
+    release_per_s: Array
+    trusted: Flags
+    interval_s: tuple[float, float]
+    u_release_n_s: float
+    table: Filtered | None = None
+    shifts: Array | None = None
+
+    @property
+    def low_pass(self) -> LowPass | None:
+        """The filter that both sides have passed; None for recorded signals."""
+        found = None if self.table is None else self.table.zero_phase
+        return found if isinstance(found, LowPass) else None
+
+    @property
+    def rate_hz(self) -> float:
+        """Samples per second."""
+        return 1.0 / self.step_s
+
+    @property
+    def force_n(self) -> Array:
+        """F', shape (n,)."""
+        return np.asarray(self.forces_n.sum(axis=1))
+
+    @property
+    def inside(self) -> Flags:
+        """Samples of the identification interval, shape (n,)."""
+        return (self.times_s >= self.interval_s[0]) & (self.times_s <= self.interval_s[1])
+
+    @property
+    def used(self) -> Flags:
+        """Samples of the identification interval that can be trusted, shape (n,)."""
+        return self.inside & self.trusted
+
+    def filtered(self, low_pass: LowPass) -> Regression:
+        """Pass every column through one and the same filter.
+
+        A column with lost samples is bridged for the filter, and everything within its reach of the
+        bridge is no longer trusted.
+        """
+        columns = {"acceleration": self.acceleration_m_s2, "released": self.released, "sliding": self.sliding}
+        columns["release"] = self.release_per_s
+        columns |= dict(zip(FORCES, self.forces_n.T, strict=True))
+        table = filter_alike(low_pass, columns, self.rate_hz)
+        plain = replace(
+            self,
+            acceleration_m_s2=table["acceleration"],
+            forces_n=np.column_stack([table[name] for name in FORCES]),
+            released=table["released"],
+            sliding=table["sliding"],
+            release_per_s=table["release"],
+            trusted=table.trusted,
+            table=table,
+            shifts=None,
+        )
+        return plain if self.shifts is None else plain.with_shifts(self.shifts)
+
+    def with_shifts(self, shifts: Array) -> Regression:
+        """Add the shapes of a shifted zero, as they would be recorded; they pass the regression's filter.
+
+        Parameters
+        ----------
+        shifts : ndarray, shape (n, n_shifts)
+        """
+        if self.table is None:
+            return replace(self, shifts=shifts)
+        table = self.table.joined_by({f"shift {j}": column for j, column in enumerate(shifts.T)})
+        filtered = np.column_stack([table[f"shift {j}"] for j in range(shifts.shape[1])])
+        return replace(self, shifts=filtered, trusted=self.trusted & table.trusted)
+
+    def with_acceleration(self, acceleration_m_s2: Array, made_of: Filtered) -> Regression:
+        """Put another measurement of a' in its place.
+
+        Its level while the part is held is what the battery stop balances; it is taken off there. It is
+        found where the filter has not spread the pulse to.
+
+        Parameters
+        ----------
+        acceleration_m_s2 : ndarray, shape (n,)
+        made_of : Filtered
+            What it was computed from: it must have passed the regression's filter.
+
+        Raises
+        ------
+        ValueError
+            If it has passed another filter.
+        """
+        if self.table is None or made_of.zero_phase != self.table.zero_phase:
+            raise ValueError(f"the acceleration has passed {made_of.zero_phase}, the forces {self.low_pass}")
+        silent = acceleration_m_s2[(np.abs(self.released) < 1e-4) & made_of.trusted]
+        held = float(np.median(silent)) if silent.size else 0.0
+        acceleration = acceleration_m_s2 - held * (1.0 - self.released)
+        return replace(self, acceleration_m_s2=acceleration, trusted=self.trusted & made_of.trusted)
+
+
+def build_regression(
+    signals: Signals, mechanism: Mechanism, acceleration_m_s2: Array, velocity_m_s: Array, static_m_s2: float
+) -> Regression:
+    """Set up both sides of the equation of motion from signals as recorded.
+
+    Parameters
+    ----------
+    signals : Signals
+    mechanism : Mechanism
+    acceleration_m_s2 : ndarray, shape (n,)
+        a' by the inertial route; NaN where lost.
+    velocity_m_s : ndarray, shape (n,)
+        Of recoil; its sign is that of the friction.
+    static_m_s2 : float
+        a' at rest in battery, which the battery stop balances while it holds the part.
+
+    Raises
+    ------
+    IdentificationError
+        If a pressure is missing, or the part is never driven to the rear or never moves there.
+    """
+    missing = [role for role in PRESSURE_ROLES if role not in signals.series]
+    if missing:
+        raise IdentificationError(
+            f"no usable channel of role {', '.join(missing)}",
+            expected="breech, brake and recuperator pressure, on clocks that could be aligned",
+            remedy="declare the roles in the rig file, or mend the alignment",
+        )
+    m, s = mechanism, signals.series
+    times = signals.times_s
+    end_s = end_of_travel(times, velocity_m_s, signals.onset_s)
+    sliding = -np.where(times <= end_s, 1.0, np.sign(velocity_m_s))
+    forces = np.column_stack(
+        [
+            *(
+                sign * s[role] * getattr(m, area)
+                for sign, role, area in zip((1, -1, -1), PRESSURE_ROLES, AREAS, strict=True)
+            ),
+            m.friction * sliding,
+        ]
+    )
+    net = np.asarray(forces.sum(axis=1))
+    release = release_index(times, net, signals.onset_s)
+    let_go = letting_go(times, net, signals.onset_s)
+    released = (np.arange(times.size) >= release).astype(np.float64)
+    sliding[:release] = 0.0
+    # between the onset and the release a lost pressure may hide the release itself: it stays lost
+    known = np.isfinite(forces[:release]) | (times[:release, np.newaxis] < signals.onset_s)
+    forces[:release] = np.where(known, 0.0, np.nan)
+    acceleration = acceleration_m_s2.copy()
+    acceleration[:release] -= static_m_s2
+    trusted = np.isfinite(acceleration) & np.isfinite(forces).all(axis=1)
+    interval = (signals.onset_s, end_s)
+    return Regression(
+        times,
+        signals.step_s,
+        acceleration,
+        forces,
+        released,
+        sliding,
+        let_go.per_s,
+        trusted,
+        interval,
+        let_go.u_n_s,
+    )
+
+
+def spaced_rows(regression: Regression, per_cutoff: float = 2.5) -> NDArray[np.int64]:
+    """Return the indices of rows of a filtered regression that carry about independent errors.
+
+    White noise behind a low-pass at fc is uncorrelated at intervals of about ``1 / (2 fc)``; rows are
+    taken `per_cutoff` times per period of the cut-off, so that nothing is lost and little repeated.
+
+    Returns
+    -------
+    ndarray of int64
+        Within the identification interval, trusted rows only; every row for recorded signals.
+    """
+    used = regression.used
+    if regression.low_pass is None:
+        return np.flatnonzero(used)
+    stride = max(1, int(regression.rate_hz / (per_cutoff * regression.low_pass.cutoff_hz)))
+    first = int(np.argmax(regression.inside))
+    rows = np.arange(first, regression.times_s.size, stride)
+    return rows[used[rows]]

@@ -1,0 +1,270 @@
+"""What the equation of motion needs, on one grid of instants of the reference clock.
+
+Here, and only here, channels of different clocks come together: each is evaluated at the grid's
+instants through its clock's alignment. Before that the sensors' offsets are taken off, from what is
+known of the mechanism at rest: angular rates and gauge pressures of breech and brake are zero, an
+accelerometer feels gravity resolved on its axis. The recuperator's pressure is not zero at rest and
+is left as it is. What is mended of the samples on the way is told with them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.channel import Channel
+from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_acquisition.timebase import TimeBase
+from recoil_processing.noise import robust_sigma
+from recoil_processing.shot.channel_repair import ChannelRepair, level_samples, mend_samples
+from recoil_processing.shot.instants import instants
+from recoil_processing.shot.onset import LEAST_QUIET_SAMPLES, find_onset
+from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.rig import ChannelSpec, Rig
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+QUIET_MARGIN_S = 1e-3
+"""Kept between the quiet part and the onset of force."""
+LEAST_QUIET_S = 5e-3
+"""Below this there is not enough silence to take offsets from."""
+LONGEST_STEP = 2.5
+"""Steps between neighbours beyond which nothing is interpolated: one lost sample is, two are not."""
+
+
+@dataclass(frozen=True)
+class Offset:
+    """What was taken off one channel.
+
+    Attributes
+    ----------
+    value, u : float
+        In SI units of the channel; the uncertainty is the noise's over the root of the samples, infinite
+        where there was no silence, and zero where nothing is known of the channel at rest.
+    noise : float
+        Standard deviation per sample in the quiet part, SI; NaN where there was none.
+    """
+
+    value: float
+    u: float
+    noise: float
+
+
+@dataclass(frozen=True, eq=False)
+class Signals:
+    """Signals on one uniform grid of the reference clock; SI; NaN where an instrument lost samples.
+
+    Attributes
+    ----------
+    start_s, step_s : float
+        The grid.
+    series : mapping of str to ndarray, shape (n,)
+        By role; only roles that the shot has.
+    offsets : mapping of str to Offset
+        By role.
+    quiet_s : tuple of float
+        Begin and end of the silence before the shot; equal if there is none.
+    onset_s : float
+        First instant of force.
+    repairs : tuple of ChannelRepair
+        What was done to the samples, in the order in which it was.
+    left : mapping of (str, str) to ndarray, shape (n,)
+        By role and cause: an error of standard size that a repair may have left in the series.
+    """
+
+    start_s: float
+    step_s: float
+    series: Mapping[str, Array]
+    offsets: Mapping[str, Offset]
+    quiet_s: tuple[float, float]
+    onset_s: float
+    repairs: tuple[ChannelRepair, ...] = ()
+    left: Mapping[tuple[str, str], Array] = field(default_factory=dict)
+
+    @property
+    def times_s(self) -> Array:
+        """The instants, shape (n,)."""
+        count = next(iter(self.series.values())).size
+        return np.asarray(self.start_s + self.step_s * np.arange(count))
+
+    @property
+    def rate_hz(self) -> float:
+        """Samples per second of the grid."""
+        return 1.0 / self.step_s
+
+    def get(self, role: str, otherwise: float = 0.0) -> Array:
+        """Return a series, or a constant where the shot has no such channel."""
+        if role in self.series:
+            return self.series[role]
+        return np.full(next(iter(self.series.values())).size, otherwise)
+
+
+GRID_ROLES = ("recoil_acceleration", "breech_pressure")
+SERIES_ROLES = (
+    "recoil_acceleration", "carriage_acceleration_x", "carriage_acceleration_y", "carriage_rate", "tipping_rate",
+    "breech_pressure", "brake_pressure", "recuperator_pressure",
+)  # fmt: skip
+
+
+def static_value(role: str, mechanism: Mechanism) -> float | None:
+    """Return what a channel reads at rest in battery, SI; None where that is not known.
+
+    The recoiling part's accelerometer points along -e5, so it feels ``-g sin(phi20)``; the carriage's
+    feel ``g sin(phi10)`` and ``g cos(phi10)`` (specific force; `recoil_rigs.mechanism.carriage_specific_force`).
+    """
+    g = mechanism.g
+    return {
+        "recoil_acceleration": -g * math.sin(mechanism.phi20),
+        "carriage_acceleration_x": g * math.sin(mechanism.phi10),
+        "carriage_acceleration_y": g * math.cos(mechanism.phi10),
+        "carriage_rate": 0.0,
+        "tipping_rate": 0.0,
+        "breech_pressure": 0.0,
+        "brake_pressure": 0.0,
+    }.get(role)
+
+
+def collect_signals(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignment]) -> Signals:
+    """Bring the channels of a shot that the equation of motion needs onto one grid.
+
+    Parameters
+    ----------
+    shot : Shot
+    rig : Rig
+        For the mechanism and the sensors' delays and time constants.
+    alignments : mapping of str to ClockAlignment
+        By clock; a channel whose clock is missing here, or failed, is left out.
+
+    Returns
+    -------
+    Signals
+
+    Raises
+    ------
+    IdentificationError
+        If no channel of the reference clock can carry the grid, or it shows no shot.
+    """
+    carrier = next(
+        (c for role in GRID_ROLES if (c := shot.by_role(role)) and c.time_base.clock == shot.reference_clock), None
+    )
+    if carrier is None:
+        raise IdentificationError(
+            "nothing to build the regression's grid on",
+            expected=f"a channel of role {' or '.join(GRID_ROLES)} on the reference clock {shot.reference_clock!r}",
+            found=", ".join(f"{c.role} on {c.time_base.clock}" for c in shot.channels.values() if c.role) or "no roles",
+            remedy="declare its role in the rig file",
+        )
+    base = carrier.time_base
+    if base.count < LEAST_QUIET_SAMPLES:
+        raise IdentificationError(
+            f"{carrier.name} has {base.count} samples", expected="a record of the shot", remedy="check its file"
+        )
+    start, step = base.start_s, base.step_s or float(np.median(np.diff(base.times_s)))
+    count = base.count if base.step_s else int((base.end_s - start) / step) + 1
+    grid = np.asarray(start + step * np.arange(count), dtype=np.float64)
+    series: dict[str, Array] = {}
+    specs: dict[str, ChannelSpec] = {}
+    repairs: list[ChannelRepair] = []
+    for role in SERIES_ROLES:
+        channel = shot.by_role(role)
+        if channel is None:
+            continue
+        alignment = alignments.get(channel.time_base.clock)
+        if channel.time_base.clock != shot.reference_clock and (alignment is None or alignment.status == "failed"):
+            continue
+        spec = specs[role] = rig.channel(channel.name)
+        mended = mend_samples(channel, spec, rig.source(spec.source).kind)
+        dated = replace(at_instants(channel, shot, rig), samples=mended.samples)
+        series[role] = on_grid(dated, alignment, grid)
+        if mended.repairs:
+            times = dated.time_base.times_s if alignment is None else alignment.to_reference(dated.time_base.times_s)
+            repairs += [ChannelRepair.of(channel.name, role, repair, times) for repair in mended.repairs]
+    onset = find_onset(grid, series)
+    quiet_end = max(start, onset - QUIET_MARGIN_S)
+    quiet = (start, quiet_end) if quiet_end - start >= LEAST_QUIET_S else (start, start)
+    offsets: dict[str, Offset] = {}
+    left: dict[tuple[str, str], Array] = {}
+    silent = (grid >= quiet[0]) & (grid < quiet[1])
+    for role, spec in specs.items():
+        silence = series[role][silent & np.isfinite(series[role])]
+        noise = robust_sigma(silence)
+        if silence.size >= LEAST_QUIET_SAMPLES:
+            level = level_samples(series[role], step, silent, spec, noise)
+            series[role] = level.samples
+            repairs += [ChannelRepair.of(spec.name, role, repair, grid) for repair in level.repairs]
+            left |= {(role, cause): error for cause, error in level.left.items()}
+        series[role], offsets[role] = _at_rest(series[role], silent, static_value(role, rig.mechanism), noise)
+    return Signals(start, step, series, offsets, quiet, onset, tuple(repairs), left)
+
+
+def at_instants(channel: Channel, shot: Shot, rig: Rig) -> Channel:
+    """Return a channel whose stamps are those of the physics, see `recoil_processing.shot.instants`.
+
+    Parameters
+    ----------
+    channel : Channel
+    shot : Shot
+    rig : Rig
+    """
+    base, found = channel.time_base, instants(channel, shot, rig)
+    if not found.stamps.even and found.delay.delay_s == 0:
+        return channel
+    return replace(channel, time_base=TimeBase.stamped(base.clock, found.times_s, base.absolute_start))
+
+
+def on_grid(channel: Channel, alignment: ClockAlignment | None, grid_s: Array, *, longest_gap_s: float = 0.0) -> Array:
+    """Evaluate a channel at instants of the reference clock.
+
+    Parameters
+    ----------
+    channel : Channel
+    alignment : ClockAlignment or None
+        None for a channel of the reference clock.
+    grid_s : ndarray, shape (n,)
+    longest_gap_s : float
+        What may be bridged although it is longer than `LONGEST_STEP`.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Cubic interpolation between neighbours; NaN beyond the record and within gaps longer than
+        `LONGEST_STEP`. Samples at the grid's very instants are taken as they are, lost ones NaN.
+    """
+    times = channel.time_base.times_s
+    if alignment is not None:
+        times = alignment.to_reference(times)
+    samples = channel.measured
+    if times.shape == grid_s.shape and np.allclose(times, grid_s, rtol=0, atol=1e-9):
+        return samples.copy()
+    present = np.isfinite(samples)
+    t, y = times[present], samples[present]
+    if t.size < 4:
+        return np.full(grid_s.shape, np.nan)
+    # only here: a shot whose channels share one grid is ready half a second sooner
+    from scipy.interpolate import CubicSpline
+
+    values = CubicSpline(t, y)(grid_s)
+    step = float(np.median(np.diff(t)))
+    after = np.clip(np.searchsorted(t, grid_s, side="right"), 1, t.size - 1)
+    between = np.minimum(np.abs(grid_s - t[after - 1]), np.abs(grid_s - t[after])) > 1e-9
+    in_gap = (t[after] - t[after - 1] > max(LONGEST_STEP * step, longest_gap_s)) & between
+    values[in_gap | (grid_s < t[0] - 1e-9) | (grid_s > t[-1] + 1e-9)] = np.nan
+    return np.asarray(values)
+
+
+def _at_rest(samples: Array, quiet: Flags, static: float | None, noise: float) -> tuple[Array, Offset]:
+    """Take a channel's offset off."""
+    silence = samples[quiet]
+    silence = silence[np.isfinite(silence)]
+    if silence.size < LEAST_QUIET_SAMPLES:
+        return samples, Offset(0.0, math.inf if static is not None else 0.0, noise)
+    if static is None:
+        return samples, Offset(0.0, 0.0, noise)
+    offset = float(np.mean(silence)) - static
+    return samples - offset, Offset(offset, float(np.std(silence)) / math.sqrt(silence.size), noise)

@@ -1,0 +1,308 @@
+"""The checks of one channel by itself, chosen by its role and by what is known of its sensor."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.channel import Channel
+from recoil_acquisition.quantity import SI_UNITS
+from recoil_acquisition.shot import Verdict
+from recoil_processing.filters import LowPass
+from recoil_processing.gaps import bridge, near
+from recoil_processing.quality import (
+    Outcome,
+    check_aliasing,
+    check_clipping,
+    check_filtered_noise,
+    check_flat_tops,
+    check_gap,
+    check_held,
+    check_hum,
+    check_level_after,
+    check_losses,
+    check_no_gap,
+    check_out_of_band,
+    check_polarity,
+    check_quiet,
+    check_srs_symmetry,
+    check_steady_silence,
+    check_time_steps,
+)
+from recoil_processing.quality.spectral_checks import last_octave_fall_db
+from recoil_processing.repairs.hum import Hum, subtract_hum
+from recoil_processing.shot.signals import QUIET_MARGIN_S, static_value
+from recoil_processing.shot.verdict.motion_quality import CUTOFF_HZ, SLOWEST_SHARE
+from recoil_processing.spectra.spectral_gap import SpectralGap, find_gap
+from recoil_rigs.assemble import range_si
+from recoil_rigs.rig import ChannelSpec, ExposureAlignment, MotionAlignment, RedundantAlignment, Rig, TriggerAlignment
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+LEAST_SAMPLES = 8
+"""Fewer are no record."""
+POSITIVE_PULSES = (
+    "recoil_acceleration", "breech_pressure", "brake_pressure", "recuperator_pressure", "recoil_displacement",
+)  # fmt: skip
+NEEDED = ("recoil_acceleration", "breech_pressure", "brake_pressure", "recuperator_pressure")
+"""Roles on which the mass depends directly."""
+HUM_RATE_HZ = 2000.0
+"""Least rate at which the mains' harmonics are looked for."""
+SHOT_S = 0.12
+"""From the onset, for spectra: pulse, brake and the knocks at its end."""
+EMPTY_BORE_S = 0.15
+"""After the onset the bore is open: thirty time constants of a breech pressure's decay."""
+RECOIL_S = 0.3
+"""From the onset; what comes later is neither looked through for clipping nor filtered."""
+BEFORE_S = 5e-3
+"""Kept before the onset for the shock response spectrum."""
+PULSES = 3.0
+"""Over the pulse's duration: below this frequency a one-sided pulse makes a lopsided shock response spectrum "
+"rightly."""
+REST_SPAN_S = 0.02
+"""At the end of the record, over which a level is taken."""
+
+
+def check_channel(
+    channel: Channel,
+    rig: Rig,
+    *,
+    reference_s: Array | None,
+    onset_s: float | None,
+    rest_s: float | None,
+    counted: bool,
+    driven_m_s2: float | None = None,
+) -> Iterator[tuple[str, Outcome]]:
+    """Check one channel.
+
+    Parameters
+    ----------
+    channel : Channel
+    rig : Rig
+    reference_s : ndarray, shape (n,), or None
+        Instants of the samples on the reference clock; None if the channel's clock could not be aligned.
+    onset_s : float or None
+        Onset of force on the reference clock; None if there is none.
+    rest_s : float or None
+        Since when the mechanism rests again, on the reference clock; None if nothing tells.
+    counted : bool
+        Whether a counter tells which frames of the source are missing.
+    driven_m_s2 : float or None
+        Largest acceleration that the breech force gives the recoiling part; None if it was not measured.
+
+    Yields
+    ------
+    check, (verdict, detail)
+    """
+    spec = rig.channel(channel.name)
+    samples = np.asarray(channel.samples, dtype=np.float64)
+    unit = SI_UNITS[channel.quantity]
+    present = samples[np.isfinite(samples)]
+    if present.size < LEAST_SAMPLES:
+        found = f"only {present.size} samples" if present.size else "no sample at all"
+        yield "losses", ("fail", f"{found}: check the sensor and its signal's name")
+        return
+    if np.ptp(present) == 0:
+        # what nothing is made of may stand still: a temperature, a mark on the tipping part
+        verdict: Verdict = "fail" if channel.role or channel.name in aligning_channels(rig) else "warn"
+        yield "constant", (verdict, f"always {present[0]:.4g} {unit}: sensor not connected, or the wrong signal")
+        return
+    filmed = rig.source(channel.time_base.clock).kind == "camera"
+    unclipped = True
+    if not filmed:
+        yield "losses", check_losses(samples, channel.time_base.rate_hz)
+        limits = range_si(spec)
+        ranged = None if limits is None else check_clipping(samples, *limits, unit=unit)
+        if ranged is not None:
+            yield "range", ranged
+        # what is clipped at the declared range is not told twice
+        tops = check_flat_tops(samples, declared=limits is not None) if ranged is None or ranged[0] == "ok" else ranged
+        unclipped = tops[0] == "ok"
+        if tops is not ranged:
+            yield "range" if ranged is None else "flat tops", tops
+        if channel.role:
+            yield "held values", check_held(samples, channel.time_base.rate_hz)
+        if channel.role and channel.time_base.stamps_s is not None and not counted:
+            even = rig.source(channel.time_base.clock).kind == "dewetron"
+            yield "time steps", check_time_steps(channel.time_base.stamps_s, even=even)
+    elif (limits := range_si(spec)) is not None:
+        yield "range", check_clipping(samples, *limits, unit=unit)
+    if reference_s is None or onset_s is None:
+        return
+    # what is infinite was told by the range's check; of the rest it says nothing
+    samples = channel.measured
+    quiet = reference_s < onset_s - QUIET_MARGIN_S
+    if (
+        channel.role
+        and channel.quantity not in ("displacement", "voltage")
+        and math.isfinite(channel.time_base.rate_hz)
+    ):
+        yield from _levels(channel, spec, rig, samples, quiet, reference_s, onset_s, rest_s)
+        record = _Record.of(channel, samples, quiet, reference_s, onset_s)
+        hum = _hum(record)
+        yield "filtered noise", _filtered_noise(record, hum)
+        if hum is not None:
+            yield "hum", _hum_outcome(record, hum)
+        if unclipped:
+            yield "out of band", check_out_of_band(record.samples, record.quiet)
+        yield from _spectra(record, driven_m_s2)
+    if channel.role in POSITIVE_PULSES:
+        yield "polarity", check_polarity(samples, quiet)
+
+
+@dataclass(frozen=True, eq=False)
+class _Record:
+    """One channel's samples up to the end of recoil: as recorded, bridged and low-passed, and which are when."""
+
+    channel: Channel
+    samples: Array
+    whole: Array
+    smooth: Array
+    low_pass: LowPass
+    quiet: Flags
+    pulse: Flags
+    reference_s: Array
+    onset_s: float
+
+    @classmethod
+    def of(cls, channel: Channel, samples: Array, quiet: Flags, reference_s: Array, onset_s: float) -> _Record:
+        rate_hz = channel.time_base.rate_hz
+        low_pass = LowPass(min(CUTOFF_HZ, SLOWEST_SHARE * rate_hz))
+        stop = int(np.searchsorted(reference_s, onset_s + RECOIL_S))
+        samples, quiet, reference_s = samples[:stop], quiet[:stop], reference_s[:stop]
+        whole = bridge(samples, otherwise=0.0)
+        pulse = (reference_s >= onset_s) & (reference_s < onset_s + SHOT_S)
+        smooth = low_pass.apply(whole, rate_hz)
+        return cls(channel, samples, whole, smooth, low_pass, quiet, pulse, reference_s, onset_s)
+
+    @property
+    def rate_hz(self) -> float:
+        return self.channel.time_base.rate_hz
+
+    @property
+    def level(self) -> float:
+        """Before the shot."""
+        return float(np.median(self.whole[self.quiet])) if self.quiet.any() else 0.0
+
+
+def _levels(
+    channel: Channel,
+    spec: ChannelSpec,
+    rig: Rig,
+    samples: Array,
+    quiet: Flags,
+    reference_s: Array,
+    onset_s: float,
+    rest_s: float | None,
+) -> Iterator[tuple[str, Outcome]]:
+    """Check levels before and after the shot."""
+    role, unit = channel.role, SI_UNITS[channel.quantity]
+    static = None if spec.sensor.time_constant_s else static_value(role, rig.mechanism)
+    yield "silence", check_quiet(samples, quiet, static, unit=unit)
+    yield "steady silence", check_steady_silence(samples, quiet, unit=unit)
+    since_s = onset_s + EMPTY_BORE_S if role == "breech_pressure" else rest_s
+    # an AC-coupled chain comes back late, a recuperator warm
+    if since_s is None or spec.sensor.time_constant_s is not None or role == "recuperator_pressure":
+        return
+    end_s = float(reference_s[-1])
+    if end_s - since_s >= REST_SPAN_S:
+        yield "level after", check_level_after(samples, quiet, reference_s >= end_s - REST_SPAN_S, unit=unit)
+
+
+def _filtered_noise(record: _Record, hum: Hum | None) -> Outcome:
+    """Check the noise behind the low-pass, where neither the shot nor the record's begin reaches; hum is none."""
+    reach = record.low_pass.reach_samples(record.rate_hz)
+    lost = ~np.isfinite(record.samples)
+    trusted = ~near(lost, reach) if lost.any() else ~lost
+    still = record.quiet & trusted
+    silent = np.flatnonzero(record.quiet)
+    if silent.size:
+        still[: silent[0] + reach] = False
+        still[max(int(silent[-1]) + 1 - reach, 0) :] = False
+    smooth = record.smooth
+    if hum is not None and hum.lines:
+        # far below the cut-off it passes the filter as it is, and is taken off before the mass is found
+        since_s = (np.arange(smooth.size) - silent[0]) / record.rate_hz - hum.origin_s
+        smooth = smooth - np.sum([line.taken_at(since_s) for line in hum.lines], axis=0)
+    return check_filtered_noise(smooth, still, record.pulse & trusted, needed=record.channel.role in NEEDED)
+
+
+def _hum(record: _Record) -> Hum | None:
+    """Look for the mains' hum in the silence; None where the record is too slow for its harmonics."""
+    every = int(record.rate_hz / HUM_RATE_HZ)
+    silent = np.flatnonzero(record.quiet)
+    if every < 1 or silent.size < every:
+        return None
+    # means of a few samples keep the harmonics and make the fit quick
+    count = silent.size // every
+    means = record.samples[silent[0] : silent[0] + count * every].reshape(count, every).mean(axis=1)
+    found = subtract_hum(means, record.rate_hz / every, np.ones(count, dtype=bool))
+    # a mean stands in the middle of its samples
+    return replace(found, origin_s=found.origin_s + 0.5 * (every - 1) / record.rate_hz)
+
+
+def _hum_outcome(record: _Record, found: Hum) -> Outcome:
+    if not found.lines:
+        return "ok", found.reason
+    peak = float(np.nanmax(np.abs(record.samples - record.level)))
+    unit = SI_UNITS[record.channel.quantity]
+    return check_hum(found.amplitude, found.frequency_hz, peak, unit=unit)
+
+
+def _spectra(record: _Record, driven_m_s2: float | None) -> Iterator[tuple[str, Outcome]]:
+    """Check what lies above the rigid body's band."""
+    rate_hz = record.rate_hz
+    fall_db = last_octave_fall_db(record.whole, record.quiet, record.pulse, rate_hz, 2 * CUTOFF_HZ)
+    if fall_db is not None:
+        yield "aliasing", check_aliasing(fall_db, rate_hz)
+    if record.channel.role != "recoil_acceleration" or not record.pulse.any():
+        return
+    gap = find_gap(record.samples, rate_hz, onset_index=int(np.argmax(record.pulse)))
+    if not isinstance(gap, SpectralGap):
+        ringing = float(np.std((record.whole - record.smooth)[record.pulse]))
+        yield "spectral gap", check_no_gap(gap, ringing, float(np.max(record.smooth - record.level)))
+        return
+    yield "spectral gap", check_gap(gap.depth_db, gap.valley_hz, gap.shoulder_hz)
+    if gap.valley_hz >= 0.25 * rate_hz:
+        return
+    below = LowPass(gap.valley_hz).apply(record.whole, rate_hz)
+    window = record.pulse | near(record.pulse, round(BEFORE_S * rate_hz))
+    pulse_s = _pulse_s(record)
+    if pulse_s is not None:
+        lowest_hz = max(gap.shoulder_hz, PULSES / pulse_s)
+        motion = record.whole[window] - record.level
+        pulse = float(np.max(np.abs(below[window] - record.level))) if driven_m_s2 is None else driven_m_s2
+        over = float(np.max(np.abs((record.whole - below)[window]))) / max(pulse, 1e-300)
+        yield "shock response", check_srs_symmetry(motion, rate_hz, lowest_hz, over)
+
+
+def _pulse_s(record: _Record) -> float | None:
+    """Duration of the pulse: from the onset until the low-passed signal returns to its level; None if it does not."""
+    first = int(np.argmax(record.pulse))
+    pulse = record.smooth[first:] - record.level
+    peak = int(np.argmax(pulse[: max(np.count_nonzero(record.pulse), 1)]))
+    back = np.flatnonzero(pulse[peak:] <= 0)
+    duration_s = float(record.reference_s[first + peak + back[0]] - record.onset_s) if back.size else 0.0
+    # where the pulse itself was lost, what is left may never rise over the level
+    return duration_s if duration_s > 0 else None
+
+
+def aligning_channels(rig: Rig) -> set[str]:
+    """Return the names of the channels that clocks are aligned by."""
+    names: set[str] = set()
+    for source in rig.sources:
+        align = source.align
+        if isinstance(align, RedundantAlignment | TriggerAlignment | ExposureAlignment):
+            names.add(align.channel)
+        if isinstance(align, MotionAlignment) and align.channel is not None:
+            names.add(align.channel)
+        if isinstance(align, RedundantAlignment | MotionAlignment):
+            names.add(align.against)
+        if isinstance(align, ExposureAlignment) and align.against is not None:
+            names.add(align.against)
+    return names

@@ -1,0 +1,290 @@
+"""Do the sensors of one motion agree? Checks that need several channels, or the motion itself, wired to a shot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.quantity import SI_UNITS
+from recoil_acquisition.shot import ClockAlignment, QualityCheck, Shot
+from recoil_processing.alignment.channel_skew import Skew, measure_skew
+from recoil_processing.filters import LowPass
+from recoil_processing.gaps import bridge
+from recoil_processing.motion.double_integral import DoubleIntegral, integrate
+from recoil_processing.quality import (
+    Outcome,
+    check_braking,
+    check_force_sign,
+    check_impulse,
+    check_rest_to_rest,
+    check_skew,
+    check_velocity,
+    check_zero_shift,
+)
+from recoil_processing.quality.motion_checks import velocity_error
+from recoil_processing.shot.kinematics import Turning, inertial_acceleration, travel_acceleration, turning
+from recoil_processing.shot.regression import AREAS, PRESSURE_ROLES, Regression, build_regression
+from recoil_processing.shot.signals import Signals, collect_signals, static_value
+from recoil_rigs.rig import Rig
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+CUTOFF_HZ = 300.0
+"""Of the checks' low-pass: stress waves of gun-size mechanisms ring above 900 Hz, the pulse has little above this."""
+SLOWEST_SHARE = 0.2
+"""Of a force's sampling rate, which the cut-off may not exceed."""
+DRIVING_SHARE = 0.05
+"""Of the breech force's peak, from which on it drives."""
+DRIVEN_S = 0.05
+"""From the onset, in which the breech drives."""
+AROUND_S = 0.03
+"""Kept around a part for the low-pass: some reaches of it."""
+LEAST_ROWS = 50
+"""Samples of the recoil that tell a shift of the zero."""
+MOST_LOST = 0.05
+"""Share of the recoil's samples that may be bridged for an integral."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recoil:
+    """What several checks need of the motion, computed once.
+
+    Attributes
+    ----------
+    signals : Signals
+    motion : Turning
+    acceleration : ndarray, shape (n,)
+        Of the travel by the accelerometers, lost samples bridged.
+    travel : DoubleIntegral
+        Of the recoil by the accelerometer, on the reference clock.
+    low_pass : LowPass
+    regression : Regression or None
+        None where a pressure is missing or nothing recoils.
+    force_problem : str
+        Why there is none although every pressure is there; empty otherwise.
+    sign : (verdict, detail) or None
+        Of the correlation of force and acceleration; None without a breech pressure.
+    """
+
+    signals: Signals
+    motion: Turning
+    acceleration: Array
+    travel: DoubleIntegral
+    low_pass: LowPass
+    regression: Regression | None
+    force_problem: str = ""
+    sign: Outcome | None = None
+
+    @property
+    def turned(self) -> bool:
+        """Whether force and acceleration point against one another, so that neither is compared any further."""
+        return self.sign is not None and self.sign[0] == "fail"
+
+
+def recoil_of(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignment]) -> Recoil | None:
+    """Bring the channels of a shot together once for all checks; None where no acceleration shows a shot."""
+    try:
+        signals = collect_signals(shot, rig, alignments)
+    except IdentificationError:
+        # the onset's own check says so
+        return None
+    if "recoil_acceleration" not in signals.series:
+        return None
+    motion = turning(signals, rig)
+    acceleration = travel_acceleration(signals, rig, motion)
+    travel = DoubleIntegral.of(acceleration, signals.start_s, signals.step_s)
+    rates = [c.time_base.rate_hz for role in PRESSURE_ROLES if (c := shot.by_role(role)) is not None]
+    low_pass = LowPass(min([CUTOFF_HZ, *(SLOWEST_SHARE * rate for rate in [*rates, signals.rate_hz] if rate > 0)]))
+    sign = _force_sign(signals, rig, low_pass)
+    if any(role not in signals.series for role in PRESSURE_ROLES):
+        return Recoil(signals, motion, acceleration, travel, low_pass, None, sign=sign)
+    static = static_value("recoil_acceleration", rig.mechanism) or 0.0
+    try:
+        regression = build_regression(
+            signals, rig.mechanism, inertial_acceleration(signals, rig, motion), travel.velocity, static
+        )
+    except IdentificationError as error:
+        return Recoil(signals, motion, acceleration, travel, low_pass, None, str(error), sign)
+    return Recoil(signals, motion, acceleration, travel, low_pass, regression, sign=sign)
+
+
+def check_motion(
+    shot: Shot, rig: Rig, recoil: Recoil, camera_rest_s: float | None, *, zero_by_camera: bool
+) -> Iterator[QualityCheck]:
+    """Check force against acceleration, and the acceleration against the camera.
+
+    Parameters
+    ----------
+    shot : Shot
+    rig : Rig
+    recoil : Recoil
+    camera_rest_s : float or None
+        Since when the camera sees the mechanism at rest again, on the reference clock; None if it does not.
+    zero_by_camera : bool
+        Whether the camera tells a shift of the accelerometer's zero; if not, the forces do.
+
+    Yields
+    ------
+    QualityCheck
+    """
+    accelerometer = shot.by_role("recoil_acceleration")
+    if accelerometer is None:
+        return
+    name = accelerometer.name
+    if recoil.force_problem:
+        yield QualityCheck("shot", "force", "fail", recoil.force_problem)
+    if recoil.sign is not None:
+        yield QualityCheck(name, "force sign", *recoil.sign)
+    if recoil.regression is not None and not recoil.turned:
+        for check, outcome in _impulses(recoil, recoil.regression, rig, accelerometer.u_rel):
+            yield QualityCheck("shot", check, *outcome)
+        shift = None if zero_by_camera else _zero_shift(recoil, recoil.regression, rig)
+        if shift is not None:
+            yield QualityCheck(name, "zero shift", *shift)
+        skew = _skew(recoil, recoil.regression)
+        if skew is not None:
+            yield QualityCheck(name, "skew", *skew)
+    rest = None if camera_rest_s is None else _rest(recoil, camera_rest_s)
+    if rest is not None and not recoil.turned:
+        yield QualityCheck(name, "rest to rest", *rest)
+
+
+def check_camera_velocity(recoil: Recoil, times_s: Array, positions_m: Array) -> Outcome | None:
+    """Compare the accelerometer's velocity with a camera's, from the onset to the end of recoil.
+
+    Parameters
+    ----------
+    recoil : Recoil
+    times_s : ndarray, shape (n,)
+        Of the frames, on the reference clock.
+    positions_m : ndarray, shape (n,)
+        NaN where the frame was lost.
+    """
+    inside = (times_s >= recoil.signals.onset_s) & recoil.travel.covers(times_s)
+    if not np.isfinite(positions_m[inside]).any():
+        return None
+    # the camera's own end of recoil: an accelerometer whose zero shifted may never see one
+    end_s = times_s[inside][int(np.nanargmax(positions_m[inside]))]
+    inside &= times_s <= end_s
+    travel, _ = recoil.travel.at(times_s[inside])
+    found = velocity_error(times_s[inside], positions_m[inside], travel, recoil.signals.onset_s)
+    return None if found is None else check_velocity(found)
+
+
+def _force_sign(signals: Signals, rig: Rig, low_pass: LowPass) -> Outcome | None:
+    """Correlate net force and acceleration while the breech drives."""
+    series, mechanism = signals.series, rig.mechanism
+    if "breech_pressure" not in series:
+        return None
+    force = mechanism.bore_area * series["breech_pressure"]
+    for role, area in zip(PRESSURE_ROLES[1:], AREAS[1:], strict=True):
+        if role in series:
+            force = force - getattr(mechanism, area) * bridge(series[role], otherwise=0.0)
+    part = _around(signals.times_s, signals.onset_s, signals.onset_s + DRIVEN_S)
+    filtered = []
+    for samples in (force[part], series["recoil_acceleration"][part]):
+        if np.count_nonzero(np.isfinite(samples)) < 2:
+            return None
+        smooth, trusted = low_pass.apply_with_gaps(samples, signals.rate_hz)
+        filtered.append(np.where(trusted, smooth, np.nan))
+    drives = np.abs(filtered[0]) > DRIVING_SHARE * np.nanmax(np.abs(filtered[0]))
+    return check_force_sign(filtered[0][drives], filtered[1][drives])
+
+
+def _impulses(recoil: Recoil, regression: Regression, rig: Rig, u_accelerometer: float) -> list[tuple[str, Outcome]]:
+    """Compare impulse and momentum up to the largest velocity, and from there to the end of recoil."""
+    inside = regression.inside
+    if np.count_nonzero(~regression.trusted & inside) > MOST_LOST * np.count_nonzero(inside):
+        return []
+    m, step = rig.mechanism, regression.step_s
+    first, last = int(np.argmax(inside)), int(np.flatnonzero(inside)[-1])
+    part = slice(first, last + 1)
+    impulses = [integrate(bridge(f[part], otherwise=0.0), step) for f in regression.forces_n.T]
+    released = regression.released[part] > 0
+    gained = integrate(np.where(released, bridge(regression.acceleration_m_s2[part], otherwise=0.0), 0.0), step)
+    total = np.sum(impulses, axis=0)
+    # where the net force vanishes neither delay nor ringing matters
+    peak = int(np.argmax(total))
+    largest = m.m3 * float(np.max(gained))
+    relative = [_relative_u(rig, role, area) for role, area in zip(PRESSURE_ROLES, AREAS, strict=True)]
+    scale = math.hypot(u_accelerometer, m.u.get("m3", 0.0) / m.m3)
+    zero = m.m3 * recoil.signals.offsets["recoil_acceleration"].u
+
+    def excess(start: int, stop: int) -> tuple[float, float]:
+        parts = [u * float(j[stop] - j[start]) for u, j in zip(relative, impulses[:3], strict=True)]
+        momentum = m.m3 * float(gained[stop] - gained[start])
+        parts += [scale * momentum, (zero + m.u.get("friction", 0.0)) * (stop - start) * step]
+        return float(total[stop] - total[start]) - momentum, math.hypot(*parts)
+
+    driven, u_driven = excess(0, peak)
+    braked, u_braked = excess(peak, gained.size - 1)
+    safe = max(largest, 1e-300)
+    return [
+        ("impulse", check_impulse(driven, largest, u_driven / safe, mass_kg=m.m3)),
+        ("braking", check_braking(braked, largest, u_braked / safe)),
+    ]
+
+
+def _relative_u(rig: Rig, role: str, area: str) -> float:
+    spec = rig.by_role(role)
+    m = rig.mechanism
+    return math.hypot(spec.sensor.u_rel if spec else 0.0, m.u.get(area, 0.0) / getattr(m, area))
+
+
+def _zero_shift(recoil: Recoil, regression: Regression, rig: Rig) -> Outcome | None:
+    """Fit the acceleration by the force and a step at the release, below the cut-off.
+
+    The mass is free in this fit; what the step is uncertain by is what the gauges may be off while the mechanism
+    brakes.
+    """
+    if np.count_nonzero(regression.trusted) < LEAST_ROWS:
+        return None
+    part = _around(regression.times_s, *regression.interval_s)
+    smooth = [
+        recoil.low_pass.apply(bridge(column[part], otherwise=0.0), regression.rate_hz)
+        for column in (regression.acceleration_m_s2, regression.force_n, regression.released)
+    ]
+    inside = regression.used[part]
+    acceleration, force, released = (column[inside] for column in smooth)
+    if acceleration.size < LEAST_ROWS:
+        return None
+    scale = float(np.max(np.abs(force)))
+    solution, _, rank, _ = np.linalg.lstsq(np.column_stack([force / scale, released]), acceleration, rcond=None)
+    if rank < 2:
+        return None
+    braking = force < 0
+    parts = [
+        _relative_u(rig, role, area) * float(np.mean(np.abs(column[part][inside][braking]))) if braking.any() else 0.0
+        for role, area, column in zip(PRESSURE_ROLES, AREAS, regression.forces_n.T, strict=False)
+    ]
+    u = math.hypot(*parts, rig.mechanism.u.get("friction", 0.0)) / rig.mechanism.m3
+    peak = float(np.max(np.abs(acceleration)))
+    return check_zero_shift(float(solution[1]), u, peak, unit=SI_UNITS["acceleration"], against="the forces")
+
+
+def _skew(recoil: Recoil, regression: Regression) -> Outcome | None:
+    part = _around(regression.times_s, *regression.interval_s)
+    force, acceleration = regression.force_n[part], regression.acceleration_m_s2[part]
+    found = measure_skew(force, acceleration, recoil.signals.rate_hz, recoil.low_pass.cutoff_hz)
+    return check_skew(found.skew_s, found.u_s, significant=found.significant) if isinstance(found, Skew) else None
+
+
+def _around(times_s: Array, start_s: float, end_s: float) -> slice:
+    """Return the part of a record around a stretch of it, with room for the filter."""
+    first, last = np.searchsorted(times_s, [start_s - AROUND_S, end_s + AROUND_S])
+    return slice(int(first), int(last))
+
+
+def _rest(recoil: Recoil, rest_s: float) -> Outcome | None:
+    times = recoil.signals.times_s
+    resting = times >= rest_s
+    if not resting.any():
+        return None
+    velocity = recoil.travel.velocity
+    return check_rest_to_rest(float(np.mean(velocity[resting])), float(np.max(np.abs(velocity))))

@@ -1,0 +1,218 @@
+"""Is this shot usable? The checks of all channels and clocks of one shot, in the order of the rig."""
+
+from __future__ import annotations
+
+import datetime as dt
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.channel import Channel
+from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.quantity import SI_UNITS
+from recoil_acquisition.readers.reader import Recording
+from recoil_acquisition.shot import ClockAlignment, QualityCheck, Shot
+from recoil_acquisition.shot_name import numbers_of
+from recoil_processing.quality import Outcome, check_zero_shift
+from recoil_processing.shot.onset import find_onset
+from recoil_processing.shot.signals import QUIET_MARGIN_S
+from recoil_processing.shot.verdict.acquisition_quality import check_acquisition, check_clock_fits
+from recoil_processing.shot.verdict.camera_quality import check_film, check_fusion, check_track, rest_after
+from recoil_processing.shot.verdict.carriage_quality import check_carriage_by_camera
+from recoil_processing.shot.verdict.channel_quality import LEAST_SAMPLES, check_channel
+from recoil_processing.shot.verdict.motion_quality import Recoil, check_camera_velocity, check_motion, recoil_of
+from recoil_rigs.rig import Rig
+
+Array = NDArray[np.float64]
+
+UNCHECKED = (
+    "no accelerometer on the recoiling part: the camera's scale and velocity, and the forces' sign, impulse and skew, "
+    "cannot be checked by it; the residual of film and forces is what there is"
+)
+
+
+def check_shot(
+    shot: Shot,
+    rig: Rig,
+    alignments: Sequence[ClockAlignment],
+    recordings: Mapping[str, Recording],
+    on: dt.date,
+) -> tuple[QualityCheck, ...]:
+    """Check all channels and clocks of a shot, and what its acquisition lost.
+
+    Parameters
+    ----------
+    shot : Shot
+    rig : Rig
+    alignments : sequence of ClockAlignment
+    recordings : mapping of str to Recording
+        By source: what their readers noted becomes part of the verdict.
+    on : date
+        Day of the shot, for the calibrations' due dates.
+
+    Returns
+    -------
+    tuple of QualityCheck
+    """
+    checks: list[QualityCheck] = []
+    for source in rig.sources:
+        wanted = [c.name for c in rig.channels_of(source.name)]
+        if wanted and not any(name in shot.channels for name in wanted):
+            detail = f"no file of source {source.name} was given: {', '.join(wanted)} missing; add its file"
+            checks.append(QualityCheck(source.name, "file", "fail", detail))
+        if source.name in recordings:
+            checks += _file_checks(source.name, recordings[source.name])
+            if source.kind == "camera":
+                checks += check_film(source, recordings[source.name])
+    checks += _file_names(recordings)
+    essential = {c.source for c in rig.channels if c.role}
+    checks += check_acquisition(shot.acquisition, recordings, essential)
+    checks += check_clock_fits(shot.clock_fits)
+    by_clock = {a.clock: a for a in alignments}
+    onset = _onset(shot, checks)
+    shifts = [check for alignment in alignments for check in _zero_shift(alignment, shot, onset)]
+    checks += _channels(shot, rig, by_clock, recordings, onset, zero_by_camera=bool(shifts))
+    checks += [_alignment_check(alignment) for alignment in alignments]
+    checks += shifts
+    for fault in rig.overdue(on):
+        name = fault.key.removeprefix("channel '").removesuffix("'.sensor.due")
+        checks.append(QualityCheck(name, "calibration", "warn", fault.problem))
+    return tuple(checks)
+
+
+def _channels(
+    shot: Shot,
+    rig: Rig,
+    by_clock: Mapping[str, ClockAlignment],
+    recordings: Mapping[str, Recording],
+    onset: float | None,
+    *,
+    zero_by_camera: bool,
+) -> list[QualityCheck]:
+    """Check every channel by itself, and then those of one motion against one another."""
+    camera = shot.by_role("recoil_displacement")
+    rest_s = None if camera is None else rest_after(camera, by_clock.get(camera.time_base.clock))
+    recoil = None if onset is None else recoil_of(shot, rig, by_clock)
+    breech = shot.by_role("breech_pressure")
+    driven = None
+    if breech is not None and np.isfinite(breech.samples).any():
+        driven = rig.mechanism.bore_area * float(np.nanmax(breech.samples)) / rig.mechanism.m3
+    checks = []
+    for channel in shot.channels.values():
+        clock = channel.time_base.clock
+        alignment = by_clock.get(clock)
+        found = list(
+            check_channel(
+                channel,
+                rig,
+                reference_s=_reference_times(channel, shot, alignment),
+                onset_s=onset,
+                rest_s=rest_s,
+                driven_m_s2=driven,
+                counted=clock in recordings and "missing_frames" in recordings[clock].metadata,
+            )
+        )
+        source = rig.source(clock)
+        if source.kind == "camera" and not {name for name, _ in found} & {"constant", "losses"}:
+            found += check_track(channel, rig.channel(channel.name), source, recordings.get(clock))
+            found += check_fusion(channel, alignment)
+            found += _against_camera(channel, rig, alignment, recoil)
+        checks += [QualityCheck(channel.name, name, verdict, detail) for name, (verdict, detail) in found]
+    if recoil is not None and camera is not None and not recoil.turned:
+        checks += check_carriage_by_camera(shot, rig, recoil, camera, by_clock.get(camera.time_base.clock))
+    if camera is not None and shot.by_role("recoil_acceleration") is None:
+        checks.append(QualityCheck(camera.name, "second sensor", "warn", UNCHECKED))
+    if recoil is not None:
+        checks += check_motion(shot, rig, recoil, rest_s, zero_by_camera=zero_by_camera)
+    return checks
+
+
+def _file_checks(source: str, recording: Recording) -> list[QualityCheck]:
+    """Whether a file was cut off, and what its reader noted."""
+    checks = [QualityCheck(source, "reader", "ok", note) for note in recording.notes]
+    if recording.incomplete:
+        checks.insert(0, QualityCheck(source, "file", "warn", f"was cut off: {recording.incomplete}"))
+    return checks
+
+
+def _file_names(recordings: Mapping[str, Recording]) -> list[QualityCheck]:
+    """Whether files that carry one number each carry the same."""
+    numbers = {source: numbers_of(r.path) for source, r in recordings.items()}
+    numbered = {source: found for source, found in numbers.items() if len(found) == 1}
+    if len(set(numbered.values())) > 1:
+        shown = ", ".join(f"{source} {recordings[source].path.name}" for source in numbered)
+        return [
+            QualityCheck("shot", "file names", "warn", f"the files' numbers differ ({shown}): are they of one shot?")
+        ]
+    return []
+
+
+def _onset(shot: Shot, checks: list[QualityCheck]) -> float | None:
+    """Onset of force on the reference clock; a shot without one fails."""
+    series = {
+        role: c.measured
+        for role in ("breech_pressure", "recoil_acceleration")
+        if (c := shot.by_role(role)) is not None and c.time_base.clock == shot.reference_clock
+    }
+    if not series:
+        return None
+    carrier = shot.by_role(next(iter(series)))
+    if carrier is None:
+        return None
+    try:
+        return find_onset(carrier.time_base.times_s, series)
+    except IdentificationError as error:
+        checks.append(QualityCheck("shot", "onset", "fail", str(error)))
+        return None
+
+
+def _reference_times(channel: Channel, shot: Shot, alignment: ClockAlignment | None) -> Array | None:
+    """Instants of a channel on the reference clock; None if its clock could not be aligned."""
+    if channel.time_base.clock == shot.reference_clock:
+        return channel.time_base.times_s
+    if alignment is None or alignment.status == "failed":
+        return None
+    return alignment.to_reference(channel.time_base.times_s)
+
+
+def _against_camera(
+    channel: Channel, rig: Rig, alignment: ClockAlignment | None, recoil: Recoil | None
+) -> list[tuple[str, Outcome]]:
+    """Compare the accelerometer's velocity with the camera's."""
+    if recoil is None or recoil.turned or alignment is None or alignment.status == "failed":
+        return []
+    if channel.role != "recoil_displacement":
+        return []
+    seen_s = channel.time_base.times_s - rig.channel(channel.name).sensor.delay_s
+    positions = channel.measured
+    outcome = check_camera_velocity(recoil, alignment.to_reference(seen_s), positions)
+    return [] if outcome is None else [("velocity", outcome)]
+
+
+def _alignment_check(a: ClockAlignment) -> QualityCheck:
+    if a.status == "failed":
+        return QualityCheck(a.clock, "alignment", "fail", f"by {a.method}: {'; '.join(a.reasons)}")
+    offset = f"offset {1e3 * a.offset_s:+.4f} ms, u {1e6 * a.u_offset_s:.1f} us"
+    text = f"{offset}, drift {1e6 * a.drift:+.1f} ppm, by {a.method}"
+    if a.status == "ambiguous":
+        return QualityCheck(a.clock, "alignment", "warn", f"{text}; ambiguous: {'; '.join(a.reasons)}")
+    return QualityCheck(a.clock, "alignment", "ok", text)
+
+
+def _zero_shift(alignment: ClockAlignment, shot: Shot, onset: float | None) -> list[QualityCheck]:
+    """Compare the accelerometer's zero during the shot, as the camera tells it, with the one before the shot."""
+    details = alignment.details or {}
+    accelerometer = shot.by_role("recoil_acceleration")
+    if alignment.status == "failed" or "u_bias_m_s2" not in details or accelerometer is None or onset is None:
+        return []
+    samples = accelerometer.measured
+    quiet = samples[(accelerometer.time_base.times_s < onset - QUIET_MARGIN_S) & np.isfinite(samples)]
+    if quiet.size < LEAST_SAMPLES:
+        return []
+    # the fit's constant is what the accelerometer lacks; the silence fixes the zero as well as its noise allows
+    bias = -float(details["integration_constants"][2]) + float(details.get("shifted_zero_m_s2", 0.0))
+    u = math.hypot(float(details["u_bias_m_s2"]), float(np.std(quiet)) / math.sqrt(quiet.size))
+    verdict, detail = check_zero_shift(bias, u, float(np.nanmax(np.abs(samples))), unit=SI_UNITS["acceleration"])
+    return [QualityCheck(accelerometer.name, "zero shift", verdict, detail)]

@@ -1,0 +1,113 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from recoil_processing.shot.clocks.autoregressive_noise import (
+    AutoregressiveNoise,
+    few_samples_factor,
+    fit_noise,
+    long_run_variance,
+    newey_west,
+    runs,
+)
+
+
+def autoregressive(coefficients: tuple[float, ...], count: int, seed: int = 0) -> np.ndarray:
+    from scipy.signal import lfilter
+
+    white = np.random.default_rng(seed).standard_normal(count + 500)
+    return np.asarray(lfilter([1.0], [1.0, *(-c for c in coefficients)], white)[500:])
+
+
+def test_burg_finds_coefficients_and_order_of_a_process():
+    noise = fit_noise([autoregressive((1.2, -0.8), 20_000)])
+    assert noise.order >= 2
+    np.testing.assert_allclose(noise.predictors[2, :2], [1.2, -0.8], atol=0.02)
+    np.testing.assert_allclose(noise.predictors[-1, 2:], 0.0, atol=0.05)
+    assert noise.sigma == pytest.approx(1.0, abs=0.02)
+    # variance of the process itself, Yule and Walker: (1 - c2) / ((1 + c2) ((1 - c2)^2 - c1^2))
+    assert noise.deviations[0] ** 2 == pytest.approx(1.8 / (0.2 * (1.8**2 - 1.2**2)), rel=0.1)
+
+
+def test_white_noise_is_left_as_it_is():
+    noise = fit_noise([2.0 * np.random.default_rng(3).standard_normal(5000)])
+    assert noise.sigma == pytest.approx(2.0, rel=0.03)
+    assert math.sqrt(noise.slow_density) == pytest.approx(2.0, rel=0.25)
+
+
+def test_pieces_tell_the_same_as_the_whole_without_a_join():
+    series = autoregressive((0.9,), 30_000, seed=5)
+    whole, parts = fit_noise([series]), fit_noise([series[:9000], series[9100:20_000], series[20_500:]])
+    assert parts.predictors[1, 0] == pytest.approx(whole.predictors[1, 0], abs=0.01)
+
+
+def test_whitened_rows_have_unit_variance_and_no_correlation_from_the_first_on():
+    firsts, energy, lagged = [], 0.0, 0.0
+    noise = fit_noise([autoregressive((1.5, -0.9), 50_000)], 2)
+    for seed in range(400):
+        white = noise.whiten(autoregressive((1.5, -0.9), 60, seed)[:, None])[:, 0]
+        firsts.append(white[:2])
+        energy += float(white @ white)
+        lagged += float(white[1:] @ white[:-1])
+    assert np.array(firsts).std() == pytest.approx(1.0, abs=0.1)
+    assert energy / (400 * 60) == pytest.approx(1.0, abs=0.03)
+    assert abs(lagged / energy) < 0.02
+
+
+@given(st.integers(1, 40), st.integers(0, 5))
+@settings(max_examples=30)
+def test_whitening_is_linear_and_shorter_pieces_than_the_order_are_whitened_too(count, order):
+    rng = np.random.default_rng(count)
+    noise = fit_noise([autoregressive((1.2, -0.8), 2000)], order)
+    columns = rng.standard_normal((count, 2))
+    white = noise.whiten(columns)
+    assert white.shape == columns.shape
+    both = noise.whiten(columns @ [[2.0], [-3.0]])
+    np.testing.assert_allclose(both[:, 0], white @ [2.0, -3.0], atol=1e-9)
+
+
+def test_the_long_run_variance_is_that_of_the_sum():
+    sums = [float(autoregressive((0.8,), 2000, seed).sum()) for seed in range(300)]
+    stated = np.mean([long_run_variance([autoregressive((0.8,), 2000, seed)]) for seed in range(40)])
+    assert stated == pytest.approx(np.var(sums), rel=0.2)
+
+
+def test_newey_west_without_lags_is_that_of_independent_scores_and_grows_with_correlation():
+    scores = autoregressive((0.8,), 4000)[:, None]
+    alone, together = newey_west(scores, 0)[0, 0], newey_west(scores, 40)[0, 0]
+    assert alone == pytest.approx(float(scores[:, 0] @ scores[:, 0]))
+    assert together / alone == pytest.approx(1.8 / 0.2, rel=0.3)
+
+
+def test_an_uncertainty_from_few_samples_is_wider():
+    assert few_samples_factor(10**9, 4) == pytest.approx(1.0, abs=1e-6)
+    assert few_samples_factor(200, 10) == pytest.approx(math.sqrt(10.0 / 8.0))
+    assert few_samples_factor(10, 10) == pytest.approx(math.sqrt(2.0))
+
+
+def test_runs_are_begin_and_end_of_what_is_set():
+    assert runs(np.array([True, False, True, True, False, True])) == [(0, 1), (2, 4), (5, 6)]
+    assert runs(np.zeros(3, dtype=bool)) == []
+
+
+def test_a_constant_series_has_no_noise_but_a_model():
+    noise = fit_noise([np.zeros(100)])
+    assert noise.order == 0
+    assert noise.sigma < 1e-100
+    assert isinstance(noise, AutoregressiveNoise)
+
+
+@pytest.mark.parametrize("pieces", [[], [np.zeros(0)], [np.array([1.0, np.nan])]])
+def test_no_samples_or_lost_ones_are_refused(pieces):
+    with pytest.raises(ValueError, match="samples"):
+        fit_noise(pieces)
+
+
+def test_a_negative_order_is_refused():
+    with pytest.raises(ValueError, match="most_order"):
+        fit_noise([np.ones(50)], -1)

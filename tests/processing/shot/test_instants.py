@@ -1,0 +1,100 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from recoil_acquisition.channel import Channel
+from recoil_acquisition.shot import Shot
+from recoil_acquisition.timebase import TimeBase
+from recoil_processing.shot.instants import delay_of, instants
+from recoil_rigs.rig import ChannelSpec, Sensor, Source
+from tests.builders.bench_shots import bench_rig, bench_shot
+
+RECORDER = Source(name="recorder", kind="dewetron")
+BUS = (
+    '[[source]]\nname = "bus"\nkind = "serial"\nalign = { method = "fixed", offset_s = 0.0 }\n'
+    'framing = { kind = "sync", sync = "AA 55", length = { fixed = 24 }, counter = { field = "n", modulo = 256 }, '
+    'fields = [{ name = "w", at = 2, type = "u16" }, { name = "n", at = 4, type = "u8" }] }\n'
+    '[[channel]]\nname = "rate"\nsource = "bus"\nsignal = "w"\nquantity = "angular_rate"\n'
+    '[[channel]]\nname = "count"\nsource = "bus"\nsignal = "n"\nquantity = "count"\n'
+)
+
+
+def spec(**sensor: object) -> ChannelSpec:
+    return ChannelSpec(name="c", source="recorder", signal="s", quantity="acceleration", sensor=Sensor(**sensor))
+
+
+def test_a_declared_delay_is_that_of_the_whole_chain():
+    both = delay_of(spec(delay_s=4.2e-4, u_delay_s=1e-5, filter_hz=800.0, filter_type="bessel"), RECORDER)
+    assert [(p.cause, p.delay_s, p.u_s) for p in both.parts] == [("declared", 4.2e-4, 1e-5)]
+
+
+def test_a_delay_that_is_declared_as_none_is_none_whatever_the_filter():
+    assert delay_of(spec(delay_s=0.0, filter_hz=800.0), RECORDER).parts == ()
+    unsaid = delay_of(spec(filter_hz=800.0), RECORDER)
+    assert (unsaid.delay_s, unsaid.u_s > 1e-4) == (0.0, True)
+
+
+def test_filter_mount_and_exposure_add_up():
+    camera = Source(name="camera", kind="camera", exposure_s=1e-4, exposure_stamp="start")
+    found = delay_of(
+        spec(filter_hz=800.0, filter_type="bessel", filter_order=4, resonance_hz=900.0, resonance_damping=0.03), camera
+    )
+    assert [p.cause for p in found.parts] == ["bessel filter", "mount", "half the exposure"]
+    assert found.delay_s == pytest.approx(2.1139 / (2 * np.pi * 800.0) + 0.06 / (2 * np.pi * 900.0) - 5e-5, rel=1e-4)
+
+
+def late_bus(mean_wait_s: float, *, counted: bool) -> tuple[Shot, np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(8)
+    index = np.flatnonzero(rng.random(900) > 0.03)
+    stamps = 1.0 + 1e-3 * index + mean_wait_s * rng.exponential(1.0, index.size)
+    stamps = np.maximum.accumulate(stamps) + 1e-9 * np.arange(index.size)
+    base = TimeBase.stamped("bus", stamps)
+    channels = dict(bench_shot().channels)
+    channels["rate"] = Channel("rate", "angular_rate", np.sin(index / 50.0), base, "w")
+    if counted:
+        channels["count"] = Channel("count", "count", ((index + 13) % 256).astype(np.float64), base, "n")
+    return replace(bench_shot(), channels=channels), index, stamps
+
+
+def test_samples_of_a_bus_lie_on_the_beat_below_their_stamps():
+    rig = bench_rig(tables=BUS)
+    shot, index, _ = late_bus(1e-4, counted=False)
+    found = instants(shot.channels["rate"], shot, rig)
+    assert found.stamps.line == "lower edge"
+    assert np.allclose(found.times_s, 1.0 + 1e-3 * index, rtol=0, atol=1e-5)
+    assert found.stamps_to_json()["wait_s"] == pytest.approx(1e-4, rel=0.2)
+    assert found.u_s < 1e-5
+
+
+def test_a_late_host_is_seen_through_by_the_message_counter():
+    rig = bench_rig(tables=BUS)
+    shot, index, stamps = late_bus(1.5e-3, counted=True)
+    found = instants(shot.channels["rate"], shot, rig)
+    off = found.times_s - 1.0 - 1e-3 * index
+    assert found.stamps.even
+    assert np.ptp(off) < 3e-4
+    assert np.median(np.abs(off)) < 0.3 * np.median(stamps - 1.0 - 1e-3 * index)
+    bare = replace(shot, channels={n: c for n, c in shot.channels.items() if n != "count"})
+    blind = instants(bare.channels["rate"], bare, rig)
+    assert np.array_equal(blind.times_s, stamps)
+    assert blind.stamps_to_json() == {"line": "none"}
+
+
+def test_a_counter_that_was_reset_is_not_trusted():
+    rig = bench_rig(tables=BUS)
+    shot, index, _ = late_bus(1e-4, counted=True)
+    broken = np.asarray(shot.channels["count"].samples).copy()
+    broken[400:] = 0.0
+    channels = {**shot.channels, "count": replace(shot.channels["count"], samples=broken)}
+    found = instants(channels["rate"], replace(shot, channels=channels), rig)
+    assert np.allclose(found.times_s, 1.0 + 1e-3 * index, rtol=0, atol=1e-5)
+
+
+def test_a_recorders_instants_are_its_own_less_the_delay():
+    shot, rig = bench_shot(), bench_rig(acc="delay_s = 1e-4")
+    found = instants(shot.channels["acc"], shot, rig)
+    assert np.allclose(found.times_s, shot.channels["acc"].time_base.times_s - 1e-4, rtol=0, atol=1e-12)
+    assert (found.stamps.line, found.u_s) == ("none", 0.0)

@@ -1,0 +1,160 @@
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from recoil_acquisition.errors import IdentificationError
+from recoil_identification.analysis import Options, identify_shot
+from recoil_identification.mass import reverse_mass
+from recoil_processing.filters import LowPass, filter_alike
+from recoil_processing.shot.regression import build_regression, spaced_rows
+from recoil_processing.shot.sensor_scales import ScaleUncertainty
+from tests.builders.bench_shots import (
+    ELEVATION_RAD,
+    FIRE_S,
+    GRAVITY_M_S2,
+    MASS_KG,
+    bench_motion,
+    bench_regression,
+    bench_rig,
+    bench_shot,
+    bench_signals,
+)
+
+NOTHING = ScaleUncertainty(0.0, (0.0, 0.0, 0.0), 0.0)
+STATIC = -GRAVITY_M_S2 * math.sin(ELEVATION_RAD)
+
+
+@pytest.mark.parametrize("cutoff_hz", [None, 40.0, 300.0, 2000.0])
+def test_newtons_law_holds_before_and_behind_any_low_pass(cutoff_hz):
+    # without friction: the sample in which it turns is found to a sample only
+    regression = bench_regression(bench_shot(bench_motion(friction=0.0)), bench_rig(friction=0.0))
+    if cutoff_hz is not None:
+        regression = regression.filtered(LowPass(cutoff_hz))
+    error = MASS_KG * regression.acceleration_m_s2 - regression.force_n
+    assert np.abs(error).max() < 1e-9 * np.abs(regression.force_n).max()
+
+
+def test_while_the_part_is_held_both_sides_are_zero():
+    motion, regression = bench_motion(), bench_regression()
+    held = np.arange(motion.times_s.size) < motion.release
+    assert np.abs(regression.acceleration_m_s2[held]).max() < 1e-12
+    assert not regression.forces_n[held].any()
+    assert not regression.released[held].any()
+    assert not regression.sliding[held].any()
+    assert regression.released[~held].all()
+
+
+def test_the_forces_are_signed_and_the_friction_turns_with_the_motion():
+    motion, rig = bench_motion(), bench_rig()
+    regression = bench_regression()
+    m = rig.mechanism
+    free = slice(motion.release, None)
+    expected = [motion.breech_pa * m.bore_area, -motion.brake_pa * m.brake_area]
+    expected.append(-motion.recuperator_pa * m.recuperator_area)
+    np.testing.assert_allclose(regression.forces_n[free, :3], np.array(expected).T[free], rtol=1e-12, atol=1e-6)
+    end = regression.interval_s[1]
+    assert (regression.forces_n[free, 3][motion.times_s[free] <= end] == -1500.0).all()
+    assert (regression.forces_n[motion.times_s > end + 1e-3, 3] == 1500.0).all()
+    np.testing.assert_array_equal(regression.forces_n[:, 3], 1500.0 * regression.sliding)
+
+
+def test_the_interval_reaches_from_force_to_the_end_of_travel():
+    motion, regression = bench_motion(), bench_regression()
+    last = motion.times_s[np.flatnonzero(motion.velocity_m_s > 0)[-1]]
+    assert regression.interval_s[0] == pytest.approx(FIRE_S, abs=1e-4)
+    assert regression.interval_s[1] == pytest.approx(last, abs=2e-4)
+    assert regression.used.sum() == regression.inside.sum()
+
+
+@pytest.mark.parametrize("role", ["breech_pressure", "brake_pressure", "recuperator_pressure"])
+def test_a_missing_pressure_is_named(role):
+    signals = bench_signals()
+    series = {k: v for k, v in signals.series.items() if k != role}
+    with pytest.raises(IdentificationError, match=f"no usable channel of role {role}"):
+        build_regression(
+            replace(signals, series=series), bench_rig().mechanism, signals.series["recoil_acceleration"],
+            bench_motion().velocity_m_s, STATIC,
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "gap"),
+    [
+        ("p_breech", slice(640, 700)),
+        ("p_brake", slice(900, 1000)),
+        ("acc", slice(700, 760)),
+        ("p_breech", slice(598, 620)),  # over the release itself
+    ],
+)
+def test_a_gap_takes_rows_away_but_leaves_the_mass(name, gap):
+    motion = bench_motion()
+    whole = {"p_breech": motion.breech_pa, "p_brake": motion.brake_pa, "acc": motion.acceleration_m_s2}
+    lossy = whole[name].copy()
+    lossy[gap] = np.nan
+    recorded = bench_regression(bench_shot(**{name: lossy}))
+    assert not recorded.trusted[gap].any()
+    low_pass = LowPass(300.0)
+    filtered = recorded.filtered(low_pass)
+    reach = math.ceil(low_pass.reach_s * filtered.rate_hz)
+    near = np.zeros(motion.times_s.size, dtype=bool)
+    near[max(gap.start - reach, 0) : gap.stop + reach] = True
+    # what stands beyond the filter's reach is as if nothing were lost
+    assert filtered.trusted[~near].all()
+    assert not filtered.trusted[gap].any()
+    assert filtered.used.sum() < filtered.inside.sum()
+    assert reverse_mass(filtered, NOTHING).mass_kg == pytest.approx(MASS_KG, rel=2e-4)
+
+
+def test_a_gap_lowers_the_identified_share_and_not_the_validity_of_what_is_left():
+    motion = bench_motion()
+    lossy = motion.breech_pa.copy()
+    lossy[2000:2400] = np.nan
+    found = identify_shot(bench_shot(p_breech=lossy), bench_rig(), Options(window_s=0.01))
+    whole = identify_shot(bench_shot(), bench_rig(), Options(window_s=0.01))
+    assert whole.chosen.trace.share == pytest.approx(1.0)
+    assert 0.5 < found.chosen.trace.share < 0.95
+    assert found.chosen.estimate.mass_kg == pytest.approx(MASS_KG, rel=3e-4)
+
+
+def test_another_acceleration_is_taken_for_zero_while_the_part_is_held():
+    regression = bench_regression().filtered(LowPass(100.0))
+    motion = bench_motion()
+    lossy = np.where(np.arange(motion.acceleration_m_s2.size) < motion.acceleration_m_s2.size - 50,
+                     motion.acceleration_m_s2, np.nan)  # fmt: skip
+    made_of = filter_alike(LowPass(100.0), {"acceleration": lossy}, regression.rate_hz)
+    other = regression.with_acceleration(made_of["acceleration"], made_of)
+    known = made_of.trusted
+    np.testing.assert_allclose(other.acceleration_m_s2[known], regression.acceleration_m_s2[known], atol=0.15)
+    assert not other.trusted[-50:].any()
+
+
+def test_an_acceleration_behind_another_filter_is_refused():
+    regression = bench_regression().filtered(LowPass(100.0))
+    made_of = filter_alike(LowPass(120.0), {"acceleration": bench_motion().acceleration_m_s2}, regression.rate_hz)
+    for one in (regression, bench_regression()):
+        with pytest.raises(ValueError, match="has passed"):
+            one.with_acceleration(made_of["acceleration"], made_of)
+
+
+def test_another_acceleration_is_taken_as_it_is_where_the_part_was_never_held():
+    regression = bench_regression().filtered(LowPass(100.0))
+    free = replace(regression, released=np.ones(regression.times_s.size))
+    assert regression.table is not None
+    other = free.with_acceleration(regression.acceleration_m_s2, regression.table)
+    np.testing.assert_array_equal(other.acceleration_m_s2, regression.acceleration_m_s2)
+
+
+def test_rows_are_spaced_by_the_filters_memory_and_keep_to_the_trusted_interval():
+    recorded = bench_regression()
+    np.testing.assert_array_equal(spaced_rows(recorded), np.flatnonzero(recorded.inside))
+    filtered = recorded.filtered(LowPass(300.0))
+    rows = spaced_rows(filtered)
+    assert (np.diff(rows) == int(20_000 / 750)).all()
+    trusted = filtered.trusted.copy()
+    trusted[1000:1500] = False
+    left = spaced_rows(replace(filtered, trusted=trusted))
+    np.testing.assert_array_equal(left, rows[(rows < 1000) | (rows >= 1500)])

@@ -1,0 +1,190 @@
+from __future__ import annotations
+
+import datetime as dt
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from recoil_acquisition.shot import QualityCheck, Shot
+from recoil_processing.shot.verdict.shot_quality import check_shot
+from recoil_rigs.rig import Rig
+from tests.builders.bench_shots import ArrayRecording, bench_motion, bench_rig, bench_shot
+from tests.builders.virtual_shots import virtual_shot, with_channels, without_channels
+
+ON = dt.date(2026, 6, 1)
+RNG = np.random.default_rng(1)
+NOISE = RNG.normal(size=bench_motion().times_s.size)
+
+
+def noisy_shot(**samples: np.ndarray) -> Shot:
+    motion = bench_motion()
+    recorded = {
+        "acc": motion.acceleration_m_s2 + 0.5 * NOISE,
+        "p_breech": motion.breech_pa + 1e4 * NOISE,
+        "p_brake": motion.brake_pa + 1e3 * NOISE,
+        "p_recuperator": motion.recuperator_pa + 1e2 * NOISE,
+    }
+    return bench_shot(**recorded | samples)
+
+
+def checks(shot: Shot, rig: Rig, *, on: dt.date = ON, **recordings: ArrayRecording) -> tuple[QualityCheck, ...]:
+    return check_shot(shot, rig, shot.alignments, recordings, on)
+
+
+def one(found: tuple[QualityCheck, ...], channel: str, check: str) -> QualityCheck:
+    (match,) = [c for c in found if (c.channel, c.check) == (channel, check)]
+    return match
+
+
+def test_a_sound_shot_has_no_failed_check():
+    found = checks(noisy_shot(), bench_rig())
+    assert {c.verdict for c in found} == {"ok"}
+    expected = {"losses", "range", "held values", "silence", "steady silence", "filtered noise", "out of band"}
+    expected |= {"hum", "aliasing", "spectral gap", "polarity", "force sign", "zero shift", "skew"}
+    assert {c.check for c in found if c.channel == "acc"} == expected
+    assert {c.check for c in found if c.channel == "shot"} == {"impulse", "braking"}
+
+
+def test_the_virtual_rigs_shots_are_usable():
+    for name in ("field-2013", "mixed"):
+        shot = virtual_shot(name).shot
+        assert shot.usable, shot.reasons
+        assert one(shot.quality, "camera", "alignment").verdict == "ok"
+        assert one(shot.quality, "acc_recoil", "zero shift").verdict == "ok"
+
+
+def test_a_clipped_range_fails():
+    rig = bench_rig(acc="range = [-500.0, 500.0]")
+    clipped = np.clip(bench_motion().acceleration_m_s2 + 0.5 * NOISE, -500.0, 500.0)
+    check = one(checks(noisy_shot(acc=clipped), rig), "acc", "range")
+    assert check.verdict == "fail"
+    assert "raise the range" in check.detail
+
+
+def test_the_range_is_in_the_channels_unit():
+    rig = bench_rig(pressure_unit="MPa", p_breech="range = [-25.0, 250.0]")
+    assert "52 % of the range" in one(checks(noisy_shot(), rig), "p_breech", "range").detail
+
+
+def test_a_source_without_a_file_fails_and_says_what_is_missing():
+    virtual = virtual_shot("mixed")
+    partial = without_channels(virtual.shot, "p_brake", "p_recuperator", "acc_recoil_can")
+    check = one(checks(partial, virtual.rig), "can", "file")
+    assert check.verdict == "fail"
+    assert "no file of source can was given: p_brake, p_recuperator" in check.detail
+
+
+def test_what_the_reader_noted_and_a_file_that_was_cut_off_are_passed_on():
+    recording = ArrayRecording({}, notes=("3 rows lost",), incomplete="line 17 ends in the middle")
+    found = checks(noisy_shot(), bench_rig(), recorder=recording)
+    note, file = one(found, "recorder", "reader"), one(found, "recorder", "file")
+    assert (note.verdict, note.detail) == ("ok", "3 rows lost")
+    assert (file.verdict, file.detail) == ("warn", "was cut off: line 17 ends in the middle")
+
+
+@pytest.mark.parametrize(
+    ("names", "count"),
+    [(("0007_daq.csv", "0008_cam.csv"), 1), (("0007_daq.csv", "0007_cam.csv"), 0), (("0007_daq.csv", "cam2.csv"), 0)],
+)
+def test_files_with_the_numbers_of_two_shots_are_a_warning(names, count):
+    virtual = virtual_shot()
+    recordings = {s: ArrayRecording({}, path=Path(n)) for s, n in zip(("dewetron", "camera"), names, strict=True)}
+    found = [c for c in checks(virtual.shot, virtual.rig, **recordings) if c.check == "file names"]
+    assert [c.verdict for c in found] == ["warn"] * count
+
+
+@pytest.mark.parametrize(("on", "count"), [(dt.date(2026, 3, 1), 0), (dt.date(2026, 3, 11), 1)])
+def test_an_overdue_calibration_warns(on, count):
+    rig = bench_rig(p_brake="calibrated = 2025-03-01, due = 2026-03-01")
+    found = [c for c in checks(noisy_shot(), rig, on=on) if c.check == "calibration"]
+    assert [(c.channel, c.verdict) for c in found] == [("p_brake", "warn")] * count
+    assert all("10 days ago" in c.detail for c in found)
+
+
+@pytest.mark.parametrize("name", ["acc", "p_breech", "p_brake", "p_recuperator"])
+@pytest.mark.parametrize("ranged", ["", "range = [-3e8, 3e8]"])
+def test_a_channel_that_never_changes_fails_whether_or_not_its_range_is_known(name, ranged):
+    rig = bench_rig(**{name: ranged} if ranged else {})
+    shot = noisy_shot(**{name: np.full(NOISE.size, 1.5e6)})
+    check = one(checks(shot, rig), name, "constant")
+    assert check.verdict == "fail"
+    assert "always 1.5e+06" in check.detail
+
+
+def test_a_constant_channel_that_nothing_is_made_of_is_a_warning():
+    table = '[[channel]]\nname = "oil"\nsource = "recorder"\nsignal = "oil"\nquantity = "temperature"\n'
+    shot = noisy_shot()
+    oil = replace(
+        shot.channels["p_brake"], name="oil", quantity="temperature", role="", samples=np.full(NOISE.size, 290.0)
+    )
+    shot = replace(shot, channels={**shot.channels, "oil": oil})
+    assert one(checks(shot, bench_rig(tables=table)), "oil", "constant").verdict == "warn"
+
+
+def test_a_constant_channel_that_a_clock_is_aligned_by_fails():
+    virtual = virtual_shot("mixed")
+    size = virtual.shot.channels["imu_acc_x"].samples.size
+    found = checks(with_channels(virtual.shot, imu_acc_x=np.zeros(size)), virtual.rig)
+    assert one(found, "imu_acc_x", "constant").verdict == "fail"
+
+
+@pytest.mark.parametrize("left", [0, 5])
+def test_a_channel_without_samples_fails(left):
+    lost = np.full(NOISE.size, np.nan)
+    lost[:left] = NOISE[:left]
+    found = checks(noisy_shot(p_brake=lost), bench_rig())
+    assert one(found, "p_brake", "losses").verdict == "fail"
+    assert len([c for c in found if c.channel == "p_brake"]) == 1
+
+
+@pytest.mark.parametrize("name", ["acc", "p_breech"])
+def test_a_wrong_polarity_fails_with_the_remedy(name):
+    shot = noisy_shot()
+    turned = with_channels(shot, **{name: -np.asarray(shot.channels[name].samples)})
+    found = checks(turned, bench_rig())
+    failed = [c for c in found if c.verdict == "fail"]
+    # a breech pressure against its polarity shows no shot, which is what the onset says
+    wanted = ("acc", "polarity") if name == "acc" else ("shot", "onset")
+    assert wanted in [(c.channel, c.check) for c in failed]
+
+
+def test_a_record_without_a_shot_fails():
+    check = one(checks(noisy_shot(p_breech=1e4 * NOISE), bench_rig()), "shot", "onset")
+    assert check.verdict == "fail"
+    assert "shows no shot" in check.detail
+
+
+def test_an_offset_out_of_proportion_fails_and_that_of_a_piezo_chain_is_no_offset():
+    motion = bench_motion()
+    high = motion.acceleration_m_s2 + 300.0 + 0.5 * NOISE
+    assert one(checks(noisy_shot(acc=high), bench_rig()), "acc", "silence").verdict == "fail"
+    assert one(checks(noisy_shot(acc=high), bench_rig(acc="time_constant_s = 1.0")), "acc", "silence").verdict == "ok"
+
+
+def test_a_failed_and_an_ambiguous_alignment_are_reported_with_their_reasons():
+    virtual = virtual_shot()
+    (good,) = virtual.shot.alignments
+    for status, verdict in (("failed", "fail"), ("ambiguous", "warn")):
+        bad = replace(good, status=status, reasons=("two candidates",))
+        found = check_shot(virtual.shot, virtual.rig, [bad], {}, ON)
+        check = one(found, "camera", "alignment")
+        assert check.verdict == verdict
+        assert "two candidates" in check.detail
+    # nothing is said about polarity, velocity or zero by a clock that failed; the forces tell the zero then
+    failed = check_shot(virtual.shot, virtual.rig, [replace(good, status="failed", reasons=("x",))], {}, ON)
+    assert "against the forces" in one(failed, "acc_recoil", "zero shift").detail
+    assert not {c.check for c in failed if c.channel == "x_camera"} & {"polarity", "velocity", "residual"}
+
+
+def test_a_zero_that_moved_during_the_shot_is_seen_against_the_camera():
+    virtual = virtual_shot()
+    (good,) = virtual.shot.alignments
+    c0, c1, _ = good.details["integration_constants"]
+    peak = float(np.nanmax(np.abs(virtual.shot.channels["acc_recoil"].samples)))
+    for share, verdict in ((0.0, "ok"), (-0.02, "warn"), (-0.1, "fail")):
+        moved = replace(good, details={**good.details, "integration_constants": [c0, c1, share * peak]})
+        check = one(check_shot(virtual.shot, virtual.rig, [moved], {}, ON), "acc_recoil", "zero shift")
+        assert check.verdict == verdict
+    assert "zero moved by +" in check.detail
