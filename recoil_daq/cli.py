@@ -451,6 +451,12 @@ def export(
     aligned: Annotated[
         bool, typer.Option("--aligned", help="Map all instants to the reference clock; else each source keeps its own.")
     ] = False,
+    class_filter: Annotated[
+        Literal["cfc-60", "cfc-180", "cfc-600", "cfc-1000"] | None,
+        typer.Option(
+            "--filter", help="Channel frequency class of SAE J211-1 and ISO 6487.", show_default="as recorded"
+        ),
+    ] = None,
     overwrite: OverwriteOption = False,
     json: JsonOption = False,
     debug: DebugOption = False,
@@ -466,6 +472,7 @@ def export(
         with session.steps(f"export {shot.name}") as progress:
             done = export_shot(
                 shot, format_name, out=out, channels=channel or (), aligned=aligned, overwrite=overwrite,
+                frequency_class=None if class_filter is None else int(class_filter.removeprefix("cfc-")),
                 progress=progress,
             )  # fmt: skip
         session.finish(export_document(done), lambda: print_exported(done), OK if done.complete else NOT_VALID)

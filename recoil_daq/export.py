@@ -5,13 +5,15 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.exporters.content import gather
 from recoil_acquisition.exporters.publication import ExportedFile, write_export
 from recoil_acquisition.exporters.table import exporter_of
+from recoil_acquisition.shot import Shot
 from recoil_acquisition.store import read_shot
 from recoil_daq import __version__
 
@@ -51,6 +53,7 @@ def export_shot(
     out: str | Path = "exports",
     channels: Sequence[str] = (),
     aligned: bool = False,
+    frequency_class: int | None = None,
     overwrite: bool = False,
     progress: Progress = lambda _: None,
 ) -> Exported:
@@ -68,6 +71,9 @@ def export_shot(
         Channels to export; all if empty.
     aligned : bool
         Map all instants to the reference clock.
+    frequency_class : int, optional
+        Pass every channel through this channel frequency class of SAE J211-1 and ISO 6487; those that it cannot be
+        applied to stay as recorded, and are named.
     overwrite : bool
     progress : callable
         Told the name of each step.
@@ -86,6 +92,10 @@ def export_shot(
     shot = read_shot(source)
     with source.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
+    notes: list[str] = []
+    if frequency_class is not None:
+        progress("filter")
+        shot, notes = _filtered(shot, channels, frequency_class)
     provenance = {"program": f"recoil-daq {__version__}", "shot_file": source.name, "sha256": digest}
     try:
         content = gather(shot, provenance, channels, aligned=aligned)
@@ -95,4 +105,23 @@ def export_shot(
     # `ingest` names shots so that this changes nothing; files of other makers may not
     stem = re.sub(r"[^\w.+-]", "_", shot.name).lstrip(".") or "shot"
     files = write_export(content, exporter, Path(out), stem, overwrite=overwrite, progress=progress)
-    return Exported(shot.name, shot.rig_name, exporter.name, aligned, files, content.notes)
+    return Exported(shot.name, shot.rig_name, exporter.name, aligned, files, (*content.notes, *notes))
+
+
+def _filtered(shot: Shot, names: Sequence[str], frequency_class: int) -> tuple[Shot, list[str]]:
+    """Return a shot whose channels have passed a channel frequency class, and notes on those that have not."""
+    from recoil_processing.filters import ChannelFrequencyClass
+    from recoil_processing.shot.filtered_channel import filtered_channel
+
+    zero_phase = ChannelFrequencyClass(frequency_class)
+    channels: dict[str, Channel] = {}
+    notes: list[str] = []
+    for name, channel in shot.channels.items():
+        channels[name] = channel
+        if names and name not in names:
+            continue
+        try:
+            channels[name] = filtered_channel(channel, zero_phase, __version__)
+        except ValueError as error:
+            notes.append(f"{name} is as recorded, not filtered by cfc-{frequency_class}: {error}")
+    return replace(shot, channels=channels), notes

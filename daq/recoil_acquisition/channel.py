@@ -132,5 +132,5 @@ class Channel:
         return samples
 
     def with_samples(self, samples: NDArray[np.floating[Any]], step: Step) -> Channel:
-        """Return a new channel with other samples and one more line of history."""
-        return replace(self, samples=samples, history=(*self.history, step))
+        """Return a new channel with other samples, no raw counts, and one more line of history."""
+        return replace(self, samples=samples, raw=None, history=(*self.history, step))

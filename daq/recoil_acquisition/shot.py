@@ -83,10 +83,6 @@ class ClockAlignment:
         """Map instants of the source's clock, a number or an array, to the reference clock."""
         return (1.0 + self.drift) * times_s + self.offset_s
 
-    def to_source(self, times_s: Times) -> Times:
-        """Map instants of the reference clock, a number or an array, to the source's clock."""
-        return (times_s - self.offset_s) / (1.0 + self.drift)
-
 
 @dataclass(frozen=True)
 class QualityCheck:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfiltfilt
 
 from recoil_acquisition.exporters.table import EXPORTERS
 from recoil_acquisition.readers.reader import Declarations
@@ -182,3 +183,22 @@ def test_ctrl_c_leaves_nothing(run, bench: Path, tmp_path, monkeypatch):
 @pytest.mark.parametrize(("size", "text"), [(999, "999 B"), (23_400, "23.4 kB"), (5_120_000, "5.12 MB"), (2e9, "2 GB")])
 def test_sizes_are_written_as_people_read_them(size, text):
     assert size_text(int(size)) == text
+
+
+def test_curves_are_exported_behind_a_channel_frequency_class(run, stored: Path, tmp_path):
+    shot = read_shot(stored)
+    result = run("export", stored, "--format", "parquet", "--filter", "cfc-180", "--out", tmp_path / "out")
+    assert result.exit_code == 0
+    (path,) = (p for p in (tmp_path / "out").iterdir() if p.stem.endswith("_dewetron"))
+    recording = recognise(path).open(path, Declarations("dewetron"))
+    recorded = shot.channels["acc_recoil"]
+    rate_hz = 1.0 / recorded.time_base.step_s
+    sections = butter(2, 2.0775 * 180, fs=rate_hz, output="sos")
+    expected = sosfiltfilt(sections, recorded.measured)
+    found = recording.read("acc_recoil")
+    inner = slice(2000, -2000)
+    assert np.abs(found - expected)[inner].max() < 1e-6 * np.abs(expected).max()
+    assert np.abs(found - recorded.measured).max() > 0.01 * np.abs(expected).max()
+    camera = next(name for name in shot.channels if shot.channels[name].time_base.clock == "camera")
+    said = " ".join(result.output.split())
+    assert f"{camera} is as recorded, not filtered by cfc-180" in said

@@ -184,6 +184,7 @@ def test_python_cans_real_drivers_deliver_every_frame_into_the_shot(tmp_path: Pa
     assert display.last is not None
     received = {source.name: source.counters.received for source in display.last.sources}
     assert received == {"can": truth["can"]["sent"], "imu": truth["imu"]["bytes_sent"]}
+    assert display.documents, outcome.shots
     assert display.found("missing frames", "can")[0][0] == "ok"
     # what the host dates may be late by milliseconds on a busy machine, the pressures with it: that alone may be said
     shot = read_shot(tmp_path / "0001.h5")

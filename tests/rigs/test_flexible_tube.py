@@ -17,6 +17,7 @@ from recoil_rigs import mechanism as rigid
 from recoil_rigs.beam import natural_frequencies, shapes
 from recoil_rigs.flexible_tube import FlexibleTube, uniform_tube
 from recoil_rigs.rig import load_rig
+from tests.builders.bore_correction import bore_correction
 
 MECHANISM = load_rig("field-2013").mechanism
 LENGTH, MASS, STIFFNESS, ROOT, OFFSET = 2.5, 160.0, 2e6, 0.1, 0.02
@@ -152,7 +153,7 @@ def test_the_identification_equation_holds_with_its_correction_and_not_without()
     Q = rigid.generalized_forces(MECHANISM, q[:, :5], P, R, 1e3, -5e3, -2e4, -1e4)
     qdd = flexible.accelerations(MECHANISM, tube(damping=0.01), q, qd, Q)
     felt = MECHANISM.m3 * rigid.specific_acceleration(MECHANISM, q[:, :5], qd[:, :5], qdd[:, :5])
-    correction = flexible.bore_correction(tube(), q, qd, qdd)
+    correction = bore_correction(tube(), q, qd, qdd)
     np.testing.assert_allclose(felt, P - R + correction, rtol=1e-9)
     assert np.abs(correction).max() > 100.0
 

@@ -20,6 +20,7 @@ from recoil_rigs.twin import draw_scene, simulate_shot
 from recoil_rigs.twin.instruments import truth
 from recoil_rigs.twin.motion import Motion, simulate_motion, tube_of
 from recoil_rigs.twin.settings import TwinSettings
+from tests.builders.bore_correction import bore_correction
 
 SETTINGS = TwinSettings(duration_s=0.12, tube_modes=2, sample_rate_hz=40e3)
 
@@ -101,7 +102,7 @@ def test_the_accelerometer_feels_the_force_and_the_correction_of_the_identificat
     m, tube, motion = shot()
     felt = truth("recoil_acceleration", m, motion, (0.0, 0.0))
     force = m.bore_area * motion.breech_pressure_pa - motion.resistance_n(m)
-    correction = flexible.bore_correction(tube, *states(motion))
+    correction = bore_correction(tube, *states(motion))
     np.testing.assert_allclose(m.m3 * felt, force + correction, atol=1e-9 * np.abs(force).max())
     assert 1.0 < np.abs(correction).max() < 1e-2 * np.abs(force).max()
 

@@ -12,17 +12,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from recoil_identification.memory.gram_kernel import MOST_COLUMNS, kernel_at_hand, load_scan
 from recoil_identification.memory.least_squares import LeastSquaresFit, least_squares
 from recoil_identification.memory.limited_memory_batch import BatchEstimates
-from recoil_identification.memory.limited_memory_paper import paper_limited_memory
-from recoil_identification.memory.limited_memory_stream import LimitedMemory
 from recoil_identification.memory.samples import ScaledRecord, checked_samples
 from recoil_identification.memory.window_policy import WindowPolicy
 from recoil_identification.memory.windowed_estimates import (
     REASONS,
     WindowedEstimates,
-    WindowEstimate,
     WindowOperator,
     WindowStatus,
 )
@@ -30,18 +26,12 @@ from recoil_identification.memory.windowed_estimates import (
 __all__ = [
     "REASONS",
     "LeastSquaresFit",
-    "LimitedMemory",
-    "WindowEstimate",
     "WindowOperator",
     "WindowStatus",
     "WindowedEstimates",
     "least_squares",
     "limited_memory_least_squares",
 ]
-
-COMPILED_SAMPLES = 2_000_000
-"""Samples times columns from which on compiled code is loaded unasked: below, plain arrays take a fraction of a
-second, and compiling for the first time takes many."""
 
 
 def limited_memory_least_squares(
@@ -55,8 +45,6 @@ def limited_memory_least_squares(
     max_relative_error: float | None = None,
     minimum_count: int | None = None,
     partial: bool = False,
-    method: Literal["two-stack", "paper"] = "two-stack",
-    engine: Literal["auto", "numpy", "numba"] = "auto",
     workers: int = 1,
     out: WindowedEstimates | None = None,
 ) -> WindowedEstimates:
@@ -89,12 +77,6 @@ def limited_memory_least_squares(
         Least number of samples present in a window, ``n_parameters + 1`` if omitted.
     partial : bool, default False
         Whether the first ``window - 1`` rows are estimated from the samples that there are.
-    method : {"two-stack", "paper"}
-        ``"paper"`` brings the textbook's recursion up to date and down, whose error grows with the record and which
-        is there for comparison alone: see `paper_limited_memory`. It takes ``operator="auto"`` and no `out`.
-    engine : {"auto", "numpy", "numba"}
-        What sums the products. The results are the same to the last bit; ``"auto"`` takes numba, of the extra
-        ``fast``, where it is installed and the record is long enough to be worth loading it.
     workers : int, default 1
         Threads that share the work. The results are the same to the last bit whatever their number.
     out : WindowedEstimates, optional
@@ -113,8 +95,6 @@ def limited_memory_least_squares(
         that is too short, or limits out of range.
     TypeError
         For complex samples or a window that is not an integer.
-    RecoilDaqError
-        If the engine ``"numba"`` is asked for and numba is not installed.
 
     Notes
     -----
@@ -123,46 +103,27 @@ def limited_memory_least_squares(
     filter. Where a regressor is nearly constant beside its mean, take the mean off before: the smallest
     pivot is uncentred.
     """
-    for name, value, allowed in (
-        ("operator", operator, ("auto", "gram", "qr")),
-        ("method", method, ("two-stack", "paper")),
-        ("engine", engine, ("auto", "numpy", "numba")),
-    ):
-        if value not in allowed:
-            *most, last = (f'"{a}"' for a in allowed)
-            raise ValueError(f"{name} must be {', '.join(most)} or {last}, found {value!r}")
+    if operator not in ("auto", "gram", "qr"):
+        raise ValueError(f'operator must be "auto", "gram" or "qr", found {operator!r}')
     if isinstance(workers, bool) or not isinstance(workers, int | np.integer):
         raise TypeError(f"workers must be an integer number, found {workers!r}")
     if workers < 1:
         raise ValueError(f"workers must be at least 1, found {workers}")
-    columns, outputs, weight = checked_samples(
-        regressors, response, weights, many_outputs=True, scanned_later=method != "paper"
-    )
+    columns, outputs, weight = checked_samples(regressors, response, weights, many_outputs=True, scanned_later=True)
     n_samples, n_parameters = columns.shape
     policy = WindowPolicy(n_parameters, window, min_excitation, max_relative_error, minimum_count, partial)
-    if method == "paper":
-        if operator != "auto" or out is not None:
-            raise ValueError('method "paper" has no other operator and takes no `out`')
-        return paper_limited_memory(columns, outputs, weight, policy, engine)
     one_output = outputs.ndim == 1
     tables = columns, outputs[:, np.newaxis] if one_output else outputs
-    n_columns = n_parameters + tables[1].shape[1]
     if out is not None:
         _check_memory(out, n_samples, n_parameters, outputs.shape)
     with np.errstate(under="ignore"):  # a product too small for float64 is as good as zero in every sum here
-        compiled = engine == "numba" or (
-            engine == "auto"
-            and n_columns <= MOST_COLUMNS
-            and n_samples * n_columns >= COMPILED_SAMPLES
-            and kernel_at_hand()
-        )
         block = min(int(window), max(n_samples, 1))
-        record = ScaledRecord.of(*tables, weight, block, load_scan() if compiled else None)
+        record = ScaledRecord.of(*tables, weight, block)
         estimates = BatchEstimates(record, policy, int(workers), out)
         if operator == "qr":
             estimates.by_rotations(np.ones(n_samples, dtype=np.bool_))
         else:
-            sound = estimates.by_compiled_products() if compiled else estimates.by_products()
+            sound = estimates.by_products()
             if not sound and operator == "auto":
                 estimates.by_rotations(estimates.unsound)
             elif not sound:

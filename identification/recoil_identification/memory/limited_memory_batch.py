@@ -8,21 +8,20 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_identification.memory.gram_kernel import UNSOUND_BIT, load_kernel
 from recoil_identification.memory.rotations import merge_factors, qr_of_runs, solve_qr
 from recoil_identification.memory.samples import ScaledRecord
 from recoil_identification.memory.window_policy import WindowPolicy, is_sound, judged
 from recoil_identification.memory.windowed_estimates import QR_BIT, SILENT_BIT, WindowedEstimates, WindowStatus
 from recoil_identification.memory.windows import FloatArray, Packing, Solution, gram_of_windows, solve_gram
 
+UNSOUND_BIT = 0x40
+"""Mark of a window for which sums of products are not accurate enough."""
 GRAM_NUMBERS = 2**17
 """Sums of products at a time: the scratch stays in the processor's cache."""
 SOLVED_NUMBERS = 2**15
 """Sums of products that are solved at a time, for the same reason."""
 MODERATE_EXPONENT = 200
 """Of two, of a quotient of scales up to which one product takes an estimate to its unit with the bits of two."""
-KERNEL_SAMPLES = 2**17
-"""Samples, rounded up to whole blocks, that one call of the compiled kernel takes."""
 QR_SAMPLES = 4096
 """Windows at a time that are merged from two factors."""
 QR_BYTES = 24 * 2**20
@@ -82,43 +81,6 @@ class BatchEstimates:
                 solution = solve_gram(np.ascontiguousarray(part), self.packing)
                 n_unsound += self._fill(some, solution, is_sound(solution))
             return n_unsound
-
-        return not sum(self._each(fill, range(0, record.n_blocks, at_once)))
-
-    def by_compiled_products(self) -> bool:
-        """Fill every window by sums of products, compiled; return whether all are sound."""
-        record, policy, packing = self.record, self.policy, self.packing
-        kernel = load_kernel(packing.n_parameters, packing.n_outputs)
-        at_once = max(1, KERNEL_SAMPLES // record.block)
-        scales = np.ldexp(1.0, -record.exponents)
-        most = np.inf if policy.max_relative_error is None else float(policy.max_relative_error)
-        given = (
-            record.regressors,
-            record.response,
-            np.empty(0) if record.root_weights is None else record.root_weights,
-            np.empty(0, dtype=np.bool_) if record.gaps is None else record.gaps,
-            np.empty(0, dtype=np.int64) if self.counts is None else self.counts,
-            scales,
-            np.maximum(self.least_energy, np.nextafter(0.0, 1.0)),
-            self.unit.ravel(),
-            self.other_unit.ravel(),
-            self.root_unit,
-            most,
-            record.block,
-            policy.window,
-            policy.needed_count,
-            self.skipped,
-        )
-        results = (
-            self.parameters.reshape(-1, record.n_samples),
-            self.standard_errors.reshape(-1, record.n_samples),
-            self.residual_sum_of_squares,
-            np.empty(0) if self.pivots is None else self.pivots,
-            self.marks,
-        )
-
-        def fill(first: int) -> int:
-            return kernel(*given, first, min(first + at_once, record.n_blocks), *results)
 
         return not sum(self._each(fill, range(0, record.n_blocks, at_once)))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -121,7 +120,6 @@ class ScaledRecord:
         response: FloatArray,
         weights: FloatArray | None,
         block: int,
-        scan: Callable[[FloatArray], FloatArray] | None = None,
     ) -> ScaledRecord:
         """Find what is present, and the scales.
 
@@ -131,8 +129,6 @@ class ScaledRecord:
         response : ndarray, shape (n_samples,) or (n_samples, n_outputs)
         weights : ndarray, shape (n_samples,), or None
         block : int
-        scan : callable, optional
-            As `largest_magnitudes` takes it.
 
         Returns
         -------
@@ -144,7 +140,7 @@ class ScaledRecord:
             For infinite samples.
         """
         response = response[:, np.newaxis] if response.ndim == 1 else response
-        largest = np.concatenate([largest_magnitudes(regressors, scan), largest_magnitudes(response, scan)])
+        largest = np.concatenate([largest_magnitudes(regressors), largest_magnitudes(response)])
         if not np.isfinite(largest).all():
             # a NaN hides an infinity of its column
             _refuse_infinite(regressors, response)
@@ -220,14 +216,12 @@ class ScaledRecord:
         return rows.reshape(self.n_columns, stop - first, self.block)
 
 
-def largest_magnitudes(table: FloatArray, scan: Callable[[FloatArray], FloatArray] | None = None) -> FloatArray:
+def largest_magnitudes(table: FloatArray) -> FloatArray:
     """Return the largest magnitude of each column; not finite where a sample is not.
 
     Parameters
     ----------
     table : ndarray, shape (n_samples, n_columns)
-    scan : callable, optional
-        Does the same for a table whose rows are contiguous, and quicker for long rows.
     """
     n_rows, n_columns = table.shape
     if not table.flags.c_contiguous:
@@ -236,14 +230,11 @@ def largest_magnitudes(table: FloatArray, scan: Callable[[FloatArray], FloatArra
     # rows side by side: numpy's maximum along the first axis of a narrow table runs through one row at a time
     wide = table[:folded].reshape(-1, FOLDED_ROWS * n_columns)
     extremes = [np.zeros(n_columns)]
-    if scan is not None:
-        extremes.append(scan(wide))
-    else:
-        # both extremes of as many as stay in the processor's cache
-        at_once = max(1, CACHED_NUMBERS // wide.shape[1])
-        for first in range(0, wide.shape[0], at_once):
-            part = wide[first : first + at_once]
-            extremes += [part.max(axis=0), -part.min(axis=0)]
+    # both extremes of as many as stay in the processor's cache
+    at_once = max(1, CACHED_NUMBERS // wide.shape[1])
+    for first in range(0, wide.shape[0], at_once):
+        part = wide[first : first + at_once]
+        extremes += [part.max(axis=0), -part.min(axis=0)]
     largest = np.concatenate(extremes).reshape(-1, n_columns).max(axis=0)
     rest = table[folded:]
     return np.asarray(np.maximum(largest, np.abs(rest).max(axis=0, initial=0.0)))

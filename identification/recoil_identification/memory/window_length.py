@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -84,7 +83,6 @@ def choose_window(
     ahead: int = 1,
     weights: ArrayLike | None = None,
     tolerance: float = 1.0,
-    engine: Literal["auto", "numpy", "numba"] = "auto",
     workers: int = 1,
 ) -> WindowChoice:
     """Choose a window by the error of what its estimates predict.
@@ -103,7 +101,7 @@ def choose_window(
         As for `limited_memory_least_squares`; squared errors are weighted alike.
     tolerance : float, default 1.0
         Standard uncertainties of its excess by which a longer window may be worse than the best.
-    engine, workers
+    workers
         As for `limited_memory_least_squares`.
 
     Returns
@@ -134,9 +132,7 @@ def choose_window(
     root = np.sqrt(np.ones(n_samples) if weights is None else np.asarray(weights, dtype=np.float64))[ahead:]
     squares, relative = [], []
     for window in lengths:
-        estimates = limited_memory_least_squares(
-            columns, outputs, window, weights=weights, engine=engine, workers=workers
-        )
+        estimates = limited_memory_least_squares(columns, outputs, window, weights=weights, workers=workers)
         predicted = np.einsum("ij,ij->i", columns[ahead:], estimates.parameters[:-ahead])
         squares.append((root * (outputs[ahead:] - predicted)) ** 2)
         with np.errstate(divide="ignore", invalid="ignore"):

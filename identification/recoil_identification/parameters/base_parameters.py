@@ -116,23 +116,6 @@ def structural_base(
     return BaseParameters(tuple(leading), combinations)
 
 
-def structural_rank(design: Array, tolerance: float = STRUCTURAL_TOLERANCE) -> int:
-    """Return the rank of a design by column-pivoted QR, its columns scaled to length one.
-
-    Parameters
-    ----------
-    design : ndarray, shape (n, p)
-    tolerance : float
-        Of the triangle's diagonal, relative to its first element.
-    """
-    from scipy.linalg import qr
-
-    lengths = np.linalg.norm(design, axis=0)
-    triangle = qr(design / np.where(lengths > 0, lengths, 1.0), mode="r", pivoting=True)[0]
-    diagonal = np.abs(np.diag(triangle))
-    return int(np.count_nonzero(diagonal > tolerance * diagonal[0])) if diagonal[0] > 0 else 0
-
-
 @dataclass(frozen=True, eq=False)
 class ToldByShot:
     """The combinations that one shot tells, the best determined first.

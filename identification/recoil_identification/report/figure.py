@@ -8,7 +8,7 @@
         +-- HorizontalLine  a level to compare with, for example the specification mass
         +-- Span            a stretch of the x axis, for example the identification interval
 
-A long trace is thinned by its envelope (`decimate`): each stretch of samples gives its smallest and its
+A long trace is thinned by its envelope (`envelope_indices`): each stretch of samples gives its smallest and its
 largest one, at their own instants, so that no peak is lost however far the drawing is zoomed out.
 """
 
@@ -270,41 +270,3 @@ def _first_of_each(indices: IndexArray, bucket: IndexArray) -> IndexArray:
     """Keep the first of the indices in each bucket; equal buckets are neighbours."""
     owner = bucket[indices]
     return indices[np.concatenate([[True], owner[1:] != owner[:-1]])] if indices.size else indices
-
-
-def decimate(
-    x: npt.ArrayLike,
-    y: npt.ArrayLike,
-    buckets: int = 4000,
-    *,
-    log: bool = False,
-    shown: tuple[float, float] | None = None,
-) -> tuple[FloatArray, FloatArray]:
-    """Thin a trace by its envelope: peaks and gaps stay, at their own instants.
-
-    Parameters
-    ----------
-    x, y : array-like, shape (n_samples,)
-    buckets : int
-        Each gives at most two samples, five where it has a gap.
-    log, shown
-        As in `bucket_starts`.
-
-    Returns
-    -------
-    x, y : ndarray
-        Samples of the trace, in order; the whole trace where it has at most two samples per bucket.
-
-    Raises
-    ------
-    ValueError
-        ``x`` and ``y`` differ in length, or fewer than 4 buckets.
-    """
-    times, values = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
-    if times.ndim != 1 or times.shape != values.shape:
-        raise ValueError(f"x has shape {times.shape}, y has {values.shape}; expected one axis of equal length")
-    starts = bucket_starts(times, buckets, log=log, shown=shown)
-    if times.size <= 2 * buckets:
-        return times, values
-    chosen = envelope_indices(values, starts)
-    return times[chosen], values[chosen]

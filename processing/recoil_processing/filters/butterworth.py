@@ -14,7 +14,6 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_processing.filters.filter_engine import filter_rows
 from recoil_processing.filters.padding import PaddingKind, check_padding
 from recoil_processing.filters.two_pass import TwoPass
 from recoil_processing.filters.zero_phase_filter import (
@@ -135,7 +134,7 @@ class LowPass:
         return np.asarray(1.0 / (1.0 + ratio ** (2 * self.half_order)))
 
     def two_pass(self, rate_hz: float) -> TwoPass:
-        """Design the recursion for a sampling rate, see `recoil_processing.filters.two_pass.TwoPassFilter`."""
+        """Design the recursion for a sampling rate, see `recoil_processing.filters.two_pass.TwoPass`."""
         length = math.ceil(self.padding_periods * rate_hz / self.cutoff_hz)
         # a copy, because scipy's recursion takes no array that cannot be written to
         sections = _sections(int(self.half_order), self.corner_hz(rate_hz), rate_hz).copy()
@@ -163,7 +162,7 @@ class LowPass:
         """
         check_rate(rate_hz)
         check_shape(samples)
-        return filter_rows(self.two_pass(rate_hz), samples)
+        return self.two_pass(rate_hz).run(samples)
 
     def apply_with_gaps(self, samples: Array, rate_hz: float) -> tuple[Array, Flags]:
         """Filter samples some of which are missing, and say which results depend on them.

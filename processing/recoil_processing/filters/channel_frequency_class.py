@@ -14,7 +14,6 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_processing.filters.filter_engine import filter_rows
 from recoil_processing.filters.two_pass import TwoPass
 from recoil_processing.filters.zero_phase_filter import FilterDescription, apply_bridged, check_rate, check_shape
 
@@ -109,7 +108,7 @@ class ChannelFrequencyClass:
         return np.asarray(1.0 / (1.0 + ratio**4))
 
     def two_pass(self, rate_hz: float) -> TwoPass:
-        """Return the standards' difference equation, see `recoil_processing.filters.two_pass.TwoPassFilter`.
+        """Return the standards' difference equation, see `recoil_processing.filters.two_pass.TwoPass`.
 
         ``y[k] = a0 x[k] + a1 x[k-1] + a2 x[k-2] + b1 y[k-1] + b2 y[k-2]`` with ``wa = tan(pi 2.0775 CFC / rate)``,
         ``a0 = a2 = a1 / 2 = wa^2 / d``, ``b1 = -2 (wa^2 - 1) / d``, ``b2 = (-1 + sqrt(2) wa - wa^2) / d``,
@@ -140,7 +139,7 @@ class ChannelFrequencyClass:
             If the rate is below ten times the class, there are fewer than ten samples, or one is not finite.
         """
         check_shape(samples)
-        return filter_rows(self.two_pass(rate_hz), samples)
+        return self.two_pass(rate_hz).run(samples)
 
     def apply_with_gaps(self, samples: Array, rate_hz: float) -> tuple[Array, Flags]:
         """Filter samples some of which are missing, see `recoil_processing.filters.zero_phase_filter.apply_bridged`."""

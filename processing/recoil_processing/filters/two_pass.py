@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, Protocol, runtime_checkable
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recoil_processing.filters.padding import PaddingKind, after, before
-from recoil_processing.filters.zero_phase_filter import ZeroPhaseFilter, check_finite, not_finite
+from recoil_processing.filters.zero_phase_filter import check_finite, not_finite
 
 Array = NDArray[np.float64]
 Start = Literal["steady", "mean of ten"]
@@ -107,10 +107,6 @@ class TwoPass:
         state = np.stack([b1 * inputs[1] - a1 * level + b2 * inputs[0] - a2 * level, later])
         return np.stack([level, level]), state[np.newaxis]
 
-    def begin_backward(self, forward: Array, tail: Array) -> tuple[Array, Array]:
-        """Start the pass backward, from the outputs of the pass forward over the record's end and its padding."""
-        return self.begin(np.concatenate([forward[-STANDARD_MEAN:], tail[-STANDARD_MEAN:]])[::-1])
-
     def run(self, samples: Array) -> Array:
         """Filter a whole record along its first axis.
 
@@ -143,54 +139,9 @@ class TwoPass:
         # a missing or infinite sample stays in the state of a recursion for ever
         if not np.all(np.isfinite(state)):
             raise not_finite()
-        return self.finish(forward, sweep(self.sections, state, tail))
-
-    def warm_up_samples(self, tolerance: float) -> int:
-        """Return after how many samples a pass that starts at a wrong place is right, whatever came before.
-
-        A pass that starts as if its first input ``v`` had always been there differs from one that knows the
-        inputs before, ``x``, by ``sum h[j] (x[-j] - v)`` over the lags j back to the start, h being the
-        impulse response. Inputs are at most 3 times the record's peak, where they are its odd reflection,
-        and pass one pass before by at most the sum of ``|h|``.
-
-        Parameters
-        ----------
-        tolerance : float
-            Largest difference over the record's peak, positive.
-
-        Returns
-        -------
-        int
-            At least 1.
-        """
-        from scipy.signal import sosfilt
-
-        length = 1024
-        while True:
-            impulse = np.zeros(length)
-            impulse[0] = 1.0
-            magnitude = np.abs(np.asarray(sosfilt(self.sections, impulse), dtype=np.float64))
-            if magnitude[length // 2 :].sum() <= 1e-3 * tolerance:
-                break
-            length *= 2
-        left = np.cumsum(magnitude[::-1])[::-1]
-        return max(1, int(np.argmax(6.0 * left[0] * left <= tolerance)))
-
-    def finish(self, forward: Array, tail: Array) -> Array:
-        """Run backward over the end of a record.
-
-        Parameters
-        ----------
-        forward : ndarray, shape (n, ...)
-            Outputs of the pass forward, up to the record's last sample.
-        tail : ndarray, shape (m, ...)
-            The same of its padding.
-
-        Returns
-        -------
-        ndarray, shape (n, ...)
-        """
-        outputs, state = self.begin_backward(forward, tail)
+        tail = sweep(self.sections, state, tail)
+        end = np.concatenate([forward[-STANDARD_MEAN:], tail[-STANDARD_MEAN:]])
+        outputs, state = self.begin(end[::-1])
         sweep(self.sections, state, tail[: tail.shape[0] - outputs.shape[0]], backward=True)
         return sweep(self.sections, state, forward, backward=True)
 
@@ -198,18 +149,3 @@ class TwoPass:
 def too_short(count: int) -> ValueError:
     """Return the error for a record that is shorter than the standards' start."""
     return ValueError(f"the standards' start needs {STANDARD_MEAN} samples, not {count}")
-
-
-@runtime_checkable
-class TwoPassFilter(ZeroPhaseFilter, Protocol):
-    """A zero-phase filter that is a recursion run forward and backward."""
-
-    def two_pass(self, rate_hz: float) -> TwoPass:
-        """Design the recursion for a sampling rate.
-
-        Raises
-        ------
-        ValueError
-            If the rate is too low for the filter.
-        """
-        ...

@@ -33,16 +33,15 @@ class FilterDescription:
     Attributes
     ----------
     kind : str
-        ``butterworth``, ``channel frequency class``, ``kaiser``, ``whittaker``, ``wiener``.
+        ``butterworth`` or ``channel frequency class``.
     order : int or None
-        Of one pass; of the differences of a Whittaker smoother. None where there is no such thing.
+        Of one pass.
     passes : int
-        How often a sample passes the filter: 2 forward and backward, 1 otherwise.
-    minus_3_db_hz, minus_6_db_hz : float or None
-        Where the amplitude of all passes together is ``1/sqrt(2)`` and ``1/2``, the lowest such
-        frequency; None where it never falls so low.
+        How often a sample passes the filter: 2, forward and backward.
+    minus_3_db_hz, minus_6_db_hz : float
+        Where the amplitude of all passes together is ``1/sqrt(2)`` and ``1/2``.
     padding : str
-        How the record is continued at its ends: ``odd``, ``even``, ``constant``, or ``none``.
+        How the record is continued at its ends: ``odd``, ``even`` or ``constant``.
     padding_s : float
         Over which time.
     rate_hz : float or None

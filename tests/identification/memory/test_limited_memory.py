@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from recoil_acquisition.errors import IdentificationError
 from recoil_identification.memory.limited_memory import (
     REASONS,
-    LimitedMemory,
     WindowedEstimates,
     WindowOperator,
     WindowStatus,
@@ -427,47 +426,6 @@ def test_splitting_a_record_between_blocks_changes_nothing(seed, window, blocks,
     assert_same(rows_of(later, slice(window, None)), rows_of(whole, slice(cut, None)), rtol=1e-12)
 
 
-@settings(max_examples=60, deadline=None)
-@given(seeds, shapes, st.lists(st.integers(0, 70), min_size=1, max_size=8), st.booleans())
-def test_packets_of_any_size_give_what_the_whole_record_gives(seed, shape, packets, partial):
-    n_parameters, window = shape[0], shape[0] + 3 + shape[1]
-    rng = np.random.default_rng(seed)
-    regressors, response = white_record(seed, window + shape[2], n_parameters)
-    weights = rng.uniform(0.5, 2.0, response.size) * (rng.random(response.size) > 0.1)
-    response[rng.random(response.size) < 0.05] = np.nan
-    whole = limited_memory_least_squares(regressors, response, window, weights=weights, partial=partial)
-    stream = LimitedMemory(n_parameters, window, partial=partial)
-    start = 0
-    for size in [*packets, response.size]:
-        stop = min(start + size, response.size)
-        packet = stream.extend(regressors[start:stop], response[start:stop], weights[start:stop])
-        expected = rows_of(whole, slice(start, stop))
-        for name in ("count", "degrees_of_freedom", "status", "operator"):
-            np.testing.assert_array_equal(getattr(packet, name), getattr(expected, name))
-        largest = np.abs(np.nan_to_num(expected.parameters)).max(axis=1, initial=0.0, keepdims=True)
-        difference = np.nan_to_num(np.abs(packet.parameters - expected.parameters))
-        assert (
-            difference <= 1e-12 * largest / np.nan_to_num(np.fmin(expected.smallest_pivot, 1.0), nan=1.0)[:, np.newaxis]
-        ).all()
-        start = stop
-
-
-def test_samples_one_by_one_through_a_shot_and_the_silence_after_it_give_what_the_record_gives():
-    regressors, response = shot_then_silence(1_500)
-    whole = limited_memory_least_squares(regressors, response, 50)
-    stream = LimitedMemory(5, 50)
-    single = [stream.update(x, y) for x, y in zip(regressors, response, strict=True)]
-    assert [s.status for s in single] == list(whole.status)
-    assert [s.operator for s in single] == list(whole.operator)
-    assert single[0].reason == REASONS[WindowStatus.WINDOW_NOT_FULL]
-    assert not single[0].identified
-    assert single[-1].identified
-    later = slice(49, None)
-    assert relative_error(np.array([s.parameters for s in single[later]]), whole.parameters[later]).max() < 1e-12
-    np.testing.assert_allclose([s.standard_errors for s in single[later]], whole.standard_errors[later], rtol=1e-10)
-    assert [s.count for s in single] == list(whole.count)
-
-
 @settings(max_examples=40, deadline=None)
 @given(seeds, shapes)
 def test_products_and_rotations_agree(seed, shape):
@@ -495,7 +453,6 @@ def test_the_callers_arrays_are_never_modified():
     for operator in ("auto", "gram", "qr"):
         limited_memory_least_squares(regressors, response, 20, weights=weights, operator=operator)
     least_squares(regressors, response, weights)
-    LimitedMemory(2, 20).extend(regressors, response, weights)
     for values, copy in zip((regressors, response, weights), kept, strict=True):
         np.testing.assert_array_equal(values, copy)
 
@@ -555,21 +512,6 @@ def test_a_value_of_the_wrong_type_is_a_type_error(changed):
 def test_every_status_has_its_reason():
     assert set(REASONS) == set(WindowStatus)
     assert all(REASONS.values())
-
-
-def test_a_stream_refuses_what_it_cannot_square_and_goes_on_as_if_it_had_not_come():
-    regressors, response = white_record(21, 60, 2)
-    whole = limited_memory_least_squares(regressors, response, 10)
-    stream = LimitedMemory(2, 10)
-    stream.extend(regressors[:33], response[:33])
-    with pytest.raises(ValueError, match="finite squares"):
-        stream.extend([[1.0, 1.0], [1e200, 1.0]], [1.0, 1.0])
-    with pytest.raises(ValueError, match="2 columns, found 3"):
-        stream.extend(np.ones((1, 3)), [1.0])
-    with pytest.raises(ValueError, match="weights must be finite"):
-        stream.update([1.0, 1.0], 1.0, weight=np.nan)
-    rest = stream.extend(regressors[33:], response[33:])
-    np.testing.assert_allclose(rest.parameters, whole.parameters[33:], rtol=1e-12)
 
 
 # ------------------------------------------------------------------------------------ one whole record
@@ -658,37 +600,6 @@ def test_rows_are_recomputed_by_rotations_where_any_output_is_next_to_perfectly_
     assert (limited_memory_least_squares(regressors, response, 20).operator[19:] == WindowOperator.QR).all()
 
 
-@settings(max_examples=20, deadline=None)
-@given(seeds, st.integers(4, 30), st.lists(st.integers(0, 60), min_size=1, max_size=5))
-def test_packets_of_many_outputs_give_what_the_whole_record_gives(seed, window, packets):
-    regressors, response = outputs_record(seed, 150)
-    response[np.random.default_rng(seed).random(150) < 0.05, 1] = np.nan
-    whole = limited_memory_least_squares(regressors, response, window)
-    stream = LimitedMemory(2, window, n_outputs=3)
-    parts, start = [], 0
-    for size in [*packets, 150]:
-        stop = min(start + size, 150)
-        parts.append(stream.extend(regressors[start:stop], response[start:stop]))
-        start = stop
-    for name in FIELDS:
-        got, wanted = np.concatenate([getattr(p, name) for p in parts]), getattr(whole, name)
-        np.testing.assert_allclose(got, wanted, rtol=1e-6, err_msg=name)
-
-
-def test_a_single_sample_of_many_outputs_gives_an_estimate_of_each():
-    regressors, response = outputs_record(33, 30)
-    stream = LimitedMemory(2, 10, n_outputs=3)
-    last = [stream.update(x, y) for x, y in zip(regressors, response, strict=True)][-1]
-    assert last.parameters.shape == (2, 3)
-    assert np.shape(last.residual_sum_of_squares) == (3,)
-    with pytest.raises(ValueError, match="response must have 3 columns"):
-        stream.update(regressors[0], response[0, :2])
-    with pytest.raises(ValueError, match="n_outputs must be at least 1"):
-        LimitedMemory(2, 10, n_outputs=0)
-    with pytest.raises(TypeError, match="n_outputs must be an integer"):
-        LimitedMemory(2, 10, n_outputs=1.5)
-
-
 @pytest.mark.parametrize("n_outputs", [None, 2])
 def test_the_residuals_of_a_window_are_those_of_its_own_estimate(n_outputs):
     regressors, response = outputs_record(34, 100, 2)
@@ -715,15 +626,12 @@ def test_the_residuals_of_a_window_are_those_of_its_own_estimate(n_outputs):
         estimates.residuals(50, regressors, response[1:])
 
 
-@pytest.mark.parametrize("engine", ["numpy", "numba"])
 @pytest.mark.parametrize("operator", ["auto", "qr"])
-def test_the_number_of_workers_changes_no_bit(operator, engine):
-    if engine == "numba":
-        pytest.importorskip("numba", reason="the extra fast is not installed")
+def test_the_number_of_workers_changes_no_bit(operator):
     regressors, response = shot_then_silence(80_000, n_parameters=2)
     regressors[1000:1010] = np.nan
     few, many = (
-        limited_memory_least_squares(regressors, response, 300, operator=operator, engine=engine, workers=workers)
+        limited_memory_least_squares(regressors, response, 300, operator=operator, workers=workers)
         for workers in (1, 3)
     )
     assert_same(many, few)

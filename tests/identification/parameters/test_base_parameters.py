@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recoil_identification.parameters.base_parameters import structural_base, structural_rank, told_by_shot
+from recoil_identification.parameters.base_parameters import structural_base, told_by_shot
 from recoil_identification.parameters.mechanism_fit import PREFERRED, natural_scales, structural_parameters
 from recoil_rigs.mechanism_regressor import PARAMETERS, Geometry, regressor
 from recoil_rigs.rig import load_rig
@@ -33,10 +33,10 @@ def test_the_mechanism_has_ten_base_parameters_and_they_are_the_textbook_ones():
     )
 
 
-def test_pivoted_qr_finds_the_same_rank():
+def test_singular_values_find_the_same_rank():
     q, qd, qdd = np.random.default_rng(3).normal(0.0, 1.0, (3, 60, 5))
     design = regressor(GEOMETRY, q, qd, qdd).reshape(-1, len(PARAMETERS))
-    assert structural_rank(design) == len(structural_base(design, PREFERRED).leading) == 10
+    assert np.linalg.matrix_rank(design) == len(structural_base(design, PREFERRED).leading) == 10
 
 
 def test_along_the_bore_only_the_recoiling_part_is_seen():

@@ -8,13 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recoil_processing.filters import ChannelFrequencyClass, KaiserLowPass, LowPass, WhittakerLowPass, WienerFilter
+from recoil_processing.filters import ChannelFrequencyClass, LowPass
 
 RATE_HZ = 20_000.0
-
-
-def smooth_wiener(cutoff_hz=300.0, floor=1e-3):
-    return WienerFilter(lambda f: 1.0 / (1.0 + (f / cutoff_hz) ** 6), lambda f: floor + 0.0 * f)
 
 
 FILTERS = {
@@ -26,12 +22,7 @@ FILTERS = {
     "CFC 60": ChannelFrequencyClass(60),
     "CFC 180": ChannelFrequencyClass(180),
     "CFC 1000": ChannelFrequencyClass(1000),
-    "Kaiser": KaiserLowPass(300.0),
-    "steep Kaiser": KaiserLowPass(300.0, 0.2, 80.0),
-    "Whittaker": WhittakerLowPass(300.0),
-    "Wiener": smooth_wiener(),
 }
-UNIT_GAIN = {name: f for name, f in FILTERS.items() if name != "Wiener"}
 SEEDS = st.integers(0, 2**32 - 1)
 every_filter = pytest.mark.parametrize("zero_phase", FILTERS.values(), ids=FILTERS.keys())
 
@@ -86,17 +77,12 @@ def test_the_response_to_an_impulse_is_symmetric_and_highest_at_it(zero_phase):
     assert np.argmax(response) == 4000
 
 
-@pytest.mark.parametrize("zero_phase", UNIT_GAIN.values(), ids=UNIT_GAIN.keys())
+@every_filter
 @settings(max_examples=15, deadline=None)
 @given(level=st.floats(-1e6, 1e6), count=st.integers(10, 400))
 def test_a_constant_passes_unchanged_at_any_length(zero_phase, level, count):
     filtered = zero_phase.apply(np.full(count, level), RATE_HZ)
     assert np.allclose(filtered, level, rtol=1e-9, atol=1e-9)
-
-
-def test_a_wiener_filter_passes_a_constant_by_its_share_of_signal():
-    filtered = smooth_wiener(floor=0.25).apply(np.full(3000, 10.0), RATE_HZ)
-    assert np.allclose(filtered, 10.0 / 1.25, rtol=1e-9, atol=0)
 
 
 @pytest.mark.parametrize(
@@ -106,8 +92,6 @@ def test_a_wiener_filter_passes_a_constant_by_its_share_of_signal():
         (LowPass(300.0, 2), 3),
         (LowPass(300.0, 4), 7),
         (ChannelFrequencyClass(180), 3),
-        (KaiserLowPass(300.0), 1),
-        (WhittakerLowPass(300.0), 5),
     ],
 )
 def test_polynomials_up_to_the_order_of_the_gain_at_zero_pass_unchanged_away_from_the_ends(zero_phase, degree):
@@ -117,11 +101,11 @@ def test_polynomials_up_to_the_order_of_the_gain_at_zero_pass_unchanged_away_fro
         error = zero_phase.apply(t**power, RATE_HZ) - t**power
         assert np.abs(error[3000:5000]).max() < 1e-10
     error = zero_phase.apply(t ** (degree + 1), RATE_HZ) - t ** (degree + 1)
-    if isinstance(zero_phase, LowPass | ChannelFrequencyClass) and zero_phase != LowPass(300.0, 4):
+    if zero_phase != LowPass(300.0, 4):
         assert np.abs(error[3000:5000]).max() > 1e-10
 
 
-@pytest.mark.parametrize("zero_phase", UNIT_GAIN.values(), ids=UNIT_GAIN.keys())
+@every_filter
 def test_a_straight_line_passes_far_from_the_ends(zero_phase):
     line = np.linspace(-5.0, 20.0, 6001)
     assert np.allclose(zero_phase.apply(line, RATE_HZ)[2000:4000], line[2000:4000], rtol=0, atol=1e-9)

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError
 from recoil_acquisition.readers.text.number_file import NumberFile
-from recoil_acquisition.readers.text.row_kernel import LEAST_BYTES, kernel_at_hand
 from recoil_acquisition.readers.text.row_parser import RowParser
 from recoil_acquisition.readers.text.text_table import THREADS, Block, Piece
 
@@ -127,9 +126,8 @@ class ColumnStore:
         """Parse and keep pieces in their order, some at a time."""
         waiting: deque[Future[Kept]] = deque()
         parsers: SimpleQueue[RowParser] = SimpleQueue()
-        compiled = self.block.stop - self.block.start >= LEAST_BYTES and kernel_at_hand()
         for _ in range(THREADS):
-            parsers.put(RowParser(self.block.format, self._text_columns, compiled=compiled))
+            parsers.put(RowParser(self.block.format, self._text_columns))
         with ThreadPoolExecutor(THREADS) as pool:
             try:
                 for at in range(len(pieces)):

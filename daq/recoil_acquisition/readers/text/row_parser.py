@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.readers.text.row_format import RowFormat
-from recoil_acquisition.readers.text.row_kernel import read_plain_rows
-from recoil_acquisition.readers.text.row_stream import Parsed, RowStream
+from recoil_acquisition.readers.text.row_stream import RowStream
 from recoil_acquisition.readers.text.strict_rows import parse_strictly
 
 
@@ -21,13 +20,10 @@ class RowParser:
     rows : RowFormat
     text_columns : sequence of int
         Columns that are text; their numbers are NaN.
-    compiled : bool
-        Whether rows that are plainly numbers are read by the compiled kernel; without text columns only.
     """
 
-    def __init__(self, rows: RowFormat, text_columns: Sequence[int] = (), *, compiled: bool = False) -> None:
+    def __init__(self, rows: RowFormat, text_columns: Sequence[int] = ()) -> None:
         self._rows, self._text_columns = rows, tuple(text_columns)
-        self._compiled = compiled and not (text_columns or rows.missing)
         self._plain = RowStream(rows, text_columns, lost=False)
         self._gappy = RowStream(rows, text_columns, lost=True)
         self._always_gappy = bool(rows.missing) or rows.ends_with_separator
@@ -59,8 +55,8 @@ class RowParser:
         CorruptFileError
             If a row has another width or a cell is no number, with line and column.
         """
-        parsed = self._by_kernel(parts, count) if self._compiled else None
-        if parsed is None and not self._has_comments(parts):
+        parsed = None
+        if not self._has_comments(parts):
             if not (self._gaps or self._always_gappy):
                 parsed = self._plain.parse(parts(), count)
             # What the rows before were like is the best guess at what the next ones are
@@ -77,12 +73,6 @@ class RowParser:
                 raise self._rows.wrong_width(line + int(extra[0]), self._rows.width)
             values = values[:, :-1]
         return values, texts
-
-    def _by_kernel(self, parts: Callable[[], Iterator[bytes]], count: int) -> Parsed | None:
-        columns = read_plain_rows(
-            b"".join(parts()), self._rows.separator, "," if self._rows.decimal_comma else ".", self._rows.width, count
-        )
-        return None if columns is None else (columns.T, [])
 
     def _has_comments(self, parts: Callable[[], Iterator[bytes]]) -> bool:
         comment = self._rows.comment

@@ -1,0 +1,36 @@
+"""A recorded channel behind a filter, as reports that must be comparable show it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from recoil_acquisition.channel import Channel, Step
+from recoil_processing.filters import ZeroPhaseFilter
+
+
+def filtered_channel(channel: Channel, zero_phase: ZeroPhaseFilter, version: str) -> Channel:
+    """Return a channel behind a filter, with one more line of history and without raw counts.
+
+    Samples within the filter's reach of a lost one are lost too: what bridges a gap is no measurement.
+
+    Parameters
+    ----------
+    channel : Channel
+        Evenly spaced.
+    zero_phase : ZeroPhaseFilter
+    version : str
+        Of the program, for the history.
+
+    Raises
+    ------
+    ValueError
+        If the channel is not evenly spaced, its rate is too low for the filter, or too few samples are there.
+    """
+    step_s = channel.time_base.step_s
+    if step_s is None:
+        raise ValueError("its samples are not evenly spaced")
+    rate_hz = 1.0 / step_s
+    samples, trusted = zero_phase.apply_with_gaps(channel.measured, rate_hz)
+    samples[~trusted] = np.nan
+    step = Step("filter", version, zero_phase.describe(rate_hz).to_json())
+    return channel.with_samples(samples, step)
