@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.readers.reader import Declarations, Reader, Recording
-from recoil_acquisition.readers.table import EXTRAS, READERS
+from recoil_acquisition.readers.table import BY_LAYOUT, READERS, TableReader
 from recoil_acquisition.timebase import TimeBase
-from recoil_daq.ingest import BY_LAYOUT, reader_of
+from recoil_daq.ingest import reader_of
 from recoil_rigs.rig import Rig
 
 EMPTY_DATABASE = 'VERSION ""\n'
@@ -21,17 +20,17 @@ def formats_document() -> dict[str, Any]:
     """Return every format that is read: its kind, endings, and what it needs beside the package, in JSON types."""
     rows = []
     for reader in (*READERS, *BY_LAYOUT.values()):
-        extra = EXTRAS.get(reader.name)
-        rows.append(
-            {
-                "format": reader.name,
-                "kind": reader.kind,
-                "suffixes": list(reader.suffixes),
-                "extra": None if extra is None else extra.name,
-                "installed": extra is None or find_spec(extra.module) is not None,
-                "recognised": "by the rig" if reader in BY_LAYOUT.values() else "by its content",
-            }
-        )
+        extra = reader.extra if isinstance(reader, TableReader) else None
+        row = {
+            "format": reader.name,
+            "kind": reader.kind,
+            "suffixes": list(reader.suffixes),
+            "extra": None if extra is None else extra.name,
+            "remedy": None if extra is None or extra.is_installed else extra.remedy,
+            "installed": extra is None or extra.is_installed,
+            "recognised": "by the rig" if reader in BY_LAYOUT.values() else "by its content",
+        }
+        rows.append(row)
     return {"schema": "recoil-daq/formats/1", "formats": rows}
 
 

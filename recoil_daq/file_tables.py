@@ -29,8 +29,7 @@ def print_formats(document: Mapping[str, Any]) -> None:
 def _needs(row: Mapping[str, Any]) -> str:
     if row["extra"] is None:
         return ""
-    here = "installed" if row["installed"] else f"pip install 'recoil-daq[{row['extra']}]'"
-    return f"extra {row['extra']}: {here}"
+    return f"extra {row['extra']}: {'installed' if row['installed'] else row['remedy']}"
 
 
 def print_file(document: Mapping[str, Any]) -> None:

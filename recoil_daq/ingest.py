@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,9 +13,7 @@ from recoil_acquisition.channel import Step
 from recoil_acquisition.errors import CorruptFileError, ReadError, StoreError, UnknownFormatError
 from recoil_acquisition.exporters.absolute import stated_start
 from recoil_acquisition.readers.reader import Reader, Recording
-from recoil_acquisition.readers.table import READERS, recognise
-from recoil_acquisition.readers.text.declared_table import DeclaredTextReader
-from recoil_acquisition.readers.tracks.declared_table import DeclaredTrackReader
+from recoil_acquisition.readers.table import BY_LAYOUT, READERS, recognise
 from recoil_acquisition.regular_file import check_regular
 from recoil_acquisition.shot import InputFile, Shot
 from recoil_acquisition.shot_name import shot_name_fault
@@ -44,10 +42,6 @@ class Ingested:
     shot: Shot
     rig: Rig
     path: Path
-
-
-BY_LAYOUT: Mapping[str, Reader] = {"dewetron": DeclaredTextReader(), "camera": DeclaredTrackReader()}
-"""Kind of source -> what reads its tables where the rig declares their layout."""
 
 
 def ingest_files(

@@ -13,7 +13,7 @@ import atheris
 
 with atheris.instrument_imports(include=["daq"]):
     from recoil_acquisition.errors import ReadError
-    from recoil_acquisition.readers.reader import HEAD_BYTES
+    from recoil_acquisition.readers.head import HEAD_BYTES, Head
     from recoil_acquisition.readers.table import READERS
 
 from tests.contracts.test_reader_rules import CASES, WITHOUT_CASE
@@ -28,7 +28,7 @@ def read_or_refuse(content: bytes) -> None:
     path = FOLDER / "fuzzed"
     path.write_bytes(content)
     for reader in READERS:
-        if reader.name in WITHOUT_CASE or not reader.claims(content[:HEAD_BYTES]):
+        if reader.name in WITHOUT_CASE or not reader.claims(Head(content[:HEAD_BYTES], path)):
             continue
         declared = next(case.declared for case in CASES if case.reader.name == reader.name)
         try:

@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 
 from recoil_acquisition.errors import ReadError
-from recoil_acquisition.readers.reader import HEAD_BYTES, Declarations
+from recoil_acquisition.readers.head import HEAD_BYTES, Head
+from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import recognise
 from tests.builders.hostile_files import HOSTILE
 from tests.builders.vendor_files import DBC
@@ -56,7 +57,7 @@ def damaged(content: bytes, draw: random.Random) -> bytes:
 
 def read_all(case: Case, path: Path, content: bytes) -> None:
     path.write_bytes(content)
-    if not case.reader.claims(content[:HEAD_BYTES]):
+    if not case.reader.claims(Head(content[:HEAD_BYTES], path)):
         return
     try:
         recording = case.reader.open(path, case.declared)

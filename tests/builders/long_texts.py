@@ -9,9 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from recoil_acquisition.readers.reader import Declarations, Reader
-from recoil_acquisition.readers.table import READERS
-from recoil_acquisition.readers.text.declared_table import DeclaredTextReader
-from recoil_acquisition.readers.tracks.declared_table import DeclaredTrackReader
+from recoil_acquisition.readers.table import BY_LAYOUT, READERS
 from tests.builders import can_logs, container_files, exported_files, vendor_files
 from tests.builders import text_tables as tables
 
@@ -92,7 +90,7 @@ LONG_TEXTS: Mapping[str, LongText] = {
         lines("Measurement time[s]\tDisp [in]\tLoad [lb]\n", lambda i, x, y: f"{i / 5e3:.4f}\t{x:.6f}\t{y:.6f}"),
     ),
     "declared-text": LongText(
-        DeclaredTextReader(), Declarations("dewetron", layout=tables.DECLARED_LAYOUT),
+        BY_LAYOUT["dewetron"], Declarations("dewetron", layout=tables.DECLARED_LAYOUT),
         lines("some recorder\nt|u|v\nms|bar|-\n", lambda i, x, y: f"{i / 20:.2f}|{x:.6f}|{y:.6f}".replace(".", ",")),
     ),
     "recoil-csv": LongText(BY_NAME["recoil-daq CSV"], RECORDER, exported),
@@ -125,7 +123,7 @@ LONG_TEXTS: Mapping[str, LongText] = {
               lambda i, x, y: f"net_{i % 2},{i // 2},0.9412,{x:.4f},{y:.4f},0.8731"),
     ),
     "declared-tracks": LongText(
-        DeclaredTrackReader(),
+        BY_LAYOUT["camera"],
         camera({"separator": ";", "decimal": ",", "header_row": 1, "first_row": 2, "frame_column": "N", "unit": "px",
                 "features": [{"name": "mark", "x": "X", "y": "Y"}]}),
         lines("N;X;Y;Z\n", lambda i, x, y: f"{i};{x:.4f};{y:.4f};0".replace(".", ",")),

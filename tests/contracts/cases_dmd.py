@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from recoil_acquisition.readers.oxygen.dmd import OxygenReader
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.table import READERS
 from tests.builders.oxygen_dmd import Stored, oxygen_dmd
 from tests.contracts.reader_rules import Case
 
+READER = next(reader for reader in READERS if reader.name == "DEWETRON OXYGEN recording")
 WAVE = np.arange(-12, 12) ** 3
 CHANNELS = (
     Stored("AI 1/1", WAVE, "V"),
@@ -21,14 +22,14 @@ MAGNITUDES = {"AI 1/1": (-864.0, 666.0), "AI 1/2": (-900.0, 900.0), "sum": (-250
 CASES = (
     Case(
         "oxygen",
-        OxygenReader(),
+        READER,
         oxygen_dmd(CHANNELS, windows=((3, 24),), blocks=((0, 10), (10, 10), (20, 4)), not_stored=("AI 1/3",)),
         Declarations("dewetron"),
         MAGNITUDES,
     ),
     Case(
         "oxygen-lz4-windows",
-        OxygenReader(),
+        READER,
         oxygen_dmd(
             CHANNELS, windows=((3, 8), (12, 24)), blocks=((0, 10), (10, 10), (20, 4)), compression="lz4", is_packed=True
         ),

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from recoil_acquisition.readers.reader import Declarations
-from recoil_acquisition.readers.table import READERS
-from recoil_acquisition.readers.text.declared_table import DeclaredTextReader
+from recoil_acquisition.readers.table import BY_LAYOUT, READERS
 from tests.builders import text_tables as build
 from tests.builders import vendor_files
 from tests.contracts.reader_rules import Case
@@ -74,7 +73,7 @@ CASES = (
     ),
 )
 
-DECLARED = DeclaredTextReader()
+DECLARED = BY_LAYOUT["dewetron"]
 DECLARED_CASES = (
     Case(
         "declared",

@@ -18,7 +18,8 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import MissingChannelError, ReadError
-from recoil_acquisition.readers.reader import HEAD_BYTES, Declarations, Reader, Recording, Shaped
+from recoil_acquisition.readers.head import HEAD_BYTES, Head
+from recoil_acquisition.readers.reader import Declarations, Reader, Recording
 
 LIMIT_S = 20.0
 """A reader that takes longer over a small file hangs."""
@@ -116,15 +117,10 @@ def outcome(case: Case, folder: Path, content: bytes) -> Everything | None:
 
 
 def claims_its_own_file(case: Case, folder: Path) -> None:  # noqa: ARG001  every rule is called alike
-    assert takes(case.reader, case.content[:HEAD_BYTES])
-    assert not takes(case.reader, b"")
-    assert not takes(case.reader, bytes(range(256)) * 4)
-    assert not takes(case.reader, b"A letter.\n\nDear all,\nthe tests went well.\n")
-
-
-def takes(reader: Reader, head: bytes) -> bool:
-    """Whether a reader claims a file, or would take it by its shape."""
-    return reader.claims(head) or (isinstance(reader, Shaped) and bool(reader.suits(head)))
+    assert case.reader.claims(Head(case.content[:HEAD_BYTES]))
+    assert not case.reader.claims(Head(b""))
+    assert not case.reader.claims(Head(bytes(range(256)) * 4))
+    assert not case.reader.claims(Head(b"A letter.\n\nDear all,\nthe tests went well.\n"))
 
 
 def headers_come_before_samples(case: Case, folder: Path) -> None:

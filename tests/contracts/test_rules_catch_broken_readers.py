@@ -13,8 +13,10 @@ import pytest
 
 from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.errors import MissingChannelError
+from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
 from recoil_acquisition.readers.serial.capture import SerialCaptureReader, SerialRecording
+from recoil_acquisition.readers.table import READERS
 from recoil_acquisition.timebase import TimeBase
 from tests.builders import vendor_files as build
 from tests.contracts import reader_rules as rules
@@ -31,7 +33,16 @@ class Broken:
         return getattr(self.whole, name)
 
 
-class BrokenReader(SerialCaptureReader):
+class WholeReader(SerialCaptureReader):
+    """A reader of serial captures with all that the table says of it."""
+
+    suffixes = (".rdsc",)
+
+    def claims(self, head: Head) -> Claim:
+        return next(reader for reader in READERS if reader.kind == "serial").claims(head)
+
+
+class BrokenReader(WholeReader):
     def __init__(self, recording: type[Broken]) -> None:
         self._recording = recording
 
@@ -123,31 +134,31 @@ class FillsUp(Broken):
         return np.pad(samples, (0, max(0, 40 - samples.size)), mode="edge")[start:stop]
 
 
-class Greedy(SerialCaptureReader):
-    def claims(self, head: bytes) -> bool:
-        return len(head) >= 0
+class Greedy(WholeReader):
+    def claims(self, head: Head) -> Claim:  # noqa: ARG002  it claims every file
+        return Claim.CERTAIN
 
 
-class LetsForeignErrorsOut(SerialCaptureReader):
+class LetsForeignErrorsOut(WholeReader):
     def open(self, path: Path, declared: Declarations) -> SerialRecording:
         if len(path.read_bytes()) < 700:
             raise IndexError("index out of range")
         return super().open(path, declared)
 
 
-class Hangs(SerialCaptureReader):
+class Hangs(WholeReader):
     def open(self, path: Path, declared: Declarations) -> SerialRecording:
         if len(path.read_bytes()) < 700:
             time.sleep(1.0)
         return super().open(path, declared)
 
 
-class OpensAnything(SerialCaptureReader):
+class OpensAnything(WholeReader):
     def open(self, path: Path, declared: Declarations) -> Any:
         return path, declared
 
 
-def case_of(reader: SerialCaptureReader) -> Case:
+def case_of(reader: WholeReader) -> Case:
     return Case(
         "broken",
         reader,
@@ -158,7 +169,7 @@ def case_of(reader: SerialCaptureReader) -> Case:
     )
 
 
-BROKEN: list[tuple[Callable[[Case, Path], None], SerialCaptureReader]] = [
+BROKEN: list[tuple[Callable[[Case, Path], None], WholeReader]] = [
     (rules.claims_its_own_file, Greedy()),
     (rules.headers_come_before_samples, BrokenReader(ForgetsCounts)),
     (rules.samples_have_the_promised_dtype, BrokenReader(ReadsSinglePrecision)),
@@ -181,7 +192,7 @@ BROKEN: list[tuple[Callable[[Case, Path], None], SerialCaptureReader]] = [
 
 @pytest.mark.parametrize(("rule", "reader"), BROKEN)
 def test_a_rule_catches_the_reader_that_breaks_it(
-    rule: Callable[[Case, Path], None], reader: SerialCaptureReader, tmp_path: Path
+    rule: Callable[[Case, Path], None], reader: WholeReader, tmp_path: Path
 ) -> None:
     with pytest.raises((AssertionError, KeyError, pytest.fail.Exception)):
         rule(case_of(reader), tmp_path)
@@ -192,7 +203,7 @@ def test_every_rule_has_a_reader_that_breaks_it() -> None:
 
 
 @pytest.mark.parametrize("reader", [LetsForeignErrorsOut(), Hangs()])
-def test_flipped_bytes_catch_foreign_errors_and_hangs(reader: SerialCaptureReader, tmp_path: Path) -> None:
+def test_flipped_bytes_catch_foreign_errors_and_hangs(reader: WholeReader, tmp_path: Path) -> None:
     short = replace(case_of(reader), content=build.serial_capture(build.serial_frames(5)))
     with pytest.raises(AssertionError):
         rules.flipped_bytes_are_refused_or_read(short, tmp_path, [(0.5, 0)])
@@ -200,6 +211,6 @@ def test_flipped_bytes_catch_foreign_errors_and_hangs(reader: SerialCaptureReade
 
 @pytest.mark.parametrize("rule", rules.RULES)
 def test_the_whole_reader_passes(rule: Callable[[Case, Path], None], tmp_path: Path) -> None:
-    case = case_of(SerialCaptureReader())
+    case = case_of(WholeReader())
     starts = [build.serial_capture(build.serial_frames()[:n]) for n in range(0, 41, 3)]
     rule(replace(case, cut_is_invisible=lambda cut: cut in starts), tmp_path)

@@ -151,7 +151,7 @@ def test_a_missing_library_is_named_with_its_extra(run, bench: Path, tmp_path, m
     monkeypatch.setitem(sys.modules, "asammdf", None)
     result = run("export", bench, "--format", "mdf4", "--out", tmp_path / "out", "--json")
     assert result.exit_code == 3
-    assert json.loads(result.stdout)["remedy"] == "pip install 'recoil-daq[mdf]'"
+    assert json.loads(result.stdout)["remedy"] == "pip install 'asammdf>=8.6'"
     assert not (tmp_path / "out").exists()
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recoil_acquisition.readers.table import EXTRAS, READERS
-from recoil_daq.ingest import BY_LAYOUT
+from recoil_acquisition.extras import EXTRAS
+from recoil_acquisition.readers.table import BY_LAYOUT, READERS, TableReader
 from recoil_rigs.twin import TwinShot
 from tests.builders import vendor_files as build
 from tests.builders.oxygen_dmd import Stored, oxygen_chunks
@@ -46,9 +46,10 @@ def test_formats_lists_every_reader_with_what_it_needs(run):
 
 
 def test_every_extra_is_a_reader_s_and_pip_knows_it():
-    assert set(EXTRAS) <= {reader.name for reader in READERS}
+    assert set(EXTRAS.values()) == {r.extra for r in READERS if isinstance(r, TableReader) and r.extra is not None}
     project = tomllib.loads((Path(__file__).resolve().parents[2] / "pyproject.toml").read_text("utf-8"))["project"]
-    assert {extra.name for extra in EXTRAS.values()} <= set(project["optional-dependencies"])
+    for name, extra in EXTRAS.items():
+        assert [one.split(" ")[0] for one in project["optional-dependencies"][name]] == [extra.requirement]
 
 
 def test_a_recorder_s_text_is_shown_with_units_rate_and_what_it_says_of_its_time(run, files):

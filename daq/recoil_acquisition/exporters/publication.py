@@ -15,6 +15,7 @@ from pathlib import Path
 from recoil_acquisition.errors import RecoilDaqError, StoreError
 from recoil_acquisition.exporters.content import Content
 from recoil_acquisition.exporters.exporter import Carried, Exporter, exact_table, first_difference
+from recoil_acquisition.extras import EXTRAS
 from recoil_acquisition.new_file import rename_to_new, sync_folder
 
 Progress = Callable[[str], None]
@@ -141,7 +142,7 @@ def _write(content: Content, exporter: Exporter, temporary: Path, target: Path) 
     except ImportError as error:
         raise StoreError(
             f"{exporter.name} needs {error.name or 'a library that is not installed'}", path=target,
-            remedy=f"pip install 'recoil-daq[{exporter.extra}]'" if exporter.extra else "install it",
+            remedy=EXTRAS[exporter.extra].remedy if exporter.extra in EXTRAS else "install it",
         ) from error  # fmt: skip
     except OSError as error:
         raise _unwritable(target, error) from error

@@ -1,6 +1,6 @@
 """What every reader of an instrument's files keeps to.
 
-A `Reader` tells from a file's first bytes whether it is its own, and opens it as a `Recording`:
+A `Reader` says from the beginning of a file whether it is its own, and opens it as a `Recording`:
 headers first, samples when asked for. The rules are checked for every reader by one suite of
 functions in ``tests/contracts/reader_rules.py``:
 
@@ -17,17 +17,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
+from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.track import Track
-
-HEAD_BYTES = 65536
-"""How much of a file a reader sees before it says whether it claims it."""
 
 
 @dataclass(frozen=True)
@@ -152,24 +150,6 @@ class Recording(Protocol):
         ...
 
 
-@runtime_checkable
-class Confirming(Protocol):
-    """A reader whose files the first bytes may not tell from another's."""
-
-    def confirms(self, path: Path) -> bool:
-        """Tell from all of a file whether it is of this format; asked only where several readers claim it."""
-        ...
-
-
-@runtime_checkable
-class Shaped(Protocol):
-    """A reader that takes tables which nothing but their shape speaks for, where a rig says what they are."""
-
-    def suits(self, head: bytes) -> str:
-        """Say what a file has of a table of this shape; empty if it is none."""
-        ...
-
-
 class Reader(Protocol):
     """One format."""
 
@@ -188,8 +168,8 @@ class Reader(Protocol):
         """Usual endings of its files: a hint for people, never used to recognise a file."""
         ...
 
-    def claims(self, head: bytes) -> bool:
-        """Tell from the first `HEAD_BYTES` bytes whether a file is of this format."""
+    def claims(self, head: Head) -> Claim:
+        """Say from the beginning of a file how sure it is that the file is of this format."""
         ...
 
     def open(self, path: Path, declared: Declarations) -> Recording:

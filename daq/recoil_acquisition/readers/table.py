@@ -1,137 +1,206 @@
 """The table of readers, and how a file finds its reader.
 
-`READERS` is the table. A file is recognised by its content (`recognise`): exactly one reader claims it, or the error
-names the candidates. A table that only its shape speaks for, as other programs write it too, is taken where a rig says
-of which kind its source is. A text table whose layout the rig declares is read by `readers.text.declared_table`,
-which claims nothing and is not in the table.
+`READERS` is the table. Nothing of a reader's module is imported before a file shows the reader's sign. A file is
+recognised by its content (`recognise`): the surest claim takes it, and where two claims are equally sure, the error
+names both. A table that only its shape speaks for, as other programs write it too, is taken where a rig says of which
+kind its source is. `BY_LAYOUT` are the readers of text tables whose layout the rig declares; they claim nothing.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from importlib import import_module
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Protocol
 
-from recoil_acquisition.errors import ReadError, UnknownFormatError
-from recoil_acquisition.readers.can.capture import CanCaptureReader
-from recoil_acquisition.readers.can.log import (
-    AscReader,
-    BlfReader,
-    CanCsvReader,
-    CandumpReader,
-    CanSqliteReader,
-    TrcReader,
-)
-from recoil_acquisition.readers.can.mdf import MdfBusReader
-from recoil_acquisition.readers.dewesoft.native import DewesoftReader
-from recoil_acquisition.readers.exported.recoil_csv import RecoilCsvReader
-from recoil_acquisition.readers.exported.recoil_parquet import RecoilParquetReader
-from recoil_acquisition.readers.hdf5.reader import Hdf5Reader
+from recoil_acquisition.errors import UnknownFormatError
+from recoil_acquisition.extras import DEWESOFT, MDF, PARQUET, TDMS, XLSX, Extra
 from recoil_acquisition.readers.hdf5.rehearsal import needs_rehearsal, rehearse_apart
-from recoil_acquisition.readers.mat.reader import MatReader
-from recoil_acquisition.readers.mdf.reader import MdfReader
-from recoil_acquisition.readers.oxygen.dmd import OxygenReader
-from recoil_acquisition.readers.reader import (
-    HEAD_BYTES,
-    Confirming,
-    Declarations,
-    Reader,
-    Recording,
-    Shaped,
-    SignalHeader,
-)
-from recoil_acquisition.readers.serial.capture import SerialCaptureReader
-from recoil_acquisition.readers.tdms.reader import TdmsReader
-from recoil_acquisition.readers.text.dasylab import DasylabTextReader
-from recoil_acquisition.readers.text.dewesoft import DewesoftTextReader
-from recoil_acquisition.readers.text.oxygen import OxygenTextReader
-from recoil_acquisition.readers.tracks.deeplabcut import DeepLabCutReader
-from recoil_acquisition.readers.tracks.dltdv import DltdvReader
-from recoil_acquisition.readers.tracks.proanalyst_text import ProAnalystTextReader
-from recoil_acquisition.readers.tracks.proanalyst_workbook import ProAnalystWorkbookReader
-from recoil_acquisition.readers.tracks.sleap_analysis import SleapAnalysisReader
-from recoil_acquisition.readers.tracks.sleap_text import SleapTextReader
-from recoil_acquisition.readers.tracks.tracker_text import TrackerTextReader
-from recoil_acquisition.readers.uff.reader import UffReader
+from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.unread import foreign_format
-from recoil_acquisition.readers.wav.reader import WavReader
-from recoil_acquisition.regular_file import read_beginning
 
-READERS: tuple[Reader, ...] = (
-    DewesoftTextReader(),
-    DewesoftReader(),
-    OxygenTextReader(),
-    OxygenReader(),
-    DasylabTextReader(),
-    MdfReader(),
-    TdmsReader(),
-    UffReader(),
-    MatReader(),
-    Hdf5Reader(),
-    WavReader(),
-    RecoilCsvReader(),
-    RecoilParquetReader(),
-    ProAnalystTextReader(),
-    ProAnalystWorkbookReader(),
-    DeepLabCutReader(),
-    DltdvReader(),
-    TrackerTextReader(),
-    SleapTextReader(),
-    SleapAnalysisReader(),
-    AscReader(),
-    BlfReader(),
-    CandumpReader(),
-    TrcReader(),
-    CanCsvReader(),
-    CanSqliteReader(),
-    MdfBusReader(),
-    CanCaptureReader(),
-    SerialCaptureReader(),
-)
-"""Every reader, in the order in which they are listed to users."""
+if TYPE_CHECKING:
+    from recoil_acquisition.readers.reader import Declarations, Reader, Recording
 
 
-class Extra(NamedTuple):
-    """What a reader needs beside the package.
+class _Loaded(Protocol):
+    """A reader of this package as its module has it."""
+
+    def claims(self, head: Head) -> Claim: ...
+
+    def open(self, path: Path, declared: Declarations) -> Recording: ...
+
+
+@dataclass(frozen=True)
+class TableReader:
+    """One row of the table: a `Reader` whose module is imported when it is needed.
 
     Attributes
     ----------
     name : str
-        Of the extra, as pip takes it.
-    module : str
-        What it installs.
+        Name of the format, as users know it.
+    kind : str
+        Kind of source that writes it.
+    suffixes : tuple of str
+        Usual endings of its files: a hint for people.
+    path : str
+        Module, below `recoil_acquisition.readers`, and class of the reader.
+    signs : tuple of bytes or str
+        Regular expressions, as `Head.shows` takes them, one of which every file of this format shows.
+    claim : Claim or None
+        What a sign is enough for; None if the reader must look itself.
+    extra : Extra or None
     """
 
     name: str
-    module: str
+    kind: str
+    suffixes: tuple[str, ...]
+    path: str
+    signs: tuple[bytes | str, ...] = ()
+    claim: Claim | None = None
+    extra: Extra | None = None
+
+    @cached_property
+    def _loaded(self) -> _Loaded:
+        module, _, name = self.path.partition(":")
+        reader: _Loaded = getattr(import_module(f"recoil_acquisition.readers.{module}"), name)()
+        return reader
+
+    def claims(self, head: Head) -> Claim:
+        """Say from the beginning of a file how sure this is that the file is of its format."""
+        if not any(map(head.shows, self.signs)):
+            return Claim.NO
+        return self._loaded.claims(head) if self.claim is None else self.claim
+
+    def open(self, path: Path, declared: Declarations) -> Recording:
+        """Open a file.
+
+        Raises
+        ------
+        ReadError
+            If what reads it is not installed, or the file is not what it seems.
+        """
+        if self.extra is not None:
+            self.extra.check(path)
+        return self._loaded.open(path, declared)
 
 
-EXTRAS: Mapping[str, Extra] = {
-    "Dewesoft recording": Extra("dewesoft", "dwdatareader"),
-    "MDF 4": Extra("mdf", "asammdf"),
-    "ProAnalyst workbook": Extra("xlsx", "openpyxl"),
-    "TDMS": Extra("tdms", "nptdms"),
-    "recoil-daq Parquet": Extra("parquet", "pyarrow"),
+_HDF5 = rb"\x89HDF\r\n\x1a\n"
+_USER_BLOCKS = b"|".join(b".{%d}" % (512 << i) for i in range(7))
+_MDF4 = rb"(?s)(MDF     4\.|UnFinMF 4\.).{55}"
+
+READERS: tuple[Reader, ...] = (
+    TableReader(
+        "Dewesoft text export", "dewetron", (".csv", ".txt"), "text.dewesoft:DewesoftTextReader",
+        (r'(?im)^(?:[^\S\n]|")*time|waterfall|/orders? \(',),
+    ),
+    TableReader(
+        "Dewesoft recording", "dewetron", (".dxd", ".d7d"), "dewesoft.native:DewesoftReader",
+        (rb"MULTI_STREAM_FILE_VER",), Claim.CERTAIN, DEWESOFT,
+    ),
+    TableReader(
+        "OXYGEN text export", "dewetron", (".csv", ".txt"), "text.oxygen:OxygenTextReader",
+        (r'(?im)^(?:[^\S\n]|")*(time|zeit|date)',),
+    ),
+    TableReader(
+        "DEWETRON OXYGEN recording", "dewetron", (".dmd",), "oxygen.dmd:OxygenReader",
+        (rb"(?s)DMDF.{0,49}DMD Library",), Claim.CERTAIN,
+    ),
+    TableReader(
+        "DASYLab ASCII", "dewetron", (".asc", ".txt"), "text.dasylab:DasylabTextReader",
+        (r"\ADASYLab|(?i:measurement time)",),
+    ),
+    TableReader(
+        "MDF 4", "dewetron", (".mf4",), "mdf.reader:MdfReader", (_MDF4,), Claim.GENERIC,
+        MDF,
+    ),
+    TableReader(
+        "TDMS", "dewetron", (".tdms",), "tdms.reader:TdmsReader", (rb"(?s)TDS[mh].{24}",), Claim.CERTAIN,
+        TDMS,
+    ),
+    TableReader(
+        "UFF 58", "dewetron", (".uff", ".unv"), "uff.reader:UffReader",
+        (rb"[ \t\r\n]*-1[ \t]*\r?\n[ \t]*\d{1,5}[ \t]*b?[^\r\n]*\r?\n",), Claim.CERTAIN,
+    ),
+    TableReader(
+        # of version 7.3, which is HDF5 behind a header, and of version 5, whose header ends with the byte order
+        "MATLAB", "dewetron", (".mat",), "mat.reader:MatReader",
+        (rb"MATLAB 7\.3 MAT-file", rb"(?s)[^\0-\x08]{4}.{120}(\x00\x01IM|\x01\x00MI)"), Claim.CERTAIN,
+    ),
+    TableReader(
+        "HDF5", "dewetron", (".h5", ".hdf5"), "hdf5.reader:Hdf5Reader",
+        (b"(?s)(|" + _USER_BLOCKS + b")" + _HDF5,), Claim.GENERIC,
+    ),
+    TableReader(
+        "WAV", "dewetron", (".wav",), "wav.reader:WavReader", (rb"(?s)(RIFF|RF64|BW64).{4}WAVE",), Claim.CERTAIN
+    ),
+    TableReader(
+        "recoil-daq CSV", "dewetron", (".csv",), "exported.recoil_csv:RecoilCsvReader", (r"\A# recoil-daq: ",)
+    ),
+    TableReader(
+        "recoil-daq Parquet", "dewetron", (".parquet",), "exported.recoil_parquet:RecoilParquetReader",
+        (rb"PAR1",), Claim.GENERIC, PARQUET,
+    ),
+    TableReader(
+        "ProAnalyst text", "camera", (".csv", ".txt"), "tracks.proanalyst_text:ProAnalystTextReader", (r"\d",)
+    ),
+    TableReader(
+        "ProAnalyst workbook", "camera", (".xlsx",), "tracks.proanalyst_workbook:ProAnalystWorkbookReader",
+        (rb"PK\x03\x04",), None, XLSX,
+    ),
+    TableReader(
+        "DeepLabCut", "camera", (".csv", ".h5"), "tracks.deeplabcut:DeepLabCutReader",
+        (r'(?i)\A[\s"]*scorer', b"(?s)" + _HDF5 + b".*df_with_missing"),
+    ),
+    TableReader("DLTdv points", "camera", (".csv",), "tracks.dltdv:DltdvReader", (r"(?i)\A[^\n]*_cam_?\d",)),
+    TableReader(
+        "Tracker text", "camera", (".txt", ".csv"), "tracks.tracker_text:TrackerTextReader", (r'(?m)^[ "]*t\b',)
+    ),
+    TableReader("SLEAP text", "camera", (".csv",), "tracks.sleap_text:SleapTextReader", (r"\A[^\n]*frame_idx",)),
+    TableReader("SLEAP analysis", "camera", (".h5",), "tracks.sleap_analysis:SleapAnalysisReader", (_HDF5,)),
+    TableReader("Vector ASC log", "can", (".asc",), "can.log:AscReader", (r"(?im)^base\s+(hex|dec)\b",)),
+    TableReader("Vector BLF log", "can", (".blf",), "can.log:BlfReader", (rb"LOGG",), Claim.CERTAIN),
+    TableReader("candump log", "can", (".log",), "can.log:CandumpReader", (r"\A\n*[^\n]*[#\[]",)),
+    TableReader("PEAK TRC trace", "can", (".trc",), "can.log:TrcReader", (r"\A\s*;",)),
+    TableReader("python-can CSV log", "can", (".csv",), "can.log:CanCsvReader", (r"\A\s*timestamp,arbitration_id,",)),
+    TableReader(
+        "python-can SQLite log", "can", (".db",), "can.log:CanSqliteReader",
+        (rb"(?s)SQLite format 3\0(?=.*arbitration_id)(?=.*messages)",), Claim.CERTAIN,
+    ),
+    TableReader("MDF4 bus logging", "can", (".mf4",), "can.mdf:MdfBusReader", (_MDF4,)),
+    TableReader(
+        "CAN capture", "can", (".rdcc",), "can.capture:CanCaptureReader",
+        (rb"recoil-daq can capture 1\n",), Claim.CERTAIN,
+    ),
+    TableReader(
+        "serial capture", "serial", (".rdsc", ".bin"), "serial.capture:SerialCaptureReader",
+        (rb"recoil-daq serial capture 1\n",), Claim.CERTAIN,
+    ),
+)  # fmt: skip
+"""Every reader, in the order in which they are listed to users."""
+
+BY_LAYOUT: Mapping[str, Reader] = {
+    "dewetron": TableReader(
+        "declared text table", "dewetron", (".csv", ".txt"), "text.declared_table:DeclaredTextReader"
+    ),
+    "camera": TableReader(
+        "declared track table", "camera", (".csv", ".txt", ".xlsx"), "tracks.declared_table:DeclaredTrackReader"
+    ),
 }
-"""Name of a reader -> the extra that it needs; the others need none."""
+"""Kind of source -> what reads its tables where the rig declares their layout."""
 
 
-def read_head(path: Path) -> bytes:
-    """Read the first `HEAD_BYTES` bytes of a file.
-
-    Raises
-    ------
-    ReadError
-        If the file is missing, no file but a directory, a pipe or a device, empty or not readable.
-    """
-    head = read_beginning(path, HEAD_BYTES)
-    if not head:
-        raise ReadError("the file is empty", path=path, remedy="export it again")
-    return head
+def surest_claim(head: Head) -> tuple[Claim, tuple[Reader, ...]]:
+    """Return the surest claim on a file, and the readers that make it."""
+    claims = [reader.claims(head) for reader in READERS]
+    surest = max(claims)
+    return surest, tuple(reader for reader, claim in zip(READERS, claims, strict=True) if claim == surest)
 
 
 def recognise(path: Path, kinds: Collection[str] = ()) -> Reader:
-    """Find the one reader that claims a file by its content.
+    """Find the one reader whose claim on a file's content is the surest.
 
     Parameters
     ----------
@@ -145,41 +214,24 @@ def recognise(path: Path, kinds: Collection[str] = ()) -> Reader:
     ReadError
         If the file cannot be read at all, or damaged so that its library ends over it.
     UnknownFormatError
-        If no reader claims it, or more than one does.
+        If no reader claims it, or more than one is equally sure.
     """
-    head = read_head(path)
-    if needs_rehearsal(head):
+    head = Head.of(path)
+    if needs_rehearsal(head.content):
         rehearse_apart(path)
-    claiming = [reader for reader in READERS if reader.claims(head)]
-    if len(claiming) > 1:
-        claiming = [reader for reader in claiming if not isinstance(reader, Confirming) or reader.confirms(path)]
-    if len(claiming) == 1:
-        return claiming[0]
-    if claiming:
-        raise UnknownFormatError(path, [r.name for r in claiming], [r.name for r in READERS])
-    found, remedy = foreign_format(path, head)
-    if not found:
-        shapes = {r: shape for r in READERS if isinstance(r, Shaped) and (shape := r.suits(head))}
-        suiting = [reader for reader in shapes if reader.kind in kinds]
+    surest, claiming = surest_claim(head)
+    names = [reader.name for reader in READERS]
+    if surest > Claim.SHAPE:
+        if len(claiming) == 1:
+            return claiming[0]
+        raise UnknownFormatError(path, [reader.name for reader in claiming], names)
+    found, remedy = foreign_format(head)
+    if surest is Claim.SHAPE and not found:
+        suiting = [reader for reader in claiming if reader.kind in kinds]
         if len(suiting) == 1:
             return suiting[0]
-        if shapes:
-            reader, found = next(iter(shapes.items()))
-            remedy = (
-                f'say in a rig whose it is, a source with `kind = "{reader.kind}"` and a `match` of the file\'s name'
-            )
-    raise UnknownFormatError(path, [], [r.name for r in READERS], found=found, remedy=remedy)
-
-
-__all__ = [
-    "EXTRAS",
-    "HEAD_BYTES",
-    "READERS",
-    "Declarations",
-    "Extra",
-    "Reader",
-    "Recording",
-    "SignalHeader",
-    "read_head",
-    "recognise",
-]
+        found = f"a table of the shape of {claiming[0].name}, which others have too"
+        remedy = (
+            f'say in a rig whose it is, a source with `kind = "{claiming[0].kind}"` and a `match` of the file\'s name'
+        )
+    raise UnknownFormatError(path, [], names, found=found, remedy=remedy)

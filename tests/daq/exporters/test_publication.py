@@ -143,12 +143,12 @@ def test_a_full_disk_is_one_line(name, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("name", "module", "extra"),
-    [("mdf4", "asammdf", "mdf"), ("tdms", "nptdms", "tdms"), ("parquet", "pyarrow", "parquet")],
+    ("name", "module", "requirement"),
+    [("mdf4", "asammdf", "asammdf"), ("tdms", "nptdms", "npTDMS"), ("parquet", "pyarrow", "pyarrow")],
 )
-def test_a_missing_library_is_an_error_that_names_the_extra(name, module, extra, tmp_path, monkeypatch):
+def test_a_missing_library_is_an_error_that_says_what_to_install(name, module, requirement, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(StoreError, match=rf"{name} needs {module}.*recoil-daq\[{extra}\]"):
+    with pytest.raises(StoreError, match=rf"{name} needs {module}.*pip install '{requirement}>="):
         write_export(CONTENT, exporter_of(name), tmp_path / "out", "7")
     assert below(tmp_path) == []
 

@@ -1,12 +1,18 @@
 from __future__ import annotations
 
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
 
 from recoil_acquisition.errors import ReadError, UnknownFormatError
 from recoil_acquisition.readers import table
-from recoil_acquisition.readers.table import READERS, read_head, recognise
+from recoil_acquisition.readers.head import HEAD_BYTES, Head
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.table import BY_LAYOUT, READERS, TableReader, recognise, surest_claim
+from tests.builders import container_files, exported_files, track_files
 from tests.builders import vendor_files as build
 from tests.builders.shared_data import shared_file
 
@@ -104,11 +110,67 @@ def test_two_claims_name_the_candidates(tmp_path: Path, monkeypatch: pytest.Monk
     assert caught.value.candidates == ("Vector BLF log", "Vector BLF log")
 
 
+@pytest.mark.parametrize("unit", [b" ", b"\n", b" \n", b'"', b"#", b"1,", b"time ", b"t\n", b"\t-1\n"])
+def test_what_repeats_itself_is_recognised_at_once(unit: bytes) -> None:
+    begin = time.process_time()
+    surest_claim(Head(unit * (HEAD_BYTES // len(unit))))
+    assert time.process_time() - begin < 2.0
+
+
 def test_missing_empty_and_directory_are_named(tmp_path: Path) -> None:
     (tmp_path / "empty").write_bytes(b"")
     for name, problem in (("none", "no such file"), ("empty", "is empty"), (".", "is a directory")):
         with pytest.raises(ReadError, match=problem):
-            read_head(tmp_path / name)
+            Head.of(tmp_path / name)
+
+
+CONTAINED = {
+    "Dewesoft recording": b"MULTI_STREAM_FILE_VER0200".ljust(8192),
+    "MDF 4": container_files.small_mdf(),
+    "TDMS": container_files.small_tdms(),
+    "recoil-daq Parquet": exported_files.parquet_file(),
+    "ProAnalyst workbook": track_files.workbook({"Tracks": track_files.workbook_rows()}),
+}
+
+
+@pytest.mark.parametrize(
+    "reader", [r for r in READERS if isinstance(r, TableReader) and r.extra is not None], ids=lambda reader: reader.name
+)
+def test_a_format_whose_library_is_missing_is_recognised_and_says_what_to_install(
+    reader: TableReader, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert reader.extra is not None
+    (tmp_path / "a").write_bytes(CONTAINED[reader.name])
+    monkeypatch.setitem(sys.modules, reader.extra.module, None)
+    assert recognise(tmp_path / "a") == reader
+    with pytest.raises(ReadError, match=f"{reader.extra.module}.*pip install '{reader.extra.requirement}'"):
+        reader.open(tmp_path / "a", Declarations("a"))
+
+
+def test_a_text_is_recognised_without_the_modules_of_other_formats(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_bytes(build.dewesoft_text(build.motion_rows()))
+    program = (
+        "import sys; from pathlib import Path; from recoil_acquisition.readers.table import recognise;"
+        "print(recognise(Path(sys.argv[1])).name, *sys.modules, sep='\\n')"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, str(tmp_path / "a.csv")], capture_output=True, text=True, check=True
+    )
+    name, *modules = done.stdout.split("\n")
+    assert name == "Dewesoft text export"
+    heavy = {"h5py", "scipy", "cantools", "can", "pandas", "asammdf", "nptdms", "pyarrow", "openpyxl", "numba"}
+    assert not heavy & set(modules)
+    families = {m.split(".")[2] for m in modules if m.startswith("recoil_acquisition.readers.") and m.count(".") > 2}
+    assert families == {"hdf5", "text", "time", "tracks"}
+    assert {m for m in modules if m.startswith("recoil_acquisition.readers.hdf5.")} == {
+        "recoil_acquisition.readers.hdf5.kind", "recoil_acquisition.readers.hdf5.rehearsal",
+    }  # fmt: skip
+
+
+def test_every_row_of_the_table_names_a_reader_of_its_name() -> None:
+    for reader in (*READERS, *BY_LAYOUT.values()):
+        assert isinstance(reader, TableReader)
+        assert reader._loaded.name == reader.name
 
 
 def test_names_of_readers_are_unique_and_kinds_are_those_of_sources() -> None:

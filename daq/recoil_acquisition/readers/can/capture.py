@@ -31,12 +31,6 @@ class CanCaptureReader:
     """Reader of captures of CAN buses."""
 
     name = "CAN capture"
-    kind = "can"
-    suffixes = (".rdcc",)
-
-    def claims(self, head: bytes) -> bool:
-        """Tell whether the file begins with a capture's first line."""
-        return head.startswith(capture.MAGIC)
 
     def open(self, path: Path, declared: Declarations) -> CanCaptureRecording:
         """Open a capture; raises `ReadError` if it is damaged, or the database is missing or wrong."""

@@ -11,20 +11,17 @@ from pathlib import Path
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.can.asc import is_asc, read_asc
-from recoil_acquisition.readers.can.blf import MAGIC, read_blf
+from recoil_acquisition.readers.can.blf import read_blf
 from recoil_acquisition.readers.can.candump import is_candump, read_candump
 from recoil_acquisition.readers.can.csv import HEADER, is_can_csv, read_can_csv
 from recoil_acquisition.readers.can.frames import CanLog
-from recoil_acquisition.readers.can.packed_file import read_unpacked, unpacked_head
+from recoil_acquisition.readers.can.packed_file import read_unpacked
 from recoil_acquisition.readers.can.recording import CanRecording, declared_database
-from recoil_acquisition.readers.can.sqlite import is_can_sqlite, read_can_sqlite
+from recoil_acquisition.readers.can.sqlite import read_can_sqlite
 from recoil_acquisition.readers.can.trc import is_trc, read_trc
+from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
-from recoil_acquisition.readers.text.text_file import decode_head, decode_text
-
-
-def _head(head: bytes) -> str:
-    return decode_head(unpacked_head(head))
+from recoil_acquisition.readers.text.text_file import decode_text
 
 
 def _open(path: Path, declared: Declarations, name: str, read: Callable[[Path], CanLog]) -> CanRecording:
@@ -46,12 +43,10 @@ class AscReader:
     """Reader of Vector's text log."""
 
     name = "Vector ASC log"
-    kind = "can"
-    suffixes = (".asc",)
 
-    def claims(self, head: bytes) -> bool:
-        """Tell whether the header states a number base."""
-        return is_asc(_head(head))
+    def claims(self, head: Head) -> Claim:
+        """Be certain of a header that states a number base."""
+        return Claim.CERTAIN if is_asc(head.unpacked_text) else Claim.NO
 
     def open(self, path: Path, declared: Declarations) -> CanRecording:
         """Open a log; raises `ReadError` if the database is missing or wrong."""
@@ -70,12 +65,6 @@ class BlfReader:
     """Reader of Vector's binary log."""
 
     name = "Vector BLF log"
-    kind = "can"
-    suffixes = (".blf",)
-
-    def claims(self, head: bytes) -> bool:
-        """Tell whether the file begins with LOGG."""
-        return head.startswith(MAGIC)
 
     def open(self, path: Path, declared: Declarations) -> CanRecording:
         """Open a log; raises `ReadError` if it is damaged, or the database is missing or wrong."""
@@ -93,12 +82,10 @@ class CandumpReader:
     """Reader of the log of can-utils."""
 
     name = "candump log"
-    kind = "can"
-    suffixes = (".log",)
 
-    def claims(self, head: bytes) -> bool:
-        """Tell whether the first line is a stamped frame."""
-        return is_candump(_head(head))
+    def claims(self, head: Head) -> Claim:
+        """Be certain of a first line that is a stamped frame."""
+        return Claim.CERTAIN if is_candump(head.unpacked_text) else Claim.NO
 
     def open(self, path: Path, declared: Declarations) -> CanRecording:
         """Open a log; raises `ReadError` if the database is missing or wrong."""
@@ -119,12 +106,10 @@ class TrcReader:
     """Reader of PEAK's traces."""
 
     name = "PEAK TRC trace"
-    kind = "can"
-    suffixes = (".trc",)
 
-    def claims(self, head: bytes) -> bool:
-        """Tell whether the header states a version, or the first entry is one of version 1.0."""
-        return is_trc(_head(head))
+    def claims(self, head: Head) -> Claim:
+        """Be certain of a header that states a version, and of a first entry of version 1.0."""
+        return Claim.CERTAIN if is_trc(head.unpacked_text) else Claim.NO
 
     def open(self, path: Path, declared: Declarations) -> CanRecording:
         """Open a trace; raises `ReadError` if its version is unknown, or the database is missing or wrong."""
@@ -140,12 +125,10 @@ class CanCsvReader:
     """Reader of python-can's comma-separated values."""
 
     name = "python-can CSV log"
-    kind = "can"
-    suffixes = (".csv",)
 
-    def claims(self, head: bytes) -> bool:
-        """Tell whether the first line is python-can's header."""
-        return is_can_csv(_head(head))
+    def claims(self, head: Head) -> Claim:
+        """Be certain of a first line that is python-can's header."""
+        return Claim.CERTAIN if is_can_csv(head.unpacked_text) else Claim.NO
 
     def open(self, path: Path, declared: Declarations) -> CanRecording:
         """Open a log; raises `ReadError` if the database is missing or wrong."""
@@ -162,12 +145,6 @@ class CanSqliteReader:
     """Reader of python-can's databases."""
 
     name = "python-can SQLite log"
-    kind = "can"
-    suffixes = (".db",)
-
-    def claims(self, head: bytes) -> bool:
-        """Tell whether the first page is of a database with python-can's table."""
-        return is_can_sqlite(head)
 
     def open(self, path: Path, declared: Declarations) -> CanRecording:
         """Open a log; raises `ReadError` if it is damaged, or the database is missing or wrong."""

@@ -18,6 +18,7 @@ from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.can.frames import CanLog, FrameBlock, FrameList
 from recoil_acquisition.readers.can.mdf_frames import FRAME, LARGEST_FRAME, frames_of, variable_samples
 from recoil_acquisition.readers.can.recording import CanRecording, declared_database
+from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.mdf.channel_groups import (
     HD_AT,
     MASTERS,
@@ -43,16 +44,11 @@ class MdfBusReader:
     """Reader of bus logging in MDF 4."""
 
     name = "MDF4 bus logging"
-    kind = "can"
-    suffixes = (".mf4",)
 
-    def claims(self, head: bytes) -> bool:
-        """Tell whether an MDF 4 file holds frames of a CAN bus, or does not tell it in its first bytes."""
-        return is_bus_logging(head) or is_undecided(head)
-
-    def confirms(self, path: Path) -> bool:
-        """Tell from all of a file whether it holds frames of a bus alone."""
-        return is_bus_file(path)
+    def claims(self, head: Head) -> Claim:
+        """Be certain of frames of a bus alone; where the head does not show the channels, the whole file does."""
+        is_own = is_bus_logging(head.content) or (is_undecided(head.content) and is_bus_file(head.path))
+        return Claim.CERTAIN if is_own else Claim.NO
 
     def open(self, path: Path, declared: Declarations) -> CanRecording:
         """Open a log; raises `ReadError` if it is damaged, or the database is missing or wrong."""

@@ -9,10 +9,7 @@ from typing import BinaryIO
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.bounded_file import most_unpacked
-from recoil_acquisition.readers.reader import HEAD_BYTES
-
-MAGIC = b"\x1f\x8b\x08"
-"""Gzip with the only method there is, deflate."""
+from recoil_acquisition.readers.head import GZIP
 
 LARGEST_RATIO = 100
 """Of a short log; a long one has the bound of all files. Logs of a bus shrink 4 to 12 times, those of a bus at rest 25
@@ -23,16 +20,6 @@ PART_BYTES = 1 << 16
 
 _SPARE_BYTES = 1 << 20
 _GZIP = 16 + zlib.MAX_WBITS
-
-
-def unpacked_head(head: bytes) -> bytes:
-    """Return a file's first bytes, unpacked if they are gzip's; empty if they cannot be unpacked."""
-    if not head.startswith(MAGIC):
-        return head
-    try:
-        return zlib.decompressobj(_GZIP).decompress(head, HEAD_BYTES)
-    except zlib.error:
-        return b""
 
 
 def read_unpacked(path: Path) -> tuple[bytes, str]:
@@ -53,9 +40,9 @@ def read_unpacked(path: Path) -> tuple[bytes, str]:
     """
     try:
         with path.open("rb") as file:
-            head = file.read(len(MAGIC))
+            head = file.read(len(GZIP))
             file.seek(0)
-            return _unpacked(path, file) if head == MAGIC else (file.read(), "")
+            return _unpacked(path, file) if head == GZIP else (file.read(), "")
     except OSError as error:
         raise ReadError(
             f"cannot be read: {error.strerror}", path=path, remedy="check its name and permissions"
@@ -70,8 +57,8 @@ def _unpacked(path: Path, file: BinaryIO) -> tuple[bytes, str]:
     size, part, member = 0, b"", zlib.decompressobj(_GZIP)
     while part or (part := file.read(PART_BYTES)):
         if member.eof:
-            part += file.read(len(MAGIC) - 1)
-            if not part.startswith(MAGIC):
+            part += file.read(len(GZIP) - 1)
+            if not part.startswith(GZIP):
                 _check_padding(path, file, part)
                 break
             member = zlib.decompressobj(_GZIP)

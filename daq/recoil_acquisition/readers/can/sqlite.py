@@ -29,11 +29,6 @@ _LEAST_ROW_BYTES = 16
 """A stamp of 8 bytes, a header of 8; more rows than that allows are pages that are given again and again."""
 
 
-def is_can_sqlite(head: bytes) -> bool:
-    """Tell whether the first bytes are a database whose schema, on its first page, has such a table."""
-    return head.startswith(MAGIC) and b"arbitration_id" in head and TABLE.encode() in head
-
-
 def read_can_sqlite(path: Path) -> CanLog:
     """Read such a table.
 

@@ -36,6 +36,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.child_process import own_command
 from recoil_acquisition.errors import CorruptFileError, MissingChannelError, ReadError
+from recoil_acquisition.extras import DEWESOFT
 from recoil_acquisition.readers.dewesoft import child_process as child
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
 from recoil_acquisition.readers.time.increasing_stamps import keep_increasing, left_out_note
@@ -60,12 +61,6 @@ class DewesoftReader:
     """Reader of Dewesoft's recordings."""
 
     name = "Dewesoft recording"
-    kind = "dewetron"
-    suffixes = (".dxd", ".d7d")
-
-    def claims(self, head: bytes) -> bool:
-        """Tell whether the file begins as Dewesoft's do; the library is not needed for that."""
-        return head.startswith(MAGIC)
 
     def open(self, path: Path, declared: Declarations) -> DewesoftRecording:
         """Read a recording.
@@ -73,7 +68,7 @@ class DewesoftReader:
         Raises
         ------
         ReadError
-            If the library is missing, or refuses the file.
+            If the library is too old, or refuses the file.
         CorruptFileError
             If the library crashes or hangs over it, or what it gives contradicts itself.
         """
@@ -98,15 +93,11 @@ class DewesoftReader:
 
 
 def _check_library(path: Path) -> None:
-    remedy = "pip install 'recoil-daq[dewesoft]' (Windows and Linux on x86-64)"
-    try:
-        version = metadata.version("dwdatareader")
-    except metadata.PackageNotFoundError as error:
-        raise ReadError("Dewesoft's library is not installed", path=path, remedy=remedy) from error
+    version = metadata.version(DEWESOFT.module)
     if tuple(int(part) for part in version.split(".")[:3] if part.isdecimal()) < OLDEST:
         raise ReadError(
             "Dewesoft's library is too old: it scales some channels wrongly", path=path,
-            expected="dwdatareader 1.3.0 or newer", found=version, remedy=remedy,
+            expected="dwdatareader 1.3.0 or newer", found=version, remedy=DEWESOFT.remedy,
         )  # fmt: skip
 
 

@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.exported.header import ExportedHeader, exported_header, parse_json
 from recoil_acquisition.readers.exported.recording import ExportedRecording
+from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.text.cells import split_cells
 from recoil_acquisition.readers.text.rows import read_rows
-from recoil_acquisition.readers.text.text_file import TextFile, decode_head, read_text
+from recoil_acquisition.readers.text.text_file import TextFile, read_text
 from recoil_acquisition.readers.text.text_table import Block, find_block
 
 FIRST_LINE = '# recoil-daq: "csv/1"'
@@ -31,12 +32,10 @@ class RecoilCsvReader:
     """Reader of this project's CSV."""
 
     name = "recoil-daq CSV"
-    kind = "dewetron"
-    suffixes = (".csv",)
 
-    def claims(self, head: bytes) -> bool:
-        """Tell whether the first line says so."""
-        return decode_head(head[:256]).startswith(FIRST_LINE + "\n")
+    def claims(self, head: Head) -> Claim:
+        """Be certain of the first line."""
+        return Claim.CERTAIN if head.lines[0] == FIRST_LINE else Claim.NO
 
     def open(self, path: Path, declared: Declarations) -> RecoilCsvRecording:
         """Open an export.

@@ -33,12 +33,6 @@ class RecoilParquetReader:
     """Reader of this project's Parquet files."""
 
     name = "recoil-daq Parquet"
-    kind = "dewetron"
-    suffixes = (".parquet",)
-
-    def claims(self, head: bytes) -> bool:
-        """Tell whether the file is Parquet: whose it is stands at its end."""
-        return head.startswith(MAGIC)
 
     def open(self, path: Path, declared: Declarations) -> RecoilParquetRecording:
         """Open an export.
@@ -46,7 +40,7 @@ class RecoilParquetReader:
         Raises
         ------
         ReadError
-            If pyarrow is missing, or the file is Parquet of another program.
+            If the file is Parquet of another program.
         CorruptFileError
             If it is damaged.
         """
@@ -56,11 +50,9 @@ class RecoilParquetReader:
             raise ReadError(
                 f"cannot be read: {error.strerror}", path=path, remedy="check its name and permissions"
             ) from (error)
-        try:
-            import pyarrow as pa
-            import pyarrow.parquet as pq
-        except ImportError as error:
-            raise ReadError("Parquet needs pyarrow", path=path, remedy="pip install 'recoil-daq[parquet]'") from error
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
         if len(content) < 12 or not content.endswith(MAGIC):
             raise CorruptFileError(
                 "the file is cut: its end is missing",

@@ -9,18 +9,6 @@ SIGNATURE = b"\x89HDF\r\n\x1a\n"
 """First bytes of an HDF5 file (HDF5 File Format Specification, superblock)."""
 SLEAP_NAMES = ("tracks", "node_names", "track_names")
 """Datasets of an analysis file of SLEAP."""
-DEEPLABCUT_NAME = b"df_with_missing"
-"""Group in which DeepLabCut keeps its table."""
-
-
-def shows_sleap(head: bytes) -> bool:
-    """Tell whether a file's first bytes name the datasets of an analysis of SLEAP."""
-    return b"node_names" in head and b"track_names" in head
-
-
-def shows_tracks(head: bytes) -> bool:
-    """Tell whether a file's first bytes name what only programs that track name."""
-    return DEEPLABCUT_NAME in head or shows_sleap(head)
 
 
 def names_lie_behind(head: bytes) -> bool:

@@ -28,40 +28,20 @@ from recoil_acquisition.readers.hdf5 import attributes as attribute
 from recoil_acquisition.readers.hdf5.attributes import find, find_number, find_start
 from recoil_acquisition.readers.hdf5.contents import Contents, Dataset, contents_of
 from recoil_acquisition.readers.hdf5.dataset_time import DatasetTimes
-from recoil_acquisition.readers.hdf5.kind import is_sleap_file, shows_tracks
 from recoil_acquisition.readers.hdf5.vector import Hdf5Vector, hdf5_file
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
-SIGNATURE = b"\x89HDF\r\n\x1a\n"
-MATLAB = b"MATLAB 7.3 MAT-file"
 OWN_SCHEMA = "recoil-daq/"
 TIME_REMEDY = (
     "give each dataset the attribute `sample_rate` (Hz), or put a dataset `time` (s) of its length into its group"
 )
 
 
-def is_hdf5(head: bytes) -> bool:
-    """Tell whether a file is HDF5 and not one of MATLAB's: the signature may stand behind a user block."""
-    return not head.startswith(MATLAB) and any(
-        head[at : at + 8] == SIGNATURE for at in (0, *(512 << i for i in range(7)))
-    )
-
-
 class Hdf5Reader:
     """Reader of HDF5 files with one dataset per channel."""
 
     name = "HDF5"
-    kind = "dewetron"
-    suffixes = (".h5", ".hdf5")
-
-    def claims(self, head: bytes) -> bool:
-        """Tell whether the file has HDF5's signature, is not MATLAB's, and does not name a camera's tracks."""
-        return is_hdf5(head) and not shows_tracks(head)
-
-    def confirms(self, path: Path) -> bool:
-        """Tell by all of its names whether a file holds something else than a camera's tracks."""
-        return not is_sleap_file(path)
 
     def open(self, path: Path, declared: Declarations) -> StoredRecording:
         """Open a file; time vectors are read, samples are not.

@@ -23,7 +23,7 @@ from recoil_acquisition.readers.containers.stored_time import (
     time_from_stamps,
 )
 from recoil_acquisition.readers.mat.time_vector import is_time, stated_step, time_of
-from recoil_acquisition.readers.mat.v5 import is_mat_v5, read_mat_v5
+from recoil_acquisition.readers.mat.v5 import read_mat_v5
 from recoil_acquisition.readers.mat.v73 import read_mat_v73
 from recoil_acquisition.readers.mat.variable import MatContents, MatVariable
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
@@ -39,12 +39,6 @@ class MatReader:
     """Reader of MATLAB files of version 5 to 7.3."""
 
     name = "MATLAB"
-    kind = "dewetron"
-    suffixes = (".mat",)
-
-    def claims(self, head: bytes) -> bool:
-        """Tell whether the file has the header of a MAT-file of version 5 to 7.3."""
-        return head.startswith(HEAD_V73) or is_mat_v5(head)
 
     def open(self, path: Path, declared: Declarations) -> StoredRecording:
         """Open a file; time vectors are read, samples are not.

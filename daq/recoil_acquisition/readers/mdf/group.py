@@ -43,7 +43,7 @@ class HeldGroup:
     def signal(self, channel: int) -> Any:
         """Return one channel as stored, with its conversion."""
         if not self.signals:
-            with BoundedFile(self.path) as file, opened(self.path, file) as mdf:
+            with BoundedFile(self.path) as file, opened(file) as mdf:
                 wanted = [(None, self.index, c) for c in self.channels]
                 read = mdf.select(wanted, raw=True, copy_master=False, ignore_value2text_conversions=True)
             if any(len(signal.samples) != self.count for signal in read):

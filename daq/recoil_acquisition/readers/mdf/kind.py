@@ -60,7 +60,7 @@ def is_bus_logging(head: bytes) -> bool:
     Parameters
     ----------
     head : bytes
-        The first `recoil_acquisition.readers.reader.HEAD_BYTES` bytes, or all of the file.
+        The first `recoil_acquisition.readers.head.HEAD_BYTES` bytes, or all of the file.
     """
     groups = list(iter_groups(head, strict=False)) if is_mdf4(head) else []
     return any(g.is_bus for g in groups) and not any(g.channel_count and not g.is_bus for g in groups)

@@ -12,39 +12,26 @@ import logging
 import warnings
 from collections.abc import Iterator
 from contextlib import closing, contextmanager, redirect_stdout
-from pathlib import Path
 from traceback import walk_tb
 from typing import Any
 
-from recoil_acquisition.errors import ReadError
-
 
 @contextmanager
-def opened(path: Path, stream: io.BufferedIOBase) -> Iterator[Any]:
+def opened(stream: io.BufferedIOBase) -> Iterator[Any]:
     """Give asammdf's view of a file; what asammdf would print meanwhile is dropped.
 
     Parameters
     ----------
-    path : Path
-        For messages.
     stream : io.BufferedIOBase
-        Its bytes.
+        The file's bytes.
 
     Yields
     ------
     asammdf.MDF
 
-    Raises
-    ------
-    ReadError
-        If asammdf is not installed.
     """
-    try:
-        from asammdf import MDF
-    except ImportError as error:
-        raise ReadError(
-            "MDF files need the library asammdf", path=path, remedy="pip install 'recoil-daq[mdf]'"
-        ) from error
+    from asammdf import MDF
+
     try:
         with _quiet(), closing(MDF(stream)) as file:
             yield file

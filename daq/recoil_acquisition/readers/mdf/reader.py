@@ -27,7 +27,7 @@ from recoil_acquisition.readers.mdf.channel_groups import (
     iter_groups,
 )
 from recoil_acquisition.readers.mdf.group import HeldGroup
-from recoil_acquisition.readers.mdf.kind import UNFINALISED, is_bus_file, is_bus_logging, is_mdf4
+from recoil_acquisition.readers.mdf.kind import UNFINALISED, is_mdf4
 from recoil_acquisition.readers.mdf.library import opened
 from recoil_acquisition.readers.mdf.master import time_of_group
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
@@ -41,16 +41,6 @@ class MdfReader:
     """Reader of MDF 4 files with measured channels."""
 
     name = "MDF 4"
-    kind = "dewetron"
-    suffixes = (".mf4",)
-
-    def claims(self, head: bytes) -> bool:
-        """Tell whether the file begins as MDF 4 and its head does not show a bus log alone."""
-        return is_mdf4(head) and not is_bus_logging(head)
-
-    def confirms(self, path: Path) -> bool:
-        """Tell from all of a file whether it is no bus log."""
-        return not is_bus_file(path)
 
     def open(self, path: Path, declared: Declarations) -> StoredRecording:
         """Open a file; masters are read, samples are not.
@@ -64,7 +54,7 @@ class MdfReader:
         """
         with damage_is_reported(path, "a whole MDF 4 file"):
             bus = _check_blocks(path)
-            with BoundedFile(path) as file, opened(path, file) as mdf:
+            with BoundedFile(path) as file, opened(file) as mdf:
                 return _recording(path, mdf, declared.clock, bus)
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.errors import CorruptFileError, MissingChannelError, ReadError
-from recoil_acquisition.readers.oxygen.blocks import BlockIndex, index_blocks, is_oxygen
+from recoil_acquisition.readers.oxygen.blocks import BlockIndex, index_blocks
 from recoil_acquisition.readers.oxygen.description import read_description
 from recoil_acquisition.readers.oxygen.samples import INTEGERS, Pieces
 from recoil_acquisition.readers.oxygen.signal import Signal, signal_of
@@ -34,12 +34,6 @@ class OxygenReader:
     """Reader of OXYGEN's recordings."""
 
     name = "DEWETRON OXYGEN recording"
-    kind = "dewetron"
-    suffixes = (".dmd",)
-
-    def claims(self, head: bytes) -> bool:
-        """Tell whether the file begins with DMDF and the writer's name."""
-        return is_oxygen(head)
 
     def open(self, path: Path, declared: Declarations) -> OxygenRecording:
         """Open a recording: its block index and its setup, no samples of synchronous channels.

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.errors import CorruptFileError, FramingError, MissingChannelError, ReadError
-from recoil_acquisition.frames.capture_file import MAGIC, WALL_CLOCK_NS, Capture, parse_capture
+from recoil_acquisition.frames.capture_file import WALL_CLOCK_NS, Capture, parse_capture
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.frames.field import Field
 from recoil_acquisition.frames.frame_set import FrameSet
@@ -52,12 +52,6 @@ class SerialCaptureReader:
     """Reader of captures of serial ports, and of plain files of what a port delivered."""
 
     name = "serial capture"
-    kind = "serial"
-    suffixes = (".rdsc", ".bin")
-
-    def claims(self, head: bytes) -> bool:
-        """Tell whether the file begins with a capture's first line."""
-        return head.startswith(MAGIC)
 
     def open(self, path: Path, declared: Declarations) -> SerialRecording:
         """Open a capture, or a plain file of bytes without host times.

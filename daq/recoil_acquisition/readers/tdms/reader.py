@@ -25,7 +25,7 @@ from recoil_acquisition.readers.containers.stored_channels import StoredChannel,
 from recoil_acquisition.readers.containers.stored_time import StoredTime, resolution_of, time_from_stamps
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
 from recoil_acquisition.readers.tdms.channel import TdmsChannel, why_no_channel
-from recoil_acquisition.readers.tdms.segments import INDEX_TAG, LEAD_IN_BYTES, TAG, how_it_ends
+from recoil_acquisition.readers.tdms.segments import how_it_ends
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 ROUNDING = 1e-6
@@ -39,12 +39,6 @@ class TdmsReader:
     """Reader of TDMS files."""
 
     name = "TDMS"
-    kind = "dewetron"
-    suffixes = (".tdms",)
-
-    def claims(self, head: bytes) -> bool:
-        """Tell whether the file begins with a segment of TDMS, or of its index."""
-        return head.startswith((TAG, INDEX_TAG)) and len(head) >= LEAD_IN_BYTES
 
     def open(self, path: Path, declared: Declarations) -> StoredRecording:
         """Open a file; time channels are read, samples are not.
@@ -52,16 +46,14 @@ class TdmsReader:
         Raises
         ------
         ReadError
-            If npTDMS is not installed, the file is an index, or no channel has a time.
+            If the file is an index, or no channel has a time.
         CorruptFileError
             If it is damaged.
         """
         with damage_is_reported(path, "a whole TDMS file"):
             incomplete = how_it_ends(path)
-            try:
-                from nptdms import TdmsFile
-            except ImportError as error:
-                raise ReadError("TDMS needs npTDMS", path=path, remedy="pip install 'recoil-daq[tdms]'") from error
+            from nptdms import TdmsFile
+
             # An opened file keeps npTDMS from an index file beside it, which may be of another recording
             with BoundedFile(path) as file:
                 tdms = TdmsFile.read_metadata(file, raw_timestamps=True)

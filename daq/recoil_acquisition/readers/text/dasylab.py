@@ -14,10 +14,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.text.cells import has_decimal_comma, split_cells, split_unit
 from recoil_acquisition.readers.text.recording import TextRecording
-from recoil_acquisition.readers.text.text_file import LongText, decode_head
+from recoil_acquisition.readers.text.text_file import LongText
 from recoil_acquisition.readers.text.text_table import find_block
 from recoil_acquisition.readers.text.time_base import TIME_UNITS_S, TimeSource
 from recoil_acquisition.readers.time.wall_clock import parse_time_of_day
@@ -91,13 +92,11 @@ class DasylabTextReader:
     """Reader of DASYLab's ASCII files."""
 
     name = "DASYLab ASCII"
-    kind = "dewetron"
-    suffixes = (".asc", ".txt")
 
-    def claims(self, head: bytes) -> bool:
-        """Tell whether the text begins with DASYLab's name, or with a heading of measurement time."""
-        lines = decode_head(head).split("\n")
-        return lines[0].startswith("DASYLab") or find_headings(lines[:2]) is not None
+    def claims(self, head: Head) -> Claim:
+        """Be certain of a text that begins with DASYLab's name, or with a heading of measurement time."""
+        is_own = head.text.startswith("DASYLab") or find_headings(head.lines[:2]) is not None
+        return Claim.CERTAIN if is_own else Claim.NO
 
     def open(self, path: Path, declared: Declarations) -> TextRecording:
         """Open a file.

@@ -21,12 +21,6 @@ class DeclaredTextReader:
     """Reader of a text table by its declared layout; it is chosen by the rig alone."""
 
     name = "declared text table"
-    kind = "dewetron"
-    suffixes = (".csv", ".txt")
-
-    def claims(self, head: bytes) -> bool:  # noqa: ARG002  every reader is asked alike
-        """Claim nothing: no content tells that a rig declares it."""
-        return False
 
     def open(self, path: Path, declared: Declarations) -> TextRecording:
         """Open a table.

@@ -16,11 +16,12 @@ from itertools import pairwise
 from pathlib import Path
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.text.cells import SEPARATORS, has_decimal_comma, is_number, split_cells, split_unit
 from recoil_acquisition.readers.text.dewesoft_time import is_absolute, parse_dewesoft_stamp
 from recoil_acquisition.readers.text.recording import TextRecording
-from recoil_acquisition.readers.text.text_file import LongText, decode_head
+from recoil_acquisition.readers.text.text_file import LongText
 from recoil_acquisition.readers.text.text_table import find_block
 from recoil_acquisition.readers.text.time_base import TIME_UNITS_S, TimeSource
 from recoil_acquisition.timebase import TimeBase
@@ -59,13 +60,11 @@ class DewesoftTextReader:
     """Reader of Dewesoft's text export."""
 
     name = "Dewesoft text export"
-    kind = "dewetron"
-    suffixes = (".csv", ".txt")
 
-    def claims(self, head: bytes) -> bool:
-        """Tell whether a time heading over a row that begins with a time is in the first lines."""
-        lines = decode_head(head).split("\n")[: PREAMBLE_LINES + 1]
-        return _find_header(lines) is not None or _is_waterfall(lines)
+    def claims(self, head: Head) -> Claim:
+        """Be certain of a time heading over a row that begins with a time, and of a waterfall table."""
+        lines = head.lines[: PREAMBLE_LINES + 1]
+        return Claim.CERTAIN if _find_header(lines) is not None or _is_waterfall(lines) else Claim.NO
 
     def open(self, path: Path, declared: Declarations) -> DewesoftTextRecording:
         """Open an export.

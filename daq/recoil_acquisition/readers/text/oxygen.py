@@ -14,10 +14,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.text.cells import is_number, split_cells, split_unit
 from recoil_acquisition.readers.text.recording import TextRecording
-from recoil_acquisition.readers.text.text_file import LongText, decode_head
+from recoil_acquisition.readers.text.text_file import LongText
 from recoil_acquisition.readers.text.text_table import find_block
 from recoil_acquisition.readers.text.time_base import TIME_UNITS_S, TimeSource
 from recoil_acquisition.readers.time.wall_clock import is_wall_clock, parse_wall_clock
@@ -83,10 +84,6 @@ def readings(lines: Sequence[str]) -> list[Reading]:
     return found
 
 
-def _tables(lines: Sequence[str]) -> list[Reading]:
-    return [] if lines[0].startswith("DASYLab") else readings(lines)
-
-
 def _reading(lines: Sequence[str], i: int, separator: str, cells: list[str]) -> Reading | None:
     ends_empty = not cells[-1]
     names = cells[:-1] if ends_empty else cells
@@ -147,18 +144,14 @@ class OxygenTextReader:
     """Reader of OXYGEN's text export."""
 
     name = "OXYGEN text export"
-    kind = "dewetron"
-    suffixes = (".csv", ".txt")
 
-    def claims(self, head: bytes) -> bool:
-        """Tell whether a heading of time with units stands over a row of numbers, and OXYGEN's own words with it."""
-        lines = decode_head(head).split("\n")[: HEADER_LINES + 3]
-        return any(_OXYGEN.search(line) for found in _tables(lines) for line in lines[: found.header_row + 1])
-
-    def suits(self, head: bytes) -> str:
-        """Say so if a heading of time, with units in brackets or in a row below, stands over a row of numbers."""
-        lines = decode_head(head).split("\n")[: HEADER_LINES + 3]
-        return "a table under a heading of time, as many recorders export it" if _tables(lines) else ""
+    def claims(self, head: Head) -> Claim:
+        """Be certain of OXYGEN's own words over a table of time with units; without them it has its shape alone."""
+        lines = head.lines[: HEADER_LINES + 3]
+        tables = readings(lines)
+        if any(_OXYGEN.search(line) for found in tables for line in lines[: found.header_row + 1]):
+            return Claim.CERTAIN
+        return Claim.SHAPE if tables else Claim.NO
 
     def open(self, path: Path, declared: Declarations) -> TextRecording:
         """Open an export.

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.extras import XLSX
 
 MOST_ROWS = 1_048_576
 """Rows of a sheet, by the format."""
@@ -63,14 +64,9 @@ def read_sheets(path: Path) -> tuple[Sheet, ...]:
     CorruptFileError
         If it is damaged.
     """
-    try:
-        import openpyxl
-    except ImportError as error:
-        raise ReadError(
-            "workbooks are read with openpyxl, which is not installed",
-            path=path,
-            remedy="pip install 'recoil-daq[xlsx]', or export as text",
-        ) from error
+    XLSX.check(path)
+    import openpyxl
+
     try:
         most_cells = _check_archive(path)
         # by its content: the library refuses a path whose ending is not a workbook's

@@ -39,12 +39,6 @@ class DeclaredTrackReader:
     """Reader of tables of tracks that the rig describes."""
 
     name = "declared track table"
-    kind = "camera"
-    suffixes = (".csv", ".txt", ".xlsx")
-
-    def claims(self, head: bytes) -> bool:  # noqa: ARG002  every reader is asked alike
-        """Claim nothing: the rig alone chooses this reader."""
-        return False
 
     def open(self, path: Path, declared: Declarations) -> TrackRecording:
         """Open a table.

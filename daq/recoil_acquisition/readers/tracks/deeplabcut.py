@@ -14,10 +14,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.text.cells import is_number
 from recoil_acquisition.readers.text.rows import read_rows
-from recoil_acquisition.readers.text.text_file import decode_head
 from recoil_acquisition.readers.tracks.columns import Column
 from recoil_acquisition.readers.tracks.frame_time import frame_clock
 from recoil_acquisition.readers.tracks.headed_text import read_headed_text
@@ -33,14 +33,11 @@ class DeepLabCutReader:
     """Reader of DeepLabCut's text table."""
 
     name = "DeepLabCut"
-    kind = "camera"
-    suffixes = (".csv", ".h5")
 
-    def claims(self, head: bytes) -> bool:
-        """Tell whether the first cell is ``scorer``, or an HDF5 file names the software's table."""
-        if head.startswith(HDF5_MAGIC):
-            return b"df_with_missing" in head
-        return signature(decode_head(head).split("\n")[:4]) == "deeplabcut"
+    def claims(self, head: Head) -> Claim:
+        """Be certain of a first cell ``scorer``, and of an HDF5 file that names the software's table."""
+        is_own = b"df_with_missing" in head.content or signature(head.lines[:4]) == "deeplabcut"
+        return Claim.CERTAIN if is_own else Claim.NO
 
     def open(self, path: Path, declared: Declarations) -> TrackRecording:
         """Open a table.

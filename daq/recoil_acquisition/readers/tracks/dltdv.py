@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from recoil_acquisition.errors import CorruptFileError
+from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.text.rows import read_rows
-from recoil_acquisition.readers.text.text_file import decode_head
 from recoil_acquisition.readers.tracks.columns import Column
 from recoil_acquisition.readers.tracks.frame_time import counted_clock
 from recoil_acquisition.readers.tracks.headed_text import read_headed_text
@@ -29,12 +29,10 @@ class DltdvReader:
     """Reader of the points of DLTdv and Argus."""
 
     name = "DLTdv points"
-    kind = "camera"
-    suffixes = (".csv",)
 
-    def claims(self, head: bytes) -> bool:
-        """Tell whether every heading names a point and a camera."""
-        return signature(decode_head(head).split("\n")[:1]) == "dltdv"
+    def claims(self, head: Head) -> Claim:
+        """Be certain where every heading names a point and a camera."""
+        return Claim.CERTAIN if signature(head.lines[:1]) == "dltdv" else Claim.NO
 
     def open(self, path: Path, declared: Declarations) -> TrackRecording:
         """Open a file of points.

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from recoil_acquisition.errors import CorruptFileError
+from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.text.cells import is_number
 from recoil_acquisition.readers.text.sheet_text import Sheet, is_workbook, read_sheets
@@ -22,12 +23,10 @@ class ProAnalystWorkbookReader:
     """Reader of ProAnalyst's workbook."""
 
     name = "ProAnalyst workbook"
-    kind = "camera"
-    suffixes = (".xlsx",)
 
-    def claims(self, head: bytes) -> bool:
-        """Tell whether a file is a workbook: what is in it shows only once it is unpacked."""
-        return is_workbook(head)
+    def claims(self, head: Head) -> Claim:
+        """Take a workbook for some program's tracks: what is in it shows only once it is unpacked."""
+        return Claim.GENERIC if is_workbook(head.content) else Claim.NO
 
     def open(self, path: Path, declared: Declarations) -> TrackRecording:
         """Open a workbook; its first sheet that holds a block of numbers is read, the others are named.

@@ -18,14 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
-from recoil_acquisition.readers.hdf5.kind import (
-    DEEPLABCUT_NAME,
-    SIGNATURE,
-    is_in_file,
-    is_sleap_file,
-    names_lie_behind,
-    shows_sleap,
-)
+from recoil_acquisition.readers.hdf5.kind import is_in_file, is_sleap_file, names_lie_behind
+from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.tracks.columns import Column
 from recoil_acquisition.readers.tracks.frame_time import counted_clock
@@ -50,18 +44,11 @@ class SleapAnalysisReader:
     """Reader of SLEAP's analysis HDF5."""
 
     name = "SLEAP analysis"
-    kind = "camera"
-    suffixes = (".h5",)
 
-    def claims(self, head: bytes) -> bool:
-        """Tell whether an HDF5 file names nodes and tracks, or keeps its names behind its first bytes."""
-        if not head.startswith(SIGNATURE) or DEEPLABCUT_NAME in head:
-            return False
-        return shows_sleap(head) or names_lie_behind(head)
-
-    def confirms(self, path: Path) -> bool:
-        """Tell by all of its names whether a file is SLEAP's."""
-        return is_sleap_file(path)
+    def claims(self, head: Head) -> Claim:
+        """Be certain of names of nodes and tracks, which may stand behind the first bytes."""
+        named = b"node_names" in head.content and b"track_names" in head.content
+        return Claim.CERTAIN if named or (names_lie_behind(head.content) and is_sleap_file(head.path)) else Claim.NO
 
     def open(self, path: Path, declared: Declarations) -> TrackRecording:
         """Open an analysis file.

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.text.rows import iter_rows
-from recoil_acquisition.readers.text.text_file import decode_head
 from recoil_acquisition.readers.text.text_table import Block
 from recoil_acquisition.readers.tracks.columns import Column
 from recoil_acquisition.readers.tracks.frame_time import counted_clock
@@ -40,12 +40,10 @@ class SleapTextReader:
     """Reader of SLEAP's analysis table as text."""
 
     name = "SLEAP text"
-    kind = "camera"
-    suffixes = (".csv",)
 
-    def claims(self, head: bytes) -> bool:
-        """Tell whether the headings have a frame index and a node's coordinate."""
-        return signature(decode_head(head).split("\n")[:1]) == "sleap"
+    def claims(self, head: Head) -> Claim:
+        """Be certain of headings with a frame index and a node's coordinate."""
+        return Claim.CERTAIN if signature(head.lines[:1]) == "sleap" else Claim.NO
 
     def open(self, path: Path, declared: Declarations) -> TrackRecording:
         """Open a table.

@@ -16,10 +16,11 @@ from pathlib import Path
 import numpy as np
 
 from recoil_acquisition.errors import CorruptFileError
+from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.text.cells import has_decimal_comma, split_cells
 from recoil_acquisition.readers.text.rows import read_rows
-from recoil_acquisition.readers.text.text_file import LongText, Text, decode_head
+from recoil_acquisition.readers.text.text_file import LongText, Text
 from recoil_acquisition.readers.text.text_table import find_block
 from recoil_acquisition.readers.tracks.columns import AXES, Column
 from recoil_acquisition.readers.tracks.frame_time import frame_clock
@@ -34,12 +35,10 @@ class TrackerTextReader:
     """Reader of Tracker's exported data."""
 
     name = "Tracker text"
-    kind = "camera"
-    suffixes = (".txt", ".csv")
 
-    def claims(self, head: bytes) -> bool:
-        """Tell whether a row of names stands over a row of variables that begins with the time."""
-        return signature(decode_head(head).split("\n")[:8]) == "tracker"
+    def claims(self, head: Head) -> Claim:
+        """Be certain of a row of names over a row of variables that begins with the time."""
+        return Claim.CERTAIN if signature(head.lines[:8]) == "tracker" else Claim.NO
 
     def open(self, path: Path, declared: Declarations) -> TrackRecording:
         """Open an export.

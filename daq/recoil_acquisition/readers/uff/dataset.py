@@ -85,11 +85,6 @@ class Remark:
     is_cut: bool = False
 
 
-def is_uff(head: bytes) -> bool:
-    """Tell whether a file begins with ``-1`` and a dataset's number."""
-    return _BEGIN.match(head) is not None
-
-
 def iter_datasets(data: bytes, size: int) -> Iterator[UffDataset | Remark]:
     """Walk the datasets of a mapped file.
 

@@ -29,7 +29,6 @@ from recoil_acquisition.readers.uff.dataset import (
     TIME_RESPONSE,
     Remark,
     UffDataset,
-    is_uff,
     iter_datasets,
 )
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
@@ -47,12 +46,6 @@ class UffReader:
     """Reader of Universal Files, dataset 58."""
 
     name = "UFF 58"
-    kind = "dewetron"
-    suffixes = (".uff", ".unv")
-
-    def claims(self, head: bytes) -> bool:
-        """Tell whether the file begins with a line ``-1`` and a dataset's number."""
-        return is_uff(head)
 
     def open(self, path: Path, declared: Declarations) -> StoredRecording:
         """Open a file; uneven abscissas are read, samples are not.

@@ -42,12 +42,6 @@ class WavReader:
     """Reader of WAVE sound files."""
 
     name = "WAV"
-    kind = "dewetron"
-    suffixes = (".wav",)
-
-    def claims(self, head: bytes) -> bool:
-        """Tell whether the file begins as WAVE."""
-        return is_wave(head)
 
     def open(self, path: Path, declared: Declarations) -> StoredRecording:
         """Open a file; its samples are not read.

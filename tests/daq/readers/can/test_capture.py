@@ -16,7 +16,7 @@ from recoil_acquisition.frames import can_capture_file as capture
 from recoil_acquisition.readers.can.capture import CanCaptureReader, CanCaptureRecording
 from recoil_acquisition.readers.can.log import CandumpReader
 from recoil_acquisition.readers.reader import Declarations
-from recoil_acquisition.readers.table import recognise
+from recoil_acquisition.readers.table import READERS, recognise
 from tests.builders import can_captures
 from tests.builders import vendor_files as build
 from tests.contracts import reader_rules as rules
@@ -26,7 +26,7 @@ DECLARED = Declarations("can", database=build.DBC)
 MAGNITUDES = {"ACC.ax": (-10, 10), "ACC.p": (0, 20), "GYR.gx": (-1, 10), "EXT.low": (0, 100), "EXT.high": (0, 100)}
 CASE = Case(
     "can-capture",
-    CanCaptureReader(),
+    next(reader for reader in READERS if reader.name == "CAN capture"),
     can_captures.can_capture(can_captures.can_records(build.can_entries())),
     DECLARED,
     MAGNITUDES,
@@ -54,7 +54,7 @@ def test_flipped_bytes_of_a_capture_are_refused_or_read(tmp_path: Path, flips: l
 def test_a_capture_is_recognised_by_its_first_line(tmp_path: Path) -> None:
     path = tmp_path / "without_suffix"
     path.write_bytes(CASE.content)
-    assert isinstance(recognise(path), CanCaptureReader)
+    assert recognise(path) is CASE.reader
 
 
 def test_a_capture_holds_the_same_samples_as_a_log_of_the_same_bus(tmp_path: Path) -> None:

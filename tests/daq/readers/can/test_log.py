@@ -16,7 +16,9 @@ from recoil_acquisition.readers.can.blf import read_blf
 from recoil_acquisition.readers.can.candump import read_candump
 from recoil_acquisition.readers.can.frames import FD_LENGTHS, CanFrames
 from recoil_acquisition.readers.can.log import AscReader, BlfReader, CandumpReader, CanRecording
+from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.table import surest_claim
 from tests.builders.shared_data import shared_file
 from tests.builders.vendor_files import (
     DBC,
@@ -30,6 +32,7 @@ from tests.builders.vendor_files import (
 )
 
 READERS = {"asc": AscReader(), "blf": BlfReader(), "log": CandumpReader()}
+NAMES = {"asc": "Vector ASC log", "blf": "Vector BLF log", "log": "candump log"}
 WRITERS = {"asc": asc_log, "blf": blf_log, "log": candump_log}
 
 
@@ -47,7 +50,7 @@ def as_entries(frames: CanFrames) -> list[CanEntry]:
 @pytest.mark.parametrize("suffix", READERS)
 def test_every_format_gives_the_same_signals(suffix: str, tmp_path: Path) -> None:
     content = WRITERS[suffix](can_entries(30))
-    assert [s for s, reader in READERS.items() if reader.claims(content[:65536])] == [suffix]
+    assert [reader.name for reader in surest_claim(Head(content[:65536]))[1]] == [NAMES[suffix]]
     recording = opened(tmp_path, suffix, content)
     assert [(s.name, s.unit, s.sample_count) for s in recording.signals] == [
         ("ACC.ax", "m/s^2", 30),
@@ -145,7 +148,7 @@ def test_what_candump_prints_on_a_screen_is_read(stamp: str, zone: str, text: st
     printed = screen(entries, stamp, extra=extra)
     printed += f" ({stamp}950000)  can0  123   [0]  remote request\n ({stamp}960000)  can0  20000004   [8]  "
     printed += "00 01 00 00 00 00 00 00   ERRORFRAME\n"
-    assert CandumpReader().claims(printed.encode())
+    assert CandumpReader().claims(Head(printed.encode()))
     log = read_candump(printed.encode())
     assert as_entries(log.frames) == entries
     assert (log.metadata["remote_frames"], log.metadata["error_frames"]) == (1, 1)

@@ -27,6 +27,7 @@ from recoil_acquisition.readers.can.frames import CanFrames, CanLog
 from recoil_acquisition.readers.can.mdf import read_mdf
 from recoil_acquisition.readers.can.sqlite import read_can_sqlite
 from recoil_acquisition.readers.can.trc import read_trc
+from recoil_acquisition.readers.head import GZIP
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import recognise
 from tests.builders import can_logs, mdf_logs
@@ -270,7 +271,7 @@ def test_members_of_a_compressed_log_may_lie_in_any_part_of_it(
     path = written(tmp_path, "a.gz", b"".join(members) + bytes(padding))
     assert packed_file.read_unpacked(path) == (b"".join(texts), "")
     whole = b"".join(members[:-1])
-    if cut >= len(packed_file.MAGIC):
+    if cut >= len(GZIP):
         content, told = packed_file.read_unpacked(written(tmp_path, "a.gz", whole + members[-1][: min(cut, 12)]))
         assert content.startswith(b"".join(texts[:-1]))
         assert "the compressed file is cut" in told

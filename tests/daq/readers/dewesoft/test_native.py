@@ -13,7 +13,7 @@ import pytest
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.dewesoft import native as dewesoft_native
 from recoil_acquisition.readers.dewesoft.child_process import is_uniform
-from recoil_acquisition.readers.dewesoft.native import DewesoftReader, DewesoftRecording
+from recoil_acquisition.readers.dewesoft.native import DewesoftRecording
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import READERS, recognise
 from recoil_acquisition.readers.time.increasing_stamps import keep_increasing
@@ -21,7 +21,7 @@ from tests.builders.dewesoft_double import told_file, write_double
 from tests.builders.shared_data import shared_file
 from tests.contracts import reader_rules as rules
 
-READER = DewesoftReader()
+READER = next(reader for reader in READERS if reader.name == "Dewesoft recording")
 DECLARED = Declarations("dewetron")
 COUNTS = {
     "GPSvel": 9580, "Math 0": 9580, "X absolute": 191, "Y absolute": 191, "Velocity": 1838 - 61,
@@ -237,16 +237,11 @@ def test_a_file_of_another_kind_never_reaches_the_library(tmp_path: Path, monkey
             READER.open(path, DECLARED)
 
 
-def test_a_missing_or_an_old_library_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_old_library_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = told_file(tmp_path / "a.dxd", channels=[])
-
-    def missing(name: str) -> str:
-        raise metadata.PackageNotFoundError(name)
-
-    for version in (missing, lambda _: "1.2.0"):
-        monkeypatch.setattr(metadata, "version", version)
-        with pytest.raises(ReadError, match=r"pip install 'recoil-daq\[dewesoft\]'"):
-            READER.open(path, DECLARED)
+    monkeypatch.setattr(metadata, "version", lambda _: "1.2.0")
+    with pytest.raises(ReadError, match=r"too old.*found 1\.2\.0.*pip install 'dwdatareader>=1\.3\.0'"):
+        READER.open(path, DECLARED)
 
 
 def test_a_library_that_does_not_load_says_why(told: Callable[..., DewesoftRecording], tmp_path: Path) -> None:

@@ -1,7 +1,6 @@
 """Our own CSV and Parquet: what is damaged, foreign or too large is refused in one line."""
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -129,14 +128,6 @@ def test_a_damaged_page_of_a_parquet_file_is_found_by_its_checksum(tmp_path):
     content[at] ^= 1
     with pytest.raises(CorruptFileError, match="damaged"):
         open_parquet(tmp_path, bytes(content)).read("p_breech")
-
-
-def test_without_pyarrow_parquet_is_claimed_and_the_error_names_the_extra(tmp_path, monkeypatch):
-    content = build.parquet_file()
-    monkeypatch.setitem(sys.modules, "pyarrow", None)
-    assert RecoilParquetReader().claims(content)
-    with pytest.raises(ReadError, match=r"recoil-daq\[parquet\]"):
-        open_parquet(tmp_path, content)
 
 
 def test_a_time_that_was_mapped_is_told(tmp_path):

@@ -9,7 +9,9 @@ import pytest
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.containers.stored_channels import StoredRecording
 from recoil_acquisition.readers.hdf5.reader import Hdf5Reader
+from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.table import surest_claim
 from tests.builders.container_files import hdf5_file, ramp
 
 
@@ -141,8 +143,8 @@ def test_a_file_that_states_more_than_it_holds_is_not_read(tmp_path: Path) -> No
 
 
 def test_matlab_files_and_cut_files_are_not_taken(tmp_path: Path) -> None:
-    assert not Hdf5Reader().claims(b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF\r\n\x1a\n")
-    assert Hdf5Reader().claims(b"\0" * 512 + b"\x89HDF\r\n\x1a\n")
+    for block, name in ((b"MATLAB 7.3 MAT-file".ljust(512), "MATLAB"), (bytes(512), "HDF5"), (bytes(1 << 15), "HDF5")):
+        assert [reader.name for reader in surest_claim(Head(block + b"\x89HDF\r\n\x1a\n"))[1]] == [name]
     path = tmp_path / "a.h5"
     path.write_bytes(hdf5_file(lambda f: f.create_dataset("a", data=ramp()))[:-10])
     with pytest.raises(CorruptFileError, match="truncated"):

@@ -15,7 +15,7 @@ from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.reader_process import READER
 from recoil_acquisition.readers.hdf5.rehearsal import REHEARSAL, needs_rehearsal
 from recoil_acquisition.readers.reader import Declarations
-from recoil_acquisition.readers.table import read_head, recognise
+from recoil_acquisition.readers.table import recognise
 
 
 @pytest.fixture
@@ -46,10 +46,10 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def test_files_of_the_library_need_it_and_others_do_not(recording: Path, tmp_path: Path) -> None:
-    assert needs_rehearsal(read_head(recording))
+    assert needs_rehearsal(recording.read_bytes())
     matlab = tmp_path / "v73.mat"
     matlab.write_bytes(b"MATLAB 7.3 MAT-file".ljust(512, b"\0") + recording.read_bytes())
-    assert needs_rehearsal(read_head(matlab))
+    assert needs_rehearsal(matlab.read_bytes())
     assert not needs_rehearsal(b"Time;acc\n0;1\n")
 
 

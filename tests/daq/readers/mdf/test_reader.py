@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import struct
-import sys
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
 from typing import Any
@@ -11,10 +10,12 @@ import pytest
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.containers.stored_channels import StoredRecording
+from recoil_acquisition.readers.head import HEAD_BYTES, Head
 from recoil_acquisition.readers.mdf.channel_groups import MdfDamageError, iter_groups
 from recoil_acquisition.readers.mdf.kind import is_bus_logging
 from recoil_acquisition.readers.mdf.reader import MdfReader
-from recoil_acquisition.readers.reader import HEAD_BYTES, Declarations
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.table import surest_claim
 from tests.builders.container_files import mdf_file, ramp, small_mdf
 from tests.builders.shared_data import shared_file
 
@@ -37,6 +38,10 @@ def opened(folder: Path, content: bytes) -> StoredRecording:
     path = folder / "a.mf4"
     path.write_bytes(content)
     return MdfReader().open(path, Declarations("dewetron"))
+
+
+def claimed_by(content: bytes) -> list[str]:
+    return [reader.name for reader in surest_claim(Head(content))[1]]
 
 
 @pytest.mark.parametrize("compression", [0, 1, 2])
@@ -124,7 +129,7 @@ def test_times_that_repeat_are_left_out_and_times_that_step_back_are_refused(tmp
 def test_a_file_of_bus_frames_alone_is_not_claimed_and_refused(tmp_path: Path) -> None:
     content = mdf_file([frames()])
     assert is_bus_logging(content)
-    assert not MdfReader().claims(content)
+    assert claimed_by(content) == ["MDF4 bus logging"]
     with pytest.raises(ReadError, match="source as kind `can`"):
         opened(tmp_path, content)
 
@@ -132,7 +137,7 @@ def test_a_file_of_bus_frames_alone_is_not_claimed_and_refused(tmp_path: Path) -
 def test_channels_beside_bus_frames_are_read_and_the_frames_named(tmp_path: Path) -> None:
     content = mdf_file([frames()], [signal("a", ramp())])
     assert not is_bus_logging(content)
-    assert MdfReader().claims(content)
+    assert claimed_by(content) == ["MDF 4"]
     recording = opened(tmp_path, content)
     assert [s.name for s in recording.signals] == ["a"]
     assert any(note.startswith("frames of a bus") for note in recording.notes)
@@ -193,16 +198,6 @@ def test_a_chain_that_comes_back_to_itself_is_refused(tmp_path: Path) -> None:
             opened(tmp_path, bytes(looped))
 
 
-def test_without_asammdf_the_file_is_claimed_and_the_extra_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    content = small_mdf()
-    monkeypatch.setitem(sys.modules, "asammdf", None)
-    assert MdfReader().claims(content)
-    with pytest.raises(ReadError, match=r"pip install 'recoil-daq\[mdf\]'"):
-        opened(tmp_path, content)
-
-
 def test_a_real_file_of_every_conversion_is_read_as_asammdf_reads_it() -> None:
     from asammdf import MDF
 
@@ -221,11 +216,11 @@ def test_a_real_file_of_every_conversion_is_read_as_asammdf_reads_it() -> None:
 def test_a_real_bus_log_is_left_to_the_readers_of_buses() -> None:
     head = shared_file("can/00000170.MF4").read_bytes()[:HEAD_BYTES]
     assert is_bus_logging(head)
-    assert not MdfReader().claims(head)
+    assert claimed_by(head) == ["MDF4 bus logging"]
 
 
 def test_a_recording_that_was_never_finalised_is_refused(tmp_path: Path) -> None:
     content = b"UnFinMF " + small_mdf()[8:]
-    assert MdfReader().claims(content)
+    assert claimed_by(content) == ["MDF 4"]
     with pytest.raises(ReadError, match="never finalised"):
         opened(tmp_path, content)

@@ -11,9 +11,11 @@ from hypothesis import strategies as st
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.frames.capture_file import MAGIC, pack_record, parse_capture
+from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.serial.capture import SerialCaptureReader, SerialRecording
 from recoil_acquisition.readers.serial.frame_time import back_dated, increasing, without_steps
+from recoil_acquisition.readers.table import surest_claim
 from tests.builders.serial_packets import stamped_capture, summed
 from tests.builders.shared_data import shared_file
 from tests.builders.vendor_files import FRAMING, serial_capture, serial_frame, serial_frames
@@ -115,7 +117,7 @@ def test_a_declared_rate_dates_frames_by_their_counter(tmp_path: Path) -> None:
 
 def test_a_plain_file_of_bytes_is_opened_but_not_claimed(tmp_path: Path) -> None:
     stream = b"".join(serial_frames(20))
-    assert not READER.claims(stream)
+    assert surest_claim(Head(stream))[0] is Claim.NO
     recording = opened(tmp_path, stream)
     assert recording.signals[2].sample_count == 20
     assert "clock_fit" not in recording.metadata

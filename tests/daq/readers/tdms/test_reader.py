@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import struct
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -130,16 +129,6 @@ def test_an_index_file_is_refused_and_one_beside_the_file_is_not_used(tmp_path: 
 def test_a_file_without_time_says_what_to_write(tmp_path: Path) -> None:
     with pytest.raises(ReadError, match="write the channels as waveforms"):
         opened(tmp_path, tdms_file([("g", "a", ramp(), {})]))
-
-
-def test_without_npTDMS_the_file_is_claimed_and_the_extra_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    content = small_tdms()
-    monkeypatch.setitem(sys.modules, "nptdms", None)
-    assert TdmsReader().claims(content)
-    with pytest.raises(ReadError, match=r"pip install 'recoil-daq\[tdms\]'"):
-        opened(tmp_path, content)
 
 
 def test_a_foreign_segment_is_told_with_its_byte(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.text.dasylab import DasylabTextReader, start_from, step_from
 from recoil_acquisition.readers.text.recording import TextRecording
@@ -91,7 +92,7 @@ def test_a_date_whose_order_is_not_told_is_noted(tmp_path: Path) -> None:
 
 
 def test_a_file_without_headings_or_channels_is_refused(tmp_path: Path) -> None:
-    assert READER.claims(b"DASYLab - V 11\n")
+    assert READER.claims(Head(b"DASYLab - V 11\n"))
     with pytest.raises(CorruptFileError, match="no row of headings"):
         opened(tmp_path, "DASYLab - V 11\n1;2\n")
     with pytest.raises(CorruptFileError, match="no channel"):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import CorruptFileError, MissingChannelError, ReadError
+from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.text.dewesoft import DewesoftTextReader, DewesoftTextRecording
 from recoil_acquisition.readers.text.dewesoft_time import _NAMES, MONTHS, parse_dewesoft_stamp, rate_from_stamps
@@ -31,7 +32,7 @@ def test_every_way_of_writing_gives_the_same_numbers(
 ) -> None:
     rows = motion_rows(50)
     content = dewesoft_text(rows, separator=separator, decimal=decimal, encoding=encoding, preamble=preamble)
-    assert READER.claims(content)
+    assert READER.claims(Head(content))
     recording = opened(tmp_path, content)
     assert [(s.name, s.unit) for s in recording.signals] == [("AI 1/acc", "m/s2"), ("AI 2/p", "MPa")]
     expected = np.array([float(f"{r[1]:.15g}") for r in rows])
@@ -154,7 +155,7 @@ def test_a_month_that_is_not_told_is_refused_with_what_to_export(month: str, tmp
 
 def test_a_waterfall_is_refused_by_name(tmp_path: Path) -> None:
     text = "OT 1/Gov/Order\nwaterfall (g (peak))\nSpeed (rpm)/Orders (-),0,0.125\n1000,1,2\n1100,3,4\n"
-    assert READER.claims(text.encode())
+    assert READER.claims(Head(text.encode()))
     with pytest.raises(ReadError, match="not a time history"):
         opened(tmp_path, text)
 
@@ -165,7 +166,7 @@ def test_a_decimal_comma_between_commas_is_refused_with_a_remedy(tmp_path: Path)
 
 
 def test_a_file_without_a_time_heading_is_refused(tmp_path: Path) -> None:
-    assert not READER.claims(b"x,y\n1,2\n")
+    assert not READER.claims(Head(b"x,y\n1,2\n"))
     with pytest.raises(CorruptFileError, match="no header row"):
         opened(tmp_path, "x,y\n1,2\n")
 
@@ -199,7 +200,7 @@ def test_a_rate_beside_the_decades_is_taken_only_where_no_decade_agrees() -> Non
 def test_a_shot_of_an_independent_simulation_is_read(shot: str) -> None:
     path = shared_file(f"shots/{shot}/dewetron.csv")
     truth = json.loads((path.parent / "truth.json").read_text())
-    assert READER.claims(path.read_bytes()[:65536])
+    assert READER.claims(Head.of(path))
     recording = READER.open(path, Declarations("dewetron"))
     assert len(recording.signals) == 8
     base = recording.time_base("AI 6/p_breech")

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.text.dewesoft import DewesoftTextReader
 from recoil_acquisition.readers.text.oxygen import OxygenTextReader
@@ -32,8 +33,8 @@ def test_every_way_of_writing_gives_the_same_numbers(
         ["Prüfstand", header], build.seconds(decimal), separator=separator, decimal=decimal, encoding=encoding,
         line_end=line_end,
     )  # fmt: skip
-    assert READER.claims(content)
-    assert not DewesoftTextReader().claims(content)
+    assert READER.claims(Head(content)) is Claim.CERTAIN
+    assert not DewesoftTextReader().claims(Head(content))
     recording = opened(tmp_path, content)
     assert [(s.name, s.unit) for s in recording.signals] == [("AI 1/1", "m/s²"), ("AI 2/1", "MPa")]
     np.testing.assert_array_equal(recording.read("AI 1/1"), [row[0] for row in build.rows()])
@@ -83,7 +84,7 @@ def test_what_can_be_read_in_two_ways_is_refused_and_says_how_to_declare(text: s
         recording = opened(tmp_path, text)  # only `;` leaves a heading of time alone: one way
         np.testing.assert_array_equal(recording.read("x,a"), [2.3, 2.3])
         return
-    assert READER.suits(text.encode())
+    assert READER.claims(Head(text.encode())) is Claim.SHAPE
     with pytest.raises(ReadError, match=why) as caught:
         opened(tmp_path, text)
     assert caught.value.remedy is not None

@@ -10,15 +10,15 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.reader import Declarations
-from recoil_acquisition.readers.table import READERS
+from recoil_acquisition.readers.table import BY_LAYOUT, READERS
 from recoil_acquisition.readers.tracks import declared_table
-from recoil_acquisition.readers.tracks.declared_table import DeclaredTrackReader
 from recoil_acquisition.readers.tracks.recording import TrackRecording
 from tests.builders import track_files as build
 from tests.contracts import reader_rules as rules
 
-READER = DeclaredTrackReader()
+READER = BY_LAYOUT["camera"]
 LAYOUT: dict[str, Any] = {
     "separator": ";",
     "decimal": ",",
@@ -191,7 +191,7 @@ def test_every_rule_of_a_reader_is_kept_but_that_of_claiming(
 
 
 def test_it_claims_nothing_and_is_not_in_the_table() -> None:
-    assert not READER.claims(CASE.content)
+    assert not READER.claims(Head(CASE.content))
     assert all(reader.name != READER.name for reader in READERS)
 
 

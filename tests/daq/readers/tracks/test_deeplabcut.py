@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.tracks.deeplabcut import DeepLabCutReader
 from recoil_acquisition.readers.tracks.recording import TrackRecording
@@ -45,7 +46,7 @@ def test_a_low_likelihood_is_counted_and_its_position_kept(tmp_path: Path) -> No
 
 def test_the_same_part_of_two_individuals_makes_two_tracks(tmp_path: Path) -> None:
     content = build.deeplabcut(individuals=True)
-    assert READER.claims(content)
+    assert READER.claims(Head(content))
     assert [t.name for t in opened(tmp_path, content).tracks()] == ["a tip", "b tip"]
 
 
@@ -79,7 +80,7 @@ def test_the_hdf5_table_is_claimed_and_refused_for_its_pickle(tmp_path: Path) ->
     buffer = io.BytesIO()
     with h5py.File(buffer, "w") as file:
         file.create_group("df_with_missing").create_dataset("table", data=np.zeros(3))
-    assert READER.claims(buffer.getvalue())
+    assert READER.claims(Head(buffer.getvalue()))
     with pytest.raises(ReadError, match="pickle, which is not read") as caught:
         opened(tmp_path, buffer.getvalue())
     assert "save_as_csv=True" in str(caught.value)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.tracks.dltdv import DltdvReader
 from recoil_acquisition.readers.tracks.recording import TrackRecording
@@ -36,7 +37,7 @@ def test_rows_are_frames_from_one_and_nan_is_lost(tmp_path: Path) -> None:
 @pytest.mark.parametrize("header", ["Track 1_cam_1_x,Track 1_cam_1_y", "pt10_cam2_X,pt10_cam2_Y"])
 def test_the_names_of_both_programs_are_known(header: str, tmp_path: Path) -> None:
     content = build.dltdv(header=header)
-    assert READER.claims(content)
+    assert READER.claims(Head(content))
     assert opened(tmp_path, content).tracks()[0].name == header.split(",", maxsplit=1)[0][:-2]
 
 

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.table import surest_claim
 from recoil_acquisition.readers.tracks.columns import classify, columns_from_headings
 from recoil_acquisition.readers.tracks.proanalyst_text import ProAnalystTextReader
 from recoil_acquisition.readers.tracks.recording import TrackRecording
@@ -99,8 +101,7 @@ def test_every_way_of_writing_gives_the_same_track(
     separator: str, decimal: str, header: str | None, tmp_path: Path
 ) -> None:
     whole = tracks_text(30, header=header).decode().replace(",", separator).replace(".", decimal)
-    assert READER.claims(whole.encode("utf-16")) == (header is not None)
-    assert bool(READER.suits(whole.encode("utf-16"))) == (header is None)
+    assert READER.claims(Head(whole.encode("utf-16"))) is (Claim.SHAPE if header is None else Claim.GENERIC)
     recording = opened(tmp_path, whole.encode("utf-16"))
     (track,) = recording.tracks()
     np.testing.assert_array_equal(track.positions[:, 0], np.round(0.25 * np.arange(30) + 0.5, 4))
@@ -116,7 +117,7 @@ def test_a_file_without_header_names_its_features(tmp_path: Path) -> None:
 def test_fourteen_lines_of_header_with_numbers_are_kept_verbatim(tmp_path: Path) -> None:
     header = ["ProAnalyst", "Frame rate,6000", "1,2", "3,4", *[f"line {i}" for i in range(9)]]
     text = "\n".join(header) + "\n" + tracks_text(line_end="\n").decode()
-    assert READER.claims(text.encode())
+    assert READER.claims(Head(text.encode())) is Claim.GENERIC
     recording = opened(tmp_path, text)
     assert recording.metadata["header"][:-1] == header
     assert recording.signals[0].sample_count == 40
@@ -215,8 +216,8 @@ def test_derived_columns_are_signals_but_no_tracks(tmp_path: Path) -> None:
         bytes(range(256)),
     ],
 )
-def test_other_files_are_not_claimed(content: bytes) -> None:
-    assert not READER.claims(content)
+def test_other_files_are_not_taken(content: bytes) -> None:
+    assert READER.name not in [reader.name for reader in surest_claim(Head(content))[1] if reader.claims(Head(content))]
 
 
 def test_a_file_without_numbers_is_refused(tmp_path: Path) -> None:
@@ -246,7 +247,7 @@ def test_the_synthetic_variants_give_the_same_track(name: str) -> None:
 @pytest.mark.parametrize("name", ["008_129_DB", "100_AJ_DB"])
 def test_real_published_tracks_need_a_declared_rate(name: str) -> None:
     path = shared_file(f"tracks/proanalyst_paws_jones2020_{name}.csv")
-    assert READER.claims(path.read_bytes()[:65536])
+    assert READER.claims(Head.of(path))
     with pytest.raises(ReadError, match="frame rate"):
         READER.open(path, Declarations("camera"))
     recording = READER.open(path, Declarations("camera", frame_rate_hz=2000.0))

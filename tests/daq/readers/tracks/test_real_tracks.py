@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 
 from recoil_acquisition.errors import UnknownFormatError
-from recoil_acquisition.readers.reader import HEAD_BYTES, Declarations
-from recoil_acquisition.readers.table import READERS, recognise
+from recoil_acquisition.readers.head import Claim, Head
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.table import recognise, surest_claim
 from tests.builders.shared_data import shared_file
 
 EXPECTED = {
@@ -37,7 +38,9 @@ REFUSED = ("SYNTHETIC_truth.json", "tracker_export_brocku_snippets.txt")
 def test_a_file_is_read_by_exactly_one_reader_with_its_counts(name: str) -> None:
     path = shared_file(f"tracks/{name}")
     reader, rate_hz, tracks, repeated = EXPECTED[name]
-    assert [r.name for r in READERS if r.claims(path.read_bytes()[:HEAD_BYTES])] == [reader] * (name not in BARE)
+    claim, claiming = surest_claim(Head.of(path))
+    assert [one.name for one in claiming] == [reader]
+    assert (claim is Claim.SHAPE) == (name in BARE)
     recording = recognise(path, {"camera"} if name in BARE else ()).open(
         path, Declarations("camera", frame_rate_hz=rate_hz)
     )
@@ -51,7 +54,7 @@ def test_a_file_is_read_by_exactly_one_reader_with_its_counts(name: str) -> None
 
 @pytest.mark.parametrize("name", BARE)
 def test_tracks_without_headings_are_none_before_a_rig_says_so(name: str) -> None:
-    with pytest.raises(UnknownFormatError, match=r"found numbers without headings.*`kind = \"camera\"` and a `match`"):
+    with pytest.raises(UnknownFormatError, match=r"shape of ProAnalyst text.*`kind = \"camera\"` and a `match`"):
         recognise(shared_file(f"tracks/{name}"))
 
 

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
-from recoil_acquisition.readers.reader import HEAD_BYTES, Declarations
-from recoil_acquisition.readers.table import READERS, recognise
+from recoil_acquisition.readers.hdf5.kind import names_lie_behind
+from recoil_acquisition.readers.head import HEAD_BYTES, Claim, Head
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.table import recognise
 from recoil_acquisition.readers.tracks.recording import TrackRecording
 from recoil_acquisition.readers.tracks.sleap_analysis import SleapAnalysisReader
 from recoil_acquisition.readers.tracks.sleap_text import SleapTextReader
@@ -34,7 +36,7 @@ def changed(change) -> bytes:  # type: ignore[no-untyped-def]
 
 def test_rows_of_animals_and_frames_become_tracks(tmp_path: Path) -> None:
     content = build.sleap_text(tracks=("a", "b"), missing=[7])
-    assert TEXT.claims(content)
+    assert TEXT.claims(Head(content))
     recording = opened(tmp_path, content)
     assert [t.name for t in recording.tracks()] == ["a tip", "b tip"]
     kept = np.delete(np.arange(build.COUNT), 7)
@@ -109,8 +111,8 @@ def test_a_long_analysis_is_known_from_its_head(tmp_path: Path) -> None:
             file.create_dataset(name, data=np.ones((1, 1, 100_000)), compression="gzip")
     content = buffer.getvalue()
     assert len(content) > 10 * HEAD_BYTES
-    assert ANALYSIS.claims(content[:HEAD_BYTES])
     (tmp_path / "analysis.h5").write_bytes(content)
+    assert ANALYSIS.claims(Head.of(tmp_path / "analysis.h5")) is Claim.CERTAIN
     assert recognise(tmp_path / "analysis.h5").name == "SLEAP analysis"
     assert opened(tmp_path, content).signals[0].sample_count == 100_000
 
@@ -119,13 +121,12 @@ def test_other_hdf5_is_not_claimed_where_its_names_show_and_refused_where_they_d
     buffer = io.BytesIO()
     with h5py.File(buffer, "w") as file:
         file["tracks"] = np.ones(3)
-    assert not ANALYSIS.claims(buffer.getvalue())
+    assert not ANALYSIS.claims(Head(buffer.getvalue()))
     with h5py.File(buffer, "w") as file:
         file["noise"] = np.random.default_rng(0).random(100_000)
         for i in range(20):
             file[f"another dataset {i}"] = 1.0
-    claiming = [r.name for r in READERS if r.claims(buffer.getvalue()[:HEAD_BYTES])]
-    assert sorted(claiming) == ["HDF5", "SLEAP analysis"]
+    assert names_lie_behind(buffer.getvalue()[:HEAD_BYTES])
     (tmp_path / "long.h5").write_bytes(buffer.getvalue())
     assert recognise(tmp_path / "long.h5").name == "HDF5"
     with pytest.raises(ReadError, match="no analysis of SLEAP; expected datasets tracks"):

@@ -8,8 +8,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
-from recoil_acquisition.readers.table import READERS
+from recoil_acquisition.readers.table import surest_claim
 from recoil_acquisition.readers.text.text_file import LongText
 from recoil_acquisition.readers.tracks import signature as track_signature
 from recoil_acquisition.readers.tracks.recording import TrackRecording
@@ -30,7 +31,7 @@ def opened(tmp_path: Path, content: bytes, declared: Declarations | None = None)
 @pytest.mark.parametrize("separator", ["\t", ";", ",", "   "])
 def test_one_track_is_read_with_its_lost_steps(separator: str, tmp_path: Path) -> None:
     content = build.tracker(lost=[] if separator == "   " else [4], separator=separator)
-    assert [r.name for r in READERS if r.claims(content)] == ["Tracker text"]
+    assert [reader.name for reader in surest_claim(Head(content))[1]] == ["Tracker text"]
     recording = opened(tmp_path, content)
     (track,) = recording.tracks()
     assert (track.name, track.unit) == ("cm_A", "")
@@ -79,7 +80,7 @@ def test_a_frame_column_numbers_the_steps(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("content", [b"cm_A\nt\tx\ty\n", b"x\ty\n1\t2\n", b"#multi:\n\tA\nt\n0.1\n"])
 def test_a_file_without_header_or_rows_is_refused(content: bytes, tmp_path: Path) -> None:
-    assert not READER.claims(content)
+    assert not READER.claims(Head(content))
     with pytest.raises(CorruptFileError, match="no header of a Tracker export"):
         opened(tmp_path, content)
 
@@ -91,7 +92,7 @@ def test_time_that_does_not_increase_is_refused(tmp_path: Path) -> None:
 
 def test_the_three_quoted_variants_are_read_and_the_page_itself_is_not(tmp_path: Path) -> None:
     page = shared_file("tracks/tracker_export_brocku_snippets.txt").read_text(encoding="utf-8")
-    assert not any(reader.claims(page.encode()) for reader in READERS)
+    assert surest_claim(Head(page.encode()))[0] is Claim.NO
     variants = [part.strip("\n").partition("---")[0] for part in page.split("---\n")[1:]]
     assert len(variants) == 3
     positions, velocities, several = (f"{v.strip(chr(10))}\n".encode() for v in variants)
@@ -102,7 +103,7 @@ def test_the_three_quoted_variants_are_read_and_the_page_itself_is_not(tmp_path:
     assert [s.name for s in recording.signals] == ["cm_A v_{x}", "cm_A v_{y}"]
     assert np.isnan(recording.read("cm_A v_{x}")[0])
     assert recording.tracks() == ()
-    assert READER.claims(several)
+    assert READER.claims(Head(several))
     with pytest.raises(ReadError, match="time does not increase"):
         opened(tmp_path, several)
     recording = opened(tmp_path, several.rstrip() + b"\n0.064\t30.1\t23.2\t-26.1\t22.1\n")

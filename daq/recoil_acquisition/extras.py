@@ -1,0 +1,50 @@
+"""Libraries that some formats need beside this package, and how each is installed."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+from typing import NamedTuple
+
+from recoil_acquisition.errors import ReadError
+
+
+class Extra(NamedTuple):
+    """What a format needs beside the package.
+
+    Attributes
+    ----------
+    name : str
+        Of the extra, as pip takes it with this package.
+    module : str
+        What it installs.
+    requirement : str
+        As pip takes it alone, wherever this package came from.
+    """
+
+    name: str
+    module: str
+    requirement: str
+
+    @property
+    def is_installed(self) -> bool:
+        """Whether its module can be found."""
+        return find_spec(self.module) is not None
+
+    @property
+    def remedy(self) -> str:
+        """How it is installed."""
+        return f"pip install {self.requirement!r}"
+
+    def check(self, path: Path) -> None:
+        """Raise `ReadError` if a file cannot be read because it is not installed."""
+        if not self.is_installed:
+            raise ReadError(f"{self.module}, which reads this file, is not installed", path=path, remedy=self.remedy)
+
+
+DEWESOFT = Extra("dewesoft", "dwdatareader", "dwdatareader>=1.3.0")
+MDF = Extra("mdf", "asammdf", "asammdf>=8.6")
+TDMS = Extra("tdms", "nptdms", "npTDMS>=1.9")
+XLSX = Extra("xlsx", "openpyxl", "openpyxl>=3.1")
+PARQUET = Extra("parquet", "pyarrow", "pyarrow>=17")
+EXTRAS = {extra.name: extra for extra in (DEWESOFT, MDF, TDMS, XLSX, PARQUET)}
