@@ -15,8 +15,9 @@ from typing import Any
 from recoil_acquisition.capture.live_session import CapturedShot, LiveSession
 from recoil_acquisition.capture.live_source import LiveSource, open_source
 from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource, reserve_bytes, session_folder
-from recoil_acquisition.devices.device import Device, anchor, event_of
+from recoil_acquisition.devices.device import Device, event_of
 from recoil_acquisition.errors import Fault, RecoilDaqError, RigError
+from recoil_acquisition.host_clock import anchor
 from recoil_acquisition.trigger import Decision, ShotWindow, Trigger
 from recoil_daq.conversion import Conversion
 from recoil_daq.dropped_files import DroppedFiles

@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 
 from recoil_acquisition.errors import StoreError
-from recoil_acquisition.journal.lock import NAME, JournalLock
+from recoil_acquisition.log.lock import NAME, JournalLock
 
 
 class OutputFolder:

@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from recoil_acquisition.errors import StoreError
-from recoil_acquisition.journal.lock import JournalLock, is_being_written
+from recoil_acquisition.log.lock import JournalLock, is_being_written
 from recoil_acquisition.new_file import sync_folder
 
 _NEW, _OLD = "new", "old"

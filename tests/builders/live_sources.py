@@ -6,9 +6,10 @@ import struct
 from pathlib import Path
 
 from recoil_acquisition.capture.live_source import LiveChannel, LiveSource
-from recoil_acquisition.devices.device import CAN, SERIAL, Anchor, Block
+from recoil_acquisition.devices.device import CAN, SERIAL, Block
 from recoil_acquisition.frames import can_capture_file as capture
 from recoil_acquisition.frames.declaration import framing_from_table
+from recoil_acquisition.host_clock import Anchor
 
 DBC = """VERSION ""
 BU_: N

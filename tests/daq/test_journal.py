@@ -22,8 +22,9 @@ from hypothesis import strategies as st
 
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.journal import JournalWriter, find_journals, read_journal, remove_journal
-from recoil_acquisition.journal.layout import RECORD_OVERHEAD, segment_paths
-from recoil_acquisition.journal.sync import SegmentSync
+from recoil_acquisition.journal.layout import RECORD_OVERHEAD
+from recoil_acquisition.log.segment import segment_paths as paths_of
+from recoil_acquisition.log.sync import SegmentSync
 from tests.builders.killed_journal import kill_a_writer, random_delays_s
 
 SESSION = {
@@ -34,6 +35,10 @@ SESSION = {
 SEGMENT = 4096
 
 needs_kill = pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL and its promises are POSIX")
+
+
+def paths_in(folder: Path) -> dict[int, Path]:
+    return paths_of(folder, ".journal")
 
 
 def writer_in(folder: Path, reserve_bytes: int = 0, **options) -> JournalWriter:
@@ -197,13 +202,13 @@ def test_old_segments_are_released_and_the_rest_stays_readable(tmp_path):
         for i in range(200):
             writer.append(i % 3, i % 5, i * 1000, payload(i))
         writer.sync()
-        before = set(segment_paths(tmp_path / "j").values())
+        before = set(paths_in(tmp_path / "j").values())
         assert writer.release(120_000) > 2
         left = [r for r in written(200) if r[3] >= 120_000]
         found = as_tuples(tmp_path / "j")
         assert found[-len(left) :] == left
         assert found[0][0] == read_journal(tmp_path / "j").released_records > 100
-        assert len(before & set(segment_paths(tmp_path / "j").values())) < len(before)
+        assert len(before & set(paths_in(tmp_path / "j").values())) < len(before)
         assert writer.release(120_000) == 0
         writer.append(0, 0, 200_000, b"after")
     assert as_tuples(tmp_path / "j")[-1][4] == b"after"
@@ -224,7 +229,7 @@ def test_releasing_everything_keeps_the_segment_being_written(tmp_path):
 
 def test_space_stays_reserved_while_segments_are_used_and_released(tmp_path):
     with writer_in(tmp_path / "j", reserve_bytes=10 * SEGMENT) as writer:
-        on_disk = sum(p.stat().st_size for p in segment_paths(tmp_path / "j").values())
+        on_disk = sum(p.stat().st_size for p in paths_in(tmp_path / "j").values())
         assert on_disk == 10 * SEGMENT
         assert writer.counters.reserved_bytes > 9 * (SEGMENT - 300)
         for i in range(200):
@@ -232,9 +237,9 @@ def test_space_stays_reserved_while_segments_are_used_and_released(tmp_path):
         writer.sync()
         writer.release(1 << 62)
         stop = time.monotonic() + 10
-        while len(segment_paths(tmp_path / "j")) < 10 and time.monotonic() < stop:
+        while len(paths_in(tmp_path / "j")) < 10 and time.monotonic() < stop:
             time.sleep(0.01)
-        assert len(segment_paths(tmp_path / "j")) >= 10
+        assert len(paths_in(tmp_path / "j")) >= 10
 
 
 @pytest.mark.parametrize(
@@ -244,7 +249,7 @@ def test_a_system_without_a_call_does_the_same_by_others(tmp_path, monkeypatch, 
     for name in missing:
         monkeypatch.delattr(os, name, raising=False)
     with writer_in(tmp_path / "j", reserve_bytes=3 * SEGMENT) as writer:
-        assert sum(p.stat().st_size for p in segment_paths(tmp_path / "j").values()) == 3 * SEGMENT
+        assert sum(p.stat().st_size for p in paths_in(tmp_path / "j").values()) == 3 * SEGMENT
         for i in range(200):
             writer.append(i % 3, i % 5, i * 1000, payload(i))
         writer.sync()
@@ -254,7 +259,7 @@ def test_a_system_without_a_call_does_the_same_by_others(tmp_path, monkeypatch, 
 def test_a_file_system_that_cannot_reserve_gets_zeros(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "posix_fallocate", fail_with(errno.EOPNOTSUPP))
     with writer_in(tmp_path / "j", reserve_bytes=2 * SEGMENT) as writer:
-        assert sum(p.stat().st_size for p in segment_paths(tmp_path / "j").values()) == 2 * SEGMENT
+        assert sum(p.stat().st_size for p in paths_in(tmp_path / "j").values()) == 2 * SEGMENT
         writer.append(0, 0, 0, b"x")
     assert [r[4] for r in as_tuples(tmp_path / "j")] == [b"x"]
 
@@ -264,7 +269,7 @@ def test_a_file_system_that_cannot_reserve_gets_zeros(tmp_path, monkeypatch):
 
 def test_a_disk_without_room_is_refused_when_arming_and_nothing_is_left(tmp_path, monkeypatch):
     monkeypatch.setattr(shutil, "disk_usage", lambda _path: shutil._ntuple_diskusage(10**9, 10**9 - 5000, 5000))
-    with pytest.raises(StoreError, match=r"not enough room for the journal; expected 0\.0 MB, found 0\.0 MB free"):
+    with pytest.raises(StoreError, match=r"not enough room for the log; expected 0\.0 MB, found 0\.0 MB free"):
         writer_in(tmp_path / "new" / "j", reserve_bytes=3 * SEGMENT)
     assert list(tmp_path.iterdir()) == []
 
@@ -463,7 +468,7 @@ def end_of_last_record(folder: Path, name: str, last: int) -> int:
 def test_damage_costs_what_it_touches_and_is_told_and_returns_nothing_wrong(whole, tmp_path_factory, data):
     folder = tmp_path_factory.mktemp("damaged") / "j"
     shutil.copytree(whole, folder)
-    name = data.draw(st.sampled_from([path.name for path in segment_paths(whole).values()]))
+    name = data.draw(st.sampled_from([path.name for path in paths_in(whole).values()]))
     content = bytearray((whole / name).read_bytes())
     at = data.draw(st.integers(0, len(content) - 1))
     until = len(content)
@@ -572,7 +577,7 @@ def test_a_journal_that_changes_while_it_is_read_is_told(whole, tmp_path):
 
 def test_a_folder_with_a_journal_is_not_written_over(whole):
     before = as_tuples(whole)
-    with pytest.raises(StoreError, match="holds a journal already"):
+    with pytest.raises(StoreError, match="holds a log already"):
         writer_in(whole)
     assert as_tuples(whole) == before
 

@@ -16,13 +16,14 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.devices.capture_bytes import capture_bytes, capture_header
-from recoil_acquisition.devices.device import Anchor, Block, Device, anchor, event_of
+from recoil_acquisition.devices.device import Block, Device, event_of
 from recoil_acquisition.devices.opening import open_device
 from recoil_acquisition.devices.reader_thread import DeviceReader
 from recoil_acquisition.frames.can_capture_file import parse_records
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.frames.scan import find_frames
 from recoil_acquisition.frames.values import decode_fields, unwrap
+from recoil_acquisition.host_clock import Anchor, anchor
 from recoil_acquisition.readers.can.capture import CanCaptureReader, CanCaptureRecording
 from recoil_acquisition.readers.can.decoding import pieces_of
 from recoil_acquisition.readers.serial.capture import SerialCaptureReader

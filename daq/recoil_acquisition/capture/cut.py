@@ -15,7 +15,7 @@ from recoil_acquisition.devices.capture_bytes import capture_bytes, capture_head
 from recoil_acquisition.devices.device import CAN, EVENT, Block, DeviceEvent, event_of
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.journal.folder import Journal
-from recoil_acquisition.journal.segment import sync_folder
+from recoil_acquisition.log.segment import sync_folder
 
 SUFFIX = {CAN: ".rdcc", "serial": ".rdsc"}
 """Ending of a capture, by kind of source."""

@@ -12,8 +12,9 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.devices.device import CAN, EVENT, SERIAL, Anchor, Block
+from recoil_acquisition.devices.device import CAN, EVENT, SERIAL, Block
 from recoil_acquisition.errors import StoreError
+from recoil_acquisition.host_clock import Anchor
 from recoil_acquisition.journal.folder import Journal
 from recoil_acquisition.journal.records import JournalRecord
 from recoil_acquisition.shot_name import check_shot_name

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from recoil_acquisition.devices.device import CAN, EVENT, SERIAL, Anchor, Block, event_of, interrupts
+from recoil_acquisition.devices.device import CAN, EVENT, SERIAL, Block, event_of, interrupts
 from recoil_acquisition.frames import can_capture_file, capture_file
+from recoil_acquisition.host_clock import Anchor
 
 
 def capture_header(kind: str, anchored: Anchor) -> bytes:

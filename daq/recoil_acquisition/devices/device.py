@@ -23,7 +23,6 @@ SERIAL = "serial"
 EVENT = "event"
 """Kind of a block that says what happened to the device, see `event_block`."""
 
-_ANCHOR_TRIES = 9
 _NOBODY_LOOKED_NS = 200_000_000
 """A reading thread looks up twice as often as this, however silent its source."""
 _BELIEVED_AFTER_NS = 250_000_000
@@ -247,37 +246,3 @@ class Device(Protocol):
     def close(self) -> tuple[Block, ...]:
         """Read what still waits, close, and return it; further calls return nothing."""
         ...
-
-
-@dataclass(frozen=True)
-class Anchor:
-    """One instant on the host's two clocks.
-
-    Attributes
-    ----------
-    wall_ns : int
-        Nanoseconds since 1970-01-01 UTC, by the host's wall clock.
-    monotonic_ns : int
-        The host's monotonic clock.
-    within_ns : int
-        Half the time between the two readings that enclose the wall clock's: by so much the pair may be off.
-    """
-
-    wall_ns: int
-    monotonic_ns: int
-    within_ns: int
-
-    def wall_of(self, monotonic_ns: int) -> int:
-        """Return the wall-clock time of an instant of the monotonic clock, if neither was set since."""
-        return self.wall_ns + monotonic_ns - self.monotonic_ns
-
-
-def anchor() -> Anchor:
-    """Read both clocks of the host, as closely together as a few tries give."""
-    tries = []
-    for _ in range(_ANCHOR_TRIES):
-        before = time.monotonic_ns()
-        wall = time.time_ns()
-        after = time.monotonic_ns()
-        tries.append(Anchor(wall, (before + after) // 2, (after - before + 1) // 2))
-    return min(tries, key=lambda one: one.within_ns)

@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import StoreError
-from recoil_acquisition.journal.layout import RELEASED, SegmentHeader, header_size_stated, parse_header, segment_paths
-from recoil_acquisition.journal.lock import NAME as LOCK_NAME
-from recoil_acquisition.journal.lock import is_being_written
+from recoil_acquisition.journal.layout import RELEASED, SUFFIX, SegmentHeader, header_size_stated, parse_header
 from recoil_acquisition.journal.records import JournalRecord, Segment, scan_segment, survey_segment
+from recoil_acquisition.log.lock import NAME as LOCK_NAME
+from recoil_acquisition.log.lock import is_being_written
+from recoil_acquisition.log.segment import segment_paths
 
 OUT_OF_ORDER_NS = 30_000_000_000
 """Records of several threads, and what a stalled one held back, are written nearly in the order in which they arrived:
@@ -148,7 +149,7 @@ def read_journal(folder: Path, start_ns: int | None = None, stop_ns: int | None 
     """
     folder = Path(folder)
     try:
-        paths = segment_paths(folder)
+        paths = segment_paths(folder, SUFFIX)
         if not paths:
             raise StoreError("holds no journal", path=folder, expected="segments such as 000001.journal")
         headers = {path: _read_header(path) for path in paths.values()}
@@ -180,7 +181,7 @@ def find_journals(folder: Path) -> tuple[Path, ...]:
     """
     try:
         folders = {path.parent for path in Path(folder).rglob("*.journal")}
-        return tuple(sorted(path for path in folders if segment_paths(path) and not is_being_written(path)))
+        return tuple(sorted(path for path in folders if segment_paths(path, SUFFIX) and not is_being_written(path)))
     except OSError as error:
         raise StoreError(f"cannot be searched: {error.strerror or error}", path=folder) from error
 
@@ -197,7 +198,7 @@ def remove_journal(folder: Path) -> None:
     try:
         if is_being_written(folder):
             raise StoreError("this journal is being written", path=folder, remedy="close the recording first")
-        for path in segment_paths(folder).values():
+        for path in segment_paths(folder, SUFFIX).values():
             path.unlink()
         (folder / LOCK_NAME).unlink(missing_ok=True)
         if not any(folder.iterdir()):

@@ -43,13 +43,13 @@ source `RELEASED` lists all that was released so far: pairs of first and last se
 from __future__ import annotations
 
 import json
-import re
 import struct
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
+
+SUFFIX = ".journal"
 
 MAGIC = b"recoil-daq journal 1\n"
 
@@ -71,7 +71,6 @@ RELEASED = 0xFFFE
 """Source of the records that list what was released."""
 
 _HEADER_HEAD = struct.Struct("<8sI")
-_SEGMENT_NAME = re.compile(r"(\d{6,})\.journal")
 
 
 @dataclass(frozen=True)
@@ -101,23 +100,6 @@ class SegmentHeader:
 def crc_seed(session_id: bytes) -> int:
     """Return where the CRC of every record of a session starts from."""
     return zlib.crc32(session_id)
-
-
-def segment_name(number: int) -> str:
-    """Return the file name of a segment."""
-    return f"{number:06d}.journal"
-
-
-def segment_paths(folder: Path) -> dict[int, Path]:
-    """Return the segments of a folder by their number, in order.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be listed.
-    """
-    matches = ((_SEGMENT_NAME.fullmatch(path.name), path) for path in folder.iterdir())
-    return dict(sorted((int(match[1]), path) for match, path in matches if match))
 
 
 def pack_header(session_id: bytes, session_text: bytes) -> bytes:

@@ -27,14 +27,15 @@ from recoil_acquisition.journal.layout import (
     RECORD_HEAD,
     RECORD_OVERHEAD,
     RELEASED,
+    SUFFIX,
     UNKNOWN_SPAN,
     crc_seed,
     pack_header,
 )
 from recoil_acquisition.journal.records import JournalCounters
-from recoil_acquisition.journal.reserve import SegmentReserve
-from recoil_acquisition.journal.segment import sync_folder
-from recoil_acquisition.journal.sync import SegmentSync
+from recoil_acquisition.log.reserve import SegmentReserve
+from recoil_acquisition.log.segment import sync_folder
+from recoil_acquisition.log.sync import SegmentSync
 
 __all__ = ["SEGMENT_BYTES", "JournalWriter"]
 
@@ -105,7 +106,7 @@ class JournalWriter:
         self._interrupted = False
         self._fault: StoreError | None = None
         self._closed = False
-        self._reserve = SegmentReserve(self.folder, header, segment_bytes, reserve_bytes)
+        self._reserve = SegmentReserve(self.folder, segment_bytes, reserve_bytes, suffix=SUFFIX, header=header)
         self._segment = self._reserve.take()
         self._stop = threading.Event()
         self._space_wanted = threading.Event()

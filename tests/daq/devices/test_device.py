@@ -15,7 +15,7 @@ import pytest
 
 from recoil_acquisition.devices.back_off import LONGEST_PAUSE_S, BackOff
 from recoil_acquisition.devices.capture_bytes import capture_bytes, capture_header
-from recoil_acquisition.devices.device import CAN, EVENT, SERIAL, Anchor, Block, anchor, event_block, event_of
+from recoil_acquisition.devices.device import CAN, EVENT, SERIAL, Block, event_block, event_of
 from recoil_acquisition.devices.kernel_drops import (
     GrowingCount,
     LineErrors,
@@ -27,6 +27,7 @@ from recoil_acquisition.devices.kernel_drops import (
 from recoil_acquisition.devices.open_fault import error_number, open_fault
 from recoil_acquisition.frames import can_capture_file
 from recoil_acquisition.frames.capture_file import parse_capture
+from recoil_acquisition.host_clock import Anchor, anchor
 from tests.builders import can_captures
 from tests.builders import vendor_files as build
 

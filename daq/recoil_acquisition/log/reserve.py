@@ -1,4 +1,4 @@
-"""The space that a journal has reserved: segments that are made before they are needed."""
+"""The space that a log has reserved: segments that are made before they are needed."""
 
 from __future__ import annotations
 
@@ -9,20 +9,17 @@ from collections import deque
 from pathlib import Path
 
 from recoil_acquisition.errors import StoreError
-from recoil_acquisition.journal.layout import segment_name, segment_paths
-from recoil_acquisition.journal.lock import JournalLock
-from recoil_acquisition.journal.segment import WritingSegment, sync_folder
+from recoil_acquisition.log.lock import JournalLock
+from recoil_acquisition.log.segment import SUFFIX, WritingSegment, segment_name, segment_paths, sync_folder
 
 
 class SegmentReserve:
-    """A journal's folder, its lock, and its segments that hold no record yet.
+    """A log's folder, its lock, and its segments that hold no record yet.
 
     Parameters
     ----------
     folder : Path
-        A folder without a journal; made if it is missing.
-    header : bytes
-        What every segment begins with.
+        A folder without a log; made if it is missing.
     segment_bytes : int
     reserve_bytes : int
         Rounded up to whole segments, one at least.
@@ -30,18 +27,21 @@ class SegmentReserve:
     Raises
     ------
     StoreError
-        If the folder holds a journal, cannot be written, or its disk has not enough room. Nothing is left then.
+        If the folder holds a log, cannot be written, or its disk has not enough room. Nothing is left then.
     """
 
-    def __init__(self, folder: Path, header: bytes, segment_bytes: int, reserve_bytes: int) -> None:
+    def __init__(
+        self, folder: Path, segment_bytes: int, reserve_bytes: int, *, suffix: str = SUFFIX, header: bytes = b""
+    ) -> None:
         self._folder = folder
         self._header = header
+        self._suffix = suffix
         self._segment_bytes = segment_bytes
         self._wanted = max(1, -(-reserve_bytes // segment_bytes))
         self._making = threading.Lock()
         self._next_number = 1
         self._spare: deque[WritingSegment] = deque()
-        made = [path for path in (folder, *folder.parents) if not path.exists()]
+        self._made = [path for path in (folder, *folder.parents) if not path.exists()]
         try:
             folder.mkdir(parents=True, exist_ok=True)
             self._lock = JournalLock(folder)
@@ -51,10 +51,10 @@ class SegmentReserve:
                 self.close()
                 raise
         except OSError as error:
-            _remove_empty(made)
+            _remove_empty(self._made)
             raise _refusal(error, folder, self._wanted * segment_bytes) from error
         except BaseException:
-            _remove_empty(made)
+            _remove_empty(self._made)
             raise
 
     def take(self) -> WritingSegment:
@@ -101,11 +101,16 @@ class SegmentReserve:
         finally:
             self._lock.release()
 
+    def undo(self) -> None:
+        """Give the space back, let go of the folder, and remove it with those above it if they were made for it."""
+        self.close()
+        _remove_empty(self._made)
+
     def _arm(self) -> None:
         needed = self._wanted * self._segment_bytes
-        if segment_paths(self._folder):
+        if segment_paths(self._folder, self._suffix):
             raise StoreError(
-                "holds a journal already",
+                "holds a log already",
                 path=self._folder,
                 remedy="recover what is in it with `recoil-daq recover`, or choose another folder",
             )
@@ -115,8 +120,8 @@ class SegmentReserve:
         self.top_up(0)
 
     def _make(self) -> WritingSegment:
-        path = self._folder / segment_name(self._next_number)
-        segment = WritingSegment(path, self._header, self._segment_bytes)
+        path = self._folder / segment_name(self._next_number, self._suffix)
+        segment = WritingSegment(path, self._segment_bytes, self._header)
         self._next_number += 1
         sync_folder(self._folder)
         return segment
@@ -124,7 +129,7 @@ class SegmentReserve:
 
 def _too_little_room(folder: Path, needed: int, free: int | None) -> StoreError:
     return StoreError(
-        "the disk has not enough room for the journal",
+        "the disk has not enough room for the log",
         path=folder,
         expected=f"{needed / 1e6:.1f} MB",
         found="less" if free is None else f"{free / 1e6:.1f} MB free",

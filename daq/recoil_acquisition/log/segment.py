@@ -1,10 +1,15 @@
-"""One segment file of a journal while it is written."""
+"""One segment file of a log while it is written."""
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
+import re
 from pathlib import Path
+
+SUFFIX = ".rdlog"
+"""Ending of a segment, and of a capture."""
 
 _ZEROS = bytes(1 << 20)
 
@@ -13,18 +18,19 @@ _NOT_SUPPORTED = (errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL)
 
 
 class WritingSegment:
-    """A segment whose space is reserved and whose header is on the disk.
+    """A segment whose space is reserved on the disk.
 
-    The file has its full size from the start, all zeros behind the header. Where the system has no
+    The file has its full size from the start, zeros behind what is written. Where the system has no
     ``posix_fallocate`` the zeros are written; on a file system that copies on write neither is a promise.
 
     Parameters
     ----------
     path : Path
         A file that is not there yet.
-    header : bytes
     size : int
-        Bytes to reserve, the header among them.
+        Bytes to reserve.
+    header : bytes
+        What it begins with.
 
     Attributes
     ----------
@@ -34,6 +40,8 @@ class WritingSegment:
         Of its records; it is -1 if there are none.
     count : int
         Of its records.
+    spans : dict of int to list of int
+        First and last number within each source, and bytes of payload, of its records.
 
     Raises
     ------
@@ -41,17 +49,19 @@ class WritingSegment:
         If it cannot be made or the disk has no room; nothing is left of it then.
     """
 
-    def __init__(self, path: Path, header: bytes, size: int) -> None:
+    def __init__(self, path: Path, size: int, header: bytes = b"") -> None:
         self.path = path
         self.size = size
         self.length = 0
         self.oldest_ns, self.newest_ns = (1 << 63) - 1, -(1 << 63)
         self.first_sequence, self.count = -1, 0
+        self.spans: dict[int, list[int]] = {}
         flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
         self._descriptor = os.open(path, flags, 0o644)
         try:
             _reserve(self._descriptor, size)
-            self.write(header)
+            if header:
+                self.write(header)
             os.fsync(self._descriptor)
         except OSError:
             self.discard()
@@ -74,6 +84,10 @@ class WritingSegment:
         self.count += 1
         self.oldest_ns, self.newest_ns = min(self.oldest_ns, from_ns), max(self.newest_ns, host_ns)
 
+    def settle(self) -> None:
+        """Go on behind what an interrupted write has left."""
+        self.length = os.lseek(self._descriptor, 0, os.SEEK_CUR)
+
     def sync(self) -> None:
         """Force what is written to the disk."""
         _sync_data(self._descriptor)
@@ -87,10 +101,27 @@ class WritingSegment:
         finally:
             os.close(self._descriptor)
 
+    def abandon(self) -> None:
+        """Close it as it is."""
+        with contextlib.suppress(OSError):
+            os.close(self._descriptor)
+
     def discard(self) -> None:
         """Close and remove."""
         os.close(self._descriptor)
         self.path.unlink(missing_ok=True)
+
+
+def segment_name(number: int, suffix: str = SUFFIX) -> str:
+    """Return the file name of a segment."""
+    return f"{number:06d}{suffix}"
+
+
+def segment_paths(folder: Path, suffix: str = SUFFIX) -> dict[int, Path]:
+    """Return the segments of a folder by their number, in order; OSError if the folder cannot be listed."""
+    name = re.compile(r"(\d{6,})" + re.escape(suffix))
+    matches = ((name.fullmatch(path.name), path) for path in folder.iterdir())
+    return dict(sorted((int(match[1]), path) for match, path in matches if match))
 
 
 def sync_folder(folder: Path) -> None:

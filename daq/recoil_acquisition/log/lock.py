@@ -1,4 +1,4 @@
-"""The lock that a journal's writer holds, so that nobody recovers or removes a journal that still grows.
+"""The lock that a log's writer holds, so that nobody recovers or removes a log that still grows.
 
 The operating system gives the lock back when its holder ends, however it ends.
 """
@@ -13,7 +13,7 @@ NAME = "writer.lock"
 
 
 class JournalLock:
-    """Exclusive lock on a journal's folder; held from making it to `release`.
+    """Exclusive lock on a log's folder; held from making it to `release`.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class JournalLock:
 
 
 def is_being_written(folder: Path) -> bool:
-    """Tell whether a writer, in this process or another, holds the journal's lock."""
+    """Tell whether a writer, in this process or another, holds the lock of a folder."""
     try:
         descriptor = os.open(folder / NAME, os.O_RDWR)
     except FileNotFoundError:

@@ -1,4 +1,4 @@
-"""Forcing a journal's segments to the disk, closing the full ones and removing the old ones."""
+"""Forcing a log's segments to the disk, closing the full ones and removing the old ones."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from collections import deque
 from collections.abc import Sequence
 
 from recoil_acquisition.errors import StoreError
-from recoil_acquisition.journal.segment import WritingSegment
+from recoil_acquisition.log.segment import WritingSegment
 
 
 class SegmentSync:
-    """The segments of a journal that hold records, apart from the one that is written.
+    """The segments of a log that hold records, apart from the one that is written.
 
     Attributes
     ----------
@@ -62,6 +62,12 @@ class SegmentSync:
                 except OSError as error:
                     first = first or error
         return first
+
+    def abandon(self) -> None:
+        """Close the retired segments as they are: the disk refuses them, and what they hold is written elsewhere."""
+        with self._lock:
+            while self._full:
+                self._full.popleft().abandon()
 
     def releasable(self, before_ns: int, kept: Sequence[tuple[int, int]]) -> list[WritingSegment]:
         """Return the closed segments of which all arrived before a time and nothing within a span that is kept."""

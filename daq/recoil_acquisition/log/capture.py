@@ -1,0 +1,231 @@
+"""A capture: a range of a log in one file, which says itself what it is and whether it is complete."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from recoil_acquisition.errors import CorruptFileError, StoreError
+from recoil_acquisition.log.folder import Log, in_order, session_in
+from recoil_acquisition.log.record import OWN, UNNUMBERED, Kind, Record, pack_json, pack_record
+from recoil_acquisition.log.scan import Damage, FileScan, first_log_id
+from recoil_acquisition.log.tally import Loss
+from recoil_acquisition.new_file import rename_to_new, sync_folder
+
+HOLDS = "holds"
+"""Key of what is added to a declaration: by source, the first and last number and the bytes of the range."""
+
+_FIRST_WITHIN = 1 << 22
+
+
+@dataclass(frozen=True, eq=False)
+class Capture:
+    """The content of a capture.
+
+    Attributes
+    ----------
+    path : Path
+    session : mapping
+        What the log's writer said of its sources and its rig; empty if it is damaged.
+    declaration : mapping
+        What the capture is of; empty if it is damaged.
+    records : tuple of Record
+        In the order of the log, those before the range among them.
+    losses : tuple of Loss
+        What it should hold and does not.
+    damages : tuple of Damage
+    unfinished_bytes : int
+        Behind its last sound record.
+    """
+
+    path: Path
+    session: Mapping[str, Any]
+    declaration: Mapping[str, Any]
+    records: tuple[Record, ...]
+    losses: tuple[Loss, ...]
+    damages: tuple[Damage, ...]
+    unfinished_bytes: int
+
+    @property
+    def complete(self) -> bool:
+        """Whether it says what it should hold, and holds it."""
+        return bool(self.declaration) and not self.losses
+
+    def of(self, source: int) -> tuple[Record, ...]:
+        """Return the records of a source."""
+        return tuple(record for record in self.records if record.source == source)
+
+
+def write_capture(
+    log: Log, path: Path, start_ns: int | None, stop_ns: int | None, declaration: Mapping[str, Any]
+) -> None:
+    """Copy a range of a log into a file, forced to the disk and read back before it gets its name.
+
+    The records stand in it byte for byte as in the log, between the session, the clock and the declaration.
+
+    Parameters
+    ----------
+    log : Log
+        May still be written; what was appended before the call counts.
+    path : Path
+        Of a file that is not there.
+    start_ns, stop_ns : int or None
+        As of `Log.records`.
+    declaration : mapping
+        What the range is; JSON types.
+
+    Raises
+    ------
+    StoreError
+        If the file exists, cannot be written, or does not read back as it was written. Nothing is left then.
+    """
+    if path.exists():
+        raise StoreError("exists already", path=path, remedy="move it elsewhere")
+    holds = extents(log, start_ns, stop_ns)
+    stated = pack_json({**declaration, HOLDS: {str(source): list(found) for source, found in holds.items()}})
+    declared = pack_record(log.log_id, Record(UNNUMBERED, OWN, Kind.SHOT, 0, stated, None, None, 0, 0))
+    temporary = path.with_name(f".{path.name}.partial")
+    digest = hashlib.sha256()
+    try:
+        with temporary.open("wb") as stream:
+            for content in _pieces(log, start_ns, stop_ns, holds, declared):
+                stream.write(content)
+                digest.update(content)
+            stream.flush()
+            os.fsync(stream.fileno())
+        with temporary.open("rb") as stream:
+            if hashlib.file_digest(stream, "sha256").digest() != digest.digest():
+                raise StoreError("does not read back as it was written", path=path, remedy="check the disk")
+        rename_to_new(temporary, path)
+        sync_folder(path.parent)
+    except OSError as error:
+        raise StoreError(
+            f"cannot be written: {error.strerror or error}", path=path, remedy="make room; the log still has it"
+        ) from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def read_capture(path: Path) -> Capture:
+    """Read a capture with all its records.
+
+    Raises
+    ------
+    ReadError
+        If it cannot be read.
+    CorruptFileError
+        If not one record in it is sound.
+    """
+    found: dict[int, Record] = {}
+    declaration: dict[str, Any] = {}
+    with capture_scan(path) as scan:
+        for record in scan:
+            if record.number != UNNUMBERED:
+                found.setdefault(record.number, record)
+            elif not declaration and record.kind == Kind.SHOT:
+                declaration = _said(record)
+        damages, unfinished = tuple(scan.damages), scan.unfinished
+    records = tuple(found[number] for number in sorted(found))
+    session = session_in(records) or {}
+    return Capture(path, session, declaration, records, _losses(records, declaration), damages, unfinished)
+
+
+def capture_holds(log: Log, path: Path, start_ns: int | None, stop_ns: int | None) -> bool:
+    """Tell whether a capture holds every record that a log has of a range, byte for byte."""
+    try:
+        with capture_scan(path) as scan:
+            if scan.log_id != log.log_id:
+                return False
+            there = in_order((record for record in scan if record.number != UNNUMBERED), None)
+            for record in log.records(start_ns=start_ns, stop_ns=stop_ns):
+                found = next((one for one in there if one.number >= record.number), None)
+                if found != record:
+                    return False
+    except (StoreError, CorruptFileError):
+        return False
+    return True
+
+
+def capture_scan(path: Path) -> FileScan:
+    """Open a capture record by record.
+
+    Raises
+    ------
+    StoreError
+        If it cannot be read.
+    CorruptFileError
+        If not one record at its beginning is sound.
+    """
+    log_id = first_log_id(path, _FIRST_WITHIN)
+    if log_id is None:
+        raise CorruptFileError("holds not one sound record of a log", path=path)
+    return FileScan(path, log_id)
+
+
+def extents(log: Log, start_ns: int | None, stop_ns: int | None) -> dict[int, tuple[int, int, int]]:
+    """Return what a log has of a range: by source, but for its own, the first and last number, and bytes."""
+    found: dict[int, tuple[int, int, int]] = {}
+    begins: dict[int, int] = {}
+    for record in log.records(start_ns=start_ns, stop_ns=stop_ns):
+        if record.source != OWN:
+            begin = begins.setdefault(record.source, record.position)
+            first = found[record.source][0] if record.source in found else record.source_number
+            found[record.source] = first, record.source_number, record.position + len(record.payload) - begin
+    return found
+
+
+def _pieces(
+    log: Log,
+    start_ns: int | None,
+    stop_ns: int | None,
+    holds: Mapping[int, tuple[int, int, int]],
+    declared: bytes,
+) -> Iterator[bytes]:
+    session = [pack_record(log.log_id, record) for record in log.session_records()]
+    yield from session
+    clock = log.clock_before(start_ns)
+    if clock is not None:
+        yield pack_record(log.log_id, clock)
+    yield declared
+    for record in log.around(start_ns, stop_ns):
+        # all of a source from the first to the last, so that a number that is missing is one that is lost
+        first, last, _ = holds.get(record.source, (0, -1, 0))
+        if first <= record.source_number <= last or (record.source == OWN and record.within(start_ns, stop_ns)):
+            yield pack_record(log.log_id, record)
+    yield declared
+    yield from session
+
+
+def _said(record: Record) -> dict[str, Any]:
+    try:
+        return record.said
+    except ValueError:
+        return {}
+
+
+def _losses(records: tuple[Record, ...], declaration: Mapping[str, Any]) -> tuple[Loss, ...]:
+    """Return what is missing of each source by its numbers, and by what the declaration says there must be."""
+    held: dict[int, tuple[int, int]] = {}
+    stated = declaration.get(HOLDS)
+    for source, extent in stated.items() if isinstance(stated, dict) else ():
+        try:
+            held[int(source)] = int(extent[0]), int(extent[1])
+        except (ValueError, TypeError, LookupError):
+            continue
+    losses: list[Loss] = []
+    for source in sorted({record.source for record in records if record.source != OWN} | set(held)):
+        rows = [r for r in records if r.source == source]
+        first, last = held.get(source, (rows[0].source_number, rows[-1].source_number) if rows else (0, -1))
+        following, position, from_ns = first, None, None
+        for row in rows:
+            if row.source_number > following:
+                size = 0 if position is None else row.position - position
+                losses.append(Loss(source, following, row.source_number - 1, size, from_ns, row.from_ns))
+            following, position, from_ns = row.source_number + 1, row.position + len(row.payload), row.host_ns
+        if following <= last:
+            losses.append(Loss(source, following, last, 0, from_ns, None))
+    return tuple(losses)

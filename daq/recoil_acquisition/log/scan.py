@@ -1,0 +1,294 @@
+"""From the bytes of one file of a log to its records, past whatever is damaged in it."""
+
+from __future__ import annotations
+
+import errno
+import os
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import NamedTuple
+
+from recoil_acquisition.errors import StoreError
+from recoil_acquisition.log.record import (
+    CRC,
+    HEAD,
+    HEAD_SIZE,
+    LONGEST_PAYLOAD,
+    MARK,
+    UNKNOWN,
+    Record,
+    crc_seed,
+)
+
+PIECE = 1 << 20
+"""Bytes that are read at once."""
+
+MOST_FALSE_MARKS = 1_000_000
+"""A damaged payload that is full of marks must not be tried at each of them for hours."""
+
+
+class Head(NamedTuple):
+    """The head of a record: where it is, the record without its payload, and what is said of that."""
+
+    at: int
+    record: Record
+    length: int
+    payload_crc: int
+
+    @property
+    def end(self) -> int:
+        """Byte behind the record."""
+        return self.at + HEAD_SIZE + self.length
+
+
+@dataclass(frozen=True)
+class Damage:
+    """A damaged place of a file.
+
+    Attributes
+    ----------
+    path : Path
+    at, size : int
+        Its first byte, and how many up to the next sound record.
+    """
+
+    path: Path
+    at: int
+    size: int
+
+
+class FileScan:
+    """One file of a log, read record by record.
+
+    Iterating goes on where it ended before, so that a file that grows can be followed. A place counts as damaged only
+    when a sound record stands behind it.
+
+    Parameters
+    ----------
+    path : Path
+    log_id : bytes
+        That of the log: records of another one are none.
+    growing : bool
+        Whether more is written behind the last record: zeros there are not searched for more.
+
+    Attributes
+    ----------
+    log_id : bytes
+    growing : bool
+    at : int
+        First byte that is not accounted for.
+    damages : list of Damage
+
+    Raises
+    ------
+    StoreError
+        If the file cannot be read.
+    """
+
+    def __init__(self, path: Path, log_id: bytes, *, growing: bool = False) -> None:
+        self.path = path
+        self.growing = growing
+        self.at = 0
+        self.damages: list[Damage] = []
+        self.log_id = log_id
+        self._seed = crc_seed(log_id)
+        self._needle = MARK + log_id
+        self._false_marks = 0
+        self._buffer, self._begin = b"", 0
+        try:
+            self._descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0))
+        except OSError as error:
+            raise StoreError(f"cannot be read: {error.strerror or error}", path=path) from error
+
+    def __enter__(self) -> FileScan:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        os.close(self._descriptor)
+
+    def __iter__(self) -> Iterator[Record]:
+        while True:
+            head = self._head(self.at)
+            record = None if head is None else self._whole(head)
+            if head is None or record is None:
+                self._buffer = b""  # what is written at this moment may have been read in part
+                head = self._head(self.at)
+                record = None if head is None else self._whole(head)
+            if head is None or record is None:
+                if self.growing and not self._bytes(self.at, HEAD_SIZE).strip(b"\0"):
+                    return
+                head = self._behind_damage(head)
+                if head is None:
+                    return
+                record = self._whole(head)
+                if record is None:
+                    continue
+            self.at = head.end
+            yield record
+
+    @property
+    def size(self) -> int:
+        """Bytes of the file."""
+        return os.fstat(self._descriptor).st_size
+
+    @property
+    def unfinished(self) -> int:
+        """Bytes from `at` to the last that is not zero: of a record that is not finished, or damaged."""
+        last, at = self.at, self.at
+        while piece := self._read(at, PIECE):
+            if kept := len(piece.rstrip(b"\0")):
+                last = at + kept
+            at += len(piece)
+        return last - self.at
+
+    def head_from(self, at: int, until: int) -> Head | None:
+        """Return the first sound head that begins at or behind a byte, and before another; None if there is none."""
+        while (found := self._find(at, until)) is not None:
+            head = self._head(found)
+            if head is not None:
+                return head
+            at = found + 1
+        return None
+
+    def _behind_damage(self, damaged: Head | None) -> Head | None:
+        """Return the next sound head, having noted what is damaged before it; None if there is none up to the end.
+
+        Where the head is sound and its payload is not, the record behind it is tried first: a payload may hold copies
+        of records.
+        """
+        head = None if damaged is None else self._head(damaged.end)
+        at = self.at + (1 if damaged is None else HEAD_SIZE)
+        while head is None and self._false_marks < MOST_FALSE_MARKS:
+            found = self._find(at, None)
+            if found is None:
+                return None
+            head = self._head(found)
+            self._false_marks += head is None
+            at = found + 1
+        if head is not None:
+            self.damages.append(Damage(self.path, self.at, head.at - self.at))
+            self.at = head.at
+        return head
+
+    def _find(self, at: int, until: int | None) -> int | None:
+        """Return where the mark and the log's bytes stand next; None if nowhere before a byte."""
+        while until is None or at < until:
+            piece = self._bytes(at, len(self._needle))
+            if len(piece) < len(self._needle):
+                return None
+            found = self._buffer.find(self._needle, at - self._begin)
+            if found >= 0:
+                found += self._begin
+                return found if until is None or found < until else None
+            at = self._begin + len(self._buffer) - len(self._needle) + 1
+        return None
+
+    def _head(self, at: int) -> Head | None:
+        content = self._bytes(at, HEAD_SIZE)
+        return sound_head(content, at, self.log_id, self._seed)
+
+    def _whole(self, head: Head) -> Record | None:
+        """Return a record with its payload; None if that is damaged or not there yet."""
+        payload = self._bytes(head.at + HEAD_SIZE, head.length)
+        if len(payload) < head.length or zlib.crc32(payload, self._seed) != head.payload_crc:
+            return None
+        one = head.record
+        return Record(
+            one.number, one.source, one.kind, one.host_ns, payload,
+            one.span_us, one.wait_us, one.source_number, one.position,
+        )  # fmt: skip
+
+    def _bytes(self, at: int, size: int) -> bytes:
+        begin = at - self._begin
+        if begin < 0 or begin + size > len(self._buffer):
+            self._buffer, self._begin = self._read(at, max(size, PIECE)), at
+            begin = 0
+        return self._buffer[begin : begin + size]
+
+    def _read(self, at: int, size: int) -> bytes:
+        try:
+            if hasattr(os, "pread"):
+                return os.pread(self._descriptor, size, at)
+            os.lseek(self._descriptor, at, os.SEEK_SET)
+            return os.read(self._descriptor, size)
+        except OSError as error:
+            raise StoreError(f"cannot be read: {error.strerror or error}", path=self.path) from error
+
+
+def sound_head(content: bytes, at: int, log_id: bytes | None, seed: int | None) -> Head | None:
+    """Return the head that some bytes begin with, or None.
+
+    Parameters
+    ----------
+    content : bytes
+    at : int
+        Where they stand in their file.
+    log_id, seed : bytes, int or None
+        Of the log that it must be of; None for any.
+    """
+    if len(content) < HEAD_SIZE:
+        return None
+    (mark, found_id, length, source, kind, span_us, wait_us, source_number, number, position, host_ns, payload_crc) = (
+        HEAD.unpack_from(content)
+    )
+    if mark != MARK or length > LONGEST_PAYLOAD or (log_id is not None and found_id != log_id):
+        return None
+    crc = zlib.crc32(content[: HEAD.size], crc_seed(found_id) if seed is None else seed)
+    if crc != CRC.unpack_from(content, HEAD.size)[0]:
+        return None
+    record = Record(
+        number, source, kind, host_ns, b"",
+        None if span_us == UNKNOWN else span_us,
+        None if wait_us == UNKNOWN else wait_us,
+        source_number, position,
+    )  # fmt: skip
+    return Head(at, record, length, payload_crc)
+
+
+def first_log_id(path: Path, within: int) -> bytes | None:
+    """Return the random bytes of the log to which the first sound head of a file belongs.
+
+    Parameters
+    ----------
+    path : Path
+    within : int
+        Bytes of its beginning that are looked at.
+
+    Raises
+    ------
+    StoreError
+        If the file cannot be read.
+    """
+    try:
+        with path.open("rb", buffering=0) as stream:
+            begin = stream.read(HEAD_SIZE)
+            if sound_head(begin, 0, None, None) is None:
+                stream.seek(0)
+                begin = stream.read(within)
+    except OSError as error:
+        raise StoreError(f"cannot be read: {error.strerror or error}", path=path) from error
+    at, tries = begin.find(MARK), 0
+    while at >= 0 and tries < MOST_FALSE_MARKS:
+        if sound_head(begin[at : at + HEAD_SIZE], at, None, None) is not None:
+            return begin[at + len(MARK) : at + len(MARK) + 8]
+        at, tries = begin.find(MARK, at + 1), tries + 1
+    return None
+
+
+def is_hole(path: Path) -> bool:
+    """Tell whether a file was reserved and never written, where the system knows; OSError if it cannot be opened."""
+    if not hasattr(os, "SEEK_DATA"):
+        return False
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.lseek(descriptor, 0, os.SEEK_DATA)
+    except OSError as error:
+        return error.errno == errno.ENXIO
+    finally:
+        os.close(descriptor)
+    return False

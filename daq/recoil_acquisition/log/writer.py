@@ -1,0 +1,549 @@
+"""The log that is written: everything that arrives is appended here first, and survives a crash.
+
+A process that is killed loses nothing that `LogWriter.append` took; a loss of power loses at most what came after the
+last synchronisation. Where the disk fails, the log goes on in a spare folder with all that may not be on the disk.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import secrets
+import struct
+import threading
+import time
+import zlib
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from recoil_acquisition.errors import StoreError
+from recoil_acquisition.host_clock import anchor
+from recoil_acquisition.log.record import (
+    HEAD_SIZE,
+    LONGEST_PAYLOAD,
+    OWN,
+    SCHEMA,
+    UNKNOWN,
+    Kind,
+    crc_seed,
+    pack_head,
+    pack_json,
+)
+from recoil_acquisition.log.reserve import SegmentReserve
+from recoil_acquisition.log.segment import WritingSegment, sync_folder
+from recoil_acquisition.log.sync import SegmentSync
+
+SEGMENT_BYTES = 64 << 20
+"""Size of a segment unless told otherwise."""
+
+CLOCK_EVERY_S = 10.0
+_LONGEST_SYNC_INTERVAL_S = 0.25
+_KEPT_BYTES = 64 << 20
+"""Most that is held in memory until it is on the disk, where there is a spare folder."""
+_PART = 400_000
+"""Characters of a session in one record: as JSON within JSON they take twice the bytes at most."""
+
+
+@dataclass(frozen=True)
+class LogCounters:
+    """What a log has taken so far.
+
+    Attributes
+    ----------
+    records : int
+        Those of the log itself among them.
+    bytes : int
+        Of these records, heads included.
+    reserved_bytes : int
+        Space that is reserved and not yet used.
+    unsynced_s : float
+        Age of the oldest record that is not yet forced to the disk; 0 if all are.
+    largest_sync_s : float
+        Longest time that forcing to the disk took.
+    released : int
+        Records that were released.
+    spare : str
+        Why it goes on in the spare folder; empty if it does not.
+    """
+
+    records: int
+    bytes: int
+    reserved_bytes: int
+    unsynced_s: float
+    largest_sync_s: float
+    released: int = 0
+    spare: str = ""
+
+
+class LogWriter:
+    """A log that is written; safe to append to from several threads.
+
+    Making it reserves the space. It is forced to the disk in the background, and as segments are
+    released or used up new ones are reserved there too, so that the reserved space stays as large.
+
+    Parameters
+    ----------
+    folder : Path
+        A folder without a log; made if it is missing.
+    session : mapping
+        What the records cannot say: sources by number, the rig's text, its databases. JSON types. It stands in every
+        segment.
+    reserve_bytes : int
+        Space to reserve; rounded up to whole segments.
+    spare : Path or None
+        Another such folder, on another disk, where the log goes on if the first one fails. One segment is reserved.
+    segment_bytes : int
+        Size of a segment; a record must fit into one.
+    sync_interval_s : float
+        Time between two synchronisations, at most 0.25 s.
+
+    Raises
+    ------
+    StoreError
+        If a folder holds a log, cannot be written, or its disk has not enough room. Nothing is left then.
+    ValueError, TypeError
+        If a number is out of its range, or `session` is not JSON.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        session: Mapping[str, Any],
+        reserve_bytes: int,
+        *,
+        spare: Path | None = None,
+        segment_bytes: int = SEGMENT_BYTES,
+        sync_interval_s: float = 0.2,
+    ) -> None:
+        if not 0 < sync_interval_s <= _LONGEST_SYNC_INTERVAL_S:
+            raise ValueError(f"sync_interval_s must be above 0 and at most 0.25, not {sync_interval_s!r}")
+        if reserve_bytes < 0:
+            raise ValueError(f"reserve_bytes must not be negative, not {reserve_bytes!r}")
+        stated = dict(session) if spare is None else {**session, "spare": str(Path(spare).resolve())}
+        text = json.dumps(stated, allow_nan=False)
+        self._session = [text[at : at + _PART] for at in range(0, len(text), _PART)]
+        # twice in the first segment, with the clock's record behind each
+        begin = 2 * (sum(len(self._session_part(i, None)) + HEAD_SIZE for i in range(len(self._session))) + 512)
+        if segment_bytes < begin + HEAD_SIZE + 1:
+            raise ValueError(f"segment_bytes {segment_bytes!r} does not hold the session of {len(text)} bytes twice")
+        self.folder = Path(folder)
+        self.spare = None if spare is None else Path(spare)
+        self.log_id = secrets.token_bytes(8)
+        self._seed = crc_seed(self.log_id)
+        self._largest_payload = min(segment_bytes - begin - HEAD_SIZE, LONGEST_PAYLOAD)
+        self._lock = threading.Lock()  # over the order of the records
+        self._sync_turn = threading.Lock()  # one synchronisation at a time; taken before the other
+        self._written = SegmentSync()
+        self._number = 0
+        self._sources: dict[int, list[int]] = {}  # next number and position of each
+        self._logged_ns = 0
+        self._longest_us: int | None = 0
+        self._clock_s = 0.0
+        self._kept: deque[tuple[int, bytes, bytes | memoryview]] = deque()
+        self._kept_bytes = 0
+        self._released: dict[int, list[tuple[int, int, int]]] = {}
+        self._records = self._bytes = 0
+        self._unsynced_since: float | None = None
+        self._syncing_since: float | None = None
+        self._fault: StoreError | None = None
+        self._spared = ""
+        self._closed = False
+        self._reserve = SegmentReserve(self.folder, segment_bytes, reserve_bytes)
+        self._spare_reserve: SegmentReserve | None = None
+        try:
+            if self.spare is not None:
+                self._spare_reserve = SegmentReserve(self.spare, segment_bytes, segment_bytes)
+            self._begin()
+        except BaseException:
+            self._give_up()
+            raise
+        self._stop = threading.Event()
+        self._space_wanted = threading.Event()
+        self._threads = (
+            threading.Thread(target=self._keep_synced, args=(sync_interval_s,), name="log sync", daemon=True),
+            threading.Thread(target=self._keep_reserved, args=(sync_interval_s,), name="log space", daemon=True),
+        )
+        for thread in self._threads:
+            thread.start()
+
+    def append(
+        self,
+        source: int,
+        kind: int,
+        host_ns: int,
+        payload: bytes | bytearray | memoryview,
+        *,
+        empty_ns: int | None = None,
+    ) -> int:
+        """Write one record.
+
+        Parameters
+        ----------
+        source, kind : int
+            From 0 to 65535.
+        host_ns : int
+            Monotonic host time at which the read returned, nanoseconds.
+        payload : bytes-like
+            Contiguous, at most 1 MiB.
+        empty_ns : int or None
+            Monotonic host time at which the source was last found empty: what the payload holds arrived after it.
+
+        Returns
+        -------
+        int
+            Number of the record within the log.
+
+        Raises
+        ------
+        StoreError
+            If the record cannot be written, at this or an earlier call; all records before the first error are intact.
+        ValueError
+            If a number does not fit, the payload does not fit into a segment, or the log is closed.
+        """
+        data = payload if isinstance(payload, bytes) else _flat(payload)
+        if len(data) > self._largest_payload:
+            raise ValueError(f"a payload must not exceed {self._largest_payload} bytes, not {len(data)}")
+        payload_crc = zlib.crc32(data, self._seed)
+        span_us = UNKNOWN if empty_ns is None else min(max(-(-(host_ns - empty_ns) // 1000), 0), UNKNOWN)
+        with self._lock:
+            if self._closed:
+                raise ValueError("this log is closed")
+            if self._fault is not None:
+                raise StoreError(self._fault.problem, path=self.folder, remedy=self._fault.remedy) from self._fault
+            return self._append(source, kind, host_ns, data, payload_crc, span_us)
+
+    def say(self, kind: Kind, host_ns: int, content: Mapping[str, Any]) -> int:
+        """Write one record of the log itself; as `append`."""
+        return self.append(OWN, kind, host_ns, pack_json(content))
+
+    def sync(self) -> None:
+        """Force everything that was appended before this call to the disk.
+
+        Raises
+        ------
+        StoreError
+            If the system cannot, and there is no spare folder to go on in. The log takes no more records then: what a
+            failed synchronisation left in memory cannot be trusted to be written by a later one.
+        """
+        with self._sync_turn:
+            with self._lock:
+                if self._closed or self._unsynced_since is None:
+                    return
+                self._syncing_since, self._unsynced_since = self._unsynced_since, None
+                current, until = self._segment, self._number
+            try:
+                self._written.sync(current)
+            except OSError as error:
+                with self._lock:
+                    self._unsynced_since = self._syncing_since
+                    self._go_on_elsewhere(error)
+                    current, until = self._segment, self._number
+                try:
+                    self._written.sync(current)
+                except OSError as again:
+                    raise self._break(again) from again
+            finally:
+                self._syncing_since = None
+            with self._lock:
+                self._forget(until)
+
+    def release(self, before_ns: int, kept: Sequence[tuple[int, int]] = ()) -> int:
+        """Remove the segments of which nobody needs anything, and record that this was on purpose.
+
+        Parameters
+        ----------
+        before_ns : int
+            Host time; what arrived at or after it stays.
+        kept : sequence of (start_ns, stop_ns)
+            Spans of host time of which everything stays.
+
+        Returns
+        -------
+        int
+            Number of records that went. The segment being written always stays.
+
+        Raises
+        ------
+        StoreError
+            If the system refuses.
+        """
+        segments = self._written.releasable(before_ns, kept)
+        if not segments:
+            return 0
+        for segment in segments:
+            for source, (first, last, size) in segment.spans.items():
+                self._released[source] = merged([*self._released.get(source, ()), (first, last, size)])
+        # listed on the disk first: after a crash what is missing without a list would count as lost
+        spans = {str(source): found for source, found in self._released.items() if source != _WHOLE}
+        self.say(Kind.RELEASED, time.monotonic_ns(), {"records": self._released[_WHOLE], "sources": spans})
+        self.sync()
+        self._written.remove(segments)
+        self._space_wanted.set()
+        return sum(segment.count for segment in segments)
+
+    @property
+    def counters(self) -> LogCounters:
+        """What the log has taken so far."""
+        with self._lock:
+            waiting = [since for since in (self._syncing_since, self._unsynced_since) if since is not None]
+            return LogCounters(
+                self._records,
+                self._bytes,
+                self._segment.room + self._reserve.free_bytes,
+                time.monotonic() - min(waiting) if waiting else 0.0,
+                self._written.largest_s,
+                sum(last - first + 1 for first, last, _ in self._released.get(_WHOLE, ())),
+                self._spared,
+            )
+
+    def close(self, *, in_order: bool = True) -> None:
+        """Force everything to the disk and give back the space that was not used.
+
+        Parameters
+        ----------
+        in_order : bool
+            Whether the log ends as it should, and says so with the totals of its sources.
+
+        Raises
+        ------
+        StoreError
+            If the system cannot force it to the disk, unless an earlier call has said so. It is closed all the same.
+        """
+        with self._lock:
+            if self._closed:
+                return
+            already_broken = self._fault is not None
+            if in_order and not already_broken:
+                with contextlib.suppress(StoreError):  # it is in `_fault`, and told below
+                    self._end()
+            self._closed = True
+        self._stop.set()
+        self._space_wanted.set()
+        for thread in self._threads:
+            thread.join()
+        with self._sync_turn:
+            self._written.retire(self._segment)
+            failure = self._written.finish()
+            try:
+                if self._spare_reserve is not None:
+                    with contextlib.suppress(OSError):  # that of a folder that was given up
+                        self._spare_reserve.close()
+                self._reserve.close()
+                sync_folder(self._folder_now)
+            except OSError as error:
+                failure = failure or error
+        self._unsynced_since = None
+        if failure is not None and self._fault is None:
+            self._break(failure)
+        if self._fault is not None and not already_broken:
+            raise self._fault from failure
+
+    def __enter__(self) -> LogWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close(in_order=error is None)
+
+    def _append(
+        self, source: int, kind: int, host_ns: int, data: bytes | memoryview, payload_crc: int, span_us: int
+    ) -> int:
+        """Write one record with its numbers, under the lock; the next segment is begun first if it does not fit."""
+        while self._segment.room < HEAD_SIZE + len(data):
+            try:
+                self._next_segment()
+            except OSError as error:
+                self._go_on_elsewhere(error)
+        now_ns = max(time.monotonic_ns(), self._logged_ns, host_ns)
+        wait_us = min(-(-(now_ns - host_ns) // 1000), UNKNOWN)
+        counted = self._sources.get(source) or [0, 0]
+        number, (source_number, position) = self._number, counted
+        try:
+            head = pack_head(
+                self.log_id, self._seed, len(data), source, kind, span_us, wait_us,
+                source_number, number, position, host_ns, payload_crc,
+            )  # fmt: skip
+        except struct.error as error:
+            raise ValueError(f"source {source!r}, kind {kind!r} or host_ns {host_ns!r} does not fit") from error
+        self._number = number + 1
+        counted[0], counted[1] = source_number + 1, position + len(data)
+        self._sources[source] = counted
+        self._logged_ns = now_ns
+        reach_us = wait_us + (0 if span_us == UNKNOWN else span_us)
+        if wait_us == UNKNOWN:
+            self._longest_us = None
+        elif self._longest_us is not None and reach_us > self._longest_us:
+            self._longest_us = reach_us
+        if self._spare_reserve is not None:
+            self._keep(number, head, data)
+        try:
+            self._segment.write(head, data)
+        except OSError as error:
+            self._go_on_elsewhere(error)
+        except BaseException:
+            # Ctrl-C in the middle: half a record may be there, and is skipped when it is read
+            self._segment.settle()
+            raise
+        segment, spans = self._segment, self._segment.spans
+        for key, counter in ((source, source_number), (_WHOLE, number)):
+            span = spans.get(key)
+            if span is None:
+                spans[key] = [counter, counter, len(data)]
+            else:
+                span[1] = counter
+                span[2] += len(data)
+        if kind in _OF_THE_LOG:
+            segment.count += 1
+        else:
+            segment.note(number, host_ns if span_us == UNKNOWN else host_ns - 1000 * span_us, host_ns)
+        self._records += 1
+        self._bytes += HEAD_SIZE + len(data)
+        if self._unsynced_since is None:
+            self._unsynced_since = time.monotonic()
+        return number
+
+    def _say(self, kind: Kind, host_ns: int, payload: bytes) -> None:
+        self._append(OWN, kind, host_ns, payload, zlib.crc32(payload, self._seed), UNKNOWN)
+
+    def _begin(self) -> None:
+        """Begin the first segment: what it says of the session stands there twice."""
+        self._segment = self._reserve.take()
+        self._say_session()
+        self._say_session()
+        self._written.sync(self._segment)
+
+    def _say_session(self) -> None:
+        for i in range(len(self._session)):
+            self._say(Kind.SESSION, time.monotonic_ns(), self._session_part(i, self._longest_us))
+        self._say_clock()
+
+    def _session_part(self, i: int, longest_us: int | None) -> bytes:
+        stated = {"schema": SCHEMA, "longest_us": longest_us, "part": i, "of": len(self._session)}
+        return pack_json({**stated, "text": self._session[i]})
+
+    def _say_clock(self) -> None:
+        clock = anchor()
+        stated = {"wall_ns": clock.wall_ns, "monotonic_ns": clock.monotonic_ns, "within_ns": clock.within_ns}
+        self._say(Kind.CLOCK, clock.monotonic_ns, pack_json(stated))
+        self._clock_s = time.monotonic()
+
+    def _end(self) -> None:
+        totals = {str(source): counted for source, counted in self._sources.items() if source != OWN}
+        payload = pack_json({"sources": totals, "longest_us": self._longest_us})
+        for _ in range(2):
+            self._say(Kind.CLOSED, time.monotonic_ns(), payload)
+
+    def _next_segment(self) -> None:
+        full, self._segment = self._segment, self._reserve.take()
+        self._written.retire(full)
+        self._space_wanted.set()
+        self._say_session()
+
+    def _keep(self, number: int, head: bytes, data: bytes | memoryview) -> None:
+        """Hold a record in memory until it is on the disk."""
+        self._kept.append((number, head, data if isinstance(data, bytes) else bytes(data)))
+        self._kept_bytes += len(head) + len(data)
+        while self._kept_bytes > _KEPT_BYTES:
+            _, head, data = self._kept.popleft()
+            self._kept_bytes -= len(head) + len(data)
+
+    def _forget(self, until: int) -> None:
+        while self._kept and self._kept[0][0] < until:
+            _, head, data = self._kept.popleft()
+            self._kept_bytes -= len(head) + len(data)
+
+    def _go_on_elsewhere(self, error: OSError) -> None:
+        """Go on in the spare folder with all that may not be on the disk; StoreError if there is none, or it fails."""
+        if self._spare_reserve is None or self._spared:
+            raise self._break(error) from error
+        self._spared = str(error.strerror or error)
+        given_up, first = self._segment, self._reserve
+        self._reserve, self._spare_reserve = self._spare_reserve, first
+        waiting, self._kept, self._kept_bytes = list(self._kept), deque(), 0
+        self._written.abandon()
+        given_up.abandon()
+        try:
+            self._segment = self._reserve.take()
+            self._space_wanted.set()
+            for number, head, data in waiting:
+                if self._segment.room < len(head) + len(data):
+                    full, self._segment = self._segment, self._reserve.take()
+                    self._written.retire(full)
+                self._segment.write(head, data)
+                self._segment.note(number, -(1 << 63), (1 << 63) - 1)  # never released
+            self._say_session()
+        except OSError as again:
+            raise self._break(again) from again
+
+    @property
+    def _folder_now(self) -> Path:
+        return self.spare if self._spared and self.spare is not None else self.folder
+
+    def _break(self, error: OSError) -> StoreError:
+        fault = StoreError(
+            f"the log cannot be written: {error.strerror or error}",
+            path=self._folder_now,
+            remedy="what was written before is intact; make room or change the disk, then start a new recording",
+        )
+        if self._fault is None:
+            self._fault = fault
+        return fault
+
+    def _give_up(self) -> None:
+        """Leave nothing of what could not be begun."""
+        segment: WritingSegment | None = getattr(self, "_segment", None)
+        if segment is not None:
+            segment.discard()
+        for reserve in (self._reserve, self._spare_reserve):
+            if reserve is not None:
+                reserve.undo()
+
+    def _keep_synced(self, interval_s: float) -> None:
+        wait_s = interval_s
+        while not self._stop.wait(wait_s):
+            started = time.monotonic()
+            # The fault is kept: the next append raises it
+            with contextlib.suppress(StoreError):
+                if started - self._clock_s >= CLOCK_EVERY_S:
+                    with self._lock:
+                        self._say_clock()
+                self.sync()
+            wait_s = max(0.0, interval_s - (time.monotonic() - started))
+
+    def _keep_reserved(self, interval_s: float) -> None:
+        while not self._stop.is_set():
+            self._space_wanted.wait(interval_s)
+            self._space_wanted.clear()
+            # The append that needs a segment tries again, and its error is the one that counts
+            with contextlib.suppress(OSError):
+                self._reserve.top_up(self._written.count + 1)
+
+
+_OF_THE_LOG = frozenset((Kind.SESSION, Kind.CLOCK, Kind.RELEASED))
+"""What no one needs of a segment for its own sake: it does not date it."""
+
+_WHOLE = -1
+"""Key of the numbers within the log, beside those of the sources."""
+
+
+def merged(spans: Sequence[tuple[int, int, int]]) -> list[tuple[int, int, int]]:
+    """Join spans (first, last, bytes) of numbers that follow one another."""
+    joined: list[tuple[int, int, int]] = []
+    for first, last, size in sorted(spans):
+        if joined and joined[-1][1] + 1 == first:
+            joined[-1] = (joined[-1][0], last, joined[-1][2] + size)
+        else:
+            joined.append((first, last, size))
+    return joined
+
+
+def _flat(payload: bytearray | memoryview) -> memoryview:
+    view = memoryview(payload)
+    if not view.c_contiguous:
+        raise ValueError("the payload must be contiguous")
+    return view.cast("B") if view.nbytes else memoryview(b"")

@@ -1,0 +1,152 @@
+"""A capture is a range of a log, byte for byte, readable alone, and says what it lacks."""
+
+from __future__ import annotations
+
+import random
+import shutil
+from pathlib import Path
+
+import pytest
+
+from recoil_acquisition.errors import CorruptFileError, ReadError, StoreError
+from recoil_acquisition.log.capture import capture_holds, read_capture, write_capture
+from recoil_acquisition.log.folder import Log, open_log
+from recoil_acquisition.log.record import OWN, UNNUMBERED, Kind
+from recoil_acquisition.log.writer import LogWriter
+from tests.builders.damaged_logs import write_log
+from tests.builders.naive_log import read_file, read_folder
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory) -> Log:
+    folder = tmp_path_factory.mktemp("whole") / "log"
+    write_log(folder)
+    return open_log(folder)
+
+
+def middle(log: Log) -> tuple[int, int]:
+    times = sorted(record.host_ns for record in log.records() if record.source != OWN)
+    return times[len(times) // 3], times[2 * len(times) // 3]
+
+
+def test_a_capture_holds_the_range_byte_for_byte_and_can_be_read_without_the_log(log, tmp_path):
+    start, stop = middle(log)
+    path = tmp_path / "0001.rdlog"
+    write_capture(log, path, start, stop, {"shot": "0001"})
+    inside = {r.number for r in log.records(start_ns=start, stop_ns=stop)}
+    original = {one.number: one.content for one in read_folder(log.folder)}
+    copied = read_file(path)
+    assert {one.number for one in copied} > inside
+    assert all(one.content == original[one.number] for one in copied if one.number != UNNUMBERED)
+    order = [one.kind for one in copied]
+    assert order[:3] == [Kind.SESSION, Kind.CLOCK, Kind.SHOT]
+    assert order[-2:] == [Kind.SHOT, Kind.SESSION]
+
+    capture = read_capture(path)
+
+    assert capture.session == log.session
+    assert capture.declaration["shot"] == "0001"
+    assert [r for r in capture.records if r.number in inside] == list(log.records(start_ns=start, stop_ns=stop))
+    assert (capture.complete, capture.losses, capture.damages, capture.unfinished_bytes) == (True, (), (), 0)
+    assert capture_holds(log, path, start, stop)
+    assert capture_holds(log, path, start + 10**6, stop - 10**6)
+    assert not capture_holds(log, path, None, None)
+    assert [p.name for p in tmp_path.iterdir()] == ["0001.rdlog"]
+
+
+def test_a_capture_of_everything_holds_everything(log, tmp_path):
+    write_capture(log, tmp_path / "all.rdlog", None, None, {})
+    assert capture_holds(log, tmp_path / "all.rdlog", None, None)
+    assert read_capture(tmp_path / "all.rdlog").records == tuple(log.records())
+
+
+def test_any_record_that_is_missing_of_a_capture_is_said_and_no_log_is_removed_for_it(log, tmp_path):
+    start, stop = middle(log)
+    path = tmp_path / "whole.rdlog"
+    write_capture(log, path, start, stop, {})
+    content = path.read_bytes()
+    inside = {r.number for r in log.records(start_ns=start, stop_ns=stop)}
+    for one in read_file(path):
+        if one.number not in inside or one.source == OWN:
+            continue
+        path.write_bytes(content[: one.begin] + content[one.begin + len(one.content) :])
+        capture = read_capture(path)
+        assert [(loss.source, loss.first, loss.last) for loss in capture.losses] == [
+            (one.source, one.source_number, one.source_number)
+        ]
+        assert not capture.complete
+        assert not capture_holds(log, path, start, stop)
+
+
+def test_damage_of_a_capture_costs_one_record_and_is_said(log, tmp_path):
+    start, stop = middle(log)
+    path = tmp_path / "whole.rdlog"
+    write_capture(log, path, start, stop, {"shot": "7"})
+    content = path.read_bytes()
+    whole = read_capture(path)
+    choice = random.Random(4)  # noqa: S311 - a test's choice, no secret
+    for _ in range(100):
+        damaged = bytearray(content)
+        damaged[choice.randrange(len(content))] ^= 1 << choice.randrange(8)
+        path.write_bytes(damaged)
+        capture = read_capture(path)
+        lost = set(whole.records) - set(capture.records)
+        assert set(capture.records) <= set(whole.records)
+        assert len(lost) <= 1
+        data = [one for one in lost if one.source != OWN]
+        assert sum(loss.records for loss in capture.losses) == len(data)
+        assert capture.declaration["shot"] == "7"
+        assert capture.session == log.session
+        assert capture.damages or capture.unfinished_bytes
+
+
+def test_a_capture_without_its_declaration_is_not_complete(log, tmp_path):
+    path = tmp_path / "whole.rdlog"
+    write_capture(log, path, *middle(log), {"shot": "7"})
+    content = bytearray(path.read_bytes())
+    for one in read_file(path):
+        if one.kind == Kind.SHOT:
+            content[one.begin + 70] ^= 1
+    path.write_bytes(content)
+    assert not read_capture(path).complete
+
+
+def test_a_capture_of_another_log_holds_nothing_of_this_one(log, tmp_path):
+    write_log(tmp_path / "other")
+    write_capture(open_log(tmp_path / "other"), tmp_path / "x.rdlog", None, None, {})
+    assert not capture_holds(log, tmp_path / "x.rdlog", None, None)
+    assert not capture_holds(log, tmp_path / "missing.rdlog", None, None)
+
+
+def test_a_capture_is_not_written_over_and_a_failed_one_leaves_nothing(log, tmp_path, monkeypatch):
+    path = tmp_path / "x.rdlog"
+    path.write_bytes(b"mine")
+    with pytest.raises(StoreError, match="exists already"):
+        write_capture(log, path, None, None, {})
+    assert path.read_bytes() == b"mine"
+
+    def full(*_arguments: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(StoreError, match="No space left"):
+        write_capture(log, tmp_path / "y.rdlog", None, None, {})
+    assert [p.name for p in tmp_path.iterdir()] == ["x.rdlog"]
+
+
+def test_a_capture_of_a_log_that_is_still_written(tmp_path):
+    with LogWriter(tmp_path / "log", {"rig": "x"}, 0, segment_bytes=1 << 16) as writer:
+        for i in range(500):
+            writer.append(0, Kind.SERIAL, i, bytes(100))
+        write_capture(open_log(tmp_path / "log"), tmp_path / "x.rdlog", 100, 200, {})
+    assert sum(record.source == 0 for record in read_capture(tmp_path / "x.rdlog").records) == 100
+
+
+def test_files_that_are_no_capture_are_said(tmp_path):
+    (tmp_path / "x.rdlog").write_bytes(b"something else" * 100)
+    with pytest.raises(CorruptFileError, match="not one sound record"):
+        read_capture(tmp_path / "x.rdlog")
+    with pytest.raises((ReadError, StoreError), match="cannot be read"):
+        read_capture(tmp_path / "missing.rdlog")
+    shutil.rmtree(tmp_path)
+    assert not Path(tmp_path).exists()

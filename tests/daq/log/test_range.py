@@ -1,0 +1,180 @@
+"""A range of a log is what a filter of all of it gives, and a follower sees what was appended, in order."""
+
+from __future__ import annotations
+
+import os
+import random
+import shutil
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from recoil_acquisition.log import folder as folder_module
+from recoil_acquisition.log import scan as scan_module
+from recoil_acquisition.log import writer as writer_module
+from recoil_acquisition.log.folder import open_log
+from recoil_acquisition.log.follower import LogFollower
+from recoil_acquisition.log.record import Kind, Record
+from recoil_acquisition.log.writer import LogWriter
+
+SEGMENT_BYTES = 1 << 17
+STEP_NS = 1_000_000
+
+
+class Clock:
+    """The host's monotonic clock, set by the test."""
+
+    def __init__(self) -> None:
+        self.now_ns = time.monotonic_ns() + 10**8
+
+    def monotonic_ns(self) -> int:
+        return self.now_ns
+
+    def __getattr__(self, name: str):
+        return getattr(time, name)
+
+
+def write_late(folder: Path, monkeypatch: pytest.MonkeyPatch, *, closed: bool) -> None:
+    """Write three sources whose threads sometimes stand for up to three seconds before they append."""
+    choice = random.Random(5)  # noqa: S311 - a test's choice, no secret
+    clock = Clock()
+    monkeypatch.setattr(writer_module, "time", clock)
+    due = []
+    for source in range(3):
+        until_ns = 0
+        for k in range(4000):
+            read_ns = clock.now_ns + k * 2 * STEP_NS + source
+            until_ns = max(until_ns, read_ns + 20_000)
+            if choice.random() < 0.0005:
+                until_ns = read_ns + choice.randrange(3_000_000_000)
+            span_ns = None if choice.random() < 0.01 else choice.choice((300_000, STEP_NS, 40 * STEP_NS))
+            due.append((until_ns, source, read_ns, None if span_ns is None else read_ns - span_ns, k))
+    writer = LogWriter(folder, {}, 0, segment_bytes=SEGMENT_BYTES)
+    for until_ns, source, read_ns, empty_ns, k in sorted(due):
+        clock.now_ns = until_ns
+        writer.append(source, Kind.SERIAL, read_ns, choice.randbytes(k % 200), empty_ns=empty_ns)
+    writer.close(in_order=closed)
+    monkeypatch.undo()
+
+
+def faults_of_windows(folder: Path, windows: int, seed: int) -> list[str]:
+    choice = random.Random(seed)  # noqa: S311 - a test's choice, no secret
+    log = open_log(folder)
+    everything = list(log.records())
+    begin = min(record.from_ns for record in everything)
+    end = max(record.host_ns for record in everything)
+    faults = []
+    for _ in range(windows):
+        start = choice.randrange(begin - 2 * 10**8, end)
+        stop = start + choice.choice((1, STEP_NS, 10**9, 3 * 10**9))
+        expected = [r for r in everything if r.host_ns >= start and r.from_ns < stop]
+        found = list(log.records(start_ns=start, stop_ns=stop))
+        if found != expected:
+            faults.append(f"{start} to {stop}: {len(found)} instead of {len(expected)}")
+    return faults
+
+
+@pytest.mark.parametrize("closed", [True, False])
+def test_a_range_is_a_filter_of_all_however_late_something_was_appended(tmp_path, monkeypatch, closed):
+    write_late(tmp_path / "log", monkeypatch, closed=closed)
+    assert len(open_log(tmp_path / "log").segments) > 10
+    assert faults_of_windows(tmp_path / "log", 60, 1) == []
+
+
+def test_a_range_is_a_filter_of_all_where_the_log_is_damaged(tmp_path, monkeypatch):
+    write_late(tmp_path / "log", monkeypatch, closed=True)
+    choice = random.Random(2)  # noqa: S311 - a test's choice, no secret
+    paths = sorted((tmp_path / "log").glob("*.rdlog"))
+    for _ in range(100):
+        path = choice.choice(paths)
+        content = bytearray(path.read_bytes())
+        content[choice.randrange(len(content))] ^= 1 << choice.randrange(8)
+        path.write_bytes(content)
+    content = bytearray(paths[4].read_bytes())
+    content[40_000:120_000] = bytes(80_000)
+    paths[4].write_bytes(content)
+    paths[7].unlink()
+    assert faults_of_windows(tmp_path / "log", 30, 3) == []
+
+
+def test_a_range_that_ends_with_its_segment_too_early_is_found_out(tmp_path, monkeypatch):
+    write_late(tmp_path / "log", monkeypatch, closed=True)
+    monkeypatch.setattr(folder_module, "_longest_us", lambda _record, _kind: 0)
+    assert faults_of_windows(tmp_path / "log", 60, 1) != []
+
+
+def test_only_the_range_is_read(tmp_path, monkeypatch):
+    with LogWriter(tmp_path / "log", {}, 0, segment_bytes=4 << 20) as writer:
+        for _ in range(8000):
+            writer.append(0, Kind.SERIAL, time.monotonic_ns(), bytes(4000))
+    log = open_log(tmp_path / "log")
+    everything = list(log.records(0))
+    read = []
+    whole = os.pread
+    monkeypatch.setattr(os, "pread", lambda *a: read.append(a[1]) or whole(*a))
+    monkeypatch.setattr(scan_module, "PIECE", 1 << 16)
+    found = list(log.records(0, everything[4000].host_ns, everything[4080].host_ns))
+    assert found == everything[4000:4080]
+    size = sum(path.stat().st_size for path in (tmp_path / "log").glob("*.rdlog"))
+    assert 80 * 4000 < sum(read) < size / 10
+
+
+def test_records_are_selected_by_source(tmp_path, monkeypatch):
+    write_late(tmp_path / "log", monkeypatch, closed=True)
+    log = open_log(tmp_path / "log")
+    every = list(log.records())
+    assert list(log.records(2)) == [record for record in every if record.source == 2]
+
+
+def test_a_follower_sees_what_is_appended_in_order_and_no_damage(tmp_path):
+    stop = threading.Event()
+
+    def append() -> None:
+        for i in range(6000):
+            writer.append(i % 3, Kind.SERIAL, time.monotonic_ns(), i.to_bytes(4, "little") * (i % 400))
+            if i % 50 == 0:
+                time.sleep(0.001)
+        stop.set()
+
+    found: list[Record] = []
+    with LogWriter(tmp_path / "log", {}, 3 << 18, segment_bytes=1 << 18) as writer:
+        follower = LogFollower(tmp_path / "log")
+        thread = threading.Thread(target=append)
+        thread.start()
+        polls = 0
+        while not stop.is_set():
+            polls += bool(new := follower.poll())
+            found += new
+        thread.join()
+        found += follower.poll()
+        follower.close()
+    assert [record.number for record in found] == list(range(len(found)))
+    assert [r.payload for r in found if r.source < 3] == [i.to_bytes(4, "little") * (i % 400) for i in range(6000)]
+    assert follower.damages == []
+    assert polls > 3
+
+
+def test_a_follower_waits_for_half_a_record_and_does_not_call_it_damaged(tmp_path):
+    with LogWriter(tmp_path / "log", {}, 0, segment_bytes=1 << 16) as writer:
+        for i in range(10):
+            writer.append(0, Kind.SERIAL, i, b"payload %d" % i)
+    path = tmp_path / "log" / "000001.rdlog"
+    whole = path.read_bytes()
+    shutil.copytree(tmp_path / "log", tmp_path / "growing")
+    growing = tmp_path / "growing" / "000001.rdlog"
+    half = len(whole) - 700
+    growing.write_bytes(whole[:half] + bytes(5000))
+    follower = LogFollower(tmp_path / "growing")
+    found = follower.poll()
+    assert found
+    for at in range(half, len(whole) + 1, 7):
+        growing.write_bytes(whole[:at] + bytes(5000))
+        found += follower.poll()
+    growing.write_bytes(whole)
+    found += follower.poll()
+    follower.close()
+    assert found == list(open_log(tmp_path / "log").records())
+    assert follower.damages == []
+    assert follower._scan.damages == []
