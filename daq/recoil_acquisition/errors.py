@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
+from difflib import SequenceMatcher, get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -201,6 +201,10 @@ class IdentificationError(RecoilDaqError):
     """No number can be given at all."""
 
 
+LEAST_LIKENESS = 0.5
+"""Of two names, from which on one may have been meant by the other: `mass` is not like `YA`."""
+
+
 def nearest_first(name: str, available: Sequence[str]) -> tuple[str, ...]:
     """Sort names by their likeness to one, the most alike first.
 
@@ -222,3 +226,13 @@ def nearest_first(name: str, available: Sequence[str]) -> tuple[str, ...]:
         folded.setdefault(a.casefold(), []).append(a)
     close = [a for c in get_close_matches(name.casefold(), folded, n=len(folded), cutoff=0.3) for a in folded[c]]
     return (*close, *(a for a in available if a not in close))
+
+
+def did_you_mean(name: str, names: Sequence[str], *, quote: str = "'") -> str:
+    """Ask for the nearest of some names, or list all where none is near."""
+    if not names:
+        return "none is declared"
+    nearest = nearest_first(name, names)[0]
+    if SequenceMatcher(None, name.casefold(), nearest.casefold()).ratio() >= LEAST_LIKENESS:
+        return f"did you mean {quote}{nearest}{quote}?"
+    return f"there are {', '.join(names)}"

@@ -83,3 +83,34 @@ class Mechanism:
     def symbols(cls) -> tuple[str, ...]:
         """Names of all values, without their uncertainties."""
         return tuple(f.name for f in fields(cls) if f.name != "u")
+
+
+MEANINGS: Mapping[str, str] = MappingProxyType(
+    {
+        "m1": "mass of the carriage, kg",
+        "m2": "mass of the tipping part, kg",
+        "m3": "specification mass of the recoiling part, kg",
+        "J1": "moment of inertia of the carriage about C, kg m2",
+        "J2": "moment of inertia of the tipping part about the trunnion A, kg m2",
+        "J3c": "moment of inertia of the recoiling part about its centre of mass, kg m2",
+        "X1": "centre of mass of the carriage ahead of C, carriage axes, m",
+        "Y1": "centre of mass of the carriage above C, carriage axes, m",
+        "XA": "trunnion A ahead of C, carriage axes, m",
+        "YA": "trunnion A above C, carriage axes, m",
+        "s2": "centre of mass of the tipping part from A along the bore, m",
+        "d2": "centre of mass of the tipping part from A across the bore, m",
+        "b": "centre of mass of the recoiling part in battery from A along the bore, m",
+        "d": "centre of mass of the recoiling part in battery from A across the bore, m",
+        "e": "offset of the breech force's line above the recoiling part's centre of mass, m",
+        "L": "distance of the ground contact D ahead of C, m",
+        "f": "friction coefficient of the ground contact D",
+        "phi10": "angle of the carriage's axis over the horizontal in battery, rad",
+        "phi20": "angle of the bore over the horizontal in battery, rad",
+        "g": "acceleration of gravity, m/s2",
+        "bore_area": "area that the breech pressure acts on, m2",
+        "brake_area": "area that the brake pressure acts on, m2",
+        "recuperator_area": "area that the recuperator pressure acts on, m2",
+        "friction": "packing friction that no gauge reads, N",
+    }
+)
+"""Symbol -> what it is, with its unit."""

@@ -17,6 +17,7 @@ from types import MappingProxyType
 from typing import Any
 
 from recoil_acquisition.bounded_toml import LARGEST_BYTES, parse_toml
+from recoil_acquisition.declaration import declared_rows, unknown_keys
 from recoil_acquisition.errors import Fault, ReadError, RigError
 from recoil_acquisition.readers.can.messages import load_database
 from recoil_acquisition.readers.reader import Declarations
@@ -46,8 +47,8 @@ from recoil_rigs.rig_tables import (
     Source,
     SourceKind,
     TriggerAlignment,
+    names_in,
 )
-from recoil_rigs.rig_validation import names_in, unknown_keys, validated_rows
 
 __all__ = [
     "MOTIONS",
@@ -257,8 +258,8 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None,
     if not isinstance(tables.get("twin", {}), dict):
         faults.append(Fault("twin", "must be a table"))
     mechanism = checked_mechanism(tables.get("mechanism"), faults)
-    sources = validated_rows(tables, "source", Source, faults)
-    channels = validated_rows(tables, "channel", ChannelSpec, faults)
+    sources = declared_rows(tables, "source", Source, faults)
+    channels = declared_rows(tables, "channel", ChannelSpec, faults)
     faults += faults_of_sources(sources, channels, tables)
     faults += faults_of_channels(channels, sources, tables)
     faults += faults_of_trigger(tables, channels, sources)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from recoil_acquisition.errors import Fault
+from recoil_acquisition.errors import Fault, did_you_mean
 from recoil_rigs.rig_tables import (
     MOTIONS,
     ChannelSpec,
@@ -14,8 +14,8 @@ from recoil_rigs.rig_tables import (
     RedundantAlignment,
     Source,
     TriggerAlignment,
+    names_in,
 )
-from recoil_rigs.rig_validation import did_you_mean, names_in
 
 FORCE_ROLE = "breech_pressure"
 """What stands for the forces, which drive the motion that a camera sees."""

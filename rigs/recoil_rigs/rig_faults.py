@@ -7,16 +7,17 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
-from recoil_acquisition.errors import Fault, FramingError, nearest_first
+from recoil_acquisition.declaration import unknown_keys
+from recoil_acquisition.errors import Fault, FramingError, did_you_mean, nearest_first
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.quantity import SI_UNITS, UNITS, find_unit, normalise_unit
-from recoil_acquisition.readers.text.layout import layout_faults
+from recoil_acquisition.readers.text.layout import text_layout
 from recoil_acquisition.readers.tracks.layout import LayoutError, TrackLayout
 from recoil_acquisition.trigger.table import trigger_faults
 from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.mechanism_parameters import MEANINGS
 from recoil_rigs.rig_alignments import faults_of_alignment
-from recoil_rigs.rig_tables import LIVE_KINDS, ROLES, ChannelSpec, Source
-from recoil_rigs.rig_validation import did_you_mean, names_in, unknown_keys
+from recoil_rigs.rig_tables import LIVE_KINDS, ROLES, ChannelSpec, Source, names_in
 
 
 def checked_mechanism(table: Any, faults: list[Fault]) -> Mechanism | None:
@@ -34,7 +35,7 @@ def checked_mechanism(table: Any, faults: list[Fault]) -> Mechanism | None:
         problem = _problem_of_value(key, table[key], key not in symbols)
         if problem is not None:
             own.append(Fault(f"mechanism.{key}", problem))
-    own += [Fault(f"mechanism.{key}", "is missing") for key in Mechanism.REQUIRED if key not in table]
+    own += [Fault(f"mechanism.{key}", f"is missing: {MEANINGS[key]}") for key in Mechanism.REQUIRED if key not in table]
     if own:
         faults += own
         return None
@@ -107,7 +108,9 @@ def _faults_of_layout(where: str, source: Source) -> list[Fault]:
             split = (fault.partition(": ") for fault in error.faults)
             return [Fault(f"{where}.layout.{key}", problem) for key, _, problem in split]
         return []
-    return [Fault(f"{where}.layout.{key}", problem) for key, problem in layout_faults(source.layout)]
+    faults: list[Fault] = []
+    text_layout(source.layout, f"{where}.layout", faults)
+    return faults
 
 
 def faults_of_trigger(

@@ -1,7 +1,6 @@
 """The tables of a rig file: sources, sensors, channels, and how clocks are aligned.
 
-Types are strict: a number in quotes, ``true`` for a number or a date in quotes is a fault, because
-a rig file in which ``u_rel = true`` means 100 % would be worse than one that is refused.
+Types are strict, see `recoil_acquisition.declaration`.
 """
 
 from __future__ import annotations
@@ -9,10 +8,13 @@ from __future__ import annotations
 import datetime as dt
 import fnmatch
 import re
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, field_validator, model_validator
+
+from recoil_acquisition.declaration import Finite, NotNegative, Pair, Positive, Table, Text
 
 ROLES = MappingProxyType(
     {
@@ -43,18 +45,6 @@ positive if it raises the muzzle.
 """
 
 SourceKind = Literal["dewetron", "can", "serial", "camera"]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Text = Annotated[str, Field(min_length=1)]
-# TOML has arrays, not tuples; what is in them is strict all the same
-Pair = Annotated[tuple[Finite, Finite], Field(strict=False)]
-
-
-class Table(BaseModel):
-    """A table of the rig file: frozen, strict about its keys and their types."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
 
 class MotionAlignment(Table):
@@ -177,6 +167,12 @@ class Source(Table):
     device: dict[str, Any] | None = None
     align: Alignment | None = None
 
+    @field_validator("kind", mode="before")
+    @classmethod
+    def _any_recorder(cls, kind: Any) -> Any:
+        """Take ``recorder``, which means any, for what the readers of recorders' files call themselves."""
+        return "dewetron" if kind == "recorder" else kind
+
     @model_validator(mode="after")
     def _fits_its_kind(self) -> Source:
         faults = [
@@ -228,7 +224,7 @@ class Sensor(Table):
     calibrated: dt.date | None = None
     due: dt.date | None = None
     u_rel: NotNegative = 0.0
-    range: Pair | None = None
+    range: Pair | None = Field(default=None, description="an array [lowest, highest] in the channel's SI unit")
     sensitivity: Positive | None = None
     sensitivity_unit: Literal["pC", "mV", "V"] | None = None
     amplifier: Positive = 1.0
@@ -286,3 +282,11 @@ class ChannelSpec(Table):
     def enters_estimate(self) -> bool:
         """Whether the channel's role is one of which the estimate is made: any but the trigger's."""
         return self.role in ROLES and self.role != "trigger"
+
+
+def names_in(tables: Mapping[str, Any], key: str) -> list[str]:
+    """Return the names in an array of tables, those of faulty ones too, so that one fault does not cause others."""
+    rows = tables.get(key, [])
+    if not isinstance(rows, list):
+        return []
+    return [row["name"] for row in rows if isinstance(row, dict) and isinstance(row.get("name"), str)]

@@ -682,22 +682,22 @@ def test_every_fault_of_a_table_is_told_at_once():
     with pytest.raises(RigError) as caught:
         trigger_from_table(table, ["acc", "p"], "rig.toml")
     assert [(fault.key, fault.problem) for fault in caught.value.faults] == [
-        ("trigger.holdof_s", "unknown key; did you mean `holdoff_s`?"),
-        ("trigger.pre_s", "must be a finite number, found '1'"),
-        ("trigger.post_s", "is missing"),
+        ("trigger.pre_s", "must be a time that is kept before the trigger, seconds, found '1'"),
+        ("trigger.post_s", "is missing: a time that is kept behind the trigger, seconds"),
         ("trigger.extend", "must be true or false, found 1"),
+        ("trigger.all", "has too few values, found []"),
+        ("trigger.holdof_s", "unknown key; did you mean `holdoff_s`?"),
         ("trigger", "has both `any` and `all`; keep one"),
-        ("trigger.any[0].channel", "no channel 'ac' in this rig; there are 'acc', 'p'"),
+        ("trigger.any[0].channel", "no channel 'ac'; did you mean 'acc'?"),
         ("trigger.any[1].kind", "must be one of edge, window, slope, width, found 'egde'"),
-        ("trigger.any[2].channel", "is missing"),
-        ("trigger.any[2].raerm", "unknown key; did you mean `rearm`?"),
-        ("trigger.any[2].slope", "must be rising or falling, found 'up'"),
-        ("trigger.any[2].level", "must be a finite number, found True"),
+        ("trigger.any[2].channel", "is missing: the name of a channel"),
+        ("trigger.any[2].level", "must be a finite number, the level in the channel's SI unit, found True"),
         ("trigger.any[2].rearm", "must be a finite number, found nan"),
+        ("trigger.any[2].slope", "must be 'rising' or 'falling', found 'up'"),
+        ("trigger.any[2].raerm", "unknown key; did you mean `rearm`?"),
         ("trigger.any[3]", "rearm 4.0 must not be above the level 3.0 of a rising slope"),
         ("trigger.any[4]", "a pulse width needs longer_than_s, shorter_than_s, or both"),
         ("trigger.any[5]", "low must be below high, both finite, not 3.0 and 1.0"),
-        ("trigger.all", "must be a list of at least one table, found []"),
     ]
     assert trigger_faults(table, ["acc", "p"]) == caught.value.faults
 

@@ -9,14 +9,13 @@ import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
+from recoil_acquisition.declaration import NotNegative, Positive, declared
 from recoil_acquisition.errors import Fault, RigError, nearest_first
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.rig import ROLES, RedundantAlignment, Rig
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=0, le=1000)]
 
 
@@ -175,17 +174,9 @@ def read_settings(rig: Rig) -> TwinSettings:
         With every fault, keyed ``twin.<key>``, ``mechanism.<symbol>`` or by the source.
     """
     faults: list[Fault] = []
-    try:
-        settings = TwinSettings.model_validate(dict(rig.twin))
-    except ValidationError as error:
-        for item in error.errors(include_url=False):
-            place = ".".join(["twin", *(str(part) for part in item["loc"])])
-            if item["type"] == "extra_forbidden":
-                nearest = nearest_first(str(item["loc"][-1]), sorted(TwinSettings.model_fields))
-                faults.append(Fault(place, f"unknown key; did you mean `{nearest[0]}`?"))
-            else:
-                faults.append(Fault(place, f"{item['msg'][:1].lower()}{item['msg'][1:]}, found {item['input']!r}"))
-        raise RigError(rig.path, faults) from error
+    settings = declared(TwinSettings, dict(rig.twin), "twin", faults)
+    if settings is None:
+        raise RigError(rig.path, faults)
     missing = [s for s in Mechanism.symbols() if math.isnan(getattr(rig.mechanism, s))]
     faults += [Fault(f"mechanism.{s}", "is missing; a simulation needs all of the model") for s in missing]
     if settings.pre_trigger_s >= settings.duration_s:

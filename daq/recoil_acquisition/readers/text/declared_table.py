@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from recoil_acquisition.errors import CorruptFileError, ReadError, nearest_first
+from recoil_acquisition.errors import CorruptFileError, Fault, ReadError, nearest_first
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.text.cells import split_cells, split_unit
-from recoil_acquisition.readers.text.layout import MOST_ROWS, TextLayout, column_named, layout_from_table
+from recoil_acquisition.readers.text.layout import MOST_ROWS, TextLayout, column_named, text_layout
 from recoil_acquisition.readers.text.recording import TextRecording
 from recoil_acquisition.readers.text.text_file import LongText
 from recoil_acquisition.readers.text.text_table import find_block
@@ -34,10 +34,11 @@ class DeclaredTextReader:
         """
         if declared.layout is None:
             raise ReadError("the rig declares no layout of this text table", path=path, remedy=_REMEDY)
-        try:
-            layout = layout_from_table(declared.layout)
-        except ReadError as error:
-            raise ReadError(error.problem, path=path, place=error.place, remedy=_REMEDY) from error
+        faults: list[Fault] = []
+        layout = text_layout(declared.layout, "layout", faults)
+        if layout is None:
+            said = " | ".join(str(fault) for fault in faults)
+            raise ReadError(f"the declared layout is at fault: {said}", path=path, place="[source]", remedy=_REMEDY)
         file = LongText(path, layout.encoding)
         lines = file.lines(MOST_ROWS)
         if len(lines) < layout.first_row:

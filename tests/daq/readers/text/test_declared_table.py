@@ -6,14 +6,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.errors import CorruptFileError, Fault, ReadError
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.text.declared_table import DeclaredTextReader
-from recoil_acquisition.readers.text.layout import TextLayout, layout_faults, layout_from_table
+from recoil_acquisition.readers.text.layout import TextLayout, text_layout
 from recoil_acquisition.readers.text.recording import TextRecording
 from tests.builders import text_tables as build
 
 READER = DeclaredTextReader()
+
+
+def layout_faults(table: dict[str, Any]) -> list[tuple[str, str]]:
+    faults: list[Fault] = []
+    assert (text_layout(table, "layout", faults) is None) == bool(faults)
+    return [(fault.key.removeprefix("layout."), fault.problem) for fault in faults]
 
 
 def opened(folder: Path, content: bytes, layout: dict[str, Any] | None) -> TextRecording:
@@ -60,7 +66,7 @@ def test_a_declared_unit_of_time_that_differs_from_the_files_is_noted(tmp_path: 
 @pytest.mark.parametrize(
     ("change", "key", "problem"),
     [
-        ({"seperator": ";"}, "seperator", "no such key; the nearest are `separator`"),
+        ({"seperator": ";"}, "seperator", "unknown key; did you mean `separator`?"),
         ({"separator": "x"}, "separator", "must be one of"),
         ({"decimal": "·"}, "decimal", 'must be "." or ","'),
         ({"separator": ",", "decimal": ","}, "decimal", "cannot both"),
@@ -76,7 +82,7 @@ def test_a_declared_unit_of_time_that_differs_from_the_files_is_noted(tmp_path: 
         ({"names": ["a", "a"]}, "names", "different texts"),
         ({"names": ["t", "a"]}, "names", "is declared twice"),
         ({"units": ["s"]}, "units", "is declared twice"),
-        ({"missing": "-999"}, "missing", "must be a list of texts"),
+        ({"missing": "-999"}, "missing", "must be a list of texts that mean a lost sample"),
         ({"comment": "1"}, "comment", "begins no number"),
     ],
 )
@@ -84,7 +90,7 @@ def test_every_fault_of_a_layout_names_its_key(change: dict[str, Any], key: str,
     layout = {**build.DECLARED_LAYOUT, **change}
     faults = dict(layout_faults(layout))
     assert problem in faults[key]
-    with pytest.raises(ReadError, match=r"\[source\.layout\].*" + key):
+    with pytest.raises(ReadError, match=r"\[source\].*layout\." + key):
         opened(tmp_path, build.DECLARED, layout)
 
 
@@ -100,7 +106,7 @@ def test_a_time_column_beside_the_names_names_the_nearest() -> None:
 
 
 def test_a_sound_layout_is_frozen_and_complete() -> None:
-    layout = layout_from_table(build.BARE_LAYOUT)
+    layout = text_layout(build.BARE_LAYOUT, "layout", [])
     assert isinstance(layout, TextLayout)
     assert layout.names == ("count", "p")
     assert layout.decimal == "."

@@ -1,0 +1,206 @@
+"""Tables that a rig file declares: strict types by pydantic, and every fault in the words of a rig file.
+
+A number in quotes, ``true`` for a number or a date in quotes is a fault, because a rig file in which ``u_rel = true``
+means 100 % would be worse than one that is refused. What a key means, with its unit, stands in its field's
+description: a fault of the key quotes it.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Mapping, Sequence
+from types import NoneType
+from typing import Annotated, Any, TypeVar, get_args, get_origin
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
+
+from recoil_acquisition.errors import Fault, did_you_mean
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Text = Annotated[str, Field(min_length=1)]
+# TOML has arrays, not tuples; what is in them is strict all the same
+Pair = Annotated[tuple[Finite, Finite], Field(strict=False)]
+Texts = Annotated[tuple[str, ...], Field(strict=False)]
+
+
+class Table(BaseModel):
+    """A table of a rig file: frozen, strict about its keys and their types."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+
+Declared = TypeVar("Declared", bound=BaseModel)
+
+
+def declared(model: type[Declared], table: Any, where: str, faults: list[Fault]) -> Declared | None:
+    """Validate one table.
+
+    Parameters
+    ----------
+    model : type of pydantic model
+    table : object
+        As the TOML has it.
+    where : str
+        Its key path, such as ``source[3] 'imu'``.
+    faults : list of Fault
+        Every fault found is appended.
+
+    Returns
+    -------
+    model or None
+        None if it has a fault.
+    """
+    try:
+        return model.model_validate(table)
+    except ValidationError as error:
+        # a key that may be of two types has a fault of each
+        faults += dict.fromkeys(_fault(item, where, model) for item in error.errors(include_url=False))
+        return None
+
+
+def declared_rows(
+    tables: Mapping[str, Any], key: str, model: type[Declared], faults: list[Fault]
+) -> list[tuple[str, Declared]]:
+    """Validate an array of tables; return the sound ones with their key paths.
+
+    Parameters
+    ----------
+    tables : mapping
+        The whole rig file.
+    key : str
+        ``source`` or ``channel``.
+    model : type of pydantic model
+    faults : list of Fault
+        Every fault found is appended.
+    """
+    rows = tables.get(key, [])
+    if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
+        faults.append(Fault(key, f"at least one table [[{key}]] is needed"))
+        return []
+    sound: list[tuple[str, Declared]] = []
+    for i, row in enumerate(rows):
+        where = f"{key}[{i}]" + (f" '{row['name']}'" if isinstance(row.get("name"), str) else "")
+        one = declared(model, row, where, faults)
+        if one is not None:
+            sound.append((where, one))
+    return sound
+
+
+def unknown_keys(table: Mapping[str, Any], known: Sequence[str], prefix: str) -> list[Fault]:
+    """Name the keys of a table that it should not have, each with the nearest known one."""
+    return [unknown_key(f"{prefix}{key}", str(key), known) for key in table if key not in known]
+
+
+def unknown_key(place: str, key: str, known: Sequence[str]) -> Fault:
+    """Name a key that a table should not have, with the nearest known one if any is near."""
+    return Fault(place, f"unknown key; {did_you_mean(key, sorted(known), quote='`')}")
+
+
+_PROBLEMS = {
+    "date_type": "must be a date such as 2026-03-01, without quotes",
+    "dict_type": "must be a table",
+    "model_attributes_type": "must be a table",
+    "model_type": "must be a table",
+    "string_too_short": "must not be empty",
+    "too_long": "has too many values",
+    "too_short": "has too few values",
+    "list_type": "must be an array",
+    "tuple_type": "must be an array",
+    "bool_type": "must be true or false",
+    "float_type": "must be a finite number",
+    "int_type": "must be a whole number",
+    "string_type": "must be a text",
+    "finite_number": "must be a finite number",
+}
+"""Type of a pydantic error -> the same in the words of a rig file."""
+_OF_THE_KEY = {"value_error", "missing", "extra_forbidden", "union_tag_invalid", "union_tag_not_found"}
+
+
+def _fault(item: ErrorDetails, where: str, model: type[BaseModel]) -> Fault:
+    """Say one of pydantic's errors in the words of a rig file."""
+    place, holder, field = _at(item["loc"], where, model)
+    kind, found = item["type"], item["input"]
+    if kind == "extra_forbidden":
+        return unknown_key(place, str(item["loc"][-1]), list(holder.model_fields) if holder else ())
+    if kind in ("union_tag_not_found", "union_tag_invalid"):
+        key = item["ctx"]["discriminator"].strip("'")
+        tags = [tag.strip("'") for tag in _tags(field, key)]
+        if kind == "union_tag_not_found":
+            return Fault(f"{place}.{key}", f"is missing; one of {', '.join(tags)}")
+        tag = str(found.get(key))
+        return Fault(f"{place}.{key}", f"unknown {key} {tag!r}; {did_you_mean(tag, tags)}")
+    meaning = (field.description or "") if field else ""
+    if kind == "missing":
+        return Fault(place, f"is missing{f': {meaning}' if meaning else ''}")
+    if meaning and kind not in _OF_THE_KEY:
+        problem = f"must be {meaning}"
+    else:
+        said = item["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
+        problem = _PROBLEMS.get(kind, said[:1].lower() + said[1:])
+    shown = "" if isinstance(found, dict | BaseModel) else f", found {_short(found)}"
+    return Fault(place, problem + shown)
+
+
+def _at(
+    loc: tuple[int | str, ...], where: str, model: type[BaseModel]
+) -> tuple[str, type[BaseModel] | None, FieldInfo | None]:
+    """Follow the place of an error through nested tables: its key path, the table that it is in, and its field."""
+    holder: type[BaseModel] | None = model
+    kind: Any = model
+    field: FieldInfo | None = None
+    for part in loc:
+        if isinstance(part, int):
+            where += f"[{part}]"
+            kind = next(iter(get_args(kind)), None)
+        elif _is_table(kind):
+            where += f".{part}"
+            holder, field = kind, kind.model_fields.get(part)
+            kind = None if field is None else _plain(field.annotation)
+        elif get_origin(kind) is dict:
+            where += f".{part}"
+        else:
+            # pydantic puts there which member of a union it tried, which is no key
+            kind = next(iter(_members(kind, part)), None)
+    return where, holder, field
+
+
+def _plain(kind: Any) -> Any:
+    """Take what Annotated and Optional put around a type off it."""
+    while True:
+        if get_origin(kind) is Annotated:
+            kind = get_args(kind)[0]
+        elif NoneType in get_args(kind):
+            rest = [one for one in get_args(kind) if one is not NoneType]
+            if len(rest) > 1:
+                return kind
+            kind = rest[0]
+        else:
+            return kind
+
+
+def _members(union: Any, tag: str) -> list[type[BaseModel]]:
+    """Return the tables of a union that bear a tag."""
+    return [one for one in get_args(union) if _is_table(one) and tag in _literals(one)]
+
+
+def _is_table(kind: Any) -> bool:
+    return isinstance(kind, type) and issubclass(kind, BaseModel)
+
+
+def _literals(model: type[BaseModel]) -> list[str]:
+    return [str(tag) for field in model.model_fields.values() for tag in get_args(field.annotation)]
+
+
+def _tags(field: FieldInfo | None, key: str) -> list[str]:
+    members = get_args(_plain(field.annotation)) if field else ()
+    return [str(tag) for one in members for tag in get_args(one.model_fields[key].annotation)]
+
+
+def _short(value: Any) -> str:
+    """Show a value as the file has it, cut to what fits into a line."""
+    text = repr(value) if not isinstance(value, dt.date) else value.isoformat()
+    return text if len(text) <= 60 else f"{text[:57]}..."
