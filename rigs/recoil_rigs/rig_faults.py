@@ -12,7 +12,7 @@ from recoil_acquisition.errors import Fault, FramingError, did_you_mean, nearest
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.quantity import SI_UNITS, UNITS, find_unit, normalise_unit
 from recoil_acquisition.readers.text.layout import text_layout
-from recoil_acquisition.readers.tracks.layout import LayoutError, TrackLayout
+from recoil_acquisition.readers.tracks.layout import track_layout
 from recoil_acquisition.trigger.table import trigger_faults
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.mechanism_parameters import MEANINGS
@@ -101,15 +101,11 @@ def _faults_of_layout(where: str, source: Source) -> list[Fault]:
     """Check the layout of a recorder's or a camera's text tables as its reader will."""
     if source.layout is None:
         return []
-    if source.kind == "camera":
-        try:
-            TrackLayout.from_mapping(source.layout)
-        except LayoutError as error:
-            split = (fault.partition(": ") for fault in error.faults)
-            return [Fault(f"{where}.layout.{key}", problem) for key, _, problem in split]
-        return []
     faults: list[Fault] = []
-    text_layout(source.layout, f"{where}.layout", faults)
+    if source.kind == "camera":
+        track_layout(source.layout, f"{where}.layout", faults)
+    else:
+        text_layout(source.layout, f"{where}.layout", faults)
     return faults
 
 

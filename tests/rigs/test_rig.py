@@ -164,6 +164,10 @@ def only_fault_of(*changes: tuple[str, str]) -> str:
 # A sound rig
 
 
+def test_recorder_is_the_kind_of_any_recorder() -> None:
+    assert rig_of(changed(('kind = "dewetron"', 'kind = "recorder"'))).sources == rig_of().sources
+
+
 def test_a_sound_rig_is_read_with_all_its_parts() -> None:
     rig = rig_of()
     assert (rig.name, rig.reference_clock, rig.path, rig.text) == ("bench", "dewetron", PATH, RIG)

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from difflib import get_close_matches
 from itertools import islice, pairwise
 from pathlib import Path
 
 import numpy as np
 
-from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.errors import CorruptFileError, Fault, ReadError
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.text.cells import is_lost, is_number, split_cells
 from recoil_acquisition.readers.text.rows import read_rows
@@ -24,7 +23,7 @@ from recoil_acquisition.readers.text.text_file import LongText, Text, TextFile
 from recoil_acquisition.readers.text.text_table import Block
 from recoil_acquisition.readers.tracks.columns import Column
 from recoil_acquisition.readers.tracks.frame_time import frame_clock
-from recoil_acquisition.readers.tracks.layout import ColumnChoice, LayoutError, TrackLayout
+from recoil_acquisition.readers.tracks.layout import ColumnChoice, TrackLayout, track_layout
 from recoil_acquisition.readers.tracks.recording import TrackRecording, TrackTable
 
 PART_BYTES = 1 << 20
@@ -57,12 +56,12 @@ class DeclaredTrackReader:
                 place=f"source {declared.clock!r}",
                 remedy="declare `layout` of this source in the rig file",
             )
-        try:
-            layout = TrackLayout.from_mapping(declared.layout)
-        except LayoutError as error:
-            raise ReadError(str(error), place=f"source {declared.clock!r}.layout", path=path, remedy=REMEDY) from error
+        faults: list[Fault] = []
+        layout = track_layout(declared.layout, f"source {declared.clock!r}.layout", faults)
+        if layout is None:
+            raise ReadError(" | ".join(str(fault) for fault in faults), path=path, remedy=REMEDY)
         file, layout = _text_of(path, layout)
-        header = list(islice(_lines(file), layout.first_row - 1))
+        header = list(islice(_lines(file), layout.first_line - 1))
         headings = _headings(header, layout, path)
         columns, at = _columns(layout, headings, path)
         block = _block(file, layout, columns, at)
@@ -91,7 +90,7 @@ def _text_of(path: Path, layout: TrackLayout) -> tuple[Text, TrackLayout]:
     if not is_workbook(head):
         return LongText(path), layout
     sheet = read_sheets(path)[0]
-    return TextFile(path, sheet.text.encode(), "utf-8"), replace(layout, separator="\t", decimal=".")
+    return TextFile(path, sheet.text.encode(), "utf-8"), layout.model_copy(update={"separator": "\t", "decimal": "."})
 
 
 def _lines(file: Text) -> Iterator[str]:
@@ -181,7 +180,7 @@ def _block(file: Text, layout: TrackLayout, columns: Sequence[Column], at: Seque
     body, least = bytearray(), max(at) + 1
     whole, groups = _row_of_numbers(layout, at), [f"c{i}" for i in at]
     short: CorruptFileError | None = None
-    rows = _rows(islice(_lines(file), layout.first_row - 1, None))
+    rows = _rows(islice(_lines(file), layout.first_line - 1, None))
     for n, row in enumerate(rows):
         if short is not None:
             raise short
@@ -193,7 +192,7 @@ def _block(file: Text, layout: TrackLayout, columns: Sequence[Column], at: Seque
             short = CorruptFileError(
                 "a row has too few cells for the declared columns",
                 path=file.path,
-                place=f"line {layout.first_row + n}",
+                place=f"line {layout.first_line + n}",
                 expected=f"at least {least} cells",
                 found=f"{len(cells)}",
                 remedy=f"{REMEDY}: its `separator`, `first_row` or columns",
@@ -207,11 +206,11 @@ def _block(file: Text, layout: TrackLayout, columns: Sequence[Column], at: Seque
         dropped = f"the last row has fewer than {least} cells: it was left out"
     if not body:
         raise CorruptFileError(
-            "there is no complete row of numbers", path=file.path, place=f"line {layout.first_row}", remedy=REMEDY
+            "there is no complete row of numbers", path=file.path, place=f"line {layout.first_line}", remedy=REMEDY
         )
     names = tuple(column.name for column in columns)
     written = TextFile(file.path, bytes(body), "utf-8")
-    return Block(written, 0, len(body) - 1, layout.first_row, "\t", names, False, dropped)
+    return Block(written, 0, len(body) - 1, layout.first_line, "\t", names, False, dropped)
 
 
 def _row_of_numbers(layout: TrackLayout, at: Sequence[int]) -> re.Pattern[str]:
@@ -226,13 +225,13 @@ def _row_of_numbers(layout: TrackLayout, at: Sequence[int]) -> re.Pattern[str]:
 
 def _plain(cell: str, column: Column, layout: TrackLayout, row: int, path: Path) -> str:
     """Write a cell with a decimal point; a lost one as nan."""
-    if is_lost(cell) or (cell.casefold() in layout.lost and column.kind not in ("frame", "time")):
+    if is_lost(cell) or (cell.casefold() in layout.lost_texts and column.kind not in ("frame", "time")):
         return "nan"
     if not is_number(cell) or (layout.decimal not in cell and ("," in cell or "." in cell)):
         raise CorruptFileError(
             "a cell is not a number",
             path=path,
-            place=f"line {layout.first_row + row}, column {column.name!r}",
+            place=f"line {layout.first_line + row}, column {column.name!r}",
             expected=f"a number with decimal {layout.decimal!r}, an empty cell, or one of `lost`",
             found=repr(cell[:40]),
             remedy=f"{REMEDY}: its `decimal`, `first_row`, columns or `lost`",

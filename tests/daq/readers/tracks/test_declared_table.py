@@ -139,7 +139,7 @@ def test_a_row_with_too_few_cells_is_refused(line: str, tmp_path: Path) -> None:
 
 
 def test_a_faulty_or_missing_layout_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ReadError, match=r"source 'camera'.layout: seperator: unknown key, did you mean 'separator'\?"):
+    with pytest.raises(ReadError, match=r"source 'camera'.layout.seperator: unknown key; did you mean `separator`\?"):
         opened(tmp_path, table(), {**LAYOUT, "seperator": ";"})
     with pytest.raises(ReadError, match="no layout is declared"):
         READER.open(tmp_path / "a.csv", Declarations("camera"))
