@@ -11,7 +11,7 @@ from typing import Any
 
 from recoil_acquisition.acquisition import is_acquisition
 from recoil_acquisition.errors import Fault, RecoilDaqError, RigError
-from recoil_acquisition.readers.reader import Recording
+from recoil_acquisition.readers.recording import Recording
 from recoil_daq.ingest import reader_of
 from recoil_rigs.assemble import find_signal, match_files, unit_of
 from recoil_rigs.can_signals import faults_of_can_signals

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.readers.reader import Declarations, Reader, Recording
+from recoil_acquisition.readers.reader import Declarations, Reader
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import BY_LAYOUT, READERS, TableReader
 from recoil_acquisition.timebase import TimeBase
 from recoil_daq.ingest import reader_of

@@ -12,7 +12,8 @@ from recoil_acquisition.acquisition import AT_TRIGGER, Acquisition, is_acquisiti
 from recoil_acquisition.channel import Step
 from recoil_acquisition.errors import CorruptFileError, ReadError, StoreError, UnknownFormatError
 from recoil_acquisition.exporters.absolute import stated_start
-from recoil_acquisition.readers.reader import Reader, Recording
+from recoil_acquisition.readers.reader import Reader
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import BY_LAYOUT, READERS, recognise
 from recoil_acquisition.regular_file import check_regular
 from recoil_acquisition.shot import InputFile, Shot

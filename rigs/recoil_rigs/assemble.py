@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import Channel, Step
 from recoil_acquisition.errors import Fault, ReadError, RigError
 from recoil_acquisition.quantity import Unit, find_unit
-from recoil_acquisition.readers.reader import Recording, SignalHeader
+from recoil_acquisition.readers.reader import SignalHeader
+from recoil_acquisition.readers.recording import Recording
 from recoil_rigs.rig import ChannelSpec, Rig, Sensor, Source
 
 Array = NDArray[np.float64]

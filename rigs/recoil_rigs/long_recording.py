@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import Fault, ReadError, RigError
-from recoil_acquisition.readers.excerpt import Excerpt
-from recoil_acquisition.readers.reader import Recording
+from recoil_acquisition.readers.excerpt import excerpt
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.trigger import Trigger, TriggerDetector
 from recoil_rigs.assemble import find_signal, in_si, unit_of
 from recoil_rigs.rig import Rig
@@ -66,7 +66,7 @@ def cut_long_recordings(
     Returns
     -------
     dict of str to Recording
-        With an `Excerpt` in the place of what was cut.
+        With an excerpt in the place of what was cut.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def cut_long_recordings(
         f"{max(start_s, first_s):.6g} s to {min(shot.stop_s, last_s):.6g} s of {first_s:.6g} s to {last_s:.6g} s "
         f"were taken, around {around} at {shot.trigger_s:.6f} s"
     )
-    return {**recordings, cut_by: Excerpt(recording, start_s, shot.stop_s, why)}
+    return {**recordings, cut_by: excerpt(recording, start_s, shot.stop_s, why)}
 
 
 def find_shots(rig: Rig, trigger: Trigger, recording: Recording, source: str) -> tuple[FoundShot, ...]:

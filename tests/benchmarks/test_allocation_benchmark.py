@@ -11,13 +11,13 @@ from pathlib import Path
 
 import pytest
 
+from recoil_acquisition.conformance import Case
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.readers.head import HEAD_BYTES, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import recognise
 from tests.builders.hostile_files import HOSTILE
 from tests.builders.vendor_files import DBC
-from tests.contracts.reader_rules import Case
 from tests.contracts.test_reader_rules import CASES
 
 FILES_PER_CASE = 400

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recoil_acquisition.readers.reader import Recording
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.shot import Shot
 from recoil_daq.ingest import reader_of
 from recoil_processing.shot.clocks.shot_clocks import align_clocks

@@ -5,11 +5,11 @@ from __future__ import annotations
 import gzip
 from collections.abc import Callable
 
+from recoil_acquisition.conformance import Case
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import READERS
 from tests.builders import can_logs, mdf_logs
 from tests.builders import vendor_files as build
-from tests.contracts.reader_rules import Case
 
 BY_NAME = {reader.name: reader for reader in READERS}
 CAN = Declarations("can", database=build.DBC)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from recoil_acquisition.conformance import Case
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import READERS
 from tests.builders import container_files as build
-from tests.contracts.reader_rules import Case
 
 BY_NAME = {reader.name: reader for reader in READERS}
 RECORDER = Declarations("dewetron")

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from recoil_acquisition.conformance import Case
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import READERS
 from tests.builders.oxygen_dmd import Stored, oxygen_dmd
-from tests.contracts.reader_rules import Case
 
 READER = next(reader for reader in READERS if reader.name == "DEWETRON OXYGEN recording")
 WAVE = np.arange(-12, 12) ** 3

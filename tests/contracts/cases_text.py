@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from recoil_acquisition.conformance import Case
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import BY_LAYOUT, READERS
 from tests.builders import text_tables as build
 from tests.builders import vendor_files
-from tests.contracts.reader_rules import Case
 
 BY_NAME = {reader.name: reader for reader in READERS}
 RECORDER = Declarations("dewetron")

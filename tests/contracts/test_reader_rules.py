@@ -10,10 +10,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from recoil_acquisition import conformance as rules
+from recoil_acquisition.conformance import Case
 from recoil_acquisition.readers.head import HEAD_BYTES, Head
 from recoil_acquisition.readers.table import READERS, TableReader, surest_claim
-from tests.contracts import reader_rules as rules
-from tests.contracts.reader_rules import Case
+from tests.contracts.cases_text import DECLARED_CASES
 
 CASES: tuple[Case, ...] = tuple(
     case
@@ -40,6 +41,20 @@ def test_every_reader_keeps(rule: Callable[[Case, Path], None], case: Case, tmp_
     rule(case, tmp_path)
 
 
+@pytest.mark.parametrize("case", DECLARED_CASES, ids=lambda case: case.name)
+@pytest.mark.parametrize(
+    "rule", [rule for rule in rules.RULES if rule is not rules.claims_its_own_file], ids=lambda rule: rule.__name__
+)
+def test_the_reader_of_declared_tables_keeps(rule: Callable[[Case, Path], None], case: Case, tmp_path: Path) -> None:
+    rule(case, tmp_path)
+
+
+@pytest.mark.parametrize("case", DECLARED_CASES, ids=lambda case: case.name)
+def test_the_reader_of_declared_tables_claims_nothing(case: Case) -> None:
+    assert not case.reader.claims(Head(case.content))
+    assert case.reader.name not in {reader.name for reader in READERS}
+
+
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_exactly_one_reader_claims_each_file(case: Case) -> None:
     claim, claiming = surest_claim(Head(case.content))
@@ -47,11 +62,11 @@ def test_exactly_one_reader_claims_each_file(case: Case) -> None:
     assert [reader.name for reader in claiming] == [case.reader.name]
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@pytest.mark.parametrize("case", [*CASES, *DECLARED_CASES], ids=lambda case: case.name)
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(flips=st.lists(st.tuples(st.floats(0, 1), st.integers(0, 255)), min_size=1, max_size=6))
 def test_flipped_bytes_never_give_another_exception(case: Case, tmp_path: Path, flips: list[tuple[float, int]]) -> None:
-    rules.flipped_bytes_are_refused_or_read(case, tmp_path, flips)
+    rules.flipped_bytes_are_refused_or_read(case, tmp_path, [flips])
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)

@@ -75,7 +75,8 @@ class CsvExporter:
         (group,) = content.groups
         recording = RecoilCsvReader().open(path, Declarations(group.time_base.clock))
         samples = {header.name: recording.read(header.name) for header in recording.signals}
-        return (Table(group.name, recording.times_s, samples),)
+        times_s = recording.time_base(recording.signals[0].name).times_s
+        return (Table(group.name, times_s, samples),)
 
 
 def heading_row(headings: list[str]) -> str:

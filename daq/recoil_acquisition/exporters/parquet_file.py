@@ -59,4 +59,5 @@ class ParquetExporter:
         recording = RecoilParquetReader().open(path, Declarations(group.time_base.clock))
         types = {c.name: c.samples.dtype for c in group.channels}
         samples = {s.name: recording.read(s.name).astype(types.get(s.name, np.float64)) for s in recording.signals}
-        return (Table(group.name, recording.times_s, samples),)
+        times_s = recording.time_base(recording.signals[0].name).times_s
+        return (Table(group.name, times_s, samples),)

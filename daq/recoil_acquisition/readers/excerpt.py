@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
-from functools import cached_property
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
-from recoil_acquisition.readers.reader import Recording, SignalHeader
-from recoil_acquisition.timebase import AbsoluteStart, TimeBase
-from recoil_acquisition.track import Track
+from recoil_acquisition.readers.reader import SignalHeader
+from recoil_acquisition.readers.recording import Recording, StoredChannel
 
 
-class Excerpt:
-    """The samples of a recording from one instant to before another; its time zero stays the recording's.
+def excerpt(recording: Recording, start_s: float, stop_s: float, why: str) -> Recording:
+    """Return the samples of a recording from one instant to before another; its time zero stays the recording's.
 
     Nothing outside the span is read, but for stamps where a time base is not uniform.
 
@@ -31,64 +26,25 @@ class Excerpt:
     why : str
         What is told of it in the notes.
     """
+    return Recording(
+        recording.path,
+        recording.reader,
+        [_part(recording, header, start_s, stop_s) for header in recording.signals],
+        metadata={**recording.metadata, "excerpt": {"start_s": start_s, "stop_s": stop_s}},
+        notes=lambda: (*recording.notes, why),
+        incomplete=recording.incomplete,
+        absolute_start=lambda: recording.absolute_start,
+    )
 
-    def __init__(self, recording: Recording, start_s: float, stop_s: float, why: str) -> None:
-        self._whole, self._start_s, self._stop_s, self._why = recording, start_s, stop_s, why
 
-    @property
-    def path(self) -> Path:
-        """The file."""
-        return self._whole.path
+def _part(recording: Recording, header: SignalHeader, start_s: float, stop_s: float) -> StoredChannel:
+    whole = recording.time_base(header.name)
+    first, last = whole.span(start_s, stop_s)
 
-    @property
-    def reader(self) -> str:
-        """Name of the reader that opened it."""
-        return self._whole.reader
+    def samples(start: int, stop: int) -> NDArray[np.float64]:
+        return recording.read(header.name, first + start, first + stop)
 
-    @cached_property
-    def signals(self) -> tuple[SignalHeader, ...]:
-        """The recording's signals, with as many samples as lie in the span."""
-        return tuple(replace(header, sample_count=self.time_base(header.name).count) for header in self._whole.signals)
+    def raw(start: int, stop: int) -> RawCounts | None:
+        return recording.raw(header.name, first + start, first + stop)
 
-    @property
-    def metadata(self) -> Mapping[str, Any]:
-        """What the file says about itself, and the span."""
-        return {**self._whole.metadata, "excerpt": {"start_s": self._start_s, "stop_s": self._stop_s}}
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What the recording has to say, of all of it, and what part this is."""
-        return (*self._whole.notes, self._why)
-
-    @property
-    def incomplete(self) -> str:
-        """How it shows that the file was cut off; empty if nothing shows that."""
-        return self._whole.incomplete
-
-    @property
-    def absolute_start(self) -> AbsoluteStart | None:
-        """Wall-clock time of the recording's time zero, which the excerpt keeps."""
-        return self._whole.absolute_start
-
-    def read(self, name: str, start: int = 0, stop: int | None = None) -> NDArray[np.float64]:
-        """Read samples of one signal within the span, shape (stop - start,)."""
-        return self._whole.read(name, *self._numbers(name, start, stop))
-
-    def raw(self, name: str, start: int = 0, stop: int | None = None) -> RawCounts | None:
-        """Return the integers that the source stored for samples within the span, if it stored any."""
-        return self._whole.raw(name, *self._numbers(name, start, stop))
-
-    def time_base(self, name: str) -> TimeBase:
-        """Return the instants of one signal within the span, on the source's clock."""
-        whole = self._whole.time_base(name)
-        return whole.part(*whole.span(self._start_s, self._stop_s))
-
-    def tracks(self) -> tuple[Track, ...]:
-        """Return nothing: this is no camera."""
-        return ()
-
-    def _numbers(self, name: str, start: int, stop: int | None) -> tuple[int, int]:
-        """Return the numbers in the whole recording of samples numbered within the span."""
-        first, last = self._whole.time_base(name).span(self._start_s, self._stop_s)
-        low, high, _ = slice(start, stop).indices(last - first)
-        return first + low, first + max(low, high)
+    return StoredChannel(replace(header, sample_count=last - first), whole.part(first, last), samples, raw)

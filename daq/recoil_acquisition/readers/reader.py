@@ -2,7 +2,7 @@
 
 A `Reader` says from the beginning of a file whether it is its own, and opens it as a `Recording`:
 headers first, samples when asked for. The rules are checked for every reader by one suite of
-functions in ``tests/contracts/reader_rules.py``:
+functions, `recoil_acquisition.conformance`, which other packages may call on their own:
 
 - headers before samples; the promised dtype; unknown names say which exist;
 - reading a part is the same as reading all and cutting; parts concatenate;
@@ -17,15 +17,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
-from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.readers.head import Claim, Head
-from recoil_acquisition.timebase import AbsoluteStart, TimeBase
-from recoil_acquisition.track import Track
+
+if TYPE_CHECKING:
+    from recoil_acquisition.readers.recording import Recording
 
 
 @dataclass(frozen=True)
@@ -81,73 +78,6 @@ class Declarations:
     frame_rate_hz: float | None = None
     scale_mm_per_px: float | None = None
     layout: Mapping[str, Any] | None = None
-
-
-class Recording(Protocol):
-    """One opened file of one instrument."""
-
-    @property
-    def path(self) -> Path:
-        """The file."""
-        ...
-
-    @property
-    def reader(self) -> str:
-        """Name of the reader that opened it."""
-        ...
-
-    @property
-    def signals(self) -> tuple[SignalHeader, ...]:
-        """Its signals, in the file's order."""
-        ...
-
-    @property
-    def metadata(self) -> Mapping[str, Any]:
-        """What the file says about itself: preamble, versions, counters of losses; JSON types only."""
-        ...
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What a user must know before trusting the samples: losses, repairs, contradictions."""
-        ...
-
-    @property
-    def incomplete(self) -> str:
-        """How it shows that the file was cut off; empty if nothing shows that."""
-        ...
-
-    @property
-    def absolute_start(self) -> AbsoluteStart | None:
-        """Wall-clock time of the recording's time zero, if the file states one."""
-        ...
-
-    def read(self, name: str, start: int = 0, stop: int | None = None) -> NDArray[np.float64]:
-        """Read samples of one signal in the file's unit, lost ones NaN, shape (stop - start,).
-
-        Raises
-        ------
-        MissingChannelError
-            If there is no such signal.
-        """
-        ...
-
-    def raw(self, name: str, start: int = 0, stop: int | None = None) -> RawCounts | None:
-        """Return the integers that the source stored for samples of one signal, if it stored any."""
-        ...
-
-    def time_base(self, name: str) -> TimeBase:
-        """Return the instants of one signal's samples on the source's clock.
-
-        Raises
-        ------
-        MissingChannelError
-            If there is no such signal.
-        """
-        ...
-
-    def tracks(self) -> tuple[Track, ...]:
-        """Return the markers' paths of a camera's file; empty for every other kind."""
-        ...
 
 
 class Reader(Protocol):

@@ -22,7 +22,8 @@ from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.unread import foreign_format
 
 if TYPE_CHECKING:
-    from recoil_acquisition.readers.reader import Declarations, Reader, Recording
+    from recoil_acquisition.readers.reader import Declarations, Reader
+    from recoil_acquisition.readers.recording import Recording
 
 
 class _Loaded(Protocol):

@@ -26,6 +26,7 @@ import shutil
 import subprocess
 import tempfile
 import weakref
+from functools import partial
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -33,15 +34,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.child_process import own_command
-from recoil_acquisition.errors import CorruptFileError, MissingChannelError, ReadError
+from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.extras import DEWESOFT
 from recoil_acquisition.readers.dewesoft import child_process as child
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
+from recoil_acquisition.readers.recording import Recording, StoredChannel
 from recoil_acquisition.readers.time.increasing_stamps import keep_increasing, left_out_note
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
-from recoil_acquisition.track import Track
 
 MAGIC = b"MULTI_STREAM_FILE_VER"
 FEWEST_BYTES = 4096
@@ -62,7 +62,7 @@ class DewesoftReader:
 
     name = "Dewesoft recording"
 
-    def open(self, path: Path, declared: Declarations) -> DewesoftRecording:
+    def open(self, path: Path, declared: Declarations) -> Recording:
         """Read a recording.
 
         Raises
@@ -86,7 +86,7 @@ class DewesoftReader:
         _check_library(path)
         folder = Path(tempfile.mkdtemp(prefix="recoil-daq-"))
         try:
-            return DewesoftRecording(path, folder, _run(path, folder, size), declared.clock)
+            return _Found(path, folder, _run(path, folder, size), declared.clock).recording()
         except BaseException:
             shutil.rmtree(folder, ignore_errors=True)
             raise
@@ -133,63 +133,54 @@ def _run(path: Path, folder: Path, size: int) -> dict[str, Any]:
     return dict(found)
 
 
-class DewesoftRecording:
-    """One recording, as the library gave it.
+class _Found:
+    """What a child wrote of a recording, in a folder that goes when nobody holds this any more.
 
     Parameters
     ----------
     path : Path
     folder : Path
-        Where the child wrote; removed with the recording.
     found : dict
         What the child said.
     clock : str
         Name of the source.
     """
 
-    reader = DewesoftReader.name
-    incomplete = ""
-
     def __init__(self, path: Path, folder: Path, found: dict[str, Any], clock: str) -> None:
         weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
-        self.path, self._clock, self._folder = path, clock, folder
-        self.absolute_start: AbsoluteStart | None = AbsoluteStart(
-            found["start_measure_time"], "unknown", "start of the measurement"
-        )
-        self._notes: list[str] = []
-        self._channels: dict[str, dict[str, Any]] = {}
-        self._kept: dict[str, NDArray[np.int64]] = {}
+        self._path, self._folder, self._found, self._clock = path, folder, found, clock
+        self._start = AbsoluteStart(found["start_measure_time"], "unknown", "start of the measurement")
+
+    def recording(self) -> Recording:
+        """Return the recording; its channels hold this."""
+        found, notes, channels, empty = self._found, [], [], []
         single: dict[str, Any] = {}
-        headers, empty = [], []
         for channel in found["channels"]:
             name = channel["name"]
             if "refused" in channel:
-                self._notes.append(f"{name}: left out: {channel['refused']}")
+                notes.append(f"{name}: left out: {channel['refused']}")
             elif not channel["count"]:
                 empty.append(name)
             elif channel["kind"] == child.SINGLE:
                 single[name] = {"value": _plain(self._stored(channel, 0, 1)[0]), "unit": channel["unit"]}
             else:
-                headers.append(self._take(name, channel))
+                channels.append(self._channel(name, channel, notes))
         if empty:
-            self._notes.append(f"channels without a sample: {', '.join(empty)}")
-        if not headers:
+            notes.append(f"channels without a sample: {', '.join(empty)}")
+        if not channels:
             raise ReadError(
-                "there are no samples that can be read", path=path, found="; ".join(self._notes) or "no channels",
+                "there are no samples that can be read", path=self._path, found="; ".join(notes) or "no channels",
                 remedy=_REMEDY,
             )  # fmt: skip
         storing = found.get("storing_type", 0)
         if storing in _GAPS:
-            self._notes.append(f"it was stored {_GAPS[storing]}: there may be gaps, and each is in the time bases")
-        self._notes += [f"the library does not give its {key}: {said}" for key, said in found.get("failed", {}).items()]
-        self.signals = tuple(headers)
-        self.notes = tuple(self._notes)
+            notes.append(f"it was stored {_GAPS[storing]}: there may be gaps, and each is in the time bases")
+        notes += [f"the library does not give its {key}: {said}" for key, said in found.get("failed", {}).items()]
         kept = ("sample_rate_hz", "start_measure_time", "start_store_time", "duration_s", "header", "events", "version")
-        self.metadata: dict[str, Any] = {
-            **{key: found.get(key) for key in (*kept, "storing_type")},
-            "single_values": single,
-            **self._setup(),
-        }
+        said = {**{key: found.get(key) for key in (*kept, "storing_type")}, "single_values": single, **self._setup()}
+        return Recording(
+            self._path, DewesoftReader.name, channels, metadata=said, notes=notes, absolute_start=self._start
+        )
 
     def _setup(self) -> dict[str, Any]:
         try:
@@ -199,27 +190,30 @@ class DewesoftRecording:
         digest = {"setup_sha256": hashlib.sha256(setup).hexdigest()}
         return digest if len(setup) > LONGEST_SETUP else {**digest, "setup": setup.decode("utf-8", "replace")}
 
-    def _take(self, name: str, channel: dict[str, Any]) -> SignalHeader:
-        self._channels[name] = channel
+    def _channel(self, name: str, channel: dict[str, Any], notes: list[str]) -> StoredChannel:
         count = channel["count"]
         if name != channel["long_name"]:
-            self._notes.append(f"{name}: another channel is named {channel['long_name']!r} too")
+            notes.append(f"{name}: another channel is named {channel['long_name']!r} too")
         if "\ufffd" in name + channel["unit"]:
-            self._notes.append(f"{name}: its name or unit {channel['unit']!r} has letters that are not UTF-8")
+            notes.append(f"{name}: its name or unit {channel['unit']!r} has letters that are not UTF-8")
+        chosen: NDArray[np.int64] | None = None
         if "rate_hz" not in channel:
             stamps_s = self._stored(channel, count, 2 * count)
             kept, repeated, backward = keep_increasing(stamps_s)
-            self._notes += left_out_note(name, count, repeated, backward)
+            notes += left_out_note(name, count, repeated, backward)
             if repeated or backward:
-                self._kept[name] = np.flatnonzero(kept)
-                count = int(self._kept[name].size)
+                chosen = np.flatnonzero(kept)
+                count = int(chosen.size)
                 stamps_s = stamps_s[kept]
             if channel["kind"] == child.SYNC and count > 1:
                 steps = np.diff(stamps_s)
                 gaps = int((steps > 1.5 * np.median(steps)).sum())
-                self._notes.append(f"{name}: its samples are not evenly spaced ({gaps} gaps): instants are as stored")
+                notes.append(f"{name}: its samples are not evenly spaced ({gaps} gaps): instants are as stored")
         told = {key: channel[key] for key in ("description", "data_type") if channel.get(key)}
-        return SignalHeader(name, channel["unit"], count, metadata=told)
+        header = SignalHeader(name, channel["unit"], count, metadata=told)
+        return StoredChannel(
+            header, partial(self._instants, name, channel, chosen), partial(self._samples, channel, chosen)
+        )
 
     def _stored(self, channel: dict[str, Any], start: int, stop: int) -> NDArray[np.float64]:
         """Read what the child wrote of one channel: its samples, and behind them its stamps."""
@@ -228,49 +222,28 @@ class DewesoftRecording:
                 file.seek(channel["at"] + 8 * start)
                 stored = np.fromfile(file, "<f8", max(stop - start, 0))
         except OSError as error:
-            raise ReadError(f"its temporary samples cannot be read: {error}", path=self.path) from error
+            raise ReadError(f"its temporary samples cannot be read: {error}", path=self._path) from error
         if stored.size < stop - start:
-            raise ReadError("its temporary samples are gone", path=self.path, remedy="is the disk full?")
+            raise ReadError("its temporary samples are gone", path=self._path, remedy="is the disk full?")
         return stored.astype(np.float64, copy=False)
 
-    def _find(self, name: str) -> dict[str, Any]:
-        try:
-            return self._channels[name]
-        except KeyError:
-            raise MissingChannelError(name, tuple(self._channels), path=self.path) from None
+    def _samples(
+        self, channel: dict[str, Any], chosen: NDArray[np.int64] | None, start: int, stop: int
+    ) -> NDArray[np.float64]:
+        if chosen is not None:
+            return self._stored(channel, 0, channel["count"])[chosen[start:stop]]
+        return self._stored(channel, start, stop)
 
-    def read(self, name: str, start: int = 0, stop: int | None = None) -> NDArray[np.float64]:
-        """Read samples of one signal in the file's unit, shape (stop - start,)."""
-        channel = self._find(name)
-        kept = self._kept.get(name)
-        if kept is not None:
-            return self._stored(channel, 0, channel["count"])[kept[start:stop]]
-        start, stop, _ = slice(start, stop).indices(channel["count"])
-        return self._stored(channel, start, max(start, stop))
-
-    def raw(self, name: str, start: int = 0, stop: int | None = None) -> RawCounts | None:  # noqa: ARG002 - of the protocol
-        """Return None: the library gives scaled samples."""
-        self._find(name)
-        return None
-
-    def time_base(self, name: str) -> TimeBase:
-        """Return the instants of one signal, in seconds after the start of the measurement."""
-        channel = self._find(name)
+    def _instants(self, name: str, channel: dict[str, Any], chosen: NDArray[np.int64] | None) -> TimeBase:
+        """Return the instants of one channel, in seconds after the start of the measurement."""
         count = channel["count"]
         try:
             if "rate_hz" in channel:
-                return TimeBase.uniform(
-                    self._clock, channel["start_s"], 1.0 / channel["rate_hz"], count, self.absolute_start
-                )
+                return TimeBase.uniform(self._clock, channel["start_s"], 1.0 / channel["rate_hz"], count, self._start)
             stamps_s = self._stored(channel, count, 2 * count)
-            kept = self._kept.get(name)
-            return TimeBase.stamped(self._clock, stamps_s if kept is None else stamps_s[kept], self.absolute_start)
+            return TimeBase.stamped(self._clock, stamps_s if chosen is None else stamps_s[chosen], self._start)
         except ValueError as error:
-            raise CorruptFileError(f"the times of {name} cannot be used: {error}", path=self.path) from error
-
-    def tracks(self) -> tuple[Track, ...]:
-        """Return nothing: this is no camera."""
-        return ()
+            raise CorruptFileError(f"the times of {name} cannot be used: {error}", path=self._path) from error
 
 
 def _plain(value: float) -> float | None:

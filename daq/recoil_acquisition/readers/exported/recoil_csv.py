@@ -6,18 +6,18 @@ The layout is described in `recoil_acquisition.exporters.csv_text`, which writes
 from __future__ import annotations
 
 import io
-from functools import cached_property
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.exported.header import ExportedHeader, exported_header, parse_json
-from recoil_acquisition.readers.exported.recording import ExportedRecording
+from recoil_acquisition.readers.exported.recording import Columns, exported_recording
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import split_cells
 from recoil_acquisition.readers.text.rows import read_rows
 from recoil_acquisition.readers.text.text_file import TextFile, read_text
@@ -37,7 +37,7 @@ class RecoilCsvReader:
         """Be certain of the first line."""
         return Claim.CERTAIN if head.lines[0] == FIRST_LINE else Claim.NO
 
-    def open(self, path: Path, declared: Declarations) -> RecoilCsvRecording:
+    def open(self, path: Path, declared: Declarations) -> Recording:
         """Open an export.
 
         Raises
@@ -63,36 +63,20 @@ class RecoilCsvReader:
                 document[key] = value
         header = exported_header(document, path, most=len(file.data) // _LEAST_ROW_BYTES)
         block = _rows(file, header, start, len(lines) + 1)
-        return RecoilCsvRecording(header, declared.clock, block)
+        row_count = 0 if block is None else block.row_count
+        return exported_recording(self.name, header, declared.clock, row_count, partial(_columns, header, block))
 
 
-class RecoilCsvRecording(ExportedRecording):
-    """One opened CSV; its numbers are read when the first sample is asked for.
-
-    Parameters
-    ----------
-    header : ExportedHeader
-    clock : str
-    block : Block or None
-        The rows; None where the file promises none.
-    """
-
-    reader = RecoilCsvReader.name
-
-    def __init__(self, header: ExportedHeader, clock: str, block: Block | None) -> None:
-        super().__init__(header, clock, 0 if block is None else block.row_count)
-        self._block = block
-
-    @cached_property
-    def _columns(self) -> tuple[NDArray[np.float64], ...]:
-        if self._block is None:
-            return tuple(np.empty(0) for _ in range(len(self.signals) + 1))
-        values = read_rows(self._block)
-        body = self._block.file.read(self._block.start, self._block.stop)
-        if b"inf" in body.lower():
-            # An infinite sample is told apart from a lost one here, because the shot does
-            values = np.loadtxt(io.BytesIO(body), delimiter=",", comments=None, ndmin=2)
-        return tuple(np.ascontiguousarray(column) for column in values.T)
+def _columns(header: ExportedHeader, block: Block | None) -> Columns:
+    """Read the time and the channels; there is no block where the file promises no row."""
+    if block is None:
+        return tuple(np.empty(0) for _ in range(len(header.signals) + 1))
+    values = read_rows(block)
+    body = block.file.read(block.start, block.stop)
+    if b"inf" in body.lower():
+        # An infinite sample is told apart from a lost one here, because the shot does
+        values = np.loadtxt(io.BytesIO(body), delimiter=",", comments=None, ndmin=2)
+    return tuple(np.ascontiguousarray(column) for column in values.T)
 
 
 def _comment_lines(file: TextFile) -> tuple[list[str], int]:

@@ -6,17 +6,17 @@ https://parquet.apache.org/docs/file-format/ (magic ``PAR1`` at both ends, the m
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.exported.header import ExportedHeader, exported_header, parse_json
-from recoil_acquisition.readers.exported.recording import ExportedRecording
+from recoil_acquisition.readers.exported.recording import Columns, exported_recording
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 
 MAGIC = b"PAR1"
 KEY = b"recoil-daq"
@@ -34,7 +34,7 @@ class RecoilParquetReader:
 
     name = "recoil-daq Parquet"
 
-    def open(self, path: Path, declared: Declarations) -> RecoilParquetRecording:
+    def open(self, path: Path, declared: Declarations) -> Recording:
         """Open an export.
 
         Raises
@@ -89,37 +89,21 @@ class RecoilParquetReader:
                 expected=f"{len(header.signals) + 1} columns of numbers, {header.count} rows",
                 found=f"{len(widths)} columns, {rows} rows", remedy="export the shot again",
             )  # fmt: skip
-        return RecoilParquetRecording(header, declared.clock, file)
+        return exported_recording(self.name, header, declared.clock, header.count, partial(_columns, header, file))
 
 
-class RecoilParquetRecording(ExportedRecording):
-    """One opened Parquet file; its columns are read when the first sample is asked for.
+def _columns(header: ExportedHeader, file: Any) -> Columns:
+    """Read the columns of an open `pyarrow.parquet.ParquetFile`."""
+    import pyarrow as pa
 
-    Parameters
-    ----------
-    header : ExportedHeader
-    clock : str
-    file : pyarrow.parquet.ParquetFile
-    """
-
-    reader = RecoilParquetReader.name
-
-    def __init__(self, header: ExportedHeader, clock: str, file: Any) -> None:
-        super().__init__(header, clock, header.count)
-        self._file = file
-
-    @cached_property
-    def _columns(self) -> tuple[NDArray[np.float64], ...]:
-        import pyarrow as pa
-
-        try:
-            table = self._file.read(use_threads=False)
-            columns = [column.combine_chunks() for column in table.columns]
-            if any(column.null_count or len(column) != self._header.count for column in columns):
-                raise ValueError("a column has rows without a number, or another number of rows")
-            return tuple(column.to_numpy(zero_copy_only=False).astype(np.float64) for column in columns)
-        except (pa.ArrowException, OSError, ValueError, TypeError, KeyError, OverflowError) as error:
-            raise _damaged(self.path, error) from error
+    try:
+        table = file.read(use_threads=False)
+        columns = [column.combine_chunks() for column in table.columns]
+        if any(column.null_count or len(column) != header.count for column in columns):
+            raise ValueError("a column has rows without a number, or another number of rows")
+        return tuple(column.to_numpy(zero_copy_only=False).astype(np.float64) for column in columns)
+    except (pa.ArrowException, OSError, ValueError, TypeError, KeyError, OverflowError) as error:
+        raise _damaged(header.path, error) from error
 
 
 def _compressions(metadata: Any) -> set[str]:

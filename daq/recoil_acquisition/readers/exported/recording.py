@@ -2,80 +2,82 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import replace
-from functools import cached_property
-from typing import Any
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.readers.column_recording import ColumnRecording
 from recoil_acquisition.readers.exported.header import ExportedHeader
-from recoil_acquisition.readers.reader import SignalHeader
-from recoil_acquisition.timebase import AbsoluteStart, TimeBase
+from recoil_acquisition.readers.recording import Recording, StoredChannel
+from recoil_acquisition.timebase import TimeBase
+
+Columns = tuple[NDArray[np.float64], ...]
 
 
-class ExportedRecording(ColumnRecording):
-    """What both formats of an export have in common; the rows are read by the subclass.
+def exported_recording(
+    reader: str, header: ExportedHeader, clock: str, row_count: int, read_columns: Callable[[], Columns]
+) -> Recording:
+    """Return the recording of an export, whatever its format.
 
     Parameters
     ----------
+    reader : str
+        Name of the reader.
     header : ExportedHeader
     clock : str
         Name of the source.
     row_count : int
         Rows that are there; fewer than promised where the file was cut.
+    read_columns : callable
+        Reads the time and the channels, each of shape (n_rows,); asked once, when the first sample is.
     """
+    short = header.count - row_count
+    incomplete = f"{short} of {header.count} rows are missing at the end" if short else ""
+    rows = _Rows(header, clock, incomplete, read_columns)
+    channels = [
+        StoredChannel(replace(signal, sample_count=row_count), rows.instants, partial(rows.samples, i))
+        for i, signal in enumerate(header.signals, start=1)
+    ]
+    return Recording(
+        header.path, reader, channels, metadata=header.metadata, notes=rows.notes, incomplete=incomplete,
+        absolute_start=header.absolute_start,
+    )  # fmt: skip
 
-    reader = ""
 
-    def __init__(self, header: ExportedHeader, clock: str, row_count: int) -> None:
-        self.path = header.path
-        self._header = header
-        self._clock = clock
-        self.signals: tuple[SignalHeader, ...] = tuple(replace(s, sample_count=row_count) for s in header.signals)
-        self._column = {signal.name: i for i, signal in enumerate(self.signals, start=1)}
-        short = header.count - row_count
-        self.incomplete = f"{short} of {header.count} rows are missing at the end" if short else ""
+class _Rows:
+    """The columns of an export, read when the first sample is asked for."""
 
-    @property
-    @abstractmethod
-    def _columns(self) -> tuple[NDArray[np.float64], ...]:
-        """The time and the channels, each of shape (n_rows,)."""
+    def __init__(
+        self, header: ExportedHeader, clock: str, incomplete: str, read_columns: Callable[[], Columns]
+    ) -> None:
+        self._header, self._clock, self._incomplete, self._read_columns = header, clock, incomplete, read_columns
+
+    @cached_property
+    def _columns(self) -> Columns:
+        return self._read_columns()
 
     @cached_property
     def _time_base(self) -> TimeBase:
         return self._header.time_base(self._clock, self._columns[0], "time column")
 
-    @property
-    def metadata(self) -> Mapping[str, Any]:
-        """What the file says about the shot, its clocks and its channels."""
-        return self._header.metadata
+    def instants(self) -> TimeBase:
+        return self._time_base
 
-    @property
+    def samples(self, column: int, start: int, stop: int) -> NDArray[np.float64]:
+        return np.array(self._columns[column][start:stop])
+
     def notes(self) -> tuple[str, ...]:
-        """What a user must know: rows that are missing, losses, a clock that was mapped."""
-        lost = ((s.name, int(np.isnan(self._columns[i]).sum())) for i, s in enumerate(self.signals, start=1))
+        """Say which rows and samples are missing, and whether the clock was mapped."""
+        lost = ((s.name, self._columns[i]) for i, s in enumerate(self._header.signals, start=1))
         losses = (
-            f"{name}: {count} of {self.signals[0].sample_count} samples are lost" for name, count in lost if count
+            f"{name}: {count} of {column.size} samples are lost"
+            for name, column in lost
+            if (count := int(np.isnan(column).sum()))
         )
-        own, reference = self.metadata.get("clock"), self.metadata.get("reference_clock")
-        mapped = self.metadata.get("aligned") is True and own != reference
+        said = self._header.metadata
+        own, reference = said.get("clock"), said.get("reference_clock")
+        mapped = said.get("aligned") is True and own != reference
         told = (f"the time was mapped from the clock {own!r} to {reference!r} when it was exported",) if mapped else ()
-        return (*((self.incomplete,) if self.incomplete else ()), *losses, *told)
-
-    @property
-    def absolute_start(self) -> AbsoluteStart | None:
-        """Wall-clock time of the time zero, if the shot knew it."""
-        return self._header.absolute_start
-
-    @property
-    def times_s(self) -> NDArray[np.float64]:
-        """All instants, seconds, shape (n_rows,); those of a file without channels too."""
-        return self._time_base.times_s
-
-    def read(self, name: str, start: int = 0, stop: int | None = None) -> NDArray[np.float64]:
-        """Read samples of one channel in SI, lost ones NaN, shape (stop - start,)."""
-        return np.array(self._columns[self._index(name)][start:stop])
+        return (*((self._incomplete,) if self._incomplete else ()), *losses, *told)

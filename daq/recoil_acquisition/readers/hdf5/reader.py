@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.errors import ReadError
-from recoil_acquisition.readers.containers.stored_channels import StoredChannel, StoredRecording
+from recoil_acquisition.readers.containers.stored_channels import container_recording
 from recoil_acquisition.readers.containers.stored_time import StoredTime
 from recoil_acquisition.readers.hdf5 import attributes as attribute
 from recoil_acquisition.readers.hdf5.attributes import find, find_number, find_start
@@ -30,6 +30,7 @@ from recoil_acquisition.readers.hdf5.contents import Contents, Dataset, contents
 from recoil_acquisition.readers.hdf5.dataset_time import DatasetTimes
 from recoil_acquisition.readers.hdf5.vector import Hdf5Vector, hdf5_file
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
+from recoil_acquisition.readers.recording import Recording, StoredChannel
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 OWN_SCHEMA = "recoil-daq/"
@@ -43,7 +44,7 @@ class Hdf5Reader:
 
     name = "HDF5"
 
-    def open(self, path: Path, declared: Declarations) -> StoredRecording:
+    def open(self, path: Path, declared: Declarations) -> Recording:
         """Open a file; time vectors are read, samples are not.
 
         Raises
@@ -63,7 +64,7 @@ class Hdf5Reader:
             return _recording(path, contents_of(path, file), declared.clock)
 
 
-def _recording(path: Path, contents: Contents, clock: str) -> StoredRecording:
+def _recording(path: Path, contents: Contents, clock: str) -> Recording:
     """Give each dataset its time; those without any are named and left out."""
     notes = list(contents.notes)
     times = DatasetTimes(contents, clock, notes)
@@ -90,7 +91,7 @@ def _recording(path: Path, contents: Contents, clock: str) -> StoredRecording:
         if channel is not None:
             channels.append(channel)
     metadata = {"attributes": contents.groups[""], "groups": {n: a for n, a in contents.groups.items() if n and a}}
-    return StoredRecording(path, Hdf5Reader.name, channels, metadata, notes, "", first)
+    return container_recording(path, Hdf5Reader.name, channels, metadata, notes, "", first)
 
 
 def _starts(

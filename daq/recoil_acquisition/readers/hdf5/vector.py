@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.bounded_file import most_unpacked
-from recoil_acquisition.readers.containers.stored_channels import damage_is_reported
+from recoil_acquisition.readers.recording import damage_is_reported
 
 DEFLATE_RATIO = 1032
 

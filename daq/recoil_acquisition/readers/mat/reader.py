@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.errors import ReadError
-from recoil_acquisition.readers.containers.stored_channels import StoredChannel, StoredRecording, damage_is_reported
+from recoil_acquisition.readers.containers.stored_channels import container_recording
 from recoil_acquisition.readers.containers.stored_time import (
     StoredTime,
     resolution_of,
@@ -27,7 +27,8 @@ from recoil_acquisition.readers.mat.v5 import read_mat_v5
 from recoil_acquisition.readers.mat.v73 import read_mat_v73
 from recoil_acquisition.readers.mat.variable import MatContents, MatVariable
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
-from recoil_acquisition.timebase import TimeBase
+from recoil_acquisition.readers.recording import Recording, StoredChannel, damage_is_reported
+from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 HEAD_V73 = b"MATLAB 7.3 MAT-file"
 DATENUMS = (693962.0, 767011.0)
@@ -40,7 +41,7 @@ class MatReader:
 
     name = "MATLAB"
 
-    def open(self, path: Path, declared: Declarations) -> StoredRecording:
+    def open(self, path: Path, declared: Declarations) -> Recording:
         """Open a file; time vectors are read, samples are not.
 
         Raises
@@ -57,7 +58,7 @@ class MatReader:
             return _recording(path, contents, declared.clock)
 
 
-def _recording(path: Path, contents: MatContents, clock: str) -> StoredRecording:
+def _recording(path: Path, contents: MatContents, clock: str) -> Recording:
     notes = [*([contents.incomplete] if contents.incomplete else [])]
     notes += [f"{reason}: left out" for reason in contents.left_out]
     names = [v.name for v in contents.vectors]
@@ -66,6 +67,7 @@ def _recording(path: Path, contents: MatContents, clock: str) -> StoredRecording
     read: dict[str, StoredTime | str] = {}
     channels: list[StoredChannel] = []
     seen: set[str] = set()
+    starts: set[AbsoluteStart | None] = set()
     timeless = 0
     for vector in contents.vectors:
         if vector in times:
@@ -88,6 +90,7 @@ def _recording(path: Path, contents: MatContents, clock: str) -> StoredRecording
             notes.append(f"{vector.name}: {time}: left out")
             timeless += 1
             continue
+        starts.add(time.time_base.absolute_start)
         header = SignalHeader(vector.name, "", time.time_base.count, metadata={"time": source})
         raw = partial(_raw, vector, time.kept)
         samples = partial(_samples, vector, time.kept)
@@ -102,7 +105,6 @@ def _recording(path: Path, contents: MatContents, clock: str) -> StoredRecording
             "no time in this file", path=path, found="; ".join(notes[:4]),
             remedy="add a vector `time` (s) as long as the channels, or a scalar `Sample_rate` (Hz)",
         )  # fmt: skip
-    starts = {c.time_base.absolute_start for c in channels}
     metadata: dict[str, Any] = {
         "version": contents.version,
         "header": contents.header,
@@ -112,7 +114,7 @@ def _recording(path: Path, contents: MatContents, clock: str) -> StoredRecording
     start = starts.pop() if len(starts) == 1 else None
     if len(starts) > 1:
         notes.append("time vectors with date numbers start at different instants: compare no channels across them")
-    return StoredRecording(path, MatReader.name, channels, metadata, [NO_UNITS, *notes], contents.incomplete, start)
+    return container_recording(path, MatReader.name, channels, metadata, [NO_UNITS, *notes], contents.incomplete, start)
 
 
 def _read_time(time: MatVariable, clock: str, step: tuple[str, float] | None, notes: list[str]) -> StoredTime | str:

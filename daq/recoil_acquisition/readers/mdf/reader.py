@@ -16,7 +16,7 @@ import numpy as np
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.bounded_file import BoundedFile, most_unpacked
-from recoil_acquisition.readers.containers.stored_channels import StoredChannel, StoredRecording, damage_is_reported
+from recoil_acquisition.readers.containers.stored_channels import container_recording
 from recoil_acquisition.readers.containers.stored_time import StoredTime
 from recoil_acquisition.readers.mdf.channel import INTEGERS, linear, unit_of, why_no_channel
 from recoil_acquisition.readers.mdf.channel_groups import (
@@ -31,6 +31,7 @@ from recoil_acquisition.readers.mdf.kind import UNFINALISED, is_mdf4
 from recoil_acquisition.readers.mdf.library import opened
 from recoil_acquisition.readers.mdf.master import time_of_group
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
+from recoil_acquisition.readers.recording import Recording, StoredChannel, damage_is_reported
 from recoil_acquisition.readers.text.cells import unique_names
 from recoil_acquisition.timebase import AbsoluteStart
 
@@ -42,7 +43,7 @@ class MdfReader:
 
     name = "MDF 4"
 
-    def open(self, path: Path, declared: Declarations) -> StoredRecording:
+    def open(self, path: Path, declared: Declarations) -> Recording:
         """Open a file; masters are read, samples are not.
 
         Raises
@@ -101,7 +102,7 @@ def _check_room(path: Path, groups: Sequence[ChannelGroup], size: int) -> None:
         )  # fmt: skip
 
 
-def _recording(path: Path, mdf: Any, clock: str, bus: bool) -> StoredRecording:
+def _recording(path: Path, mdf: Any, clock: str, bus: bool) -> Recording:
     notes = ["frames of a bus in this file are not read here: read it as a source of kind `can` for those"] * bus
     start = _absolute_start(mdf.header)
     found: list[tuple[str, HeldGroup, int, Any, StoredTime]] = []
@@ -142,7 +143,7 @@ def _recording(path: Path, mdf: Any, clock: str, bus: bool) -> StoredRecording:
         "groups": [_group_label(group, i) for i, group in enumerate(mdf.groups)],
         "zone_minutes": [int(mdf.header.tz_offset), int(mdf.header.daylight_save_time)],
     }
-    return StoredRecording(path, MdfReader.name, channels, metadata_of_file, [*notes, *name_notes], "", start)
+    return container_recording(path, MdfReader.name, channels, metadata_of_file, [*notes, *name_notes], "", start)
 
 
 def _group_label(group: Any, index: int) -> str:

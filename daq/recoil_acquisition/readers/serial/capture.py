@@ -10,6 +10,7 @@ host stamped the reads, such steps are found, told and taken out (`recoil_acquis
 from __future__ import annotations
 
 import datetime as dt
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
-from recoil_acquisition.errors import CorruptFileError, FramingError, MissingChannelError, ReadError
+from recoil_acquisition.errors import CorruptFileError, FramingError, ReadError
 from recoil_acquisition.frames.capture_file import WALL_CLOCK_NS, Capture, parse_capture
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.frames.field import Field
@@ -28,10 +29,10 @@ from recoil_acquisition.frames.scan import find_frames_of_capture
 from recoil_acquisition.frames.values import FieldSeries, decode_fields, unwrap
 from recoil_acquisition.readers.counter_gaps import find_gaps
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
+from recoil_acquisition.readers.recording import Recording, StoredChannel
 from recoil_acquisition.readers.serial.frame_time import back_dated, increasing, without_steps
 from recoil_acquisition.readers.time.clock_notes import notes_of_clock, notes_of_jumps
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
-from recoil_acquisition.track import Track
 
 _LOSSES = {
     "bad_checksum": "places looked like a frame and had a wrong checksum",
@@ -82,7 +83,7 @@ class SerialCaptureReader:
         return SerialRecording(path, capture, framing, declared.clock)
 
 
-class SerialRecording:
+class SerialRecording(Recording):
     """One opened capture.
 
     Parameters
@@ -93,11 +94,8 @@ class SerialRecording:
     clock : str
     """
 
-    reader = SerialCaptureReader.name
-
     def __init__(self, path: Path, capture: Capture, framing: Framing, clock: str) -> None:
         self.path = path
-        self._clock = clock
         if framing.kind == "idle" and not capture.host_ns.size:
             raise ReadError(
                 "frames that end by silence cannot be told apart without host times",
@@ -116,7 +114,6 @@ class SerialRecording:
             )
         series = decode_fields(framing, frames)
         notes = _losses(capture, counters)
-        self.incomplete = CUT if capture.cut else ""
         self.metadata: dict[str, Any] = {**counters, "bytes": len(capture.stream), "reads": int(capture.host_ns.size)}
         self.metadata["skipped_at_ends"] = min(
             int(frames.ends[0] - frames.lengths[0]) + len(capture.stream) - int(frames.ends[-1]),
@@ -124,19 +121,17 @@ class SerialRecording:
         )
         times_s = self._instants(framing, capture, frames, series, notes)
         self._count_gaps(framing, series, times_s, notes)
-        self.absolute_start = (
-            _host_start(capture) if framing.device_time is None and framing.baudrate and capture.host_ns.size else None
-        )
-        self._series: dict[str, tuple[FieldSeries, NDArray[np.bool_]]] = {}
-        self._absent = {
+        by_reads = framing.device_time is None and framing.baudrate and capture.host_ns.size
+        start = _host_start(capture) if by_reads else None
+        absent = {
             name: _why_absent(found.field, framing, frames) for name, found in series.items() if not found.frames.size
         }
-        for reason in dict.fromkeys(self._absent.values()):
-            names = [name for name, why in self._absent.items() if why == reason]
+        for reason in dict.fromkeys(absent.values()):
+            names = [name for name, why in absent.items() if why == reason]
             notes.append(f"{', '.join(names)}: {reason}: not a signal")
-        headers = []
+        channels = []
         for name, found in series.items():
-            if name in self._absent:
+            if name in absent:
                 continue
             kept = increasing(times_s[found.frames])
             if not kept.any():
@@ -146,18 +141,26 @@ class SerialRecording:
                 notes.append(
                     f"{name}: {int((~kept).sum())} of {kept.size} samples do not increase in time and were left out"
                 )
-            self._series[name] = found, kept
-            headers.append(SignalHeader(name, found.field.unit, int(kept.sum())))
-        if not headers:
+            channels.append(
+                StoredChannel(
+                    SignalHeader(name, found.field.unit, int(kept.sum())),
+                    partial(_instants, clock, times_s, found.frames[kept], start),
+                    partial(_samples, found, kept),
+                    partial(_raw, found, kept),
+                )
+            )
+        if not channels:
             raise CorruptFileError(
                 "no frame holds a declared field",
                 path=path,
-                found=next(iter(self._absent.values()), _counted(counters)),
+                found=next(iter(absent.values()), _counted(counters)),
                 remedy="compare `framing` with the device's manual",
             )
-        self._times_s = times_s
-        self.signals = tuple(headers)
-        self.notes = tuple(notes)
+        super().__init__(
+            path, SerialCaptureReader.name, channels, metadata=self.metadata, notes=notes,
+            incomplete=CUT if capture.cut else "", absolute_start=start,
+            check_name=partial(_refuse_absent, absent, path),
+        )  # fmt: skip
 
     def _count_gaps(
         self, framing: Framing, series: dict[str, FieldSeries], times_s: NDArray[np.float64], notes: list[str]
@@ -243,41 +246,34 @@ class SerialRecording:
         times_s[counts.frames] = numbers / framing.rate_hz
         return times_s
 
-    def _find(self, name: str) -> tuple[FieldSeries, NDArray[np.bool_]]:
-        try:
-            return self._series[name]
-        except KeyError:
-            if name in self._absent:
-                raise ReadError(
-                    f"{name!r} is not in the file",
-                    path=self.path,
-                    found=self._absent[name],
-                    remedy="correct `framing` in the rig file, or leave out the channel",
-                ) from None
-            raise MissingChannelError(name, tuple(self._series), path=self.path) from None
 
-    def read(self, name: str, start: int = 0, stop: int | None = None) -> NDArray[np.float64]:
-        """Read samples of one field in its declared unit, lost ones NaN, shape (stop - start,)."""
-        series, kept = self._find(name)
-        values = series.values[kept][start:stop]
-        values[~np.isfinite(values)] = np.nan
-        return values
+def _refuse_absent(absent: dict[str, str], path: Path, name: str) -> None:
+    if name in absent:
+        raise ReadError(
+            f"{name!r} is not in the file",
+            path=path,
+            found=absent[name],
+            remedy="correct `framing` in the rig file, or leave out the channel",
+        )
 
-    def raw(self, name: str, start: int = 0, stop: int | None = None) -> RawCounts | None:
-        """Return the stored integers; None for a field that is a float or text."""
-        series, kept = self._find(name)
-        if series.raw.dtype.kind != "i":
-            return None
-        return RawCounts(series.raw[kept][start:stop], series.field.scale, series.field.offset, series.field.unit)
 
-    def time_base(self, name: str) -> TimeBase:
-        """Return the instants of the frames that hold the field."""
-        series, kept = self._find(name)
-        return TimeBase.stamped(self._clock, self._times_s[series.frames[kept]], self.absolute_start)
+def _instants(
+    clock: str, times_s: NDArray[np.float64], frames: NDArray[np.int64], start: AbsoluteStart | None
+) -> TimeBase:
+    return TimeBase.stamped(clock, times_s[frames], start)
 
-    def tracks(self) -> tuple[Track, ...]:
-        """Return nothing: this is no camera."""
-        return ()
+
+def _samples(series: FieldSeries, kept: NDArray[np.bool_], start: int, stop: int) -> NDArray[np.float64]:
+    values = series.values[kept][start:stop]
+    values[~np.isfinite(values)] = np.nan
+    return values
+
+
+def _raw(series: FieldSeries, kept: NDArray[np.bool_], start: int, stop: int) -> RawCounts | None:
+    """Return the stored integers; None for a field that is a float or text."""
+    if series.raw.dtype.kind != "i":
+        return None
+    return RawCounts(series.raw[kept][start:stop], series.field.scale, series.field.offset, series.field.unit)
 
 
 def _counts_of(framing: Framing, series: dict[str, FieldSeries], wanted: NDArray[np.int64]) -> NDArray[np.int64] | None:

@@ -21,9 +21,10 @@ import numpy as np
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.readers.bounded_file import BoundedFile
-from recoil_acquisition.readers.containers.stored_channels import StoredChannel, StoredRecording, damage_is_reported
+from recoil_acquisition.readers.containers.stored_channels import container_recording
 from recoil_acquisition.readers.containers.stored_time import StoredTime, resolution_of, time_from_stamps
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
+from recoil_acquisition.readers.recording import Recording, StoredChannel, damage_is_reported
 from recoil_acquisition.readers.tdms.channel import TdmsChannel, why_no_channel
 from recoil_acquisition.readers.tdms.segments import how_it_ends
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
@@ -40,7 +41,7 @@ class TdmsReader:
 
     name = "TDMS"
 
-    def open(self, path: Path, declared: Declarations) -> StoredRecording:
+    def open(self, path: Path, declared: Declarations) -> Recording:
         """Open a file; time channels are read, samples are not.
 
         Raises
@@ -60,7 +61,7 @@ class TdmsReader:
                 return _recording(path, tdms, declared.clock, incomplete)
 
 
-def _recording(path: Path, tdms: Any, clock: str, incomplete: str) -> StoredRecording:
+def _recording(path: Path, tdms: Any, clock: str, incomplete: str) -> Recording:
     size = path.stat().st_size
     notes = [incomplete] if incomplete else []
     candidates: list[_Candidate] = []
@@ -96,7 +97,7 @@ def _recording(path: Path, tdms: Any, clock: str, incomplete: str) -> StoredReco
         "properties": _plain(tdms.properties),
         "groups": {group.name: _plain(group.properties) for group in tdms.groups() if group.properties},
     }
-    return StoredRecording(path, TdmsReader.name, channels, metadata, notes, incomplete, start)
+    return container_recording(path, TdmsReader.name, channels, metadata, notes, incomplete, start)
 
 
 @dataclass(frozen=True, eq=False)

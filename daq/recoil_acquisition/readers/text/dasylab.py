@@ -16,8 +16,9 @@ from pathlib import Path
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import has_decimal_comma, split_cells, split_unit
-from recoil_acquisition.readers.text.recording import TextRecording
+from recoil_acquisition.readers.text.recording import text_recording
 from recoil_acquisition.readers.text.text_file import LongText
 from recoil_acquisition.readers.text.text_table import find_block
 from recoil_acquisition.readers.text.time_base import TIME_UNITS_S, TimeSource
@@ -98,7 +99,7 @@ class DasylabTextReader:
         is_own = head.text.startswith("DASYLab") or find_headings(head.lines[:2]) is not None
         return Claim.CERTAIN if is_own else Claim.NO
 
-    def open(self, path: Path, declared: Declarations) -> TextRecording:
+    def open(self, path: Path, declared: Declarations) -> Recording:
         """Open a file.
 
         Raises
@@ -147,7 +148,7 @@ class DasylabTextReader:
             "decimal_mark": "," if comma else ".",
         }
         left_out = (0,) if has_date else ()
-        return TextRecording(
+        return text_recording(
             self.name, block, declared.clock, headings, time, metadata, text_columns=left_out, notes=notes
         )
 

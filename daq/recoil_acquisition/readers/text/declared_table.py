@@ -6,9 +6,10 @@ from pathlib import Path
 
 from recoil_acquisition.errors import CorruptFileError, Fault, ReadError, nearest_first
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import split_cells, split_unit
 from recoil_acquisition.readers.text.layout import MOST_ROWS, TextLayout, column_named, text_layout
-from recoil_acquisition.readers.text.recording import TextRecording
+from recoil_acquisition.readers.text.recording import text_recording
 from recoil_acquisition.readers.text.text_file import LongText
 from recoil_acquisition.readers.text.text_table import find_block
 from recoil_acquisition.readers.text.time_base import TIME_UNITS_S, TimeSource
@@ -22,7 +23,7 @@ class DeclaredTextReader:
 
     name = "declared text table"
 
-    def open(self, path: Path, declared: Declarations) -> TextRecording:
+    def open(self, path: Path, declared: Declarations) -> Recording:
         """Open a table.
 
         Raises
@@ -60,7 +61,7 @@ class DeclaredTextReader:
             "decimal_mark": layout.decimal,
             "layout": dict(declared.layout),
         }
-        return TextRecording(self.name, block, declared.clock, headings, time, metadata, notes=notes)
+        return text_recording(self.name, block, declared.clock, headings, time, metadata, notes=notes)
 
 
 def _row(layout: TextLayout, lines: list[str], number: int) -> list[str]:

@@ -11,20 +11,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import SEPARATORS, has_decimal_comma, is_number, split_cells, split_unit
 from recoil_acquisition.readers.text.dewesoft_time import is_absolute, parse_dewesoft_stamp
-from recoil_acquisition.readers.text.recording import TextRecording
+from recoil_acquisition.readers.text.recording import text_recording
 from recoil_acquisition.readers.text.text_file import LongText
 from recoil_acquisition.readers.text.text_table import find_block
 from recoil_acquisition.readers.text.time_base import TIME_UNITS_S, TimeSource
-from recoil_acquisition.timebase import TimeBase
 
 PREAMBLE_LINES = 60
 """Lines in which the header row is sought."""
@@ -66,7 +65,7 @@ class DewesoftTextReader:
         lines = head.lines[: PREAMBLE_LINES + 1]
         return Claim.CERTAIN if _find_header(lines) is not None or _is_waterfall(lines) else Claim.NO
 
-    def open(self, path: Path, declared: Declarations) -> DewesoftTextRecording:
+    def open(self, path: Path, declared: Declarations) -> Recording:
         """Open an export.
 
         Raises
@@ -110,19 +109,10 @@ class DewesoftTextReader:
         if absolute:
             time = TimeSource(0, parse=parse_dewesoft_stamp, remedy=_RELATIVE_REMEDY)
         else:
-            time = TimeSource(0, unit_s=TIME_UNITS_S.get(split[0][1]), remedy=_RELATIVE_REMEDY)
-        return DewesoftTextRecording(self.name, block, declared.clock, split, time, metadata)
-
-
-class DewesoftTextRecording(TextRecording):
-    """One opened text export."""
-
-    @cached_property
-    def _time(self) -> tuple[TimeBase, tuple[str, ...]]:
-        source = self._time_source
-        if source.unit_s is None and source.parse is None:
-            raise ReadError(
-                "the unit of the time column is unknown", path=self.path, place=f"line {self._block.first_line - 1}",
-                expected="`Time (s)` or `Time (ms)`", found=repr(self._block.columns[0]), remedy=source.remedy,
-            )  # fmt: skip
-        return super()._time
+            if split[0][1] not in TIME_UNITS_S:
+                raise ReadError(
+                    "the unit of the time column is unknown", path=path, place=f"line {block.first_line - 1}",
+                    expected="`Time (s)` or `Time (ms)`", found=repr(headings[0]), remedy=_RELATIVE_REMEDY,
+                )  # fmt: skip
+            time = TimeSource(0, unit_s=TIME_UNITS_S[split[0][1]], remedy=_RELATIVE_REMEDY)
+        return text_recording(self.name, block, declared.clock, split, time, metadata)

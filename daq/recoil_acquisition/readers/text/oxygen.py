@@ -16,8 +16,9 @@ from pathlib import Path
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import is_number, split_cells, split_unit
-from recoil_acquisition.readers.text.recording import TextRecording
+from recoil_acquisition.readers.text.recording import text_recording
 from recoil_acquisition.readers.text.text_file import LongText
 from recoil_acquisition.readers.text.text_table import find_block
 from recoil_acquisition.readers.text.time_base import TIME_UNITS_S, TimeSource
@@ -153,7 +154,7 @@ class OxygenTextReader:
             return Claim.CERTAIN
         return Claim.SHAPE if tables else Claim.NO
 
-    def open(self, path: Path, declared: Declarations) -> TextRecording:
+    def open(self, path: Path, declared: Declarations) -> Recording:
         """Open an export.
 
         Raises
@@ -194,7 +195,7 @@ class OxygenTextReader:
             "separator": reading.separator,
             "decimal_mark": mark,
         }
-        return TextRecording(self.name, block, declared.clock, reading.headings, self._time(reading, path), metadata)
+        return text_recording(self.name, block, declared.clock, reading.headings, self._time(reading, path), metadata)
 
     def _time(self, reading: Reading, path: Path) -> TimeSource:
         remedy = f"export with relative time in seconds, or {DECLARE}"

@@ -16,6 +16,7 @@ import numpy as np
 
 from recoil_acquisition.errors import CorruptFileError, Fault, ReadError
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import is_lost, is_number, split_cells
 from recoil_acquisition.readers.text.rows import read_rows
 from recoil_acquisition.readers.text.sheet_text import is_workbook, read_sheets
@@ -24,7 +25,7 @@ from recoil_acquisition.readers.text.text_table import Block
 from recoil_acquisition.readers.tracks.columns import Column
 from recoil_acquisition.readers.tracks.frame_time import frame_clock
 from recoil_acquisition.readers.tracks.layout import ColumnChoice, TrackLayout, track_layout
-from recoil_acquisition.readers.tracks.recording import TrackRecording, TrackTable
+from recoil_acquisition.readers.tracks.recording import TrackTable, track_recording
 
 PART_BYTES = 1 << 20
 """Of a text that is held at a time."""
@@ -39,7 +40,7 @@ class DeclaredTrackReader:
 
     name = "declared track table"
 
-    def open(self, path: Path, declared: Declarations) -> TrackRecording:
+    def open(self, path: Path, declared: Declarations) -> Recording:
         """Open a table.
 
         Raises
@@ -73,7 +74,7 @@ class DeclaredTrackReader:
         left_out = [name for i, name in enumerate(headings) if i not in at and name]
         notes = (f"columns that the layout does not declare were left out: {', '.join(left_out)}",) if left_out else ()
         metadata = {"header": header, "encoding": file.encoding}
-        return TrackRecording(
+        return track_recording(
             TrackTable(path, self.name, columns, values, clock, metadata, notes, block.dropped), declared
         )
 

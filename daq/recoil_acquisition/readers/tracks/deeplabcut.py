@@ -16,12 +16,13 @@ from pathlib import Path
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import is_number
 from recoil_acquisition.readers.text.rows import read_rows
 from recoil_acquisition.readers.tracks.columns import Column
 from recoil_acquisition.readers.tracks.frame_time import frame_clock
 from recoil_acquisition.readers.tracks.headed_text import read_headed_text
-from recoil_acquisition.readers.tracks.recording import TrackRecording, TrackTable, refuse_layout
+from recoil_acquisition.readers.tracks.recording import TrackTable, refuse_layout, track_recording
 from recoil_acquisition.readers.tracks.signature import signature
 
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
@@ -39,7 +40,7 @@ class DeepLabCutReader:
         is_own = b"df_with_missing" in head.content or signature(head.lines[:4]) == "deeplabcut"
         return Claim.CERTAIN if is_own else Claim.NO
 
-    def open(self, path: Path, declared: Declarations) -> TrackRecording:
+    def open(self, path: Path, declared: Declarations) -> Recording:
         """Open a table.
 
         Raises
@@ -88,7 +89,7 @@ class DeepLabCutReader:
         clock = frame_clock(block, values, columns, declared.frame_rate_hz)
         scorers = list(dict.fromkeys(above[0][1:]))
         metadata = {"scorer": scorers[0] if len(scorers) == 1 else scorers, "encoding": text.file.encoding}
-        return TrackRecording(
+        return track_recording(
             TrackTable(path, self.name, columns, values, clock, metadata, incomplete=block.dropped), declared
         )
 

@@ -15,11 +15,12 @@ import numpy as np
 from recoil_acquisition.errors import CorruptFileError
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.rows import read_rows
 from recoil_acquisition.readers.tracks.columns import Column
 from recoil_acquisition.readers.tracks.frame_time import counted_clock
 from recoil_acquisition.readers.tracks.headed_text import read_headed_text
-from recoil_acquisition.readers.tracks.recording import TrackRecording, TrackTable, refuse_layout
+from recoil_acquisition.readers.tracks.recording import TrackTable, refuse_layout, track_recording
 from recoil_acquisition.readers.tracks.signature import POINT_COLUMN, signature
 
 ROWS_ARE_FRAMES = "rows are frames, counted from 1: the file has no frame numbers, and a missing frame cannot be seen"
@@ -34,7 +35,7 @@ class DltdvReader:
         """Be certain where every heading names a point and a camera."""
         return Claim.CERTAIN if signature(head.lines[:1]) == "dltdv" else Claim.NO
 
-    def open(self, path: Path, declared: Declarations) -> TrackRecording:
+    def open(self, path: Path, declared: Declarations) -> Recording:
         """Open a file of points.
 
         Raises
@@ -55,7 +56,7 @@ class DltdvReader:
         if len(cameras) > 1:
             notes.append(f"points of {len(cameras)} cameras: frame offsets between them are not in this file")
         metadata = {"first_pixel": 1, "cameras": len(cameras), "encoding": text.file.encoding}
-        return TrackRecording(
+        return track_recording(
             TrackTable(path, self.name, columns, values, clock, metadata, tuple(notes), block.dropped), declared
         )
 

@@ -16,11 +16,12 @@ import numpy as np
 
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import is_number, split_cells
 from recoil_acquisition.readers.text.text_file import read_text
 from recoil_acquisition.readers.tracks.block import BLOCK_ROWS, HEADER_LINES, find_numbers, read_track_table
 from recoil_acquisition.readers.tracks.columns import columns_from_headings, increasing_whole
-from recoil_acquisition.readers.tracks.recording import TrackRecording, refuse_layout
+from recoil_acquisition.readers.tracks.recording import refuse_layout, track_recording
 
 
 class ProAnalystTextReader:
@@ -46,7 +47,7 @@ class ProAnalystTextReader:
         is_bare = not any(header) and all(map(is_number, first)) and _whole(first)
         return Claim.SHAPE if is_bare else Claim.NO
 
-    def open(self, path: Path, declared: Declarations) -> TrackRecording:
+    def open(self, path: Path, declared: Declarations) -> Recording:
         """Open an export.
 
         Raises
@@ -57,7 +58,7 @@ class ProAnalystTextReader:
             If no block of numbers is found, or a row of it is damaged.
         """
         refuse_layout(declared, path)
-        return TrackRecording(read_track_table(read_text(path), self.name, declared.frame_rate_hz), declared)
+        return track_recording(read_track_table(read_text(path), self.name, declared.frame_rate_hz), declared)
 
 
 def _whole(cells: Sequence[str]) -> bool:

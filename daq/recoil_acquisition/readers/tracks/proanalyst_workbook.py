@@ -12,11 +12,12 @@ from pathlib import Path
 from recoil_acquisition.errors import CorruptFileError
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import is_number
 from recoil_acquisition.readers.text.sheet_text import Sheet, is_workbook, read_sheets
 from recoil_acquisition.readers.text.text_file import TextFile
 from recoil_acquisition.readers.tracks.block import BLOCK_ROWS, HEADER_LINES, find_numbers, read_track_table
-from recoil_acquisition.readers.tracks.recording import TrackRecording, refuse_layout
+from recoil_acquisition.readers.tracks.recording import refuse_layout, track_recording
 
 
 class ProAnalystWorkbookReader:
@@ -28,7 +29,7 @@ class ProAnalystWorkbookReader:
         """Take a workbook for some program's tracks: what is in it shows only once it is unpacked."""
         return Claim.GENERIC if is_workbook(head.content) else Claim.NO
 
-    def open(self, path: Path, declared: Declarations) -> TrackRecording:
+    def open(self, path: Path, declared: Declarations) -> Recording:
         """Open a workbook; its first sheet that holds a block of numbers is read, the others are named.
 
         Raises
@@ -54,7 +55,7 @@ class ProAnalystWorkbookReader:
         others = [s.name for s in sheets if s is not sheet]
         notes = (f"sheet {sheet.name!r} was read, the others were not: {', '.join(others)}",) if others else ()
         metadata = {**table.metadata, "sheet": sheet.name}
-        return TrackRecording(replace(table, metadata=metadata, notes=(*notes, *table.notes)), declared)
+        return track_recording(replace(table, metadata=metadata, notes=(*notes, *table.notes)), declared)
 
 
 def _has_numbers(text: str) -> bool:

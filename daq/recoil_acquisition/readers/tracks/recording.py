@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +13,13 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.quantity import find_unit
-from recoil_acquisition.readers.column_recording import ColumnRecording
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
+from recoil_acquisition.readers.recording import Recording, StoredChannel
 from recoil_acquisition.readers.text.cells import unique_names
 from recoil_acquisition.readers.tracks.columns import Column
 from recoil_acquisition.readers.tracks.faults import find_track_faults
 from recoil_acquisition.readers.tracks.frame_time import FrameClock
-from recoil_acquisition.timebase import AbsoluteStart, TimeBase
+from recoil_acquisition.timebase import TimeBase
 from recoil_acquisition.track import Track
 
 PIXELS = ("px", "pixel", "pixels")
@@ -101,8 +102,8 @@ def check_units(columns: Sequence[Column], path: Path) -> None:
             )
 
 
-class TrackRecording(ColumnRecording):
-    """One opened file of camera tracks.
+def track_recording(table: TrackTable, declared: Declarations) -> Recording:
+    """Return the recording of a file of camera tracks.
 
     Parameters
     ----------
@@ -113,99 +114,102 @@ class TrackRecording(ColumnRecording):
     Raises
     ------
     ReadError
-        If the unit of a coordinate is unknown.
+        If the unit of a coordinate is unknown, time does not increase, or there is no coordinate.
     """
+    check_units(table.columns, table.path)
+    try:
+        frame_times = TimeBase.stamped(declared.clock, table.clock.times_s)
+    except ValueError as error:
+        raise ReadError(
+            f"the frames have no times that increase: {error}", path=table.path, remedy="export one clip per file"
+        ) from error
+    features = _Features(table, frame_times)
+    notes = [*([table.incomplete] if table.incomplete else []), *table.notes, *table.clock.notes]
+    notes += features.mark_lost()
+    faults = find_track_faults({track.name: track.positions for track in features.tracks()}, table.clock.numbers)
+    notes += [*faults.notes, *_about_scores(table)]
+    derived = [c.name for c in table.columns if c.kind == "derived"]
+    if derived:
+        notes.append(f"columns that the tracking software derived carry its own filter: {', '.join(derived)}")
+    at = [i for i, c in enumerate(table.columns) if c.kind not in ("frame", "time")]
+    if not at:
+        raise ReadError(
+            "no coordinate of a feature in this file",
+            path=table.path,
+            found=", ".join(c.name for c in table.columns) or "no columns",
+            remedy="export the features' positions, or declare `layout` of this source in the rig file",
+        )
+    names, repeats = unique_names([table.columns[i].name for i in at])
+    channels = [
+        StoredChannel(
+            SignalHeader(name, table.columns[i].unit, len(table.values), metadata={"kind": table.columns[i].kind}),
+            frame_times,
+            partial(_samples, table.values, i),
+        )
+        for name, i in zip(names, at, strict=True)
+    ]
+    metadata = {
+        **table.metadata,
+        "frame_rate_hz": table.clock.rate_hz,
+        "repeated_frames": list(faults.repeated_frames),
+    }
+    return Recording(
+        table.path, table.reader, channels, metadata=metadata, notes=(*notes, *repeats), incomplete=table.incomplete,
+        tracks=features.tracks,
+    )  # fmt: skip
 
-    absolute_start: AbsoluteStart | None = None
 
-    def __init__(self, table: TrackTable, declared: Declarations) -> None:
-        check_units(table.columns, table.path)
-        self.path, self.reader, self.incomplete = table.path, table.reader, table.incomplete
-        self._columns, self._values = table.columns, table.values
-        self._frames = table.clock.numbers
-        try:
-            self._frame_times = TimeBase.stamped(declared.clock, table.clock.times_s)
-        except ValueError as error:
-            raise ReadError(
-                f"the frames have no times that increase: {error}", path=table.path, remedy="export one clip per file"
-            ) from error
-        self._features: dict[str, list[int]] = {}
+def _samples(values: NDArray[np.float64], column: int, start: int, stop: int) -> NDArray[np.float64]:
+    return values[start:stop, column].copy()
+
+
+class _Features:
+    """The features of a table, each with the columns of its coordinates."""
+
+    def __init__(self, table: TrackTable, frame_times: TimeBase) -> None:
+        self._table, self._frame_times = table, frame_times
+        self._columns_of: dict[str, list[int]] = {}
         for i, column in enumerate(table.columns):
             if column.kind == "position":
-                self._features.setdefault(column.feature, []).append(i)
-        notes = [*([table.incomplete] if table.incomplete else []), *table.notes, *table.clock.notes]
-        notes += self._mark_lost(minus_one=table.minus_one_is_lost)
-        faults = find_track_faults({track.name: track.positions for track in self.tracks()}, self._frames)
-        notes += [*faults.notes, *self._about_scores()]
-        derived = [c.name for c in table.columns if c.kind == "derived"]
-        if derived:
-            notes.append(f"columns that the tracking software derived carry its own filter: {', '.join(derived)}")
-        signal_columns = [i for i, c in enumerate(table.columns) if c.kind not in ("frame", "time")]
-        if not signal_columns:
-            raise ReadError(
-                "no coordinate of a feature in this file",
-                path=table.path,
-                found=", ".join(c.name for c in table.columns) or "no columns",
-                remedy="export the features' positions, or declare `layout` of this source in the rig file",
-            )
-        names, repeats = unique_names([table.columns[i].name for i in signal_columns])
-        self._column = dict(zip(names, signal_columns, strict=True))
-        self.signals = tuple(
-            SignalHeader(n, table.columns[i].unit, len(table.values), metadata={"kind": table.columns[i].kind})
-            for n, i in self._column.items()
-        )
-        self.metadata: Mapping[str, Any] = {
-            **table.metadata,
-            "frame_rate_hz": table.clock.rate_hz,
-            "repeated_frames": list(faults.repeated_frames),
-        }
-        self.notes = (*notes, *repeats)
+                self._columns_of.setdefault(column.feature, []).append(i)
 
-    @property
-    def _time_base(self) -> TimeBase:
-        return self._frame_times
-
-    def _mark_lost(self, *, minus_one: bool) -> list[str]:
+    def mark_lost(self) -> list[str]:
         """Set coordinates of lost features to NaN and count them."""
-        notes = []
-        for feature, at in self._features.items():
-            values = self._values[:, at]
-            marked = (values == -1).all(axis=1) & (minus_one and len(at) > 1)
+        notes, table = [], self._table
+        for feature, at in self._columns_of.items():
+            values = table.values[:, at]
+            marked = (values == -1).all(axis=1) & (table.minus_one_is_lost and len(at) > 1)
             empty = np.isnan(values).any(axis=1)
-            angles = [i for i, c in enumerate(self._columns) if c.kind == "angle" and c.feature == feature]
-            self._values[np.flatnonzero(marked)[:, None], [*at, *angles]] = np.nan
+            angles = [i for i, c in enumerate(table.columns) if c.kind == "angle" and c.feature == feature]
+            table.values[np.flatnonzero(marked)[:, None], [*at, *angles]] = np.nan
             lost = int((marked | empty).sum())
             if lost:
                 kinds = f"{int(marked.sum())} marked -1, {int(empty.sum())} empty"
                 notes.append(f"{feature or 'feature1'}: lost in {lost} of {len(values)} frames ({kinds})")
         return notes
 
-    def _about_scores(self) -> list[str]:
-        """Count positions that the tracking software itself holds to be doubtful."""
-        notes = []
-        for i, column in enumerate(self._columns):
-            low = int((self._values[:, i] < LOW_LIKELIHOOD).sum()) if column.kind == "score" else 0
-            if low:
-                notes.append(
-                    f"{column.name}: below {LOW_LIKELIHOOD:g} in {low} of {len(self._values)} frames; "
-                    "the positions are kept"
-                )
-        return notes
-
-    def read(self, name: str, start: int = 0, stop: int | None = None) -> NDArray[np.float64]:
-        """Read samples of one signal in the file's unit, lost ones NaN, shape (stop - start,)."""
-        return self._values[start:stop, self._index(name)].copy()
-
     def tracks(self) -> tuple[Track, ...]:
         """Return the features' paths; a frame that lost one coordinate lost them all."""
-        tracks = []
-        for n, (feature, at) in enumerate(self._features.items(), start=1):
-            positions = self._values[:, at].copy()
+        tracks, table = [], self._table
+        for n, (feature, at) in enumerate(self._columns_of.items(), start=1):
+            positions = table.values[:, at].copy()
             positions[np.isnan(positions).any(axis=1)] = np.nan
-            axes = tuple(self._columns[i].axis for i in at)
+            axes = tuple(table.columns[i].axis for i in at)
+            unit = table.columns[at[0]].unit
             tracks.append(
-                Track(
-                    feature or f"feature{n}", axes, positions, self._frames, self._columns[at[0]].unit, self._time_base
-                )
+                Track(feature or f"feature{n}", axes, positions, table.clock.numbers, unit, self._frame_times)
             )
         return tuple(tracks)
+
+
+def _about_scores(table: TrackTable) -> list[str]:
+    """Count positions that the tracking software itself holds to be doubtful."""
+    notes = []
+    for i, column in enumerate(table.columns):
+        low = int((table.values[:, i] < LOW_LIKELIHOOD).sum()) if column.kind == "score" else 0
+        if low:
+            notes.append(
+                f"{column.name}: below {LOW_LIKELIHOOD:g} in {low} of {len(table.values)} frames; "
+                "the positions are kept"
+            )
+    return notes

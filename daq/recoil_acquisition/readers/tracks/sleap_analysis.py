@@ -21,9 +21,10 @@ from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.hdf5.kind import is_in_file, is_sleap_file, names_lie_behind
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.tracks.columns import Column
 from recoil_acquisition.readers.tracks.frame_time import counted_clock
-from recoil_acquisition.readers.tracks.recording import TrackRecording, TrackTable, refuse_layout
+from recoil_acquisition.readers.tracks.recording import TrackTable, refuse_layout, track_recording
 
 DIMS = ("track", "xy", "node", "frame")
 """Axes of ``tracks`` where the file does not name them."""
@@ -50,7 +51,7 @@ class SleapAnalysisReader:
         named = b"node_names" in head.content and b"track_names" in head.content
         return Claim.CERTAIN if named or (names_lie_behind(head.content) and is_sleap_file(head.path)) else Claim.NO
 
-    def open(self, path: Path, declared: Declarations) -> TrackRecording:
+    def open(self, path: Path, declared: Declarations) -> Recording:
         """Open an analysis file.
 
         Raises
@@ -66,7 +67,7 @@ class SleapAnalysisReader:
         try:
             size = path.stat().st_size
             with h5py.File(path, "r") as file:
-                return TrackRecording(_table(file, path, size, declared, self.name), declared)
+                return track_recording(_table(file, path, size, declared, self.name), declared)
         except ReadError:
             raise
         except FileNotFoundError as error:

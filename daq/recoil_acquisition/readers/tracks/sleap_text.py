@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.rows import iter_rows
 from recoil_acquisition.readers.text.text_table import Block
 from recoil_acquisition.readers.tracks.columns import Column
 from recoil_acquisition.readers.tracks.frame_time import counted_clock
 from recoil_acquisition.readers.tracks.headed_text import read_headed_text
-from recoil_acquisition.readers.tracks.recording import TrackRecording, TrackTable, refuse_layout
+from recoil_acquisition.readers.tracks.recording import TrackTable, refuse_layout, track_recording
 from recoil_acquisition.readers.tracks.signature import signature
 
 MOST_TRACKS = 256
@@ -45,7 +46,7 @@ class SleapTextReader:
         """Be certain of headings with a frame index and a node's coordinate."""
         return Claim.CERTAIN if signature(head.lines[:1]) == "sleap" else Claim.NO
 
-    def open(self, path: Path, declared: Declarations) -> TrackRecording:
+    def open(self, path: Path, declared: Declarations) -> Recording:
         """Open a table.
 
         Raises
@@ -71,7 +72,7 @@ class SleapTextReader:
         columns = tuple(sleap_column(name if len(animals) > 1 else "", names[i]) for name in animals for i in kept)
         clock = counted_clock(frames, declared.frame_rate_hz, path)
         metadata = {"tracks": animals, "encoding": text.file.encoding, "first_pixel": 0}
-        return TrackRecording(
+        return track_recording(
             TrackTable(path, self.name, columns, table, clock, metadata, incomplete=block.dropped), declared
         )
 

@@ -18,13 +18,14 @@ import numpy as np
 from recoil_acquisition.errors import CorruptFileError
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import has_decimal_comma, split_cells
 from recoil_acquisition.readers.text.rows import read_rows
 from recoil_acquisition.readers.text.text_file import LongText, Text
 from recoil_acquisition.readers.text.text_table import find_block
 from recoil_acquisition.readers.tracks.columns import AXES, Column
 from recoil_acquisition.readers.tracks.frame_time import frame_clock
-from recoil_acquisition.readers.tracks.recording import TrackRecording, TrackTable, refuse_layout
+from recoil_acquisition.readers.tracks.recording import TrackTable, refuse_layout, track_recording
 from recoil_acquisition.readers.tracks.signature import signature, spread, spread_text, tracker_header
 
 HEAD_ROWS = 9
@@ -40,7 +41,7 @@ class TrackerTextReader:
         """Be certain of a row of names over a row of variables that begins with the time."""
         return Claim.CERTAIN if signature(head.lines[:8]) == "tracker" else Claim.NO
 
-    def open(self, path: Path, declared: Declarations) -> TrackRecording:
+    def open(self, path: Path, declared: Declarations) -> Recording:
         """Open an export.
 
         Raises
@@ -79,7 +80,7 @@ class TrackerTextReader:
         )
         clock = frame_clock(block, values, columns, declared.frame_rate_hz)
         metadata = {"header": head[: row + 1], "encoding": file.encoding, "separator": separator}
-        return TrackRecording(
+        return track_recording(
             TrackTable(path, self.name, columns, values, clock, metadata, incomplete=block.dropped), declared
         )
 

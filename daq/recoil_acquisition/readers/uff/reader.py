@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError
-from recoil_acquisition.readers.containers.stored_channels import StoredChannel, StoredRecording, damage_is_reported
+from recoil_acquisition.readers.containers.stored_channels import container_recording
 from recoil_acquisition.readers.containers.stored_time import StoredTime, resolution_of, time_from_stamps
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
+from recoil_acquisition.readers.recording import Recording, StoredChannel, damage_is_reported
 from recoil_acquisition.readers.text.cells import unique_names
 from recoil_acquisition.readers.text.dewesoft_time import is_absolute, parse_dewesoft_stamp
 from recoil_acquisition.readers.uff.dataset import (
@@ -47,7 +48,7 @@ class UffReader:
 
     name = "UFF 58"
 
-    def open(self, path: Path, declared: Declarations) -> StoredRecording:
+    def open(self, path: Path, declared: Declarations) -> Recording:
         """Open a file; uneven abscissas are read, samples are not.
 
         Raises
@@ -66,7 +67,7 @@ class UffReader:
             return _recording(path, found, declared.clock)
 
 
-def _recording(path: Path, found: list[UffDataset | Remark], clock: str) -> StoredRecording:
+def _recording(path: Path, found: list[UffDataset | Remark], clock: str) -> Recording:
     notes = [f"{r.text}: left out" for r in found if isinstance(r, Remark)]
     incomplete = next((r.text for r in found if isinstance(r, Remark) and r.is_cut), "")
     chosen: list[tuple[UffDataset, StoredTime]] = []
@@ -97,7 +98,7 @@ def _recording(path: Path, found: list[UffDataset | Remark], clock: str) -> Stor
         channels.append(StoredChannel(header, time.time_base, partial(_samples, path, data, time.kept)))
     metadata = {"datasets": len(found)}
     start = _start([data for data, _ in chosen], notes)
-    return StoredRecording(path, UffReader.name, channels, metadata, [*notes, *name_notes], incomplete, start)
+    return container_recording(path, UffReader.name, channels, metadata, [*notes, *name_notes], incomplete, start)
 
 
 def _start(chosen: list[UffDataset], notes: list[str]) -> AbsoluteStart | None:

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.errors import CorruptFileError, ReadError
-from recoil_acquisition.readers.containers.stored_channels import StoredChannel, StoredRecording, damage_is_reported
+from recoil_acquisition.readers.containers.stored_channels import container_recording
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
+from recoil_acquisition.readers.recording import Recording, StoredChannel, damage_is_reported
 from recoil_acquisition.readers.wav.riff import (
     FLOAT,
     PCM,
@@ -43,7 +44,7 @@ class WavReader:
 
     name = "WAV"
 
-    def open(self, path: Path, declared: Declarations) -> StoredRecording:
+    def open(self, path: Path, declared: Declarations) -> Recording:
         """Open a file; its samples are not read.
 
         Raises
@@ -57,7 +58,7 @@ class WavReader:
             return _open(path, declared.clock)
 
 
-def _open(path: Path, clock: str) -> StoredRecording:
+def _open(path: Path, clock: str) -> Recording:
     size = path.stat().st_size
     found: dict[bytes, tuple[Chunk, bytes]] = {}
     info: dict[str, str] = {}
@@ -111,7 +112,7 @@ def _open(path: Path, clock: str) -> StoredRecording:
         for i in range(form.channels)
     ]
     notes = [UNSCALED, *([incomplete] if incomplete else [])]
-    return StoredRecording(path, WavReader.name, channels, metadata, notes, incomplete, start)
+    return container_recording(path, WavReader.name, channels, metadata, notes, incomplete, start)
 
 
 def _absolute_start(broadcast: dict[str, str | int]) -> AbsoluteStart | None:

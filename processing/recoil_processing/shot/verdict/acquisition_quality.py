@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Any
 
 from recoil_acquisition.acquisition import AcquiredSource, Acquisition
-from recoil_acquisition.readers.reader import Recording
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.shot import QualityCheck, Verdict
 
 LIMITS = MappingProxyType(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.quantity import SI_UNITS
-from recoil_acquisition.readers.reader import Recording
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.shot import ClockAlignment, QualityCheck
 from recoil_processing.alignment.align import INNOVATION_LIMITS
 from recoil_processing.quality import (

@@ -11,6 +11,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from recoil_acquisition import conformance as rules
+from recoil_acquisition.conformance import Case
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.frames import can_capture_file as capture
 from recoil_acquisition.readers.can.capture import CanCaptureReader, CanCaptureRecording
@@ -19,8 +21,6 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import READERS, recognise
 from tests.builders import can_captures
 from tests.builders import vendor_files as build
-from tests.contracts import reader_rules as rules
-from tests.contracts.reader_rules import Case
 
 DECLARED = Declarations("can", database=build.DBC)
 MAGNITUDES = {"ACC.ax": (-10, 10), "ACC.p": (0, 20), "GYR.gx": (-1, 10), "EXT.low": (0, 100), "EXT.high": (0, 100)}
@@ -48,7 +48,7 @@ def test_a_can_capture_keeps_every_rule_of_readers(rule: Callable[[Case, Path], 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(flips=st.lists(st.tuples(st.floats(0, 1), st.integers(0, 255)), min_size=1, max_size=8))
 def test_flipped_bytes_of_a_capture_are_refused_or_read(tmp_path: Path, flips: list[tuple[float, int]]) -> None:
-    rules.flipped_bytes_are_refused_or_read(CASE, tmp_path, flips)
+    rules.flipped_bytes_are_refused_or_read(CASE, tmp_path, [flips])
 
 
 def test_a_capture_is_recognised_by_its_first_line(tmp_path: Path) -> None:

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.readers.can.capture import CanCaptureReader
 from recoil_acquisition.readers.can.log import CandumpReader
-from recoil_acquisition.readers.reader import Declarations, Recording
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 from tests.builders import can_captures
 from tests.builders import vendor_files as build
 

@@ -9,7 +9,8 @@ import pytest
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.exported.recoil_csv import RecoilCsvReader
 from recoil_acquisition.readers.exported.recoil_parquet import RecoilParquetReader
-from recoil_acquisition.readers.reader import Declarations, Recording
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 from tests.builders import exported_files as build
 
 DECLARED = Declarations("recorder")

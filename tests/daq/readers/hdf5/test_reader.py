@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
-from recoil_acquisition.readers.containers.stored_channels import StoredRecording
 from recoil_acquisition.readers.hdf5.reader import Hdf5Reader
 from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import surest_claim
 from tests.builders.container_files import hdf5_file, ramp
 
 
-def opened(folder: Path, fill: Any, **options: Any) -> StoredRecording:
+def opened(folder: Path, fill: Any, **options: Any) -> Recording:
     path = folder / "a.h5"
     path.write_bytes(hdf5_file(fill, **options))
     return Hdf5Reader().open(path, Declarations("dewetron"))

@@ -11,13 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from recoil_acquisition.errors import ReadError
-from recoil_acquisition.readers.containers.stored_channels import StoredRecording
 from recoil_acquisition.readers.mat.reader import MatReader
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 from tests.builders.container_files import dewesoft_variables, mat_file, mat_v73_file, ramp
 
 
-def opened(folder: Path, content: bytes) -> StoredRecording:
+def opened(folder: Path, content: bytes) -> Recording:
     path = folder / "a.mat"
     path.write_bytes(content)
     return MatReader().open(path, Declarations("dewetron"))

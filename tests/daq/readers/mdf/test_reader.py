@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
-from recoil_acquisition.readers.containers.stored_channels import StoredRecording
 from recoil_acquisition.readers.head import HEAD_BYTES, Head
 from recoil_acquisition.readers.mdf.channel_groups import MdfDamageError, iter_groups
 from recoil_acquisition.readers.mdf.kind import is_bus_logging
 from recoil_acquisition.readers.mdf.reader import MdfReader
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import surest_claim
 from tests.builders.container_files import mdf_file, ramp, small_mdf
 from tests.builders.shared_data import shared_file
@@ -34,7 +34,7 @@ def frames(count: int = 4) -> Any:
     return signal("CAN_DataFrame", np.zeros(count, kinds), np.arange(count) / 10)
 
 
-def opened(folder: Path, content: bytes) -> StoredRecording:
+def opened(folder: Path, content: bytes) -> Recording:
     path = folder / "a.mf4"
     path.write_bytes(content)
     return MdfReader().open(path, Declarations("dewetron"))

@@ -9,9 +9,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
-from recoil_acquisition.readers.oxygen.dmd import OxygenReader, OxygenRecording
+from recoil_acquisition.readers.oxygen.dmd import OxygenReader
 from recoil_acquisition.readers.oxygen.samples import SampleLayout
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 from tests.builders.oxygen_dmd import Stored, block, oxygen_dmd, packed
 from tests.builders.shared_data import shared_file
 
@@ -20,18 +21,18 @@ PLAIN = "<Scaling/>"
 RAMP = np.arange(100)
 
 
-def opened(folder: Path, content: bytes) -> OxygenRecording:
+def opened(folder: Path, content: bytes) -> Recording:
     path = folder / "a.dmd"
     path.write_bytes(content)
     return READER.open(path, Declarations("dewetron"))
 
 
-def built(folder: Path, *channels: Stored, **options: object) -> OxygenRecording:
+def built(folder: Path, *channels: Stored, **options: object) -> Recording:
     usual = {"blocks": ((0, 40), (40, 40), (80, 20)), "windows": ((0, 100),)}
     return opened(folder, oxygen_dmd(channels, **{**usual, **options}))
 
 
-def real(name: str) -> OxygenRecording:
+def real(name: str) -> Recording:
     return READER.open(shared_file(f"dewetron/{name}"), Declarations("dewetron"))
 
 
@@ -287,7 +288,7 @@ def test_a_compressed_block_that_promises_too_much_is_refused(tmp_path: Path) ->
     path = tmp_path / "a.dmd"
     content = bytearray(oxygen_dmd([Stored("a", RAMP)], blocks=((0, 100),), compression="lz4"))
     recording = opened(tmp_path, bytes(content))
-    at = int(recording._signals["a"].layout.blocks.offset[0])
+    at = int(recording._channels["a"].samples.args[0].layout.blocks.offset[0])
     content[at : at + 4] = b"\0\0\0\3"
     path.write_bytes(content)
     with pytest.raises(CorruptFileError, match="promised"):

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
-from recoil_acquisition.readers.containers.stored_channels import StoredRecording
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.tdms.reader import TdmsReader
 from tests.builders.container_files import ramp, small_tdms, tdms_file
 from tests.builders.shared_data import shared_file
@@ -19,7 +19,7 @@ from tests.builders.shared_data import shared_file
 WAVE = {"wf_increment": 1e-3, "wf_start_offset": 0.25, "unit_string": "V"}
 
 
-def opened(folder: Path, content: bytes) -> StoredRecording:
+def opened(folder: Path, content: bytes) -> Recording:
     path = folder / "a.tdms"
     path.write_bytes(content)
     return TdmsReader().open(path, Declarations("dewetron"))

@@ -8,14 +8,14 @@ import pytest
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.dasylab import DasylabTextReader, start_from, step_from
-from recoil_acquisition.readers.text.recording import TextRecording
 from tests.builders import text_tables as build
 
 READER = DasylabTextReader()
 
 
-def opened(folder: Path, content: bytes | str) -> TextRecording:
+def opened(folder: Path, content: bytes | str) -> Recording:
     path = folder / "a.asc"
     path.write_bytes(content.encode() if isinstance(content, str) else content)
     return READER.open(path, Declarations("dewetron"))

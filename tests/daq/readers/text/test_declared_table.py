@@ -8,9 +8,9 @@ import pytest
 
 from recoil_acquisition.errors import CorruptFileError, Fault, ReadError
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.declared_table import DeclaredTextReader
 from recoil_acquisition.readers.text.layout import TextLayout, text_layout
-from recoil_acquisition.readers.text.recording import TextRecording
 from tests.builders import text_tables as build
 
 READER = DeclaredTextReader()
@@ -22,7 +22,7 @@ def layout_faults(table: dict[str, Any]) -> list[tuple[str, str]]:
     return [(fault.key.removeprefix("layout."), fault.problem) for fault in faults]
 
 
-def opened(folder: Path, content: bytes, layout: dict[str, Any] | None) -> TextRecording:
+def opened(folder: Path, content: bytes, layout: dict[str, Any] | None) -> Recording:
     path = folder / "a.txt"
     path.write_bytes(content)
     return READER.open(path, Declarations("dewetron", layout=layout))

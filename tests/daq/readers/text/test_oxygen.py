@@ -8,15 +8,15 @@ import pytest
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.dewesoft import DewesoftTextReader
 from recoil_acquisition.readers.text.oxygen import OxygenTextReader
-from recoil_acquisition.readers.text.recording import TextRecording
 from tests.builders import text_tables as build
 
 READER = OxygenTextReader()
 
 
-def opened(folder: Path, content: bytes | str) -> TextRecording:
+def opened(folder: Path, content: bytes | str) -> Recording:
     path = folder / "a.csv"
     path.write_bytes(content.encode() if isinstance(content, str) else content)
     return READER.open(path, Declarations("dewetron"))

@@ -45,27 +45,24 @@ def outcome(read: Callable[[], tuple[np.ndarray, list[list[str]]]]) -> tuple[str
     line_end=st.sampled_from(["\n", "\r\n"]),
     missing=st.sampled_from([(), ("--",), ("-9",)]),
     text_columns=st.sampled_from([(), (0,), (2,)]),
-    compiled=st.booleans(),
 )
 @example(
     pieces=[[["1", "2", "3"]], [["1", "", "3"]], [["1", "2"]]],
     line_end="\r\n",
     missing=(),
     text_columns=(),
-    compiled=True,
 )
-@example(pieces=[[["1", "2", "3"], ["4", "5"]]], line_end="\n", missing=(), text_columns=(2,), compiled=True)
-@example(pieces=[[["1", "2", "3"]], [["1", "2", "3", "4"]]], line_end="\n", missing=(), text_columns=(), compiled=True)
-@example(pieces=[[["1", "2", "\r3"]], [["1", "2", "3"]]], line_end="\n", missing=(), text_columns=(), compiled=True)
+@example(pieces=[[["1", "2", "3"], ["4", "5"]]], line_end="\n", missing=(), text_columns=(2,))
+@example(pieces=[[["1", "2", "3"]], [["1", "2", "3", "4"]]], line_end="\n", missing=(), text_columns=())
+@example(pieces=[[["1", "2", "\r3"]], [["1", "2", "3"]]], line_end="\n", missing=(), text_columns=())
 def test_a_parser_kept_from_piece_to_piece_reads_what_reading_cell_by_cell_does(
     pieces: list[list[list[str]]],
     line_end: str,
     missing: tuple[str, ...],
     text_columns: tuple[int, ...],
-    compiled: bool,
 ) -> None:
     rows = row_format(missing=missing)
-    parser = RowParser(rows, text_columns, compiled=compiled)
+    parser = RowParser(rows, text_columns)
     line = 1
     for piece in pieces:
         text = "".join(";".join(cells) + line_end for cells in piece).encode()

@@ -9,14 +9,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from recoil_acquisition import conformance as rules
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import BY_LAYOUT, READERS
 from recoil_acquisition.readers.tracks import declared_table
-from recoil_acquisition.readers.tracks.recording import TrackRecording
 from tests.builders import track_files as build
-from tests.contracts import reader_rules as rules
 
 READER = BY_LAYOUT["camera"]
 LAYOUT: dict[str, Any] = {
@@ -50,7 +50,7 @@ def opened(tmp_path: Path, content: str | bytes, layout: dict[str, Any] | None =
 
 
 def test_the_declared_columns_are_read_and_the_others_named(tmp_path: Path) -> None:
-    recording: TrackRecording = opened(tmp_path, table())
+    recording: Recording = opened(tmp_path, table())
     assert [(s.name, s.unit) for s in recording.signals] == [
         ("Muzzle x", "mm"), ("Muzzle y", "mm"), ("Muzzle angle", "deg"), ("Cradle x", "mm"),
     ]  # fmt: skip
@@ -198,4 +198,4 @@ def test_it_claims_nothing_and_is_not_in_the_table() -> None:
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(flips=st.lists(st.tuples(st.floats(0, 1), st.integers(0, 255)), min_size=1, max_size=6))
 def test_flipped_bytes_never_give_another_exception(tmp_path: Path, flips: list[tuple[float, int]]) -> None:
-    rules.flipped_bytes_are_refused_or_read(CASE, tmp_path, flips)
+    rules.flipped_bytes_are_refused_or_read(CASE, tmp_path, [flips])

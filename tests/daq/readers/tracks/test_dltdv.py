@@ -8,8 +8,8 @@ import pytest
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.tracks.dltdv import DltdvReader
-from recoil_acquisition.readers.tracks.recording import TrackRecording
 from tests.builders import track_files as build
 from tests.builders.shared_data import shared_file
 
@@ -17,7 +17,7 @@ READER = DltdvReader()
 CAMERA = Declarations("camera", frame_rate_hz=500.0)
 
 
-def opened(tmp_path: Path, content: bytes, declared: Declarations = CAMERA) -> TrackRecording:
+def opened(tmp_path: Path, content: bytes, declared: Declarations = CAMERA) -> Recording:
     path = tmp_path / "a.csv"
     path.write_bytes(content)
     return READER.open(path, declared)

@@ -9,17 +9,17 @@ import pytest
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import surest_claim
 from recoil_acquisition.readers.tracks.columns import classify, columns_from_headings
 from recoil_acquisition.readers.tracks.proanalyst_text import ProAnalystTextReader
-from recoil_acquisition.readers.tracks.recording import TrackRecording
 from tests.builders.shared_data import shared_file
 from tests.builders.vendor_files import dewesoft_text, motion_rows, tracks_text
 
 READER = ProAnalystTextReader()
 
 
-def opened(tmp_path: Path, content: bytes | str, rate_hz: float | None = None) -> TrackRecording:
+def opened(tmp_path: Path, content: bytes | str, rate_hz: float | None = None) -> Recording:
     path = tmp_path / "a.csv"
     path.write_bytes(content.encode() if isinstance(content, str) else content)
     return READER.open(path, Declarations("camera", frame_rate_hz=rate_hz))

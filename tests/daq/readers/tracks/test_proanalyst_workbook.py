@@ -13,18 +13,18 @@ from hypothesis import strategies as st
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text import sheet_text
 from recoil_acquisition.readers.text.sheet_text import read_sheets
 from recoil_acquisition.readers.tracks.proanalyst_text import ProAnalystTextReader
 from recoil_acquisition.readers.tracks.proanalyst_workbook import ProAnalystWorkbookReader
-from recoil_acquisition.readers.tracks.recording import TrackRecording
 from tests.builders import track_files as build
 
 READER = ProAnalystWorkbookReader()
 CAMERA = Declarations("camera")
 
 
-def opened(tmp_path: Path, content: bytes, declared: Declarations = CAMERA) -> TrackRecording:
+def opened(tmp_path: Path, content: bytes, declared: Declarations = CAMERA) -> Recording:
     path = tmp_path / "a.xlsx"
     path.write_bytes(content)
     return READER.open(path, declared)

@@ -11,8 +11,8 @@ from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.hdf5.kind import names_lie_behind
 from recoil_acquisition.readers.head import HEAD_BYTES, Claim, Head
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import recognise
-from recoil_acquisition.readers.tracks.recording import TrackRecording
 from recoil_acquisition.readers.tracks.sleap_analysis import SleapAnalysisReader
 from recoil_acquisition.readers.tracks.sleap_text import SleapTextReader
 from tests.builders import track_files as build
@@ -21,7 +21,7 @@ TEXT, ANALYSIS = SleapTextReader(), SleapAnalysisReader()
 CAMERA = Declarations("camera", frame_rate_hz=500.0)
 
 
-def opened(tmp_path: Path, content: bytes, declared: Declarations = CAMERA) -> TrackRecording:
+def opened(tmp_path: Path, content: bytes, declared: Declarations = CAMERA) -> Recording:
     path = tmp_path / "a.h5"
     path.write_bytes(content)
     return (ANALYSIS if content.startswith(b"\x89HDF") else TEXT).open(path, declared)

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import surest_claim
 from recoil_acquisition.readers.text.text_file import LongText
 from recoil_acquisition.readers.tracks import signature as track_signature
-from recoil_acquisition.readers.tracks.recording import TrackRecording
 from recoil_acquisition.readers.tracks.signature import spread_text
 from recoil_acquisition.readers.tracks.tracker_text import TrackerTextReader
 from tests.builders import track_files as build
@@ -22,7 +22,7 @@ from tests.builders.shared_data import shared_file
 READER = TrackerTextReader()
 
 
-def opened(tmp_path: Path, content: bytes, declared: Declarations | None = None) -> TrackRecording:
+def opened(tmp_path: Path, content: bytes, declared: Declarations | None = None) -> Recording:
     path = tmp_path / "a.txt"
     path.write_bytes(content)
     return READER.open(path, declared or Declarations("camera"))

@@ -10,14 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
-from recoil_acquisition.readers.containers.stored_channels import StoredRecording
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.uff.reader import UffReader
 from tests.builders.container_files import ramp, uff_binary, uff_text
 from tests.builders.shared_data import shared_file
 
 
-def opened(folder: Path, content: bytes) -> StoredRecording:
+def opened(folder: Path, content: bytes) -> Recording:
     path = folder / "a.uff"
     path.write_bytes(content)
     return UffReader().open(path, Declarations("dewetron"))
@@ -179,7 +179,7 @@ def test_a_coarsely_printed_step_is_told(tmp_path: Path) -> None:
 
 
 def test_real_files_are_read_or_refused_by_design() -> None:
-    def read(name: str) -> StoredRecording:
+    def read(name: str) -> Recording:
         return UffReader().open(shared_file(f"containers/{name}"), Declarations("dewetron"))
 
     sample = read("Sample_UFF58b_bin.uff")

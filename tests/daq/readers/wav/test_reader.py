@@ -10,14 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from recoil_acquisition.errors import CorruptFileError, ReadError, UnknownFormatError
-from recoil_acquisition.readers.containers.stored_channels import StoredRecording
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import recognise
 from recoil_acquisition.readers.wav.reader import WavReader
 from tests.builders import container_files as build
 
 
-def opened(folder: Path, content: bytes) -> StoredRecording:
+def opened(folder: Path, content: bytes) -> Recording:
     path = folder / "a.wav"
     path.write_bytes(content)
     return WavReader().open(path, Declarations("dewetron"))

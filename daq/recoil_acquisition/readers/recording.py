@@ -1,0 +1,184 @@
+"""One opened file of one instrument: headers first, samples when they are asked for.
+
+Formats differ in how they say what a file holds. Once that is known, a channel is a header, a time base and a function
+that reads some of its samples, whatever the format, and a recording is its channels with what the file says of itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.channel import RawCounts
+from recoil_acquisition.errors import CorruptFileError, MissingChannelError, ReadError, RecoilDaqError
+from recoil_acquisition.readers.reader import SignalHeader
+from recoil_acquisition.timebase import AbsoluteStart, TimeBase
+from recoil_acquisition.track import Track
+
+T = TypeVar("T")
+
+
+def _no_counts(_start: int, _stop: int) -> RawCounts | None:
+    return None
+
+
+def _nothing_to_say(_name: str) -> None:
+    return None
+
+
+@dataclass(frozen=True, eq=False)
+class StoredChannel:
+    """One channel of a file.
+
+    Attributes
+    ----------
+    header : SignalHeader
+    time_base : TimeBase or callable
+        The instants of its samples; a callable that returns them where finding them takes reading numbers.
+    samples : callable
+        Reads samples ``start`` to ``stop`` (0 <= start <= stop <= count) into an array of the caller's own,
+        float64, shape (stop - start,), in the file's unit, lost ones NaN.
+    raw : callable
+        Reads the stored integers of the same samples; None if there are none.
+    """
+
+    header: SignalHeader
+    time_base: TimeBase | Callable[[], TimeBase]
+    samples: Callable[[int, int], NDArray[np.float64]]
+    raw: Callable[[int, int], RawCounts | None] = _no_counts
+
+
+@contextmanager
+def damage_is_reported(path: Path, expected: str) -> Iterator[None]:
+    """Turn what a library raises over a damaged file into a `CorruptFileError`.
+
+    Parameters
+    ----------
+    path : Path
+    expected : str
+        What the file should have been, for the message.
+
+    Raises
+    ------
+    ReadError
+        If the file cannot be read at all.
+    CorruptFileError
+        If anything else is raised than this project's own errors: libraries answer damaged bytes with
+        whatever exception the first wrong number leads to.
+    """
+    try:
+        yield
+    except RecoilDaqError:
+        raise
+    except (FileNotFoundError, IsADirectoryError, PermissionError) as error:
+        raise ReadError(f"cannot be read: {error.strerror or error}", path=path, remedy="check the name") from error
+    except Exception as error:
+        text = " ".join(str(error).split())[:200] or "no message"
+        raise CorruptFileError(
+            "the file is damaged", path=path, expected=expected, found=f"{type(error).__name__}: {text}",
+            remedy="copy or export it again",
+        ) from error  # fmt: skip
+
+
+class Recording:
+    """One opened file of one instrument.
+
+    What takes reading numbers may be given as a callable, which is asked when somebody wants to know.
+
+    Parameters
+    ----------
+    path : Path
+    reader : str
+        Name of the reader that opened it.
+    channels : sequence of StoredChannel
+        With unique names, in the file's order.
+    metadata : mapping
+        What the file says about itself: preamble, versions, counters of losses; JSON types only.
+    notes : sequence of str, or callable
+        What a user must know before trusting the samples: losses, repairs, contradictions.
+    incomplete : str
+        How it shows that the file was cut off; empty if nothing shows that.
+    absolute_start : AbsoluteStart or None, or callable
+        Wall-clock time of the recording's time zero, if the file states one.
+    tracks : callable
+        The markers' paths of a camera's file.
+    check_name : callable
+        Is given a name that no channel has, and raises `ReadError` if it knows why.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        reader: str,
+        channels: Sequence[StoredChannel],
+        *,
+        metadata: Mapping[str, Any],
+        notes: Sequence[str] | Callable[[], Sequence[str]] = (),
+        incomplete: str = "",
+        absolute_start: AbsoluteStart | Callable[[], AbsoluteStart | None] | None = None,
+        tracks: Callable[[], tuple[Track, ...]] = tuple,
+        check_name: Callable[[str], None] = _nothing_to_say,
+    ) -> None:
+        self.path, self.reader, self.metadata, self.incomplete = path, reader, metadata, incomplete
+        self.signals = tuple(channel.header for channel in channels)
+        self._channels = {channel.header.name: channel for channel in channels}
+        self._notes, self._absolute_start, self._tracks, self._check_name = notes, absolute_start, tracks, check_name
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user must know before trusting the samples: losses, repairs, contradictions."""
+        return tuple(self._notes() if callable(self._notes) else self._notes)
+
+    @property
+    def absolute_start(self) -> AbsoluteStart | None:
+        """Wall-clock time of the recording's time zero, if the file states one."""
+        return self._absolute_start() if callable(self._absolute_start) else self._absolute_start
+
+    def read(self, name: str, start: int = 0, stop: int | None = None) -> NDArray[np.float64]:
+        """Read samples of one signal in the file's unit, lost ones NaN, shape (stop - start,).
+
+        Raises
+        ------
+        MissingChannelError
+            If there is no such signal.
+        CorruptFileError
+            If its samples are damaged.
+        """
+        return self._part(self._find(name).samples, name, start, stop)
+
+    def raw(self, name: str, start: int = 0, stop: int | None = None) -> RawCounts | None:
+        """Return the integers that the source stored for samples of one signal, if it stored any; raises as `read`."""
+        return self._part(self._find(name).raw, name, start, stop)
+
+    def time_base(self, name: str) -> TimeBase:
+        """Return the instants of one signal's samples on the source's clock.
+
+        Raises
+        ------
+        MissingChannelError
+            If there is no such signal.
+        """
+        base = self._find(name).time_base
+        return base() if callable(base) else base
+
+    def tracks(self) -> tuple[Track, ...]:
+        """Return the markers' paths of a camera's file; empty for every other kind."""
+        return self._tracks()
+
+    def _find(self, name: str) -> StoredChannel:
+        try:
+            return self._channels[name]
+        except KeyError:
+            self._check_name(name)
+            raise MissingChannelError(name, tuple(self._channels), path=self.path) from None
+
+    def _part(self, part: Callable[[int, int], T], name: str, start: int, stop: int | None) -> T:
+        first, last, _ = slice(start, stop).indices(self._channels[name].header.sample_count)
+        with damage_is_reported(self.path, f"a whole file of {self.reader}"):
+            return part(first, max(first, last))
