@@ -441,8 +441,13 @@ def show(
 def export(
     shot: Annotated[Path, typer.Argument(help="A shot file.", show_default=False)],
     format_name: Annotated[
-        Literal["mdf4", "mat", "uff58", "tdms", "parquet", "csv", "dewesoft-text"],
-        typer.Option("--format", help="csv and parquet are read again by `ingest`."),
+        str,
+        typer.Option(
+            "--format",
+            help="Or what another package adds; csv and parquet are read again by `ingest`.",
+            metavar="mdf4|mat|uff58|tdms|parquet|csv|dewesoft-text",
+            show_default=False,
+        ),
     ],
     out: Annotated[Path, typer.Option(help="Folder of the files.")] = Path("exports"),
     channel: Annotated[
@@ -462,6 +467,10 @@ def export(
     debug: DebugOption = False,
 ) -> None:
     """Write a shot's channels in another format, verified, and say what is exact and what is lost."""
+    from recoil_acquisition.exporters.table import exporters
+
+    if format_name not in (names := [exporter.name for exporter in exporters()]):
+        raise typer.BadParameter(f"{format_name!r} is none of {', '.join(names)}")
     with Session(json, debug) as session:
         from recoil_acquisition.reader_process import READER
 

@@ -64,7 +64,7 @@ def export_shot(
     path : path
         A shot file.
     format_name : str
-        Name of one of `recoil_acquisition.exporters.table.EXPORTERS`.
+        Name of one of `recoil_acquisition.exporters.table.exporters`.
     out : path
         Folder of the files.
     channels : sequence of str

@@ -8,7 +8,7 @@ from typing import Any
 
 from recoil_acquisition.readers.reader import Declarations, Reader
 from recoil_acquisition.readers.recording import Recording
-from recoil_acquisition.readers.table import BY_LAYOUT, READERS, TableReader
+from recoil_acquisition.readers.table import BY_LAYOUT, TableReader, readers
 from recoil_acquisition.timebase import TimeBase
 from recoil_daq.ingest import reader_of
 from recoil_rigs.rig import Rig
@@ -20,7 +20,7 @@ EMPTY_DATABASE = 'VERSION ""\n'
 def formats_document() -> dict[str, Any]:
     """Return every format that is read: its kind, endings, and what it needs beside the package, in JSON types."""
     rows = []
-    for reader in (*READERS, *BY_LAYOUT.values()):
+    for reader in (*readers(), *BY_LAYOUT.values()):
         extra = reader.extra if isinstance(reader, TableReader) else None
         row = {
             "format": reader.name,

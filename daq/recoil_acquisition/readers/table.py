@@ -1,9 +1,10 @@
 """The table of readers, and how a file finds its reader.
 
-`READERS` is the table. Nothing of a reader's module is imported before a file shows the reader's sign. A file is
-recognised by its content (`recognise`): the surest claim takes it, and where two claims are equally sure, the error
-names both. A table that only its shape speaks for, as other programs write it too, is taken where a rig says of which
-kind its source is. `BY_LAYOUT` are the readers of text tables whose layout the rig declares; they claim nothing.
+`READERS` is the table, and `readers` adds those of other packages. Nothing of a reader's module is imported before a
+file shows the reader's sign. A file is recognised by its content (`recognise`): the surest claim takes it, and where
+two claims are equally sure, the error names both. A table that only its shape speaks for, as other programs write it
+too, is taken where a rig says of which kind its source is. `BY_LAYOUT` are the readers of text tables whose layout the
+rig declares; they claim nothing.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from recoil_acquisition.errors import UnknownFormatError
 from recoil_acquisition.extras import DEWESOFT, MDF, PARQUET, TDMS, XLSX, Extra
+from recoil_acquisition.others import offered, tell_fault
 from recoil_acquisition.readers.hdf5.rehearsal import needs_rehearsal, rehearse_apart
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.unread import foreign_format
@@ -87,6 +89,43 @@ class TableReader:
             self.extra.check(path)
         return self._loaded.open(path, declared)
 
+
+class OthersReader:
+    """A reader of another package, whose mistakes are its own.
+
+    Parameters
+    ----------
+    reader : Reader
+    """
+
+    def __init__(self, reader: Reader) -> None:
+        self._reader = reader
+        self.name, self.kind, self.suffixes = reader.name, reader.kind, reader.suffixes
+
+    def claims(self, head: Head) -> Claim:
+        """Say how sure it is; one that fails is told and claims nothing."""
+        try:
+            return Claim(self._reader.claims(head))
+        except Exception as error:
+            tell_fault(f"the reader {self.name!r}", error)
+            return Claim.NO
+
+    def open(self, path: Path, declared: Declarations) -> Recording:
+        """Open a file.
+
+        Raises
+        ------
+        ReadError
+            If the file is not what it seems, whatever the reader raises.
+        """
+        from recoil_acquisition.readers.recording import damage_is_reported
+
+        with damage_is_reported(path, f"a whole file of {self.name}"):
+            return self._reader.open(path, declared)
+
+
+GROUP = "recoil_daq.readers"
+"""Entry points by which other packages announce their readers."""
 
 _HDF5 = rb"\x89HDF\r\n\x1a\n"
 _USER_BLOCKS = b"|".join(b".{%d}" % (512 << i) for i in range(7))
@@ -193,11 +232,16 @@ BY_LAYOUT: Mapping[str, Reader] = {
 """Kind of source -> what reads its tables where the rig declares their layout."""
 
 
+def readers() -> tuple[Reader, ...]:
+    """Return every reader: those of the table, and those that other packages announce under `GROUP`."""
+    return (*READERS, *map(OthersReader, offered(GROUP, ("name", "kind", "suffixes", "claims", "open"))))
+
+
 def surest_claim(head: Head) -> tuple[Claim, tuple[Reader, ...]]:
     """Return the surest claim on a file, and the readers that make it."""
-    claims = [reader.claims(head) for reader in READERS]
-    surest = max(claims)
-    return surest, tuple(reader for reader, claim in zip(READERS, claims, strict=True) if claim == surest)
+    claims = [(reader.claims(head), reader) for reader in readers()]
+    surest = max(claim for claim, _ in claims)
+    return surest, tuple(reader for claim, reader in claims if claim == surest)
 
 
 def recognise(path: Path, kinds: Collection[str] = ()) -> Reader:
@@ -221,7 +265,7 @@ def recognise(path: Path, kinds: Collection[str] = ()) -> Reader:
     if needs_rehearsal(head.content):
         rehearse_apart(path)
     surest, claiming = surest_claim(head)
-    names = [reader.name for reader in READERS]
+    names = [reader.name for reader in readers()]
     if surest > Claim.SHAPE:
         if len(claiming) == 1:
             return claiming[0]

@@ -1,0 +1,187 @@
+"""A reader in a package of its own is found, used by the commands, and keeps the rules, with no line changed here."""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import subprocess
+import sys
+import tomllib
+from collections.abc import Callable, Iterator
+from importlib.metadata import EntryPoint, EntryPoints
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from recoil_acquisition import conformance, others
+from recoil_acquisition.conformance import Case
+from recoil_acquisition.errors import CorruptFileError, UnknownFormatError
+from recoil_acquisition.exporters.table import EXPORTERS, exporter_of, exporters
+from recoil_acquisition.readers.head import Claim, Head
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
+from recoil_acquisition.readers.table import READERS, readers, recognise, surest_claim
+from recoil_acquisition.store import read_shot
+from recoil_rigs.twin import TwinShot
+from tests.builders import vendor_files
+from tests.other_package.recoil_lvm import LvmReader
+
+PACKAGE = Path(__file__).resolve().parents[1] / "other_package"
+PROJECT = tomllib.loads((PACKAGE / "pyproject.toml").read_text("utf-8"))["project"]
+
+
+def lvm(names: list[str], units: list[str], rows: np.ndarray, step_s: float) -> bytes:
+    """Write a file as LabVIEW does."""
+    count = len(names)
+    lines = [
+        "LabVIEW Measurement\t", "Writer_Version\t2", "Separator\tTab", "X_Columns\tNo", "***End_of_Header***\t", "\t",
+        f"Channels\t{count}", "\t".join(["Samples", *[str(len(rows))] * count]), "\t".join(["Y_Unit_Label", *units]),
+        "\t".join(["X0", *["0.0"] * count]), "\t".join(["Delta_X", *[repr(step_s)] * count]), "***End_of_Header***\t",
+        "\t".join(["X_Value", *names, "Comment"]), *("\t".join(["", *map(repr, row)]) for row in rows.tolist()),
+    ]  # fmt: skip
+    return "".join(line + "\r\n" for line in lines).encode()
+
+
+RAMP = np.column_stack((np.arange(40.0), 200.0 - np.arange(40.0)))
+CASE = Case(
+    "lvm", LvmReader(), lvm(["acc", "p"], ["m/s^2", "Pa"], RAMP, 1e-3), Declarations("recorder"),
+    {"acc": (0.0, 39.0), "p": (161.0, 200.0)},
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("rule", conformance.RULES, ids=lambda rule: rule.__name__)
+def test_a_reader_of_another_package_keeps(rule: Callable[[Case, Path], None], tmp_path: Path) -> None:
+    rule(CASE, tmp_path)
+
+
+def installed(folder: Path) -> dict[str, str]:
+    """Write what pip would leave of the package; return the environment of a process that has it."""
+    metadata = folder / "recoil_lvm-0.1.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {PROJECT['name']}\nVersion: 0.1\n")
+    points = [
+        f"[{group}]\n" + "".join(f"{name} = {value}\n" for name, value in entries.items())
+        for group, entries in PROJECT["entry-points"].items()
+    ]
+    (metadata / "entry_points.txt").write_text("\n".join(points))
+    return {**os.environ, "PYTHONPATH": os.pathsep.join([str(folder), str(PACKAGE), *sys.path])}
+
+
+def test_show_and_ingest_read_a_format_of_another_package(field_shot: TwinShot, tmp_path: Path) -> None:
+    environment = installed(tmp_path)
+    csv, camera = sorted(field_shot.files, key=lambda path: recognise(path).kind, reverse=True)
+    recorded = recognise(csv).open(csv, Declarations("dewetron"))
+    samples = np.column_stack([recorded.read(header.name) for header in recorded.signals])
+    step_s = recorded.time_base(recorded.signals[0].name).step_s
+    file = tmp_path / "0001_daq.lvm"
+    names, units = zip(*((signal.name, signal.unit) for signal in recorded.signals), strict=True)
+    file.write_bytes(lvm([*names], [*units], samples, step_s or 0.0))
+
+    def command(*arguments: object) -> dict:
+        done = subprocess.run(
+            [sys.executable, "-m", "recoil_daq.cli", *map(str, arguments), "--json"],
+            env=environment, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+
+    shown = command("show", file)
+    assert shown["format"] == LvmReader.name
+    assert [signal["name"] for signal in shown["signals"]] == [signal.name for signal in recorded.signals]
+    assert LvmReader.name in [row["format"] for row in command("formats")["formats"]]
+    command("ingest", "field-2013", file, camera, "--shot", "other", "--out", tmp_path)
+    command("ingest", "field-2013", csv, camera, "--shot", "own", "--out", tmp_path)
+    other, own = read_shot(tmp_path / "other.h5"), read_shot(tmp_path / "own.h5")
+    assert list(other.channels) == list(own.channels)
+    for name, channel in other.channels.items():
+        np.testing.assert_array_equal(channel.samples, own.channels[name].samples)
+
+
+@pytest.fixture
+def announced(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., None]]:
+    """Let other packages announce some objects, by the values of their entry points."""
+    import importlib.metadata
+
+    def announce(*points: EntryPoint) -> None:
+        monkeypatch.setattr(
+            importlib.metadata, "entry_points", lambda group: EntryPoints(p for p in points if p.group == group)
+        )
+        others.offered.cache_clear()
+
+    yield announce
+    others.offered.cache_clear()
+
+
+def point(name: str, value: str, group: str = "recoil_daq.readers") -> EntryPoint:
+    return EntryPoint(name, value, group)
+
+
+class Raising(LvmReader):
+    name = "raising"
+
+    def claims(self, head: Head) -> Claim:
+        raise RuntimeError(f"{len(head.content)} bytes\nare too many")
+
+
+class Careless(LvmReader):
+    def open(self, path: Path, declared: Declarations) -> Recording:
+        return super().open(path.with_name(path.read_text().split("\t")[99999]), declared)
+
+
+NOT_A_READER = SimpleNamespace(name="half", kind="dewetron", suffixes=(".half",))
+HERE = "tests.recoil_daq.test_other_packages"
+
+
+def test_a_package_that_does_not_work_is_told_in_a_line_and_the_others_are_read(
+    announced: Callable[..., None], caplog: pytest.LogCaptureFixture
+) -> None:
+    announced(
+        point("a", "no_such_package:Reader"), point("b", f"{HERE}:NOT_A_READER"), point("c", f"{HERE}:Raising"),
+        point("d", f"{HERE}:LvmReader"),
+    )  # fmt: skip
+    with caplog.at_level(logging.WARNING):
+        assert [reader.name for reader in readers()[len(READERS) :]] == ["raising", LvmReader.name]
+        assert [r.name for r in surest_claim(Head(CASE.content))[1]] == [LvmReader.name]
+        text = Head(vendor_files.dewesoft_text(vendor_files.motion_rows()))
+        assert [r.name for r in surest_claim(text)[1]] == ["Dewesoft text export"]
+    told = [record.getMessage() for record in caplog.records]
+    assert "'a' (no_such_package:Reader)" in told[0]
+    assert "No module named 'no_such_package'" in told[0]
+    assert "it has no claims, open" in told[1]
+    assert "the reader 'raising' does not work and is left out: RuntimeError" in told[2]
+    assert not any("\n" in line for line in told)
+
+
+def test_what_a_reader_of_another_package_raises_is_a_fault_of_the_file(
+    announced: Callable[..., None], tmp_path: Path
+) -> None:
+    announced(point("a", f"{HERE}:Careless"))
+    (tmp_path / "a.lvm").write_bytes(CASE.content)
+    with pytest.raises(CorruptFileError, match=r"a\.lvm: the file is damaged; .* of LabVIEW.*IndexError"):
+        recognise(tmp_path / "a.lvm").open(tmp_path / "a.lvm", CASE.declared)
+
+
+def test_two_certain_claims_of_two_packages_are_an_error_that_names_both(
+    announced: Callable[..., None], tmp_path: Path
+) -> None:
+    announced(point("one", f"{HERE}:LvmReader"), point("two", f"{HERE}:LvmReader"))
+    (tmp_path / "a.lvm").write_bytes(CASE.content)
+    with pytest.raises(UnknownFormatError, match="found LabVIEW measurement, LabVIEW measurement"):
+        recognise(tmp_path / "a.lvm")
+
+
+class Flac:
+    name, suffix, extra, single_file = "flac", ".flac", "", False
+    carried = write = read_back = staticmethod(lambda *_: None)
+
+
+def test_an_exporter_of_another_package_is_offered(announced: Callable[..., None], run, tmp_path: Path) -> None:
+    announced(point("flac", f"{HERE}:Flac", "recoil_daq.exporters"))
+    assert [exporter.name for exporter in exporters()] == [*(e.name for e in EXPORTERS), "flac"]
+    assert isinstance(exporter_of("flac"), Flac)
+    refused = run("export", tmp_path / "no.h5", "--format", "wmv")
+    assert refused.exit_code == 2
+    assert "flac" in " ".join(refused.output.split())
