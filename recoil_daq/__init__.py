@@ -2,10 +2,15 @@
 
 The public Python interface::
 
-    from recoil_daq import ingest_files, identify_file, load_rig, read_shot
+    from recoil_daq import identify_file, ingest_files, load_rig
 
-    outcome = ingest_files(load_rig("rig.toml"), ["daq.csv", "camera.csv"], shot="0001")
-    report = identify_file(outcome.path)
+    done = ingest_files(load_rig("rig.toml"), ["daq.csv", "camera.csv"], shot="0001")
+    report = identify_file(done.path)
+    print(report)                                    # what the command prints
+    print(report.mass_kg, report.u_kg, report.valid)
+
+Every error that a file, a rig or a device causes is a `RecoilDaqError`; a caller's own mistake is a ValueError or a
+TypeError.
 """
 
 from __future__ import annotations
@@ -15,28 +20,87 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     __version__: str
+    from recoil_acquisition.errors import (
+        AlignmentError,
+        CorruptFileError,
+        DeviceError,
+        FramingError,
+        IdentificationError,
+        MissingChannelError,
+        ReadError,
+        RecoilDaqError,
+        RigError,
+        StoreError,
+        UnknownFormatError,
+    )
+    from recoil_acquisition.readers.reader import Recording
+    from recoil_acquisition.shot import Shot
     from recoil_acquisition.store import read_shot, write_shot
-    from recoil_daq.identify import identify_file
-    from recoil_daq.ingest import ingest_files
-    from recoil_rigs.rig import load_rig
+    from recoil_daq.exported import Exported, export
+    from recoil_daq.file_summary import open_recording
+    from recoil_daq.identify import Reported, identify_file, identify_folder
+    from recoil_daq.ingest import Ingested, ingest_files
+    from recoil_daq.simulated import Simulated, simulate
+    from recoil_identification.analysis import Options
+    from recoil_rigs.rig import Rig, load_rig
 
 _HOMES = {
-    "identify_file": "recoil_daq.identify",
-    "ingest_files": "recoil_daq.ingest",
-    "load_rig": "recoil_rigs.rig",
-    "read_shot": "recoil_acquisition.store",
-    "write_shot": "recoil_acquisition.store",
-}
+    "recoil_acquisition.errors": (
+        "AlignmentError", "CorruptFileError", "DeviceError", "FramingError", "IdentificationError",
+        "MissingChannelError", "ReadError", "RecoilDaqError", "RigError", "StoreError", "UnknownFormatError",
+    ),
+    "recoil_acquisition.readers.reader": ("Recording",),
+    "recoil_acquisition.shot": ("Shot",),
+    "recoil_acquisition.store": ("read_shot", "write_shot"),
+    "recoil_daq.exported": ("Exported", "export"),
+    "recoil_daq.file_summary": ("open_recording",),
+    "recoil_daq.identify": ("Reported", "identify_file", "identify_folder"),
+    "recoil_daq.ingest": ("Ingested", "ingest_files"),
+    "recoil_daq.simulated": ("Simulated", "simulate"),
+    "recoil_identification.analysis": ("Options",),
+    "recoil_rigs.rig": ("Rig", "load_rig"),
+}  # fmt: skip
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
-__all__ = ["__version__", "identify_file", "ingest_files", "load_rig", "read_shot", "write_shot"]
+__all__ = [
+    "AlignmentError",
+    "CorruptFileError",
+    "DeviceError",
+    "Exported",
+    "FramingError",
+    "IdentificationError",
+    "Ingested",
+    "MissingChannelError",
+    "Options",
+    "ReadError",
+    "RecoilDaqError",
+    "Recording",
+    "Reported",
+    "Rig",
+    "RigError",
+    "Shot",
+    "Simulated",
+    "StoreError",
+    "UnknownFormatError",
+    "__version__",
+    "export",
+    "identify_file",
+    "identify_folder",
+    "ingest_files",
+    "load_rig",
+    "open_recording",
+    "read_shot",
+    "simulate",
+    "write_shot",
+]
 
 
 def __getattr__(name: str) -> Any:
     """Import a public name when it is first used, so that ``--help`` needs none of the heavy libraries."""
     if name == "__version__":
         return _version()
-    if name in _HOMES:
-        return getattr(import_module(_HOMES[name]), name)
+    if name in _HOME_OF:
+        return getattr(import_module(_HOME_OF[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

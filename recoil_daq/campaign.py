@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.shot import Verdict
 from recoil_acquisition.store import read_shot
+from recoil_identification.analysis import Options
 from recoil_identification.default_method import default_method
 from recoil_identification.filter_choice import campaign_choice, force_spectra
 from recoil_identification.preparation import prepare
 from recoil_processing.quality.repeatability import ShotPeaks, check_repeat_peaks
-from recoil_processing.spectra.cutoff import CutoffChoice
 from recoil_processing.spectra.spectral_gap import ShotSpectrum
 from recoil_rigs.rig import parse_rig
 
@@ -23,32 +23,18 @@ LEAST_SHOTS = 2
 """One shot is no campaign."""
 
 
-@dataclass(frozen=True)
-class Campaign:
-    """Shots that share a rig.
+def shared_options(
+    paths: Sequence[Path], options: Options, *, progress: Progress = lambda _: None
+) -> Mapping[Path, Options]:
+    """Return the options of each shot file: with one cut-off for all shots of a rig, unless one is asked for.
 
-    Attributes
-    ----------
-    cutoffs : mapping of str to CutoffChoice
-        By the rig's name, where the rig has at least two shots with a spectrum.
-    rigs : mapping of Path to str
-        Rig of each shot file.
-    """
-
-    cutoffs: Mapping[str, CutoffChoice]
-    rigs: Mapping[Path, str]
-
-    def cutoff_of(self, path: Path) -> CutoffChoice | None:
-        """Return the cut-off for a shot file; None where it has to find its own."""
-        return self.cutoffs.get(self.rigs.get(path, ""))
-
-
-def survey(paths: Sequence[Path], *, progress: Progress = lambda _: None) -> Campaign:
-    """Look through several shot files and choose one cut-off for each rig.
+    A rig with one shot, or none with a spectrum, leaves each shot to find its own.
 
     Parameters
     ----------
     paths : sequence of Path
+    options : Options
+        As asked for.
     progress : callable
         Told each shot's name.
 
@@ -57,6 +43,8 @@ def survey(paths: Sequence[Path], *, progress: Progress = lambda _: None) -> Cam
     StoreError, RigError, IdentificationError
         If a shot file cannot be read, or nothing can be identified from it.
     """
+    if len(paths) < LEAST_SHOTS or options.cutoff_hz is not None:
+        return dict.fromkeys(paths, options)
     spectra: dict[str, list[Mapping[str, ShotSpectrum]]] = {}
     rigs: dict[Path, str] = {}
     for path in paths:
@@ -68,7 +56,7 @@ def survey(paths: Sequence[Path], *, progress: Progress = lambda _: None) -> Cam
             # a displacement has a low-pass of its own, and no spectrum to choose it by
             spectra.setdefault(shot.rig_name, []).append(force_spectra(prepare(shot, rig).recorded))
     chosen = {name: campaign_choice(shots) for name, shots in spectra.items() if len(shots) >= LEAST_SHOTS}
-    return Campaign({name: choice for name, choice in chosen.items() if choice is not None}, rigs)
+    return {path: replace(options, campaign=chosen.get(rigs[path])) for path in paths}
 
 
 def repeatability(documents: Sequence[Mapping[str, Any]]) -> dict[str, tuple[Verdict, str]]:

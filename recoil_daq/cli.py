@@ -158,7 +158,6 @@ def ingest(
         raise typer.BadParameter("--shots, --watch and --no-screen go with --live")
     with Session(json, debug) as session:
         from recoil_daq.ingest import ingest_files
-        from recoil_daq.tables import print_verdict, verdict_document
         from recoil_rigs.rig import load_rig
 
         with session.steps("ingest") as progress:
@@ -166,8 +165,7 @@ def ingest(
                 load_rig(rig), files, shot=shot, out=out, overwrite=overwrite,
                 accept_incomplete=accept_incomplete, at_s=at, replaces=replaces, progress=progress,
             )  # fmt: skip
-        document = verdict_document(done)
-        session.finish(document, lambda: print_verdict(document), OK if done.shot.usable else NOT_VALID)
+        session.finish(done.to_json(), done.show, OK if done.shot.usable else NOT_VALID)
 
 
 def _live(
@@ -253,29 +251,26 @@ def identify(
         from recoil_acquisition.reader_process import READER
 
         READER.start()  # it loads its libraries while this process loads its own
-        from recoil_daq.campaign import Campaign, repeatability, survey
+        from recoil_daq.campaign import repeatability, shared_options
         from recoil_daq.identify import find_shot_files, identify_file
-        from recoil_daq.tables import print_repeatability, print_report, reports_document
+        from recoil_daq.tables import print_repeatability, reports_document
         from recoil_daq.target_tables import print_target
         from recoil_daq.targets import identify_targets
         from recoil_identification.analysis import Options
 
         paths = find_shot_files(shots)
-        campaign = Campaign({}, {})
-        if len(paths) > 1 and cutoff_hz is None:
-            with session.steps("one cut-off for all shots") as progress:
-                campaign = survey(paths, progress=progress)
+        with session.steps("one cut-off for all shots") as progress:
+            shared = shared_options(paths, Options(method, cutoff_hz, memory_s, compare=compare), progress=progress)
         reports: list[Reported] = []
         found: list[TargetReported] = []
-        for path in paths:
-            options = Options(method, cutoff_hz, memory_s, campaign.cutoff_of(path), compare)
+        for path, options in shared.items():
             if "mass" in wanted:
                 with session.steps(f"identify {path.name}") as progress:
                     reports.append(
                         identify_file(path, out=out, options=options, overwrite=overwrite, progress=progress)
                     )
                 if not json:
-                    print_report(reports[-1])
+                    reports[-1].show()
             others = [name for name in wanted if name != "mass"]
             if others:
                 with session.steps(f"identify {path.name}") as progress:
@@ -304,13 +299,12 @@ def simulate(
 ) -> None:
     """Fire the virtual rig: write the instruments' own files, and truth.json, for every shot."""
     with Session(json, debug) as session:
-        from recoil_daq.simulate import simulate_shots
-        from recoil_daq.tables import print_simulated, simulated_document
+        from recoil_daq.simulated import simulate as fire
         from recoil_rigs.rig import load_rig
 
         with session.steps("simulate") as progress:
-            done = simulate_shots(load_rig(rig), out, seed=seed, shots=shots, progress=progress)
-        session.finish(simulated_document(done), lambda: print_simulated(done), OK)
+            done = fire(load_rig(rig), out, seed=seed, shots=shots, progress=progress)
+        session.finish(done.to_json(), done.show, OK)
 
 
 @app.command(epilog="Example: recoil-daq demo --out demo")
@@ -475,16 +469,15 @@ def export(
         from recoil_acquisition.reader_process import READER
 
         READER.start()
-        from recoil_daq.export import export_shot
-        from recoil_daq.export_tables import export_document, print_exported
+        from recoil_daq.exported import export as write_export
 
         with session.steps(f"export {shot.name}") as progress:
-            done = export_shot(
+            done = write_export(
                 shot, format_name, out=out, channels=channel or (), aligned=aligned, overwrite=overwrite,
                 frequency_class=None if class_filter is None else int(class_filter.removeprefix("cfc-")),
                 progress=progress,
             )  # fmt: skip
-        session.finish(export_document(done), lambda: print_exported(done), OK if done.complete else NOT_VALID)
+        session.finish(done.to_json(), done.show, OK if done.complete else NOT_VALID)
 
 
 def main() -> None:

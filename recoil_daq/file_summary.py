@@ -49,15 +49,14 @@ def summarise_file(path: Path, rig: Rig | None = None) -> dict[str, Any]:
     ReadError
         If no reader or more than one claims the file, it is damaged, or it needs what only a rig declares.
     """
-    reader = reader_of(path, rig)
-    recording = reader.open(path, _declarations(reader, path, rig))
+    recording, kind = _opened(path, rig)
     start = recording.absolute_start
     return {
         "schema": "recoil-daq/file/1",
         "file": str(path),
         "bytes": path.stat().st_size,
         "format": recording.reader,
-        "kind": reader.kind,
+        "kind": kind,
         "absolute_start": None if start is None else {"text": start.text, "zone": start.zone, "origin": start.origin},
         "signals": _signals(recording),
         "tracks": [track.name for track in recording.tracks()],
@@ -65,6 +64,28 @@ def summarise_file(path: Path, rig: Rig | None = None) -> dict[str, Any]:
         "notes": list(recording.notes),
         "metadata": dict(recording.metadata),
     }
+
+
+def open_recording(path: str | Path, rig: Rig | None = None) -> Recording:
+    """Open a file of any instrument: its signals are listed, samples are read when they are asked for.
+
+    Parameters
+    ----------
+    path : path
+    rig : Rig, optional
+        Declares what the file does not carry: a CAN database, a framing, a frame rate, a layout.
+
+    Raises
+    ------
+    ReadError
+        As `summarise_file`.
+    """
+    return _opened(Path(path), rig)[0]
+
+
+def _opened(path: Path, rig: Rig | None) -> tuple[Recording, str]:
+    reader = reader_of(path, rig)
+    return reader.open(path, _declarations(reader, path, rig)), reader.kind
 
 
 def _declarations(reader: Reader, path: Path, rig: Rig | None) -> Declarations:

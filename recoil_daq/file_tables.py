@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from recoil_daq.tables import output_console, print_table, say
+from recoil_daq.console import output_console
+from recoil_daq.tables import print_table, say
 
 MOST_IDENTIFIERS = 40
 """Identifiers of a CAN log that are listed; the document has them all."""

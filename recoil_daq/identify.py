@@ -12,6 +12,7 @@ from recoil_acquisition.errors import ReadError
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store import read_shot
 from recoil_daq import __version__
+from recoil_daq.printed import Printed
 from recoil_daq.report_folder import publish, refuse_existing
 from recoil_identification.analysis import Options, identify_shot
 from recoil_identification.report.document import REPORT_FILE, TRACE_FILE, report_document, write_document, write_trace
@@ -22,8 +23,8 @@ from recoil_rigs.rig import parse_rig
 Progress = Callable[[str], None]
 
 
-@dataclass(frozen=True)
-class Reported:
+@dataclass(frozen=True, repr=False)
+class Reported(Printed):
     """A report and where it was written.
 
     Attributes
@@ -36,6 +37,98 @@ class Reported:
 
     document: dict[str, Any]
     folder: Path
+
+    @property
+    def shot(self) -> str:
+        """The shot's name."""
+        return str(self.document["shot"])
+
+    @property
+    def mass_kg(self) -> float:
+        """The recoiling mass."""
+        return float(self.document["mass"]["value"])
+
+    @property
+    def u_kg(self) -> float:
+        """Its standard uncertainty."""
+        return float(self.document["mass"]["u"])
+
+    @property
+    def interval_kg(self) -> tuple[float, float]:
+        """Its 95 % interval."""
+        low, high = self.document["mass"]["U95"]
+        return float(low), float(high)
+
+    @property
+    def specification_kg(self) -> float:
+        """The specification mass."""
+        return float(self.document["mass"]["specification"])
+
+    @property
+    def rpe_percent(self) -> float | None:
+        """Equation (37) of the paper; None where no sample of the trace was identified."""
+        value = self.document["rpe_percent"]["value"]
+        return None if value is None else float(value)
+
+    @property
+    def valid(self) -> bool:
+        """Whether the mass is to be trusted."""
+        return bool(self.document["valid"])
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why it is not."""
+        return tuple(self.document["reasons"])
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the contents of ``report.json``."""
+        return self.document
+
+    def show(self) -> None:
+        """Print the mass, its methods, and what speaks against it."""
+        from recoil_daq.tables import print_report
+
+        print_report(self)
+
+    def __repr__(self) -> str:
+        verdict = "valid" if self.valid else "not valid"
+        return f"Reported({self.shot!r}: {self.mass_kg:.2f} kg, u {self.u_kg:.2f} kg, {verdict} -> {self.folder})"
+
+
+def identify_folder(
+    folder: str | Path,
+    *,
+    out: str | Path = "reports",
+    options: Options | None = None,
+    overwrite: bool = False,
+    progress: Progress = lambda _: None,
+) -> tuple[Reported, ...]:
+    """Identify every shot file of a folder, with one cut-off for all shots of a rig unless one is asked for.
+
+    Parameters
+    ----------
+    folder : path
+    out, options, overwrite
+        As of `identify_file`.
+    progress : callable
+        Told the name of each file and step.
+
+    Raises
+    ------
+    ReadError
+        If the folder holds no shot file.
+    StoreError, RigError, IdentificationError
+        As `identify_file`, of the first file at fault: the reports before it are written.
+    """
+    from recoil_daq.campaign import shared_options
+
+    paths = find_shot_files([Path(folder)])
+    shared = shared_options(paths, options or Options(), progress=progress)
+    reports = []
+    for k, path in enumerate(paths, 1):
+        progress(f"{path.name}, {k} of {len(paths)}")
+        reports.append(identify_file(path, out=out, options=shared[path], overwrite=overwrite))
+    return tuple(reports)
 
 
 def find_shot_files(paths: list[Path]) -> list[Path]:

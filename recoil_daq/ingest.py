@@ -7,6 +7,7 @@ import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from recoil_acquisition.acquisition import AT_TRIGGER, Acquisition, is_acquisition, read_acquisition
 from recoil_acquisition.channel import Step
@@ -20,6 +21,7 @@ from recoil_acquisition.shot import InputFile, Shot
 from recoil_acquisition.shot_name import shot_name_fault
 from recoil_acquisition.store import write_shot
 from recoil_daq import __version__
+from recoil_daq.printed import Printed
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.verdict.shot_quality import check_shot
 from recoil_rigs.assemble import assemble_channels, match_files
@@ -29,8 +31,8 @@ from recoil_rigs.rig import Rig
 Progress = Callable[[str], None]
 
 
-@dataclass(frozen=True)
-class Ingested:
+@dataclass(frozen=True, repr=False)
+class Ingested(Printed):
     """A shot, its rig, and where it was written.
 
     Attributes
@@ -43,6 +45,21 @@ class Ingested:
     shot: Shot
     rig: Rig
     path: Path
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the document of ``ingest --json``."""
+        from recoil_daq.tables import verdict_document
+
+        return verdict_document(self)
+
+    def show(self) -> None:
+        """Print the verdict: a row per channel and clock, what is taken for granted, usable or not."""
+        from recoil_daq.tables import print_verdict
+
+        print_verdict(self.to_json())
+
+    def __repr__(self) -> str:
+        return f"Ingested({self.shot!r} -> {self.path})"
 
 
 def ingest_files(

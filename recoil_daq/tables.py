@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.visible_text import visible
+from recoil_daq.console import output_console
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -17,20 +17,9 @@ if TYPE_CHECKING:
     from recoil_daq.identify import Reported
     from recoil_daq.ingest import Ingested
     from recoil_daq.targets import TargetReported
-    from recoil_rigs.twin import TwinShot
 
 STYLES = {"ok": "green", "warn": "yellow", "fail": "bold red"}
-PIPED_WIDTH = 140
-"""Columns of a table that no terminal limits."""
 RANK = ("ok", "warn", "fail")
-
-
-def output_console() -> Console:
-    """Return the console of stdout, as wide as the terminal, or `PIPED_WIDTH` without one."""
-    from recoil_daq.console import VisibleConsole
-
-    width = None if sys.stdout.isatty() else PIPED_WIDTH
-    return VisibleConsole(width=width)
 
 
 def print_table(
@@ -94,22 +83,8 @@ def verdict_document(done: Ingested) -> dict[str, Any]:
             }
             for c in shot.channels.values()
         ],
-        "alignment": [
-            {
-                "clock": a.clock,
-                "offset_s": a.offset_s,
-                "u_offset_s": _number(a.u_offset_s),
-                "drift": a.drift,
-                "u_drift": _number(a.u_drift),
-                "status": a.status,
-                "method": a.method,
-                "reasons": list(a.reasons),
-            }
-            for a in shot.alignments
-        ],
-        "quality": [
-            {"channel": c.channel, "check": c.check, "verdict": c.verdict, "detail": c.detail} for c in shot.quality
-        ],
+        "alignment": [a.to_json() for a in shot.alignments],
+        "quality": [c.to_json() for c in shot.quality],
     }
 
 
@@ -252,20 +227,6 @@ def print_report(report: Reported) -> None:
     console.print(f"-> {report.folder / 'report.html'}", markup=False, soft_wrap=True)
 
 
-def simulated_document(done: Sequence[TwinShot]) -> dict[str, Any]:
-    """Build the document of ``simulate --json``."""
-    return {
-        "schema": "recoil-daq/simulate/1",
-        "shots": [{"folder": str(s.folder), "files": [str(f) for f in s.files], "truth": dict(s.truth)} for s in done],
-    }
-
-
-def print_simulated(done: Sequence[TwinShot]) -> None:
-    """Print where each shot's files are, and its true mass."""
-    rows = [(s.folder.name, f"{s.truth['m3']:g}", " ".join(f.name for f in s.files), str(s.folder)) for s in done]
-    print_table("Simulated shots", ("shot", "true mass, kg", "files", "folder"), rows, numeric=(1,))
-
-
 def demo_document(done: Demonstration) -> dict[str, Any]:
     """Build the document of ``demo --json``."""
     return {
@@ -280,8 +241,8 @@ def demo_document(done: Demonstration) -> dict[str, Any]:
 
 def print_demo(done: Demonstration) -> None:
     """Print the verdict on the shot, the methods, and the mass beside the truth."""
-    print_verdict(verdict_document(done.ingested))
-    print_report(done.report)
+    done.ingested.show()
+    done.report.show()
     truth = done.report.document["truth"]
     paper = next(m for m in done.report.document["methods"] if m["name"] == "paper")
     against = 100 * (paper["mass_kg"] / truth["mass_kg"] - 1)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from recoil_daq.tables import output_console, print_table
+from recoil_daq.console import output_console
+from recoil_daq.tables import print_table
 from recoil_daq.targets import TargetReported
 from recoil_identification.report.tables import quantities
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
@@ -83,6 +84,17 @@ class ClockAlignment:
         """Map instants of the source's clock, a number or an array, to the reference clock."""
         return (1.0 + self.drift) * times_s + self.offset_s
 
+    def to_json(self) -> dict[str, Any]:
+        """Return it in JSON types without its details; a number that is not finite is None."""
+        numbers = {name: getattr(self, name) for name in ("offset_s", "u_offset_s", "drift", "u_drift")}
+        return {
+            "clock": self.clock,
+            **{name: number if math.isfinite(number) else None for name, number in numbers.items()},
+            "status": self.status,
+            "method": self.method,
+            "reasons": list(self.reasons),
+        }
+
 
 @dataclass(frozen=True)
 class QualityCheck:
@@ -104,6 +116,10 @@ class QualityCheck:
     check: str
     verdict: Verdict
     detail: str
+
+    def to_json(self) -> dict[str, str]:
+        """Return it in JSON types."""
+        return {"channel": self.channel, "check": self.check, "verdict": self.verdict, "detail": self.detail}
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,6 +181,11 @@ class Shot:
         clocks = [alignment.clock for alignment in self.alignments]
         if len(set(clocks)) < len(clocks):
             raise ValueError(f"a clock is aligned twice: {', '.join(clocks)}")
+
+    def __repr__(self) -> str:
+        clocks = len({channel.time_base.clock for channel in self.channels.values()})
+        verdict = "usable" if self.usable else "not usable"
+        return f"Shot({self.name!r} on {self.rig_name!r}: {len(self.channels)} channels, {clocks} clocks, {verdict})"
 
     def by_role(self, role: str) -> Channel | None:
         """Return the channel of a role, or None."""

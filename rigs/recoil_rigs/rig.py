@@ -116,6 +116,9 @@ class Rig:
     twin: Mapping[str, Any] = field(default_factory=dict)
     doubts: tuple[Fault, ...] = ()
 
+    def __repr__(self) -> str:
+        return f"Rig({self.name!r}: {len(self.channels)} channels of {len(self.sources)} sources, {self.path})"
+
     def source(self, name: str) -> Source:
         """Return a source by its name; KeyError if there is none."""
         for source in self.sources:

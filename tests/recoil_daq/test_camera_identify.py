@@ -10,9 +10,10 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from recoil_daq.campaign import repeatability, survey
+from recoil_daq.campaign import repeatability, shared_options
 from recoil_daq.cli import app
 from recoil_daq.ingest import ingest_files
+from recoil_identification.analysis import Options
 from recoil_rigs.twin import simulate_shot
 from tests.builders.filmed_rigs import filmed_rig
 from tests.builders.virtual_shots import SHORTER
@@ -52,8 +53,8 @@ def test_the_report_has_every_key_and_a_page(shot_file, tmp_path):
 
 
 def test_several_such_shots_need_no_cut_off_and_have_no_peaks_to_repeat(shot_file):
-    campaign = survey([shot_file, shot_file])
-    assert campaign.cutoffs == {}
+    (options,) = shared_options([shot_file, shot_file], Options()).values()
+    assert options.campaign is None
     peaks = {"recorded_m_s2": None, "filtered_m_s2": None}
     assert repeatability([{"shot": name, "rig": "r", "peak_acceleration": peaks} for name in "ab"]) == {}
 

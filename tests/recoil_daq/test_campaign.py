@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from recoil_acquisition.store import write_shot
-from recoil_daq.campaign import Campaign, repeatability, survey
+from recoil_daq.campaign import repeatability, shared_options
+from recoil_identification.analysis import Options
 from tests.builders.virtual_shots import virtual_shot
 
 
@@ -25,17 +26,18 @@ def shots(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 def test_shots_of_one_rig_are_given_one_cutoff(shots: list[Path]) -> None:
     named: list[str] = []
-    campaign = survey(shots, progress=named.append)
+    shared = shared_options(shots, Options(compare=True), progress=named.append)
     assert named == [path.name for path in shots]
-    choices = [campaign.cutoff_of(path) for path in shots]
+    choices = [shared[path].campaign for path in shots]
     assert choices[0] is not None
     assert choices[0].cutoff_hz is not None
     assert all(choice is choices[0] for choice in choices)
+    assert all(options.compare for options in shared.values())
 
 
-def test_one_shot_is_no_campaign(shots: list[Path]) -> None:
-    assert survey(shots[:1]).cutoffs == {}
-    assert Campaign({}, {}).cutoff_of(shots[0]) is None
+def test_one_shot_or_a_cutoff_that_is_asked_for_share_nothing(shots: list[Path]) -> None:
+    assert shared_options(shots[:1], Options()) == {shots[0]: Options()}
+    assert shared_options(shots, Options(cutoff_hz=500.0)) == dict.fromkeys(shots, Options(cutoff_hz=500.0))
 
 
 def test_identify_takes_one_cutoff_for_all_shots_and_says_whether_they_repeat(run, shots: list[Path], tmp_path) -> None:

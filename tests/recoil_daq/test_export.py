@@ -12,7 +12,7 @@ from recoil_acquisition.exporters.table import EXPORTERS
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import recognise
 from recoil_acquisition.store import read_shot, write_shot
-from recoil_daq.export_tables import size_text
+from recoil_daq.exported import size_text
 from tests.builders.shots import make_shot
 
 FORMATS = [exporter.name for exporter in EXPORTERS]

@@ -237,11 +237,7 @@ def _document(shot: Shot, provenance: Mapping[str, Any], aligned: bool) -> dict[
             "usable": shot.usable,
             "reasons": list(shot.reasons),
             "alignment": [
-                {
-                    "clock": a.clock, "offset_s": a.offset_s, "u_offset_s": a.u_offset_s, "drift": a.drift,
-                    "u_drift": a.u_drift, "status": a.status, "method": a.method, "reasons": list(a.reasons),
-                }
-                for a in shot.alignments
+                a.to_json() for a in shot.alignments
             ],
             "inputs": [{"file": i.name, "sha256": i.sha256, "source": i.source} for i in shot.inputs],
             "provenance": dict(provenance),

@@ -54,22 +54,8 @@ def summarise_layout(file: Any) -> dict[str, Any]:
         "usable": not failed,
         "reasons": [f"{check.channel}: {check.detail}" for check in failed],
         "channels": [row for _, row in sorted(channels, key=lambda placed: placed[0])],
-        "alignments": [
-            {
-                "clock": a.clock,
-                "offset_s": _json_number(a.offset_s),
-                "u_offset_s": _json_number(a.u_offset_s),
-                "drift": _json_number(a.drift),
-                "u_drift": _json_number(a.u_drift),
-                "status": a.status,
-                "method": a.method,
-                "reasons": list(a.reasons),
-            }
-            for a in read_alignments(entry)
-        ],
-        "quality": [
-            {"channel": c.channel, "check": c.check, "verdict": c.verdict, "detail": c.detail} for c in quality
-        ],
+        "alignments": [a.to_json() for a in read_alignments(entry)],
+        "quality": [c.to_json() for c in quality],
         "inputs": [
             {"file": i.name, "sha256": i.sha256, "size": i.size, "source": i.source, "reader": i.reader}
             for i in read_inputs(entry)

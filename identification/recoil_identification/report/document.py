@@ -103,22 +103,8 @@ def report_document(
         "uncertainty": _uncertainty(found),
         "endogeneity": _endogeneity(found),
         "constancy": _constancy(found),
-        "alignment": [
-            {
-                "clock": a.clock,
-                "offset_s": a.offset_s,
-                "u_offset_s": a.u_offset_s,
-                "drift": a.drift,
-                "u_drift": a.u_drift,
-                "status": a.status,
-                "method": a.method,
-                "reasons": list(a.reasons),
-            }
-            for a in found.alignments.values()
-        ],
-        "quality": [
-            {"channel": c.channel, "check": c.check, "verdict": c.verdict, "detail": c.detail} for c in shot.quality
-        ],
+        "alignment": [a.to_json() for a in found.alignments.values()],
+        "quality": [c.to_json() for c in shot.quality],
         "filter": {**found.filter_choice.to_json(), "mass_cutoff_hz": _mass_cutoff_hz(found)},
         "zero_shift": _zero_shift(found.zero_shift),
         "repairs": [*(one.to_json() for one in found.signals.repairs), *_fitted_zero(shot, found)],

@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import StoreError
@@ -16,12 +17,13 @@ from recoil_acquisition.exporters.table import exporter_of
 from recoil_acquisition.shot import Shot
 from recoil_acquisition.store import read_shot
 from recoil_daq import __version__
+from recoil_daq.printed import Printed
 
 Progress = Callable[[str], None]
 
 
-@dataclass(frozen=True)
-class Exported:
+@dataclass(frozen=True, repr=False)
+class Exported(Printed):
     """What was exported of one shot.
 
     Attributes
@@ -45,8 +47,64 @@ class Exported:
         """Whether every channel that was asked for is in a file."""
         return not any(file.left_out for file in self.files)
 
+    def to_json(self) -> dict[str, Any]:
+        """Return the document of ``export --json``."""
+        return {
+            "schema": "recoil-daq/exported/1",
+            "shot": self.shot,
+            "rig": self.rig,
+            "format": self.format,
+            "aligned": self.aligned,
+            "complete": self.complete,
+            "files": [
+                {
+                    "file": str(file.path),
+                    "clocks": list(file.clocks),
+                    "channels": list(file.channels),
+                    "samples": file.samples,
+                    "bytes": file.size,
+                    "exact": file.exact,
+                    "losses": list(file.losses),
+                    "left_out": list(file.left_out),
+                }
+                for file in self.files
+            ],
+            "notes": list(self.notes),
+        }
 
-def export_shot(
+    def show(self) -> None:
+        """Print a row per file, what each lost, and what concerns all of them."""
+        from recoil_daq.tables import print_table, say
+
+        rows = [
+            (
+                file.path.name, ", ".join(file.clocks), str(len(file.channels)), str(file.samples),
+                size_text(file.size), _numbers(file),
+            )
+            for file in self.files
+        ]  # fmt: skip
+        print_table(
+            f"Shot {self.shot} on rig {self.rig} as {self.format}",
+            ("file", "clock", "channels", "samples", "size", "numbers"),
+            rows,
+            numeric=(2, 3, 4),
+        )
+        everywhere = [loss for loss in self.files[0].losses if all(loss in file.losses for file in self.files)]
+        for file in self.files:
+            for loss in file.losses:
+                if loss not in everywhere:
+                    say(f"lost in {file.path.name}: {loss}")
+        for loss in everywhere:
+            say(f"lost: {loss}")
+        for note in self.notes:
+            say(f"note: {note}")
+        say(f"-> {self.files[0].path.parent}")
+
+    def __repr__(self) -> str:
+        return f"Exported({self.shot!r} as {self.format}: {len(self.files)} files -> {self.files[0].path.parent})"
+
+
+def export(
     path: str | Path,
     format_name: str,
     *,
@@ -125,3 +183,17 @@ def _filtered(shot: Shot, names: Sequence[str], frequency_class: int) -> tuple[S
         except ValueError as error:
             notes.append(f"{name} is as recorded, not filtered by cfc-{frequency_class}: {error}")
     return replace(shot, channels=channels), notes
+
+
+def _numbers(file: ExportedFile) -> str:
+    if file.left_out:
+        return f"{len(file.left_out)} channels left out"
+    return "exact" if file.exact else "rounded"
+
+
+def size_text(size: int) -> str:
+    """Write bytes as people read them."""
+    for unit, factor in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
+        if size >= factor:
+            return f"{size / factor:.3g} {unit}"
+    return f"{size} B"

@@ -1,0 +1,84 @@
+"""The virtual rig's shots, one folder each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from recoil_daq.printed import Printed
+from recoil_rigs.rig import Rig
+from recoil_rigs.twin import TwinShot, simulate_shot
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, repr=False)
+class Simulated(Printed):
+    """Shots that the virtual rig fired.
+
+    Attributes
+    ----------
+    shots : tuple of TwinShot
+    """
+
+    shots: tuple[TwinShot, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the document of ``simulate --json``."""
+        return {
+            "schema": "recoil-daq/simulate/1",
+            "shots": [
+                {"folder": str(s.folder), "files": [str(f) for f in s.files], "truth": dict(s.truth)}
+                for s in self.shots
+            ],
+        }
+
+    def show(self) -> None:
+        """Print where each shot's files are, and its true mass."""
+        from recoil_daq.tables import print_table
+
+        rows = [
+            (s.folder.name, f"{s.truth['m3']:g}", " ".join(f.name for f in s.files), str(s.folder)) for s in self.shots
+        ]
+        print_table("Simulated shots", ("shot", "true mass, kg", "files", "folder"), rows, numeric=(1,))
+
+    def __repr__(self) -> str:
+        return f"Simulated({len(self.shots)} shots -> {self.shots[0].folder.parent})"
+
+
+def simulate(
+    rig: Rig, out: str | Path = "simulated", *, seed: int = 1, shots: int = 1, progress: Progress = lambda _: None
+) -> Simulated:
+    """Fire the virtual rig.
+
+    Parameters
+    ----------
+    rig : Rig
+    out : path
+        Gets a folder ``0001``, ``0002``, ... per shot.
+    seed : int
+        Shot k is that of seed ``seed + k - 1``, so that one shot can be fired again alone.
+    shots : int
+        At least 1.
+    progress : callable
+        Told the name of each step.
+
+    Raises
+    ------
+    ValueError
+        If no shot is asked for.
+    StoreError
+        If a file exists already or cannot be written.
+    RigError
+        If the rig lacks what a simulation needs.
+    """
+    if shots < 1:
+        raise ValueError(f"shots must be at least 1, not {shots}")
+    done = []
+    for k in range(shots):
+        name = f"{k + 1:04d}"
+        progress(f"shot {k + 1} of {shots}")
+        done.append(simulate_shot(rig, Path(out) / name, seed=seed + k, shot=name))
+    return Simulated(tuple(done))
