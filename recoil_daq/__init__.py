@@ -33,7 +33,7 @@ if TYPE_CHECKING:
         StoreError,
         UnknownFormatError,
     )
-    from recoil_acquisition.readers.reader import Recording
+    from recoil_acquisition.readers.recording import Recording
     from recoil_acquisition.shot import Shot
     from recoil_acquisition.store import read_shot, write_shot
     from recoil_daq.exported import Exported, export
@@ -49,7 +49,7 @@ _HOMES = {
         "AlignmentError", "CorruptFileError", "DeviceError", "FramingError", "IdentificationError",
         "MissingChannelError", "ReadError", "RecoilDaqError", "RigError", "StoreError", "UnknownFormatError",
     ),
-    "recoil_acquisition.readers.reader": ("Recording",),
+    "recoil_acquisition.readers.recording": ("Recording",),
     "recoil_acquisition.shot": ("Shot",),
     "recoil_acquisition.store": ("read_shot", "write_shot"),
     "recoil_daq.exported": ("Exported", "export"),
