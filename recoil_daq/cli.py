@@ -293,6 +293,10 @@ def simulate(
     rig: RigArgument,
     seed: Annotated[int, typer.Option(min=0, help="Same seed, same bytes.")] = 1,
     shots: Annotated[int, typer.Option(min=1, max=9999, help="How many shots.")] = 1,
+    campaign_seed: Annotated[
+        int | None,
+        typer.Option(min=0, help="Of the sensors' errors, which the shots then share.", show_default="each its own"),
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder of the shots, one folder each.")] = Path("simulated"),
     json: JsonOption = False,
     debug: DebugOption = False,
@@ -303,7 +307,7 @@ def simulate(
         from recoil_rigs.rig import load_rig
 
         with session.steps("simulate") as progress:
-            done = fire(load_rig(rig), out, seed=seed, shots=shots, progress=progress)
+            done = fire(load_rig(rig), out, seed=seed, shots=shots, campaign_seed=campaign_seed, progress=progress)
         session.finish(done.to_json(), done.show, OK)
 
 

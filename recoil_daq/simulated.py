@@ -49,7 +49,13 @@ class Simulated(Printed):
 
 
 def simulate(
-    rig: Rig, out: str | Path = "simulated", *, seed: int = 1, shots: int = 1, progress: Progress = lambda _: None
+    rig: Rig,
+    out: str | Path = "simulated",
+    *,
+    seed: int = 1,
+    shots: int = 1,
+    campaign_seed: int | None = None,
+    progress: Progress = lambda _: None,
 ) -> Simulated:
     """Fire the virtual rig.
 
@@ -62,6 +68,8 @@ def simulate(
         Shot k is that of seed ``seed + k - 1``, so that one shot can be fired again alone.
     shots : int
         At least 1.
+    campaign_seed : int, optional
+        Lets the shots share their sensors, whose errors it draws; without it every shot has sensors of its own.
     progress : callable
         Told the name of each step.
 
@@ -80,5 +88,5 @@ def simulate(
     for k in range(shots):
         name = f"{k + 1:04d}"
         progress(f"shot {k + 1} of {shots}")
-        done.append(simulate_shot(rig, Path(out) / name, seed=seed + k, shot=name))
+        done.append(simulate_shot(rig, Path(out) / name, seed=seed + k, shot=name, campaign_seed=campaign_seed))
     return Simulated(tuple(done))

@@ -79,6 +79,21 @@ def test_the_recorders_files_a_copy_of_the_rig_and_the_truth_are_there(mixed: Tw
     assert json.loads(mixed.truth_file.read_text(encoding="utf-8")) == mixed.truth
 
 
+def test_shots_of_one_campaign_share_their_sensors_and_nothing_else(tmp_path):
+    rig = variant("mixed", FAST)
+    one, other, alone = (
+        simulate_shot(rig, tmp_path / str(k), seed=seed, shot="0042", campaign_seed=campaign).truth
+        for k, (seed, campaign) in enumerate(((11, 5), (12, 5), (11, None)))
+    )
+    assert one["gains"] == other["gains"] != alone["gains"]
+    assert one["friction"] == other["friction"] != alone["friction"]
+    assert one["clocks"] == alone["clocks"] != other["clocks"]
+    assert one["offsets"] == alone["offsets"] != other["offsets"]
+    assert (one["campaign_seed"], "campaign_seed" in alone) == (5, False)
+    with pytest.raises(ValueError, match="campaign_seed must not be negative"):
+        simulate_shot(rig, tmp_path / "none", seed=1, shot="1", campaign_seed=-1)
+
+
 def test_the_same_seed_gives_the_same_bytes_and_another_seed_does_not(mixed: TwinShot, tmp_path: Path) -> None:
     again = simulate_shot(variant("mixed", FAST), tmp_path / "again", seed=11, shot="0042")
     other = simulate_shot(variant("mixed", FAST), tmp_path / "other", seed=12, shot="0042")

@@ -59,7 +59,7 @@ class TwinShot:
     truth: Mapping[str, Any]
 
 
-def simulate_shot(rig: Rig, folder: Path, *, seed: int, shot: str) -> TwinShot:
+def simulate_shot(rig: Rig, folder: Path, *, seed: int, shot: str, campaign_seed: int | None = None) -> TwinShot:
     """Simulate one shot of a rig and write the files that its recorders would have written.
 
     The same rig, seed and shot name give the same bytes. Nothing is written unless all of it can be.
@@ -74,6 +74,9 @@ def simulate_shot(rig: Rig, folder: Path, *, seed: int, shot: str) -> TwinShot:
         Not negative.
     shot : str
         The shot's identifier; part of the file names.
+    campaign_seed : int, optional
+        Shots with the same one share their sensors: the errors of scales and friction are drawn by it, all else by
+        `seed`.
 
     Returns
     -------
@@ -99,14 +102,17 @@ def simulate_shot(rig: Rig, folder: Path, *, seed: int, shot: str) -> TwinShot:
     ``delay_s`` of a sensor is not in it;
     ``tube``, if it is flexible: the frequencies at which it would bend if clamped to what does not move, its end's
     sag at rest and largest deflection from there;
+    ``campaign_seed``, if there is one;
     ``sources``: all that is known of each source's file; ``cam_offset``, ``cam_drift`` and ``lost_frames`` of
     the (first) camera; ``seed``.
     """
     if seed < 0:
         raise ValueError(f"seed must not be negative, not {seed}")
+    if campaign_seed is not None and campaign_seed < 0:
+        raise ValueError(f"campaign_seed must not be negative, not {campaign_seed}")
     if not shot or PurePath(shot).name != shot or shot in (".", ".."):
         raise ValueError(f"shot must be fit for a file name, not {shot!r}")
-    scene = draw_scene(rig, seed, shot)
+    scene = draw_scene(rig, seed, shot, campaign_seed)
     faults: list[Fault] = []
     recorded = [
         _RECORDERS[s.kind](scene, s, faults) for s in rig.sources if any(c.source == s.name for c in rig.channels)
@@ -125,8 +131,8 @@ def simulate_shot(rig: Rig, folder: Path, *, seed: int, shot: str) -> TwinShot:
     return TwinShot(shot, folder, files, folder / "rig.toml", folder / "truth.json", truth)
 
 
-def draw_scene(rig: Rig, seed: int, shot: str) -> Scene:
-    """Draw what this shot's mechanism truly is, and let it move.
+def draw_scene(rig: Rig, seed: int, shot: str, campaign_seed: int | None = None) -> Scene:
+    """Draw what this shot's mechanism truly is, and let it move; parameters as of `simulate_shot`.
 
     Raises
     ------
@@ -140,6 +146,8 @@ def draw_scene(rig: Rig, seed: int, shot: str) -> Scene:
         raise RigError(rig.path, faults)
     rng = generator(seed, "shot")
     peak_scatter, friction_error = rng.normal(0.0, 1.0, 2)
+    if campaign_seed is not None:
+        friction_error = generator(campaign_seed, "friction").normal()
     friction = mechanism.friction + settings.friction_error * mechanism.u.get("friction", 0.0) * float(friction_error)
     motion = simulate_motion(
         mechanism,
@@ -154,7 +162,7 @@ def draw_scene(rig: Rig, seed: int, shot: str) -> Scene:
         ends = motion.t_end_s - motion.t_fire_s
         raise RigError(rig.path, [Fault("twin.release_after_s", f"the recoil ends {ends:.4f} s after it begins")])
     modes = stress_waves(motion.times_s, motion.t_fire_s, motion.t_end_s, generator(seed, "stress waves"))
-    return Scene(rig, settings, mechanism, motion, modes, measured_roles(rig, settings), seed, shot)
+    return Scene(rig, settings, mechanism, motion, modes, measured_roles(rig, settings), seed, shot, campaign_seed)
 
 
 def _truth(scene: Scene, recorded: list[SourceFile]) -> dict[str, Any]:
@@ -173,6 +181,8 @@ def _truth(scene: Scene, recorded: list[SourceFile]) -> dict[str, Any]:
         "clocks": {f.source: f.truth["clock"] for f in recorded if f.source != scene.rig.reference_clock},
         "sources": {f.source: {"file": f.name, **f.truth} for f in recorded},
     }
+    if scene.campaign_seed is not None:
+        truth["campaign_seed"] = scene.campaign_seed
     if motion.released_kg:
         truth["m3_after"] = scene.mechanism.m3 - motion.released_kg
         truth["t_release"] = motion.t_release_s

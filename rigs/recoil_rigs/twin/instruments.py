@@ -187,6 +187,7 @@ def digitise(
     settings: TwinSettings,
     rng: np.random.Generator,
     zero_shift: Array,
+    scale_error: float | None = None,
 ) -> tuple[Array, Errors]:
     """Return what the recorder stores of true values: gain error, offset, zero shift, noise, clipping, steps.
 
@@ -203,10 +204,13 @@ def digitise(
         Of this channel.
     zero_shift : ndarray, shape (n,)
         By how much the zero has shifted, share of full scale.
+    scale_error : float, optional
+        By how many standard uncertainties the sensor's scale is off; drawn if left out.
     """
     low, high = full_range if full_range is not None else (-np.inf, np.inf)
     full_scale = max(abs(low), abs(high)) if full_range is not None else float(np.abs(values).max())
-    scale, offset = rng.normal(0.0, 1.0, 2) * (u_rel, settings.bias * full_scale)
+    drawn, bias = rng.normal(0.0, 1.0, 2)
+    scale, offset = u_rel * (drawn if scale_error is None else scale_error), settings.bias * full_scale * bias
     errors = Errors(1.0 + float(scale) if settings.gain_errors else 1.0, float(offset))
     noise = settings.noise * full_scale * rng.normal(0.0, 1.0, values.shape)
     stored = errors.gain * values + errors.offset + full_scale * zero_shift + noise

@@ -79,6 +79,9 @@ class Scene:
         Channel -> role whose quantity it measures.
     seed : int
     shot : str
+    campaign_seed : int or None
+        What the shots of a campaign share, the errors of the sensors' scales and of the friction, is drawn by it; by
+        `seed` if it is None.
     gains, offsets : dict of str to float
         Errors drawn, by channel; offsets in the unit of the file. Filled as channels are sampled.
     """
@@ -91,6 +94,7 @@ class Scene:
     roles: Mapping[str, str]
     seed: int
     shot: str
+    campaign_seed: int | None = None
     gains: dict[str, float] = field(default_factory=dict)
     offsets: dict[str, float] = field(default_factory=dict)
 
@@ -127,9 +131,16 @@ class Scene:
         if self.settings.hum > 0:
             stored = np.asarray(stored + self._hum(spec, stored, at_s), dtype=np.float64)
         shift = np.asarray(self._zero_shift(role) * after_shot, dtype=np.float64)
-        stored, errors = digitise(stored, full_range, spec.sensor.u_rel, self.settings, rng, shift)
+        shared = self.scale_error(spec.name)
+        stored, errors = digitise(stored, full_range, spec.sensor.u_rel, self.settings, rng, shift, shared)
         self.gains[spec.name], self.offsets[spec.name] = errors.gain, errors.offset
         return stored
+
+    def scale_error(self, channel: str) -> float | None:
+        """Return by how many standard uncertainties a sensor is off in all shots of a campaign; None without one."""
+        if self.campaign_seed is None:
+            return None
+        return float(generator(self.campaign_seed, "scale", channel).normal())
 
     def _zero_shift(self, role: str) -> float:
         """Return by how much a sensor's zero shifts at the shot, share of full scale."""
@@ -272,7 +283,9 @@ def camera_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile
             faults.append(Fault(f"channel '{spec.name}'.signal", problem))
             continue
         unit = file_unit(spec)
-        gain = 1.0 + float(generator(scene.seed, "channel", spec.name).normal(0.0, spec.sensor.u_rel)) * s.gain_errors
+        shared = scene.scale_error(spec.name)
+        drawn = float(generator(scene.seed, "channel", spec.name).normal()) if shared is None else shared
+        gain = 1.0 + spec.sensor.u_rel * drawn * s.gain_errors
         place = np.zeros((count, 2))
         place[:, "XY".index(axis)] = gain * sample(
             truth(scene.roles[spec.name], scene.mechanism, scene.motion, (0.0, 0.0)), scene.motion.times_s, at
