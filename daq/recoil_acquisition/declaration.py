@@ -125,7 +125,8 @@ def _fault(item: ErrorDetails, where: str, model: type[BaseModel]) -> Fault:
     place, holder, field = _at(item["loc"], where, model)
     kind, found = item["type"], item["input"]
     if kind == "extra_forbidden":
-        return unknown_key(place, str(item["loc"][-1]), list(holder.model_fields) if holder else ())
+        known = [field.alias or name for name, field in holder.model_fields.items()] if holder else []
+        return unknown_key(place, str(item["loc"][-1]), known)
     if kind in ("union_tag_not_found", "union_tag_invalid"):
         key = item["ctx"]["discriminator"].strip("'")
         tags = [tag.strip("'") for tag in _tags(field, key)]
@@ -158,7 +159,7 @@ def _at(
             kind = next(iter(get_args(kind)), None)
         elif _is_table(kind):
             where += f".{part}"
-            holder, field = kind, kind.model_fields.get(part)
+            holder, field = kind, _field_of(kind, part)
             kind = None if field is None else _plain(field.annotation)
         elif get_origin(kind) is dict:
             where += f".{part}"
@@ -166,6 +167,11 @@ def _at(
             # pydantic puts there which member of a union it tried, which is no key
             kind = next(iter(_members(kind, part)), None)
     return where, holder, field
+
+
+def _field_of(model: type[BaseModel], key: str) -> FieldInfo | None:
+    """Return the field that a table's key is of; it may have another name in the program."""
+    return next((field for name, field in model.model_fields.items() if key == (field.alias or name)), None)
 
 
 def _plain(kind: Any) -> Any:

@@ -149,7 +149,17 @@ class MissingChannelError(ReadError):
 
 
 class FramingError(RecoilDaqError):
-    """A byte stream contradicts its declared framing, or the framing contradicts itself."""
+    """A byte stream contradicts its declared framing, or the framing contradicts itself.
+
+    Attributes
+    ----------
+    faults : tuple of Fault
+        Every fault of a declared framing.
+    """
+
+    def __init__(self, problem: str, faults: Sequence[Fault] = (), **where: Any) -> None:
+        self.faults = tuple(faults)
+        super().__init__(problem, **where)
 
 
 class StoreError(RecoilDaqError):

@@ -93,7 +93,7 @@ def _faults_of_framing(where: str, source: Source) -> list[Fault]:
     try:
         framing_from_table(source.framing)
     except FramingError as error:
-        return [Fault(where, str(error))]
+        return [Fault(f"{where}.{fault.key}", fault.problem) for fault in error.faults]
     return []
 
 

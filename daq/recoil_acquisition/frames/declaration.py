@@ -2,18 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
-from recoil_acquisition.errors import FramingError
-from recoil_acquisition.frames.declared_commands import checksum_of, commands_of, polls_of
-from recoil_acquisition.frames.declared_fields import ORDERS, frame_types
-from recoil_acquisition.frames.declared_table import Table
-from recoil_acquisition.frames.field import TYPE_SIZES
-from recoil_acquisition.frames.framing import BITS_PER_BYTE, DEFAULT_MAX, DeviceTime, Framing, Length, PacketCounter
+from recoil_acquisition.declaration import declared, unknown_keys
+from recoil_acquisition.errors import Fault, FramingError
+from recoil_acquisition.frames.checksum import CHECKSUMS
+from recoil_acquisition.frames.field import TYPE_SIZES, Elements, Field, FrameType, Selector
+from recoil_acquisition.frames.framing import (
+    DEFAULT_MAX,
+    ChecksumField,
+    Command,
+    DeviceTime,
+    Framing,
+    Length,
+    PacketCounter,
+    Poll,
+)
+from recoil_acquisition.frames.framing_tables import (
+    ChecksumTable,
+    FieldTable,
+    FrameTable,
+    FramingTable,
+    LengthTable,
+    RequestTable,
+    TlvTable,
+    WhenTable,
+)
 from recoil_acquisition.frames.ready_made import from_ready_made
 
-_WHOLE_TYPES = ("u8", "u16", "u24", "u32")
 _ALL = {"kind", "max", "checksum", "fields", "frames", "when", "only_known", "counter", "device_time"}
 _ALL |= {"baudrate", "bits_per_byte", "rate_hz", "poll", "start_commands", "stop_commands"}
 _BINARY = _ALL | {"endian", "tlv"}
@@ -60,132 +78,293 @@ def framing_from_table(table: Mapping[str, Any]) -> Framing:
     FramingError
         With every fault of the table.
     """
-    faults: list[str] = []
+    faults: list[Fault] = []
     if "ready_made" in table:
-        table = from_ready_made(table, faults)
+        said: list[str] = []
+        table = from_ready_made(table, said)
+        faults += [Fault(*one.split(": ", 1)) for one in said]
         if not table:
             raise _error(faults)
     kind = table.get("kind")
     if not isinstance(kind, str) or kind not in _KEYS:
-        faults.append(f"framing.kind: must be one of {', '.join(_KEYS)}, or `ready_made` be given; found {kind!r}")
+        problem = f"must be one of {', '.join(_KEYS)}, or `ready_made` be given; found {kind!r}"
+        raise _error([*faults, Fault("framing.kind", problem)])
+    own = {key: value for key, value in table.items() if key in _KEYS[kind]}
+    faults += unknown_keys(table, sorted(_KEYS[kind]), "framing.")
+    top = declared(FramingTable, own, "framing", faults)
+    if top is None:
         raise _error(faults)
-    top = Table(table, "framing", _KEYS[kind], faults)
-    big_endian = top.choice("endian", ORDERS, "little") == "big"
-    length = _length(top, big_endian=big_endian) if kind in ("sync", "fixed") else Length(fixed=1)
-    baudrate, bits = top.number("baudrate", 0.0, positive=True), top.whole("bits_per_byte", BITS_PER_BYTE, 7, 13)
-    framing = Framing(
-        kind=kind,
-        types=frame_types(top, kind, big_endian=big_endian),
-        sync=top.hex_bytes("sync") if kind == "sync" else b"",
-        length=length,
-        maximum=top.whole("max", max(DEFAULT_MAX, length.fixed or 0), lowest=1),
-        checksum=checksum_of(top, lines=kind == "delimiter"),
-        delimiter=top.text("delimiter", "\n").encode(),
-        start=top.text("start", "").encode(),
-        comment=top.text("comment", "").encode(),
-        separator=top.text("separator", ","),
-        counter=_counter(top),
-        device_time=_device_time(top),
-        baudrate=baudrate,
-        bits_per_byte=bits,
-        rate_hz=top.number("rate_hz", 0.0, positive=True),
-        silence_s=_gap(top, baudrate) if kind == "idle" else top.number("timeout_s", 0.0, positive=True),
-        look_ahead=top.flag("look_ahead"),
-        only_known=top.flag("only_known"),
-        poll=polls_of(top),
-        start_commands=commands_of(top, "start_commands"),
-        stop_commands=commands_of(top, "stop_commands"),
-    )
-    faults += _contradictions(framing)
+    framing = _Declared(top, faults).framing()
+    if not faults:
+        faults += _contradictions(framing)
     if faults:
         raise _error(faults)
     return framing
 
 
-def _error(faults: list[str]) -> FramingError:
-    return FramingError(f"{len(faults)} fault{'' if len(faults) == 1 else 's'}: " + " | ".join(faults))
+def _error(faults: Sequence[Fault]) -> FramingError:
+    count = f"{len(faults)} fault{'' if len(faults) == 1 else 's'}"
+    return FramingError(f"{count}: " + " | ".join(str(fault) for fault in faults), faults)
 
 
-def _length(top: Table, *, big_endian: bool) -> Length:
-    if "length" not in top.values:
-        top.fault("length", 'is missing; such as { fixed = 34 } or { at = 3, type = "u8", add = 6 }')
-        return Length(fixed=1)
-    table = top.table("length", {"fixed", "at", "type", "endian", "add", "of"})
-    if "fixed" in table.values:
-        if len(table.values) > 1:
-            table.fault("fixed", "excludes the other keys")
-        return Length(fixed=table.whole("fixed", lowest=1))
-    if top.values.get("kind") == "fixed":
-        table.fault("fixed", "is missing: nothing marks where a frame of kind `fixed` has its length")
-        return Length(fixed=1)
-    if "add" in table.values and "of" in table.values:
-        table.fault("of", "excludes `add`")
-    type_ = table.choice("type", _WHOLE_TYPES, "u8" if "of" in table.values else None)
-    return Length(
-        None,
-        table.whole("at"),
-        type_,
-        table.choice("endian", ORDERS, "big" if big_endian else "little") == "big",
-        table.whole("add", 0, lowest=-65536),
-        table.whole_by_hex("of", TYPE_SIZES[type_]),
+class _Declared:
+    """A framing whose keys are sound each alone, being made; what does not fit together is appended to the faults."""
+
+    def __init__(self, top: FramingTable, faults: list[Fault]) -> None:
+        self._top, self._faults = top, faults
+        self._lines = top.kind == "delimiter"
+
+    def framing(self) -> Framing:
+        """Return the framing; of no use if there are faults."""
+        top = self._top
+        length = self._length(top.length) if top.kind in ("sync", "fixed") else Length(fixed=1)
+        if top.kind == "sync" and top.sync is None:
+            self._fault("sync", 'must be bytes in hexadecimal, such as "AA 55"; it is missing')
+        return Framing(
+            kind=top.kind,
+            types=self._frame_types(),
+            sync=top.sync or b"",
+            length=length,
+            maximum=top.max or max(DEFAULT_MAX, length.fixed or 0),
+            checksum=self._checksum(top.checksum, "checksum", lines=self._lines),
+            delimiter=top.delimiter.encode(),
+            start=top.start.encode(),
+            comment=top.comment.encode(),
+            separator=top.separator,
+            counter=self._counter(),
+            device_time=None if top.device_time is None else DeviceTime(**top.device_time.model_dump()),
+            baudrate=top.baudrate or 0.0,
+            bits_per_byte=top.bits_per_byte,
+            rate_hz=top.rate_hz or 0.0,
+            silence_s=self._gap_s() if top.kind == "idle" else top.timeout_s or 0.0,
+            look_ahead=top.look_ahead,
+            only_known=top.only_known,
+            poll=tuple(
+                Poll(self._request(one, f"poll[{i}]"), one.every_s, one.timeout_s) for i, one in enumerate(top.poll)
+            ),
+            start_commands=self._commands("start_commands"),
+            stop_commands=self._commands("stop_commands"),
+        )
+
+    def _fault(self, key: str, problem: str) -> None:
+        self._faults.append(Fault(f"framing.{key}", problem))
+
+    def _length(self, table: LengthTable | None) -> Length:
+        if table is None:
+            self._fault("length", 'is missing; such as { fixed = 34 } or { at = 3, type = "u8", add = 6 }')
+            return Length(fixed=1)
+        if table.fixed is not None:
+            if len(table.model_fields_set) > 1:
+                self._fault("length.fixed", "excludes the other keys")
+            return Length(fixed=table.fixed)
+        if self._top.kind == "fixed":
+            self._fault("length.fixed", "is missing: nothing marks where a frame of kind `fixed` has its length")
+            return Length(fixed=1)
+        if table.at is None:
+            self._fault("length.at", "is missing: the byte of the length field, from 0")
+        if table.type is None and table.of is None:
+            self._fault("length.type", "is missing; one of u8, u16, u24, u32")
+        if table.add is not None and table.of is not None:
+            self._fault("length.of", "excludes `add`")
+        kind = table.type or "u8"
+        big_endian = (table.endian or self._top.endian) == "big"
+        by_value = self._by_value(table.of or {}, TYPE_SIZES[kind])
+        return Length(None, table.at or 0, kind, big_endian, table.add or 0, by_value)
+
+    def _by_value(self, numbers: Mapping[str, Any], size: int) -> Mapping[int, int]:
+        """Return lengths by values of so many bytes, which are written in hexadecimal."""
+        found = {}
+        for text, number in numbers.items():
+            try:
+                value = int.from_bytes(bytes.fromhex(text), "big")
+            except ValueError:
+                value = -1
+            if not 0 <= value < 256**size:
+                self._fault("length.of", f"{text!r} is no value of {size} bytes in hexadecimal")
+            elif isinstance(number, bool) or not isinstance(number, int) or number < 1:
+                problem = f"the length for {text!r} must be a whole number from 1, found {number!r}"
+                self._fault("length.of", problem)
+            else:
+                found[value] = number
+        return MappingProxyType(found)
+
+    def _gap_s(self) -> float:
+        """Return the silence that ends a frame: Modbus over Serial Line V1.02, 2.5.1.1: 3.5 characters of 11 bits.
+
+        Above 19,200 baud it recommends 1.75 ms, because a host cannot time less.
+        """
+        baudrate = self._top.baudrate
+        if self._top.gap_s is not None:
+            return self._top.gap_s
+        if baudrate is None:
+            self._fault("gap_s", "is missing; or declare `baudrate`")
+            return 1.0
+        return 3.5 * 11 / baudrate if baudrate <= 19200 else 1.75e-3
+
+    def _counter(self) -> PacketCounter | None:
+        table = self._top.counter
+        if table is None:
+            return None
+        if table.step > max(1, table.modulo // 2):
+            highest = max(1, table.modulo // 2)
+            self._fault("counter.step", f"must be a whole number up to {highest}, found {table.step}")
+        return PacketCounter(table.field, table.modulo, table.step)
+
+    def _checksum(self, table: ChecksumTable | None, where: str, *, lines: bool) -> ChecksumField | None:
+        if table is None or table.algo == "none":
+            return None
+        form = table.format or ("hex" if lines else "binary")
+        if lines and form == "binary":
+            self._fault(f"{where}.format", "must be hex: a binary checksum may hold the delimiter of lines")
+        size = CHECKSUMS[table.algo].size
+        if table.size not in (None, size):
+            self._fault(f"{where}.size", f"{table.algo} has {size} bytes, found {table.size}")
+        mark = ("*" if lines else "") if table.mark is None else table.mark
+        return ChecksumField(CHECKSUMS[table.algo], table.start, table.order == "big", form == "hex", mark.encode())
+
+    def _request(self, table: RequestTable, where: str) -> bytes:
+        """Return the bytes of a request, with its checksum if one is declared."""
+        as_text = table.text is not None
+        if as_text == (table.hex is not None):
+            self._fault(f"{where}.hex", 'or `text` is needed, such as hex = "01 49 01" or text = "$VNRRG,08"')
+            return b""
+        data = (table.text or "").encode() if as_text else table.hex or b""
+        checksum = self._checksum(table.checksum, f"{where}.checksum", lines=as_text)
+        if checksum is not None and checksum.start >= len(data):
+            self._fault(f"{where}.checksum.from", f"byte {checksum.start} lies behind the request")
+            return data
+        data += b"" if checksum is None else checksum.of(data)
+        return data + table.end.encode() if as_text else data
+
+    def _commands(self, key: str) -> tuple[Command, ...]:
+        return tuple(
+            Command(self._request(one, f"{key}[{i}]"), one.wait_s or 0.0)
+            for i, one in enumerate(getattr(self._top, key))
+        )
+
+    def _frame_types(self) -> tuple[FrameType, ...]:
+        """Return the types of ``frames``, or the one of ``fields``; one with ``when`` alone holds nothing of use."""
+        if self._top.frames is None:
+            return (self._frame_type(self._top, ""),)
+        for key in ("fields", "when", "tlv"):
+            if key in self._top.model_fields_set:
+                self._fault(key, "stands in each of `frames` where there are several")
+        return tuple(self._frame_type(one, f"frames[{i}].") for i, one in enumerate(self._top.frames))
+
+    def _frame_type(self, table: FrameTable, where: str) -> FrameType:
+        if self._lines and where and table.tlv is not None:
+            self._fault(f"{where}tlv", "unknown key; lines have no elements")
+        when = None if table.when is None else self._selector(table.when, f"{where}when")
+        elements = None if table.tlv is None else _elements(table.tlv)
+        if where and when is not None and "fields" not in table.model_fields_set:
+            return FrameType((), when)
+        if not table.fields:
+            self._fault(f"{where}fields", "must be a list of at least one field")
+        rows = [self._fields(one, f"{where}fields[{i}]", elements) for i, one in enumerate(table.fields)]
+        return FrameType(tuple(field for row in rows for field in row), when, elements)
+
+    def _fields(self, table: FieldTable, where: str, elements: Elements | None) -> list[Field]:
+        """Return one field, or the several of an array."""
+        given = table.model_fields_set
+        needed = {"at"} if elements is None else {"id"}
+        needed |= set() if self._lines else {"type"}
+        unfit = given & ({"type", "endian", "bits"} if self._lines else set())
+        unfit |= given & ({"id"} if elements is None else set())
+        for key in sorted(needed - given):
+            self._fault(f"{where}.{key}", "is missing")
+        for key in sorted(unfit):
+            self._fault(
+                f"{where}.{key}", f"unknown key: {'lines have no such' if self._lines else 'there is no `tlv`'}"
+            )
+        kind = "text" if self._lines else table.type or "u8"
+        if table.bits is not None and (kind[0] not in "ui" or sum(table.bits) > 8 * TYPE_SIZES[kind]):
+            whole = f"must be the lowest bit and the number of bits, within {8 * TYPE_SIZES[kind]} of them"
+            self._fault(f"{where}.bits", whole if kind[0] in "ui" else f"are those of whole numbers, not of {kind}")
+        names = table.name
+        if table.count is not None and len(names) > 1:
+            self._fault(f"{where}.count", "excludes a list of names")
+        elif table.count is not None:
+            names = [f"{names[0]}_{i}" for i in range(table.count)]
+        return [
+            Field(
+                name=name,
+                at=(table.at or 0) + i * TYPE_SIZES.get(kind, 1),
+                type=kind,
+                big_endian=(table.endian or self._top.endian) == "big",
+                scale=table.scale,
+                offset=table.offset,
+                unit=table.unit,
+                element=table.id if elements is not None else None,
+                bits=table.bits,
+                plausible=table.plausible,
+            )
+            for i, name in enumerate(names)
+        ]
+
+    def _selector(self, table: WhenTable, where: str) -> Selector:
+        if self._lines:
+            if not isinstance(table.equals, str) or not table.equals:
+                self._fault(f"{where}.equals", f"must be a text, found {table.equals!r}")
+            return Selector(table.at, str(table.equals).encode())
+        if table.text is not None:
+            if table.equals is not None:
+                self._fault(f"{where}.text", "excludes `equals`")
+            return Selector(table.at, table.text.encode())
+        if isinstance(table.equals, str):
+            try:
+                return Selector(table.at, bytes.fromhex(table.equals))
+            except ValueError:
+                self._fault(f"{where}.equals", f"must be bytes in hexadecimal, found {table.equals!r}")
+                return Selector(table.at, b"")
+        if table.equals is None or not 0 <= table.equals <= 255:
+            problem = f"must be a byte from 0 to 255 or bytes in hexadecimal, found {table.equals!r}"
+            self._fault(f"{where}.equals", problem)
+            return Selector(table.at, b"")
+        return Selector(table.at, bytes([table.equals]))
+
+
+def _elements(table: TlvTable) -> Elements:
+    return Elements(
+        start=table.start,
+        length_type=table.length_type,
+        id_type=table.id_type,
+        length_includes=table.length_includes,
+        id_first=table.id_first,
+        big_endian=table.endian == "big",
     )
 
 
-def _gap(top: Table, baudrate: float) -> float:
-    """Silence that ends a frame: Modbus over Serial Line V1.02, 2.5.1.1, asks for 3.5 characters of 11 bits.
-
-    Above 19,200 baud it recommends 1.75 ms, because a host cannot time less.
-    """
-    if "gap_s" in top.values or not baudrate:
-        return top.number("gap_s", positive=True)
-    return 3.5 * 11 / baudrate if baudrate <= 19200 else 1.75e-3
-
-
-def _counter(top: Table) -> PacketCounter | None:
-    if "counter" not in top.values:
-        return None
-    table = top.table("counter", {"field", "modulo", "step"})
-    modulo = table.whole("modulo", lowest=2, highest=2**62)
-    return PacketCounter(table.text("field"), modulo, table.whole("step", 1, 1, max(1, modulo // 2)))
-
-
-def _device_time(top: Table) -> DeviceTime | None:
-    if "device_time" not in top.values:
-        return None
-    table = top.table("device_time", {"field", "tick_s", "modulo"})
-    return DeviceTime(
-        table.text("field"), table.number("tick_s", positive=True), table.whole("modulo", 0, highest=2**62)
-    )
-
-
-def _contradictions(framing: Framing) -> list[str]:
+def _contradictions(framing: Framing) -> list[Fault]:
     """Find what each key alone does not show."""
-    faults = []
+    faults: list[tuple[str, str]] = []
     names = [field.name for field in framing.fields]
-    faults += [
-        f"framing.fields: {name!r} is there {names.count(name)} times"
-        for name in sorted(set(names))
-        if names.count(name) > 1
-    ]
+    doubled = [name for name in sorted(set(names)) if names.count(name) > 1]
+    faults += [("fields", f"{name!r} is there {names.count(name)} times") for name in doubled]
     for key, used in (("counter", framing.counter), ("device_time", framing.device_time)):
         if used is not None and used.field not in names:
-            faults.append(f"framing.{key}.field: no field {used.field!r}; there are {', '.join(names)}")
-    if framing.kind not in ("sync", "fixed"):
-        return faults
-    checksum = framing.checksum
-    for value, length in framing.length.by_value.items():
-        if not framing.length.head <= length <= framing.maximum:
-            faults.append(f"framing.length.of: {length} bytes for {value:#x} do not hold the head, or exceed `max`")
+            faults.append((f"{key}.field", f"no field {used.field!r}; there are {', '.join(names)}"))
+    if framing.kind in ("sync", "fixed"):
+        faults += _contradictions_of_length(framing)
+    return [Fault(f"framing.{key}", problem) for key, problem in faults]
+
+
+def _contradictions_of_length(framing: Framing) -> list[tuple[str, str]]:
+    faults = [
+        ("length.of", f"{length} bytes for {value:#x} do not hold the head, or exceed `max`")
+        for value, length in framing.length.by_value.items()
+        if not framing.length.head <= length <= framing.maximum
+    ]
     if (fixed := framing.length.fixed) is None:
         return faults
-    data = fixed - framing.trailer
+    data, checksum = fixed - framing.trailer, framing.checksum
     if fixed < len(framing.sync) + framing.trailer:
-        faults.append(f"framing.length.fixed: {fixed} bytes do not hold the sync bytes and the checksum")
+        faults.append(("length.fixed", f"{fixed} bytes do not hold the sync bytes and the checksum"))
     if fixed > framing.maximum:
-        faults.append(f"framing.max: {framing.maximum} is less than the fixed length {fixed}")
+        faults.append(("max", f"{framing.maximum} is less than the fixed length {fixed}"))
     if checksum is not None and checksum.start > data:
-        faults.append(f"framing.checksum.from: byte {checksum.start} lies behind the frame's data")
-    for field in framing.fields:
-        if field.element is None and field.at + field.size > data:
-            faults.append(f"framing.fields {field.name!r}: its bytes from {field.at} lie behind the frame's data")
-    return faults
+        faults.append(("checksum.from", f"byte {checksum.start} lies behind the frame's data"))
+    return faults + [
+        (f"fields {field.name!r}", f"its bytes from {field.at} lie behind the frame's data")
+        for field in framing.fields
+        if field.element is None and field.at + field.size > data
+    ]

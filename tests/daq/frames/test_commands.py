@@ -50,7 +50,7 @@ def test_commands_are_bytes_or_text_with_or_without_checksum() -> None:
     ("keys", "fault"),
     [
         ({"poll": {"hex": "01", "timeout_s": 1.0}}, "framing.poll[0].every_s: is missing"),
-        ({"poll": {"hex": "01", "every_s": 0, "timeout_s": 1.0}}, "framing.poll[0].every_s: must be a positive number"),
+        ({"poll": {"hex": "01", "every_s": 0, "timeout_s": 1.0}}, "framing.poll[0].every_s: must be greater than 0"),
         ({"poll": {"every_s": 1.0, "timeout_s": 1.0}}, "framing.poll[0].hex: or `text` is needed"),
         ({"poll": "01"}, "framing.poll[0].every_s: is missing"),
         ({"start_commands": ["0G"]}, "framing.start_commands[0].hex: must be bytes in hexadecimal"),

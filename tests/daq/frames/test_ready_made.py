@@ -65,7 +65,7 @@ def test_a_rig_may_replace_keys_give_parameters_and_leave_keys_out() -> None:
         ({"ready_made": "keller", "address": 250}, "address must be a whole number from 1 to 249, found 250"),
         ({"ready_made": "keller", "address": "1"}, "address must be a whole number"),
         ({"ready_made": "keller", "channel": 9}, "channel must be a whole number from 1 to 4, found 9"),
-        ({"ready_made": "keller", "every_s": 0.0}, "framing.poll[0].every_s: must be a positive number"),
+        ({"ready_made": "keller", "every_s": 0.0}, "framing.poll[0].every_s: must be greater than 0"),
         ({"ready_made": "witmotion", "acceleration_range_g": 0}, "acceleration_range_g must be a number from 0.1"),
         ({"ready_made": "csv-lines"}, "columns is missing"),
         ({"ready_made": "csv-lines", "columns": "ax"}, "columns must be a list of texts"),
