@@ -174,14 +174,14 @@ def uff_binary(
     return b"    -1\n" + line.encode() + uff_header(count, **header) + data + blank + b"    -1\n"
 
 
-def mdf_file(*groups: list[Any], started: Any = None, compression: int = 0) -> bytes:
+def mdf_file(*groups: list[Any], started: Any = None, compression: int = 0, version: str = "4.10") -> bytes:
     """Return the bytes of a file that asammdf writes: signals that share their time per group."""
     from pathlib import Path
     from tempfile import TemporaryDirectory
 
     from asammdf import MDF
 
-    with TemporaryDirectory() as folder, MDF(version="4.10") as mdf:
+    with TemporaryDirectory() as folder, MDF(version=version) as mdf:
         if started is not None:
             mdf.start_time = started
         for signals in groups:

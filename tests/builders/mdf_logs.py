@@ -225,3 +225,35 @@ def _turned(data: bytes, columns: int) -> bytes:
     rows = len(data) // columns
     whole = data[: rows * columns]
     return b"".join(whole[column::columns] for column in range(columns)) + data[rows * columns :]
+
+
+def measured_file(
+    groups: Sequence[tuple[str, str, Sequence[tuple[float, float]]]], *, master: tuple[int, int, float] = (4, 64, 1.0)
+) -> bytes:
+    """Measured channels whose records are stored together as they came: name and unit, and stamps with samples.
+
+    Parameters
+    ----------
+    groups : sequence of (name, unit, sequence of (stamp, sample))
+        Stamps in ticks.
+    master : tuple
+        Data type and number of bits of the stamps, and the seconds of a tick.
+    """
+    data_type, bits, tick_s = master
+    stamp = {(4, 64): "d", (4, 32): "f", (0, 32): "I", (1, 32): ">I"}[data_type, bits]
+    width = struct.calcsize(stamp)
+    blocks = _Blocks(_identification(b"MDF     "))
+    following, records = 0, []
+    for number, (name, unit, rows) in enumerate(groups, start=1):
+        value = blocks.column(name, 0, 4, width, 64, 0)
+        struct.pack_into("<Q", blocks.content, value + 24 + 6 * 8, blocks.text(unit))
+        time = blocks.column("t", 2, data_type, 0, bits, value, conversion=blocks.linear(0.0, tick_s))
+        sizes = struct.pack("<QQHHLLL", number, len(rows), 0, 0, 0, width + 8, 0)
+        following = blocks.add("##CG", (following, time, blocks.text(name), 0, 0, 0), sizes)
+        order = ">" if stamp.startswith(">") else "<"
+        records += [
+            (t * tick_s, struct.pack("<B", number) + struct.pack(f"{order}{stamp[-1]}", t) + struct.pack("<d", sample))
+            for t, sample in rows
+        ]
+    samples = blocks.add("##DT", (), b"".join(record for _, record in sorted(records, key=lambda one: one[0])))
+    return blocks.closed(blocks.add("##DG", (0, following, samples, 0), struct.pack("<B7x", 1)))

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from recoil_acquisition.errors import UnknownFormatError
-from recoil_acquisition.extras import DEWESOFT, MDF, PARQUET, TDMS, XLSX, Extra
+from recoil_acquisition.extras import DEWESOFT, PARQUET, TDMS, XLSX, Extra
 from recoil_acquisition.others import offered, tell_fault
 from recoil_acquisition.readers.hdf5.rehearsal import needs_rehearsal, rehearse_apart
 from recoil_acquisition.readers.head import Claim, Head
@@ -152,10 +152,7 @@ READERS: tuple[Reader, ...] = (
         "DASYLab ASCII", "dewetron", (".asc", ".txt"), "text.dasylab:DasylabTextReader",
         (r"\ADASYLab|(?i:measurement time)",),
     ),
-    TableReader(
-        "MDF 4", "dewetron", (".mf4",), "mdf.reader:MdfReader", (_MDF4,), Claim.GENERIC,
-        MDF,
-    ),
+    TableReader("MDF 4", "dewetron", (".mf4",), "mdf.reader:MdfReader", (_MDF4,), Claim.GENERIC),
     TableReader(
         "TDMS", "dewetron", (".tdms",), "tdms.reader:TdmsReader", (rb"(?s)TDS[mh].{24}",), Claim.CERTAIN,
         TDMS,

@@ -126,7 +126,6 @@ def test_missing_empty_and_directory_are_named(tmp_path: Path) -> None:
 
 CONTAINED = {
     "Dewesoft recording": b"MULTI_STREAM_FILE_VER0200".ljust(8192),
-    "MDF 4": container_files.small_mdf(),
     "TDMS": container_files.small_tdms(),
     "recoil-daq Parquet": exported_files.parquet_file(),
     "ProAnalyst workbook": track_files.workbook({"Tracks": track_files.workbook_rows()}),

@@ -38,6 +38,7 @@ _GROUP = struct.Struct("<QQH6xII")
 _CHANNEL = struct.Struct("<BBBBIIII")
 _PACKED = struct.Struct("<8xQQ")
 _DEFLATE_RATIO = 1032
+_LONGEST_NAME = 4096
 
 
 class MdfDamageError(ValueError):
@@ -63,8 +64,10 @@ class Channel:
         First bit, in the first byte of a record, and number of bits.
     flags, invalid_at : int
         The bit of the invalidation bytes that says that a sample is not valid, where a flag says that there is one.
-    conversion_at, data_at : int
-        Addresses of its conversion and of its samples of variable length, or 0.
+    conversion_at, data_at, unit_at, comment_at : int
+        Addresses of its conversion, of its samples of variable length and of texts, or 0.
+    is_composed : bool
+        Whether it is a structure or an array.
     """
 
     at: int
@@ -79,6 +82,9 @@ class Channel:
     invalid_at: int
     conversion_at: int
     data_at: int
+    unit_at: int = 0
+    comment_at: int = 0
+    is_composed: bool = False
 
 
 @dataclass(frozen=True)
@@ -118,6 +124,8 @@ class ChannelGroup:
         Each structure is followed by its parts.
     channel_count : int
         Channels beside the time, parts of structures not counted.
+    name_at : int
+        Address of its name, or 0.
     """
 
     at: int
@@ -129,6 +137,7 @@ class ChannelGroup:
     invalidation_width: int
     channels: tuple[Channel, ...]
     channel_count: int
+    name_at: int = 0
 
     @property
     def is_bus(self) -> bool:
@@ -252,19 +261,25 @@ class _Walk:
             first = len(channels)
             self.channel(channel_at, channels, 0)
             count += channels[first].kind not in MASTERS
-        return ChannelGroup(at, stored, record_id, records, flags, width, invalidation_width, tuple(channels), count)
+        name_at = links[2] if len(links) > 2 else 0
+        return ChannelGroup(
+            at, stored, record_id, records, flags, width, invalidation_width, tuple(channels), count, name_at
+        )
 
     def channel(self, at: int, channels: list[Channel], depth: int) -> None:
         """Add a channel and its parts."""
         if depth > 20:
             raise MdfDamageError(f"structures within structures at byte {at}")
         links = self.links(at, b"##CN")
-        conversion_at, data_at = (links[n] if len(links) > n else 0 for n in (4, 5))
+        conversion_at, data_at, unit_at, comment_at = (links[n] if len(links) > n else 0 for n in (4, 5, 6, 7))
         kind, sync, data_type, bit, byte, bits, flags, invalid_at = self.fields(at, len(links), _CHANNEL)
         name = self.text(links[2])
         channels.append(
-            Channel(at, name, kind, sync, data_type, bit, byte, bits, flags, invalid_at, conversion_at, data_at)
-        )
+            Channel(
+                at, name, kind, sync, data_type, bit, byte, bits, flags, invalid_at, conversion_at, data_at, unit_at,
+                comment_at, bool(links[1]),
+            )
+        )  # fmt: skip
         if links[1] and self.name(links[1]) == b"##CN":
             for part in self.chain(links[1], b"##CN"):
                 self.channel(part, channels, depth + 1)
@@ -301,4 +316,5 @@ class _Walk:
             if at and self.whole:
                 raise MdfDamageError(f"a link to byte {at} leads to no text")
             return ""
-        return bytes(self.data[at + 24 : at + 88]).split(b"\0")[0].decode("utf-8", "replace")
+        (length,) = struct.unpack_from("<Q", self.data, at + 8)
+        return bytes(self.data[at + 24 : at + min(length, _LONGEST_NAME)]).split(b"\0")[0].decode("utf-8", "replace")

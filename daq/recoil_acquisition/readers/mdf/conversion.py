@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.readers.mdf.channel_groups import Channel, MdfDamageError, MdfUnsupportedError
 from recoil_acquisition.readers.mdf.records import Records
+from recoil_acquisition.readers.mdf.texts import text_of
 
 VIRTUAL_MASTER, VIRTUAL = 3, 6
 """Types of channels that take no bits of a record."""
@@ -37,7 +38,7 @@ def linear(content: bytes, channel: Channel) -> tuple[float, float]:
     MdfUnsupportedError
         If it is not linear.
     """
-    kind, values = _conversion(content, channel)
+    kind, values = conversion_values(content, channel)
     if kind == _NONE:
         return 0.0, 1.0
     if kind != _LINEAR:
@@ -67,7 +68,7 @@ def whole_numbers(content: bytes, records: Records, channel: Channel) -> NDArray
     """
     virtual = channel.kind in (VIRTUAL_MASTER, VIRTUAL)
     stored = np.arange(len(records.rows)) if virtual else records.integers(channel)
-    kind, values = _conversion(content, channel)
+    kind, values = conversion_values(content, channel)
     if kind == _NONE or kind in _TEXTS:
         return stored
     if kind in _TABLES:
@@ -96,8 +97,8 @@ def _whole(numbers: NDArray[np.float64], channel: Channel) -> NDArray[np.int64]:
     return numbers.astype(np.int64)
 
 
-def _conversion(content: bytes, channel: Channel) -> tuple[int, tuple[float, ...]]:
-    """Return the type and the values of a channel's conversion."""
+def conversion_values(content: bytes, channel: Channel) -> tuple[int, tuple[float, ...]]:
+    """Return the type and the values of a channel's conversion; raises `MdfDamageError` if it is damaged."""
     at = channel.conversion_at
     if not at:
         return _NONE, ()
@@ -111,3 +112,11 @@ def _conversion(content: bytes, channel: Channel) -> tuple[int, tuple[float, ...
     if links != 4 + references or body_at + _CONVERSION.size + 8 * values > end:
         raise MdfDamageError(f"the conversion at byte {at} has not the {links} links and {values} values it states")
     return kind, struct.unpack_from(f"<{values}d", content, body_at + _CONVERSION.size)
+
+
+def unit_of(content: bytes, channel: Channel) -> str:
+    """Return the unit of a channel: that of its conversion, else its own."""
+    at = channel.conversion_at
+    linked = at and content[at : at + 4] == b"##CC" and at + 40 <= len(content)
+    (unit_at,) = struct.unpack_from("<Q", content, at + 32) if linked else (0,)
+    return text_of(content, unit_at) or text_of(content, channel.unit_at)

@@ -1,7 +1,8 @@
 """The bytes of an MDF 4 file's records and of its samples of variable length, put together from their blocks.
 
-Layout (ASAM MDF 4.1): a DT, SD or DV block is its bytes; a DZ block is one of them packed by deflate, its rows and
-columns exchanged or not; a DL or LD block lists them and links to the next one; an HL block links to the first DL.
+Layout (ASAM MDF 4.1): a DT, SD or DV block is its bytes; a DZ block is one of them packed by deflate, since MDF 4.3 by
+zstd (RFC 8878) or as an LZ4 frame too, its rows and columns exchanged or not; a DL or LD block lists them and links to
+the next one; an HL block links to the first DL.
 """
 
 from __future__ import annotations
@@ -26,7 +27,11 @@ _PACKED = struct.Struct("<2sBxLQQ")
 _LIST_OF_COLUMNS = struct.Struct("<II")
 _PLAIN = frozenset({b"##DT", b"##SD", b"##DV"})
 _HAS_INVALIDATION = 0x8000_0000
-_PLAIN_METHOD, _TRANSPOSED = 0, 1
+_DEFLATE, _ZSTD, _LZ4 = 0, 2, 4
+"""Methods of packing; the odd number behind each exchanges rows and columns."""
+_ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+_ZSTD_SIZES = {0x20: "<B", 0x40: "<H", 0x60: "<H", 0x80: "<I", 0xA0: "<I", 0xC0: "<Q", 0xE0: "<Q"}
+"""How the size of a zstd frame's content is stored, by the first three bits of its descriptor."""
 
 
 class DataBlocks:
@@ -134,24 +139,58 @@ class DataBlocks:
             raise MdfDamageError(f"the packed block at byte {at} is shorter than its header")
         _, method, columns, stated, size = _PACKED.unpack_from(self.content, body_at)
         packed = memoryview(self.content)[body_at + _PACKED.size : end]
-        if method not in (_PLAIN_METHOD, _TRANSPOSED):
+        unpack = {_DEFLATE: _inflated, _ZSTD: _zstd_unpacked, _LZ4: _lz4_unpacked}.get(method & ~1)
+        if unpack is None:
             raise MdfUnsupportedError(f"a block that is packed by the method {method}")
-        if method == _TRANSPOSED and not columns:
+        is_turned = bool(method & 1)
+        if is_turned and not columns:
             raise MdfDamageError(f"the packed block at byte {at} has rows without columns")
         if stated > self.left or size > len(packed):
             raise MdfDamageError(f"the packed block at byte {at} cannot have its stated size, {stated} bytes")
         self.left -= stated
-        unpacking = zlib.decompressobj()
         try:
-            # one byte more than it states: whatever is longer shows
-            data = unpacking.decompress(packed[:size], stated + 1)
-        except zlib.error as error:
+            data = unpack(packed[:size], stated)
+        except (zlib.error, RuntimeError, struct.error) as error:
             raise MdfDamageError(f"the packed block at byte {at} does not unpack") from error
-        if len(data) != stated or not unpacking.eof:
+        if data is None or len(data) != stated:
             raise MdfDamageError(f"the packed block at byte {at} does not unpack to its stated size, {stated} bytes")
         unpacked = np.frombuffer(data, np.uint8)
-        if method == _PLAIN_METHOD:
+        if not is_turned:
             return unpacked
         rows = stated // columns
         turned = unpacked[: rows * columns].reshape(columns, rows).T.ravel()
         return np.concatenate([turned, unpacked[rows * columns :]])
+
+
+def _inflated(packed: memoryview, stated: int) -> bytes | None:
+    """Unpack deflate to one byte more than is stated, so that whatever is longer shows; None if there is more."""
+    unpacking = zlib.decompressobj()
+    data = unpacking.decompress(packed, stated + 1)
+    return data if unpacking.eof else None
+
+
+def _lz4_unpacked(packed: memoryview, stated: int) -> bytes | None:
+    from lz4.frame import LZ4FrameDecompressor
+
+    unpacking = LZ4FrameDecompressor()
+    data: bytes = unpacking.decompress(packed, max_length=stated + 1)
+    return data if unpacking.eof else None
+
+
+def _zstd_unpacked(packed: memoryview, stated: int) -> bytes | None:
+    """Unpack a frame of zstd that says itself how long its content is: the library makes room for as much."""
+    try:
+        import zstd
+    except ImportError as error:
+        raise MdfUnsupportedError("a block that is packed by zstd, which is read where zstd is installed") from error
+    if len(packed) < 6 or bytes(packed[:4]) != _ZSTD_MAGIC or not (kind := packed[4] & 0xE0):
+        return None
+    layout = _ZSTD_SIZES[kind]
+    at = 5 + (not kind & 0x20) + (0, 1, 2, 4)[packed[4] & 3]  # behind the window's size, and a dictionary's number
+    (size,) = struct.unpack_from(layout, packed, at)
+    if size + (256 if layout == "<H" else 0) != stated:
+        return None
+    try:
+        return bytes(zstd.decompress(bytes(packed)))
+    except zstd.Error:
+        return None

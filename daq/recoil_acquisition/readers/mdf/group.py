@@ -1,73 +1,96 @@
-"""The samples of a channel group of an MDF 4 file: all of its channels in one call, when the first is asked for."""
+"""The samples of the channel groups of an MDF 4 file that are stored together, read when the first is asked for."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
-from recoil_acquisition.readers.bounded_file import BoundedFile
-from recoil_acquisition.readers.mdf.library import opened
+from recoil_acquisition.readers.mdf.channel import UNSIGNED
+from recoil_acquisition.readers.mdf.channel_groups import Channel, ChannelGroup, MdfDamageError
+from recoil_acquisition.readers.mdf.data_blocks import DataBlocks
+from recoil_acquisition.readers.mdf.number_conversion import NumberConversion
+from recoil_acquisition.readers.mdf.records import Records, split
 
 Kept = NDArray[np.int64] | None
 """Indices of the samples that the time base has; None if it has all."""
 
 
-@dataclass(eq=False)
-class HeldGroup:
-    """The channels of one group; its samples as stored, which the time base may have fewer of.
+class StoredGroups:
+    """Channel groups whose records are stored together.
+
+    Parameters
+    ----------
+    path : Path
+    groups : tuple of ChannelGroup
+    """
+
+    def __init__(self, path: Path, groups: tuple[ChannelGroup, ...]) -> None:
+        self._path, self._groups = path, groups
+        self._held: dict[int, Records] = {}
+
+    def records(self, group: ChannelGroup) -> Records:
+        """Return the records of a group; those of all groups are held from then on."""
+        if not self._held:
+            self._held = self.read(self._path.read_bytes())
+        return self._held[group.at]
+
+    def read(self, content: bytes) -> dict[int, Records]:
+        """Return the records of each group by its address.
+
+        Raises
+        ------
+        MdfDamageError
+            If blocks are damaged, or hold fewer records than a group states.
+        MdfUnsupportedError
+            If they are stored in a way that is not read.
+        """
+        found, _ = split(DataBlocks(content).read(self._groups[0].stored.data_at), self._groups, counted=True)
+        records = {}
+        for group, one in zip(self._groups, found, strict=True):
+            if len(one.rows) < group.count and one.samples is None:
+                raise MdfDamageError(f"samples are missing: {len(one.rows)} of {group.count} records are in the blocks")
+            records[group.at] = Records(group, one.rows[: group.count], one.samples)
+        return records
+
+
+@dataclass(frozen=True, eq=False)
+class NumberChannel:
+    """A channel of numbers.
 
     Attributes
     ----------
-    path : Path
-    index : int
-        Of the group.
-    channels : tuple of int
-        Those that are read.
-    count : int
-        Number of samples that the group states.
-    signals : dict
-        asammdf's signals by channel, once they were read.
+    stored : StoredGroups
+    group : ChannelGroup
+    channel : Channel
+    conversion : NumberConversion
+    kept : Kept
     """
 
-    path: Path
-    index: int
-    channels: tuple[int, ...]
-    count: int
-    signals: dict[int, Any] = field(default_factory=dict)
+    stored: StoredGroups
+    group: ChannelGroup
+    channel: Channel
+    conversion: NumberConversion
+    kept: Kept
 
-    def signal(self, channel: int) -> Any:
-        """Return one channel as stored, with its conversion."""
-        if not self.signals:
-            with BoundedFile(self.path) as file, opened(file) as mdf:
-                wanted = [(None, self.index, c) for c in self.channels]
-                read = mdf.select(wanted, raw=True, copy_master=False, ignore_value2text_conversions=True)
-            if any(len(signal.samples) != self.count for signal in read):
-                raise ValueError(f"group {self.index} has not the {self.count} samples that it states")
-            self.signals = dict(zip(self.channels, read, strict=True))
-        return self.signals[channel]
+    def _part(self, start: int, stop: int) -> Records:
+        rows = self.stored.records(self.group).rows
+        return Records(self.group, rows[start:stop] if self.kept is None else rows[self.kept[start:stop]])
 
-    def samples(self, channel: int, kept: Kept, start: int, stop: int) -> NDArray[np.float64]:
-        """Return samples of one channel in its unit, invalid ones NaN, shape (stop - start,)."""
-        signal = self.signal(channel)
-        chosen = slice(start, stop) if kept is None else kept[start:stop]
-        stored = np.array(signal.samples[chosen])
-        values = stored if signal.conversion is None else signal.conversion.convert(stored)
-        samples = np.array(values, dtype=np.float64)
-        if signal.invalidation_bits is not None:
-            samples[np.asarray(signal.invalidation_bits, bool)[chosen]] = np.nan
+    def samples(self, start: int, stop: int) -> NDArray[np.float64]:
+        """Return samples in the channel's unit, invalid ones NaN, shape (stop - start,)."""
+        part = self._part(start, stop)
+        samples = self.conversion.applied(part.numbers(self.channel))
+        samples[~part.valid(self.channel)] = np.nan
         return samples
 
-    def counts(
-        self, channel: int, kept: Kept, unit: str, gain: float, offset: float, start: int, stop: int
-    ) -> RawCounts | None:
-        """Return the integers of one channel of linear conversion; None if any of them is invalid."""
-        signal = self.signal(channel)
-        if signal.invalidation_bits is not None and np.any(signal.invalidation_bits):
+    def counts(self, unit: str, gain: float, offset: float, start: int, stop: int) -> RawCounts | None:
+        """Return the integers of a channel of linear conversion; None if any of them is invalid."""
+        if not self.stored.records(self.group).valid(self.channel).all():
             return None
-        chosen = slice(start, stop) if kept is None else kept[start:stop]
-        return RawCounts(np.array(signal.samples[chosen]), gain, offset, unit)
+        size = next(size for size in (1, 2, 4, 8) if 8 * size >= self.channel.bits)
+        kind = "u" if self.channel.data_type in UNSIGNED else "i"
+        return RawCounts(self._part(start, stop).integers(self.channel).astype(f"{kind}{size}"), gain, offset, unit)

@@ -1,41 +1,50 @@
 """MDF 4 files: measured channels, one time base per channel group.
 
-Read by asammdf, a whole group in one call when its first sample is asked for. Opening reads the
-masters (times) alone. Frames of a bus in the same file are named and left to the readers of buses.
+Opening reads the masters (times) alone; the samples of a group are read when its first one is asked for. Frames of a
+bus in the same file are named and left to the readers of buses. Left out and named are texts, arrays, formulas and
+enumerations.
 """
 
 from __future__ import annotations
 
-import mmap
-from collections.abc import Mapping, Sequence
+import struct
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
-from recoil_acquisition.readers.bounded_file import BoundedFile, most_unpacked
+from recoil_acquisition.readers.bounded_file import most_unpacked
 from recoil_acquisition.readers.containers.stored_channels import container_recording
 from recoil_acquisition.readers.containers.stored_time import StoredTime
-from recoil_acquisition.readers.mdf.channel import INTEGERS, linear, unit_of, why_no_channel
+from recoil_acquisition.readers.mdf.channel import INTEGERS, why_no_channel
 from recoil_acquisition.readers.mdf.channel_groups import (
-    BUS_EVENT,
-    BUS_NAMES,
+    HD_AT,
+    VARIABLE_LENGTH,
+    Channel,
     ChannelGroup,
     MdfDamageError,
+    MdfUnsupportedError,
     iter_groups,
 )
-from recoil_acquisition.readers.mdf.group import HeldGroup
+from recoil_acquisition.readers.mdf.conversion import unit_of
+from recoil_acquisition.readers.mdf.group import NumberChannel, StoredGroups
 from recoil_acquisition.readers.mdf.kind import UNFINALISED, is_mdf4
-from recoil_acquisition.readers.mdf.library import opened
-from recoil_acquisition.readers.mdf.master import time_of_group
+from recoil_acquisition.readers.mdf.master import master_of, time_of_group
+from recoil_acquisition.readers.mdf.number_conversion import NumberConversion, number_conversion
+from recoil_acquisition.readers.mdf.records import Records
+from recoil_acquisition.readers.mdf.texts import text_of
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
 from recoil_acquisition.readers.recording import Recording, StoredChannel, damage_is_reported
 from recoil_acquisition.readers.text.cells import unique_names
 from recoil_acquisition.timebase import AbsoluteStart
 
 LOCAL_TIME = 1
+LONGEST_COMMENT = 2000
+_HEADER = struct.Struct("<QhhB")
+"""Start in ns, two zones in minutes, flags."""
+_COMMENT_LINK = 5
 
 
 class MdfReader:
@@ -49,40 +58,42 @@ class MdfReader:
         Raises
         ------
         ReadError
-            If asammdf is not installed, or the file holds frames of a bus alone.
+            If the file holds frames of a bus alone, was never finalised, or is stored in a way that is not read.
         CorruptFileError
             If it is damaged.
         """
         with damage_is_reported(path, "a whole MDF 4 file"):
-            bus = _check_blocks(path)
-            with BoundedFile(path) as file, opened(file) as mdf:
-                return _recording(path, mdf, declared.clock, bus)
+            content = path.read_bytes()
+            try:
+                return _recording(path, content, _measured(path, content), declared.clock)
+            except MdfDamageError as error:
+                raise CorruptFileError(
+                    "the blocks do not hang together", path=path, found=str(error), remedy="copy or export it again"
+                ) from error
+            except MdfUnsupportedError as error:
+                raise ReadError(
+                    "the file stores samples in a way that is not read", path=path, found=str(error),
+                    remedy="let the program that wrote it export it as MDF 4.1",
+                ) from error  # fmt: skip
 
 
-def _check_blocks(path: Path) -> bool:
-    """Walk the chains of blocks; tell whether frames of a bus are among the groups."""
-    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        if not is_mdf4(data[:128]):
-            raise CorruptFileError("no MDF 4 file", path=path, place="byte 0", expected="`MDF     4.`")
-        unfinalised = data[:10] == UNFINALISED
-        try:
-            groups = list(iter_groups(data))
-        except MdfDamageError as error:
-            raise CorruptFileError(
-                "the blocks do not hang together", path=path, found=str(error), remedy="copy or export it again"
-            ) from error
-        _check_room(path, groups, len(data))
-    buses = [g.is_bus for g in groups]
-    if unfinalised and any(g.channel_count and not g.is_bus for g in groups):
+def _measured(path: Path, content: bytes) -> list[ChannelGroup]:
+    """Walk the chains of blocks; return all groups, of which some are measured channels."""
+    if not is_mdf4(content[:128]):
+        raise CorruptFileError("no MDF 4 file", path=path, place="byte 0", expected="`MDF     4.`")
+    groups = list(iter_groups(content))
+    _check_room(path, groups, len(content))
+    is_measured = any(group.channel_count and not group.is_bus for group in groups)
+    if content.startswith(UNFINALISED) and is_measured:
         raise ReadError(
             "the recording was never finalised: its counts cannot be trusted", path=path, place="byte 0",
             found="UnFinMF", remedy="finalise it with the recorder's program",
         )  # fmt: skip
-    if any(buses) and not any(g.channel_count and not g.is_bus for g in groups):
+    if any(group.is_bus for group in groups) and not is_measured:
         raise ReadError(
             "this is a log of a bus, without measured channels", path=path, remedy="declare its source as kind `can`"
         )
-    return any(buses)
+    return groups
 
 
 def _check_room(path: Path, groups: Sequence[ChannelGroup], size: int) -> None:
@@ -102,66 +113,95 @@ def _check_room(path: Path, groups: Sequence[ChannelGroup], size: int) -> None:
         )  # fmt: skip
 
 
-def _recording(path: Path, mdf: Any, clock: str, bus: bool) -> Recording:
-    notes = ["frames of a bus in this file are not read here: read it as a source of kind `can` for those"] * bus
-    start = _absolute_start(mdf.header)
-    found: list[tuple[str, HeldGroup, int, Any, StoredTime]] = []
-    for index, group in enumerate(mdf.groups):
-        master = mdf.masters_db.get(index)
-        label = _group_label(group, index)
-        if group.channel_group.flags & BUS_EVENT or any(c.name.startswith(BUS_NAMES) for c in group.channels):
+def _recording(path: Path, content: bytes, groups: Sequence[ChannelGroup], clock: str) -> Recording:
+    notes = []
+    if any(group.is_bus for group in groups):
+        notes.append("frames of a bus in this file are not read here: read it as a source of kind `can` for those")
+    start, zones = _start(content)
+    stored = {
+        at: StoredGroups(path, tuple(group for group in groups if group.stored.at == at))
+        for at in dict.fromkeys(group.stored.at for group in groups)
+    }
+    numbered = [group for group in groups if not group.flags & VARIABLE_LENGTH]
+    found: list[tuple[int, StoredTime, NumberChannel]] = []
+    read: dict[int, Records] = {}
+    for index, group in enumerate(numbered):
+        label = _label(content, group, index)
+        if group.is_bus:
             continue
-        usable = [
-            j for j, channel in enumerate(group.channels)
-            if j != master and not _left_out(channel, group, j, label, notes)
-        ]  # fmt: skip
-        time = time_of_group(path, mdf, index, clock, start, notes, label) if usable else "no channel of numbers"
+        usable = list(_usable(content, group, label, notes))
+        if not usable:
+            continue
+        time: StoredTime | str = "no samples"
+        if group.count:
+            if group.at not in read:  # groups that are stored together follow one another
+                read = stored[group.stored.at].read(content)
+            time = time_of_group(content, read[group.at], clock, start, notes, label)
         if isinstance(time, str):
-            if usable:
-                notes.append(f"{label}: {time}: its {len(usable)} channels are left out")
+            notes.append(f"{label}: {time}: its {len(usable)} channels are left out")
             continue
-        held = HeldGroup(path, index, tuple(usable), group.channel_group.cycles_nr)
-        found += [(group.channels[j].name, held, j, group.channels[j], time) for j in usable]
-    names, name_notes = unique_names([name for name, *_ in found])
+        found += [
+            (index, time, NumberChannel(stored[group.stored.at], group, channel, conversion, time.kept))
+            for channel, conversion in usable
+        ]
+    names, name_notes = unique_names([one.channel.name for _, _, one in found])
     channels = []
-    for name, (_, held, j, channel, time) in zip(names, found, strict=True):
-        unit = unit_of(channel)
-        metadata = {"group": held.index, "comment": str(channel.comment or "")[:2000]}
+    for name, (index, time, one) in zip(names, found, strict=True):
+        unit = unit_of(content, one.channel)
+        metadata = {"group": index, "comment": text_of(content, one.channel.comment_at)[:LONGEST_COMMENT]}
         header = SignalHeader(name, unit, time.time_base.count, metadata=metadata)
-        raw = partial(held.counts, j, time.kept, unit)
-        samples = partial(held.samples, j, time.kept)
-        gain = linear(channel) if channel.data_type in INTEGERS else None
+        gain = one.conversion.linear if one.channel.data_type in INTEGERS else None
         channels.append(
-            StoredChannel(header, time.time_base, samples)
+            StoredChannel(header, time.time_base, one.samples)
             if gain is None
-            else StoredChannel(header, time.time_base, samples, partial(raw, *gain))
+            else StoredChannel(header, time.time_base, one.samples, partial(one.counts, unit, *gain))
         )
-    metadata_of_file: Mapping[str, Any] = {
-        "version": str(mdf.version),
-        "comment": str(mdf.header.comment or "")[:2000],
-        "program": str(mdf.identification.program_identification.decode("latin-1").strip(" \0")),
-        "groups": [_group_label(group, i) for i, group in enumerate(mdf.groups)],
-        "zone_minutes": [int(mdf.header.tz_offset), int(mdf.header.daylight_save_time)],
+    metadata_of_file = {
+        "version": _printed(content, 8),
+        "comment": text_of(content, _comment_at(content))[:LONGEST_COMMENT],
+        "program": _printed(content, 16),
+        "groups": [_label(content, group, i) for i, group in enumerate(numbered)],
+        "zone_minutes": zones,
     }
     return container_recording(path, MdfReader.name, channels, metadata_of_file, [*notes, *name_notes], "", start)
 
 
-def _group_label(group: Any, index: int) -> str:
-    named = str(group.channel_group.acq_name or "")
+def _usable(
+    content: bytes, group: ChannelGroup, label: str, notes: list[str]
+) -> Iterator[tuple[Channel, NumberConversion]]:
+    """Yield the channels of a group that are read, beside its time; say which others there are."""
+    master = master_of(group)
+    for channel in group.channels:
+        if channel is master:
+            continue
+        conversion = why_no_channel(channel, group) or number_conversion(content, channel)
+        if isinstance(conversion, str):
+            notes.append(f"{channel.name} of {label}: {conversion}: left out")
+        else:
+            yield channel, conversion
+
+
+def _label(content: bytes, group: ChannelGroup, index: int) -> str:
+    named = text_of(content, group.name_at)
     return f"group {index} ({named})" if named else f"group {index}"
 
 
-def _left_out(channel: Any, group: Any, index: int, label: str, notes: list[str]) -> bool:
-    record = group.record[index] if group.record is not None else None
-    reason = why_no_channel(channel, record, group.channel_dependencies[index], group.channel_group)
-    if reason:
-        notes.append(f"{channel.name} of {label}: {reason}: left out")
-    return bool(reason)
+def _printed(content: bytes, at: int) -> str:
+    """Return one of the texts of 8 bytes of the identification."""
+    return content[at : at + 8].decode("latin-1").strip(" \0")
 
 
-def _absolute_start(header: Any) -> AbsoluteStart | None:
-    if not 0 < header.abs_time < 2**63:
-        return None
-    text = str(np.datetime64(int(header.abs_time), "ns"))
+def _comment_at(content: bytes) -> int:
+    (links,) = struct.unpack_from("<Q", content, HD_AT + 16)
+    return int(struct.unpack_from("<Q", content, HD_AT + 24 + 8 * _COMMENT_LINK)[0]) if links > _COMMENT_LINK else 0
+
+
+def _start(content: bytes) -> tuple[AbsoluteStart | None, list[int]]:
+    """Return the start that the header block states, and its zones in minutes."""
+    (links,) = struct.unpack_from("<Q", content, HD_AT + 16)
+    start_ns, zone, summer, flags = _HEADER.unpack_from(content, HD_AT + 24 + 8 * links)
+    if not 0 < start_ns < 2**63:
+        return None, [zone, summer]
     # The stamp counts in UTC unless the flag says that it is local time without a zone
-    return AbsoluteStart(text, "unknown" if header.time_flags & LOCAL_TIME else "UTC", "header of the file")
+    zone_name = "unknown" if flags & LOCAL_TIME else "UTC"
+    return AbsoluteStart(str(np.datetime64(start_ns, "ns")), zone_name, "header of the file"), [zone, summer]

@@ -90,7 +90,7 @@ def test_blocks_that_cannot_be_are_refused(content: bytes, problem: str) -> None
     ("content", "what"),
     [
         (listed(b"LD", flags=COLUMNS_APART), "invalidation bits that are kept apart"),
-        (file_of(packed(b"abc", method=2)), "packed by the method 2"),
+        (file_of(packed(b"abc", method=6)), "packed by the method 6"),
     ],
 )
 def test_what_is_not_read_is_named(content: bytes, what: str) -> None:

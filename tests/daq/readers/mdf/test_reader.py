@@ -1,12 +1,16 @@
 from __future__ import annotations
 
+import contextlib
 import struct
+import sys
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.head import HEAD_BYTES, Head
@@ -17,6 +21,7 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import surest_claim
 from tests.builders.container_files import mdf_file, ramp, small_mdf
+from tests.builders.mdf_logs import measured_file
 from tests.builders.shared_data import shared_file
 
 TIMES = np.arange(12) / 1000.0
@@ -166,18 +171,7 @@ def test_an_invalidation_bit_beyond_the_record_leaves_its_channel_out(tmp_path: 
     assert any("p of group 0: damaged: invalidation bit 16777216" in note for note in recording.notes)
 
 
-def test_what_asammdf_prints_of_a_group_that_it_cannot_read_is_not_shown(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    content = bytearray(small_mdf())
-    (name_at,) = struct.unpack_from("<Q", content, content.rindex(b"##CN") + 24 + 16)
-    content[name_at + 1] = 0  # its name is no block of a text
-    with pytest.raises(ReadError):
-        opened(tmp_path, bytes(content)).read("")
-    assert capfd.readouterr() == ("", "")
-
-
-def test_groups_of_a_bus_that_cannot_be_are_refused_before_asammdf_follows_them(tmp_path: Path) -> None:
+def test_groups_of_a_bus_that_cannot_be_are_refused(tmp_path: Path) -> None:
     content = bytearray(mdf_file([frames()], [signal("a", ramp())]))
     at = content.index(b"##CG")
     links = struct.unpack_from("<Q", content, at + 16)[0]
@@ -223,4 +217,122 @@ def test_a_recording_that_was_never_finalised_is_refused(tmp_path: Path) -> None
     content = b"UnFinMF " + small_mdf()[8:]
     assert claimed_by(content) == ["MDF 4"]
     with pytest.raises(ReadError, match="never finalised"):
+        opened(tmp_path, content)
+
+
+def ticks(step: int, count: int = 40, missing: int = 0) -> list[tuple[float, float]]:
+    """Stamps a step apart with samples that count them, one of them missing."""
+    return [(i * step, float(i)) for i in range(1, count) if i != missing]
+
+
+@pytest.mark.parametrize("master", [(4, 64, 1e-3), (4, 32, 1e-3), (0, 32, 1e-3), (1, 32, 1e-3)])
+def test_channels_whose_records_are_stored_together_are_told_apart(
+    master: tuple[int, int, float], tmp_path: Path
+) -> None:
+    groups = [("p", "MPa", ticks(2)), ("acc", "m/s2", ticks(1, 60)), ("slow", "", ticks(7, 12, missing=5))]
+    recording = opened(tmp_path, measured_file(groups, master=master))
+    assert {s.name: (s.unit, s.sample_count) for s in recording.signals} == {
+        "p": ("MPa", 39), "acc": ("m/s2", 59), "slow": ("", 10),
+    }  # fmt: skip
+    for name, _, rows in groups:
+        np.testing.assert_array_equal(recording.read(name), [sample for _, sample in rows])
+        np.testing.assert_allclose(recording.time_base(name).times_s, [t * 1e-3 for t, _ in rows], rtol=1e-7)
+    assert recording.time_base("acc").step_s == pytest.approx(1e-3)
+    assert recording.time_base("slow").step_s is None
+
+
+def test_counts_of_samples_as_times_keep_their_start_and_the_gap_of_a_missing_sample(tmp_path: Path) -> None:
+    whole = opened(tmp_path, measured_file([("a", "V", ticks(1))], master=(0, 32, 0.0031))).time_base("a")
+    assert (whole.start_s, whole.step_s) == (pytest.approx(0.0031), pytest.approx(0.0031))
+    gap = opened(tmp_path, measured_file([("a", "V", ticks(1, missing=9))], master=(0, 32, 0.0031))).time_base("a")
+    assert gap.step_s is None
+    np.testing.assert_allclose(gap.times_s, [0.0031 * i for i in range(1, 40) if i != 9])
+
+
+def test_a_clock_whose_ticks_do_not_divide_the_rate_is_even_and_a_missing_sample_is_a_gap(tmp_path: Path) -> None:
+    third = [(round(i * 1000 / 3), float(i)) for i in range(90)]
+    even = opened(tmp_path, measured_file([("a", "V", third)], master=(0, 32, 1e-6))).time_base("a")
+    assert even.step_s == pytest.approx(1 / 3000, rel=1e-5)
+    uneven = opened(tmp_path, measured_file([("a", "V", third[:40] + third[41:])], master=(0, 32, 1e-6)))
+    assert uneven.time_base("a").step_s is None
+
+
+def test_a_real_file_whose_master_counts_starts_where_it_says() -> None:
+    recording = MdfReader().open(shared_file("containers/integer_master.mf4"), Declarations("dewetron"))
+    base = recording.time_base("Value")
+    assert (base.count, base.start_s, base.end_s) == (100_000, pytest.approx(0.0031), pytest.approx(310.0))
+
+
+NUMBERS = st.floats(-1e6, 1e6, allow_subnormal=False)
+
+
+@st.composite
+def conversions(draw: st.DrawFn) -> dict[str, Any]:
+    kind = draw(st.sampled_from(["linear", "rational", "interpolated", "nearest"]))
+    if kind == "linear":
+        return {"a": draw(NUMBERS), "b": draw(NUMBERS)}
+    if kind == "rational":
+        return {f"P{i}": float(draw(st.integers(-5, 5))) for i in range(1, 6)} | {"P6": 1.5}
+    keys = sorted(draw(st.sets(st.integers(-40, 240), min_size=2, max_size=6)))
+    raw = {f"raw_{i}": float(key) for i, key in enumerate(keys)}
+    return {**raw, **{f"phys_{i}": draw(NUMBERS) for i in range(len(keys))}, "interpolation": kind == "interpolated"}
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(conversion=conversions(), kind=st.sampled_from(["u1", "i2", "u4", "i8", "f8"]), seed=st.integers(0, 99))
+def test_conversions_to_numbers_are_those_of_asammdf(
+    conversion: dict[str, Any], kind: str, seed: int, tmp_path: Path
+) -> None:
+    from asammdf import MDF
+
+    stored = np.random.default_rng(seed).integers(0, 200, 12).astype(kind)
+    content = mdf_file([signal("a", stored, conversion=conversion)])
+    recording = opened(tmp_path, content)
+    with MDF(tmp_path / "a.mf4") as mdf, np.errstate(all="ignore"):
+        expected = mdf.get("a").samples
+    np.testing.assert_allclose(recording.read("a"), expected, rtol=1e-12, atol=1e-9)
+
+
+@pytest.mark.parametrize(("kind", "at_ten"), [("u1", 1.5), ("f8", -7.0)])
+def test_a_value_by_range_holds_between_the_keys_the_upper_one_included_where_numbers_are_whole(
+    kind: str, at_ten: float, tmp_path: Path
+) -> None:
+    ranges = {"lower_0": 2.0, "upper_0": 10.0, "phys_0": 1.5, "lower_1": 20.0, "upper_1": 30.0, "phys_1": 2.5}
+    stored = np.array([0, 2, 5, 10, 15, 20, 25, 40]).astype(kind)
+    content = mdf_file([signal("a", stored, np.arange(8.0), conversion={**ranges, "default": -7.0})])
+    recording = opened(tmp_path, content)
+    np.testing.assert_array_equal(recording.read("a"), [-7.0, 1.5, 1.5, at_ten, -7.0, 2.5, 2.5, -7.0])
+
+
+def test_a_table_whose_keys_do_not_increase_is_damage_and_leaves_its_channel_out(tmp_path: Path) -> None:
+    table = {"raw_0": 1.0, "phys_0": 2.0, "raw_1": 3.0, "phys_1": 4.0, "interpolation": True}
+    content = mdf_file([signal("b", ramp()), signal("a", np.arange(12, dtype=np.uint8), conversion=table)])
+    pair = struct.pack("<4d", 1.0, 2.0, 3.0, 4.0)
+    assert content.count(pair) == 1
+    recording = opened(tmp_path, content.replace(pair, struct.pack("<4d", 3.0, 2.0, 3.0, 4.0)))
+    assert [header.name for header in recording.signals] == ["b"]
+    assert any("a of group 0: damaged: its conversion of type 4" in note for note in recording.notes)
+
+
+@pytest.mark.parametrize("compression", [3, 4, 5, 6], ids=["zstd", "zstd-turned", "lz4", "lz4-turned"])
+def test_blocks_packed_as_mdf_4_3_has_it_are_read_and_damaged_ones_refused(compression: int, tmp_path: Path) -> None:
+    times = np.arange(5000) / 1000.0
+    content = mdf_file([signal("a", ramp(5000), times), signal("n", np.arange(5000, dtype=np.int16), times)],
+                       compression=compression, version="4.30")  # fmt: skip
+    assert b"##DZ" in content
+    recording = opened(tmp_path, content)
+    np.testing.assert_array_equal(recording.read("a"), ramp(5000))
+    np.testing.assert_array_equal(recording.read("n"), np.arange(5000))
+    at = content.index(b"##DZ") + 48
+    for place in (*range(at - 16, at + 12), at + 60, at + 200):
+        damaged = bytearray(content)
+        damaged[place] ^= 0x5A
+        with contextlib.suppress(ReadError):
+            assert opened(tmp_path, bytes(damaged)).read("n").size == 5000
+
+
+def test_without_zstd_a_file_that_is_packed_by_it_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    content = mdf_file([signal("a", np.zeros(5000), np.arange(5000.0))], compression=3, version="4.30")
+    monkeypatch.setitem(sys.modules, "zstd", None)
+    with pytest.raises(ReadError, match="packed by zstd, which is read where zstd is installed"):
         opened(tmp_path, content)
