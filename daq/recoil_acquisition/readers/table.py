@@ -5,6 +5,9 @@ file shows the reader's sign. A file is recognised by its content (`recognise`):
 two claims are equally sure, the error names both. A table that only its shape speaks for, as other programs write it
 too, is taken where a rig says of which kind its source is. `BY_LAYOUT` are the readers of text tables whose layout the
 rig declares; they claim nothing.
+
+A new format is a module with a class that has `name` and `open`, and `claims` where its signs are not enough; a row
+here; and a file of it among ``tests/contracts/cases_*.py``, over which every rule of readers runs.
 """
 
 from __future__ import annotations

@@ -3,8 +3,10 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
+from itertools import permutations
 from pathlib import Path
 
+import grimp
 import pytest
 
 from recoil_acquisition.errors import ReadError, UnknownFormatError
@@ -170,6 +172,16 @@ def test_every_row_of_the_table_names_a_reader_of_its_name() -> None:
     for reader in (*READERS, *BY_LAYOUT.values()):
         assert isinstance(reader, TableReader)
         assert reader._loaded.name == reader.name
+
+
+def test_readers_do_not_know_each_other() -> None:
+    graph = grimp.build_graph("recoil_acquisition")
+    rows = [reader for reader in (*READERS, *BY_LAYOUT.values()) if isinstance(reader, TableReader)]
+    modules = {f"recoil_acquisition.readers.{reader.path.partition(':')[0]}" for reader in rows}
+    assert len(modules) > 20
+    assert modules <= graph.modules
+    chains = [(a, b) for a, b in permutations(sorted(modules), 2) if graph.chain_exists(importer=a, imported=b)]
+    assert chains == []
 
 
 def test_names_of_readers_are_unique_and_kinds_are_those_of_sources() -> None:
