@@ -115,7 +115,7 @@ def shots_of(
 
 
 def _written_after(file: DroppedFile, shot: LiveShot) -> bool:
-    """Tell whether a file's time of writing allows it to be of a shot; unknown times allow everything."""
+    """Return whether a file's time of writing allows it to be of a shot; unknown times allow everything."""
     if file.written_s is None or shot.fired_wall_s is None:
         return True
     return file.written_s >= shot.fired_wall_s - CLOCKS_APART_S

@@ -191,7 +191,7 @@ class LiveRange:
                 return
 
     def _failed(self, session: LiveSession) -> bool:
-        """Tell whether it cannot go on; if the folder that it writes to is gone, nothing more is written there."""
+        """Return whether it cannot go on; if the folder that it writes to is gone, nothing more is written there."""
         if not self._gone and (fault := self._folder.fault(session.journal_folder)) is not None:
             self._gone = "OUTPUT FOLDER GONE"
             session.disarm()
@@ -261,14 +261,14 @@ class LiveRange:
                 self._give_up(shot)
 
     def _to_come(self, shot: LiveShot) -> bool:
-        """Tell whether a shot is still on its way to its shot file while the session ends."""
+        """Return whether a shot is still on its way to its shot file while the session ends."""
         if not shot.growing and (shot.state not in ("waiting", "not whole") or not shot.missing):
             return not shot.settled and (shot.state != "not whole" or bool(shot.redo))
         growing = self._files.growing
         return growing and time.monotonic() - self._ending_s < self._options.files_within_s
 
     def _given_up(self) -> bool:
-        """Tell whether what is not complete is to be given up: somebody at the keys is asked first."""
+        """Return whether what is not complete is to be given up: somebody at the keys is asked first."""
         key = self._display.key()
         urged = self._interruption.count > self._heeded
         if self._left or (urged and not (self._interruption.by_key and self._display.has_keys)):
@@ -423,7 +423,7 @@ class LiveRange:
             return
 
     def _waited_out(self, shot: LiveShot) -> bool:
-        """Tell whether a shot has waited for files for as long as it should."""
+        """Return whether a shot has waited for files for as long as it should."""
         return not self._files.watched or time.monotonic() - shot.complete_s > self._options.files_within_s
 
     def _take_conversion(self, session: LiveSession) -> None:

@@ -50,7 +50,7 @@ def meter(channel: ChannelStatus, cells: int = METER_CELLS) -> str:
 
 
 def is_outside(channel: ChannelStatus) -> bool:
-    """Tell whether a channel left its sensor's range within the last second."""
+    """Return whether a channel left its sensor's range within the last second."""
     if channel.range is None or channel.level is None:
         return False
     return channel.level.low < channel.range[0] or channel.level.high > channel.range[1]
@@ -65,7 +65,7 @@ def span_of(level: Level, unit: str, *, whole: bool) -> str:
 
 
 def is_old(source: SourceStatus) -> bool:
-    """Tell whether nothing came of a source for so long that something is wrong."""
+    """Return whether nothing came of a source for so long that something is wrong."""
     return source.age_s is None or source.age_s > OLD_S
 
 

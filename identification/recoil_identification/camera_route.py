@@ -16,7 +16,7 @@ from recoil_identification.uncertainty import (
     zero_contributions,
 )
 from recoil_processing.filters import LowPass
-from recoil_processing.shot.kinematics import Turning, kinematic_acceleration
+from recoil_processing.shot.kinematics import AngularMotion, kinematic_acceleration
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 from recoil_processing.shot.signals import Signals
@@ -29,7 +29,7 @@ LARGEST_CUTOFF_HZ = 100.0
 def mass_by_camera(
     recorded: Regression,
     signals: Signals,
-    motion: Turning,
+    motion: AngularMotion,
     shot: Shot,
     rig: Rig,
     camera: Channel,
@@ -91,7 +91,7 @@ def mass_by_camera(
 def regression_by_camera(
     recorded: Regression,
     signals: Signals,
-    motion: Turning,
+    motion: AngularMotion,
     rig: Rig,
     camera: Channel,
     alignment: ClockAlignment,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from recoil_processing.motion.double_integral import integrate
 from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ROLES, RATE_ROLES, ForcedRecoil
-from recoil_processing.shot.kinematics import Turning, relative_to_tipping_part
+from recoil_processing.shot.kinematics import AngularMotion, relative_to_tipping_part
 from recoil_processing.shot.regression import AREAS, PRESSURE_ROLES
 from recoil_processing.shot.signals import static_value
 
@@ -73,7 +73,7 @@ def force_errors(forced: ForcedRecoil) -> NamedErrors:
     )
 
 
-def _with_scale(forced: ForcedRecoil, role: str, error: float) -> Turning:
+def _with_scale(forced: ForcedRecoil, role: str, error: float) -> AngularMotion:
     """Let one of the carriage's sensors read high by a share of what it reads beyond its reading at rest."""
     motion, step_s = forced.motion, forced.signals.step_s
     if role == "carriage_rate":
@@ -87,14 +87,14 @@ def _with_scale(forced: ForcedRecoil, role: str, error: float) -> Turning:
     return _with_error(motion, role, error * (reading - static))
 
 
-def _with_error(motion: Turning, role: str, error: Array) -> Turning:
+def _with_error(motion: AngularMotion, role: str, error: Array) -> AngularMotion:
     """Add an error to what one of the carriage's accelerometers reads."""
     if role == CARRIAGE_ROLES[0]:
         return replace(motion, f_x=motion.f_x + error)
     return replace(motion, f_y=motion.f_y + error)
 
 
-def _as_force(forced: ForcedRecoil, other: Turning) -> Array:
+def _as_force(forced: ForcedRecoil, other: AngularMotion) -> Array:
     """Return the force that would change the travel as another motion of the tipping part does, shape (n,)."""
     rigid, free = forced.inputs.force_n / forced.mass_kg, forced.recorded.released
     moved = relative_to_tipping_part(rigid, forced.rig.mechanism, other, forced.signals.step_s, free)

@@ -16,12 +16,12 @@ from recoil_identification.skew import without_skew
 from recoil_processing.motion.fusion import FusedMotion
 from recoil_processing.shot.filmed_motion import motion_fit
 from recoil_processing.shot.kinematics import (
-    Turning,
+    AngularMotion,
+    angular_motion,
     fused_motion,
     inertial_acceleration,
     travel_acceleration,
     travel_and_velocity,
-    turning,
 )
 from recoil_processing.shot.regression import Regression, build_regression
 from recoil_processing.shot.signals import Signals, at_instants, collect_signals, static_value
@@ -38,7 +38,7 @@ class Prepared:
     ----------
     alignments : mapping of str to ClockAlignment
     signals : Signals
-    motion : Turning
+    motion : AngularMotion
     camera : Channel or None
         Displacement on its own clock, without the delay of its chain.
     camera_clock : ClockAlignment or None
@@ -58,7 +58,7 @@ class Prepared:
 
     alignments: Mapping[str, ClockAlignment]
     signals: Signals
-    motion: Turning
+    motion: AngularMotion
     camera: Channel | None
     camera_clock: ClockAlignment | None
     acceleration_m_s2: Array
@@ -119,7 +119,7 @@ def prepare(shot: Shot, rig: Rig) -> Prepared:
         )
     if "recoil_acceleration" not in signals.series:
         raise IdentificationError("the recoiling part's accelerometer is on a clock that could not be aligned")
-    motion = turning(signals, rig)
+    motion = angular_motion(signals, rig)
     camera = shot.by_role("recoil_displacement")
     if camera is not None:
         camera = at_instants(camera, shot, rig)

@@ -133,7 +133,7 @@ def doubts_of(rig: Rig) -> list[str]:
 
 
 def varies(constancy: MassConstancy, level: float, estimate: MassEstimate) -> bool:
-    """Tell whether the mass changes beyond chance, and by more than it is uncertain anyway."""
+    """Return whether the mass changes beyond chance, and by more than it is uncertain anyway."""
     return not constancy.constant(level) and abs(constancy.change_kg) > estimate.u_kg
 
 

@@ -19,7 +19,7 @@ from recoil_acquisition.timebase import TimeBase
 from recoil_processing.alignment.align import judge_motion
 from recoil_processing.alignment.motion_alignment import align_motion
 from recoil_processing.alignment.motion_fit import MotionFit
-from recoil_processing.shot.kinematics import travel_acceleration, turning
+from recoil_processing.shot.kinematics import angular_motion, travel_acceleration
 from recoil_processing.shot.signals import collect_signals
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin import draw_scene
@@ -196,7 +196,7 @@ def film_shot(
         channels[spec.name] = Channel(spec.name, spec.quantity, si, base, spec.signal, spec.role, spec.sensor.u_rel)
     shot = Shot(scene.shot, rig.name, rig.text, reference.name, channels)
     signals = collect_signals(shot, rig, {})
-    acceleration = travel_acceleration(signals, rig, turning(signals, rig))
+    acceleration = travel_acceleration(signals, rig, angular_motion(signals, rig))
     silent = acceleration[(signals.times_s >= signals.quiet_s[0]) & (signals.times_s < signals.quiet_s[1])]
 
     camera = next(s for s in rig.sources if s.kind == "camera")

@@ -81,7 +81,7 @@ class MassConstancy:
         return min(1.0, 2 * min(self.step.p_value, self.drift.p_value))
 
     def constant(self, level: float = 0.05) -> bool:
-        """Tell whether nothing speaks against a constant mass at a level of significance."""
+        """Return whether nothing speaks against a constant mass at a level of significance."""
         return self.p_value > level
 
     def __str__(self) -> str:

@@ -20,7 +20,7 @@ from recoil_identification.forces.measured_force import U_FREE_CLOCK_S, FilmedTr
 from recoil_processing.filters import LowPass
 from recoil_processing.gaps import bridge
 from recoil_processing.noise import noise_sigma
-from recoil_processing.shot.kinematics import inertial_acceleration, travel_acceleration, turning
+from recoil_processing.shot.kinematics import angular_motion, inertial_acceleration, travel_acceleration
 from recoil_processing.shot.onset import find_onset
 from recoil_processing.shot.signals import Signals, at_instants, collect_signals, static_value
 from recoil_processing.stress_waves.ringing import Mode
@@ -114,7 +114,7 @@ def force_record(shot: Shot, rig: Rig) -> ForceRecord:
             remedy="declare the roles in the rig file, or mend the alignment",
         )
     m, times = rig.mechanism, signals.times_s
-    motion = turning(signals, rig)
+    motion = angular_motion(signals, rig)
     inertial = inertial_acceleration(signals, rig, motion)
     seen = travel_acceleration(signals, rig, motion)
     onset = find_onset(times, {"recoil_acceleration": signals.series["recoil_acceleration"]})

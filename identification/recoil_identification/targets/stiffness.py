@@ -107,7 +107,7 @@ def find(case: Case) -> Finding:
 
 
 def judge(found: SupportEstimates) -> tuple[Array, tuple[str, ...]]:
-    """Tell which parameters are identified, and why the others are not.
+    """Return which parameters are identified, and why the others are not.
 
     Returns
     -------

@@ -219,7 +219,7 @@ def _median_line(since: Array, difference: Array) -> tuple[float, Array]:
 
 
 def _on_the_line(since: Array, difference: Array, u_edge_s: float) -> Flags:
-    """Tell which pairs lie on the line of the median slope."""
+    """Return which pairs lie on the line of the median slope."""
     if since.size < 3:
         return np.ones(since.size, dtype=np.bool_)
     _, left = _median_line(since, difference)

@@ -44,7 +44,7 @@ class DoubleIntegral:
         return cls(start_s, step_s, acceleration, velocity, travel)
 
     def covers(self, times_s: Array) -> NDArray[np.bool_]:
-        """Tell which instants lie within the record, shape of `times_s`."""
+        """Return which instants lie within the record, shape of `times_s`."""
         end_s = self.start_s + self.step_s * (self.acceleration.size - 1)
         return np.asarray((times_s >= self.start_s) & (times_s <= end_s))
 

@@ -117,7 +117,7 @@ def check_flat_tops(samples: Array, *, declared: bool = False) -> Outcome:
 
 
 def _piles_up(present: Array, extreme: float, rest: float) -> bool:
-    """Tell whether far more samples stand at an extreme than one step inside of it."""
+    """Return whether far more samples stand at an extreme than one step inside of it."""
     inside = np.abs(present - extreme)
     near = np.unique(inside[inside < 0.1 * abs(extreme - rest)])
     steps = near[near > 1e-9 * abs(extreme - rest)]

@@ -101,7 +101,7 @@ def _moving(positions: Array) -> Flags:
 
 
 def _at_ends(positions: Array) -> Flags:
-    """Tell which frames belong to a run of equal positions at either end, shape (n,)."""
+    """Return which frames belong to a run of equal positions at either end, shape (n,)."""
     same = np.all(np.diff(positions, axis=0) == 0, axis=1)
     moved = np.flatnonzero(~same)
     ends = np.zeros(positions.shape[0], dtype=bool)

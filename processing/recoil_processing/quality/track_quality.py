@@ -136,7 +136,7 @@ def check_held_ends(positions: Array) -> Outcome:
 
 
 def held_ends(positions: Array) -> Flags:
-    """Tell which positions are held at one value at either end, by more than `LIMITS` allows, shape (n,)."""
+    """Return which positions are held at one value at either end, by more than `LIMITS` allows, shape (n,)."""
     flags = np.zeros(positions.size, dtype=bool)
     seen = np.flatnonzero(np.isfinite(positions))
     changed = np.flatnonzero(np.diff(positions[seen]) != 0)

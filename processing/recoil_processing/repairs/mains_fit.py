@@ -150,7 +150,7 @@ class Silence:
 
 
 def _stands_out(excess: float, looked_at: int) -> bool:
-    """Tell whether a line is beyond the limit, and beyond what chance makes of any of those looked at."""
+    """Return whether a line is beyond the limit, and beyond what chance makes of any of those looked at."""
     # scipy.stats takes half a second to import
     from scipy.special import fdtrc
 

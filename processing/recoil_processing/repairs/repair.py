@@ -172,7 +172,7 @@ class Repaired:
 
 
 def changed(before: Array, after: Array) -> Flags:
-    """Tell which samples differ; one that is lost in both does not, shape (n_samples,)."""
+    """Return which samples differ; one that is lost in both does not, shape (n_samples,)."""
     return np.asarray((before != after) & ~(np.isnan(before) & np.isnan(after)))
 
 

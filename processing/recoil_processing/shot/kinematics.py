@@ -48,7 +48,7 @@ LEAST_NOISE_M_S2 = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Turning:
+class AngularMotion:
     """Angular motion on the grid, SI; zero where it was not measured.
 
     Attributes
@@ -76,7 +76,7 @@ class Turning:
     r_y: float
 
 
-def turning(signals: Signals, rig: Rig) -> Turning:
+def angular_motion(signals: Signals, rig: Rig) -> AngularMotion:
     """Collect the angular motion and the carriage's specific force; gaps are bridged for these small terms."""
     mechanism = rig.mechanism
     low_pass = LowPass(min(ANGULAR_CUTOFF_HZ, 0.1 * signals.rate_hz))
@@ -86,7 +86,7 @@ def turning(signals: Signals, rig: Rig) -> Turning:
         smooth2 = smooth1
     spec = rig.by_role("carriage_acceleration_x")
     r_x, r_y = spec.sensor.position if spec is not None else (0.0, 0.0)
-    return Turning(
+    return AngularMotion(
         w1=smooth1,
         w2=smooth2,
         dw1=np.gradient(smooth1, signals.step_s),
@@ -99,21 +99,21 @@ def turning(signals: Signals, rig: Rig) -> Turning:
     )
 
 
-def inertial_acceleration(signals: Signals, rig: Rig, motion: Turning) -> Array:
+def inertial_acceleration(signals: Signals, rig: Rig, motion: AngularMotion) -> Array:
     """Return a' of equation (36) by the accelerometer on the recoiling part, m/s^2, shape (n,); NaN where lost."""
     spec = rig.by_role("recoil_acceleration")
     r5, r6 = spec.sensor.position if spec is not None else (0.0, 0.0)
     return specific_acceleration_inertial(signals.series["recoil_acceleration"], motion.w2, motion.dw2, r5, r6)
 
 
-def travel_acceleration(signals: Signals, rig: Rig, motion: Turning) -> Array:
+def travel_acceleration(signals: Signals, rig: Rig, motion: AngularMotion) -> Array:
     """X'' by the accelerometers, m/s^2, shape (n,): what a camera on the tipping part would see."""
     inertial = bridge(inertial_acceleration(signals, rig, motion), otherwise=0.0)
     return relative_to_tipping_part(inertial, rig.mechanism, motion, signals.step_s)
 
 
 def relative_to_tipping_part(
-    inertial: Array, mechanism: Mechanism, motion: Turning, step_s: float, free: Array | None = None
+    inertial: Array, mechanism: Mechanism, motion: AngularMotion, step_s: float, free: Array | None = None
 ) -> Array:
     """X'' of a recoiling part with a given a', m/s^2, shape (n,).
 
@@ -124,7 +124,7 @@ def relative_to_tipping_part(
     inertial : ndarray, shape (n,)
         a' of equation (36), without missing samples.
     mechanism : Mechanism
-    motion : Turning
+    motion : AngularMotion
     step_s : float
     free : ndarray, shape (n,), optional
         0 where the part is held, 1 where it is free; free throughout if left out.
@@ -141,7 +141,7 @@ def relative_to_tipping_part(
 def kinematic_acceleration(
     signals: Signals,
     rig: Rig,
-    motion: Turning,
+    motion: AngularMotion,
     camera: Channel,
     alignment: ClockAlignment,
     low_pass: LowPass,
@@ -266,7 +266,7 @@ def _likely_densities(signals: Signals, acceleration: Array) -> list[float]:
     return [inflation * max(sigma, LEAST_NOISE_M_S2) ** 2 * signals.step_s for inflation in INFLATIONS]
 
 
-def _relative(mechanism: Mechanism, inertial: Array, travel: Array, motion: Turning) -> Array:
+def _relative(mechanism: Mechanism, inertial: Array, travel: Array, motion: AngularMotion) -> Array:
     return relative_acceleration(
         mechanism, inertial, travel, motion.w2, motion.dw2, motion.f_x, motion.f_y, motion.beta,
         w1=motion.w1, dw1=motion.dw1, r_x=motion.r_x, r_y=motion.r_y,

@@ -24,7 +24,7 @@ LEAST_BEFORE = 8
 
 
 def onset_known_well_enough(low_pass: LowPass, u_onset_s: float) -> bool:
-    """Tell whether the onset is known well enough for the reflection to help.
+    """Return whether the onset is known well enough for the reflection to help.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ class Interval:
         return self.at_s + self.for_s
 
     def holds(self, time_s: float) -> bool:
-        """Tell whether an instant lies in it."""
+        """Return whether an instant lies in it."""
         return self.at_s <= time_s < self.end_s
 
 

@@ -121,7 +121,7 @@ def mix(modes: Array, peak: float, rng: np.random.Generator) -> Array:
 
 
 def _within_grid(filter_hz: float, step_s: float) -> bool:
-    """Tell whether a low-pass takes anything away from what a grid can hold."""
+    """Return whether a low-pass takes anything away from what a grid can hold."""
     return filter_hz < 0.45 / step_s
 
 

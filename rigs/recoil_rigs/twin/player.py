@@ -186,7 +186,7 @@ def playable_sources(rig: Rig) -> tuple[Source, ...]:
 
 
 def is_virtual(source: Source) -> bool:
-    """Tell whether a rig declares that a source is played: ``device = { virtual = "..." }``."""
+    """Return whether a rig declares that a source is played: ``device = { virtual = "..." }``."""
     return bool(source.device) and "virtual" in (source.device or {})
 
 

@@ -23,7 +23,7 @@ PIECE_EVERY_S = 0.15
 
 
 def is_virtual_rig(rig: Rig) -> bool:
-    """Tell whether the devices of a rig are played.
+    """Return whether the devices of a rig are played.
 
     Raises
     ------

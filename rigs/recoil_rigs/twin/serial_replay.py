@@ -96,7 +96,7 @@ class SensorFrame:
         )
 
     def is_whole(self, frame: bytes) -> bool:
-        """Tell whether bytes are a good frame."""
+        """Return whether bytes are a good frame."""
         if len(frame) != self.length or not frame.startswith(self.sync):
             return False
         return self.check is None or self._closed(frame) == frame

@@ -9,7 +9,7 @@ from recoil_acquisition.shot import ClockAlignment
 from recoil_identification.analysis import Options, identify_shot
 from recoil_processing.motion.double_integral import integrate
 from recoil_processing.motion.fusion import FusedMotion
-from recoil_processing.shot.kinematics import fused_motion, travel_acceleration, travel_and_velocity, turning
+from recoil_processing.shot.kinematics import angular_motion, fused_motion, travel_acceleration, travel_and_velocity
 from recoil_processing.shot.signals import Signals, collect_signals
 from tests.builders.virtual_shots import VirtualShot, virtual_shot
 
@@ -20,7 +20,7 @@ def filmed() -> tuple[VirtualShot, Signals, np.ndarray, Channel, ClockAlignment]
     signals = collect_signals(virtual.shot, virtual.rig, {a.clock: a for a in virtual.shot.alignments})
     camera = virtual.shot.by_role("recoil_displacement")
     assert camera is not None
-    acceleration = travel_acceleration(signals, virtual.rig, turning(signals, virtual.rig))
+    acceleration = travel_acceleration(signals, virtual.rig, angular_motion(signals, virtual.rig))
     return virtual, signals, acceleration, camera, virtual.shot.alignment(camera.time_base.clock)
 
 
@@ -73,7 +73,7 @@ def test_lost_samples_of_the_accelerometer_are_marked():
     first = int(np.argmin(np.abs(signals.times_s - virtual.truth["t_fire"]))) + 400
     lost[first : first + 50] = np.nan
     holed = replace(signals, series={**signals.series, "recoil_acceleration": lost})
-    acceleration = travel_acceleration(holed, virtual.rig, turning(holed, virtual.rig))
+    acceleration = travel_acceleration(holed, virtual.rig, angular_motion(holed, virtual.rig))
     result = fused_motion(holed, acceleration, camera, alignment)
     assert result is not None
     assert np.flatnonzero(result.bridged).tolist() == list(range(first, first + 50))

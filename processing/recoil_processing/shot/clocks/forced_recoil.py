@@ -19,7 +19,7 @@ from recoil_acquisition.shot import Shot
 from recoil_processing.motion.double_integral import integrate
 from recoil_processing.shot.clocks.double_impulse import DoubleImpulseMass, double_impulse_mass
 from recoil_processing.shot.clocks.estimator_inputs import EstimatorInputs
-from recoil_processing.shot.kinematics import Turning, relative_to_tipping_part, turning
+from recoil_processing.shot.kinematics import AngularMotion, angular_motion, relative_to_tipping_part
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression, build_regression
 from recoil_processing.shot.sensor_scales import ScaleUncertainty, scale_uncertainty
 from recoil_processing.shot.signals import Signals
@@ -54,7 +54,7 @@ class ForcedRecoil:
     ----------
     shot, rig : Shot, Rig
     signals : Signals
-    motion : Turning
+    motion : AngularMotion
     recorded : Regression
         The forces; its acceleration is zero throughout, for none was measured.
     mass_kg : float
@@ -66,7 +66,7 @@ class ForcedRecoil:
     shot: Shot
     rig: Rig
     signals: Signals
-    motion: Turning
+    motion: AngularMotion
     recorded: Regression
     mass_kg: float
     acceleration_m_s2: Array
@@ -96,7 +96,7 @@ class ForcedRecoil:
             If a pressure is missing, or the forces never drive the part to the rear.
         """
         require_forces(signals)
-        mass, motion = mass_kg or rig.mechanism.m3, turning(signals, rig)
+        mass, motion = mass_kg or rig.mechanism.m3, angular_motion(signals, rig)
         # until it is known when the part turns back it is taken to recoil
         velocity = np.ones(signals.times_s.size) if velocity_m_s is None else velocity_m_s
         nothing = np.zeros(velocity.size)

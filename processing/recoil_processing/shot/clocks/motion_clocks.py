@@ -25,7 +25,7 @@ from recoil_processing.gaps import bridge
 from recoil_processing.noise import noise_sigma
 from recoil_processing.shot.clocks.force_clocks import align_by_force
 from recoil_processing.shot.instants import anti_alias_filter, instants
-from recoil_processing.shot.kinematics import bridged_kicks, travel_acceleration, turning
+from recoil_processing.shot.kinematics import angular_motion, bridged_kicks, travel_acceleration
 from recoil_processing.shot.signals import Signals, collect_signals
 from recoil_rigs.rig import MOTIONS, Rig, Source
 
@@ -151,7 +151,7 @@ def _by_travel(
         signals = collect_signals(shot, rig, found)
     except IdentificationError as error:
         return failed_alignment(clock, "motion", str(error))
-    acceleration = travel_acceleration(signals, rig, turning(signals, rig))
+    acceleration = travel_acceleration(signals, rig, angular_motion(signals, rig))
     if own.quantity == "velocity":
         reference = signals.start_s, signals.step_s, acceleration
         return align_by_comparison(

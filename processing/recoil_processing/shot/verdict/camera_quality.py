@@ -147,7 +147,7 @@ def rest_after(channel: Channel, alignment: ClockAlignment | None) -> float | No
 
 
 def _on_one_body(first: Array, second: Array) -> bool:
-    """Tell whether two marks make the same large motion, so that they sit on one body."""
+    """Return whether two marks make the same large motion, so that they sit on one body."""
     moves = []
     for positions in (first, second):
         noise = [marker_noise(axis) for axis in positions.T]

@@ -27,7 +27,7 @@ from recoil_processing.quality import (
     check_zero_shift,
 )
 from recoil_processing.quality.motion_checks import velocity_error
-from recoil_processing.shot.kinematics import Turning, inertial_acceleration, travel_acceleration, turning
+from recoil_processing.shot.kinematics import AngularMotion, angular_motion, inertial_acceleration, travel_acceleration
 from recoil_processing.shot.regression import AREAS, PRESSURE_ROLES, Regression, build_regression
 from recoil_processing.shot.signals import Signals, collect_signals, static_value
 from recoil_rigs.rig import Rig
@@ -58,7 +58,7 @@ class Recoil:
     Attributes
     ----------
     signals : Signals
-    motion : Turning
+    motion : AngularMotion
     acceleration : ndarray, shape (n,)
         Of the travel by the accelerometers, lost samples bridged.
     travel : DoubleIntegral
@@ -73,7 +73,7 @@ class Recoil:
     """
 
     signals: Signals
-    motion: Turning
+    motion: AngularMotion
     acceleration: Array
     travel: DoubleIntegral
     low_pass: LowPass
@@ -96,7 +96,7 @@ def recoil_of(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignment]) ->
         return None
     if "recoil_acceleration" not in signals.series:
         return None
-    motion = turning(signals, rig)
+    motion = angular_motion(signals, rig)
     acceleration = travel_acceleration(signals, rig, motion)
     travel = DoubleIntegral.of(acceleration, signals.start_s, signals.step_s)
     rates = [c.time_base.rate_hz for role in PRESSURE_ROLES if (c := shot.by_role(role)) is not None]
