@@ -52,7 +52,7 @@ class TableReader:
     suffixes : tuple of str
         Usual endings of its files: a hint for people.
     path : str
-        Module, below `recoil_acquisition.readers`, and class of the reader.
+        Module, below `recoil_acquisition.readers`, and the reader or its class.
     signs : tuple of bytes or str
         Regular expressions, as `Head.shows` takes them, one of which every file of this format shows.
     claim : Claim or None
@@ -71,7 +71,8 @@ class TableReader:
     @cached_property
     def _loaded(self) -> _Loaded:
         module, _, name = self.path.partition(":")
-        reader: _Loaded = getattr(import_module(f"recoil_acquisition.readers.{module}"), name)()
+        found = getattr(import_module(f"recoil_acquisition.readers.{module}"), name)
+        reader: _Loaded = found() if isinstance(found, type) else found
         return reader
 
     def claims(self, head: Head) -> Claim:
@@ -200,13 +201,13 @@ READERS: tuple[Reader, ...] = (
     ),
     TableReader("SLEAP text", "camera", (".csv",), "tracks.sleap_text:SleapTextReader", (r"\A[^\n]*frame_idx",)),
     TableReader("SLEAP analysis", "camera", (".h5",), "tracks.sleap_analysis:SleapAnalysisReader", (_HDF5,)),
-    TableReader("Vector ASC log", "can", (".asc",), "can.log:AscReader", (r"(?im)^base\s+(hex|dec)\b",)),
-    TableReader("Vector BLF log", "can", (".blf",), "can.log:BlfReader", (rb"LOGG",), Claim.CERTAIN),
-    TableReader("candump log", "can", (".log",), "can.log:CandumpReader", (r"\A\n*[^\n]*[#\[]",)),
-    TableReader("PEAK TRC trace", "can", (".trc",), "can.log:TrcReader", (r"\A\s*;",)),
-    TableReader("python-can CSV log", "can", (".csv",), "can.log:CanCsvReader", (r"\A\s*timestamp,arbitration_id,",)),
+    TableReader("Vector ASC log", "can", (".asc",), "can.log:ASC", (r"(?im)^base\s+(hex|dec)\b",)),
+    TableReader("Vector BLF log", "can", (".blf",), "can.log:BLF", (rb"LOGG",), Claim.CERTAIN),
+    TableReader("candump log", "can", (".log",), "can.log:CANDUMP", (r"\A\n*[^\n]*[#\[]",)),
+    TableReader("PEAK TRC trace", "can", (".trc",), "can.log:TRC", (r"\A\s*;",)),
+    TableReader("python-can CSV log", "can", (".csv",), "can.log:CAN_CSV", (r"\A\s*timestamp,arbitration_id,",)),
     TableReader(
-        "python-can SQLite log", "can", (".db",), "can.log:CanSqliteReader",
+        "python-can SQLite log", "can", (".db",), "can.log:CAN_SQLITE",
         (rb"(?s)SQLite format 3\0(?=.*arbitration_id)(?=.*messages)",), Claim.CERTAIN,
     ),
     TableReader("MDF4 bus logging", "can", (".mf4",), "can.mdf:MdfBusReader", (_MDF4,)),

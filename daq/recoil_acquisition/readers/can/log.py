@@ -6,7 +6,7 @@ The database is declared by the rig; the log alone has no signals. Logs that are
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
@@ -24,9 +24,31 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.text.text_file import decode_text
 
 
-def _open(path: Path, declared: Declarations, name: str, read: Callable[[Path], CanLog]) -> CanRecording:
-    database = declared_database(declared, path)
-    return CanRecording(path, name, read(path), database, declared)
+@dataclass(frozen=True)
+class LogReader:
+    """Reader of one format of logs.
+
+    Attributes
+    ----------
+    name : str
+    read : callable
+        Reads the frames of a file.
+    is_own : callable
+        Whether a text, unpacked, begins as this format does; a binary format is known by its sign.
+    """
+
+    name: str
+    read: Callable[[Path], CanLog]
+    is_own: Callable[[str], bool] = lambda _: True
+
+    def claims(self, head: Head) -> Claim:
+        """Be certain of a text that begins as the format does."""
+        return Claim.CERTAIN if self.is_own(head.unpacked_text) else Claim.NO
+
+    def open(self, path: Path, declared: Declarations) -> CanRecording:
+        """Open a log; raises `ReadError` if it is damaged, or the database is missing or wrong."""
+        database = declared_database(declared, path)
+        return CanRecording(path, self.name, self.read(path), database, declared)
 
 
 def _read_lines(path: Path, read: Callable[[bytes, str], CanLog]) -> CanLog:
@@ -39,113 +61,52 @@ def _read_lines(path: Path, read: Callable[[bytes, str], CanLog]) -> CanLog:
     return replace(log, notes=(*log.notes, cut), incomplete="; ".join(filter(None, (log.incomplete, cut))))
 
 
-class AscReader:
-    """Reader of Vector's text log."""
-
-    name = "Vector ASC log"
-
-    def claims(self, head: Head) -> Claim:
-        """Be certain of a header that states a number base."""
-        return Claim.CERTAIN if is_asc(head.unpacked_text) else Claim.NO
-
-    def open(self, path: Path, declared: Declarations) -> CanRecording:
-        """Open a log; raises `ReadError` if the database is missing or wrong."""
-
-        def read(text: bytes, encoding: str) -> CanLog:
-            if not is_asc(text[:4000].decode(encoding, errors="replace")):
-                raise CorruptFileError(
-                    "no header of an ASC log", path=path, place="line 1", expected="`date` and `base hex` or `base dec`"
-                )
-            return read_asc(text, encoding)
-
-        return _open(path, declared, self.name, lambda path: _read_lines(path, read))
+def _headed(is_own: Callable[[str], bool], whose: str, expected: str, path: Path, text: bytes, encoding: str) -> None:
+    """Refuse a text without the header of its format."""
+    if not is_own(text[:4000].decode(encoding, errors="replace")):
+        raise CorruptFileError(f"no header of {whose}", path=path, place="line 1", expected=expected)
 
 
-class BlfReader:
-    """Reader of Vector's binary log."""
+def _read_asc(path: Path) -> CanLog:
+    def read(text: bytes, encoding: str) -> CanLog:
+        _headed(is_asc, "an ASC log", "`date` and `base hex` or `base dec`", path, text, encoding)
+        return read_asc(text, encoding)
 
-    name = "Vector BLF log"
-
-    def open(self, path: Path, declared: Declarations) -> CanRecording:
-        """Open a log; raises `ReadError` if it is damaged, or the database is missing or wrong."""
-
-        def read(path: Path) -> CanLog:
-            try:
-                return read_blf(path, path.read_bytes())
-            except OSError as error:
-                raise ReadError(f"cannot be read: {error.strerror}", path=path) from error
-
-        return _open(path, declared, self.name, read)
+    return _read_lines(path, read)
 
 
-class CandumpReader:
-    """Reader of the log of can-utils."""
-
-    name = "candump log"
-
-    def claims(self, head: Head) -> Claim:
-        """Be certain of a first line that is a stamped frame."""
-        return Claim.CERTAIN if is_candump(head.unpacked_text) else Claim.NO
-
-    def open(self, path: Path, declared: Declarations) -> CanRecording:
-        """Open a log; raises `ReadError` if the database is missing or wrong."""
-
-        def read(path: Path) -> CanLog:
-            try:
-                return _read_lines(path, lambda text, _encoding: read_candump(text))
-            except ValueError as error:
-                raise ReadError(
-                    "the log does not say when its frames came", path=path, found=str(error),
-                    remedy="record with `candump -L`, or with `-ta` or `-tz` on a screen",
-                ) from error  # fmt: skip
-
-        return _open(path, declared, self.name, read)
+def _read_blf(path: Path) -> CanLog:
+    try:
+        return read_blf(path, path.read_bytes())
+    except OSError as error:
+        raise ReadError(f"cannot be read: {error.strerror}", path=path) from error
 
 
-class TrcReader:
-    """Reader of PEAK's traces."""
-
-    name = "PEAK TRC trace"
-
-    def claims(self, head: Head) -> Claim:
-        """Be certain of a header that states a version, and of a first entry of version 1.0."""
-        return Claim.CERTAIN if is_trc(head.unpacked_text) else Claim.NO
-
-    def open(self, path: Path, declared: Declarations) -> CanRecording:
-        """Open a trace; raises `ReadError` if its version is unknown, or the database is missing or wrong."""
-        return _open(
-            path,
-            declared,
-            self.name,
-            lambda path: _read_lines(path, lambda text, encoding: read_trc(path, text, encoding)),
-        )
+def _read_candump(path: Path) -> CanLog:
+    try:
+        return _read_lines(path, lambda text, _encoding: read_candump(text))
+    except ValueError as error:
+        raise ReadError(
+            "the log does not say when its frames came", path=path, found=str(error),
+            remedy="record with `candump -L`, or with `-ta` or `-tz` on a screen",
+        ) from error  # fmt: skip
 
 
-class CanCsvReader:
-    """Reader of python-can's comma-separated values."""
-
-    name = "python-can CSV log"
-
-    def claims(self, head: Head) -> Claim:
-        """Be certain of a first line that is python-can's header."""
-        return Claim.CERTAIN if is_can_csv(head.unpacked_text) else Claim.NO
-
-    def open(self, path: Path, declared: Declarations) -> CanRecording:
-        """Open a log; raises `ReadError` if the database is missing or wrong."""
-
-        def read(text: bytes, encoding: str) -> CanLog:
-            if not is_can_csv(text[:4000].decode(encoding, errors="replace")):
-                raise CorruptFileError("no header of python-can", path=path, place="line 1", expected=HEADER)
-            return read_can_csv(text)
-
-        return _open(path, declared, self.name, lambda path: _read_lines(path, read))
+def _read_trc(path: Path) -> CanLog:
+    return _read_lines(path, lambda text, encoding: read_trc(path, text, encoding))
 
 
-class CanSqliteReader:
-    """Reader of python-can's databases."""
+def _read_can_csv(path: Path) -> CanLog:
+    def read(text: bytes, encoding: str) -> CanLog:
+        _headed(is_can_csv, "python-can", HEADER, path, text, encoding)
+        return read_can_csv(text)
 
-    name = "python-can SQLite log"
+    return _read_lines(path, read)
 
-    def open(self, path: Path, declared: Declarations) -> CanRecording:
-        """Open a log; raises `ReadError` if it is damaged, or the database is missing or wrong."""
-        return _open(path, declared, self.name, read_can_sqlite)
+
+ASC = LogReader("Vector ASC log", _read_asc, is_asc)
+BLF = LogReader("Vector BLF log", _read_blf)
+CANDUMP = LogReader("candump log", _read_candump, is_candump)
+TRC = LogReader("PEAK TRC trace", _read_trc, is_trc)
+CAN_CSV = LogReader("python-can CSV log", _read_can_csv, is_can_csv)
+CAN_SQLITE = LogReader("python-can SQLite log", read_can_sqlite)

@@ -7,6 +7,7 @@ taken (type 5); of ranges a lower key, an upper key and a value by turns, and a 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,11 +90,11 @@ def number_conversion(content: bytes, channel: Channel) -> NumberConversion | st
     if kind not in _NUMERIC:
         return _OTHERS.get(kind, f"conversion {kind}")
     fits = {
-        NONE: True, LINEAR: len(values) >= 2, RATIONAL: len(values) == 6, RANGES: len(values) % 3 == 1,
-        INTERPOLATED: _is_table(values), NEAREST: _is_table(values),
+        NONE: True, LINEAR: len(values) >= 2 and all(map(math.isfinite, values)), RATIONAL: len(values) == 6,
+        RANGES: len(values) % 3 == 1, INTERPOLATED: _is_table(values), NEAREST: _is_table(values),
     }  # fmt: skip
     if not fits[kind]:
-        return f"damaged: its conversion of type {kind} has {len(values)} values, or keys that do not increase"
+        return f"damaged: a conversion of type {kind} with the numbers {', '.join(f'{v:g}' for v in values[:8])}"
     return NumberConversion(kind, values)
 
 

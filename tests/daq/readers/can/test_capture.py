@@ -16,7 +16,7 @@ from recoil_acquisition.conformance import Case
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.frames import can_capture_file as capture
 from recoil_acquisition.readers.can.capture import CanCaptureReader, CanCaptureRecording
-from recoil_acquisition.readers.can.log import CandumpReader
+from recoil_acquisition.readers.can.log import CANDUMP
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import READERS, recognise
 from tests.builders import can_captures
@@ -61,7 +61,7 @@ def test_a_capture_holds_the_same_samples_as_a_log_of_the_same_bus(tmp_path: Pat
     entries = build.can_entries()
     log = tmp_path / "bus.log"
     log.write_bytes(build.candump_log(entries))
-    vendor = CandumpReader().open(log, DECLARED)
+    vendor = CANDUMP.open(log, DECLARED)
     live = opened(tmp_path, CASE.content)
     assert [s.name for s in live.signals] == [s.name for s in vendor.signals]
     for signal in vendor.signals:

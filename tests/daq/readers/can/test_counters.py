@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.readers.can.capture import CanCaptureReader
-from recoil_acquisition.readers.can.log import CandumpReader
+from recoil_acquisition.readers.can.log import CANDUMP
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from tests.builders import can_captures
@@ -47,7 +47,7 @@ def message(at: int, count: int) -> build.CanEntry:
 def candump(folder: Path, entries: list[build.CanEntry], *counters: str) -> Recording:
     path = folder / "bus.log"
     path.write_bytes(build.candump_log(entries))
-    return CandumpReader().open(path, Declarations("can", database=DBC, counters=counters))
+    return CANDUMP.open(path, Declarations("can", database=DBC, counters=counters))
 
 
 @settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -136,5 +136,5 @@ def test_a_counter_of_64_bits_needs_no_modulo(tmp_path: Path) -> None:
     entries = [(i * 1_000_000, 288, struct.pack("<Q", int(n))) for i, n in enumerate(numbers)]
     path.write_bytes(build.candump_log(entries))
     declared = Declarations("can", database=wide, counters=("RecoilNode.big",))
-    metadata = CandumpReader().open(path, declared).metadata
+    metadata = CANDUMP.open(path, declared).metadata
     assert (metadata["counter_gaps"], metadata["missing_frames"]) == (1, 2)

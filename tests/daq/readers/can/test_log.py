@@ -15,7 +15,7 @@ from recoil_acquisition.readers.can.asc import read_asc
 from recoil_acquisition.readers.can.blf import read_blf
 from recoil_acquisition.readers.can.candump import read_candump
 from recoil_acquisition.readers.can.frames import FD_LENGTHS, CanFrames
-from recoil_acquisition.readers.can.log import AscReader, BlfReader, CandumpReader, CanRecording
+from recoil_acquisition.readers.can.log import ASC, BLF, CANDUMP, CanRecording
 from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import surest_claim
@@ -31,7 +31,7 @@ from tests.builders.vendor_files import (
     candump_log,
 )
 
-READERS = {"asc": AscReader(), "blf": BlfReader(), "log": CandumpReader()}
+READERS = {"asc": ASC, "blf": BLF, "log": CANDUMP}
 NAMES = {"asc": "Vector ASC log", "blf": "Vector BLF log", "log": "candump log"}
 WRITERS = {"asc": asc_log, "blf": blf_log, "log": candump_log}
 
@@ -148,7 +148,7 @@ def test_what_candump_prints_on_a_screen_is_read(stamp: str, zone: str, text: st
     printed = screen(entries, stamp, extra=extra)
     printed += f" ({stamp}950000)  can0  123   [0]  remote request\n ({stamp}960000)  can0  20000004   [8]  "
     printed += "00 01 00 00 00 00 00 00   ERRORFRAME\n"
-    assert CandumpReader().claims(Head(printed.encode()))
+    assert CANDUMP.claims(Head(printed.encode()))
     log = read_candump(printed.encode())
     assert as_entries(log.frames) == entries
     assert (log.metadata["remote_frames"], log.metadata["error_frames"]) == (1, 1)

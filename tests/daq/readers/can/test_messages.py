@@ -17,7 +17,7 @@ from recoil_acquisition.errors import MissingChannelError, ReadError
 from recoil_acquisition.readers.can.counters import declared_counters
 from recoil_acquisition.readers.can.decoding import pieces_of, present
 from recoil_acquisition.readers.can.frames import EXTENDED, CanFrames
-from recoil_acquisition.readers.can.log import CandumpReader
+from recoil_acquisition.readers.can.log import CANDUMP
 from recoil_acquisition.readers.can.messages import database_format, load_database, messages_of
 from recoil_acquisition.readers.reader import Declarations
 from recoil_rigs.rig import _database_text
@@ -79,7 +79,7 @@ def test_a_faulty_message_leaves_the_others_readable_and_is_refused_where_it_is_
     assert next(message.name for message in database.messages) == "GYR"
     path = tmp_path / "a.log"
     path.write_bytes(candump_log([*can_entries(9), (10**9, 0x101, bytes(8))]))
-    recording = CandumpReader().open(path, Declarations("bus", database=text))
+    recording = CANDUMP.open(path, Declarations("bus", database=text))
     assert "ACC.ax" not in [header.name for header in recording.signals]
     assert recording.read("GYR.gx").size
     told = [note for note in recording.notes if "messages of the database, 1, were left out: ACC (" in note]

@@ -304,14 +304,26 @@ def test_a_value_by_range_holds_between_the_keys_the_upper_one_included_where_nu
     np.testing.assert_array_equal(recording.read("a"), [-7.0, 1.5, 1.5, at_ten, -7.0, 2.5, 2.5, -7.0])
 
 
-def test_a_table_whose_keys_do_not_increase_is_damage_and_leaves_its_channel_out(tmp_path: Path) -> None:
-    table = {"raw_0": 1.0, "phys_0": 2.0, "raw_1": 3.0, "phys_1": 4.0, "interpolation": True}
-    content = mdf_file([signal("b", ramp()), signal("a", np.arange(12, dtype=np.uint8), conversion=table)])
-    pair = struct.pack("<4d", 1.0, 2.0, 3.0, 4.0)
-    assert content.count(pair) == 1
-    recording = opened(tmp_path, content.replace(pair, struct.pack("<4d", 3.0, 2.0, 3.0, 4.0)))
+@pytest.mark.parametrize(
+    ("conversion", "before", "after"),
+    [
+        (
+            {"raw_0": 1.0, "phys_0": 2.0, "raw_1": 3.0, "phys_1": 4.0, "interpolation": True},
+            (1.0, 2.0, 3.0, 4.0),
+            (3.0, 2.0, 3.0, 4.0),
+        ),
+        ({"a": 1.25, "b": 7.0}, (7.0, 1.25), (7.0, float("inf"))),
+    ],
+)
+def test_a_conversion_that_cannot_be_is_damage_and_leaves_its_channel_out(
+    conversion: dict[str, Any], before: tuple[float, ...], after: tuple[float, ...], tmp_path: Path
+) -> None:
+    content = mdf_file([signal("b", ramp()), signal("a", np.arange(12, dtype=np.uint8), conversion=conversion)])
+    numbers = struct.pack(f"<{len(before)}d", *before)
+    assert content.count(numbers) == 1
+    recording = opened(tmp_path, content.replace(numbers, struct.pack(f"<{len(after)}d", *after)))
     assert [header.name for header in recording.signals] == ["b"]
-    assert any("a of group 0: damaged: its conversion of type 4" in note for note in recording.notes)
+    assert any("a of group 0: damaged: a conversion of type" in note for note in recording.notes)
 
 
 @pytest.mark.parametrize("compression", [3, 4, 5, 6], ids=["zstd", "zstd-turned", "lz4", "lz4-turned"])
