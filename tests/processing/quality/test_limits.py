@@ -21,7 +21,9 @@ def test_every_limit_says_what_it_limits_and_where_it_comes_from(name):
 
 def test_every_limit_is_used_and_every_limit_that_is_used_exists():
     modules = Path(str(recoil_processing.__file__)).parent
-    text = "".join(p.read_text(encoding="utf-8") for p in modules.rglob("*.py") if p.stem != "limits")
+    texts = (p.read_text(encoding="utf-8") for p in modules.rglob("*.py"))
+    # a module of the verdict has a table of its own by this name
+    text = "".join(text for text in texts if "quality.limits import" in text)
     used = set(re.findall(r'LIMITS\["(\w+)"\]', text))
     assert used == set(LIMITS)
 
