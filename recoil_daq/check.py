@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.acquisition import is_acquisition
 from recoil_acquisition.errors import Fault, RecoilDaqError, RigError
+from recoil_acquisition.readers.reader import Reader
 from recoil_acquisition.readers.recording import Recording
-from recoil_daq.ingest import reader_of
-from recoil_rigs.assemble import find_signal, match_files, unit_of
+from recoil_daq.ingest import match_sources, reader_of
+from recoil_rigs.assemble import find_signal, unit_of
 from recoil_rigs.can_signals import faults_of_can_signals
 from recoil_rigs.rig import ChannelSpec, Rig, load_rig
 
@@ -67,31 +67,21 @@ def check_rig(name_or_path: str | Path, files: Sequence[Path] = (), *, progress:
 
 def _against_files(rig: Rig, files: Sequence[Path], faults: list[Fault], progress: Progress) -> list[dict[str, Any]]:
     """Match files to sources, open them and look for the rig's signals; append what is wrong to `faults`."""
-    kinds: list[tuple[Path, str]] = []
+    readers: dict[Path, Reader] = {}
     matched: dict[str, Path] = {}
     rows = []
     for path in files:
-        if is_acquisition(path):
-            continue  # it goes with a live shot's files, and is no source's
         progress(path.name)
         try:
             reader = reader_of(path, rig)
-            now = match_files(rig, [*kinds, (path, reader.kind)])
+            now = match_sources(rig, {**readers, path: reader})
         except RecoilDaqError as error:
             faults.append(_fault_of_file(path, error))
             continue
-        kinds.append((path, reader.kind))
-        (name,) = now.keys() - matched.keys()
+        readers[path] = reader
+        for name in sorted(now.keys() - matched.keys()):
+            rows += _row(rig, reader, path, name, faults)
         matched = now
-        try:
-            recording = reader.open(path, rig.declarations(rig.source(name)))
-        except RecoilDaqError as error:
-            faults.append(_fault_of_file(path, error))
-            continue
-        if recording.incomplete:
-            faults.append(Fault(path.name, f"the file was cut off: {recording.incomplete}; copy it again"))
-        channels = [_channel_row(rig, spec, recording, faults) for spec in rig.channels_of(name)]
-        rows.append({"file": path.name, "source": name, "reader": reader.name, "channels": channels})
     given = ", ".join(path.name for path in files)
     faults += [
         Fault(f"source '{source.name}'", f"none of the files is of this {source.kind} source; given: {given}")
@@ -99,6 +89,19 @@ def _against_files(rig: Rig, files: Sequence[Path], faults: list[Fault], progres
         if source.name not in matched
     ]
     return rows
+
+
+def _row(rig: Rig, reader: Reader, path: Path, name: str, faults: list[Fault]) -> list[dict[str, Any]]:
+    """Open a file of a source and describe its channels; append what is wrong to `faults`."""
+    try:
+        recording = reader.open(path, rig.declarations(rig.source(name)))
+    except RecoilDaqError as error:
+        faults.append(_fault_of_file(path, error))
+        return []
+    if recording.incomplete:
+        faults.append(Fault(path.name, f"the file was cut off: {recording.incomplete}; copy it again"))
+    channels = [_channel_row(rig, spec, recording, faults) for spec in rig.channels_of(name)]
+    return [{"file": path.name, "source": name, "reader": reader.name, "channels": channels}]
 
 
 def _channel_row(rig: Rig, spec: ChannelSpec, recording: Recording, faults: list[Fault]) -> dict[str, Any]:

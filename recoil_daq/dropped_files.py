@@ -124,7 +124,7 @@ class DroppedFiles:
     def _assign(self, one: Unmatched, shot: LiveShot, *, by_number: bool = False) -> None:
         path = one.file.path
         if shot.settled:
-            command = f"recoil-daq ingest {self._rig.path} {shot.captured}/* {path} --out {self._out}"
+            command = f"recoil-daq ingest {self._rig.path} {shot.captured} {path} --out {self._out}"
             self._display.notice(f"shot {shot.name} waits no longer: `{command}` with its other files")
             self._unmatched.remove(one)
             return
@@ -141,7 +141,7 @@ class DroppedFiles:
         path, names = one.file.path, [shot.name for shot in one.asked]
         keys = " or ".join(str(i + 1) for i in range(len(names[:9])))
         press = f"press {keys}, " if self._display.has_keys else ""
-        command = f"recoil-daq ingest {self._rig.path} {one.asked[0].captured}/* {path} --out {self._out}"
+        command = f"recoil-daq ingest {self._rig.path} {one.asked[0].captured} {path} --out {self._out}"
         self._display.notice(
             f"whose is {path.name}? A file of {one.source} for shot {' or '.join(names)}: {press}"
             f"rename it to {path.stem}_{names[-1]}{path.suffix} or so, or ingest by hand, such as `{command}`"

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import datetime as dt
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.acquisition import AT_TRIGGER, Acquisition, is_acquisition, read_acquisition
+from recoil_acquisition.acquisition import AT_TRIGGER, Acquisition
+from recoil_acquisition.capture.cut import acquisition_of_declaration
 from recoil_acquisition.channel import Step
 from recoil_acquisition.errors import CorruptFileError, ReadError, StoreError, UnknownFormatError
 from recoil_acquisition.exporters.absolute import stated_start
+from recoil_acquisition.log.capture import read_capture
+from recoil_acquisition.readers.captured import LIVE, sources_of
 from recoil_acquisition.readers.reader import Reader
 from recoil_acquisition.readers.recording import Recording
-from recoil_acquisition.readers.table import BY_LAYOUT, READERS, recognise
+from recoil_acquisition.readers.table import BY_LAYOUT, recognise
 from recoil_acquisition.regular_file import check_regular
 from recoil_acquisition.shot import InputFile, Shot
 from recoil_acquisition.shot_name import shot_name_fault
@@ -81,8 +84,8 @@ def ingest_files(
     ----------
     rig : Rig
     files : sequence of path
-        One per source of the rig, in any order; recognised by their content. The record of the acquisition that
-        a live shot leaves beside its captures may be among them.
+        One per source of the rig, in any order; recognised by their content. The capture of a live shot holds several
+        sources, and how it was acquired.
     shot : str, optional
         Identifier of the shot; that of the acquisition, or the name of the reference clock's file without
         ending, if left out.
@@ -116,16 +119,14 @@ def ingest_files(
         _check_name(shot)
     progress("recognise")
     given = [Path(f) for f in files]
-    record = _acquisition_among(given)
-    acquisition = None if record is None else _acquisition_of(record, rig)
-    paths = [path for path in given if path != record]
-    readers = {path: reader_of(path, rig) for path in paths}
-    matched = match_files(rig, [(path, readers[path].kind) for path in paths])
+    readers = {path: reader_of(path, rig) for path in given}
+    matched = match_sources(rig, readers)
+    acquisition = _acquisition_of([path for path in given if readers[path].kind == LIVE], rig)
     if rig.reference_clock not in matched:
         raise ReadError(
             f"no file of the reference source {rig.reference_clock!r} among those given",
             path=rig.path,
-            found=", ".join(f"{p.name} ({readers[p].name})" for p in paths) or "no files",
+            found=", ".join(f"{path.name} ({reader.name})" for path, reader in readers.items()) or "no files",
             remedy="add its file: all other clocks are aligned to it",
         )
     own_name = matched[rig.reference_clock].stem if acquisition is None else acquisition.shot
@@ -159,10 +160,7 @@ def ingest_files(
         rig_text=rig.text,
         reference_clock=rig.reference_clock,
         channels=channels,
-        inputs=(
-            *(_input_file(path, source, recordings[source].reader) for source, path in matched.items()),
-            *([] if record is None else [_input_file(record, "", "acquisition")]),
-        ),
+        inputs=tuple(_input_file(path, source, recordings[source].reader) for source, path in matched.items()),
         started=started,
         started_source=started_source,
         databases=rig.databases,
@@ -194,33 +192,73 @@ def _replacing(target: Path, why: str) -> tuple[Step, ...]:
     return (Step("replace shot file", __version__, {"why": why, "sha256_before": _sha256(target)}),)
 
 
-def _acquisition_among(paths: Sequence[Path]) -> Path | None:
-    """Return the one record of an acquisition among some files, or None."""
-    records = [path for path in paths if is_acquisition(path)]
-    if len(records) > 1:
+def match_sources(rig: Rig, readers: Mapping[Path, Reader]) -> dict[str, Path]:
+    """Match files to the rig's sources: captures by the names of the sources in them, others as `match_files` does.
+
+    Parameters
+    ----------
+    rig : Rig
+    readers : mapping of Path to Reader
+        That of each file.
+
+    Raises
+    ------
+    ReadError
+        If a file fits no source or several, or a source gets two files.
+    """
+    matched = match_files(rig, [(path, reader.kind) for path, reader in readers.items() if reader.kind != LIVE])
+    for path in (path for path, reader in readers.items() if reader.kind == LIVE):
+        there = sources_of(read_capture(path))
+        held = {source.name: source.kind for source in there if source.delivered}
+        fitting = [source.name for source in rig.sources if held.get(source.name) == source.kind]
+        if not fitting:
+            raise ReadError(
+                f"this capture holds no source of rig {rig.name!r}",
+                path=path,
+                expected=", ".join(f"{source.name} ({source.kind})" for source in rig.sources),
+                found=", ".join(f"{source.name} ({source.kind})" for source in there) or "no session that is sound",
+                remedy="name the rig that it was acquired on",
+            )
+        for name in fitting:
+            if name in matched:
+                raise ReadError(
+                    f"source {name!r} already has {matched[name].name}", path=path, remedy="give one file per source"
+                )
+            matched[name] = path
+    return matched
+
+
+def _acquisition_of(captures: Sequence[Path], rig: Rig) -> Acquisition | None:
+    """Return how the shot of a capture was acquired, which must be on the rig; None if no capture says so."""
+    found: dict[Path, Acquisition] = {}
+    for path in captures:
+        try:
+            acquisition = acquisition_of_declaration(read_capture(path).declaration)
+        except ValueError as error:
+            raise CorruptFileError(
+                f"its record of the acquisition is damaged: {error}", path=path, remedy="copy the capture again"
+            ) from error
+        if acquisition is None:
+            continue
+        if acquisition.rig != rig.name:
+            raise ReadError(
+                "the shot was acquired on another rig",
+                path=path,
+                place="rig",
+                expected=repr(rig.name),
+                found=repr(acquisition.rig),
+                remedy="name the rig that it was acquired on",
+            )
+        found[path] = acquisition
+    if len(found) > 1:
         raise ReadError(
-            "more than one record of an acquisition among the files",
-            path=records[1],
+            "captures of more than one live shot among the files",
+            path=list(found)[1],
             expected="the files of one shot",
-            found=", ".join(path.name for path in records),
-            remedy="give the one that belongs to the captures",
+            found=", ".join(path.name for path in found),
+            remedy="give the one that belongs to the shot",
         )
-    return records[0] if records else None
-
-
-def _acquisition_of(path: Path, rig: Rig) -> Acquisition:
-    """Read the record of an acquisition, which must be of the rig."""
-    acquisition = read_acquisition(path)
-    if acquisition.rig != rig.name:
-        raise ReadError(
-            "the shot was acquired on another rig",
-            path=path,
-            place="rig",
-            expected=repr(rig.name),
-            found=repr(acquisition.rig),
-            remedy="name the rig that it was acquired on, or leave this file out",
-        )
-    return acquisition
+    return next(iter(found.values()), None)
 
 
 def _started(acquisition: Acquisition | None, recordings: Sequence[Recording]) -> tuple[str, str]:
@@ -267,7 +305,7 @@ def reader_of(path: Path, rig: Rig | None) -> Reader:
         if error.candidates:
             raise
         if any(s.kind == "serial" for s in matching):
-            return next(reader for reader in READERS if reader.kind == "serial")
+            return BY_LAYOUT["serial"]
         laid_out = [s for s in unnamed if s.layout is not None]
         if not matching and len(laid_out) == 1:
             return BY_LAYOUT[laid_out[0].kind]

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from recoil_acquisition.errors import RecoilDaqError
-from recoil_acquisition.journal import find_journals
+from recoil_acquisition.log.folder import find_logs
 from recoil_daq.live_range import LiveRange, trigger_of
 from recoil_daq.live_shot import Display, LiveOptions, LiveOutcome, free_number
 from recoil_daq.output_folder import OutputFolder
@@ -84,7 +84,7 @@ def _run(
 
 def _recover(options: LiveOptions, display: Display) -> None:
     """Recover what a crash left over before anything new is recorded; removing it is left to a person."""
-    for journal in find_journals(options.out / "journal"):
+    for journal in find_logs(options.out / "journal"):
         if (options.out / "recovered" / journal.name).exists():
             display.notice(f"a journal is still there: `recoil-daq recover {journal}` says what is in it")
             continue
@@ -95,10 +95,10 @@ def _recover(options: LiveOptions, display: Display) -> None:
             display.notice(f"it is left as it is: {error}")
             continue
         for shot in done.shots:
-            what = "shot file written" if shot.shot_file is not None else f"captures in {shot.folder}"
+            what = "shot file written" if shot.shot_file is not None else f"its capture is {shot.path}"
             display.notice(f"shot {shot.name} recovered: {what}")
         if done.everything is not None:
             display.notice(f"everything that could be read of it is in {done.everything}")
-        found = [f"{done.lost_records} records missing, {done.cut_bytes} bytes damaged"] if done.damaged else []
+        found = [f"{done.lost_records} records missing, {done.damaged_bytes} bytes damaged"] if done.damaged else []
         found += [f"{len(done.outside)} times something happened outside of every shot"] if done.outside else []
         display.notice("; ".join([*found, f"it is kept: `recoil-daq recover {journal}` says more"]))

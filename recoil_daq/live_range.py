@@ -23,7 +23,7 @@ from recoil_daq.conversion import Conversion
 from recoil_daq.dropped_files import DroppedFiles
 from recoil_daq.file_match import doubt_of_files
 from recoil_daq.interruption import Interruption
-from recoil_daq.live_shot import Display, LiveOptions, LiveOutcome, LiveShot
+from recoil_daq.live_shot import Display, LiveOptions, LiveOutcome, LiveShot, capture_path
 from recoil_daq.output_folder import OutputFolder
 from recoil_rigs.live_sources import live_sources
 from recoil_rigs.rig import Rig
@@ -363,14 +363,14 @@ class LiveRange:
         name = self._free_name()
         fired_wall_s = session.record.anchor.wall_of(round(window.trigger_s * 1e9)) / 1e9
         self._shots.append(LiveShot(name, window, wanted=set(self._elsewhere), fired_wall_s=fired_wall_s))
-        self._cutting[name] = self._pool.submit(session.cut, name, window, self._options.out / "captures" / name)
+        self._cutting[name] = self._pool.submit(session.cut, name, window, capture_path(self._options.out, name))
 
     def _free_name(self) -> str:
         out = self._options.out
         while True:
             name = f"{self._next:04d}"
             self._next += 1
-            if not (out / f"{name}.h5").exists() and not (out / "captures" / name).exists():
+            if not (out / f"{name}.h5").exists() and not capture_path(out, name).exists():
                 return name
 
     def _take_cuts(self) -> None:
@@ -389,8 +389,8 @@ class LiveRange:
 
     def _captured(self, shot: LiveShot, captured: CapturedShot) -> None:
         acquisition = captured.acquisition
-        shot.captured, shot.acquisition = captured.folder, acquisition
-        shot.files |= {s.name: captured.folder / s.file for s in acquisition.sources if s.file}
+        shot.captured, shot.acquisition = captured.path, acquisition
+        shot.files |= {s.name: captured.path for s in acquisition.sources if s.file}
         shot.state, shot.complete_s = "waiting", time.monotonic()
         text = f"shot {shot.name} captured: {acquisition.duration_s:.3f} s"
         text += f", {1e3 * acquisition.pre_actual_s:.0f} ms of them before the trigger"
@@ -414,8 +414,7 @@ class LiveRange:
             if self._rig.reference_clock not in shot.files:
                 self._give_up(shot)
                 continue
-            record = () if shot.captured is None else (shot.captured / f"{shot.name}_acquisition.json",)
-            files = [*shot.files.values(), *record]
+            files = list(dict.fromkeys(shot.files.values()))
             replaces = "" if shot.document is None else shot.redo
             shot.state, shot.redo, shot.problem = "converting", "", ""
             conversion = Conversion(self._rig.path, files, shot.name, self._options.out, replaces=replaces)
@@ -473,9 +472,9 @@ class LiveRange:
         elif not shot.growing:
             shot.problem = "given up before it was converted"
         text = f"shot {shot.name}: {shot.problem}; {self._kept(shot)}"
-        if shot.captured is not None and shot.captured.is_dir():
-            dropped = [str(path) for path in shot.files.values() if path.parent != shot.captured]
-            files = " ".join([f"{shot.captured}/*", *dropped, *(["FILES"] if shot.missing else [])])
+        if shot.captured is not None and shot.captured.is_file():
+            dropped = [str(path) for path in shot.files.values() if path != shot.captured]
+            files = " ".join([str(shot.captured), *dropped, *(["FILES"] if shot.missing else [])])
             text += f", finish it with `recoil-daq ingest {self._rig.path} {files} --out {self._options.out}`"
         self._display.notice(text)
 
@@ -485,8 +484,8 @@ class LiveRange:
 
     def _kept(self, shot: LiveShot) -> str:
         """Say where the data of a shot is, after a look at whether it is."""
-        if shot.captured is not None and shot.captured.is_dir():
-            return f"its captures are kept in {shot.captured}"
+        if shot.captured is not None and shot.captured.is_file():
+            return f"its capture is kept: {shot.captured}"
         if self._journal is not None and self._journal.is_dir():
             return f"the journal keeps its data: `recoil-daq recover {self._options.out}`"
         if self._folder.moved_to is not None:

@@ -10,6 +10,7 @@ from typing import Any, Literal, Protocol
 from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.capture.status import LiveStatus
 from recoil_acquisition.errors import RecoilDaqError
+from recoil_acquisition.log.segment import SUFFIX
 from recoil_acquisition.trigger import Decision, ShotWindow
 
 FILES_WITHIN_S = 120.0
@@ -31,14 +32,14 @@ class LiveShot:
         None if it comes from a journal that was left over.
     state : str
     captured : Path or None
-        Folder of its captures; None until they are written.
+        Its capture; None until it is written.
     acquisition : Acquisition or None
     files : dict of str to Path
-        By source: captures, and what was dropped into the watched folder.
+        By source: its capture, and what was dropped into the watched folder.
     wanted : set of str
         Sources whose files it waits for.
     complete_s : float
-        Host time at which its captures were complete.
+        Host time at which its capture was complete.
     document : mapping or None
         What ``ingest --json`` prints of it.
     problem : str
@@ -84,7 +85,7 @@ class LiveShot:
             "shot": self.name,
             "state": self.state,
             "problem": self.problem,
-            "captures": None if self.captured is None else str(self.captured),
+            "capture": None if self.captured is None else str(self.captured),
             "files": {source: str(path) for source, path in self.files.items()},
             "missing": list(self.missing),
             "acquisition": None if self.acquisition is None else self.acquisition.to_json(),
@@ -192,7 +193,12 @@ class Display(Protocol):
         ...
 
 
+def capture_path(out: Path, shot: str) -> Path:
+    """Return where the capture of a shot stands in a folder of shots."""
+    return out / "captures" / f"{shot}{SUFFIX}"
+
+
 def free_number(out: Path) -> int:
     """Return the lowest number from which on no shot in a folder is numbered."""
-    names = [path.stem for path in out.glob("*.h5")] + [path.name for path in (out / "captures").glob("*")]
+    names = [path.stem for path in (*out.glob("*.h5"), *(out / "captures").glob(f"*{SUFFIX}"))]
     return 1 + max((int(name) for name in names if name.isdigit()), default=0)

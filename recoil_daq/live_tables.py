@@ -47,7 +47,7 @@ def print_outcome(done: LiveOutcome) -> None:
     for shot in done.shots:
         if losses := _losses(shot):
             say(f"shot {shot.name} is not whole: {losses}")
-        if shot.captured is not None and shot.captured.is_dir():
+        if shot.captured is not None and shot.captured.is_file():
             say(f"shot {shot.name} is captured in {shot.captured}")
     if done.journal is not None:
         say(f"the journal is kept, since not all of it is in a shot file: `recoil-daq recover {done.journal}`")
@@ -121,7 +121,8 @@ def recovered_document(done: Sequence[Recovered]) -> dict[str, Any]:
                 "records": one.records,
                 "released_records": one.released_records,
                 "lost_records": one.lost_records,
-                "cut_bytes": one.cut_bytes,
+                "damaged_bytes": one.damaged_bytes,
+                "losses": list(one.losses),
                 "damaged": one.damaged,
                 "in_order": one.in_order,
                 "everything": None if one.everything is None else str(one.everything),
@@ -129,7 +130,7 @@ def recovered_document(done: Sequence[Recovered]) -> dict[str, Any]:
                 "shots": [
                     {
                         "shot": s.name,
-                        "captures": [str(file) for file in s.files],
+                        "capture": str(s.path),
                         "was_there": s.was_there,
                         "whole": s.whole,
                         "shot_file": None if s.shot_file is None else str(s.shot_file),
@@ -155,20 +156,20 @@ def print_recovered(folder: Path, done: Sequence[Recovered]) -> None:
                 "there already" if s.was_there else "recovered",
                 str(s.shot_file or ""),
                 ", ".join(s.missing),
-                str(s.folder),
+                str(s.path),
             )
             for s in one.shots
         ]
         print_table(
             f"Journal {one.journal.name} of rig {one.rig.name}: {one.records} records read",
-            ("shot", "captures", "shot file", "files missing", "folder"),
+            ("shot", "capture", "shot file", "files missing", "path"),
             rows,
         )
         if one.everything is not None:
             say(f"everything that was recorded is in {one.everything}")
         for s in one.shots:
             if s.shot_file is None and s.missing:
-                say(f"finish shot {s.name} with `recoil-daq ingest {one.rig.path} {s.folder}/* FILES`")
+                say(f"finish shot {s.name} with `recoil-daq ingest {one.rig.path} {s.path} FILES`")
         if one.outside:
             stretches = [(f"{o.at_s:.3f}", o.utc.replace("T", " "), f"{o.lasting_s:.3f}", o.why) for o in one.outside]
             columns = ("at, s", "UTC", "lasting, s", "what")
@@ -182,16 +183,18 @@ def _state_of(one: Recovered) -> Iterator[str]:
     end = "" if one.in_order else "; the session did not end in order, so what is missing at its very end is not known"
     if one.damaged:
         yield (
-            f"damaged: {one.records} records were read, {one.lost_records} are missing, {one.cut_bytes} bytes in "
-            f"damaged places could not be read, {one.damaged_headers} segments have a damaged beginning{end}"
+            f"damaged: {one.records} records were read, {one.lost_records} are missing, {one.damaged_bytes} bytes in "
+            f"damaged places could not be read{end}"
         )
     else:
         yield f"undamaged: {one.records} records, none missing between them{end}"
+    for loss in one.losses:
+        yield f"missing of {loss}"
     if one.released_records:
         yield f"{one.released_records} records were released while armed: watched, and nothing happened in them"
     for shot in one.shots:
         if not shot.whole:
-            yield f"the captures of shot {shot.name} were there before, and differ from what the journal has of it"
+            yield f"the capture of shot {shot.name} was there before, and differs from what the journal has of it"
     if not one.everything_whole:
         yield f"{one.everything} was there before, and differs from what the journal has"
     if one.removed and one.elsewhere and one.everything is not None:

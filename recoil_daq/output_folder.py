@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 
 from recoil_acquisition.errors import StoreError
-from recoil_acquisition.log.lock import NAME, JournalLock
+from recoil_acquisition.log.lock import NAME, FolderLock
 
 
 class OutputFolder:
@@ -31,7 +31,7 @@ class OutputFolder:
         self._made = [folder for folder in (journals, *journals.parents) if not folder.exists()]
         try:
             journals.mkdir(parents=True, exist_ok=True)
-            self._lock = JournalLock(journals)
+            self._lock = FolderLock(journals)
             self._watched = journals / NAME
             self._descriptor = os.open(self._watched, os.O_RDONLY)
         except BlockingIOError as error:

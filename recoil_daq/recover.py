@@ -1,4 +1,4 @@
-"""Journals that a crash left over: every shot in them as captures, and everything that was recorded beside.
+"""Journals that a crash left over: every shot in them as a capture, and everything that was recorded beside.
 
 A journal is removed when all that it holds is in captures that were read back, when nothing in it is damaged, and when
 nothing happened in it outside of every shot. Else it stays until a person says otherwise.
@@ -7,19 +7,15 @@ nothing happened in it outside of every shot. Else it stays until a person says 
 from __future__ import annotations
 
 import datetime as dt
-import json
-import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
-from recoil_acquisition.acquisition import Acquisition, read_acquisition, write_acquisition
-from recoil_acquisition.capture.cut import Cut, captures_hold, write_captures
+from recoil_acquisition.acquisition import Acquisition
+from recoil_acquisition.capture.cut import acquisition_in, capture_has, write_everything, write_shot
 from recoil_acquisition.capture.engine import SETTLE_S
 from recoil_acquisition.capture.replay import outrun, replayed
 from recoil_acquisition.capture.session_record import (
-    OPERATOR,
     Kept,
     LiveRecord,
     OperatorRecords,
@@ -30,12 +26,15 @@ from recoil_acquisition.capture.session_record import (
 )
 from recoil_acquisition.capture.shot_record import acquisition_of
 from recoil_acquisition.devices.device import EVENT, Block
-from recoil_acquisition.errors import CorruptFileError, ReadError, RecoilDaqError, StoreError
-from recoil_acquisition.journal import Journal, find_journals, read_journal
+from recoil_acquisition.errors import ReadError, RecoilDaqError, StoreError
+from recoil_acquisition.log.folder import Log, find_logs, open_log
+from recoil_acquisition.log.record import OWN
+from recoil_acquisition.log.segment import SUFFIX
+from recoil_acquisition.log.tally import Loss
 from recoil_acquisition.trigger import Decision, ShotWindow, Trigger
 from recoil_acquisition.trigger.decision import MANUAL
 from recoil_daq.ingest import ingest_files
-from recoil_daq.live_shot import free_number
+from recoil_daq.live_shot import capture_path, free_number
 from recoil_rigs.live_sources import live_sources
 from recoil_rigs.rig import Rig, parse_rig
 
@@ -49,14 +48,12 @@ class RecoveredShot:
     Attributes
     ----------
     name : str
-    folder : Path
-        Of its captures.
-    files : tuple of Path
-        Its captures and the record of its acquisition.
+    path : Path
+        Its capture.
     was_there : bool
-        Whether they were written before.
+        Whether it was written before.
     whole : bool
-        Whether they hold all that the journal has of the shot.
+        Whether it holds all that the journal has of the shot.
     shot_file : Path or None
         Written now or before; None if another instrument's file is missing.
     missing : tuple of str
@@ -64,8 +61,7 @@ class RecoveredShot:
     """
 
     name: str
-    folder: Path
-    files: tuple[Path, ...]
+    path: Path
     was_there: bool
     whole: bool
     shot_file: Path | None
@@ -107,16 +103,16 @@ class Recovered:
         Released while armed: watched, and nothing happened in them.
     lost_records : int
         Missing before the last that is there.
-    cut_bytes : int
+    damaged_bytes : int
         In damaged places, or of a record that was being written.
-    damaged_headers : int
-        Segments whose beginning is damaged.
+    losses : tuple of str
+        What is missing of each source, in words.
     in_order : bool
         Whether the session had ended in order.
     everything : Path or None
-        Folder of all that was recorded, shots and the time between them; None if the session had ended in order.
+        Capture of all that was recorded, shots and the time between them; None if the session had ended in order.
     everything_whole : bool
-        Whether that folder holds all that the journal does.
+        Whether it holds all that the journal does.
     shots : tuple of RecoveredShot
     outside : tuple of Outside
     removed : bool
@@ -127,8 +123,8 @@ class Recovered:
     records: int
     released_records: int
     lost_records: int
-    cut_bytes: int
-    damaged_headers: int
+    damaged_bytes: int
+    losses: tuple[str, ...]
     in_order: bool
     everything: Path | None
     everything_whole: bool
@@ -139,7 +135,7 @@ class Recovered:
     @property
     def damaged(self) -> bool:
         """Whether something that was written is not there as it was written."""
-        return bool(self.lost_records or self.cut_bytes or self.damaged_headers)
+        return bool(self.lost_records or self.damaged_bytes)
 
     @property
     def elsewhere(self) -> bool:
@@ -187,7 +183,7 @@ def recover_folder(
     """
     if not folder.is_dir():
         raise ReadError("no such folder", path=folder, expected="a journal, or a folder with journals in it")
-    journals = find_journals(folder)
+    journals = find_logs(folder)
     if at_s and len(journals) != 1:
         found = ", ".join(journal.name for journal in journals) or "no journal"
         remedy = "name the journal's own folder"
@@ -223,11 +219,12 @@ def recover_journal(
         left as it was.
     """
     progress(f"read {folder.name}")
-    journal = read_journal(folder)
-    record = live_record_of(journal)
+    journal = open_log(folder)
+    record = live_record_of(journal.session, folder)
     rig = parse_rig(record.rig_text, Path(record.rig_path), record.databases, refuse_doubts=False)
     if rig.trigger is None:
         raise StoreError("the rig in this journal has no trigger", path=folder)
+    survey = journal.survey()
     known = operator_records(journal)
     if not known.in_order:
         known = _decided_on(journal, record, rig, rig.trigger, known)
@@ -251,25 +248,25 @@ def recover_journal(
         name = _name_given(known, window) or _name_before(out, window) or f"{free_number(out):04d}"
         progress(f"shot {name}")
         # what a cut had written that the crash interrupted
-        shutil.rmtree(out / "captures" / f".{name}.cut", ignore_errors=True)
-        shutil.rmtree(out / "captures" / f"..{name}.cut.partial", ignore_errors=True)
-        shots.append(_recover_shot(journal, record, rig, rig.trigger, name, window, out))
+        path = capture_path(out, name)
+        path.with_name(f".{path.name}.partial").unlink(missing_ok=True)
+        shots.append(_recover_shot(journal, record, rig, rig.trigger, name, window, out, survey.lost_records))
     outside = [one for one in outside if not one.within([(window.start_s, window.stop_s) for window in asked])]
-    everything = None if known.in_order else out / "recovered" / folder.name
+    everything = None if known.in_order else out / "recovered" / f"{folder.name}{SUFFIX}"
     if everything is not None:
         progress("everything")
-        _write_everything(journal, record, known, everything)
+        _write_everything(journal, known, everything)
     done = Recovered(
         journal=folder,
         rig=rig,
-        records=journal.count,
-        released_records=journal.released_records,
-        lost_records=journal.lost_records,
-        cut_bytes=journal.cut_bytes,
-        damaged_headers=journal.damaged_headers,
+        records=survey.records,
+        released_records=survey.released_records,
+        lost_records=survey.lost_records,
+        damaged_bytes=survey.damaged_bytes,
+        losses=tuple(_loss_in_words(record, loss) for loss in survey.losses),
         in_order=known.in_order,
         everything=everything,
-        everything_whole=everything is None or captures_hold(journal, record, everything, everything.name, None, None),
+        everything_whole=everything is None or capture_has(journal, everything, None, None),
         shots=tuple(shots),
         outside=tuple(
             Outside(one.first_s - begin_s, _utc(record, one.first_s), one.last_s - one.first_s, one.why)
@@ -289,7 +286,7 @@ def _out_of(journal: Path) -> Path:
 
 
 def _decided_on(
-    journal: Journal, record: LiveRecord, rig: Rig, trigger: Trigger, known: OperatorRecords
+    journal: Log, record: LiveRecord, rig: Rig, trigger: Trigger, known: OperatorRecords
 ) -> OperatorRecords:
     """Return what the session knew with the triggers that it had recorded and not yet decided on."""
     sources = live_sources(rig, {source.name: {} for source in record.sources})
@@ -298,23 +295,24 @@ def _decided_on(
     return replace(known, decisions=(*known.decisions, *found))
 
 
-def _blocks(journal: Journal, record: LiveRecord) -> Iterator[Block | None]:
+def _blocks(journal: Log, record: LiveRecord) -> Iterator[Block | None]:
     """Yield every block of a journal in its order, and None where a record is missing."""
     following = 0
     for one in journal.records():
-        if one.sequence != following:
+        if one.number != following:
             yield None
-        following = one.sequence + 1
-        if one.source != OPERATOR:
+        following = one.number + 1
+        if one.source != OWN:
             yield record.block(one)
 
 
-def _held(journal: Journal, record: LiveRecord) -> dict[str, list[tuple[float, float]]]:
+def _held(journal: Log, record: LiveRecord) -> dict[str, list[tuple[float, float]]]:
     """Return from when to when each source is in a journal."""
-    held: dict[str, list[tuple[float, float]]] = {}
-    for number, source in enumerate(record.sources):
-        times = [r.host_ns for r in journal.records(number) if record.block(r).kind != EVENT]
-        held[source.name] = [(times[0] / 1e9, times[-1] / 1e9)] if times else []
+    held: dict[str, list[tuple[float, float]]] = {source.name: [] for source in record.sources}
+    for one in journal.records():
+        if one.source != OWN and record.block(one).kind != EVENT:
+            spans = held[record.sources[one.source].name]
+            spans[:] = [(spans[0][0] if spans else one.host_ns / 1e9, one.host_ns / 1e9)]
     return held
 
 
@@ -324,14 +322,14 @@ def _extent_s(held: Mapping[str, Sequence[tuple[float, float]]]) -> tuple[float,
     return min((begin for begin, _ in spans), default=0.0), max((end for _, end in spans), default=0.0)
 
 
-def _stalls(journal: Journal, record: LiveRecord) -> list[tuple[float, float]]:
+def _stalls(journal: Log, record: LiveRecord) -> list[tuple[float, float]]:
     """Return when something was read late: since when it may have arrived, and when it was read."""
-    return [
-        (one.from_ns / 1e9, one.host_ns / 1e9)
-        for number in range(len(record.sources))
-        for one in journal.records(number)
-        if one.host_ns - one.from_ns > SETTLE_S * 1e9
+    stalls = [
+        (one.source, one.from_ns / 1e9, one.host_ns / 1e9)
+        for one in journal.records()
+        if one.source < len(record.sources) and one.host_ns - one.from_ns > SETTLE_S * 1e9
     ]
+    return [(from_s, until_s) for _, from_s, until_s in sorted(stalls)]
 
 
 def _at(
@@ -348,8 +346,8 @@ def _earlier(
     """Return the windows of shots that a person had cut out of this journal before."""
     begin_s, end_s = _extent_s(held)
     windows: list[ShotWindow] = []
-    for folder in sorted((out / "captures").glob("*")):
-        made = _acquisition_in(folder, folder.name)
+    for path in sorted((out / "captures").glob(f"*{SUFFIX}")):
+        made = acquisition_in(path)
         if made is None or rig.trigger is None or not begin_s <= made.trigger_ns / 1e9 <= end_s:
             continue
         by_hand = made.recovered and any(d.outcome == "trigger" and not d.channel for d in made.decisions)
@@ -381,81 +379,59 @@ def _name_given(known: OperatorRecords, window: ShotWindow) -> str:
 
 def _name_before(out: Path, window: ShotWindow) -> str:
     """Return the name under which an earlier recovery wrote this very shot; empty if none did."""
-    for folder in sorted((out / "captures").glob("*")):
-        if _captured_before(folder, folder.name, round(window.trigger_s * 1e9)) is not None:
-            return folder.name
+    for path in sorted((out / "captures").glob(f"*{SUFFIX}")):
+        if _captured_before(path, round(window.trigger_s * 1e9)) is not None:
+            return path.stem
     return ""
 
 
 def _recover_shot(
-    journal: Journal, record: LiveRecord, rig: Rig, trigger: Trigger, name: str, window: ShotWindow, out: Path
+    journal: Log,
+    record: LiveRecord,
+    rig: Rig,
+    trigger: Trigger,
+    name: str,
+    window: ShotWindow,
+    out: Path,
+    lost_records: int,
 ) -> RecoveredShot:
-    folder = out / "captures" / name
+    path = capture_path(out, name)
     trigger_ns = round(window.trigger_s * 1e9)
     span_ns = round(window.start_s * 1e9), round(window.stop_s * 1e9)
-    acquisition = _captured_before(folder, name, trigger_ns)
+    acquisition = _captured_before(path, trigger_ns)
     was_there = acquisition is not None
     if acquisition is None:
-        while folder.exists():
+        while path.exists():
             name = f"{name}-recovered"
-            folder = out / "captures" / name
-        made: list[Acquisition] = []
-
-        def also(into: Path, cuts: Mapping[str, Cut]) -> None:
-            made.append(
-                acquisition_of(
-                    name, record, trigger, window, cuts, {}, lost_records=journal.lost_records, recovered=True
-                )
-            )
-            write_acquisition(made[0], into / f"{name}_acquisition.json")
-
-        write_captures(journal, record, folder, name, *span_ns, also)
-        acquisition = made[0]
-    whole = captures_hold(journal, record, folder, name, *span_ns)
-    present = [source for source in acquisition.sources if source.file]
-    files = (*(folder / source.file for source in present), folder / f"{name}_acquisition.json")
-    has = {source.name for source in present}
+            path = capture_path(out, name)
+        begun = acquisition_of(name, record, trigger, window, {}, lost_records=lost_records, recovered=True)
+        acquisition = write_shot(journal, record, path, begun, *span_ns)
+    whole = capture_has(journal, path, *span_ns)
+    has = {source.name for source in acquisition.sources if source.file}
     live = {source.name for source in record.sources}
     missing = tuple(s.name for s in rig.sources if rig.channels_of(s.name) and s.name not in live)
     shot_file = out / f"{name}.h5" if (out / f"{name}.h5").exists() else None
     if shot_file is None and not missing and rig.reference_clock in has:
-        shot_file = ingest_files(rig, files, shot=name, out=out).path
-    return RecoveredShot(name, folder, files, was_there, whole, shot_file, missing)
+        shot_file = ingest_files(rig, [path], shot=name, out=out, accept_incomplete=True).path
+    return RecoveredShot(name, path, was_there, whole, shot_file, missing)
 
 
-def _captured_before(folder: Path, name: str, trigger_ns: int) -> Acquisition | None:
-    """Return the record of captures that the session had written of this very shot."""
-    acquisition = _acquisition_in(folder, name)
+def _captured_before(path: Path, trigger_ns: int) -> Acquisition | None:
+    """Return how this very shot was acquired, by the capture that the session had written of it."""
+    acquisition = acquisition_in(path)
     return acquisition if acquisition is not None and acquisition.trigger_ns == trigger_ns else None
 
 
-def _acquisition_in(folder: Path, name: str) -> Acquisition | None:
-    path = folder / f"{name}_acquisition.json"
-    try:
-        return read_acquisition(path) if path.exists() else None
-    except (ReadError, CorruptFileError):
-        return None
+def _write_everything(journal: Log, known: OperatorRecords, path: Path) -> None:
+    """Write a capture of all that was recorded, once."""
+    if not path.exists():
+        write_everything(journal, path, {"decisions": [asdict(decision) for decision in known.decisions]})
 
 
-def _write_everything(journal: Journal, record: LiveRecord, known: OperatorRecords, folder: Path) -> None:
-    """Write all that was recorded, once."""
-    if folder.exists():
-        return
-
-    def also(into: Path, cuts: Mapping[str, Cut]) -> None:
-        document: dict[str, Any] = {
-            "schema": "recoil-daq/recovered/1",
-            "session": record.to_json(),
-            "decisions": [asdict(decision) for decision in known.decisions],
-            "events": {
-                name: [{"host_ns": host_ns, **asdict(event)} for host_ns, event in cut.events]
-                for name, cut in cuts.items()
-            },
-            "records": journal.count,
-            "released_records": journal.released_records,
-            "lost_records": journal.lost_records,
-            "cut_bytes": journal.cut_bytes,
-        }
-        (into / f"{folder.name}.json").write_text(json.dumps(document, indent=1), encoding="utf-8")
-
-    write_captures(journal, record, folder, folder.name, None, None, also)
+def _loss_in_words(record: LiveRecord, loss: Loss) -> str:
+    """Say what is missing of a source, and when it arrived."""
+    name = record.sources[loss.source].name if loss.source < len(record.sources) else "the journal itself"
+    when = ""
+    if loss.from_ns is not None and loss.until_ns is not None:
+        when = f", from {_utc(record, loss.from_ns / 1e9)} on for {(loss.until_ns - loss.from_ns) / 1e9:.3f} s"
+    return f"{name}: {loss.records} records, {loss.bytes} bytes{when}"

@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from recoil_acquisition.errors import StoreError
-from recoil_acquisition.log.lock import JournalLock, is_being_written
+from recoil_acquisition.log.lock import FolderLock, is_being_written
 from recoil_acquisition.new_file import sync_folder
 
 _NEW, _OLD = "new", "old"
@@ -63,7 +63,7 @@ def publish(folder: Path, write: Callable[[Path], None]) -> None:
         raise StoreError(f"cannot write here: {error.strerror}", path=folder.parent, remedy="choose --out") from error
     try:
         # says to other runs that this folder is none that was left over
-        lock = JournalLock(hidden)
+        lock = FolderLock(hidden)
         try:
             (hidden / _NEW).mkdir()
             write(hidden / _NEW)

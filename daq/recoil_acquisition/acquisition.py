@@ -1,30 +1,23 @@
 """How a shot was acquired live: its window, the trigger's decisions, and what each device met meanwhile.
 
-A live shot leaves, beside the captures of its sources, one small file of this (`write_acquisition`), so that a shot
-that is ingested again, or recovered after a crash, tells the same story. It is JSON with the schema `SCHEMA`.
+It stands in the declaration of a live shot's capture, so that a shot that is ingested again, or recovered after a
+crash, tells the same story. It is JSON with the schema `SCHEMA`.
 """
 
 from __future__ import annotations
 
-import json
 import math
-import os
 import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
-from pathlib import Path
 from types import UnionType
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
-from recoil_acquisition.errors import CorruptFileError, ReadError, StoreError
-from recoil_acquisition.regular_file import read_beginning, read_small
 from recoil_acquisition.shot_name import check_shot_name
 
 SCHEMA = "recoil-daq/acquisition/1"
 AT_TRIGGER = "host clock at the trigger"
 """What tells the date of a live shot."""
-_HEAD_BYTES = 256
-_LARGEST_BYTES = 16_000_000
 
 
 @dataclass(frozen=True)
@@ -157,56 +150,6 @@ class Acquisition:
             if re.search(r"[/\\:\x00-\x1f]", source.file) or source.file in (".", ".."):
                 raise ValueError(f"{source.file!r} is no name of a file beside it")
         return made
-
-
-def is_acquisition(path: Path) -> bool:
-    """Tell from its beginning whether a file is one of these."""
-    try:
-        head = read_beginning(path, _HEAD_BYTES)
-    except ReadError:
-        return False
-    return head.lstrip().startswith(b"{") and SCHEMA.encode() in head
-
-
-def write_acquisition(acquisition: Acquisition, path: Path) -> None:
-    """Write the file, forced to the disk; StoreError if it exists or cannot be written."""
-    text = json.dumps(acquisition.to_json(), indent=1, allow_nan=False)
-    try:
-        with path.open("x", encoding="utf-8", newline="\n") as stream:
-            stream.write(text + "\n")
-            stream.flush()
-            os.fsync(stream.fileno())
-    except OSError as error:
-        raise StoreError(f"cannot be written: {error.strerror or error}", path=path) from error
-
-
-def read_acquisition(path: Path) -> Acquisition:
-    """Read the file.
-
-    Raises
-    ------
-    ReadError
-        If it cannot be read.
-    CorruptFileError
-        If it is not such a file, or damaged.
-    """
-    content = read_small(path, _LARGEST_BYTES, "a record of an acquisition")
-    try:
-        text = content.decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise CorruptFileError("is not UTF-8 text", path=path, place=f"byte {error.start}") from error
-    try:
-        document = json.loads(text)
-        if not isinstance(document, dict):
-            raise ValueError("is no JSON object")
-        return Acquisition.from_json(document)
-    except (ValueError, RecursionError) as error:
-        raise CorruptFileError(
-            f"is no sound record of an acquisition: {error}",
-            path=path,
-            expected=f"JSON of schema {SCHEMA}",
-            remedy="leave it out: the captures beside it are complete without it",
-        ) from error
 
 
 def _from_json(kind: Any, value: Any, where: str) -> Any:

@@ -15,7 +15,7 @@ import pytest
 from recoil_acquisition.devices.device import CAN, Block
 from recoil_acquisition.devices.opening import open_device
 from recoil_acquisition.devices.reader_thread import DeviceReader
-from recoil_acquisition.frames.can_capture_file import parse_records
+from recoil_acquisition.frames.can_rows import parse_rows
 from recoil_rigs.twin.transports import PseudoTerminal
 
 resource = pytest.importorskip("resource", reason="this system does not tell a process's memory")
@@ -43,7 +43,7 @@ class Tally:
     def __call__(self, block: Block) -> None:
         self.cpu_s = time.thread_time()
         if block.kind == CAN:
-            numbers = parse_records(block.payload)["data"][:, :8].copy().view("<u8").ravel().astype(np.int64)
+            numbers = parse_rows(block.payload)["data"][:, :8].copy().view("<u8").ravel().astype(np.int64)
             self.faults += int((np.diff(numbers, prepend=self.next - 1) != 1).sum())
             self.next = int(numbers[-1]) + 1
             self.count += numbers.size

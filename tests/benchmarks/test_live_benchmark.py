@@ -16,11 +16,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from recoil_acquisition.acquisition import Acquisition, read_acquisition
+from recoil_acquisition.acquisition import Acquisition
+from recoil_acquisition.capture.cut import acquisition_in
 from recoil_acquisition.capture.session_record import live_record_of
 from recoil_acquisition.devices.device import EVENT
-from recoil_acquisition.frames.can_capture_file import parse_records
-from recoil_acquisition.journal import Journal, read_journal
+from recoil_acquisition.frames.can_rows import parse_rows
+from recoil_acquisition.log.folder import Log, open_log
 from tests.builders.live_rigs import LiveProcess, armed, kill_and_recover, multicast_device, write_live_rig
 from tests.builders.port_player import FRAME_BYTES, NOTHING, BusPlayer, Player, PortPlayer, Tally, tally
 
@@ -104,13 +105,15 @@ def test_a_full_bus_and_two_fast_ports_are_recorded_without_a_loss(tmp_path, cap
         time.sleep(0.5)
         drops = dropped_datagrams(device["port"], but_of=os.getpid())
         assert process.end(signal.SIGTERM, 60.0) == 130, process.said
-    journal = read_journal(tmp_path / "kept")
+    journal = open_log(tmp_path / "kept")
     found = {"can": (bus, *bus_numbers(journal, bus))} | {
         name: (port, *port.numbers_in(b"".join(payloads_of(journal, name))))
         for name, port in zip(("imu", "imu2"), ports, strict=True)
     }
     tallies = {name: tally(*one, time.monotonic_ns()) for name, one in found.items()}
-    shots = [read_acquisition(path) for path in sorted((tmp_path / "out" / "captures").glob("*/*_acquisition.json"))]
+    captures = sorted((tmp_path / "out" / "captures").glob("*.rdlog"))
+    shots = [one for path in captures if (one := acquisition_in(path)) is not None]
+    survey = journal.survey()
     with capsys.disabled():
         print(f"\nplayed for {played_s:.0f} s; datagrams that the kernel dropped: {drops}")
         for name, one in tallies.items():
@@ -122,8 +125,9 @@ def test_a_full_bus_and_two_fast_ports_are_recorded_without_a_loss(tmp_path, cap
             f"  can: read {np.median(lag):.1f} ms after sending, one in a thousand {np.quantile(lag, 0.999):.0f} ms or"
         )
         print(f"    more, {lag.max():.0f} ms at most")
-        print(f"  journal: {journal.count:,} records, {journal.lost_records} lost, {journal.cut_bytes} bytes cut")
-        left = sum(1 for path in folder.glob("*.journal"))
+        print(f"  journal: {survey.records:,} records, {survey.lost_records} lost,")
+        print(f"    {survey.damaged_bytes} bytes damaged")
+        left = sum(1 for path in folder.glob("*.rdlog"))
         print(f"    in {len(journal.segments)} segments, {left} of them still with the session")
         print(f"  {watched.words}; players' processor share {sum(p.cpu_s for p in (bus, *ports)) / played_s:.2f}")
         print(f"  shots: {len(watched.fired_ns)} fired, {len(shots)} captured, {_losses(shots)} losses told of")
@@ -131,7 +135,7 @@ def test_a_full_bus_and_two_fast_ports_are_recorded_without_a_loss(tmp_path, cap
         assert one.sound, f"{name}: {one}"
         assert one.found == one.sent
     assert drops == 0
-    assert (journal.lost_records, journal.cut_bytes) == (0, 0)
+    assert (survey.lost_records, survey.damaged_bytes) == (0, 0)
     assert len(shots) == len(watched.fired_ns)
     assert watched.cpu_share < 1.0
     assert max(watched.memory_mb) < MOST_MB
@@ -187,7 +191,7 @@ class Kept:
 
     def look(self) -> None:
         """Name the segments that are new; they are made before they are needed."""
-        for segment in self._journal.glob("*.journal"):
+        for segment in self._journal.glob("*.rdlog"):
             name = self._folder / segment.name
             if not name.exists():
                 name.hardlink_to(segment)
@@ -229,9 +233,9 @@ def dropped_datagrams(port: int, but_of: int) -> int:
     return int(others[0][12])
 
 
-def payloads_of(journal: Journal, source: str) -> Iterator[bytes]:
+def payloads_of(journal: Log, source: str) -> Iterator[bytes]:
     """Yield what a journal holds of a source's data, in pieces of some size."""
-    record = live_record_of(journal)
+    record = live_record_of(journal.session, journal.folder)
     held: list[bytes] = []
     for one in journal.records(record.number(source)):
         if record.block(one).kind != EVENT:
@@ -242,17 +246,17 @@ def payloads_of(journal: Journal, source: str) -> Iterator[bytes]:
     yield b"".join(held)
 
 
-def bus_numbers(journal: Journal, bus: BusPlayer) -> tuple[NDArray[np.int64], int]:
-    found = [bus.numbers_in(parse_records(payload)) for payload in payloads_of(journal, "can")]
+def bus_numbers(journal: Log, bus: BusPlayer) -> tuple[NDArray[np.int64], int]:
+    found = [bus.numbers_in(parse_rows(payload)) for payload in payloads_of(journal, "can")]
     return np.concatenate([numbers for numbers, _ in found]), sum(wrong for _, wrong in found)
 
 
-def lags_ms(journal: Journal, bus: BusPlayer) -> NDArray[np.float64]:
+def lags_ms(journal: Log, bus: BusPlayer) -> NDArray[np.float64]:
     """Return the time from the sending of each message of a bus to its reading, shape (n_messages,)."""
     sent_ns = np.array(bus.returned_ns, dtype=np.int64)
     lags = []
     for payload in payloads_of(journal, "can"):
-        records = parse_records(payload)
+        records = parse_rows(payload)
         numbers = records["data"][:, :4].copy().view("<u4").ravel()
         known = numbers < sent_ns.size
         lags.append((records["host_ns"][known] - sent_ns[numbers[known]]) / 1e6)

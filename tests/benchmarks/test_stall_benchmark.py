@@ -8,13 +8,11 @@ import signal
 import sys
 import time
 from dataclasses import dataclass
-from pathlib import Path
 
 import pytest
 
-from recoil_acquisition.acquisition import Acquisition, read_acquisition
+from recoil_acquisition.capture.cut import acquisition_in
 from tests.builders.live_rigs import POST_S, PRE_S, Armed, armed
-from tests.builders.port_player import Player
 
 STALLS = int(os.environ.get("RECOIL_DAQ_STALLS", "50"))
 SHORTEST_S, LONGEST_S = 0.1, 3.0
@@ -81,9 +79,10 @@ def stopped_shot(one: Armed, number: int, choice: random.Random) -> Found:
         stopped = time.monotonic()
     time.sleep(max(stopped + stop_s - time.monotonic(), 0.0))
     process.send_signal(signal.SIGCONT)
-    record = one.out / "captures" / f"{number:04d}" / f"{number:04d}_acquisition.json"
-    one.process.wait_for(f"captures of shot {number}", record.exists, 60.0)
-    acquisition = read_acquisition(record)
+    capture = one.out / "captures" / f"{number:04d}.rdlog"
+    one.process.wait_for(f"capture of shot {number}", capture.exists, 60.0)
+    acquisition = acquisition_in(capture)
+    assert acquisition is not None
     sent_ns = one.port.returned_ns[pulse]
     late_ns = acquisition.trigger_ns - sent_ns
     start_ns = (acquisition.trigger_ns if late_ns < ORDINARY_S * 1e9 else sent_ns) - round(PRE_S * 1e9)
@@ -92,14 +91,8 @@ def stopped_shot(one: Armed, number: int, choice: random.Random) -> Found:
     for source, player in (("imu", one.port), ("can", one.bus)):
         # the first whose write had returned by then may have been written, and read, before
         first, behind = player.sent_before(start_ns) + 1, player.sent_before(stop_ns)
-        there = set(numbers_of(player, record.parent, acquisition, source))
+        there = set(player.numbers(capture, source)[0].tolist())
         due += behind - first
         missing += [n - first for n in range(first, behind) if n not in there]
     late = any(source.late for source in acquisition.sources)
     return Found(stop_s, after_s, due, tuple(missing), late, late_ns / 1e9)
-
-
-def numbers_of(player: Player, folder: Path, acquisition: Acquisition, source: str) -> list[int]:
-    (name,) = [s.file for s in acquisition.sources if s.name == source]
-    numbers, _ = player.numbers(folder / name)
-    return [int(n) for n in numbers]

@@ -1,10 +1,12 @@
-"""CAN captures built record by record, and a reader's case of one."""
+"""CAN captures built row by row."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
-from recoil_acquisition.frames import can_capture_file as capture
+from recoil_acquisition.frames import can_rows as capture
+from tests.builders import rdlog_bytes
 from tests.builders import vendor_files as build
 
 HOST_ZERO_NS = 5_000_000_000_000
@@ -20,7 +22,7 @@ def can_records(
     for time_ns, key, data in entries:
         flags = (capture.EXTENDED if key >> 31 else 0) | (capture.DEVICE_TIME if device else 0)
         records.append(
-            capture.pack_record(
+            capture.pack_row(
                 device_ns=DEVICE_ZERO_NS + time_ns if device else 0,
                 host_ns=HOST_ZERO_NS + round(time_ns * (1 + drift)) + delay_ns,
                 identifier=key & 0x1FFFFFFF,
@@ -31,11 +33,19 @@ def can_records(
     return records
 
 
-def can_capture(records: Sequence[bytes], *, anchored: bool = True) -> bytes:
-    anchor = capture.pack_anchor(WALL_ZERO_NS, HOST_ZERO_NS) if anchored else b""
-    return capture.MAGIC + anchor + b"".join(records)
-
-
-def at_record_end(cut: bytes) -> bool:
-    """Whether the beginning of a capture is a whole capture by its format."""
-    return len(cut) >= len(capture.MAGIC) and (len(cut) - len(capture.MAGIC)) % capture.RECORD_SIZE == 0
+def can_capture(records: Sequence[bytes | tuple[int, bytes]], *, anchored: bool = True, per_read: int = 7) -> bytes:
+    """Return a capture of rows, several in a record, and of events, each with its host time."""
+    session: dict[str, Any] = {"sources": [{"name": "can", "kind": "can"}]}
+    if anchored:
+        session["anchor"] = {"wall_ns": WALL_ZERO_NS, "monotonic_ns": HOST_ZERO_NS, "within_ns": 0}
+    reads: list[tuple[int, int, int, bytes]] = []
+    rows: list[bytes] = []
+    for one in [*records, None]:
+        if rows and (not isinstance(one, bytes) or len(rows) == per_read):
+            reads.append((0, rdlog_bytes.CAN, int.from_bytes(rows[-1][8:16], "little"), b"".join(rows)))
+            rows = []
+        if isinstance(one, bytes):
+            rows.append(one)
+        elif one is not None:
+            reads.append((0, rdlog_bytes.EVENT, *one))
+    return rdlog_bytes.rdlog(session, reads)

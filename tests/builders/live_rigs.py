@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from typer.testing import CliRunner
 
-from recoil_acquisition.acquisition import read_acquisition
+from recoil_acquisition.capture.cut import acquisition_in
 from recoil_daq.cli import app
 from recoil_rigs.twin.transports import MulticastBus
 from tests.builders.machine_waits import MachineWaits
@@ -191,7 +191,7 @@ class LiveProcess:
 
     def recording(self, folder: Path) -> None:
         """Wait until its journal grows after this call."""
-        segment = folder / "000001.journal"
+        segment = folder / "000001.rdlog"
         first = segment.stat().st_mtime_ns
         self.wait_for("growing journal", lambda: segment.stat().st_mtime_ns > first)
 
@@ -208,7 +208,7 @@ class LiveProcess:
         return self.process.wait(within_s)
 
     def _journals(self) -> list[Path]:
-        return [path.parent for path in (self.out / "journal").glob("*/000001.journal")]
+        return [path.parent for path in (self.out / "journal").glob("*/000001.rdlog")]
 
 
 def run_recover(*words: object) -> dict[str, Any]:
@@ -266,8 +266,8 @@ class Armed:
         return min(self.port.sent_before(deadline_ns), self.bus.sent_before(deadline_ns))
 
     def cutting(self) -> bool:
-        """Tell whether captures are being written."""
-        return any((self.out / "captures").glob(".*.cut*"))
+        """Tell whether a capture is being written."""
+        return any((self.out / "captures").glob(".*.partial"))
 
 
 @contextmanager
@@ -340,18 +340,19 @@ def recovered(one: Armed, killed_ns: int, document: Mapping[str, Any], *, waited
     """Compare what was recovered, in the document's first journal, with what was sent."""
     journal = document["journals"][0]
     deadline_ns = killed_ns - GRACE_NS - waited_ns
-    folder = Path(journal["everything"])
-    numbers, wrong = one.port.numbers(folder / f"{folder.name}_imu.rdsc")
+    everything = Path(journal["everything"])
+    numbers, wrong = one.port.numbers(everything, "imu")
     port, port_tail_s = tally(one.port, numbers, wrong, deadline_ns), _tail_s(one.port, numbers, killed_ns)
-    numbers, wrong = one.bus.numbers(folder / f"{folder.name}_can.rdcc")
+    numbers, wrong = one.bus.numbers(everything, "can")
     bus, bus_tail_s = tally(one.bus, numbers, wrong, deadline_ns), _tail_s(one.bus, numbers, killed_ns)
     pulses = {pulse: one.port.returned_ns[pulse] for pulse in one.port.pulses if pulse < len(one.port.returned_ns)}
     found, wrong = set(), 0
     for shot in journal["shots"]:
-        files = [Path(path) for path in shot["captures"]]
-        record = read_acquisition(next(path for path in files if path.suffix == ".json"))
+        capture = Path(shot["capture"])
+        record = acquisition_in(capture)
+        assert record is not None
         own = [p for p, ns in pulses.items() if ns - AT_THE_TRIGGER_NS <= record.trigger_ns][-1:]
-        if len(own) != 1 or own[0] in found or not _holds(one, record.trigger_ns, files, deadline_ns):
+        if len(own) != 1 or own[0] in found or not _holds(one, record.trigger_ns, capture, deadline_ns):
             wrong += 1
         found |= set(own)
     due = {pulse for pulse, ns in pulses.items() if ns < killed_ns - SHOT_END_NS - waited_ns}
@@ -368,17 +369,14 @@ def _tail_s(player: Player, numbers: NDArray[np.int64], killed_ns: int) -> float
     return max(killed_ns - player.returned_ns[first], 0) / 1e9 if first < len(player.returned_ns) else 0.0
 
 
-def _holds(one: Armed, trigger_ns: int, files: Sequence[Path], deadline_ns: int) -> bool:
-    """Tell whether a shot's captures have what was sent from its trigger to just before its end, in order.
+def _holds(one: Armed, trigger_ns: int, capture: Path, deadline_ns: int) -> bool:
+    """Tell whether a shot's capture has what was sent from its trigger to just before its end, in order.
 
     The host dates what it reads when it reads it, on a busy machine late: both ends of a shot are off by that.
     """
     stop_ns = min(trigger_ns + round(one.post_s * 1e9) - SHOT_END_NS, deadline_ns)
-    for player, ending in ((one.port, "_imu.rdsc"), (one.bus, "_can.rdcc")):
-        path = next((path for path in files if path.name.endswith(ending)), None)
-        if path is None:
-            return False
-        numbers, _ = player.numbers(path)
+    for player, source in ((one.port, "imu"), (one.bus, "can")):
+        numbers, _ = player.numbers(capture, source)
         first, last = player.sent_before(trigger_ns), player.sent_before(stop_ns) - 1
         if not numbers.size or (numbers[1:] - numbers[:-1] != 1).any() or numbers[0] > first or numbers[-1] < last:
             return False

@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.frames import can_capture_file, capture_file
 from recoil_rigs.twin.transports import PseudoTerminal
+from tests.builders.live_logs import rows_in, stream_in
 
 FRAME_BYTES = 34
 MESSAGE = 288
@@ -163,9 +163,9 @@ class PortPlayer(Player):
         pulsing = pulse >= 0 and number - self.pulses[pulse] < PULSE_FRAMES
         return serial_frame(number, PULSE_M_S2 if pulsing else REST_M_S2)
 
-    def numbers(self, capture: Path) -> tuple[NDArray[np.int64], int]:
-        """Find the frames of a serial capture, as `numbers_in`."""
-        return self.numbers_in(capture_file.parse_capture(capture.read_bytes()).stream)
+    def numbers(self, capture: Path, source: str) -> tuple[NDArray[np.int64], int]:
+        """Find the frames of a port in a capture, as `numbers_in`."""
+        return self.numbers_in(stream_in(capture, source))
 
     def numbers_in(self, stream: bytes) -> tuple[NDArray[np.int64], int]:
         """Find the frames in a stream that are as they were sent.
@@ -225,9 +225,9 @@ class BusPlayer(Player):
         super().stop()
         self._bus.shutdown()
 
-    def numbers(self, capture: Path) -> tuple[NDArray[np.int64], int]:
-        """Find the messages of a capture of the bus, as `numbers_in`."""
-        return self.numbers_in(can_capture_file.parse_capture(capture.read_bytes()).records)
+    def numbers(self, capture: Path, source: str) -> tuple[NDArray[np.int64], int]:
+        """Find the messages of a bus in a capture, as `numbers_in`."""
+        return self.numbers_in(rows_in(capture, source))
 
     def numbers_in(self, records: NDArray[np.void]) -> tuple[NDArray[np.int64], int]:
         """Find the messages that are as they were sent.
@@ -239,7 +239,7 @@ class BusPlayer(Player):
         wrong : int
             Frames that are none of them.
         """
-        plain = records[records["flags"] & (can_capture_file.EVENT | can_capture_file.ANCHOR) == 0]
+        plain = records
         octets = plain["data"].copy()
         numbers = octets[:, :4].copy().view("<u4").ravel().astype(np.int64)
         right = np.zeros_like(octets)

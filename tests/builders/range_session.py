@@ -79,7 +79,7 @@ class PlayedSession:
     def __init__(self, folder: Path) -> None:
         self.journal_folder = folder
         folder.mkdir(parents=True)
-        (folder / "000001.journal").write_bytes(b"journal")
+        (folder / "000001.rdlog").write_bytes(b"journal")
         self.record = SimpleNamespace(anchor=Anchor(1_000_000_000_000_000_000, 0, 0))
         self.windows: list[ShotWindow] = []
         self.open: list[tuple[ShotWindow, Callable[[], bool]]] = []
@@ -122,16 +122,16 @@ class PlayedSession:
     def next_window(self, _timeout_s: float) -> ShotWindow | None:
         return self.windows.pop(0) if self.windows else None
 
-    def cut(self, name: str, window: ShotWindow, folder: Path) -> CapturedShot:
-        folder.mkdir(parents=True)
-        (folder / f"{name}_imu.rdsc").write_bytes(b"imu")
-        imu = AcquiredSource("imu", "serial", f"{name}_imu.rdsc", 1, 3, 0.1, False, 0.0, 0, 0, 0, None, 0, -1.0, ())
+    def cut(self, name: str, window: ShotWindow, path: Path) -> CapturedShot:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(b"imu")
+        imu = AcquiredSource("imu", "serial", path.name, 1, 3, 0.1, False, 0.0, 0, 0, 0, None, 0, -1.0, ())
         acquisition = Acquisition(
             shot=name, rig="mixed", trigger_ns=round(window.trigger_s * 1e9), trigger_utc="2026-01-01T00:00:00",
             pre_s=0.1, post_s=1.0, pre_actual_s=0.1, duration_s=1.1, decisions=(),
             sources=(imu,),
         )  # fmt: skip
-        return CapturedShot(name, folder, (), acquisition)
+        return CapturedShot(name, path, acquisition)
 
     def release(self, window: ShotWindow) -> None: ...
 
@@ -153,7 +153,7 @@ class PlayedSession:
     def close(self, *, complete: bool) -> None:
         self.complete = complete
         if complete:
-            (self.journal_folder / "000001.journal").unlink()
+            (self.journal_folder / "000001.rdlog").unlink()
             self.journal_folder.rmdir()
 
 

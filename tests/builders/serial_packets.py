@@ -6,11 +6,12 @@ import struct
 from collections.abc import Sequence
 from typing import Any
 
-from recoil_acquisition.frames.capture_file import MAGIC, pack_record
 from recoil_acquisition.frames.checksum import CHECKSUMS
 from recoil_acquisition.frames.decoder import FrameDecoder
 from recoil_acquisition.frames.frame_set import Counters, Frame
+from recoil_acquisition.frames.port_stream import PortStream
 from recoil_acquisition.frames.search import NEED_DATA
+from tests.builders import rdlog_bytes
 
 
 def cobs(data: bytes) -> bytes:
@@ -44,7 +45,13 @@ def witmotion_frame(kind: int, *numbers: int) -> bytes:
 
 def stamped_capture(reads: Sequence[tuple[float, bytes]]) -> bytes:
     """Keep reads with their host time in seconds."""
-    return MAGIC + b"".join(pack_record(round(t * 1e9), data) for t, data in reads)
+    session = {"sources": [{"name": "port", "kind": "serial"}]}
+    return rdlog_bytes.rdlog(session, [(0, rdlog_bytes.SERIAL, round(t * 1e9), data) for t, data in reads])
+
+
+def stamped_port(reads: Sequence[tuple[float, bytes]]) -> PortStream:
+    """Return reads as the stream of a port, with their host time in seconds."""
+    return PortStream.of_reads((round(t * 1e9), data) for t, data in reads)
 
 
 def decoded(framing: Any, reads: Sequence[tuple[float | None, bytes]]) -> tuple[list[Frame], Counters]:

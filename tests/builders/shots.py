@@ -53,8 +53,8 @@ def make_acquisition(shot: str = "0007", rig: str = "bench", **changes: Any) -> 
         duration_s=1.5,
         decisions=(TriggerDecision(0.0, "trigger", "", "p_brake", 2.5e6),),
         sources=(
-            acquired_source("can", "can", f"{shot}_can.rdcc"),
-            acquired_source("imu", "serial", f"{shot}_imu.rdsc", events=(AcquiredEvent(-2.0, "opened", "Größe µ"),)),
+            acquired_source("can", "can", f"{shot}.rdlog"),
+            acquired_source("imu", "serial", f"{shot}.rdlog", events=(AcquiredEvent(-2.0, "opened", "Größe µ"),)),
         ),
     )
     return replace(sound, **changes)

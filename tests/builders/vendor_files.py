@@ -8,8 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from recoil_acquisition.frames.capture_file import MAGIC, pack_record
 from recoil_acquisition.frames.checksum import CHECKSUMS
+from tests.builders import rdlog_bytes
 
 
 def dewesoft_text(
@@ -175,4 +175,8 @@ def serial_frames(count: int = 40, first: int = 65520, ticks: int = 2**32 - 5000
 
 def serial_capture(frames: Sequence[bytes], *, per_read: int = 3, host_ns: int = 1_700_000_000_000_000_000) -> bytes:
     reads = [b"".join(frames[i : i + per_read]) for i in range(0, len(frames), per_read)]
-    return MAGIC + b"".join(pack_record(host_ns + (i + 1) * per_read * 1_000_000, data) for i, data in enumerate(reads))
+    session = {"sources": [{"name": "imu", "kind": "serial"}]}
+    return rdlog_bytes.rdlog(
+        session,
+        [(0, rdlog_bytes.SERIAL, host_ns + (i + 1) * per_read * 1_000_000, data) for i, data in enumerate(reads)],
+    )

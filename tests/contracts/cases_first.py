@@ -7,6 +7,7 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import READERS
 from tests.builders import can_captures
 from tests.builders import vendor_files as build
+from tests.builders.rdlog_bytes import at_record_end
 
 BY_NAME = {reader.name: reader for reader in READERS}
 CAN = Declarations("can", database=build.DBC)
@@ -16,10 +17,6 @@ DEWESOFT_MAGNITUDES = {"AI 1/acc": (-200.0, 200.0), "AI 2/p": (0.0, 50.0)}
 
 def at_line_end(cut: bytes) -> bool:
     return cut.endswith((b"\n", b"\r"))
-
-
-def at_record_end(cut: bytes) -> bool:
-    return any(build.serial_capture(build.serial_frames()[:n]) == cut for n in range(0, 41, 3))
 
 
 ABSOLUTE = "Time (-);AI 1/a (m/s2)\r\n" + "".join(f"03-Aug-26 12:23:05.{i:03d};{i},5\r\n" for i in range(100, 140))
@@ -76,15 +73,15 @@ CASES = (
     Case("candump", BY_NAME["candump log"], build.candump_log(build.can_entries()), CAN, CAN_MAGNITUDES, at_line_end),
     Case(
         "can-capture",
-        BY_NAME["CAN capture"],
+        BY_NAME["recoil-daq capture"],
         can_captures.can_capture(can_captures.can_records(build.can_entries())),
         CAN,
         CAN_MAGNITUDES,
-        can_captures.at_record_end,
+        at_record_end,
     ),
     Case(
         "serial",
-        BY_NAME["serial capture"],
+        BY_NAME["recoil-daq capture"],
         build.serial_capture(build.serial_frames()),
         Declarations("imu", framing=build.FRAMING),
         {"gyro": (0.0, 1.0), "temperature": (15.0, 30.0)},

@@ -1,9 +1,8 @@
-"""What a live shot tells of its acquisition survives the file, and a damaged file is refused."""
+"""What a live shot tells of its acquisition comes back from JSON, and what is damaged is refused."""
 
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import pytest
 
@@ -12,11 +11,7 @@ from recoil_acquisition.acquisition import (
     AcquiredSource,
     Acquisition,
     TriggerDecision,
-    is_acquisition,
-    read_acquisition,
-    write_acquisition,
 )
-from recoil_acquisition.errors import CorruptFileError, StoreError
 
 ACQUISITION = Acquisition(
     shot="0001",
@@ -33,28 +28,15 @@ ACQUISITION = Acquisition(
     ),
     sources=(
         AcquiredSource(
-            "can", "can", "0001_can.rdcc", 100, 8800, 0.4, False, 0.002, 0, 1, 2, None, 12, -0.7,
+            "can", "can", "0001.rdlog", 100, 8800, 0.4, False, 0.002, 0, 1, 2, None, 12, -0.7,
             (AcquiredEvent(0.2, "lost", "the adapter is gone"),),
         ),
     ),
 )  # fmt: skip
 
 
-def test_it_reads_back_as_it_was_written(tmp_path: Path) -> None:
-    path = tmp_path / "0001_acquisition.json"
-    write_acquisition(ACQUISITION, path)
-    assert is_acquisition(path)
-    assert read_acquisition(path) == ACQUISITION
-
-
-def test_it_is_never_overwritten(tmp_path: Path) -> None:
-    path = tmp_path / "a.json"
-    path.write_text("mine")
-    with pytest.raises(StoreError, match=r"a\.json: cannot be written"):
-        write_acquisition(ACQUISITION, path)
-    assert path.read_text() == "mine"
-    assert not is_acquisition(path)
-    assert not is_acquisition(tmp_path / "none")
+def test_it_comes_back_from_json() -> None:
+    assert Acquisition.from_json(json.loads(json.dumps(ACQUISITION.to_json()))) == ACQUISITION
 
 
 @pytest.mark.parametrize(
@@ -69,18 +51,8 @@ def test_it_is_never_overwritten(tmp_path: Path) -> None:
         (lambda d: d.update(schema="other"), "schema"),
     ],
 )
-def test_a_damaged_one_is_refused_with_the_place(tmp_path: Path, change, says) -> None:
+def test_a_damaged_one_is_refused_with_the_place(change, says) -> None:
     document = json.loads(json.dumps(ACQUISITION.to_json()))
     change(document)
-    path = tmp_path / "a.json"
-    path.write_text(json.dumps(document))
-    with pytest.raises(CorruptFileError, match=says):
-        read_acquisition(path)
-
-
-@pytest.mark.parametrize("content", [b"", b"[]", b"\xff\xfe", b'{"schema": "recoil-daq/acquisition/1"', b"[" * 100_000])
-def test_what_is_no_json_object_is_refused(tmp_path: Path, content: bytes) -> None:
-    path = tmp_path / "a.json"
-    path.write_bytes(content)
-    with pytest.raises(CorruptFileError):
-        read_acquisition(path)
+    with pytest.raises(ValueError, match=says):
+        Acquisition.from_json(document)

@@ -86,7 +86,7 @@ def assert_same_shot(one: Shot, other: Shot) -> None:
 texts = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=12)
 names = st.one_of(texts, st.sampled_from(["time", "raw", "a/b", "..", "Time", "rig", "acc recoil", "ä"]))
 shot_names = st.from_regex(r"[A-Za-z0-9_][\w+-]{0,11}", fullmatch=True).filter(lambda name: not shot_name_fault(name))
-files = st.sampled_from(["", "0007_can.rdcc", "0007_IMU 2 ä.rdsc"])
+files = st.sampled_from(["", "0007.rdlog", "0007 IMU 2 ä.rdlog"])
 finite = st.floats(-1e6, 1e6, allow_subnormal=False)
 json_values = st.recursive(
     st.none() | st.booleans() | st.integers(-(2**60), 2**60) | st.floats(allow_nan=False) | texts,
@@ -789,7 +789,7 @@ def test_a_record_of_the_acquisition_with_a_path_in_it_is_refused(written: Path,
     with h5py.File(written, "r+") as file:
         record = json.loads(file["entry/acquisition/data"].asstr()[()])
         if "sources" in change:
-            record["sources"][0]["file"] = "../../x.rdcc"
+            record["sources"][0]["file"] = "../../x.rdlog"
         else:
             record |= change
         file["entry/acquisition/data"][()] = json.dumps(record)

@@ -263,7 +263,9 @@ def test_notices_and_verdicts_stay_when_the_screen_is_taken_away(monkeypatch) ->
     now_s = 100.0
     monkeypatch.setattr(armed_screen.time, "monotonic", lambda: now_s)
     file = io.StringIO()
-    command = "finish it with `recoil-daq ingest rigs/recoil_rigs/mixed.toml shots/captures/0002/* FILES --out shots`"
+    command = (
+        "finish it with `recoil-daq ingest rigs/recoil_rigs/mixed.toml shots/captures/0002.rdlog FILES --out shots`"
+    )
     many = tuple(replace(RATE, name=f"rate_{i}") for i in range(30))
     with made(file=file, force_terminal=True) as screen:
         for i in range(3):

@@ -69,7 +69,7 @@ def test_a_rig_that_fits_the_files_says_what_they_have_of_it(run, rig: Path, mix
     assert {row["file"]: row["source"] for row in document["files"]} == {
         "0001_dewetron.csv": "dewetron",
         "0001_can.blf": "can",
-        "0001_imu.bin": "imu",
+        "0001_imu.rdlog": "imu",
         "0001_camera.csv": "camera",
     }
     channels = {one["name"]: one for row in document["files"] for one in row["channels"]}

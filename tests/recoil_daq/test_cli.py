@@ -291,7 +291,7 @@ def test_demo_goes_the_whole_way_through_all_four_readers(run, tmp_path):
     assert abs(report["truth"]["error_percent"]) < 0.5
     assert report["rpe_percent"]["value"] < 2.0
     readers = {f["reader"] for f in report["provenance"]["inputs"]}
-    assert {"Dewesoft text export", "ProAnalyst text", "Vector BLF log", "serial capture"} <= readers
+    assert {"Dewesoft text export", "ProAnalyst text", "Vector BLF log", "recoil-daq capture"} <= readers
     paper = next(m for m in report["methods"] if m["name"] == "paper")
     assert paper["mass_kg"] / report["truth"]["mass_kg"] - 1 < -0.02
     assert (Path(document["folder"]) / "report.html").exists()

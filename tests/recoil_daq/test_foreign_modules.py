@@ -91,7 +91,7 @@ def test_no_live_command_runs_a_module_of_the_users_folder(hostile: Path) -> Non
                 process.recording(journal)
                 time.sleep(0.3)
                 port.fire()
-                process.wait_for("captures", (hostile / "shots" / "captures" / "0001").is_dir)
+                process.wait_for("capture", (hostile / "shots" / "captures" / "0001.rdlog").is_file)
             assert process.end(signal.SIGINT) == 130, process.said
     finally:
         port.stop()

@@ -209,7 +209,7 @@ def test_a_manual_trigger_makes_a_shot_and_q_ends_the_session(tmp_path: Path) ->
     (shot,) = outcome.shots
     assert shot.state == "incomplete"
     assert shot.problem == "no file of camera, dewetron"
-    assert {path.suffix for path in (tmp_path / "captures" / "0001").iterdir()} == {".rdcc", ".rdsc", ".json"}
+    assert [path.name for path in (tmp_path / "captures").iterdir()] == ["0001.rdlog"]
     assert outcome.journal is not None
     assert outcome.journal.exists()
     assert shot.acquisition is not None
@@ -217,7 +217,8 @@ def test_a_manual_trigger_makes_a_shot_and_q_ends_the_session(tmp_path: Path) ->
 
 
 def test_numbers_go_on_where_a_folder_already_has_shots(tmp_path: Path) -> None:
-    (tmp_path / "captures" / "0007").mkdir(parents=True)
+    (tmp_path / "captures").mkdir()
+    (tmp_path / "captures" / "0007.rdlog").write_bytes(b"of another session")
     outcome, _ = day(tmp_path, Watched())
     assert [shot.name for shot in outcome.shots] == ["0008"]
     assert (tmp_path / "incoming" / "0008_dewetron.csv").exists()

@@ -18,9 +18,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from recoil_acquisition.acquisition import read_acquisition
+from recoil_acquisition.capture.cut import acquisition_in
 from recoil_acquisition.capture.session_record import operator_records
-from recoil_acquisition.journal import find_journals, read_journal
+from recoil_acquisition.log.folder import find_logs, open_log
 from recoil_daq.cli import app
 from tests.builders.live_rigs import (
     AT_THE_TRIGGER_NS,
@@ -113,12 +113,12 @@ def test_a_new_session_recovers_what_a_killed_one_left_over(tmp_path):
         killed_ns = one.process.kill()
     with armed(tmp_path / "next", out=one.out) as following:
         assert following.journal != one.journal
-        assert find_journals(one.out) == (one.journal,)  # removing it is left to a person
+        assert find_logs(one.out) == (one.journal,)  # removing it is left to a person
         assert following.process.end(signal.SIGINT) == 130
     assert f"recovering {one.journal}" in following.process.said
-    shot = one.out / "captures" / "0001"
-    everything = one.out / "recovered" / one.journal.name
-    document = {"journals": [{"everything": everything, "shots": [{"captures": list(shot.iterdir())}]}]}
+    shot = one.out / "captures" / "0001.rdlog"
+    everything = one.out / "recovered" / f"{one.journal.name}.rdlog"
+    document = {"journals": [{"everything": everything, "shots": [{"capture": shot}]}]}
     done = recovered(one, killed_ns, document, waited_ns=waited_ns)
     assert done.sound, done
     assert done.shots_found == 1
@@ -131,19 +131,17 @@ def test_a_signal_ends_a_session_in_order(tmp_path, number):
         time.sleep(0.4)
         signalled_ns = time.monotonic_ns()
         assert one.process.end(number) == 130, one.process.said
-    (record,) = (one.out / "captures" / "0001").glob("*_acquisition.json")
-    acquisition = read_acquisition(record)
+    capture = one.out / "captures" / "0001.rdlog"
     for source, player in (("imu", one.port), ("can", one.bus)):
-        name = next(s.file for s in acquisition.sources if s.name == source)
-        numbers, _ = player.numbers(record.parent / name)
+        numbers, _ = player.numbers(capture, source)
         assert (numbers[1:] - numbers[:-1] == 1).all()
         assert numbers[-1] >= player.sent_before(signalled_ns) - 1, "what waited in the device was not read"
-    assert one.port.numbers(record.parent / "0001_imu.rdsc")[0][0] < pulse
-    journal = read_journal(one.journal)
+    assert one.port.numbers(capture, "imu")[0][0] < pulse
+    journal = open_log(one.journal)
     known = operator_records(journal)
     assert known.in_order
     assert [shot.shot for shot in known.shots] == ["0001"]
-    assert (journal.cut_bytes, journal.lost_records) == (0, 0)
+    assert (journal.survey().damaged_bytes, journal.survey().lost_records) == (0, 0)
     (found,) = run_recover(one.out)["journals"]
     assert (found["in_order"], found["everything"], found["removed"]) == (True, None, True)
     assert [shot["was_there"] for shot in found["shots"]] == [True]
@@ -158,9 +156,9 @@ def test_leaving_at_once_keeps_the_journal_of_an_open_shot(tmp_path):
         time.sleep(0.05)
         assert one.process.end(signal.SIGINT) == 130, one.process.said
     run_recover(one.out)
-    records = list((one.out / "captures").glob("*/*_acquisition.json"))
-    assert len(records) == 1, f"the shot is gone:\n{one.process.said}"
-    numbers, _ = one.port.numbers(records[0].with_name("0001_imu.rdsc"))
+    captures = [path for path in (one.out / "captures").glob("*.rdlog") if acquisition_in(path) is not None]
+    assert len(captures) == 1, f"the shot is gone:\n{one.process.said}"
+    numbers, _ = one.port.numbers(captures[0], "imu")
     assert (numbers[1:] - numbers[:-1] == 1).all()
     assert numbers[-1] >= one.port.sent_before(signalled_ns - GRACE_NS) - 1
 
@@ -188,7 +186,7 @@ def test_a_disk_without_room_is_refused_when_arming(tmp_path, small_disk):
     with LiveProcess(rig, small_disk / "out", tmp_path / "log.txt") as process:
         assert process.process.wait(20.0) == 3, process.said
     port.stop()
-    assert "the disk has not enough room for the journal" in process.said
+    assert "the disk has not enough room for the log" in process.said
     assert list(small_disk.iterdir()) == []
 
 
@@ -207,10 +205,11 @@ def test_a_disk_that_fills_up_ends_the_session_at_once_and_all_before_is_intact(
                 os.posix_fallocate(stream.fileno(), 0, shutil.disk_usage(small_disk).free)
             assert process.process.wait(30.0) == 3, process.said
             ended_ns = time.monotonic_ns()
-    assert "the journal cannot be written: No space left on device" in process.said
-    left = read_journal(folder)
-    last_ns = max(segment.newest_ns for segment in left.segments)
-    assert (left.cut_bytes, left.lost_records) == (0, 0)
+    assert "the log cannot be written: No space left on device" in process.said
+    left = open_log(folder)
+    last_ns = max(record.host_ns for record in left.records() if record.source < 2)
+    survey = left.survey()
+    assert (survey.damaged_bytes, survey.lost_records) == (0, 0)
     assert ended_ns - last_ns < 5e9, "it went on without a journal"
 
     refused = CliRunner().invoke(app, ["recover", str(out)])
@@ -218,10 +217,9 @@ def test_a_disk_that_fills_up_ends_the_session_at_once_and_all_before_is_intact(
     assert "No space left on device" in refused.output
     assert not list((out / "captures").glob("*")), "half a capture was left behind"
     (journal,) = run_recover(out, "--out", tmp_path / "elsewhere")["journals"]
-    assert (journal["records"], journal["removed"]) == (left.count, True)
+    assert (journal["records"], journal["removed"]) == (survey.records, True)
     (shot,) = journal["shots"]
-    capture = next(Path(path) for path in shot["captures"] if path.endswith(".rdsc"))
-    numbers, _ = port.numbers(capture)
+    numbers, _ = port.numbers(Path(shot["capture"]), "imu")
     assert (numbers[1:] - numbers[:-1] == 1).all()
     assert numbers[0] <= port.sent_before(port.returned_ns[pulse] - round(PRE_S * 1e9) + AT_THE_TRIGGER_NS)
     assert numbers[-1] >= port.sent_before(last_ns - GRACE_NS) - 1

@@ -105,9 +105,9 @@ def test_a_second_signal_without_keys_gives_up_at_once_and_keeps_the_journal(
     assert outcome.journal == one.session.journal_folder
     assert one.session.complete is False
     assert PlayedConversion.ended == ["0001"]
-    told = display.told("shot 0002: given up before it was converted; its captures are kept in ")
+    told = display.told("shot 0002: given up before it was converted; its capture is kept: ")
     assert told
-    assert f"{tmp_path}/captures/0002/* {tmp_path}/0002_camera.csv {tmp_path}/0002_dewetron.csv --out" in told[0]
+    assert f"{tmp_path}/captures/0002.rdlog {tmp_path}/0002_camera.csv {tmp_path}/0002_dewetron.csv --out" in told[0]
 
 
 @pytest.mark.parametrize(("answer", "states"), [("y", "incomplete"), ("n", "usable")])
@@ -163,7 +163,7 @@ def test_a_shot_without_its_files_is_given_up_aloud_with_the_way_to_finish_it(
     one.session.fired(1.0)
     outcome = one.run()
     assert [(s.state, s.problem) for s in outcome.shots] == [("incomplete", "no file of camera, dewetron")]
-    assert display.told(f"{tmp_path}/captures/0001/* FILES --out {tmp_path}`")
+    assert display.told(f"{tmp_path}/captures/0001.rdlog FILES --out {tmp_path}`")
     assert outcome.journal is not None
 
 

@@ -3,37 +3,25 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
-from recoil_acquisition.acquisition import read_acquisition
-from recoil_acquisition.capture.session_record import (
-    CLOSED,
-    DECISION,
-    KEPT,
-    KINDS,
-    OPERATOR,
-    SHOT,
-    CompleteShot,
-    Kept,
-    LiveRecord,
-    RecordedSource,
-    pack_decision,
-    pack_kept,
-    pack_shot,
-)
+from recoil_acquisition.capture.cut import acquisition_in
+from recoil_acquisition.capture.session_record import CompleteShot, Kept, LiveRecord, RecordedSource
 from recoil_acquisition.devices.device import SERIAL, Block, event_block
 from recoil_acquisition.errors import ReadError, StoreError
-from recoil_acquisition.frames import capture_file
-from recoil_acquisition.journal import JournalWriter
-from recoil_acquisition.journal.layout import RECORD_OVERHEAD
+from recoil_acquisition.log.capture import read_capture
+from recoil_acquisition.log.record import HEAD_SIZE, Kind
+from recoil_acquisition.log.writer import LogWriter
 from recoil_acquisition.trigger import Decision
 from recoil_daq.cli import app
 from recoil_daq.live_tables import print_recovered
 from recoil_daq.recover import recover_folder, recover_journal
 from recoil_rigs.rig import load_rig
+from tests.builders.live_logs import append, source_in, stream_in
 from tests.builders.live_sources import ANCHOR
 
 RIG = load_rig("mixed")
@@ -59,26 +47,24 @@ def leave_journal(
 ) -> Path:
     """The inertial sensor sends its time every 10 ms from 10 s to 15 s; the bus is silent."""
     folder = out / "journal" / NAME
-    with JournalWriter(folder, RECORD.to_json(), 0, segment_bytes=1 << 16) as writer:
-        for block in [event_block("imu", int(10e9), "opened", "x"), *(imu(10.0 + 0.01 * k) for k in range(500))]:
-            writer.append(RECORD.number("imu"), KINDS.index(block.kind), block.host_ns, block.payload)
-        for time_s in triggers_s:
-            decision = Decision(time_s, "trigger", "", "p_brake", 0, 1, 2e6, time_s)
-            writer.append(OPERATOR, DECISION, round(time_s * 1e9), pack_decision(decision))
-        for time_s in disarmed_s:
-            decision = Decision(time_s, "suppressed", "not armed", "p_brake", 0, 1, 2e6, time_s)
-            writer.append(OPERATOR, DECISION, round(time_s * 1e9), pack_decision(decision))
-        for stretch in kept:
-            writer.append(OPERATOR, KEPT, round(stretch.last_s * 1e9), pack_kept(stretch))
-        for shot in known:
-            writer.append(OPERATOR, SHOT, round(shot.trigger_s * 1e9), pack_shot(shot))
-        if closed:
-            writer.append(OPERATOR, CLOSED, int(16e9), b"{}")
+    writer = LogWriter(folder, RECORD.to_json(), 0, segment_bytes=1 << 20)
+    append(writer, RECORD, [event_block("imu", int(10e9), "opened", "x"), *(imu(10.0 + 0.01 * k) for k in range(500))])
+    for time_s in triggers_s:
+        decision = Decision(time_s, "trigger", "", "p_brake", 0, 1, 2e6, time_s)
+        writer.say(Kind.DECISION, round(time_s * 1e9), asdict(decision))
+    for time_s in disarmed_s:
+        decision = Decision(time_s, "suppressed", "not armed", "p_brake", 0, 1, 2e6, time_s)
+        writer.say(Kind.DECISION, round(time_s * 1e9), asdict(decision))
+    for stretch in kept:
+        writer.say(Kind.KEPT, round(stretch.last_s * 1e9), asdict(stretch))
+    for shot in known:
+        writer.say(Kind.SHOT, round(shot.trigger_s * 1e9), asdict(shot))
+    writer.close(in_order=closed)
     return folder
 
 
 def times_in(path: Path) -> list[float]:
-    stream = capture_file.parse_capture(path.read_bytes()).stream
+    stream = stream_in(path, "imu")
     return [float(stream[at : at + 8]) for at in range(0, len(stream), 8)]
 
 
@@ -86,11 +72,10 @@ def test_every_byte_comes_back_once_and_the_journal_goes(tmp_path: Path) -> None
     journal = leave_journal(tmp_path)
     ((done,), _) = recover_folder(tmp_path, None)
     assert done.shots == ()
-    assert done.everything == tmp_path / "recovered" / NAME
-    assert times_in(done.everything / f"{NAME}_imu.rdsc") == pytest.approx([10.0 + 0.01 * k for k in range(500)])
-    document = json.loads((done.everything / f"{NAME}.json").read_text())
-    assert document["session"]["rig_text"] == RIG.text
-    assert [event["name"] for event in document["events"]["imu"]] == ["opened"]
+    assert done.everything == tmp_path / "recovered" / f"{NAME}.rdlog"
+    assert times_in(done.everything) == pytest.approx([10.0 + 0.01 * k for k in range(500)])
+    assert read_capture(done.everything).session["rig_text"] == RIG.text
+    assert [event.name for event in source_in(done.everything, "imu").events] == ["opened"]
     assert not journal.exists()
     assert recover_folder(tmp_path, None) == ([], [])
 
@@ -102,13 +87,14 @@ def test_a_shot_under_way_is_cut_from_its_recorded_trigger(tmp_path: Path) -> No
     assert [first.name, second.name] == ["0001", "0002"]
     assert first.missing == ("dewetron", "camera")
     assert first.shot_file is None
-    times = times_in(first.folder / "0001_imu.rdsc")
+    times = times_in(first.path)
     assert times[0] == pytest.approx(11.7)
     assert times[-1] == pytest.approx(12.94, abs=0.011)
-    acquisition = read_acquisition(second.folder / "0002_acquisition.json")
+    acquisition = acquisition_in(second.path)
+    assert acquisition is not None
     assert acquisition.recovered
     assert [source.name for source in acquisition.sources if source.late] == ["can", "imu"]
-    assert times_in(second.folder / "0002_imu.rdsc")[-1] == pytest.approx(14.99)
+    assert times_in(second.path)[-1] == pytest.approx(14.99)
 
 
 def test_a_shot_keeps_the_name_that_the_session_gave_it(tmp_path: Path) -> None:
@@ -133,12 +119,12 @@ def test_captures_that_were_written_before_are_left_as_they_are(tmp_path: Path) 
     leave_journal(tmp_path, triggers_s=(12.0,))
     ((first,), _) = recover_folder(tmp_path, None, keep=True)
     assert not first.removed
-    file = first.shots[0].files[0]
+    file = first.shots[0].path
     before = file.stat().st_mtime_ns
     again = recover_journal(first.journal, tmp_path)
     assert [shot.name for shot in again.shots] == ["0001"]
     assert again.shots[0].was_there
-    assert [path.name for path in (tmp_path / "captures").iterdir()] == ["0001"]
+    assert [path.name for path in (tmp_path / "captures").iterdir()] == ["0001.rdlog"]
     assert file.stat().st_mtime_ns == before
     assert again.everything == first.everything
     assert again.removed
@@ -146,12 +132,12 @@ def test_captures_that_were_written_before_are_left_as_they_are(tmp_path: Path) 
 
 def test_captures_of_another_shot_under_the_same_name_are_never_touched(tmp_path: Path) -> None:
     leave_journal(tmp_path, triggers_s=(12.0,), known=(CompleteShot("0001", 12.0),))
-    other = tmp_path / "captures" / "0001"
-    other.mkdir(parents=True)
-    (other / "mine.txt").write_text("mine")
+    other = tmp_path / "captures" / "0001.rdlog"
+    other.parent.mkdir()
+    other.write_text("mine")
     ((done,), _) = recover_folder(tmp_path, None)
-    assert done.shots[0].folder == tmp_path / "captures" / "0001-recovered"
-    assert [path.name for path in other.iterdir()] == ["mine.txt"]
+    assert done.shots[0].path == tmp_path / "captures" / "0001-recovered.rdlog"
+    assert other.read_text() == "mine"
 
 
 def test_of_a_session_that_ended_in_order_only_the_shots_are_wanted(tmp_path: Path) -> None:
@@ -159,12 +145,12 @@ def test_of_a_session_that_ended_in_order_only_the_shots_are_wanted(tmp_path: Pa
     ((done,), _) = recover_folder(tmp_path, tmp_path / "elsewhere")
     assert done.in_order
     assert done.everything is None
-    assert done.shots[0].folder == tmp_path / "elsewhere" / "captures" / "0001"
+    assert done.shots[0].path == tmp_path / "elsewhere" / "captures" / "0001.rdlog"
 
 
 def damage(journal: Path, *places: bytes) -> None:
     """Flip a byte of each record that holds one of some texts."""
-    (segment,) = journal.glob("*.journal")
+    (segment,) = journal.glob("*.rdlog")
     content = bytearray(segment.read_bytes())
     for text in places:
         content[content.index(text)] ^= 0xFF
@@ -178,14 +164,15 @@ def test_a_damaged_record_costs_itself_and_the_journal_stays_and_says_so(
     damage(journal, b"   10.50", b"   14.90")
     ((done,), _) = recover_folder(tmp_path, None)
     assert done.everything is not None
-    times = times_in(done.everything / f"{NAME}_imu.rdsc")
+    times = times_in(done.everything)
     assert times == pytest.approx([10.0 + 0.01 * k for k in range(500) if k not in (50, 490)])
-    assert (done.lost_records, done.cut_bytes) == (2, 2 * (RECORD_OVERHEAD + 8))
+    assert (done.lost_records, done.damaged_bytes) == (2, 2 * (HEAD_SIZE + 8))
+    assert [loss.split(", from")[0] for loss in done.losses] == 2 * ["imu: 1 records, 8 bytes"]
     assert not done.removed
     assert journal.exists()
     print_recovered(tmp_path, [done])
     said = " ".join(capsys.readouterr().out.split())
-    assert "2 are missing, 96 bytes in damaged places could not be read" in said
+    assert "2 are missing, 144 bytes in damaged places could not be read" in said
     assert "what is missing at its very end is not known" in said
     assert f"the journal is kept: {journal}" in said
     assert "all of it" not in said
@@ -216,7 +203,7 @@ def test_a_shot_fired_while_disarmed_is_listed_cut_out_on_request_and_then_the_j
     assert not recover_folder(tmp_path, None)[0][0].removed, "asking again does not remove it"
     ((cut,), _) = recover_folder(journal, None, at_s=[3.0])
     assert [shot.name for shot in cut.shots] == ["0001", "0002"]
-    times = times_in(cut.shots[1].folder / "0002_imu.rdsc")
+    times = times_in(cut.shots[1].path)
     assert (times[0], times[-1]) == pytest.approx((12.7, 13.94))
     assert cut.outside == ()
     assert cut.removed
@@ -251,8 +238,10 @@ def test_a_person_may_discard_what_is_nowhere_else(tmp_path: Path, capsys: pytes
 def test_captures_that_differ_from_the_journal_keep_it(tmp_path: Path) -> None:
     journal = leave_journal(tmp_path, triggers_s=(12.0,))
     ((first,), _) = recover_folder(tmp_path, None, keep=True)
-    capture = first.shots[0].files[0]
-    capture.write_bytes(capture.read_bytes()[:-1])
+    capture = first.shots[0].path
+    content = capture.read_bytes()
+    capture.write_bytes(content.replace(b"   12.00", b"   12.01"))
+    assert capture.read_bytes() != content
     ((again,), _) = recover_folder(tmp_path, None)
     assert not again.shots[0].whole
     assert not again.removed
@@ -263,7 +252,7 @@ def test_everything_that_was_written_before_and_is_incomplete_keeps_the_journal(
     journal = leave_journal(tmp_path)
     ((first,), _) = recover_folder(tmp_path, None, keep=True)
     assert first.everything is not None
-    (first.everything / f"{NAME}_imu.rdsc").unlink()
+    first.everything.write_bytes(first.everything.read_bytes().replace(b"   12.00", b"   12.01"))
     assert not recover_folder(tmp_path, None)[0][0].removed
     assert journal.exists()
 
@@ -280,7 +269,7 @@ def test_an_instant_that_the_journal_does_not_hold_is_refused(tmp_path: Path, at
 def test_what_is_no_folder_and_a_journal_of_something_else_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ReadError, match="no such folder"):
         recover_folder(tmp_path / "none", None)
-    with JournalWriter(tmp_path / "j", {"schema": "x"}, 0, segment_bytes=1 << 16) as writer:
+    with LogWriter(tmp_path / "j", {"schema": "x"}, 0, segment_bytes=1 << 16) as writer:
         writer.append(0, 0, 1, b"x")
     leave_journal(tmp_path)
     (done,), (failed,) = recover_folder(tmp_path, None)

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from recoil_acquisition.errors import StoreError
-from recoil_acquisition.log.lock import JournalLock
+from recoil_acquisition.log.lock import FolderLock
 from recoil_daq.report_folder import publish, refuse_existing
 
 NAMES = ("report.html", "report.json", "mass.csv")
@@ -136,7 +136,7 @@ def test_a_file_that_comes_while_the_folders_change_places_is_kept(
 def test_what_another_run_is_writing_is_left_alone(reported: Path) -> None:
     theirs = reported.parent / ".r.abcdefgh.partial"
     theirs.mkdir()
-    lock = JournalLock(theirs)
+    lock = FolderLock(theirs)
     publish(reported, writer("new"))
     assert theirs.is_dir()
     lock.release()

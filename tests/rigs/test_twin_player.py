@@ -15,18 +15,21 @@ import can
 import numpy as np
 import pytest
 
-from recoil_acquisition.devices.capture_bytes import capture_bytes, capture_header
+from recoil_acquisition.capture.cut import write_everything
+from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource
 from recoil_acquisition.devices.device import Block, Device, event_of
 from recoil_acquisition.devices.opening import open_device
 from recoil_acquisition.devices.reader_thread import DeviceReader
-from recoil_acquisition.frames.can_capture_file import parse_records
+from recoil_acquisition.frames.can_rows import parse_rows
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.frames.scan import find_frames
 from recoil_acquisition.frames.values import decode_fields, unwrap
 from recoil_acquisition.host_clock import Anchor, anchor
-from recoil_acquisition.readers.can.capture import CanCaptureReader, CanCaptureRecording
+from recoil_acquisition.log.folder import open_log
+from recoil_acquisition.log.writer import LogWriter
+from recoil_acquisition.readers.can.capture import CanCaptureRecording
 from recoil_acquisition.readers.can.decoding import pieces_of
-from recoil_acquisition.readers.serial.capture import SerialCaptureReader
+from recoil_acquisition.readers.rdlog import CaptureReader
 from recoil_rigs.rig import Rig, load_rig, parse_rig
 from recoil_rigs.twin import TwinShot, simulate_shot
 from recoil_rigs.twin.can_replay import can_items, with_bits
@@ -35,6 +38,7 @@ from recoil_rigs.twin.player import TwinPlayer, is_virtual
 from recoil_rigs.twin.serial_replay import SensorFrame, serial_items
 from recoil_rigs.twin.timeline import DeviceClock, Timeline
 from recoil_rigs.twin.transports import PseudoTerminal
+from tests.builders.live_logs import append
 from tests.builders.machine_stalls import MachineStalls
 
 needs_pty = pytest.mark.skipif(not hasattr(os, "openpty"), reason="this system has no pseudo-terminals")
@@ -78,16 +82,17 @@ class Recorded:
                 parts.append([])
             elif block.kind == "can":
                 parts[-1].append(block.payload)
-        records = [parse_records(b"".join(part)) for part in parts]
+        records = [parse_rows(b"".join(part)) for part in parts]
         return [one["data"][one["id"] == NODE, 6].astype(np.int64) for one in records]
 
     def capture(self, rig: Rig, source: str, folder: Path) -> Any:
         declared = rig.source(source)
-        path = folder / f"{source}.capture"
-        content = [capture_bytes(declared.kind, block, self.anchored) for block in self.blocks[source]]
-        path.write_bytes(capture_header(declared.kind, self.anchored) + b"".join(content))
-        reader = CanCaptureReader() if declared.kind == "can" else SerialCaptureReader()
-        return reader.open(path, rig.declarations(declared))
+        path = folder / f"{source}.rdlog"
+        record = LiveRecord(rig.name, rig.text, "rig.toml", {}, self.anchored, (RecordedSource(source, declared.kind),))
+        with LogWriter(folder / f"log of {source}", record.to_json(), 0) as writer:
+            append(writer, record, self.blocks[source])
+        write_everything(open_log(writer.folder), path, {})
+        return CaptureReader().open(path, rig.declarations(declared))
 
 
 def play(rig: Rig, shots: list[TwinShot], **options: Any) -> Recorded:

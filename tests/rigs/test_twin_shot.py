@@ -17,11 +17,13 @@ import pandas as pd
 import pytest
 
 from recoil_acquisition.errors import RigError, StoreError
+from recoil_acquisition.log.capture import read_capture
 from recoil_rigs.rig import Rig, find_rig, load_rig, parse_rig
 from recoil_rigs.twin import TwinShot, draw_scene, simulate_shot
-from recoil_rigs.twin.files import CAPTURE_MAGIC, CanFrame, can_log, dewesoft_text, serial_capture
+from recoil_rigs.twin.files import CanFrame, can_log, dewesoft_text
 from recoil_rigs.twin.settings import read_settings
 from recoil_rigs.twin.sources import Scene
+from tests.builders.naive_log import read_file
 
 
 def variant(name: str, twin: str = "", **replaced: str) -> Rig:
@@ -69,9 +71,9 @@ def test_the_bundled_rigs_load_and_can_be_simulated(name: str) -> None:
 def test_the_recorders_files_a_copy_of_the_rig_and_the_truth_are_there(mixed: TwinShot) -> None:
     names = {p.name for p in mixed.folder.iterdir()}
     assert names == {
-        "0042_dewetron.csv", "0042_can.blf", "0042_imu.bin", "0042_camera.csv", "mixed.dbc", "rig.toml", "truth.json",
+        "0042_dewetron.csv", "0042_can.blf", "0042_imu.rdlog", "0042_camera.csv", "mixed.dbc", "rig.toml", "truth.json",
     }  # fmt: skip
-    assert [p.name for p in mixed.files] == ["0042_dewetron.csv", "0042_can.blf", "0042_imu.bin", "0042_camera.csv"]
+    assert [p.name for p in mixed.files] == ["0042_dewetron.csv", "0042_can.blf", "0042_imu.rdlog", "0042_camera.csv"]
     copy = load_rig(mixed.rig_file)
     for path in mixed.files:
         (source,) = copy.matching(path.name)
@@ -112,7 +114,7 @@ def test_one_channel_less_leaves_the_others_as_they_are(mixed: TwinShot, tmp_pat
     a, b = pd.read_csv(file_of(mixed, "dewetron.csv")), pd.read_csv(file_of(shot, "dewetron.csv"))
     assert len(b.columns) == len(a.columns) - 1
     pd.testing.assert_frame_equal(a[b.columns], b)
-    assert file_of(shot, "imu.bin").read_bytes() == file_of(mixed, "imu.bin").read_bytes()
+    assert file_of(shot, "imu.rdlog").read_bytes() == file_of(mixed, "imu.rdlog").read_bytes()
 
 
 def test_the_recorders_text_has_the_export_header_and_uniform_times(mixed: TwinShot) -> None:
@@ -274,15 +276,12 @@ def test_an_asc_log_holds_the_same_frames_as_a_blf_log_and_no_time_of_day() -> N
         can_log(frames[1:], "blf")
 
 
-def capture_records(data: bytes) -> list[tuple[int, bytes]]:
-    assert data.startswith(b"recoil-daq serial capture 1\n")
-    place, records = len(b"recoil-daq serial capture 1\n"), []
-    while place < len(data):
-        host_ns, count = struct.unpack_from("<qI", data, place)
-        records.append((host_ns, data[place + 12 : place + 12 + count]))
-        place += 12 + count
-    assert place == len(data)
-    return records
+def capture_records(path: Path) -> list[tuple[int, bytes]]:
+    session, *reads = read_file(path)
+    assert json.loads(json.loads(session.payload)["text"]) == {"sources": [{"name": "imu", "kind": "serial"}]}
+    assert [(one.source, one.kind, one.source_number) for one in reads] == [(0, 2, i) for i in range(len(reads))]
+    assert [one.position for one in reads] == [sum(len(one.payload) for one in reads[:i]) for i in range(len(reads))]
+    return [(one.host_ns, one.payload) for one in reads]
 
 
 def sound_frames(stream: bytes) -> list[tuple[Any, ...]]:
@@ -298,7 +297,7 @@ def sound_frames(stream: bytes) -> list[tuple[Any, ...]]:
 
 
 def test_the_capture_holds_all_frames_but_the_damaged_ones_and_follows_the_true_rates(mixed: TwinShot) -> None:
-    records = capture_records(file_of(mixed, "imu.bin").read_bytes())
+    records = capture_records(file_of(mixed, "imu.rdlog"))
     host = np.array([r[0] for r in records])
     assert host[0] == 0
     assert (np.diff(host) > 0).all()
@@ -319,7 +318,7 @@ def test_the_capture_holds_all_frames_but_the_damaged_ones_and_follows_the_true_
 
 
 def test_the_host_stamps_bytes_after_they_were_sampled(mixed: TwinShot) -> None:
-    records = capture_records(file_of(mixed, "imu.bin").read_bytes())
+    records = capture_records(file_of(mixed, "imu.rdlog"))
     hidden = mixed.truth["sources"]["imu"]
     host = hidden["host_clock"]
     late = []
@@ -333,9 +332,11 @@ def test_the_host_stamps_bytes_after_they_were_sampled(mixed: TwinShot) -> None:
     assert np.mean(late) == pytest.approx(host["latency_s"], abs=1e-4)
 
 
-def test_the_magic_line_and_the_records_of_a_capture_are_little_endian() -> None:
-    assert CAPTURE_MAGIC == b"recoil-daq serial capture 1\n"
-    assert serial_capture([(258, b"AB")])[len(CAPTURE_MAGIC) :] == b"\x02\x01\0\0\0\0\0\0\x02\0\0\0AB"
+def test_the_capture_is_one_that_the_program_reads(mixed: TwinShot) -> None:
+    capture = read_capture(file_of(mixed, "imu.rdlog"))
+    assert (capture.losses, capture.damages, capture.unfinished_bytes) == ((), (), 0)
+    records = capture_records(file_of(mixed, "imu.rdlog"))
+    assert [(one.host_ns, one.payload) for one in capture.of(0)] == records
 
 
 def test_the_truth_states_mass_events_and_errors(mixed: TwinShot, tmp_path: Path) -> None:
@@ -355,11 +356,11 @@ def test_the_truth_states_mass_events_and_errors(mixed: TwinShot, tmp_path: Path
 
 
 def test_an_existing_file_is_never_overwritten(tmp_path: Path) -> None:
-    (tmp_path / "0042_imu.bin").write_bytes(b"mine")
-    with pytest.raises(StoreError, match=r"0042_imu\.bin: exists already"):
+    (tmp_path / "0042_imu.rdlog").write_bytes(b"mine")
+    with pytest.raises(StoreError, match=r"0042_imu\.rdlog: exists already"):
         simulate_shot(variant("mixed", FAST), tmp_path, seed=11, shot="0042")
-    assert [p.name for p in tmp_path.iterdir()] == ["0042_imu.bin"]
-    assert (tmp_path / "0042_imu.bin").read_bytes() == b"mine"
+    assert [p.name for p in tmp_path.iterdir()] == ["0042_imu.rdlog"]
+    assert (tmp_path / "0042_imu.rdlog").read_bytes() == b"mine"
 
 
 def test_a_folder_that_cannot_be_made_is_reported(tmp_path: Path) -> None:

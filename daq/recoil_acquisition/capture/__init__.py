@@ -1,1 +1,1 @@
-"""Armed acquisition: live sources into the journal, past the trigger, and out as one shot's captures."""
+"""Armed acquisition: live sources into the log, past the trigger, and out as one shot's capture."""

@@ -1,24 +1,25 @@
-"""Out of the journal: the captures of one span of time, complete and verified, or not there."""
+"""Out of the log: one shot's capture, complete and verified, or not there."""
 
 from __future__ import annotations
 
-import hashlib
-import os
-import shutil
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import IO
+from typing import Any
 
+from recoil_acquisition.acquisition import AcquiredEvent, Acquisition
+from recoil_acquisition.capture.engine import SETTLE_S
 from recoil_acquisition.capture.session_record import LiveRecord
-from recoil_acquisition.devices.capture_bytes import capture_bytes, capture_header
-from recoil_acquisition.devices.device import CAN, EVENT, Block, DeviceEvent, event_of
-from recoil_acquisition.errors import StoreError
-from recoil_acquisition.journal.folder import Journal
-from recoil_acquisition.log.segment import sync_folder
+from recoil_acquisition.devices.device import EVENT, Block, DeviceEvent, event_of
+from recoil_acquisition.errors import CorruptFileError, StoreError
+from recoil_acquisition.log.capture import capture_holds, capture_scan, write_capture
+from recoil_acquisition.log.folder import Log
+from recoil_acquisition.log.record import OWN, UNNUMBERED, Kind
 
-SUFFIX = {CAN: ".rdcc", "serial": ".rdsc"}
-"""Ending of a capture, by kind of source."""
+SCHEMA = "recoil-daq/capture/1"
+
+ACQUISITION = "acquisition"
+"""Key of the declaration of a capture under which it says how its shot was acquired."""
 
 BEHIND_NS = 250_000_000
 """An adapter or a driver may hold back what was sent for so long, so what arrives so long behind the span is cut with
@@ -31,8 +32,6 @@ class Cut:
 
     Attributes
     ----------
-    file : Path or None
-        Its capture; None if there is no data.
     blocks, bytes : int
         Of data.
     late_s : float
@@ -40,138 +39,118 @@ class Cut:
     events : list of (host_ns, DeviceEvent)
     """
 
-    file: Path | None = None
     blocks: int = 0
     bytes: int = 0
     late_s: float = 0.0
     events: list[tuple[int, DeviceEvent]] = field(default_factory=list)
 
 
-def write_captures(
-    journal: Journal,
-    session: LiveRecord,
-    folder: Path,
-    prefix: str,
-    start_ns: int | None,
-    stop_ns: int | None,
-    also: Callable[[Path, Mapping[str, Cut]], None] = lambda _folder, _cuts: None,
-) -> dict[str, Cut]:
-    """Write the captures of all sources for a span of time.
+def cuts_of(log: Log, session: LiveRecord, start_ns: int | None, stop_ns: int | None) -> dict[str, Cut]:
+    """Return what each source has in a span of host time, and just behind it; None for no limit."""
+    cuts = {source.name: Cut() for source in session.sources}
+    read_ns: dict[str, int] = {}
+    for record in log.records(start_ns=start_ns, stop_ns=_behind(stop_ns)):
+        if record.source == OWN or record.kind == Kind.IDLE:
+            continue
+        block = session.block(record)
+        cut = cuts[block.source]
+        if block.kind == EVENT:
+            cut.events.append((block.host_ns, event_of(block)))
+            continue
+        cut.blocks += 1
+        cut.bytes += len(block.payload)
+        cut.late_s = max(cut.late_s, _late_s(block, read_ns.get(block.source)))
+        read_ns[block.source] = block.host_ns
+    return cuts
 
-    Everything is written into a folder under a temporary name, forced to the disk, read back and compared, and
-    then the folder gets its name.
+
+def write_shot(
+    log: Log, session: LiveRecord, path: Path, acquisition: Acquisition, start_ns: int, stop_ns: int
+) -> Acquisition:
+    """Write the capture of a shot, with what each source has in it.
 
     Parameters
     ----------
-    journal : Journal
+    log : Log
         May still be written; what was appended before the call counts.
     session : LiveRecord
-    folder : Path
-        To be made.
-    prefix : str
-        Of the files' names, which end with the source's.
-    start_ns, stop_ns : int or None
-        Host time; None for no limit.
-    also : callable
-        Writes what else belongs into the folder, before it gets its name.
+    path : Path
+        To be made, with its folder.
+    acquisition : Acquisition
+        Without what the log has of its sources.
+    start_ns, stop_ns : int
+        Host time.
 
     Returns
     -------
-    dict of str to Cut
-        By source.
+    Acquisition
+        With what the log has, as it stands in the capture.
 
     Raises
     ------
     StoreError
-        If the folder exists, cannot be written, or does not read back as it was written. Nothing is left then.
+        If the file exists, cannot be written, or does not read back as it was written. Nothing is left then.
     """
-    if folder.exists():
-        raise StoreError("the captures of this shot exist already", path=folder, remedy="move them elsewhere")
-    temporary = folder.with_name(f".{folder.name}.partial")
+    whole = with_cuts(acquisition, cuts_of(log, session, start_ns, stop_ns), path.name)
+    _make_folder(path.parent)
+    write_capture(log, path, start_ns, _behind(stop_ns), {"schema": SCHEMA, ACQUISITION: whole.to_json()})
+    return whole
+
+
+def write_everything(log: Log, path: Path, declaration: Mapping[str, Any]) -> None:
+    """Write a capture of all that a log holds; raises StoreError as `write_shot`."""
+    _make_folder(path.parent)
+    write_capture(log, path, None, None, {"schema": SCHEMA, **declaration})
+
+
+def capture_has(log: Log, path: Path, start_ns: int | None, stop_ns: int | None) -> bool:
+    """Tell whether a capture that was written before holds all that a log has of a span of time, byte for byte."""
+    return capture_holds(log, path, start_ns, _behind(stop_ns))
+
+
+def acquisition_in(path: Path) -> Acquisition | None:
+    """Return how the shot of a capture was acquired; None if it does not say so, or is no capture."""
     try:
-        shutil.rmtree(temporary, ignore_errors=True)
-        temporary.mkdir(parents=True)
-        cuts = _write(journal, session, temporary, prefix, start_ns, stop_ns)
-        also(temporary, cuts)
-        temporary.rename(folder)
-        sync_folder(folder.parent)
-    except OSError as error:
-        raise StoreError(
-            f"cannot be written: {error.strerror or error}", path=folder, remedy="make room; the journal still has it"
-        ) from error
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
-    for cut in cuts.values():
-        cut.file = None if cut.file is None else folder / cut.file.name
-    return cuts
+        with capture_scan(path) as scan:
+            for record in scan:
+                if record.number == UNNUMBERED and record.kind == Kind.SHOT:
+                    return acquisition_of_declaration(record.said)
+    except (StoreError, CorruptFileError, ValueError):
+        return None
+    return None
 
 
-def captures_hold(
-    journal: Journal, session: LiveRecord, folder: Path, prefix: str, start_ns: int | None, stop_ns: int | None
-) -> bool:
-    """Tell whether captures that were written before hold all that a journal has of a span of time.
-
-    Parameters are those of `write_captures`. What is there beyond it does not matter.
-    """
-    for number, source in enumerate(session.sources):
-        path = folder / f"{prefix}_{source.name}{SUFFIX[source.kind]}"
-        digest = hashlib.sha256(capture_header(source.kind, session.anchor))
-        data = False
-        for block in _blocks(journal, session, number, start_ns, stop_ns):
-            data |= block.kind != EVENT
-            digest.update(capture_bytes(source.kind, block, session.anchor) if data else b"")
-        try:
-            if data and digest.hexdigest() != _digest(path):
-                return False
-        except OSError:
-            return False
-    return True
+def acquisition_of_declaration(declaration: Mapping[str, Any]) -> Acquisition | None:
+    """Return how the shot of a declaration was acquired; None if it says nothing of it, ValueError if it is damaged."""
+    document = declaration.get(ACQUISITION)
+    return Acquisition.from_json(document) if isinstance(document, dict) else None
 
 
-def take_name(temporary: Path, folder: Path) -> None:
-    """Give a folder that is complete its name; StoreError if that is taken, or the system refuses."""
-    try:
-        if folder.exists():
-            raise StoreError("the captures of this shot exist already", path=folder, remedy="move them elsewhere")
-        temporary.rename(folder)
-        sync_folder(folder.parent)
-    except OSError as error:
-        raise StoreError(f"cannot be named: {error.strerror or error}", path=folder) from error
+def with_cuts(acquisition: Acquisition, cuts: Mapping[str, Cut], file: str) -> Acquisition:
+    """Return an acquisition with what each source has in the capture of a name."""
+    sources = []
+    for source in acquisition.sources:
+        cut = cuts[source.name]
+        sources.append(
+            replace(
+                source,
+                file=file if cut.blocks else "",
+                blocks=cut.blocks,
+                bytes=cut.bytes,
+                pre_s=source.pre_s if cut.blocks else None,
+                late=source.late or cut.late_s > SETTLE_S,
+                late_s=cut.late_s,
+                events=tuple(
+                    AcquiredEvent((host_ns - acquisition.trigger_ns) / 1e9, event.name, event.detail)
+                    for host_ns, event in cut.events
+                ),
+            )
+        )
+    return replace(acquisition, sources=tuple(sources))
 
 
-def _write(
-    journal: Journal, session: LiveRecord, folder: Path, prefix: str, start_ns: int | None, stop_ns: int | None
-) -> dict[str, Cut]:
-    cuts = {source.name: Cut() for source in session.sources}
-    streams: dict[str, IO[bytes]] = {}
-    digests = {}
-    try:
-        for number, source in enumerate(session.sources):
-            cut, before_ns = cuts[source.name], None
-            for block in _blocks(journal, session, number, start_ns, stop_ns):
-                if block.kind == EVENT:
-                    cut.events.append((block.host_ns, event_of(block)))
-                else:
-                    cut.blocks += 1
-                    cut.bytes += len(block.payload)
-                    cut.late_s = max(cut.late_s, _late_s(block, before_ns))
-                    before_ns = block.host_ns
-                    if cut.file is None:
-                        cut.file = folder / f"{prefix}_{source.name}{SUFFIX[source.kind]}"
-                        streams[source.name] = cut.file.open("xb")
-                        digests[source.name] = hashlib.sha256()
-                        _put(streams, digests, source.name, capture_header(source.kind, session.anchor))
-                if cut.file is not None:
-                    _put(streams, digests, source.name, capture_bytes(source.kind, block, session.anchor))
-        for stream in streams.values():
-            stream.flush()
-            os.fsync(stream.fileno())
-    finally:
-        for stream in streams.values():
-            stream.close()
-    for name, digest in digests.items():
-        _verify(cuts[name].file, digest.hexdigest())
-    return cuts
+def _behind(stop_ns: int | None) -> int | None:
+    return None if stop_ns is None else stop_ns + BEHIND_NS
 
 
 def _late_s(block: Block, before_ns: int | None) -> float:
@@ -184,26 +163,8 @@ def _late_s(block: Block, before_ns: int | None) -> float:
     return (block.host_ns - max(block.empty_ns, before_ns)) / 1e9
 
 
-def _blocks(
-    journal: Journal, session: LiveRecord, source: int, start_ns: int | None, stop_ns: int | None
-) -> Iterator[Block]:
-    """Yield what a source has in a span of time, and just behind it."""
-    until_ns = None if stop_ns is None else stop_ns + BEHIND_NS
-    return (session.block(record) for record in journal.records(source, start_ns, until_ns))
-
-
-def _put(streams: Mapping[str, IO[bytes]], digests: Mapping[str, hashlib._Hash], name: str, data: bytes) -> None:
-    streams[name].write(data)
-    digests[name].update(data)
-
-
-def _verify(path: Path | None, digest: str) -> None:
-    if path is None:
-        return
-    if _digest(path) != digest:
-        raise StoreError("does not read back as it was written", path=path, remedy="check the disk")
-
-
-def _digest(path: Path) -> str:
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StoreError(f"cannot be written: {error.strerror or error}", path=folder) from error

@@ -15,37 +15,24 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
-from recoil_acquisition.acquisition import Acquisition, write_acquisition
+from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.capture.counter_history import CounterHistory
-from recoil_acquisition.capture.cut import take_name
 from recoil_acquisition.capture.cut_process import cut_apart
 from recoil_acquisition.capture.engine import PATIENCE_S, CaptureEngine
 from recoil_acquisition.capture.live_source import LiveSource
-from recoil_acquisition.capture.session_record import (
-    CLOSED,
-    DECISION,
-    KEPT,
-    KINDS,
-    OPERATOR,
-    SHOT,
-    CompleteShot,
-    Kept,
-    LiveRecord,
-    kept_of,
-    longer,
-    pack_decision,
-    pack_kept,
-    pack_shot,
-)
+from recoil_acquisition.capture.session_record import KINDS, CompleteShot, Kept, LiveRecord, kept_of, longer
 from recoil_acquisition.capture.shot_record import acquisition_of
 from recoil_acquisition.capture.status import ChannelStatus, LiveStatus, SourceStatus, State
 from recoil_acquisition.devices.device import EVENT, Block, Device, joined
 from recoil_acquisition.devices.reader_thread import DeviceReader
 from recoil_acquisition.errors import DeviceError, RecoilDaqError
-from recoil_acquisition.journal import JournalWriter, remove_journal
+from recoil_acquisition.log.folder import remove_log
+from recoil_acquisition.log.record import Kind
+from recoil_acquisition.log.writer import LogWriter
 from recoil_acquisition.trigger import Decision, Edge, ShotWindow, Trigger
 
 QUEUE_BYTES = 128 << 20
@@ -72,16 +59,13 @@ class CapturedShot:
     Attributes
     ----------
     name : str
-    folder : Path
-        Of its captures.
-    files : tuple of Path
-        The captures, and the record of the acquisition.
+    path : Path
+        Its capture.
     acquisition : Acquisition
     """
 
     name: str
-    folder: Path
-    files: tuple[Path, ...]
+    path: Path
     acquisition: Acquisition
 
 
@@ -130,7 +114,7 @@ class LiveSession:
         self._sources = {source.name: source for source in sources}
         self._notice = notice
         self._engine = CaptureEngine(sources, trigger)
-        self._journal = JournalWriter(folder, record.to_json(), reserve_bytes, segment_bytes=SEGMENT_BYTES)
+        self._journal = LogWriter(folder, record.to_json(), reserve_bytes, segment_bytes=SEGMENT_BYTES)
         self._queue: queue.SimpleQueue[Block | Callable[[], None]] = queue.SimpleQueue()
         self._waiting_bytes = self._unseen_bytes = 0
         self._lock = threading.Lock()
@@ -184,8 +168,8 @@ class LiveSession:
         except queue.Empty:
             return None
 
-    def cut(self, name: str, window: ShotWindow, folder: Path) -> CapturedShot:
-        """Write a shot's captures and the record of its acquisition.
+    def cut(self, name: str, window: ShotWindow, path: Path) -> CapturedShot:
+        """Write a shot's capture, with the record of its acquisition.
 
         Parameters
         ----------
@@ -193,28 +177,22 @@ class LiveSession:
             Identifier of the shot.
         window : ShotWindow
             Of `next_window`.
-        folder : Path
+        path : Path
             To be made.
 
         Raises
         ------
         StoreError
-            If they cannot be written; the journal still has it.
+            If it cannot be written; the journal still has it.
         """
-        self._append(SHOT, window.trigger_s, pack_shot(CompleteShot(name, window.trigger_s)))
+        self._say(Kind.SHOT, window.trigger_s, asdict(CompleteShot(name, window.trigger_s)))
         self._journal.sync()
-        start_ns, stop_ns = round(window.start_s * 1e9), round(window.stop_s * 1e9)
-        cut_into = folder.with_name(f".{name}.cut")
-        cuts = cut_apart(self._journal.folder, cut_into, name, start_ns, stop_ns)
         acquisition = acquisition_of(
-            name, self.record, self.trigger, window, cuts, self._history.spans(window.start_s, window.stop_s),
+            name, self.record, self.trigger, window, self._history.spans(window.start_s, window.stop_s),
             unseen_bytes=self._unseen_bytes,
         )  # fmt: skip
-        record_name = f"{name}_acquisition.json"
-        write_acquisition(acquisition, cut_into / record_name)
-        take_name(cut_into, folder)
-        files = tuple(folder / cut.file.name for cut in cuts.values() if cut.file is not None)
-        return CapturedShot(name, folder, (*files, folder / record_name), acquisition)
+        start_ns, stop_ns = round(window.start_s * 1e9), round(window.stop_s * 1e9)
+        return CapturedShot(name, path, cut_apart(self._journal.folder, path, acquisition, start_ns, stop_ns))
 
     def release(self, window: ShotWindow) -> None:
         """Give a shot's data in the journal back: its captures and its shot file are verified."""
@@ -313,17 +291,13 @@ class LiveSession:
         complete : bool
         """
         self.stop()
-        try:
-            if self._error is None:
-                self._append(CLOSED, time.monotonic(), b"{}")
-        finally:
-            self._journal.close()
+        self._journal.close(in_order=self._error is None)
         if complete and self.error is None and not self._holding and not self.kept:
-            remove_journal(self._journal.folder)
+            remove_log(self._journal.folder)
 
     def _sink(self, block: Block) -> None:
         """Keep a block, in its reader's thread."""
-        number, kind = self._numbers[block.source], KINDS.index(block.kind)
+        number, kind = self._numbers[block.source], KINDS[block.kind]
         self._journal.append(number, kind, block.host_ns, block.payload, empty_ns=block.empty_ns)
         if block.kind == EVENT:
             self._events.append(block)
@@ -348,7 +322,7 @@ class LiveSession:
     def _keep(self, stretch: Kept, *, noted: bool = False) -> None:
         """Keep a stretch of the journal beyond the ring, and note so in it unless a decision does."""
         if not noted and not (stretch.why == self._noted[0] and stretch.start_s < self._noted[1]):
-            self._append(KEPT, stretch.last_s, pack_kept(stretch))
+            self._say(Kind.KEPT, stretch.last_s, asdict(stretch))
             self._noted = stretch.why, stretch.last_s + _NOTE_EVERY_S
         with self._lock:
             self._kept = longer(self._kept, stretch)
@@ -409,7 +383,7 @@ class LiveSession:
     def _look(self, now_s: float) -> None:
         """Record decisions, hand on complete shots, count, and give back what nobody needs."""
         for decision in self._engine.news():
-            self._append(DECISION, decision.time_s, pack_decision(decision))
+            self._say(Kind.DECISION, decision.time_s, asdict(decision))
             self._shots += decision.outcome == "trigger"
             if (stretch := kept_of(decision, self.trigger)) is not None:
                 self._keep(stretch, noted=True)
@@ -441,8 +415,8 @@ class LiveSession:
             kept = [(round(one.start_s * 1e9), round(one.stop_s * 1e9) + 1) for one in self.kept]
             self._journal.release(int(from_s * 1e9), kept)
 
-    def _append(self, kind: int, time_s: float, payload: bytes) -> None:
-        self._journal.append(OPERATOR, kind, round(time_s * 1e9), payload)
+    def _say(self, kind: Kind, time_s: float, content: Mapping[str, Any]) -> None:
+        self._journal.say(kind, round(time_s * 1e9), content)
 
     @property
     def _state(self) -> State:

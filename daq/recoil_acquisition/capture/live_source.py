@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.devices.device import CAN, EVENT, SERIAL, Block, Device, interrupts
 from recoil_acquisition.devices.opening import open_device
 from recoil_acquisition.errors import MissingChannelError
-from recoil_acquisition.frames import can_capture_file as capture
+from recoil_acquisition.frames import can_rows
 from recoil_acquisition.frames.decoder import FrameDecoder
 from recoil_acquisition.frames.framing import Framing
 from recoil_acquisition.frames.values import decode_fields
@@ -167,10 +167,10 @@ class CanSignals:
         """Take the next block; return the samples that it completes."""
         if block.kind != CAN:
             return []
-        records = capture.parse_records(block.payload)
+        records = can_rows.parse_rows(block.payload)
         flags = records["flags"]
-        plain = flags & (capture.ERROR | capture.REMOTE | capture.EVENT | capture.ANCHOR) == 0
-        extended = flags & capture.EXTENDED != 0
+        plain = flags & (can_rows.ERROR | can_rows.REMOTE) == 0
+        extended = flags & can_rows.EXTENDED != 0
         samples = []
         for (identifier, is_extended), rows in self._wanted.items():
             chosen = records[plain & (records["id"] == identifier) & (extended == is_extended)]

@@ -1,12 +1,11 @@
-"""What a journal of live acquisition says: its session, and which record is what.
+"""What the log of a live acquisition says: its session, and which record is what.
 
-Records of a source carry its number, from 0 in the session's order. Those with the number `OPERATOR` are JSON: what the
-trigger decided, and which shot became of it, so that a crash loses neither.
+Records of a source carry its number, from 0 in the session's order. Those of the log itself say what the trigger
+decided, and which shot became of it, so that a crash loses neither.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -15,22 +14,17 @@ from typing import Any
 from recoil_acquisition.devices.device import CAN, EVENT, SERIAL, Block
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.host_clock import Anchor
-from recoil_acquisition.journal.folder import Journal
-from recoil_acquisition.journal.records import JournalRecord
+from recoil_acquisition.log.folder import Log
+from recoil_acquisition.log.record import OWN, Kind, Record
 from recoil_acquisition.shot_name import check_shot_name
 from recoil_acquisition.trigger import Decision, Trigger
 
 SCHEMA = "recoil-daq/live/1"
 
-KINDS = (CAN, SERIAL, EVENT)
-"""Kind of a block, by its number in a record."""
+KINDS = {CAN: Kind.CAN, SERIAL: Kind.SERIAL, EVENT: Kind.EVENT}
+"""Kind of a record, by that of the block in it."""
 
-OPERATOR = 0xFFFF
-"""Number of the source of records that no device gave."""
-
-DECISION, SHOT, CLOSED, KEPT = 0, 1, 2, 3
-"""Kinds of the operator's records: a decision of the trigger, a shot that is complete, the orderly end, a stretch that
-is kept for another reason than a decision."""
+_BLOCKS = {number: kind for kind, number in KINDS.items()}
 
 
 @dataclass(frozen=True)
@@ -43,7 +37,7 @@ class RecordedSource:
 
 @dataclass(frozen=True)
 class LiveRecord:
-    """What a session's journal begins with.
+    """What a session's log begins with.
 
     Attributes
     ----------
@@ -75,23 +69,29 @@ class LiveRecord:
                 return i
         raise KeyError(source)
 
-    def block(self, record: JournalRecord) -> Block:
+    def block(self, record: Record) -> Block:
         """Return the block that a record of a source holds; StoreError if it is none of this session."""
-        if record.source >= len(self.sources) or record.kind >= len(KINDS):
-            raise StoreError(f"record {record.sequence} of the journal is of source {record.source}, which is unknown")
+        kind = _BLOCKS.get(record.kind)  # type: ignore[call-overload]
+        if record.source >= len(self.sources) or kind is None:
+            raise StoreError(f"record {record.number} of the journal is of source {record.source}, which is unknown")
         empty_ns = None if record.span_us is None else record.from_ns
-        return Block(self.sources[record.source].name, record.host_ns, record.payload, KINDS[record.kind], empty_ns)
+        return Block(self.sources[record.source].name, record.host_ns, record.payload, kind, empty_ns)
 
 
-def live_record_of(journal: Journal) -> LiveRecord:
-    """Return what a journal says of its session.
+def live_record_of(session: Mapping[str, Any], path: Path) -> LiveRecord:
+    """Return what a log, or a capture of one, says of its session.
+
+    Parameters
+    ----------
+    session : mapping
+    path : Path
+        For messages.
 
     Raises
     ------
     StoreError
-        If it is not the journal of a live acquisition.
+        If it is of no live acquisition.
     """
-    session = journal.session
     try:
         if session["schema"] != SCHEMA:
             raise ValueError(f"schema {session['schema']!r}")
@@ -103,10 +103,8 @@ def live_record_of(journal: Journal) -> LiveRecord:
             anchor=Anchor(**{key: int(value) for key, value in session["anchor"].items()}),
             sources=tuple(RecordedSource(str(one["name"]), str(one["kind"])) for one in session["sources"]),
         )
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise StoreError(
-            f"this journal is of no live acquisition: {error}", path=journal.folder, expected=f"a session {SCHEMA}"
-        ) from error
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
+        raise StoreError(f"is of no live acquisition: {error}", path=path, expected=f"a session {SCHEMA}") from error
 
 
 @dataclass(frozen=True)
@@ -122,14 +120,14 @@ class CompleteShot:
 
 @dataclass(frozen=True)
 class Kept:
-    """A stretch of a journal that a person may want, and why.
+    """A stretch of a log that a person may want, and why.
 
     Attributes
     ----------
     first_s, last_s : float
         What happened first and last, on the host's monotonic clock.
     start_s, stop_s : float
-        What is kept of the journal.
+        What is kept of the log.
     why : str
         Such as ``p_brake crossed: not armed``.
     """
@@ -170,7 +168,7 @@ def longer(kept: Sequence[Kept], one: Kept) -> list[Kept]:
 
 @dataclass(frozen=True)
 class OperatorRecords:
-    """What a journal holds that no device gave.
+    """What a log holds that no device gave.
 
     Attributes
     ----------
@@ -188,23 +186,8 @@ class OperatorRecords:
     in_order: bool
 
 
-def pack_kept(kept: Kept) -> bytes:
-    """Return the payload of a `KEPT`."""
-    return json.dumps(asdict(kept)).encode()
-
-
-def pack_decision(decision: Decision) -> bytes:
-    """Return the payload of a `DECISION`."""
-    return json.dumps(asdict(decision)).encode()
-
-
-def pack_shot(shot: CompleteShot) -> bytes:
-    """Return the payload of a `SHOT`."""
-    return json.dumps(asdict(shot)).encode()
-
-
-def operator_records(journal: Journal) -> OperatorRecords:
-    """Return what a journal holds that no device gave.
+def operator_records(log: Log) -> OperatorRecords:
+    """Return what a log holds that no device gave.
 
     Raises
     ------
@@ -215,18 +198,18 @@ def operator_records(journal: Journal) -> OperatorRecords:
     shots: list[CompleteShot] = []
     kept: list[Kept] = []
     closed = False
-    for record in journal.records(OPERATOR):
+    for record in log.records(OWN):
         try:
-            if record.kind == DECISION:
-                decisions.append(Decision(**json.loads(record.payload)))
-            elif record.kind == SHOT:
-                shots.append(CompleteShot(**json.loads(record.payload)))
-            elif record.kind == KEPT:
-                kept = longer(kept, Kept(**json.loads(record.payload)))
-            elif record.kind == CLOSED:
+            if record.kind == Kind.DECISION:
+                decisions.append(Decision(**record.said))
+            elif record.kind == Kind.SHOT:
+                shots.append(CompleteShot(**record.said))
+            elif record.kind == Kind.KEPT:
+                kept = longer(kept, Kept(**record.said))
+            elif record.kind == Kind.CLOSED:
                 closed = True
         except (ValueError, TypeError) as error:
-            raise StoreError(f"record {record.sequence} cannot be understood: {error}", path=journal.folder) from error
+            raise StoreError(f"record {record.number} cannot be understood: {error}", path=log.folder) from error
     return OperatorRecords(tuple(decisions), tuple(shots), tuple(kept), closed)
 
 
@@ -241,7 +224,7 @@ def journal_name(wall_ns: int) -> str:
 def reserve_bytes(sources: Sequence[Mapping[str, Any]], seconds: float) -> int:
     """Return the space that sources need at most in a time, from their ``device`` tables.
 
-    A bus carries at most 8,000 frames per second at 1 Mbit/s, each a record of 88 bytes; a port a byte per ten bits.
+    A bus carries at most 8,000 frames per second at 1 Mbit/s, each a row of 88 bytes; a port a byte per ten bits.
     """
     rate = 0.0
     for table in sources:

@@ -1,4 +1,4 @@
-"""From a shot's window and what was cut of each source to the record of its acquisition."""
+"""From a shot's window and what its devices counted to the record of its acquisition."""
 
 from __future__ import annotations
 
@@ -6,9 +6,7 @@ import datetime as dt
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from recoil_acquisition.acquisition import AcquiredEvent, AcquiredSource, Acquisition, TriggerDecision
-from recoil_acquisition.capture.cut import Cut
-from recoil_acquisition.capture.engine import SETTLE_S
+from recoil_acquisition.acquisition import AcquiredSource, Acquisition, TriggerDecision
 from recoil_acquisition.capture.session_record import LiveRecord
 from recoil_acquisition.devices.device import Counters
 from recoil_acquisition.trigger import ShotWindow, Trigger
@@ -37,14 +35,13 @@ def acquisition_of(
     session: LiveRecord,
     trigger: Trigger,
     window: ShotWindow,
-    cuts: Mapping[str, Cut],
     counted: Mapping[str, CounterSpan],
     *,
     unseen_bytes: int = 0,
     lost_records: int = 0,
     recovered: bool = False,
 ) -> Acquisition:
-    """Say how a shot was acquired.
+    """Say how a shot was acquired, but for what the log has of its sources: see `recoil_acquisition.capture.cut`.
 
     Parameters
     ----------
@@ -53,7 +50,6 @@ def acquisition_of(
     trigger : Trigger
     window : ShotWindow
         On the host's monotonic clock.
-    cuts : mapping of str to Cut
     counted : mapping of str to CounterSpan
         By source; may lack any.
     unseen_bytes, lost_records : int
@@ -63,7 +59,6 @@ def acquisition_of(
     utc = dt.datetime(1970, 1, 1) + dt.timedelta(microseconds=session.anchor.wall_of(trigger_ns) // 1000)
     sources = []
     for source in session.sources:
-        cut = cuts[source.name]
         span = counted.get(source.name, CounterSpan(window.start_s, NOTHING, NOTHING))
         before, after = span.before, span.after
         dropped = None if after.kernel_drops is None else after.kernel_drops - (before.kernel_drops or 0)
@@ -71,22 +66,19 @@ def acquisition_of(
             AcquiredSource(
                 name=source.name,
                 kind=source.kind,
-                file="" if cut.file is None else cut.file.name,
-                blocks=cut.blocks,
-                bytes=cut.bytes,
-                pre_s=window.pre_by_source.get(source.name) if cut.file is not None else None,
-                late=source.name in window.late_sources or cut.late_s > SETTLE_S,
-                late_s=cut.late_s,
+                file="",
+                blocks=0,
+                bytes=0,
+                pre_s=window.pre_by_source.get(source.name),
+                late=source.name in window.late_sources,
+                late_s=0.0,
                 bad=after.bad - before.bad,
                 reopened=after.reopened - before.reopened,
                 error_frames=after.error_frames - before.error_frames,
                 kernel_drops=dropped,
                 queue_high_water=after.queue_high_water,
                 counted_from_s=span.from_s - window.trigger_s,
-                events=tuple(
-                    AcquiredEvent((host_ns - trigger_ns) / 1e9, event.name, event.detail)
-                    for host_ns, event in cut.events
-                ),
+                events=(),
             )
         )
     return Acquisition(

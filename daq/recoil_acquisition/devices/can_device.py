@@ -22,7 +22,7 @@ from recoil_acquisition.devices.device import CAN, Block, Counters, EmptyLook, S
 from recoil_acquisition.devices.kernel_drops import GrowingCount
 from recoil_acquisition.devices.open_fault import error_number, open_fault
 from recoil_acquisition.errors import DeviceError, nearest_first
-from recoil_acquisition.frames import can_capture_file as capture
+from recoil_acquisition.frames import can_rows
 
 HOST_STAMPED = ("slcan", "iscan", "robotell")
 """Interfaces whose driver stamps a frame with the wall clock when it reads it: no clock of the device."""
@@ -78,13 +78,13 @@ class CanDevice:
             )
         self._interface = str(interface)
         self._check = check
-        self._stamped_by_device = 0 if interface in HOST_STAMPED else capture.DEVICE_TIME
+        self._stamped_by_device = 0 if interface in HOST_STAMPED else can_rows.DEVICE_TIME
         self._bus: can.BusABC | None = None
         self._wanted = False
         self._back_off = BackOff()
         self._look = EmptyLook()
         self._ahead: deque[Block] = deque()
-        self._buffer = bytearray(BLOCK_FRAMES * capture.RECORD_SIZE)
+        self._buffer = bytearray(BLOCK_FRAMES * can_rows.ROW_SIZE)
         self._received = self._bad = self._error_frames = self._reopened = self._high_water = 0
         self._unreported = self._reported_ns = 0
         self._drops = GrowingCount()
@@ -202,7 +202,7 @@ class CanDevice:
 
     def _gather(self, timeout_s: float, block_s: float) -> Block | None:
         """Receive frames and pack them, until the time of a block is over or nothing waits."""
-        bus, pack, buffer, now = self._bus, capture.RECORD.pack_into, self._buffer, time.monotonic_ns
+        bus, pack, buffer, now = self._bus, can_rows.ROW.pack_into, self._buffer, time.monotonic_ns
         if bus is None or self._ahead:
             return None
         count = errors = at_once = in_a_row = 0
@@ -236,17 +236,17 @@ class CanDevice:
             flags, length, data = flags_of(message), message.dlc, bytes(message.data)
             if message.timestamp:
                 flags |= stamped
-            if flags & capture.ERROR:
+            if flags & can_rows.ERROR:
                 errors += 1
                 length = len(data)
-            elif len(data) != length and not flags & capture.REMOTE:
+            elif len(data) != length and not flags & can_rows.REMOTE:
                 # slcan takes a line that lost characters for a frame with less data than its length says
                 self._bad += 1
                 self._unreported += 1
                 continue
             channel = message.channel if isinstance(message.channel, int) and 0 <= message.channel < 256 else 0
             stamp_ns = round(message.timestamp * 1e9)
-            place = count * capture.RECORD_SIZE
+            place = count * can_rows.ROW_SIZE
             pack(buffer, place, stamp_ns, host_ns, message.arbitration_id, flags, channel, length, data)
             count += 1
             if count == 1:
@@ -257,7 +257,7 @@ class CanDevice:
         self._report_unreadable()
         if not count:
             return None
-        payload = bytes(memoryview(buffer)[: count * capture.RECORD_SIZE])
+        payload = bytes(memoryview(buffer)[: count * can_rows.ROW_SIZE])
         self._received += count - errors
         self._error_frames += errors
         block = Block(self.name, host_ns, payload, CAN, empty_ns)

@@ -10,7 +10,7 @@ import sys
 from typing import Any
 
 from recoil_acquisition.devices.kernel_drops import dropped_by_can_link, dropped_by_udp_socket
-from recoil_acquisition.frames import can_capture_file as capture
+from recoil_acquisition.frames import can_rows
 
 RECEIVE_BUFFER = 16 << 20
 """Bytes asked for as a socket's queue: the kernel's default holds a few hundred frames, this some seconds."""
@@ -41,17 +41,17 @@ def kernel_drops(bus: Any, interface: str, channel: str) -> int | None:
 
 
 def flags_of(message: Any) -> int:
-    """Return the flags of a message of python-can, as `frames.can_capture_file` has them, but for its stamp's."""
-    flags = capture.EXTENDED if message.is_extended_id else 0
+    """Return the flags of a message of python-can, as `frames.can_rows` has them, but for its stamp's."""
+    flags = can_rows.EXTENDED if message.is_extended_id else 0
     if message.is_error_frame:
-        flags |= capture.ERROR
+        flags |= can_rows.ERROR
     if message.is_remote_frame:
-        flags |= capture.REMOTE
+        flags |= can_rows.REMOTE
     if message.is_fd:
-        flags |= capture.FD
-        flags |= capture.BIT_RATE_SWITCH if message.bitrate_switch else 0
-        flags |= capture.ERROR_STATE if message.error_state_indicator else 0
-    return flags if message.is_rx else flags | capture.SENT
+        flags |= can_rows.FD
+        flags |= can_rows.BIT_RATE_SWITCH if message.bitrate_switch else 0
+        flags |= can_rows.ERROR_STATE if message.error_state_indicator else 0
+    return flags if message.is_rx else flags | can_rows.SENT
 
 
 def can_links() -> list[str]:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 CAN = "can"
-"""Kind of a block of packed CAN records, see `recoil_acquisition.frames.can_capture_file`."""
+"""Kind of a block of rows of CAN frames, see `recoil_acquisition.frames.can_rows`."""
 
 SERIAL = "serial"
 """Kind of a block of a serial port's bytes as they came."""
@@ -39,7 +39,7 @@ class Block:
     host_ns : int
         The host's monotonic clock when the read returned, ns (`time.monotonic_ns`).
     payload : bytes
-        Of kind `CAN`, whole records of `frames.can_capture_file.RECORD_SIZE` bytes; of kind `SERIAL`,
+        Of kind `CAN`, whole rows of `frames.can_rows.ROW_SIZE` bytes; of kind `SERIAL`,
         the bytes of the port; of kind `EVENT`, a JSON object.
     kind : str
         `CAN`, `SERIAL` or `EVENT`.

@@ -11,7 +11,7 @@ import numpy as np
 
 from recoil_acquisition.devices.device import Block
 from recoil_acquisition.errors import DeviceError, nearest_first
-from recoil_acquisition.frames import can_capture_file as capture
+from recoil_acquisition.frames import can_rows
 from recoil_acquisition.frames.decoder import FrameDecoder
 from recoil_acquisition.frames.framing import Framing
 from recoil_acquisition.frames.values import decode_fields
@@ -126,9 +126,9 @@ class CanCounterCheck:
 
     def feed(self, block: Block) -> None:
         """Take the next block."""
-        records = capture.parse_records(block.payload)
-        plain = records["flags"] & (capture.ERROR | capture.REMOTE | capture.EVENT | capture.ANCHOR) == 0
-        extended = records["flags"] & capture.EXTENDED != 0
+        records = can_rows.parse_rows(block.payload)
+        plain = records["flags"] & (can_rows.ERROR | can_rows.REMOTE) == 0
+        extended = records["flags"] & can_rows.EXTENDED != 0
         for key, layout in self._counters.items():
             long_enough = records["length"] >= layout.bytes_needed
             chosen = records[plain & long_enough & (records["id"] == key[0]) & (extended == key[1])]

@@ -1,13 +1,13 @@
-"""Every frame of a whole capture."""
+"""Every frame of all that a port delivered."""
 
 from __future__ import annotations
 
 from collections import deque
 
-from recoil_acquisition.frames.capture_file import Capture
 from recoil_acquisition.frames.decoder import FrameDecoder
 from recoil_acquisition.frames.frame_set import FrameSet, joined
 from recoil_acquisition.frames.framing import Framing
+from recoil_acquisition.frames.port_stream import PortStream
 
 _CHUNK = 1 << 20
 
@@ -37,15 +37,15 @@ def find_frames(framing: Framing, stream: bytes) -> FrameSet:
     return _ended(decoder, sets)
 
 
-def find_frames_of_capture(framing: Framing, capture: Capture) -> FrameSet:
-    """Find every frame of a capture, whose host times tell the silences where the framing asks for them.
+def find_frames_of_port(framing: Framing, port: PortStream) -> FrameSet:
+    """Find every frame of a port, whose host times tell the silences where the framing asks for them.
 
     Nothing is joined over a place where the device was lost.
 
     Parameters
     ----------
     framing : Framing
-    capture : Capture
+    port : PortStream
 
     Returns
     -------
@@ -54,30 +54,30 @@ def find_frames_of_capture(framing: Framing, capture: Capture) -> FrameSet:
     Raises
     ------
     ValueError
-        If frames end by silence and the capture has no host times.
+        If frames end by silence and the stream has no host times.
     """
-    timed = framing.silence_s and (framing.kind == "idle" or capture.host_ns.size)
-    if not timed and not capture.breaks:
-        return find_frames(framing, capture.stream)
-    if not capture.host_ns.size:
+    timed = framing.silence_s and (framing.kind == "idle" or port.host_ns.size)
+    if not timed and not port.breaks:
+        return find_frames(framing, port.stream)
+    if not port.host_ns.size:
         raise ValueError("frames that end by silence need the host time of each read")
     decoder = FrameDecoder(framing)
     sets, waiting, begin = [], 0, 0
-    host_s = ((capture.host_ns - capture.host_ns[:1]) / 1e9).tolist()
-    breaks = deque(capture.breaks)
-    for end, instant_s in zip(capture.ends.tolist(), host_s, strict=True):
+    host_s = ((port.host_ns - port.host_ns[:1]) / 1e9).tolist()
+    breaks = deque(port.breaks)
+    for end, instant_s in zip(port.ends.tolist(), host_s, strict=True):
         while breaks and breaks[0] <= begin:
             breaks.popleft()
             decoder.interrupt(missing=True)
-        decoder.feed(capture.stream[begin:end], instant_s)
+        decoder.feed(port.stream[begin:end], instant_s)
         waiting += end - begin
         begin = end
         if waiting >= _CHUNK:
             sets.append(decoder.take())
             waiting = 0
-    # the bytes of a record that is cut came with the next read, whose time is lost
-    if capture.stream[begin:]:
-        decoder.feed(capture.stream[begin:], host_s[-1] if host_s else 0.0)
+    # bytes whose own read is not known came with the next read, whose time is lost
+    if port.stream[begin:]:
+        decoder.feed(port.stream[begin:], host_s[-1] if host_s else 0.0)
     return _ended(decoder, sets)
 
 

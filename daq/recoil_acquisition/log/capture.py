@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.errors import CorruptFileError, StoreError
+from recoil_acquisition.errors import CorruptFileError, ReadError, StoreError
 from recoil_acquisition.log.folder import Log, in_order, session_in
 from recoil_acquisition.log.record import OWN, UNNUMBERED, Kind, Record, pack_json, pack_record
 from recoil_acquisition.log.scan import Damage, FileScan, first_log_id
@@ -122,15 +122,18 @@ def read_capture(path: Path) -> Capture:
     """
     found: dict[int, Record] = {}
     declaration: dict[str, Any] = {}
-    with capture_scan(path) as scan:
-        for record in scan:
-            if record.number != UNNUMBERED:
-                found.setdefault(record.number, record)
-            elif not declaration and record.kind == Kind.SHOT:
-                declaration = _said(record)
-        damages, unfinished = tuple(scan.damages), scan.unfinished
-    records = tuple(found[number] for number in sorted(found))
-    session = session_in(records) or {}
+    try:
+        with capture_scan(path) as scan:
+            for record in scan:
+                if record.number != UNNUMBERED:
+                    found.setdefault(record.number, record)
+                elif not declaration and record.kind == Kind.SHOT:
+                    declaration = _said(record)
+            damages, unfinished = tuple(scan.damages), scan.unfinished
+        records = tuple(found[number] for number in sorted(found))
+        session = session_in(records) or {}
+    except StoreError as error:
+        raise ReadError(error.problem, path=path, expected=error.expected, found=error.found) from error
     return Capture(path, session, declaration, records, _losses(records, declaration), damages, unfinished)
 
 

@@ -12,8 +12,8 @@ from pathlib import Path
 NAME = "writer.lock"
 
 
-class JournalLock:
-    """Exclusive lock on a log's folder; held from making it to `release`.
+class FolderLock:
+    """Exclusive lock on a folder that one process writes; held from making it to `release`.
 
     Parameters
     ----------

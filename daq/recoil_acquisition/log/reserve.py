@@ -9,8 +9,8 @@ from collections import deque
 from pathlib import Path
 
 from recoil_acquisition.errors import StoreError
-from recoil_acquisition.log.lock import JournalLock
-from recoil_acquisition.log.segment import SUFFIX, WritingSegment, segment_name, segment_paths, sync_folder
+from recoil_acquisition.log.lock import FolderLock
+from recoil_acquisition.log.segment import WritingSegment, segment_name, segment_paths, sync_folder
 
 
 class SegmentReserve:
@@ -30,12 +30,8 @@ class SegmentReserve:
         If the folder holds a log, cannot be written, or its disk has not enough room. Nothing is left then.
     """
 
-    def __init__(
-        self, folder: Path, segment_bytes: int, reserve_bytes: int, *, suffix: str = SUFFIX, header: bytes = b""
-    ) -> None:
+    def __init__(self, folder: Path, segment_bytes: int, reserve_bytes: int) -> None:
         self._folder = folder
-        self._header = header
-        self._suffix = suffix
         self._segment_bytes = segment_bytes
         self._wanted = max(1, -(-reserve_bytes // segment_bytes))
         self._making = threading.Lock()
@@ -44,7 +40,7 @@ class SegmentReserve:
         self._made = [path for path in (folder, *folder.parents) if not path.exists()]
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self._lock = JournalLock(folder)
+            self._lock = FolderLock(folder)
             try:
                 self._arm()
             except BaseException:
@@ -84,7 +80,7 @@ class SegmentReserve:
     @property
     def free_bytes(self) -> int:
         """Space for records in the segments that are in reserve."""
-        return len(self._spare) * (self._segment_bytes - len(self._header))
+        return len(self._spare) * self._segment_bytes
 
     def close(self) -> None:
         """Give the space back and let go of the folder.
@@ -108,7 +104,7 @@ class SegmentReserve:
 
     def _arm(self) -> None:
         needed = self._wanted * self._segment_bytes
-        if segment_paths(self._folder, self._suffix):
+        if segment_paths(self._folder):
             raise StoreError(
                 "holds a log already",
                 path=self._folder,
@@ -120,8 +116,8 @@ class SegmentReserve:
         self.top_up(0)
 
     def _make(self) -> WritingSegment:
-        path = self._folder / segment_name(self._next_number, self._suffix)
-        segment = WritingSegment(path, self._segment_bytes, self._header)
+        path = self._folder / segment_name(self._next_number)
+        segment = WritingSegment(path, self._segment_bytes)
         self._next_number += 1
         sync_folder(self._folder)
         return segment

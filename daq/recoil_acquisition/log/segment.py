@@ -11,6 +11,7 @@ from pathlib import Path
 SUFFIX = ".rdlog"
 """Ending of a segment, and of a capture."""
 
+_NAME = re.compile(r"(\d{6,})" + re.escape(SUFFIX))
 _ZEROS = bytes(1 << 20)
 
 # What a file system without the call answers; the others are real failures
@@ -29,8 +30,6 @@ class WritingSegment:
         A file that is not there yet.
     size : int
         Bytes to reserve.
-    header : bytes
-        What it begins with.
 
     Attributes
     ----------
@@ -49,7 +48,7 @@ class WritingSegment:
         If it cannot be made or the disk has no room; nothing is left of it then.
     """
 
-    def __init__(self, path: Path, size: int, header: bytes = b"") -> None:
+    def __init__(self, path: Path, size: int) -> None:
         self.path = path
         self.size = size
         self.length = 0
@@ -60,8 +59,6 @@ class WritingSegment:
         self._descriptor = os.open(path, flags, 0o644)
         try:
             _reserve(self._descriptor, size)
-            if header:
-                self.write(header)
             os.fsync(self._descriptor)
         except OSError:
             self.discard()
@@ -112,15 +109,14 @@ class WritingSegment:
         self.path.unlink(missing_ok=True)
 
 
-def segment_name(number: int, suffix: str = SUFFIX) -> str:
+def segment_name(number: int) -> str:
     """Return the file name of a segment."""
-    return f"{number:06d}{suffix}"
+    return f"{number:06d}{SUFFIX}"
 
 
-def segment_paths(folder: Path, suffix: str = SUFFIX) -> dict[int, Path]:
+def segment_paths(folder: Path) -> dict[int, Path]:
     """Return the segments of a folder by their number, in order; OSError if the folder cannot be listed."""
-    name = re.compile(r"(\d{6,})" + re.escape(suffix))
-    matches = ((name.fullmatch(path.name), path) for path in folder.iterdir())
+    matches = ((_NAME.fullmatch(path.name), path) for path in folder.iterdir())
     return dict(sorted((int(match[1]), path) for match, path in matches if match))
 
 

@@ -90,7 +90,7 @@ class Reader(Protocol):
 
     @property
     def kind(self) -> str:
-        """Kind of source that writes it: ``dewetron``, ``can``, ``serial`` or ``camera``."""
+        """Kind of source that writes it: ``dewetron``, ``can``, ``serial`` or ``camera``; ``live``: several of them."""
         ...
 
     @property

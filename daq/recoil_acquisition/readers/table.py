@@ -3,8 +3,8 @@
 `READERS` is the table, and `readers` adds those of other packages. Nothing of a reader's module is imported before a
 file shows the reader's sign. A file is recognised by its content (`recognise`): the surest claim takes it, and where
 two claims are equally sure, the error names both. A table that only its shape speaks for, as other programs write it
-too, is taken where a rig says of which kind its source is. `BY_LAYOUT` are the readers of text tables whose layout the
-rig declares; they claim nothing.
+too, is taken where a rig says of which kind its source is. `BY_LAYOUT` are the readers of files whose layout or
+framing the rig declares; they claim nothing.
 
 A new format is a module with a class that has `name` and `open`, and `claims` where its signs are not enough; a row
 here; and a file of it among ``tests/contracts/cases_*.py``, over which every rule of readers runs.
@@ -212,12 +212,7 @@ READERS: tuple[Reader, ...] = (
     ),
     TableReader("MDF4 bus logging", "can", (".mf4",), "can.mdf:MdfBusReader", (_MDF4,)),
     TableReader(
-        "CAN capture", "can", (".rdcc",), "can.capture:CanCaptureReader",
-        (rb"recoil-daq can capture 1\n",), Claim.CERTAIN,
-    ),
-    TableReader(
-        "serial capture", "serial", (".rdsc", ".bin"), "serial.capture:SerialCaptureReader",
-        (rb"recoil-daq serial capture 1\n",), Claim.CERTAIN,
+        "recoil-daq capture", "live", (".rdlog",), "rdlog:CaptureReader", (rb"\x8dRDL",), Claim.CERTAIN
     ),
 )  # fmt: skip
 """Every reader, in the order in which they are listed to users."""
@@ -229,8 +224,9 @@ BY_LAYOUT: Mapping[str, Reader] = {
     "camera": TableReader(
         "declared track table", "camera", (".csv", ".txt", ".xlsx"), "tracks.declared_table:DeclaredTrackReader"
     ),
+    "serial": TableReader("serial bytes", "serial", (".bin",), "serial.plain:SerialBytesReader"),
 }
-"""Kind of source -> what reads its tables where the rig declares their layout."""
+"""Kind of source -> what reads its files where the rig declares their layout or framing: nothing in them tells it."""
 
 
 def readers() -> tuple[Reader, ...]:

@@ -8,8 +8,11 @@ capture as defined in `serial_capture`.
 
 from __future__ import annotations
 
+import hashlib
 import io
+import json
 import struct
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -19,8 +22,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-CAPTURE_MAGIC = b"recoil-daq serial capture 1\n"
-"""First line of a serial capture."""
+_CAPTURE_HEAD = struct.Struct("<4s8sIHHIIIQQqI")
+_CAPTURE_MARK = b"\x8dRDL"
+_SERIAL, _SESSION, _OWN, _UNKNOWN = 2, 32, 0xFFFF, 0xFFFFFFFF
 
 CAN_EPOCH_S = 1_772_438_400.0
 """What a virtual CAN log gives as the wall-clock time of its zero: 2026-03-02 08:00 UTC, a whole second.
@@ -145,14 +149,29 @@ def can_log(frames: Sequence[CanFrame], style: Literal["blf", "asc"]) -> bytes:
     return ("\n".join(lines) + "\n").encode("ascii")
 
 
-def serial_capture(records: Sequence[tuple[int, bytes]]) -> bytes:
-    """Return a serial capture: the magic line, then records of what each read of the port returned.
+def serial_capture(name: str, records: Sequence[tuple[int, bytes]]) -> bytes:
+    """Return a serial capture: records of a log, of its session and of what each read of the port returned.
 
-    A record is, little endian, the host's time in ns (int64), the count of bytes (uint32) and the bytes.
+    The bytes are those of `recoil_acquisition.log.record`, made by code of their own.
 
     Parameters
     ----------
+    name : str
+        Of the source.
     records : sequence of (int, bytes)
         Host time in ns and bytes, in order.
     """
-    return CAPTURE_MAGIC + b"".join(struct.pack("<qI", host_ns, len(data)) + data for host_ns, data in records)
+    log_id = hashlib.sha256(name.encode()).digest()[:8]
+    seed = zlib.crc32(log_id)
+    session = json.dumps({"sources": [{"name": name, "kind": "serial"}]})
+    part = {"schema": "recoil-daq/log/1", "longest_us": None, "part": 0, "of": 1, "text": session}
+    pieces, position = [], 0
+    for i, (host_ns, data) in enumerate([(0, json.dumps(part).encode()), *records]):
+        source, kind, number = (0, _SERIAL, i - 1) if i else (_OWN, _SESSION, 0)
+        head = _CAPTURE_HEAD.pack(
+            _CAPTURE_MARK, log_id, len(data), source, kind, _UNKNOWN, _UNKNOWN, number, i, position, host_ns,
+            zlib.crc32(data, seed),
+        )  # fmt: skip
+        pieces.append(head + struct.pack("<I", zlib.crc32(head, seed)) + data)
+        position += len(data) if i else 0
+    return b"".join(pieces)

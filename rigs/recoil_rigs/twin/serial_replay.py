@@ -9,8 +9,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from recoil_acquisition.frames.capture_file import parse_capture
 from recoil_acquisition.frames.checksum import CHECKSUMS
+from recoil_acquisition.frames.port_stream import PortStream
+from recoil_acquisition.log.capture import read_capture
+from recoil_acquisition.log.record import Kind
 from recoil_rigs.rig import Source
 from recoil_rigs.twin import TwinShot
 from recoil_rigs.twin.faults import ClockStep
@@ -230,7 +232,8 @@ def _recorded(layout: SensorFrame, source: Source, shot: TwinShot, start_s: floa
     """Read a shot's capture and put its pieces on the play's clock."""
     truth = shot.truth["sources"][source.name]
     host = truth.get("host_clock", truth["clock"])
-    capture = parse_capture((shot.folder / truth["file"]).read_bytes())
+    records = read_capture(shot.folder / truth["file"]).records
+    capture = PortStream.of_reads((one.host_ns, one.payload) for one in records if one.kind == Kind.SERIAL)
     cut = layout.split(capture.stream)
     reads = np.searchsorted(capture.ends, [end for end, _, _ in cut], side="left")
     read_s = capture.host_ns[np.minimum(reads, capture.host_ns.size - 1)] / 1e9

@@ -125,7 +125,9 @@ def serial_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile
     if framing.device_time is not None:
         hidden = {**clock_truth(device), "host_clock": host, "ticks_at_zero": power_up}
     hidden["damaged_frames"] = damaged
-    return SourceFile(source.name, file_name(scene, source, ".bin", faults), serial_capture(records), hidden)
+    return SourceFile(
+        source.name, file_name(scene, source, ".rdlog", faults), serial_capture(source.name, records), hidden
+    )
 
 
 def _frames(framing: _Framing, sync: bytes, columns: dict[str, NDArray[Any]], count: int) -> list[bytes]:

@@ -13,9 +13,11 @@ import recoil_acquisition.capture.live_session
 from recoil_acquisition.capture.live_session import LiveSession
 from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource, operator_records
 from recoil_acquisition.devices.device import Block, Counters
-from recoil_acquisition.frames import can_capture_file
-from recoil_acquisition.journal import read_journal
+from recoil_acquisition.frames import can_rows
+from recoil_acquisition.log.folder import open_log
+from recoil_acquisition.log.record import Kind
 from recoil_acquisition.trigger import Edge, Trigger
+from tests.builders.live_logs import rows_in
 from tests.builders.live_sources import ANCHOR, bus, can_record
 
 RECORD = LiveRecord("rig", "text", "rig.toml", {}, ANCHOR, (RecordedSource("bus", "can"),))
@@ -78,9 +80,7 @@ def number_now(device: PlayedBus) -> int:
 
 
 def numbers_in(path: Path) -> list[int]:
-    records = can_capture_file.parse_capture(path.read_bytes()).records
-    plain = records["flags"] & (can_capture_file.EVENT | can_capture_file.ANCHOR) == 0
-    return [int(row[2]) for row in records["data"][plain]]
+    return [int(row[2]) for row in rows_in(path, "bus")["data"]]
 
 
 def test_a_crossing_while_disarmed_keeps_the_journal_and_is_told(tmp_path: Path, device: PlayedBus) -> None:
@@ -95,7 +95,7 @@ def test_a_crossing_while_disarmed_keeps_the_journal_and_is_told(tmp_path: Path,
     assert kept.why == "pressure crossed: not armed"
     assert kept.stop_s - kept.start_s == pytest.approx(TRIGGER.pre_s + TRIGGER.post_s)
     session.close(complete=True)
-    journal = read_journal(tmp_path / "journal")
+    journal = open_log(tmp_path / "journal")
     assert operator_records(journal).in_order
     assert any(one.outcome == "suppressed" for one in operator_records(journal).decisions)
 
@@ -123,11 +123,12 @@ def test_what_was_watched_is_released_and_what_crossed_while_disarmed_stays(
     while session.status.released_records < 100 and time.monotonic() < ends:
         time.sleep(0.05)
     session.close(complete=True)
-    journal = read_journal(tmp_path / "journal")
-    assert journal.released_records > 100
-    assert (journal.lost_records, journal.damaged) == (0, False)
-    records = b"".join(r.payload for r in journal.records(0) if r.kind == 0)
-    held = [int(row[2]) for row in can_capture_file.parse_records(records)["data"]]
+    journal = open_log(tmp_path / "journal")
+    survey = journal.survey()
+    assert survey.released_records > 100
+    assert (survey.lost_records, survey.losses, survey.damaged) == (0, (), False)
+    records = b"".join(r.payload for r in journal.records(0) if r.kind == Kind.CAN)
+    held = [int(row[2]) for row in can_rows.parse_rows(records)["data"]]
     crossed = held.index(first % 256)
     around = held[crossed - round(TRIGGER.pre_s / EVERY_S) + 1 : crossed + round(TRIGGER.post_s / EVERY_S)]
     assert around == [n % 256 for n in range(first - 19, first + 40)]
@@ -146,10 +147,10 @@ def test_what_a_stalled_read_returns_after_the_shots_end_is_in_the_shot(
     device.stops.put(0.8)
     window = session.next_window(5.0)
     assert window is not None
-    captured = session.cut("0001", window, tmp_path / "captures" / "0001")
+    captured = session.cut("0001", window, tmp_path / "captures" / "0001.rdlog")
     session.release(window)
     session.close(complete=True)
-    numbers = numbers_in(captured.files[0])
+    numbers = numbers_in(captured.path)
     due = range(first - round(TRIGGER.pre_s / EVERY_S) + 1, first + round(TRIGGER.post_s / EVERY_S))
     assert numbers == list(range(numbers[0], numbers[-1] + 1))
     assert numbers[0] <= due[0]
@@ -170,7 +171,7 @@ def test_a_source_that_answers_after_its_shot_was_given_up_keeps_the_journal(tmp
     window = session.next_window(10.0)
     assert window is not None
     assert window.late_sources == ("bus",)
-    session.cut("0001", window, tmp_path / "captures" / "0001")
+    session.cut("0001", window, tmp_path / "captures" / "0001.rdlog")
     session.release(window)
     time.sleep(1.5)
     session.close(complete=True)

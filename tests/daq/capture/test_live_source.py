@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from recoil_acquisition.capture.cut import write_everything
 from recoil_acquisition.capture.live_source import LiveChannel, LiveSource, signals_of
-from recoil_acquisition.devices.capture_bytes import capture_bytes, capture_header
+from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource
 from recoil_acquisition.devices.device import SERIAL, event_block
 from recoil_acquisition.errors import MissingChannelError
-from recoil_acquisition.frames import can_capture_file
-from recoil_acquisition.frames.can_capture_file import ERROR, EVENT, EXTENDED, REMOTE, pack_record
-from recoil_acquisition.frames.capture_file import parse_capture
+from recoil_acquisition.frames.can_rows import ERROR, EXTENDED, REMOTE, pack_row
 from recoil_acquisition.frames.declaration import framing_from_table
-from recoil_acquisition.frames.scan import find_frames_of_capture
-from recoil_acquisition.frames.values import decode_fields
+from recoil_acquisition.log.folder import open_log
+from recoil_acquisition.log.writer import LogWriter
+from recoil_acquisition.readers.rdlog import CaptureReader
+from recoil_acquisition.readers.reader import Declarations
+from tests.builders.live_logs import append
 from tests.builders.live_sources import ANCHOR, DBC, bus, can_block, can_record, port, serial_block, serial_frame
 
 
@@ -36,7 +39,7 @@ def test_error_and_remote_frames_and_events_are_no_samples() -> None:
     assert signals.feed(event_block("bus", 10**9, "lost", "gone")) == []
 
 
-@pytest.mark.parametrize("flags", [EVENT, can_capture_file.ANCHOR, EXTENDED])
+@pytest.mark.parametrize("flags", [ERROR, REMOTE, EXTENDED])
 def test_what_is_no_frame_of_that_identifier_is_no_sample(flags) -> None:
     source = bus()
     assert signals_of(source, source.channels).feed(can_block(1.0, can_record(1.0, 1.0, flags=flags))) == []
@@ -51,8 +54,8 @@ def test_another_message_a_short_one_and_one_that_multiplexes_something_else_are
 
     source = bus()
     signals = signals_of(source, source.channels)
-    other = pack_record(device_ns=0, host_ns=10**9, identifier=292, flags=0, data=bytes(4))
-    short = pack_record(device_ns=0, host_ns=10**9, identifier=291, flags=0, data=bytes(1))
+    other = pack_row(device_ns=0, host_ns=10**9, identifier=292, flags=0, data=bytes(4))
+    short = pack_row(device_ns=0, host_ns=10**9, identifier=291, flags=0, data=bytes(1))
     assert signals.feed(can_block(1.0, other, short)) == []
 
 
@@ -129,19 +132,21 @@ UNPLUGGED_WITHIN_A_LINE = [
 ]
 
 
-def test_lines_that_an_unplugged_cable_cut_are_no_samples_live_nor_in_the_capture() -> None:
+def test_lines_that_an_unplugged_cable_cut_are_no_samples_live_nor_in_the_capture(tmp_path: Path) -> None:
     framing = framing_from_table(LINES)
     channel = LiveChannel("a", "a", 1.0, 0.0, "1")
     source = LiveSource("port", SERIAL, {"port": "x", "baudrate": 921600}, (channel,), framing=framing)
     signals = signals_of(source, source.channels)
     live = [float(v) for block in UNPLUGGED_WITHIN_A_LINE for s in signals.feed(block) for v in s.values]
-    capture = capture_header(SERIAL, ANCHOR)
-    capture += b"".join(capture_bytes(SERIAL, block, ANCHOR) for block in UNPLUGGED_WITHIN_A_LINE)
-    frames = find_frames_of_capture(framing, parse_capture(capture))
-    captured = {name: field.values.tolist() for name, field in decode_fields(framing, frames).items()}
+    record = LiveRecord("rig", "text", "rig.toml", {}, ANCHOR, (RecordedSource("port", SERIAL),))
+    with LogWriter(tmp_path / "log", record.to_json(), 0, segment_bytes=1 << 16) as writer:
+        append(writer, record, UNPLUGGED_WITHIN_A_LINE)
+    write_everything(open_log(tmp_path / "log"), tmp_path / "all.rdlog", {})
+    recording = CaptureReader().open(tmp_path / "all.rdlog", Declarations("port", framing=LINES))
     assert live == [1.0, 4.0]
-    assert captured == {"a": [1.0, 4.0], "b": [10.0, 40.0]}
-    assert frames.counters.skipped_bytes == len(b"2,2" + b"0\n")
+    assert recording.read("a").tolist() == [1.0, 4.0]
+    assert recording.read("b").tolist() == [10.0, 40.0]
+    assert recording.metadata["skipped_bytes"] == len(b"2,2" + b"0\n")
 
 
 @pytest.mark.parametrize("source", [bus(signal="NODE.q"), port(signal="v")])

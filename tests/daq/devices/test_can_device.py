@@ -18,7 +18,7 @@ from recoil_acquisition.devices.can_device import CanDevice
 from recoil_acquisition.devices.device import CAN, Block, event_of
 from recoil_acquisition.devices.opening import open_device
 from recoil_acquisition.errors import DeviceError
-from recoil_acquisition.frames import can_capture_file as capture
+from recoil_acquisition.frames import can_rows as capture
 from recoil_rigs.twin.can_replay import CanItem
 from recoil_rigs.twin.transports import SlcanAdapter
 
@@ -47,7 +47,7 @@ def adapter() -> Iterator[SlcanAdapter]:
 
 
 def frames_of(blocks: list[Block]) -> np.ndarray[Any, Any]:
-    return capture.parse_records(b"".join(block.payload for block in blocks if block.kind == CAN))
+    return capture.parse_rows(b"".join(block.payload for block in blocks if block.kind == CAN))
 
 
 def events_of(blocks: list[Block]) -> list[str]:

@@ -1,4 +1,4 @@
-"""Blocks, events, the host's two clocks, the kernel's counts, and the captures that blocks become."""
+"""Blocks, events, the host's two clocks, and the kernel's counts."""
 
 from __future__ import annotations
 
@@ -10,12 +10,10 @@ import sys
 import time
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from recoil_acquisition.devices.back_off import LONGEST_PAUSE_S, BackOff
-from recoil_acquisition.devices.capture_bytes import capture_bytes, capture_header
-from recoil_acquisition.devices.device import CAN, EVENT, SERIAL, Block, event_block, event_of
+from recoil_acquisition.devices.device import CAN, EVENT, Block, event_block, event_of
 from recoil_acquisition.devices.kernel_drops import (
     GrowingCount,
     LineErrors,
@@ -25,11 +23,7 @@ from recoil_acquisition.devices.kernel_drops import (
     line_errors_of,
 )
 from recoil_acquisition.devices.open_fault import error_number, open_fault
-from recoil_acquisition.frames import can_capture_file
-from recoil_acquisition.frames.capture_file import parse_capture
 from recoil_acquisition.host_clock import Anchor, anchor
-from tests.builders import can_captures
-from tests.builders import vendor_files as build
 
 
 def test_an_event_survives_as_bytes_in_one_line() -> None:
@@ -49,33 +43,6 @@ def test_the_anchor_relates_both_clocks_closely() -> None:
     before_ns, monotonic_ns, after_ns = time.time_ns(), time.monotonic_ns(), time.time_ns()
     assert before_ns - 10_000_000 < one.wall_of(monotonic_ns) < after_ns + 10_000_000
     assert Anchor(1000, 400, 1).wall_of(450) == 1050
-
-
-def test_blocks_become_captures_that_the_readers_understand() -> None:
-    anchored = Anchor(1_700_000_000_000_000_000, 1_000, 10)
-    reads = [Block("imu", 1_000 + n, bytes([n] * n), SERIAL) for n in range(1, 5)]
-    told = event_block("imu", 1_003, "lost", "gone")
-    content = capture_header(SERIAL, anchored)
-    content += b"".join(capture_bytes(SERIAL, block, anchored) for block in [*reads, told])
-    parsed = parse_capture(content)
-    assert parsed.stream == b"".join(block.payload for block in reads)
-    np.testing.assert_array_equal(parsed.host_ns, anchored.wall_ns + np.arange(1, 5))
-
-    records = can_captures.can_records(build.can_entries(4))
-    bus = [
-        Block("bus", 1, b"".join(records[:3]), CAN),
-        event_block("bus", 2, "lost", "gone"),
-        Block("bus", 3, records[3], CAN),
-    ]
-    content = capture_header(CAN, anchored) + b"".join(capture_bytes(CAN, block, anchored) for block in bus)
-    found = can_capture_file.parse_capture(content).records
-    assert found["flags"].tolist()[0] == can_capture_file.ANCHOR
-    assert can_capture_file.text_of(found[4]) == "lost: gone"
-    assert found[5].tobytes() == records[3]
-    with pytest.raises(ValueError, match="has no capture"):
-        capture_header("camera", anchored)
-    with pytest.raises(ValueError, match="has no capture"):
-        capture_bytes("camera", reads[0], anchored)
 
 
 def test_the_drops_of_a_can_link_are_summed(tmp_path: Path) -> None:

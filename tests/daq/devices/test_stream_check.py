@@ -15,7 +15,7 @@ from recoil_acquisition.devices.device import CAN, SERIAL, Block
 from recoil_acquisition.devices.opening import make_device
 from recoil_acquisition.devices.stream_check import FramingCheck, can_counter_check
 from recoil_acquisition.errors import DeviceError
-from recoil_acquisition.frames import can_capture_file as capture
+from recoil_acquisition.frames import can_rows as capture
 from recoil_acquisition.frames.declaration import framing_from_table
 from tests.builders import vendor_files as build
 
@@ -67,12 +67,12 @@ def test_a_framing_without_counter_counts_no_gaps() -> None:
 def test_gaps_of_a_message_counter_are_counted_over_its_wrap(lost: set[int], size: int) -> None:
     kept = [n for n in range(3000) if n not in lost]
     records = [
-        capture.pack_record(
+        capture.pack_row(
             device_ns=0, host_ns=n, identifier=0x200, flags=0, data=struct.pack("<Q", (n % 1024) << 4 | 0xF << 14 | 3)
         )
         for n in kept
     ]
-    foreign = capture.pack_record(device_ns=0, host_ns=0, identifier=0x200, flags=capture.EXTENDED, data=bytes(8))
+    foreign = capture.pack_row(device_ns=0, host_ns=0, identifier=0x200, flags=capture.EXTENDED, data=bytes(8))
     check = can_counter_check("bus", ["NODE.n"], DBC, Path("rig.toml"))
     for at in range(0, len(records), size):
         check.feed(Block("bus", 0, foreign + b"".join(records[at : at + size]), CAN))

@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recoil_acquisition.frames.capture_file import parse_capture
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.frames.decoder import FrameDecoder
 from recoil_acquisition.frames.frame_set import Counters
-from recoil_acquisition.frames.scan import find_frames, find_frames_of_capture
+from recoil_acquisition.frames.port_stream import PortStream
+from recoil_acquisition.frames.scan import find_frames, find_frames_of_port
 from recoil_acquisition.frames.search import NEED_DATA
-from tests.builders.serial_packets import decoded, stamped_capture, summed, taken
+from tests.builders.serial_packets import decoded, stamped_port, summed, taken
 
 MODBUS = {
     "kind": "idle",
@@ -71,7 +71,7 @@ def test_silence_tells_frames_apart_however_each_is_read(
     assert [frame.data for frame in found] == frames
     assert counters == Counters(received=len(frames))
     assert taken(IDLE, reads) == ([(frame.end, frame.data) for frame in found], counters)
-    capture = find_frames_of_capture(IDLE, parse_capture(stamped_capture(reads)))
+    capture = find_frames_of_port(IDLE, stamped_port(reads))
     assert [capture.frame(i) for i in range(len(frames))] == frames
     assert capture.counters == counters
 
@@ -105,7 +105,7 @@ def test_silence_cannot_be_told_without_host_times() -> None:
     with pytest.raises(ValueError, match="need the host time"):
         find_frames(IDLE, REPLY)
     with pytest.raises(ValueError, match="need the host time"):
-        find_frames_of_capture(IDLE, parse_capture(REPLY))
+        find_frames_of_port(IDLE, PortStream.plain(REPLY))
 
 
 def test_a_half_frame_times_out_and_holds_nothing_back() -> None:
@@ -114,7 +114,7 @@ def test_a_half_frame_times_out_and_holds_nothing_back() -> None:
     found, counters = decoded(SYNC, reads)
     assert [frame.start for frame in found] == [0, 7, 11, 15]
     assert counters == Counters(received=4, timed_out=1, skipped_bytes=3)
-    assert find_frames_of_capture(SYNC, parse_capture(stamped_capture(reads))).counters == counters
+    assert find_frames_of_port(SYNC, stamped_port(reads)).counters == counters
     without_times = [(None, data) for _, data in reads]
     assert decoded(SYNC, without_times)[1] == Counters(received=4, skipped_bytes=3)  # only once the stream has ended
 
@@ -176,5 +176,5 @@ def test_when_frames_are_asked_for_changes_nothing_between_silences(
 @pytest.mark.parametrize(("length", "good"), [(9, 1), (10, 0)])
 def test_a_frame_between_silences_may_be_as_long_as_the_longest(length: int, good: int) -> None:
     framing = framing_from_table({"kind": "idle", "baudrate": 9600, "max": 9, "fields": MODBUS["fields"]})
-    frames = find_frames_of_capture(framing, parse_capture(stamped_capture([(0.0, bytes(length))])))
+    frames = find_frames_of_port(framing, stamped_port([(0.0, bytes(length))]))
     assert (frames.begins.size, frames.counters.bad_length) == (good, 1 - good)

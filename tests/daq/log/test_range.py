@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from recoil_acquisition.host_clock import Anchor
 from recoil_acquisition.log import folder as folder_module
 from recoil_acquisition.log import scan as scan_module
 from recoil_acquisition.log import writer as writer_module
@@ -106,9 +107,13 @@ def test_a_range_that_ends_with_its_segment_too_early_is_found_out(tmp_path, mon
 
 
 def test_only_the_range_is_read(tmp_path, monkeypatch):
+    clock = Clock()
+    monkeypatch.setattr(writer_module, "time", clock)
+    monkeypatch.setattr(writer_module, "anchor", lambda: Anchor(0, clock.now_ns, 0))
     with LogWriter(tmp_path / "log", {}, 0, segment_bytes=4 << 20) as writer:
         for _ in range(8000):
-            writer.append(0, Kind.SERIAL, time.monotonic_ns(), bytes(4000))
+            clock.now_ns += STEP_NS
+            writer.append(0, Kind.SERIAL, clock.now_ns, bytes(4000))
     log = open_log(tmp_path / "log")
     everything = list(log.records(0))
     read = []

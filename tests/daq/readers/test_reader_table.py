@@ -27,7 +27,7 @@ from tests.builders.shared_data import shared_file
         (build.asc_log(build.can_entries()), "Vector ASC log"),
         (build.blf_log(build.can_entries()), "Vector BLF log"),
         (build.candump_log(build.can_entries()), "candump log"),
-        (build.serial_capture(build.serial_frames()), "serial capture"),
+        (build.serial_capture(build.serial_frames()), "recoil-daq capture"),
     ],
 )
 def test_a_file_finds_its_reader_by_content_under_any_name(content: bytes, name: str, tmp_path: Path) -> None:
@@ -186,7 +186,7 @@ def test_readers_do_not_know_each_other() -> None:
 
 def test_names_of_readers_are_unique_and_kinds_are_those_of_sources() -> None:
     assert len({reader.name for reader in READERS}) == len(READERS)
-    assert {reader.kind for reader in READERS} == {"dewetron", "can", "serial", "camera"}
+    assert {reader.kind for reader in READERS} == {"dewetron", "can", "camera", "live"}
 
 
 @pytest.mark.parametrize(

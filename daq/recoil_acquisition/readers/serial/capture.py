@@ -1,6 +1,6 @@
 """Captures of serial ports, taken apart by the framing that the rig declares.
 
-The capture holds every byte and the host's time of each read (`recoil_acquisition.frames.capture_file`). Samples are
+A capture holds every byte and the host's time of each read. Samples are
 dated by the device's own clock where its frames carry one, counted from the first frame; else by
 the host's reads, dated back; else by a declared rate. Device clocks have been seen to step while the
 packet counter ran on, so the counter says what is missing, and the clock never sorts anything; where the
@@ -10,6 +10,7 @@ host stamped the reads, such steps are found, told and taken out (`recoil_acquis
 from __future__ import annotations
 
 import datetime as dt
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,14 +20,16 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.errors import CorruptFileError, FramingError, ReadError
-from recoil_acquisition.frames.capture_file import WALL_CLOCK_NS, Capture, parse_capture
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.frames.field import Field
 from recoil_acquisition.frames.frame_set import FrameSet
 from recoil_acquisition.frames.framing import Framing
+from recoil_acquisition.frames.port_stream import WALL_CLOCK_NS, PortStream
 from recoil_acquisition.frames.ready_made_inertial import xsens_precision
-from recoil_acquisition.frames.scan import find_frames_of_capture
+from recoil_acquisition.frames.scan import find_frames_of_port
 from recoil_acquisition.frames.values import FieldSeries, decode_fields, unwrap
+from recoil_acquisition.log.record import Kind
+from recoil_acquisition.readers.captured import CapturedSource, event_of
 from recoil_acquisition.readers.counter_gaps import find_gaps
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
 from recoil_acquisition.readers.recording import Recording, StoredChannel
@@ -46,41 +49,45 @@ _LOSSES = {
 _LOOKED_AT = 200
 """Frames in which the elements are looked for that a device sends."""
 
-CUT = "the file ends inside a record: it may have been cut"
+
+def open_port(path: Path, source: CapturedSource, declared: Declarations) -> SerialRecording:
+    """Open the port of a capture; raises `ReadError` if nothing dates the frames, or as `declared_framing`."""
+    framing = declared_framing(declared, path)
+    port = PortStream.of_reads(_reads(source), incomplete=source.incomplete)
+    return SerialRecording(path, "recoil-daq capture", port, framing, declared.clock)
 
 
-class SerialCaptureReader:
-    """Reader of captures of serial ports, and of plain files of what a port delivered."""
+def declared_framing(declared: Declarations, path: Path) -> Framing:
+    """Return the framing that a rig declares for a port; raises `ReadError` if there is none, or it is faulty."""
+    if declared.framing is None:
+        raise ReadError(
+            "a serial capture holds no signals without its framing",
+            path=path,
+            remedy="declare `framing = { ... }` of this source",
+        )
+    try:
+        return framing_from_table(declared.framing)
+    except FramingError as error:
+        raise ReadError(
+            f"the declared framing is faulty: {error}", path=path, remedy="correct `framing` in the rig file"
+        ) from error
 
-    name = "serial capture"
 
-    def open(self, path: Path, declared: Declarations) -> SerialRecording:
-        """Open a capture, or a plain file of bytes without host times.
-
-        Raises
-        ------
-        ReadError
-            If no framing is declared or it is faulty, or nothing dates the frames.
-        CorruptFileError
-            If not one frame is found.
-        """
-        if declared.framing is None:
-            raise ReadError(
-                "a serial capture holds no signals without its framing",
-                path=path,
-                remedy="declare `framing = { ... }` of this source",
-            )
-        try:
-            framing = framing_from_table(declared.framing)
-        except FramingError as error:
-            raise ReadError(
-                f"the declared framing is faulty: {error}", path=path, remedy="correct `framing` in the rig file"
-            ) from error
-        try:
-            capture = parse_capture(path.read_bytes())
-        except OSError as error:
-            raise ReadError(f"cannot be read: {error.strerror}", path=path) from error
-        return SerialRecording(path, capture, framing, declared.clock)
+def _reads(source: CapturedSource) -> Iterator[tuple[int, bytes | None]]:
+    """Yield what each read returned and when, and None where the port was lost or opened anew, or a read is missing."""
+    following: int | None = None
+    for record in source.records:
+        event = event_of(record)
+        if event is not None:
+            broken = event.name in ("lost", "reopened")
+        else:
+            broken = following is not None and record.source_number != following
+        following = record.source_number + 1
+        if broken:
+            yield record.host_ns, None
+        if record.kind == Kind.SERIAL:
+            host_ns = record.host_ns if source.anchor is None else source.anchor.wall_of(record.host_ns)
+            yield host_ns, record.payload
 
 
 class SerialRecording(Recording):
@@ -89,12 +96,13 @@ class SerialRecording(Recording):
     Parameters
     ----------
     path : Path
-    capture : Capture
+    reader : str
+    capture : PortStream
     framing : Framing
     clock : str
     """
 
-    def __init__(self, path: Path, capture: Capture, framing: Framing, clock: str) -> None:
+    def __init__(self, path: Path, reader: str, capture: PortStream, framing: Framing, clock: str) -> None:
         self.path = path
         if framing.kind == "idle" and not capture.host_ns.size:
             raise ReadError(
@@ -103,7 +111,7 @@ class SerialRecording(Recording):
                 expected="a capture with the host's time of each read",
                 remedy="record it as a capture, or declare a `framing` of another kind",
             )
-        frames = find_frames_of_capture(framing, capture)
+        frames = find_frames_of_port(framing, capture)
         counters = frames.counters.as_dict()
         if not frames.begins.size:
             raise CorruptFileError(
@@ -157,8 +165,8 @@ class SerialRecording(Recording):
                 remedy="compare `framing` with the device's manual",
             )
         super().__init__(
-            path, SerialCaptureReader.name, channels, metadata=self.metadata, notes=notes,
-            incomplete=CUT if capture.cut else "", absolute_start=start,
+            path, reader, channels, metadata=self.metadata, notes=notes,
+            incomplete=capture.incomplete, absolute_start=start,
             check_name=partial(_refuse_absent, absent, path),
         )  # fmt: skip
 
@@ -184,7 +192,7 @@ class SerialRecording(Recording):
             notes.append(f"the packet counter has {found.places} gaps: {found.missing} frames are missing")
 
     def _instants(
-        self, framing: Framing, capture: Capture, frames: FrameSet, series: dict[str, FieldSeries], notes: list[str]
+        self, framing: Framing, capture: PortStream, frames: FrameSet, series: dict[str, FieldSeries], notes: list[str]
     ) -> NDArray[np.float64]:
         """Instant of every frame in seconds, NaN where it has none."""
         by_reads = bool(capture.host_ns.size and framing.baudrate)
@@ -204,7 +212,7 @@ class SerialRecording(Recording):
         )
 
     def _device_instants(
-        self, framing: Framing, capture: Capture, frames: FrameSet, series: dict[str, FieldSeries], notes: list[str]
+        self, framing: Framing, capture: PortStream, frames: FrameSet, series: dict[str, FieldSeries], notes: list[str]
     ) -> NDArray[np.float64]:
         clock = framing.device_time
         times_s = np.full(frames.begins.size, np.nan)
@@ -307,16 +315,16 @@ def _counted(counters: dict[str, int]) -> str:
     return ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in counters.items() if count) or "nothing"
 
 
-def _losses(capture: Capture, counters: dict[str, int]) -> list[str]:
+def _losses(capture: PortStream, counters: dict[str, int]) -> list[str]:
     """Say what of the stream became no sample."""
-    notes = [CUT] if capture.cut else []
+    notes = [capture.incomplete] if capture.incomplete else []
     notes += [f"{counters[key]} {what}" for key, what in _LOSSES.items() if counters[key]]
     if counters["skipped_bytes"]:
         notes.append(f"{counters['skipped_bytes']} of {len(capture.stream)} bytes belong to no good frame")
     return notes
 
 
-def _host_start(capture: Capture) -> AbsoluteStart | None:
+def _host_start(capture: PortStream) -> AbsoluteStart | None:
     """Return the host time of the first read; None if the host stamped with no wall clock."""
     if capture.host_ns[0] < WALL_CLOCK_NS:
         return None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,30 +15,31 @@ from hypothesis import strategies as st
 from recoil_acquisition import conformance as rules
 from recoil_acquisition.conformance import Case
 from recoil_acquisition.errors import CorruptFileError, ReadError
-from recoil_acquisition.frames import can_capture_file as capture
-from recoil_acquisition.readers.can.capture import CanCaptureReader, CanCaptureRecording
+from recoil_acquisition.frames import can_rows as capture
 from recoil_acquisition.readers.can.log import CANDUMP
+from recoil_acquisition.readers.rdlog import CaptureReader
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import READERS, recognise
-from tests.builders import can_captures
+from tests.builders import can_captures, rdlog_bytes
 from tests.builders import vendor_files as build
+from tests.builders.rdlog_bytes import at_record_end
 
 DECLARED = Declarations("can", database=build.DBC)
 MAGNITUDES = {"ACC.ax": (-10, 10), "ACC.p": (0, 20), "GYR.gx": (-1, 10), "EXT.low": (0, 100), "EXT.high": (0, 100)}
 CASE = Case(
     "can-capture",
-    next(reader for reader in READERS if reader.name == "CAN capture"),
+    next(reader for reader in READERS if reader.name == "recoil-daq capture"),
     can_captures.can_capture(can_captures.can_records(build.can_entries())),
     DECLARED,
     MAGNITUDES,
-    can_captures.at_record_end,
+    at_record_end,
 )
 
 
-def opened(folder: Path, content: bytes) -> CanCaptureRecording:
-    path = folder / "bus.rdcc"
+def opened(folder: Path, content: bytes) -> Any:
+    path = folder / "bus.rdlog"
     path.write_bytes(content)
-    return CanCaptureReader().open(path, DECLARED)
+    return CaptureReader().open(path, DECLARED)
 
 
 @pytest.mark.parametrize("rule", rules.RULES, ids=lambda rule: rule.__name__)
@@ -51,7 +53,7 @@ def test_flipped_bytes_of_a_capture_are_refused_or_read(tmp_path: Path, flips: l
     rules.flipped_bytes_are_refused_or_read(CASE, tmp_path, [flips])
 
 
-def test_a_capture_is_recognised_by_its_first_line(tmp_path: Path) -> None:
+def test_a_capture_is_recognised_by_its_first_record(tmp_path: Path) -> None:
     path = tmp_path / "without_suffix"
     path.write_bytes(CASE.content)
     assert recognise(path) is CASE.reader
@@ -104,7 +106,7 @@ def test_a_step_of_the_interfaces_clock_costs_no_sample(tmp_path: Path) -> None:
     entries = build.can_entries(900)
     stepped = [(t - 300_000_000 if t >= 400_000_000 else t, key, data) for t, key, data in entries]
     records = [
-        capture.RECORD.pack(*capture.RECORD.unpack(a)[:1], *capture.RECORD.unpack(b)[1:])
+        capture.ROW.pack(*capture.ROW.unpack(a)[:1], *capture.ROW.unpack(b)[1:])
         for a, b in zip(can_captures.can_records(stepped), can_captures.can_records(entries), strict=True)
     ]
     live = opened(tmp_path, can_captures.can_capture(records))
@@ -116,21 +118,21 @@ def test_a_step_of_the_interfaces_clock_costs_no_sample(tmp_path: Path) -> None:
 
 def test_single_wrong_stamps_cost_no_sample(tmp_path: Path) -> None:
     records = can_captures.can_records(build.can_entries(900))
-    late = capture.RECORD.unpack(records[1000])
-    records[1000] = capture.RECORD.pack(late[0] + 41_900_000, *late[1:])
+    late = capture.ROW.unpack(records[1000])
+    records[1000] = capture.ROW.pack(late[0] + 41_900_000, *late[1:])
     live = opened(tmp_path, can_captures.can_capture(records))
     assert sum(live.read(name).size for name in ("ACC.ax", "GYR.gx", "EXT.kind")) == len(records)
     assert any("do not fit its clock" in note for note in live.notes)
 
 
 def test_events_and_error_frames_are_told(tmp_path: Path) -> None:
-    records = can_captures.can_records(build.can_entries())
+    records: list[Any] = [*can_captures.can_records(build.can_entries())]
     host_ns = can_captures.HOST_ZERO_NS + 10_000_000
-    records.insert(25, capture.pack_event(host_ns, "lost: slcan /dev/ttyACM0: gone"))
-    records.insert(26, capture.pack_event(host_ns + 1000, "reopened: slcan /dev/ttyACM0 after 3 tries"))
+    records.insert(25, (host_ns, rdlog_bytes.event("lost", "slcan /dev/ttyACM0: gone")))
+    records.insert(26, (host_ns + 1000, rdlog_bytes.event("reopened", "slcan /dev/ttyACM0 after 3 tries")))
     records.insert(
         27,
-        capture.pack_record(
+        capture.pack_row(
             device_ns=1, host_ns=host_ns, identifier=0x4, flags=capture.ERROR, data=bytes([0, 1, 0, 0, 0, 0, 0, 0])
         ),
     )
@@ -138,7 +140,7 @@ def test_events_and_error_frames_are_told(tmp_path: Path) -> None:
     assert live.read("ACC.ax").size == 30
     assert live.metadata["error_frames"] == 1
     assert live.metadata["error_frame_times"] == [{"host_ns": host_ns, "class": 4}]
-    assert [event["text"].split(":")[0] for event in live.metadata["events"]] == ["lost", "reopened"]
+    assert [event["name"] for event in live.metadata["events"]] == ["lost", "reopened"]
     assert any("lost 1 times" in note for note in live.notes)
     assert any("1 error frames" in note for note in live.notes)
 
@@ -154,20 +156,26 @@ def test_damaged_records_are_counted(tmp_path: Path) -> None:
 
 
 def test_a_capture_without_database_or_frames_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "bus.rdcc"
+    path = tmp_path / "bus.rdlog"
     path.write_bytes(CASE.content)
     with pytest.raises(ReadError, match="without its database"):
-        CanCaptureReader().open(path, Declarations("can"))
+        CaptureReader().open(path, Declarations("can"))
     with pytest.raises(CorruptFileError, match="no data frames"):
-        opened(tmp_path, capture.MAGIC)
-    with pytest.raises(CorruptFileError, match="no first line"):
+        opened(tmp_path, can_captures.can_capture([]))
+    with pytest.raises(CorruptFileError, match="not one sound record"):
         opened(tmp_path, b"something else")
 
 
-def test_a_record_is_as_long_as_documented_and_texts_are_cut_between_characters() -> None:
-    assert capture.RECORD_SIZE == capture.RECORD.size == 88
-    record = capture.parse_records(capture.pack_event(7, "ä" * 40))[0]
-    assert capture.text_of(record) == "ä" * 32
-    assert int(record["host_ns"]) == 7
+def test_a_record_that_holds_no_whole_rows_costs_itself_alone(tmp_path: Path) -> None:
+    rows = can_captures.can_records(build.can_entries())
+    host_ns = int.from_bytes(rows[20][8:16], "little")
+    reads = [(0, rdlog_bytes.CAN, host_ns, b"".join(part)) for part in (rows[:20], [*rows[20:23], b"half"], rows[23:])]
+    live = opened(tmp_path, rdlog_bytes.rdlog({"sources": [{"name": "can", "kind": "can"}]}, reads))
+    assert live.metadata["data_frames"] == len(rows)
+    assert live.metadata["damaged_entries"] == 1
+
+
+def test_a_row_is_as_long_as_documented() -> None:
+    assert capture.ROW_SIZE == capture.ROW.size == 88
     with pytest.raises(ValueError, match="at most 64"):
-        capture.pack_record(device_ns=0, host_ns=0, identifier=1, flags=0, data=bytes(65))
+        capture.pack_row(device_ns=0, host_ns=0, identifier=1, flags=0, data=bytes(65))

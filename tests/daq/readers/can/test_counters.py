@@ -11,8 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from recoil_acquisition.errors import ReadError
-from recoil_acquisition.readers.can.capture import CanCaptureReader
 from recoil_acquisition.readers.can.log import CANDUMP
+from recoil_acquisition.readers.rdlog import CaptureReader
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from tests.builders import can_captures
@@ -69,10 +69,10 @@ def test_every_missing_message_is_counted_over_the_wraps(
 
 def test_log_and_capture_say_the_same(tmp_path: Path) -> None:
     entries = [message(i, i) for i in range(600) if i not in (5, 255, 256, 300, 301)]
-    path = tmp_path / "bus.rdcc"
+    path = tmp_path / "bus.rdlog"
     path.write_bytes(can_captures.can_capture(can_captures.can_records(entries)))
     declared = Declarations("can", database=DBC, counters=("RecoilNode.counter",))
-    for recording in (candump(tmp_path, entries, "RecoilNode.counter"), CanCaptureReader().open(path, declared)):
+    for recording in (candump(tmp_path, entries, "RecoilNode.counter"), CaptureReader().open(path, declared)):
         assert "RecoilNode.counter: 3 gaps, 5 messages are missing" in recording.notes
         assert (recording.metadata["counter_gaps"], recording.metadata["missing_frames"]) == (3, 5)
         assert recording.metadata["counters"]["RecoilNode.counter"]["missing_frames"] == 5

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,17 +11,37 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
-from recoil_acquisition.frames.capture_file import MAGIC, pack_record, parse_capture
+from recoil_acquisition.frames.port_stream import PortStream
+from recoil_acquisition.log.capture import read_capture
+from recoil_acquisition.log.record import MARK
+from recoil_acquisition.readers.captured import sources_of
 from recoil_acquisition.readers.head import Claim, Head
+from recoil_acquisition.readers.rdlog import CaptureReader
 from recoil_acquisition.readers.reader import Declarations
-from recoil_acquisition.readers.serial.capture import SerialCaptureReader, SerialRecording
+from recoil_acquisition.readers.serial.capture import SerialRecording, _reads
 from recoil_acquisition.readers.serial.frame_time import back_dated, increasing, without_steps
+from recoil_acquisition.readers.serial.plain import SerialBytesReader
 from recoil_acquisition.readers.table import surest_claim
+from tests.builders import rdlog_bytes
 from tests.builders.serial_packets import stamped_capture, summed
 from tests.builders.shared_data import shared_file
 from tests.builders.vendor_files import FRAMING, serial_capture, serial_frame, serial_frames
 
-READER = SerialCaptureReader()
+
+class PortReader:
+    """The reader of captures, or of plain bytes, as a file's beginning asks for."""
+
+    def open(self, path: Path, declared: Declarations) -> Any:
+        begins = path.exists() and path.read_bytes().startswith(MARK)
+        return (CaptureReader() if begins else SerialBytesReader()).open(path, declared)
+
+
+READER = PortReader()
+
+
+def port_capture(reads: Sequence[tuple[int, bytes]]) -> bytes:
+    session = {"sources": [{"name": "imu", "kind": "serial"}]}
+    return rdlog_bytes.rdlog(session, [(0, rdlog_bytes.SERIAL, host_ns, data) for host_ns, data in reads])
 
 
 def opened(tmp_path: Path, content: bytes, **keys: Any) -> SerialRecording:
@@ -80,7 +101,7 @@ def test_the_hosts_clock_is_fitted_below_its_delays(tmp_path: Path) -> None:
     frames = serial_frames(400, first=0, ticks=0)
     host_ns = 5_000_000 + (np.arange(400) * 1_000_100 + rng.exponential(3e5, 400)).astype(np.int64)
     host_ns[[0, 399]] = 5_000_000 + np.array([0, 399]) * 1_000_100
-    content = MAGIC + b"".join(pack_record(int(t), frame) for t, frame in zip(host_ns, frames, strict=True))
+    content = port_capture([(int(t), frame) for t, frame in zip(host_ns, frames, strict=True)])
     fit = opened(tmp_path, content).metadata["clock_fit"]
     assert fit["drift"] == pytest.approx(1e-4, abs=6 * fit["u_drift"])
     assert fit["u_drift"] < 3e-4
@@ -133,9 +154,9 @@ def test_a_missing_or_faulty_framing_and_no_frames_are_refused(tmp_path: Path) -
     with pytest.raises(ReadError, match="without its framing"):
         READER.open(tmp_path / "a.bin", Declarations("imu"))
     with pytest.raises(ReadError, match=r"framing is faulty: .*framing.max"):
-        opened(tmp_path, MAGIC, max=-1)
+        opened(tmp_path, b"", max=-1)
     with pytest.raises(CorruptFileError, match="not one frame"):
-        opened(tmp_path, MAGIC)
+        opened(tmp_path, b"")
 
 
 def test_fields_of_frames_without_device_time_are_no_signals(tmp_path: Path) -> None:
@@ -150,20 +171,53 @@ def test_fields_of_frames_without_device_time_are_no_signals(tmp_path: Path) -> 
     assert any("other: no frame that holds it has an instant" in note for note in recording.notes)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     reads=st.lists(st.tuples(st.integers(-(2**63), 2**63 - 1), st.binary(min_size=1, max_size=20)), max_size=8),
     cut=st.integers(0, 300),
 )
-def test_a_capture_gives_back_its_reads_up_to_any_cut(reads: list[tuple[int, bytes]], cut: int) -> None:
-    content = MAGIC + b"".join(pack_record(t, data) for t, data in reads)
-    capture = parse_capture(content)
+def test_a_capture_gives_back_its_reads_up_to_any_cut(tmp_path: Path, reads: list[tuple[int, bytes]], cut: int) -> None:
+    def stream_of(content: bytes) -> PortStream:
+        path.write_bytes(content)
+        (source,) = sources_of(read_capture(path))
+        return PortStream.of_reads(_reads(source), incomplete=source.incomplete)
+
+    path = tmp_path / "a.rdlog"
+    content = port_capture(reads)
+    capture = stream_of(content)
     assert capture.stream == b"".join(data for _, data in reads)
     assert capture.host_ns.tolist() == [t for t, _ in reads]
-    assert not capture.cut
-    left = parse_capture(content[: len(MAGIC) + cut])
+    assert (capture.incomplete, capture.breaks) == ("", ())
+    left = stream_of(content[: len(port_capture([])) + cut])
     assert capture.stream.startswith(left.stream)
     assert left.host_ns.tolist() == capture.host_ns.tolist()[: left.host_ns.size]
+
+
+@pytest.mark.parametrize("how", ["lost", "reopened", "a record is missing"])
+def test_nothing_is_joined_over_where_the_port_was_interrupted(tmp_path: Path, how: str) -> None:
+    framing = {
+        "kind": "delimiter",
+        "separator": ",",
+        "baudrate": 115200,
+        "fields": [{"name": "a", "at": 0}, {"name": "b", "at": 1}],
+    }
+    session = {"sources": [{"name": "imu", "kind": "serial"}]}
+    reads = [(0, rdlog_bytes.SERIAL, 10**6, b"1,10\n2,2"), (0, rdlog_bytes.SERIAL, 3 * 10**6, b"0,40\n5,50\n")]
+    if how == "a record is missing":
+        content = rdlog_bytes.rdlog(session, [reads[0], (0, rdlog_bytes.SERIAL, 2 * 10**6, b"0\n3,3"), reads[1]])
+        gone = rdlog_bytes.record(2, 0, rdlog_bytes.SERIAL, 2 * 10**6, b"0\n3,3", 1, 8)
+        assert content.count(gone) == 1
+        content = content.replace(gone, b"")
+    else:
+        between = (0, rdlog_bytes.EVENT, 2 * 10**6, rdlog_bytes.event(how, "pulled"))
+        content = rdlog_bytes.rdlog(session, [reads[0], between, reads[1]])
+    path = tmp_path / "a.rdlog"
+    path.write_bytes(content)
+    recording = READER.open(path, Declarations("imu", framing=framing))
+    # a joined line would be (2, 20); (0, 40) is the end of a line of which the beginning is gone
+    assert recording.read("a").tolist() in ([1.0, 5.0], [1.0, 0.0, 5.0])
+    assert 20.0 not in recording.read("b").tolist()
+    assert bool(recording.incomplete) == (how == "a record is missing")
 
 
 def test_bytes_of_a_cut_record_have_no_host_time() -> None:
@@ -185,9 +239,11 @@ def ported(ticks_us: np.ndarray, counts: np.ndarray, *, latency_s: float = 0.016
     rng = np.random.default_rng(4)
     ends_s = np.cumsum(latency_s * rng.uniform(0.95, 1.05, round(sent_s[-1] / latency_s) + 2))
     reads = np.searchsorted(ends_s, sent_s)
-    content = MAGIC + b"".join(
-        pack_record(10**18 + round(ends_s[r] * 1e9), b"".join(frames[i] for i in np.flatnonzero(reads == r)))
-        for r in np.unique(reads)
+    content = port_capture(
+        [
+            (10**18 + round(ends_s[r] * 1e9), b"".join(frames[i] for i in np.flatnonzero(reads == r)))
+            for r in np.unique(reads)
+        ]
     )
     return content[: len(content) - cut]
 

@@ -23,7 +23,7 @@ COUNTED = {
 STREAM = {"received": 5000, "bytes": 100_000, "skipped_bytes": 0, "skipped_at_ends": 0, "bad_checksum": 0}
 
 
-def recording(name: str = "0007_can.rdcc", **metadata: Any) -> ArrayRecording:
+def recording(name: str = "0007.rdlog", **metadata: Any) -> ArrayRecording:
     return ArrayRecording({}, path=Path(name), metadata=metadata)
 
 
@@ -35,13 +35,13 @@ def by_check(checks: tuple[QualityCheck, ...], channel: str = "can") -> dict[str
 
 def acquired(essential: bool = True, metadata: dict[str, Any] | None = None, **source: Any) -> dict[str, QualityCheck]:
     """Check a live shot of one bus."""
-    acquisition = make_acquisition(sources=(acquired_source("can", "can", "0007_can.rdcc", **source),))
+    acquisition = make_acquisition(sources=(acquired_source("can", "can", "0007.rdlog", **source),))
     recordings = {"can": recording(**({"data_frames": 10_000} if metadata is None else metadata))}
     return by_check(check_acquisition(acquisition, recordings, {"can"} if essential else set()))
 
 
 def test_a_sound_acquisition_has_no_warning() -> None:
-    recordings = {"can": recording(**COUNTED), "imu": recording("0007_imu.rdsc", **COUNTED, **STREAM)}
+    recordings = {"can": recording(**COUNTED), "imu": recording("0007.rdlog", **COUNTED, **STREAM)}
     found = check_acquisition(make_acquisition(), recordings, {"can", "imu"})
     assert {c.verdict for c in found} == {"ok"}
     assert by_check(found)["missing frames"].detail == "none of 10000 by the counter"
@@ -118,7 +118,7 @@ def test_a_device_that_was_away_before_the_shot_is_a_warning() -> None:
 
 def test_a_source_that_delivered_nothing_fails() -> None:
     nothing = acquired_source("imu", "serial", "", blocks=0, bytes=0, pre_s=None)
-    acquisition = make_acquisition(sources=(acquired_source("can", "can", "0007_can.rdcc"), nothing))
+    acquisition = make_acquisition(sources=(acquired_source("can", "can", "0007.rdlog"), nothing))
     check = by_check(check_acquisition(acquisition, {"can": recording()}, set()), "imu")["delivery"]
     assert (check.verdict, check.detail.split(":")[0]) == ("fail", "delivered nothing within the shot")
 
@@ -179,25 +179,25 @@ def test_bytes_of_no_frame_are_told_unless_the_capture_just_begins_or_ends_there
 def test_what_concerns_the_whole_shot_is_told_of_the_shot(
     changes: dict[str, Any], check: str, verdict: str, says: str
 ) -> None:
-    recordings = {"can": recording(), "imu": recording("0007_imu.rdsc")}
+    recordings = {"can": recording(), "imu": recording("0007.rdlog")}
     (found,) = check_acquisition(make_acquisition(**changes), recordings, {"can"})
     assert (found.channel, found.check, found.verdict) == ("shot", check, verdict)
     assert says in found.detail
 
 
 def test_the_source_with_too_little_pre_time_is_named() -> None:
-    sources = (acquired_source("can", "can", "0007_can.rdcc", pre_s=0.2), acquired_source("imu", "serial", "i.rdsc"))
+    sources = (acquired_source("can", "can", "0007.rdlog", pre_s=0.2), acquired_source("imu", "serial", "0007.rdlog"))
     acquisition = make_acquisition(pre_actual_s=0.2, sources=sources)
     checks = check_acquisition(acquisition, {}, set())
     assert "(can 0.200 s)" in by_check(checks, "shot")["pre-time"].detail
-    assert "0007_can.rdcc was not given" in by_check(checks)["file"].detail
+    assert "0007.rdlog was not given" in by_check(checks)["file"].detail
 
 
 def test_a_capture_of_another_shot_is_a_warning() -> None:
-    acquisition = make_acquisition(sources=(acquired_source("can", "can", "0007_can.rdcc"),))
-    check = by_check(check_acquisition(acquisition, {"can": recording("0008_can.rdcc")}, set()))["file names"]
+    acquisition = make_acquisition(sources=(acquired_source("can", "can", "0007.rdlog"),))
+    check = by_check(check_acquisition(acquisition, {"can": recording("0008.rdlog")}, set()))["file names"]
     assert check.verdict == "warn"
-    assert "acquired as 0007_can.rdcc, given as 0008_can.rdcc" in check.detail
+    assert "acquired as 0007.rdlog, given as 0008.rdlog" in check.detail
 
 
 def test_the_fit_of_a_clock_is_told_with_its_uncertainty_and_steps_warn() -> None:

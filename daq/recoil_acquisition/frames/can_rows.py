@@ -1,0 +1,93 @@
+"""The rows of frames that a CAN bus delivered, as a log keeps them: the payload of a record of kind `Kind.CAN`.
+
+A row has `ROW_SIZE` bytes, little endian:
+
+====== ====== ==========================================================================
+offset type   meaning
+====== ====== ==========================================================================
+0      int64  the interface's stamp in ns from any start; 0 if it gave none
+8      int64  the host's monotonic clock when the frame was received, ns
+16     uint32 identifier, without flags; of an error frame, its class
+20     uint16 flags, see below
+22     uint8  channel of the interface
+23     uint8  bytes of data; of a remote frame, the bytes it asks for
+24     64     data, zero behind its length
+====== ====== ==========================================================================
+
+Nothing is interpreted, so that another database or another clock can be applied later.
+"""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+from numpy.typing import NDArray
+
+EXTENDED = 0x001
+"""A 29-bit identifier."""
+REMOTE = 0x002
+ERROR = 0x004
+"""An error frame."""
+FD = 0x008
+"""A CAN FD frame."""
+BIT_RATE_SWITCH = 0x010
+ERROR_STATE = 0x020
+"""The sender was error passive."""
+SENT = 0x040
+"""Sent by this host."""
+DEVICE_TIME = 0x080
+"""The stamp comes from the interface or the kernel, not from the driver's own look at the wall clock."""
+KNOWN_FLAGS = 0x0FF
+
+LONGEST = 64
+"""Most bytes of data in a frame."""
+
+ROW_DTYPE = np.dtype(
+    [
+        ("device_ns", "<i8"),
+        ("host_ns", "<i8"),
+        ("id", "<u4"),
+        ("flags", "<u2"),
+        ("channel", "u1"),
+        ("length", "u1"),
+        ("data", "u1", (LONGEST,)),
+    ]
+)
+ROW_SIZE = ROW_DTYPE.itemsize
+
+ROW = struct.Struct(f"<qqIHBB{LONGEST}s")
+"""The same layout for one row."""
+
+
+def pack_row(
+    *,
+    device_ns: int,
+    host_ns: int,
+    identifier: int,
+    flags: int,
+    data: bytes,
+    channel: int = 0,
+    length: int | None = None,
+) -> bytes:
+    """Return one row.
+
+    Parameters
+    ----------
+    device_ns, host_ns : int
+    identifier : int
+    flags : int
+    data : bytes
+        At most `LONGEST`.
+    channel : int
+    length : int, optional
+        Where it is not the number of bytes of data: in a remote frame.
+    """
+    if len(data) > LONGEST:
+        raise ValueError(f"a row holds at most {LONGEST} bytes of data, not {len(data)}")
+    return ROW.pack(device_ns, host_ns, identifier, flags, channel, len(data) if length is None else length, data)
+
+
+def parse_rows(content: bytes) -> NDArray[np.void]:
+    """Return the whole rows at the beginning of some bytes, shape (n_rows,)."""
+    return np.frombuffer(content, dtype=ROW_DTYPE, count=len(content) // ROW_SIZE)

@@ -1,0 +1,39 @@
+"""Plain files of what a serial port delivered."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from recoil_acquisition.errors import ReadError
+from recoil_acquisition.frames.port_stream import PortStream
+from recoil_acquisition.readers.head import Claim, Head
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.serial.capture import SerialRecording, declared_framing
+
+
+class SerialBytesReader:
+    """Reader of plain files of what a port delivered, without host times."""
+
+    name = "serial bytes"
+
+    def claims(self, head: Head) -> Claim:
+        """Claim nothing: any file is bytes."""
+        del head
+        return Claim.NO
+
+    def open(self, path: Path, declared: Declarations) -> SerialRecording:
+        """Open a plain file of bytes.
+
+        Raises
+        ------
+        ReadError
+            If no framing is declared or it is faulty, or nothing dates the frames.
+        CorruptFileError
+            If not one frame is found.
+        """
+        framing = declared_framing(declared, path)
+        try:
+            port = PortStream.plain(path.read_bytes())
+        except OSError as error:
+            raise ReadError(f"cannot be read: {error.strerror}", path=path) from error
+        return SerialRecording(path, self.name, port, framing, declared.clock)
