@@ -277,3 +277,17 @@ def test_what_is_no_folder_and_a_journal_of_something_else_are_refused(tmp_path:
     assert isinstance(failed, StoreError)
     assert done.removed
     assert (tmp_path / "j").exists()
+
+
+def test_captures_whose_names_look_like_those_of_a_logs_parts_are_never_taken_for_a_log(tmp_path: Path) -> None:
+    leave_journal(tmp_path, triggers_s=(12.0,), known=(CompleteShot("100000", 12.0),))
+    ((done,), _) = recover_folder(tmp_path, None)
+    (shot,) = done.shots
+    assert shot.path == tmp_path / "captures" / "100000.rdlog"
+    before = shot.path.read_bytes()
+    assert recover_folder(tmp_path, None, discard=True) == ([], [])
+    assert recover_folder(tmp_path / "captures", None, discard=True) == ([], [])
+    assert shot.path.read_bytes() == before
+    with pytest.raises(StoreError, match="holds captures and no log"):
+        recover_journal(tmp_path / "captures", tmp_path, discard=True)
+    assert shot.path.read_bytes() == before

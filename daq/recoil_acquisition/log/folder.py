@@ -13,7 +13,7 @@ from typing import Any
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.log.lock import NAME as LOCK_NAME
 from recoil_acquisition.log.lock import is_being_written
-from recoil_acquisition.log.record import HEAD_SIZE, LONGEST_PAYLOAD, OWN, SCHEMA, Kind, Record
+from recoil_acquisition.log.record import HEAD_SIZE, LONGEST_PAYLOAD, OWN, SCHEMA, UNNUMBERED, Kind, Record
 from recoil_acquisition.log.scan import Damage, FileScan, Head, first_log_id, is_hole
 from recoil_acquisition.log.segment import SUFFIX, segment_paths
 from recoil_acquisition.log.tally import Loss, Tally
@@ -231,6 +231,8 @@ def open_log(folder: Path) -> Log:
     if not paths:
         raise StoreError("holds no log", path=folder, expected=f"segments such as 000001{SUFFIX}")
     log_id = _one_log_id(paths)
+    if any(record.number == UNNUMBERED for record in _beginnings(paths, log_id)):
+        raise StoreError("holds captures and no log", path=folder, remedy="name the folder of the log itself")
     session = session_in(_beginnings(paths, log_id)) or {}
     spare = session.get("spare")
     if isinstance(spare, str) and Path(spare).is_dir() and Path(spare) != folder:
@@ -257,9 +259,10 @@ def find_logs(folder: Path) -> tuple[Path, ...]:
     """
     try:
         folders = {path.parent for path in Path(folder).rglob(f"*{SUFFIX}")}
-        return tuple(sorted(path for path in folders if segment_paths(path) and not is_being_written(path)))
+        left = sorted(path for path in folders if segment_paths(path) and not is_being_written(path))
     except OSError as error:
         raise StoreError(f"cannot be searched: {error.strerror or error}", path=folder) from error
+    return tuple(path for path in left if not _holds_captures(path))
 
 
 def remove_log(folder: Path) -> None:
@@ -341,6 +344,15 @@ def session_in(records: Iterable[Record]) -> dict[str, Any] | None:
         except (ValueError, KeyError, TypeError):
             continue
     return None
+
+
+def _holds_captures(folder: Path) -> bool:
+    """Tell whether files that are named like segments are captures: a shot may be called 100000."""
+    for path in segment_paths(folder).values():
+        log_id = None if is_hole(path) else first_log_id(path, _begin_bytes())
+        if log_id is not None:
+            return any(record.number == UNNUMBERED for record in _beginnings([path], log_id))
+    return False
 
 
 def _begin_bytes() -> int:
