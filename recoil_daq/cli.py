@@ -123,6 +123,13 @@ def ingest(
         Path | None,
         typer.Option(help="With --live: folder into which other instruments drop their files.", show_default=False),
     ] = None,
+    spare: Annotated[
+        Path | None,
+        typer.Option(
+            help="With --live: folder on another disk, where the journal goes on if the first one fails.",
+            show_default=False,
+        ),
+    ] = None,
     files_within_s: Annotated[
         float, typer.Option(min=0.0, help="With --live: wait so long for those files after a shot, seconds.")
     ] = 120.0,
@@ -150,12 +157,13 @@ def ingest(
             raise typer.BadParameter("--overwrite, --accept-incomplete and --at go with FILES, not with --live")
         if shot is not None and not (shot.isdecimal() and len(shot) <= 9):
             raise typer.BadParameter("with --live, --shot is the number of the first shot")
-        _live(rig, out, None if shot is None else int(shot), shots, watch, files_within_s, no_screen, json, debug)
+        first = None if shot is None else int(shot)
+        _live(rig, out, first, shots, watch, spare, files_within_s, no_screen, json, debug)
         return
     if not files:
         raise typer.BadParameter("give one shot's FILES, or --live")
-    if shots is not None or watch is not None or no_screen:
-        raise typer.BadParameter("--shots, --watch and --no-screen go with --live")
+    if shots is not None or watch is not None or spare is not None or no_screen:
+        raise typer.BadParameter("--shots, --watch, --spare and --no-screen go with --live")
     with Session(json, debug) as session:
         from recoil_daq.ingest import ingest_files
         from recoil_rigs.rig import load_rig
@@ -169,8 +177,8 @@ def ingest(
 
 
 def _live(
-    rig: str, out: Path, first: int | None, shots: int | None, watch: Path | None, files_within_s: float,
-    no_screen: bool, json: bool, debug: bool,
+    rig: str, out: Path, first: int | None, shots: int | None, watch: Path | None, spare: Path | None,
+    files_within_s: float, no_screen: bool, json: bool, debug: bool,
 ) -> None:  # fmt: skip
     with Session(json, debug) as session:
         from recoil_daq.live import run_live
@@ -179,7 +187,7 @@ def _live(
         from recoil_rigs.rig import load_rig
 
         loaded = load_rig(rig)
-        options = LiveOptions(out, shots, first, watch, files_within_s)
+        options = LiveOptions(out, shots, first, watch, files_within_s, spare)
         with live_display(loaded.name, plain=no_screen, as_json=json) as display:
             done = run_live(loaded, options, display)
         if done.error is not None and not json:

@@ -171,6 +171,7 @@ class LiveRange:
             self._trigger,
             self._journal,
             reserve_bytes=reserve_bytes([s.device for s in self._sources], seconds),
+            spare=None if self._options.spare is None else self._options.spare / self._journal.name,
             notice=self._decided,
         )
 
@@ -210,7 +211,9 @@ class LiveRange:
             self._shown_s = now_s
             alerts = [self._gone] if self._gone else []
             alerts += [f"{source} LOST" for source in self._lost]
-            self._display.show(replace(session.status, alert=", ".join(alerts)), self._shots)
+            status = session.status
+            alerts += [status.alert] if status.alert else []
+            self._display.show(replace(status, alert=", ".join(alerts)), self._shots)
 
     def _end(self, session: LiveSession) -> None:
         """Complete what was captured: the open shot, its captures, every shot that has its files."""

@@ -109,6 +109,8 @@ class LiveOptions:
         Folder into which other instruments drop their files.
     files_within_s : float
         As `FILES_WITHIN_S`.
+    spare : Path or None
+        Folder on another disk, where the journal goes on if the first one fails.
     """
 
     out: Path = Path("shots")
@@ -116,6 +118,7 @@ class LiveOptions:
     first: int | None = None
     watch: Path | None = None
     files_within_s: float = FILES_WITHIN_S
+    spare: Path | None = None
 
 
 @dataclass

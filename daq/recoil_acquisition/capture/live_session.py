@@ -30,7 +30,7 @@ from recoil_acquisition.capture.status import ChannelStatus, LiveStatus, SourceS
 from recoil_acquisition.devices.device import EVENT, Block, Device, joined
 from recoil_acquisition.devices.reader_thread import DeviceReader
 from recoil_acquisition.errors import DeviceError, RecoilDaqError
-from recoil_acquisition.log.folder import remove_log
+from recoil_acquisition.log.folder import open_log
 from recoil_acquisition.log.record import Kind
 from recoil_acquisition.log.writer import LogWriter
 from recoil_acquisition.trigger import Decision, Edge, ShotWindow, Trigger
@@ -87,6 +87,8 @@ class LiveSession:
         Of the journal.
     reserve_bytes : int
         Space that must be there.
+    spare : Path or None
+        Folder on another disk, where the journal goes on if the first one fails.
     notice : callable
         Told every decision of the trigger, in the watching thread.
 
@@ -107,6 +109,7 @@ class LiveSession:
         folder: Path,
         *,
         reserve_bytes: int,
+        spare: Path | None = None,
         notice: Callable[[Decision], None] = lambda _: None,
     ) -> None:
         self.record = record
@@ -114,7 +117,7 @@ class LiveSession:
         self._sources = {source.name: source for source in sources}
         self._notice = notice
         self._engine = CaptureEngine(sources, trigger)
-        self._journal = LogWriter(folder, record.to_json(), reserve_bytes, segment_bytes=SEGMENT_BYTES)
+        self._journal = LogWriter(folder, record.to_json(), reserve_bytes, spare=spare, segment_bytes=SEGMENT_BYTES)
         self._queue: queue.SimpleQueue[Block | Callable[[], None]] = queue.SimpleQueue()
         self._waiting_bytes = self._unseen_bytes = 0
         self._lock = threading.Lock()
@@ -264,6 +267,7 @@ class LiveSession:
             unsynced_s=journal.unsynced_s,
             unseen_bytes=self._unseen_bytes,
             released_records=journal.released,
+            alert=journal.spare and f"the journal goes on in {self._journal.spare}: {journal.spare}",
         )
 
     def stop(self) -> None:
@@ -293,7 +297,7 @@ class LiveSession:
         self.stop()
         self._journal.close(in_order=self._error is None)
         if complete and self.error is None and not self._holding and not self.kept:
-            remove_log(self._journal.folder)
+            open_log(self._journal.folder).remove()
 
     def _sink(self, block: Block) -> None:
         """Keep a block, in its reader's thread."""

@@ -181,8 +181,12 @@ class Log:
         """Remove the log; see `remove_log`. Of a spare folder, what is of this log goes."""
         remove_log(self.folder)
         try:
-            for path in (segment.path for segment in self.segments if segment.path.parent != self.folder):
+            elsewhere = [segment.path for segment in self.segments if segment.path.parent != self.folder]
+            for path in elsewhere:
                 path.unlink()
+            for folder in {path.parent for path in elsewhere}:
+                if not any(folder.iterdir()):
+                    folder.rmdir()
         except OSError as error:
             raise StoreError(f"cannot be removed: {error.strerror or error}", path=self.folder) from error
 

@@ -331,7 +331,7 @@ class LogWriter:
             try:
                 if self._spare_reserve is not None:
                     with contextlib.suppress(OSError):  # that of a folder that was given up
-                        self._spare_reserve.close()
+                        self._spare_reserve.undo()
                 self._reserve.close()
                 sync_folder(self._folder_now)
             except OSError as error:

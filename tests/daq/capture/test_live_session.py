@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import queue
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -177,3 +180,38 @@ def test_a_source_that_answers_after_its_shot_was_given_up_keeps_the_journal(tmp
     session.close(complete=True)
     assert [one.why for one in session.kept] == ["bus: arrived when its shot was already cut"]
     assert (tmp_path / "journal").exists()
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="tells files apart by /proc")
+def test_a_disk_that_fails_costs_nothing_where_there_is_a_spare_folder(
+    tmp_path: Path, device: PlayedBus, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = os.writev
+
+    def fail(descriptor: int, parts: list[bytes]) -> int:
+        if "spare" not in str(Path(f"/proc/self/fd/{descriptor}").readlink()):
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        return whole(descriptor, parts)
+
+    spare = tmp_path / "spare" / "journal"
+    session = LiveSession(RECORD, [bus()], {"bus": device}, TRIGGER, tmp_path / "journal", reserve_bytes=0, spare=spare)
+    device.began_s = time.monotonic()
+    session.start()
+    session.arm()
+    time.sleep(0.3)
+    assert session.status.alert == ""
+    first = number_now(device) + 2
+    device.pressure_kpa = pulse_at(first)
+    time.sleep(0.1)
+    monkeypatch.setattr(os, "writev", fail)
+    window = session.next_window(10.0)
+    assert window is not None
+    assert session.status.alert == f"the journal goes on in {spare}: Input/output error"
+    captured = session.cut("0001", window, tmp_path / "captures" / "0001.rdlog")
+    numbers = numbers_in(captured.path)
+    assert numbers == list(range(numbers[0], numbers[-1] + 1))
+    assert numbers[0] < first < numbers[-1]
+    session.release(window)
+    session.close(complete=True)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["captures", "spare"]
+    assert list((tmp_path / "spare").iterdir()) == []
