@@ -7,6 +7,7 @@ import heapq
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -235,7 +236,7 @@ def open_log(folder: Path) -> Log:
     if not paths:
         raise StoreError("holds no log", path=folder, expected=f"segments such as 000001{SUFFIX}")
     log_id = _one_log_id(paths)
-    if any(record.number == UNNUMBERED for record in _beginnings(paths, log_id)):
+    if _is_capture(paths[0], log_id):
         raise StoreError("holds captures and no log", path=folder, remedy="name the folder of the log itself")
     session = session_in(_beginnings(paths, log_id)) or {}
     spare = session.get("spare")
@@ -355,8 +356,15 @@ def _holds_captures(folder: Path) -> bool:
     for path in segment_paths(folder).values():
         log_id = None if is_hole(path) else first_log_id(path, _begin_bytes())
         if log_id is not None:
-            return any(record.number == UNNUMBERED for record in _beginnings([path], log_id))
+            return _is_capture(path, log_id)
     return False
+
+
+def _is_capture(path: Path, log_id: bytes) -> bool:
+    """Tell whether a file declares what it holds, before the first record of a device."""
+    with FileScan(path, log_id) as scan:
+        own = takewhile(lambda record: record.source == OWN, scan)
+        return any(record.number == UNNUMBERED for record in own)
 
 
 def _begin_bytes() -> int:
