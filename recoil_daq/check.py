@@ -67,18 +67,18 @@ def check_rig(name_or_path: str | Path, files: Sequence[Path] = (), *, progress:
 
 def _against_files(rig: Rig, files: Sequence[Path], faults: list[Fault], progress: Progress) -> list[dict[str, Any]]:
     """Match files to sources, open them and look for the rig's signals; append what is wrong to `faults`."""
-    readers: dict[Path, Reader] = {}
+    claimed: list[tuple[Path, Reader]] = []
     matched: dict[str, Path] = {}
     rows = []
     for path in files:
         progress(path.name)
         try:
             reader = reader_of(path, rig)
-            now = match_sources(rig, {**readers, path: reader})
+            now = match_sources(rig, [*claimed, (path, reader)])
         except RecoilDaqError as error:
             faults.append(_fault_of_file(path, error))
             continue
-        readers[path] = reader
+        claimed.append((path, reader))
         for name in sorted(now.keys() - matched.keys()):
             rows += _row(rig, reader, path, name, faults)
         matched = now

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -119,8 +119,9 @@ def ingest_files(
         _check_name(shot)
     progress("recognise")
     given = [Path(f) for f in files]
-    readers = {path: reader_of(path, rig) for path in given}
-    matched = match_sources(rig, readers)
+    claimed = [(path, reader_of(path, rig)) for path in given]
+    matched = match_sources(rig, claimed)
+    readers = dict(claimed)
     acquisition = _acquisition_of([path for path in given if readers[path].kind == LIVE], rig)
     if rig.reference_clock not in matched:
         raise ReadError(
@@ -192,22 +193,26 @@ def _replacing(target: Path, why: str) -> tuple[Step, ...]:
     return (Step("replace shot file", __version__, {"why": why, "sha256_before": _sha256(target)}),)
 
 
-def match_sources(rig: Rig, readers: Mapping[Path, Reader]) -> dict[str, Path]:
+def match_sources(rig: Rig, files: Sequence[tuple[Path, Reader]]) -> dict[str, Path]:
     """Match files to the rig's sources: captures by the names of the sources in them, others as `match_files` does.
 
     Parameters
     ----------
     rig : Rig
-    readers : mapping of Path to Reader
-        That of each file.
+    files : sequence of (path, reader)
+
+    Returns
+    -------
+    dict of str to Path
+        By source, in the order of the files.
 
     Raises
     ------
     ReadError
         If a file fits no source or several, or a source gets two files.
     """
-    matched = match_files(rig, [(path, reader.kind) for path, reader in readers.items() if reader.kind != LIVE])
-    for path in (path for path, reader in readers.items() if reader.kind == LIVE):
+    matched = match_files(rig, [(path, reader.kind) for path, reader in files if reader.kind != LIVE])
+    for path in (path for path, reader in files if reader.kind == LIVE):
         there = sources_of(read_capture(path))
         held = {source.name: source.kind for source in there if source.delivered}
         fitting = [source.name for source in rig.sources if held.get(source.name) == source.kind]
@@ -225,7 +230,8 @@ def match_sources(rig: Rig, readers: Mapping[Path, Reader]) -> dict[str, Path]:
                     f"source {name!r} already has {matched[name].name}", path=path, remedy="give one file per source"
                 )
             matched[name] = path
-    return matched
+    given = [path for path, _ in files]
+    return dict(sorted(matched.items(), key=lambda item: given.index(item[1])))
 
 
 def _acquisition_of(captures: Sequence[Path], rig: Rig) -> Acquisition | None:

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from recoil_acquisition.acquisition import is_acquisition
 from recoil_acquisition.errors import ReadError, StoreError
 from recoil_acquisition.readers.table import recognise
 from recoil_acquisition.regular_file import open_regular, read_small
@@ -44,7 +43,6 @@ def test_what_is_no_file_is_refused_wherever_it_is_named(special: tuple[str, Pat
             named(path)
     with pytest.raises(StoreError, match=f"this is a {kind}"):
         read_shot(path)
-    assert not is_acquisition(path)
     assert not is_shot_file(path)
 
 
