@@ -142,6 +142,17 @@ def test_a_capture_of_a_log_that_is_still_written(tmp_path):
     assert sum(record.source == 0 for record in read_capture(tmp_path / "x.rdlog").records) == 100
 
 
+def test_what_the_log_says_of_a_range_afterwards_is_no_part_of_its_capture(tmp_path):
+    with LogWriter(tmp_path / "log", {"rig": "x"}, 0, segment_bytes=1 << 16) as writer:
+        for i in range(300):
+            writer.append(0, Kind.SERIAL, i, bytes(100))
+        write_capture(open_log(tmp_path / "log"), tmp_path / "x.rdlog", 100, 400, {})
+        writer.append(OWN, Kind.SHOT, 250, b'{"shot": "0002"}')
+        assert capture_holds(open_log(tmp_path / "log"), tmp_path / "x.rdlog", 100, 400)
+        writer.append(0, Kind.SERIAL, 350, bytes(100))
+        assert not capture_holds(open_log(tmp_path / "log"), tmp_path / "x.rdlog", 100, 400)
+
+
 def test_files_that_are_no_capture_are_said(tmp_path):
     (tmp_path / "x.rdlog").write_bytes(b"something else" * 100)
     with pytest.raises(CorruptFileError, match="not one sound record"):
