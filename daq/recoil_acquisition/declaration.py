@@ -32,6 +32,10 @@ class Table(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
+    def contradictions(self) -> list[tuple[str, str]]:
+        """Return the faults between keys that are sound alone: the key, and what is wrong."""
+        return []
+
 
 Declared = TypeVar("Declared", bound=BaseModel)
 
@@ -55,11 +59,14 @@ def declared(model: type[Declared], table: Any, where: str, faults: list[Fault])
         None if it has a fault.
     """
     try:
-        return model.model_validate(table)
+        made = model.model_validate(table)
     except ValidationError as error:
         # a key that may be of two types has a fault of each
         faults += dict.fromkeys(_fault(item, where, model) for item in error.errors(include_url=False))
         return None
+    wrong = made.contradictions() if isinstance(made, Table) else []
+    faults += [Fault(f"{where}.{key}", problem) for key, problem in wrong]
+    return None if wrong else made
 
 
 def declared_rows(

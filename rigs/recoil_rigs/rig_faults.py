@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
-from recoil_acquisition.declaration import unknown_keys
+from recoil_acquisition.declaration import declared, unknown_keys
 from recoil_acquisition.errors import Fault, FramingError, did_you_mean, nearest_first
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.quantity import SI_UNITS, UNITS, find_unit, normalise_unit
-from recoil_acquisition.readers.text.layout import text_layout
-from recoil_acquisition.readers.tracks.layout import track_layout
+from recoil_acquisition.readers.text.layout import TextLayout
+from recoil_acquisition.readers.tracks.layout import TrackLayout
 from recoil_acquisition.trigger.table import trigger_faults
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.mechanism_parameters import MEANINGS
@@ -103,9 +103,9 @@ def _faults_of_layout(where: str, source: Source) -> list[Fault]:
         return []
     faults: list[Fault] = []
     if source.kind == "camera":
-        track_layout(source.layout, f"{where}.layout", faults)
+        declared(TrackLayout, source.layout, f"{where}.layout", faults)
     else:
-        text_layout(source.layout, f"{where}.layout", faults)
+        declared(TextLayout, source.layout, f"{where}.layout", faults)
     return faults
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from recoil_acquisition.declaration import declared as declare
 from recoil_acquisition.errors import CorruptFileError, Fault, ReadError, nearest_first
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import split_cells, split_unit
-from recoil_acquisition.readers.text.layout import MOST_ROWS, TextLayout, column_named, text_layout
+from recoil_acquisition.readers.text.layout import MOST_ROWS, TextLayout, column_named
 from recoil_acquisition.readers.text.recording import text_recording
 from recoil_acquisition.readers.text.text_file import LongText
 from recoil_acquisition.readers.text.text_table import find_block
@@ -36,7 +37,7 @@ class DeclaredTextReader:
         if declared.layout is None:
             raise ReadError("the rig declares no layout of this text table", path=path, remedy=_REMEDY)
         faults: list[Fault] = []
-        layout = text_layout(declared.layout, "layout", faults)
+        layout = declare(TextLayout, declared.layout, "layout", faults)
         if layout is None:
             said = " | ".join(str(fault) for fault in faults)
             raise ReadError(f"the declared layout is at fault: {said}", path=path, place="[source]", remedy=_REMEDY)

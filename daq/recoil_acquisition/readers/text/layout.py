@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import codecs
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
-from recoil_acquisition.declaration import Positive, Table, Text, Texts, declared
-from recoil_acquisition.errors import Fault, nearest_first
+from recoil_acquisition.declaration import Positive, Table, Text, Texts
+from recoil_acquisition.errors import nearest_first
 
 ENCODINGS = ("utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "cp1250", "cp1251", "cp1252", "latin-1", "ascii")
 MOST_ROWS = 1000
@@ -66,52 +66,32 @@ class TextLayout(Table):
     )
     """What begins a line that is no row."""
 
-
-def text_layout(table: Any, where: str, faults: list[Fault]) -> TextLayout | None:
-    """Make a layout from what the rig declares; faults are appended, and None is returned if there is any.
-
-    Parameters
-    ----------
-    table : object
-        As the TOML has it.
-    where : str
-        Its key path.
-    faults : list of Fault
-    """
-    layout = declared(TextLayout, table, where, faults)
-    if layout is None:
-        return None
-    wrong = [Fault(f"{where}.{key}", problem) for key, problem in _contradictions(layout)]
-    faults += wrong
-    return None if wrong else layout
-
-
-def _contradictions(layout: TextLayout) -> list[tuple[str, str]]:
-    """Return the faults between keys that are sound alone."""
-    faults = []
-    given = layout.model_fields_set
-    if layout.separator == "," and layout.decimal == ",":
-        faults.append(("decimal", "a comma cannot both separate cells and mark decimals"))
-    if not layout.names and layout.header_row is None:
-        faults.append(("header_row", "is missing; or declare `names`"))
-    if layout.names and layout.header_row is not None:
-        faults.append(("names", "is declared twice: by `header_row` as well"))
-    if layout.units and layout.unit_row is not None:
-        faults.append(("units", "is declared twice: by `unit_row` as well"))
-    if "units" in given and layout.names and len(layout.units) != len(layout.names):
-        faults.append(("units", f"has {len(layout.units)} texts, `names` has {len(layout.names)}"))
-    faults += [
-        (key, f"must lie above `first_row`, {layout.first_row}, found {row}")
-        for key, row in (("header_row", layout.header_row), ("unit_row", layout.unit_row))
-        if row is not None and row >= layout.first_row
-    ]
-    if layout.unit_row is not None and layout.header_row == layout.unit_row:
-        faults.append(("unit_row", "is the row of names as well; leave it out where names hold their units"))
-    if layout.time_column is None and layout.rate_hz is None:
-        faults.append(("time_column", "is missing; or declare `rate_hz`"))
-    if layout.time_unit is not None and layout.time_column is None:
-        faults.append(("time_unit", "needs `time_column`"))
-    return faults + _faults_of_time_column(layout)
+    def contradictions(self) -> list[tuple[str, str]]:
+        """Return the faults between keys that are sound alone."""
+        faults = []
+        given = self.model_fields_set
+        if self.separator == "," and self.decimal == ",":
+            faults.append(("decimal", "a comma cannot both separate cells and mark decimals"))
+        if not self.names and self.header_row is None:
+            faults.append(("header_row", "is missing; or declare `names`"))
+        if self.names and self.header_row is not None:
+            faults.append(("names", "is declared twice: by `header_row` as well"))
+        if self.units and self.unit_row is not None:
+            faults.append(("units", "is declared twice: by `unit_row` as well"))
+        if "units" in given and self.names and len(self.units) != len(self.names):
+            faults.append(("units", f"has {len(self.units)} texts, `names` has {len(self.names)}"))
+        faults += [
+            (key, f"must lie above `first_row`, {self.first_row}, found {row}")
+            for key, row in (("header_row", self.header_row), ("unit_row", self.unit_row))
+            if row is not None and row >= self.first_row
+        ]
+        if self.unit_row is not None and self.header_row == self.unit_row:
+            faults.append(("unit_row", "is the row of names as well; leave it out where names hold their units"))
+        if self.time_column is None and self.rate_hz is None:
+            faults.append(("time_column", "is missing; or declare `rate_hz`"))
+        if self.time_unit is not None and self.time_column is None:
+            faults.append(("time_unit", "needs `time_column`"))
+        return faults + _faults_of_time_column(self)
 
 
 def _faults_of_time_column(layout: TextLayout) -> list[tuple[str, str]]:

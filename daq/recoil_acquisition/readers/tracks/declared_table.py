@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from recoil_acquisition.declaration import declared as declare
 from recoil_acquisition.errors import CorruptFileError, Fault, ReadError
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
@@ -24,7 +25,7 @@ from recoil_acquisition.readers.text.text_file import LongText, Text, TextFile
 from recoil_acquisition.readers.text.text_table import Block
 from recoil_acquisition.readers.tracks.columns import Column
 from recoil_acquisition.readers.tracks.frame_time import frame_clock
-from recoil_acquisition.readers.tracks.layout import ColumnChoice, TrackLayout, track_layout
+from recoil_acquisition.readers.tracks.layout import ColumnChoice, TrackLayout
 from recoil_acquisition.readers.tracks.recording import TrackTable, track_recording
 
 PART_BYTES = 1 << 20
@@ -58,7 +59,7 @@ class DeclaredTrackReader:
                 remedy="declare `layout` of this source in the rig file",
             )
         faults: list[Fault] = []
-        layout = track_layout(declared.layout, f"source {declared.clock!r}.layout", faults)
+        layout = declare(TrackLayout, declared.layout, f"source {declared.clock!r}.layout", faults)
         if layout is None:
             raise ReadError(" | ".join(str(fault) for fault in faults), path=path, remedy=REMEDY)
         file, layout = _text_of(path, layout)

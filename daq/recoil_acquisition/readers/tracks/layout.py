@@ -22,8 +22,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
-from recoil_acquisition.declaration import Table, declared
-from recoil_acquisition.errors import Fault
+from recoil_acquisition.declaration import Table
 from recoil_acquisition.quantity import find_unit
 from recoil_acquisition.readers.text.cells import is_number
 from recoil_acquisition.readers.tracks.frame_time import TIME_UNITS_S
@@ -118,42 +117,22 @@ class TrackLayout(Table):
         numbers = (one for one in self.lost if not isinstance(one, str) or is_number(one.strip()))
         return tuple(float(one.strip().replace(",", ".")) if isinstance(one, str) else one for one in numbers)
 
-
-def track_layout(table: Any, where: str, faults: list[Fault]) -> TrackLayout | None:
-    """Make a layout from what the rig declares; faults are appended, and None is returned if there is any.
-
-    Parameters
-    ----------
-    table : object
-        As the TOML has it.
-    where : str
-        Its key path.
-    faults : list of Fault
-    """
-    layout = declared(TrackLayout, table, where, faults)
-    if layout is None:
-        return None
-    wrong = [Fault(f"{where}.{key}", problem) for key, problem in _contradictions(layout)]
-    faults += wrong
-    return None if wrong else layout
-
-
-def _contradictions(layout: TrackLayout) -> list[tuple[str, str]]:
-    """Return the faults between keys that are sound alone."""
-    wrong = []
-    if layout.decimal == layout.separator:
-        wrong.append(("decimal", "is the separator too"))
-    if layout.header_row is not None and layout.first_line <= layout.header_row:
-        wrong.append(("first_row", f"{layout.first_row} is not below header_row {layout.header_row}"))
-    columns = {"frame_column": layout.frame_column, "time_column": layout.time_column}
-    for i, feature in enumerate(layout.features):
-        own = {f"features[{i}].{key}": getattr(feature, key) for key in ("x", "y", "angle")}
-        if all(choice is None for choice in own.values()):
-            wrong.append((f"features[{i}]", "names no column: x, y or angle is needed"))
-        columns |= own
-    if layout.header_row is None:
-        named = [key for key, choice in columns.items() if isinstance(choice, str)]
-        wrong += [(key, "names a heading, so `header_row` is needed") for key in named]
-    names = [feature.name for feature in layout.features]
-    doubled = [name for name in dict.fromkeys(names) if names.count(name) > 1]
-    return wrong + [("features", f"the name {name!r} is there twice") for name in doubled]
+    def contradictions(self) -> list[tuple[str, str]]:
+        """Return the faults between keys that are sound alone."""
+        wrong = []
+        if self.decimal == self.separator:
+            wrong.append(("decimal", "is the separator too"))
+        if self.header_row is not None and self.first_line <= self.header_row:
+            wrong.append(("first_row", f"{self.first_row} is not below header_row {self.header_row}"))
+        columns = {"frame_column": self.frame_column, "time_column": self.time_column}
+        for i, feature in enumerate(self.features):
+            own = {f"features[{i}].{key}": getattr(feature, key) for key in ("x", "y", "angle")}
+            if all(choice is None for choice in own.values()):
+                wrong.append((f"features[{i}]", "names no column: x, y or angle is needed"))
+            columns |= own
+        if self.header_row is None:
+            named = [key for key, choice in columns.items() if isinstance(choice, str)]
+            wrong += [(key, "names a heading, so `header_row` is needed") for key in named]
+        names = [feature.name for feature in self.features]
+        doubled = [name for name in dict.fromkeys(names) if names.count(name) > 1]
+        return wrong + [("features", f"the name {name!r} is there twice") for name in doubled]

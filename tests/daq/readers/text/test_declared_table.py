@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from recoil_acquisition.declaration import declared
 from recoil_acquisition.errors import CorruptFileError, Fault, ReadError
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.declared_table import DeclaredTextReader
-from recoil_acquisition.readers.text.layout import TextLayout, text_layout
+from recoil_acquisition.readers.text.layout import TextLayout
 from tests.builders import text_tables as build
 
 READER = DeclaredTextReader()
@@ -18,7 +19,7 @@ READER = DeclaredTextReader()
 
 def layout_faults(table: dict[str, Any]) -> list[tuple[str, str]]:
     faults: list[Fault] = []
-    assert (text_layout(table, "layout", faults) is None) == bool(faults)
+    assert (declared(TextLayout, table, "layout", faults) is None) == bool(faults)
     return [(fault.key.removeprefix("layout."), fault.problem) for fault in faults]
 
 
@@ -106,7 +107,7 @@ def test_a_time_column_beside_the_names_names_the_nearest() -> None:
 
 
 def test_a_sound_layout_is_frozen_and_complete() -> None:
-    layout = text_layout(build.BARE_LAYOUT, "layout", [])
+    layout = declared(TextLayout, build.BARE_LAYOUT, "layout", [])
     assert isinstance(layout, TextLayout)
     assert layout.names == ("count", "p")
     assert layout.decimal == "."

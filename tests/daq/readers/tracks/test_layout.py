@@ -4,8 +4,9 @@ from typing import Any
 
 import pytest
 
+from recoil_acquisition.declaration import declared
 from recoil_acquisition.errors import Fault
-from recoil_acquisition.readers.tracks.layout import TrackLayout, track_layout
+from recoil_acquisition.readers.tracks.layout import TrackLayout
 
 FEATURE = {"name": "Muzzle", "x": "X", "y": "Y"}
 
@@ -13,13 +14,13 @@ FEATURE = {"name": "Muzzle", "x": "X", "y": "Y"}
 def faults_of(**keys: Any) -> list[str]:
     faults: list[Fault] = []
     table = {"header_row": 1, "features": [FEATURE], **keys}
-    made = track_layout({key: value for key, value in table.items() if value is not None}, "layout", faults)
+    made = declared(TrackLayout, {key: value for key, value in table.items() if value is not None}, "layout", faults)
     assert (made is None) == bool(faults)
     return [str(fault).removeprefix("layout.") for fault in faults]
 
 
 def layout(**keys: Any) -> TrackLayout:
-    made = track_layout({"header_row": 1, "features": [FEATURE], **keys}, "layout", [])
+    made = declared(TrackLayout, {"header_row": 1, "features": [FEATURE], **keys}, "layout", [])
     assert made is not None
     return made
 
@@ -52,7 +53,7 @@ def test_every_key_is_taken() -> None:
 
 
 def test_columns_by_number_need_no_headings() -> None:
-    plain = track_layout({"features": [{"name": "a", "x": 2}]}, "layout", [])
+    plain = declared(TrackLayout, {"features": [{"name": "a", "x": 2}]}, "layout", [])
     assert plain is not None
     assert (plain.header_row, plain.first_line) == (None, 1)
 
