@@ -473,9 +473,9 @@ def export(
     debug: DebugOption = False,
 ) -> None:
     """Write a shot's channels in another format, verified, and say what is exact and what is lost."""
-    from recoil_acquisition.exporters.table import exporters
+    from recoil_acquisition.exporters.table import exporter_names
 
-    if format_name not in (names := [exporter.name for exporter in exporters()]):
+    if format_name not in (names := exporter_names()):
         raise typer.BadParameter(f"{format_name!r} is none of {', '.join(names)}")
     with Session(json, debug) as session:
         from recoil_acquisition.reader_process import READER

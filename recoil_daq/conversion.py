@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from recoil_acquisition.child_process import apart, own_command
+from recoil_acquisition.new_file import remove_partials
 
 _BELOW_NORMAL = 10
 
@@ -73,8 +74,7 @@ class Conversion:
         """End it at once, and take away what it was writing."""
         self._process.kill()
         self._process.wait()
-        for path in self._folder.glob(f".{self._shot}.h5.*.partial"):
-            path.unlink(missing_ok=True)
+        remove_partials(self._folder / f"{self._shot}.h5")
         self._out.close()
         self._errors.close()
 

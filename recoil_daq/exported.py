@@ -122,7 +122,7 @@ def export(
     path : path
         A shot file.
     format_name : str
-        Name of one of `recoil_acquisition.exporters.table.exporters`.
+        Name of one of `recoil_acquisition.exporters.table.exporter_names`.
     out : path
         Folder of the files.
     channels : sequence of str

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.log.lock import FolderLock, is_being_written
-from recoil_acquisition.new_file import sync_folder
+from recoil_acquisition.new_file import sync_file, sync_folder
 
 _NEW, _OLD = "new", "old"
 
@@ -84,8 +84,7 @@ def _exchange(folder: Path, hidden: Path) -> None:
     new = hidden / _NEW
     for file in new.rglob("*"):
         if file.is_file():
-            with file.open("r+b") as stream:
-                os.fsync(stream.fileno())
+            sync_file(file)
     if folder.exists():
         written = {file.name for file in new.iterdir()}
 

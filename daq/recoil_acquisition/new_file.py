@@ -1,20 +1,86 @@
-"""A file's final name, taken only when its content is complete: never over another file, and forced to the disk."""
+"""Files that bear their name only when they are complete: never over another unasked, and forced to the disk.
+
+Whoever writes a file writes it under the name that `partial_path` gives, checks it, and lets `give_name` name it. What
+a process left under a partial name when it ended before that, `remove_partials` takes away.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
+import re
+import secrets
 from pathlib import Path
 
+_TOKEN_BYTES = 4
 
-def rename_to_new(temporary: Path, path: Path) -> None:
-    """Give a complete file its final name unless something bears it by now.
+_NO_SUCH_CALL = frozenset(
+    {
+        errno.EACCES, errno.EISDIR, errno.EBADF, errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP,
+    }
+)  # fmt: skip
+"""What a system or a file system answers that cannot force a folder to the disk, as PostgreSQL takes it
+(`fsync_fname_ext` in src/backend/storage/file/fd.c) and what file systems in user space answer."""
+
+
+def partial_path(path: Path, *, keeps_suffix: bool = False) -> Path:
+    """Return a hidden name beside a path, unlike any other, for what is not complete yet.
+
+    Parameters
+    ----------
+    path : Path
+        The name to be.
+    keeps_suffix : bool
+        Whether it ends as `path` does, for libraries that want that of a file they write.
+    """
+    token = f"{secrets.token_hex(_TOKEN_BYTES)}.partial"
+    return path.with_name(f".{path.stem}.{token}{path.suffix}" if keeps_suffix else f".{path.name}.{token}")
+
+
+def remove_partials(path: Path) -> None:
+    """Remove what lies under partial names of a path, which nobody must be writing any more."""
+    partial = re.compile(re.escape(f".{path.name}.") + f"[0-9a-f]{{{2 * _TOKEN_BYTES}}}" + re.escape(".partial"))
+    with contextlib.suppress(FileNotFoundError):
+        for beside in tuple(path.parent.iterdir()):
+            if partial.fullmatch(beside.name):
+                beside.unlink(missing_ok=True)
+
+
+def give_name(temporary: Path, path: Path, *, overwrite: bool = False) -> None:
+    """Force a complete file to the disk and give it its final name.
 
     Parameters
     ----------
     temporary : Path
         In the same folder.
     path : Path
+    overwrite : bool
+        Whether the file that bears the name by now is replaced.
+
+    Raises
+    ------
+    FileExistsError
+        If the name is taken and not to be replaced.
+    OSError
+        If it cannot be forced to the disk or renamed. Nothing of a new name is left then; a file that was to be
+        replaced is there, or the new one is, complete.
+    """
+    sync_file(temporary)
+    if overwrite:
+        temporary.replace(path)
+        sync_folder(path.parent)
+        return
+    rename_to_new(temporary, path)
+    try:
+        sync_folder(path.parent)
+    except OSError:
+        path.unlink()
+        raise
+
+
+def rename_to_new(temporary: Path, path: Path) -> None:
+    """Give a file its final name unless something bears it by now; the temporary name may stay beside it.
 
     Raises
     ------
@@ -40,13 +106,31 @@ def rename_to_new(temporary: Path, path: Path) -> None:
             raise
 
 
+def sync_file(path: Path) -> None:
+    """Force the content of a file to the disk; OSError if it cannot be."""
+    with path.open("rb+") as stream:
+        os.fsync(stream.fileno())
+
+
 def sync_folder(folder: Path) -> None:
-    """Force the names in a folder to the disk; Windows has no such call, and network file systems may refuse it."""
+    """Force the names in a folder to the disk.
+
+    Windows has no such call, and some file systems refuse it: there the names are as safe as they can be, and nobody
+    could do anything about it. A disk that fails is another thing, and what was promised about a name does not hold.
+
+    Raises
+    ------
+    OSError
+        If the disk fails.
+    """
     if os.name == "nt":
         return
-    with contextlib.suppress(OSError):
-        handle = os.open(folder, os.O_RDONLY)
+    try:
+        descriptor = os.open(folder, os.O_RDONLY)
         try:
-            os.fsync(handle)
+            os.fsync(descriptor)
         finally:
-            os.close(handle)
+            os.close(descriptor)
+    except OSError as error:
+        if error.errno not in _NO_SUCH_CALL:
+            raise

@@ -564,7 +564,7 @@ def test_a_disk_that_changes_the_last_bit_of_a_sample_is_found_out_before_the_re
     path = tmp_path / "s.h5"
     before = make_shot()
     write_shot(before, path)
-    write = shot_file._write_durably
+    write = shot_file._write
 
     def write_badly(_image: bytes, target: Path) -> None:
         shot = make_shot()
@@ -573,7 +573,7 @@ def test_a_disk_that_changes_the_last_bit_of_a_sample_is_found_out_before_the_re
         changed = replace(shot.channels["p_breech"], samples=samples)
         write(shot_file._image(replace(shot, channels={**shot.channels, "p_breech": changed}), target), target)
 
-    monkeypatch.setattr(shot_file, "_write_durably", write_badly)
+    monkeypatch.setattr(shot_file, "_write", write_badly)
     with pytest.raises(StoreError, match="samples of channel 'p_breech'"):
         write_shot(before, path, overwrite=True)
     assert_same_shot(read_shot(path), before)
@@ -581,8 +581,8 @@ def test_a_disk_that_changes_the_last_bit_of_a_sample_is_found_out_before_the_re
 
 
 def test_a_disk_that_keeps_half_is_found_out_before_the_rename(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    write = shot_file._write_durably
-    monkeypatch.setattr(shot_file, "_write_durably", lambda image, path: write(image[: len(image) // 2], path))
+    write = shot_file._write
+    monkeypatch.setattr(shot_file, "_write", lambda image, path: write(image[: len(image) // 2], path))
     with pytest.raises(StoreError, match="does not read back") as caught:
         write_shot(make_shot(), tmp_path / "s.h5")
     assert caught.value.path == tmp_path / "s.h5"

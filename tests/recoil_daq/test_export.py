@@ -15,7 +15,7 @@ from recoil_acquisition.store import read_shot, write_shot
 from recoil_daq.exported import size_text
 from tests.builders.shots import make_shot
 
-FORMATS = [exporter.name for exporter in EXPORTERS]
+FORMATS = list(EXPORTERS)
 
 
 @pytest.fixture

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import secrets
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,7 @@ from recoil_acquisition.errors import RecoilDaqError, StoreError
 from recoil_acquisition.exporters.content import Content
 from recoil_acquisition.exporters.exporter import Carried, Exporter, exact_table, first_difference
 from recoil_acquisition.extras import EXTRAS
-from recoil_acquisition.new_file import rename_to_new, sync_folder
+from recoil_acquisition.new_file import give_name, partial_path
 
 Progress = Callable[[str], None]
 
@@ -102,17 +101,15 @@ def write_export(
         for name, part in parts:
             progress(name)
             target = folder / name
-            temporary = target.with_name(f".{target.stem}.{secrets.token_hex(4)}.partial{target.suffix}")
+            temporary = partial_path(target, keeps_suffix=True)
             temporaries.append(temporary)
             written.append((temporary, _write(part, exporter, temporary, target)))
         for temporary, file in written:
-            if overwrite:
-                temporary.replace(file.path)
-            else:
-                try:
-                    rename_to_new(temporary, file.path)
-                except FileExistsError as error:
-                    raise _exists(file.path) from error
+            try:
+                give_name(temporary, file.path, overwrite=overwrite)
+            except FileExistsError as error:
+                raise _exists(file.path) from error
+            if not overwrite:
                 placed.append(file.path)
         placed.clear()
     except OSError as error:
@@ -124,7 +121,6 @@ def write_export(
         for empty in new_folders:
             with contextlib.suppress(OSError):
                 empty.rmdir()  # refused where it holds something
-    sync_folder(folder)
     return tuple(file for _, file in written)
 
 
@@ -136,7 +132,6 @@ def _write(content: Content, exporter: Exporter, temporary: Path, target: Path) 
         if not kept:
             raise _nothing_left(exporter, carried, target)
         exporter.write(content, temporary)
-        _sync_file(temporary)
         difference = first_difference(carried.tables, exporter.read_back(content, temporary))
         size = temporary.stat().st_size
     except ImportError as error:
@@ -172,11 +167,6 @@ def _nothing_left(exporter: Exporter, carried: Carried, target: Path) -> StoreEr
 
 
 _REMEDY = "nothing was kept; check the disk, or choose another --format"
-
-
-def _sync_file(path: Path) -> None:
-    with path.open("rb+") as stream:
-        os.fsync(stream.fileno())
 
 
 def _exists(path: Path) -> StoreError:

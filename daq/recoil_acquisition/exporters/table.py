@@ -1,36 +1,31 @@
-"""The table of exporters."""
+"""The table of exporters. Nothing of an exporter's module is imported before its format is asked for."""
 
 from __future__ import annotations
 
-from recoil_acquisition.exporters.csv_text import CsvExporter
-from recoil_acquisition.exporters.dewesoft_text import DewesoftTextExporter
+from collections.abc import Mapping
+from importlib import import_module
+
 from recoil_acquisition.exporters.exporter import Exporter
-from recoil_acquisition.exporters.mat_file import MatExporter
-from recoil_acquisition.exporters.mdf4 import Mdf4Exporter
-from recoil_acquisition.exporters.parquet_file import ParquetExporter
-from recoil_acquisition.exporters.tdms_file import TdmsExporter
-from recoil_acquisition.exporters.uff58 import Uff58Exporter
 from recoil_acquisition.others import offered
 
 GROUP = "recoil_daq.exporters"
 """Entry points by which other packages announce their exporters."""
 
-EXPORTERS: tuple[Exporter, ...] = (
-    Mdf4Exporter(),
-    MatExporter(),
-    Uff58Exporter(),
-    TdmsExporter(),
-    ParquetExporter(),
-    CsvExporter(),
-    DewesoftTextExporter(),
-)
-"""Every exporter, in the order in which they are listed to users."""
+EXPORTERS: Mapping[str, str] = {
+    "mdf4": "mdf4:Mdf4Exporter",
+    "mat": "mat_file:MatExporter",
+    "uff58": "uff58:Uff58Exporter",
+    "tdms": "tdms_file:TdmsExporter",
+    "parquet": "parquet_file:ParquetExporter",
+    "csv": "csv_text:CsvExporter",
+    "dewesoft-text": "dewesoft_text:DewesoftTextExporter",
+}
+"""Name of a format -> module, below `recoil_acquisition.exporters`, and class, in the order shown to users."""
 
 
-def exporters() -> tuple[Exporter, ...]:
-    """Return every exporter: those of the table, and those that other packages announce under `GROUP`."""
-    parts = ("name", "suffix", "extra", "single_file", "carried", "write", "read_back")
-    return (*EXPORTERS, *offered(GROUP, parts))
+def exporter_names() -> tuple[str, ...]:
+    """Return the names of all formats: those of the table, and those that other packages announce under `GROUP`."""
+    return (*EXPORTERS, *(exporter.name for exporter in _of_others()))
 
 
 def exporter_of(name: str) -> Exporter:
@@ -41,7 +36,15 @@ def exporter_of(name: str) -> Exporter:
     ValueError
         If there is none of this name.
     """
-    for exporter in exporters():
+    if name in EXPORTERS:
+        module, _, kind = EXPORTERS[name].partition(":")
+        exporter: Exporter = getattr(import_module(f"recoil_acquisition.exporters.{module}"), kind)()
+        return exporter
+    for exporter in _of_others():
         if exporter.name == name:
             return exporter
-    raise ValueError(f"{name!r} is none of {', '.join(exporter.name for exporter in exporters())}")
+    raise ValueError(f"{name!r} is none of {', '.join(exporter_names())}")
+
+
+def _of_others() -> tuple[Exporter, ...]:
+    return offered(GROUP, ("name", "suffix", "extra", "single_file", "carried", "write", "read_back"))

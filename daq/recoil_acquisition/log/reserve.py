@@ -10,7 +10,8 @@ from pathlib import Path
 
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.log.lock import FolderLock
-from recoil_acquisition.log.segment import WritingSegment, segment_name, segment_paths, sync_folder
+from recoil_acquisition.log.segment import WritingSegment, segment_name, segment_paths
+from recoil_acquisition.new_file import sync_folder
 
 
 class SegmentReserve:

@@ -34,8 +34,9 @@ from recoil_acquisition.log.record import (
     pack_json,
 )
 from recoil_acquisition.log.reserve import SegmentReserve
-from recoil_acquisition.log.segment import WritingSegment, sync_folder
+from recoil_acquisition.log.segment import WritingSegment
 from recoil_acquisition.log.sync import SegmentSync
+from recoil_acquisition.new_file import sync_folder
 
 SEGMENT_BYTES = 64 << 20
 """Size of a segment unless told otherwise."""

@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import contextlib
 import os
-import secrets
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import ReadError, StoreError
-from recoil_acquisition.new_file import rename_to_new, sync_folder
+from recoil_acquisition.new_file import give_name, partial_path
 from recoil_acquisition.reader_process import EXPANSION, READER, SPARE_BYTES
 from recoil_acquisition.regular_file import read_beginning
 from recoil_acquisition.shot import Shot
@@ -53,18 +52,15 @@ def write_shot(shot: Shot, path: Path, *, overwrite: bool = False) -> None:
     if path.is_dir():
         raise StoreError("this is a folder", path=path, expected="the name of a shot file")
     image = _image(shot, path)
-    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.partial")
+    temporary = partial_path(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        _write_durably(image, temporary)
+        _write(image, temporary)
         _verify(shot, temporary, path)
-        if overwrite:
-            temporary.replace(path)
-        else:
-            try:
-                rename_to_new(temporary, path)
-            except FileExistsError as error:
-                raise _exists(path) from error
+        try:
+            give_name(temporary, path, overwrite=overwrite)
+        except FileExistsError as error:
+            raise _exists(path) from error
     except OSError as error:
         raise StoreError(
             f"cannot be written: {error.strerror or error}",
@@ -75,7 +71,6 @@ def write_shot(shot: Shot, path: Path, *, overwrite: bool = False) -> None:
         # After a rename there is nothing left to remove; a disk that refuses this too has been reported
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
-    sync_folder(path.parent)
 
 
 def read_shot(path: Path) -> Shot:
@@ -160,11 +155,9 @@ def _packed(shot: Shot, path: Path, *, compressed: bool) -> bytes:
     return image
 
 
-def _write_durably(image: bytes, path: Path) -> None:
+def _write(image: bytes, path: Path) -> None:
     with path.open("xb") as stream:
         stream.write(image)
-        stream.flush()
-        os.fsync(stream.fileno())
 
 
 def _verify(shot: Shot, temporary: Path, path: Path) -> None:

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -92,14 +93,14 @@ def test_a_failed_export_leaves_what_it_was_to_replace(tmp_path):
 
 
 def test_a_name_that_is_taken_meanwhile_is_not_overwritten_and_the_others_are_taken_back(tmp_path, monkeypatch):
-    rename = publication.rename_to_new
+    give_name = publication.give_name
 
-    def taken(temporary: Path, path: Path) -> None:
+    def taken(temporary: Path, path: Path, *, overwrite: bool) -> None:
         if path.name == "7_can.csv":
             path.write_text("theirs")
-        rename(temporary, path)
+        give_name(temporary, path, overwrite=overwrite)
 
-    monkeypatch.setattr(publication, "rename_to_new", taken)
+    monkeypatch.setattr(publication, "give_name", taken)
     with pytest.raises(StoreError, match="exists already"):
         write_export(CONTENT, CsvExporter(), tmp_path, "7")
     assert below(tmp_path) == ["7_can.csv"]
@@ -163,8 +164,8 @@ def test_every_file_is_forced_to_the_disk_before_it_is_named(tmp_path, monkeypat
 
     monkeypatch.setattr(os, "fsync", counted)
     write_export(CONTENT, CsvExporter(), tmp_path, "7")
-    assert len(forced) == 6  # five files, and the folder behind them
-    assert all(name.startswith(".") for names in forced[:5] for name in names)
+    named = [sum(not name.startswith(".") for name in names) for names in forced]
+    assert named == [0, 1, 1, 2, 2, 3, 3, 4, 4, 5]  # each file before it is named, the folder behind it
 
 
 def test_signs_types_and_lost_samples_count_when_numbers_are_compared():
@@ -180,7 +181,20 @@ def test_signs_types_and_lost_samples_count_when_numbers_are_compared():
     assert first_difference(tables(1.0), []) == "time bases"
 
 
+def test_only_the_format_that_is_asked_for_is_imported():
+    script = """
+import sys
+from recoil_acquisition.exporters.table import exporter_names, exporter_of
+assert exporter_names() and exporter_of("csv").name == "csv"
+print(*sorted(name for name in sys.modules if name.startswith("recoil_acquisition.exporters.")))
+"""
+    said = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=60)
+    imported = {name.rpartition(".")[2] for name in said.stdout.split()}
+    assert "csv_text" in imported
+    assert not imported & {"mdf4", "mat_file", "uff58", "tdms_file", "parquet_file", "dewesoft_text"}
+
+
 def test_every_exporter_is_found_by_its_name():
-    assert [exporter_of(exporter.name) for exporter in EXPORTERS] == list(EXPORTERS)
+    assert [exporter_of(name).name for name in EXPORTERS] == list(EXPORTERS)
     with pytest.raises(ValueError, match="'flac' is none of mdf4, mat"):
         exporter_of("flac")

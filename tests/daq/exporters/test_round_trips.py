@@ -267,7 +267,7 @@ def test_dewesoft_like_text_says_by_how_much_it_is_off(tmp_path):
 # Every format
 
 
-@pytest.mark.parametrize("name", [exporter.name for exporter in EXPORTERS])
+@pytest.mark.parametrize("name", EXPORTERS)
 @settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(shot=odd_shots(PLAIN_NAMES, least=1))
 def test_any_shot_is_exported_as_told_or_refused_in_one_line(name, tmp_path, shot):
