@@ -331,12 +331,14 @@ class LiveRange:
         return key == "q"
 
     def _tell_events(self, session: LiveSession) -> None:
-        """Say that a device was lost or is back, with the times at which that was and not those of saying it."""
+        """Say what happened to the devices, with the times at which it happened and not those of saying it."""
         for block in session.device_events():
             event, at_s = event_of(block), block.host_ns / 1e9
             wall = dt.datetime.fromtimestamp(session.record.anchor.wall_of(block.host_ns) / 1e9, dt.UTC)
             when = f"{wall:%H:%M:%S}.{wall.microsecond // 1000:03d}Z"
-            if event.name == "lost" and block.source not in self._lost:
+            if event.name == "stalled":
+                self._display.notice(f"{block.source} was late at {when}: {event.detail}")
+            elif event.name == "lost" and block.source not in self._lost:
                 self._lost[block.source] = _Loss(at_s, session.rate_hz(block.source))
                 self._display.notice(f"{block.source} LOST at {when}: {event.detail}")
             elif event.name == "reopened" and (loss := self._lost.pop(block.source, None)) is not None:

@@ -25,7 +25,7 @@ from recoil_acquisition.capture.session_record import (
     operator_records,
 )
 from recoil_acquisition.capture.shot_record import acquisition_of
-from recoil_acquisition.devices.device import EVENT, Block
+from recoil_acquisition.devices.device import Block
 from recoil_acquisition.errors import ReadError, RecoilDaqError, StoreError
 from recoil_acquisition.log.folder import Log, find_logs, open_log
 from recoil_acquisition.log.record import OWN
@@ -310,7 +310,7 @@ def _held(journal: Log, record: LiveRecord) -> dict[str, list[tuple[float, float
     """Return from when to when each source is in a journal."""
     held: dict[str, list[tuple[float, float]]] = {source.name: [] for source in record.sources}
     for one in journal.records():
-        if one.source != OWN and record.block(one).kind != EVENT:
+        if one.source != OWN and record.block(one).is_data:
             spans = held[record.sources[one.source].name]
             spans[:] = [(spans[0][0] if spans else one.host_ns / 1e9, one.host_ns / 1e9)]
     return held

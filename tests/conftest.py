@@ -38,7 +38,9 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
         failed = any(report.failed for report in reports)
         if not failed or not left or machine.largest_s < LONGEST_STALL_S:
             break
-        _tell(item, f"{item.nodeid} failed while the machine stood still for {machine.largest_s:.2f} s: once more")
+        lines = [line for report in reports if report.failed for line in report.longreprtext.splitlines()]
+        why = next((line[1:].strip() for line in lines if line.startswith("E ")), "")
+        _tell(item, f"{item.nodeid} once more: the machine stood still for {machine.largest_s:.2f} s; {why}")
     for report in reports:
         if report.failed:
             report.sections.append(("machine", f"the longest that it stood still: {machine.largest_s:.3f} s"))

@@ -265,6 +265,13 @@ class Armed:
         deadline_ns = time.monotonic_ns() - GRACE_NS - self.waits.longest_ns(GRACE_NS)
         return min(self.port.sent_before(deadline_ns), self.bus.sent_before(deadline_ns))
 
+    @property
+    def pulses_due(self) -> bool:
+        """Whether every pulse must be in a shot if it were killed within a twentieth of a second."""
+        deadline_ns = time.monotonic_ns() - SHOT_END_NS - 50_000_000 - self.waits.longest_ns(GRACE_NS)
+        sent_ns = self.port.returned_ns
+        return all(pulse < len(sent_ns) and sent_ns[pulse] < deadline_ns for pulse in self.port.pulses)
+
     def cutting(self) -> bool:
         """Tell whether a capture is being written."""
         return any((self.out / "captures").glob(".*.partial"))
@@ -326,11 +333,16 @@ class Killed:
         return self.port.sound and self.bus.sound and shots
 
 
-def kill_and_recover(one: Armed) -> Killed:
-    """Kill an acquisition once enough is due, recover its journal, and compare what comes back with what was sent."""
-    one.process.wait_for("frames that are due", lambda: one.due > 1.1 * LEAST_DUE)
+def kill(one: Armed) -> tuple[int, int]:
+    """Kill an acquisition once enough is due; return the time before it, and for how long it was let wait, ns."""
+    one.process.wait_for("frames and pulses that are due", lambda: one.due > 1.1 * LEAST_DUE and one.pulses_due)
     waited_ns = one.waits.longest_ns(GRACE_NS)
-    killed_ns = one.process.kill()
+    return one.process.kill(), waited_ns
+
+
+def kill_and_recover(one: Armed) -> Killed:
+    """Kill an acquisition, recover its journal, and compare what comes back with what was sent."""
+    killed_ns, waited_ns = kill(one)
     one.port.stop()
     one.bus.stop()
     return recovered(one, killed_ns, run_recover(one.out), waited_ns=waited_ns)

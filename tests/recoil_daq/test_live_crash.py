@@ -34,6 +34,7 @@ from tests.builders.live_rigs import (
     Killed,
     LiveProcess,
     armed,
+    kill,
     kill_and_recover,
     recovered,
     run_recover,
@@ -71,7 +72,7 @@ def assert_nothing_is_lost(done: Killed, shots: int) -> None:
     assert min(done.port.due, done.bus.due) > LEAST_DUE
     assert done.port.sound, done.port
     assert done.bus.sound, done.bus
-    assert (done.shots_due, done.shots_found, done.shots_wrong, done.shots) == (shots, shots, 0, shots), done.document
+    assert (done.shots_due, done.shots_found, done.shots_wrong, done.shots) == (shots, shots, 0, shots), done
     assert done.shots_told <= shots
 
 
@@ -109,8 +110,7 @@ def test_a_program_that_keeps_what_it_reads_a_little_late_is_seen_to_lose_it(tmp
 def test_a_new_session_recovers_what_a_killed_one_left_over(tmp_path):
     with armed(tmp_path / "killed") as one:
         within_a_shot(one)
-        waited_ns = one.waits.longest_ns(GRACE_NS)
-        killed_ns = one.process.kill()
+        killed_ns, waited_ns = kill(one)
     with armed(tmp_path / "next", out=one.out) as following:
         assert following.journal != one.journal
         assert find_logs(one.out) == (one.journal,)  # removing it is left to a person

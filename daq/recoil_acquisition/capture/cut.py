@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.acquisition import AcquiredEvent, Acquisition
-from recoil_acquisition.capture.engine import SETTLE_S
 from recoil_acquisition.capture.session_record import LiveRecord
-from recoil_acquisition.devices.device import EVENT, Block, DeviceEvent, event_of
+from recoil_acquisition.devices.device import EVENT, LATE_S, DeviceEvent, event_of
 from recoil_acquisition.errors import CorruptFileError, StoreError
 from recoil_acquisition.log.capture import capture_holds, capture_scan, write_capture
 from recoil_acquisition.log.folder import Log
@@ -50,17 +49,18 @@ def cuts_of(log: Log, session: LiveRecord, start_ns: int | None, stop_ns: int | 
     cuts = {source.name: Cut() for source in session.sources}
     read_ns: dict[str, int] = {}
     for record in log.records(start_ns=start_ns, stop_ns=_behind(stop_ns)):
-        if record.source == OWN or record.kind == Kind.IDLE:
+        if record.source == OWN:
             continue
         block = session.block(record)
-        cut = cuts[block.source]
+        cut, before_ns = cuts[block.source], read_ns.get(block.source)
+        read_ns[block.source] = block.host_ns
         if block.kind == EVENT:
             cut.events.append((block.host_ns, event_of(block)))
+        if not block.is_data:
             continue
         cut.blocks += 1
         cut.bytes += len(block.payload)
-        cut.late_s = max(cut.late_s, _late_s(block, read_ns.get(block.source)))
-        read_ns[block.source] = block.host_ns
+        cut.late_s = max(cut.late_s, block.late_s(before_ns))
     return cuts
 
 
@@ -138,7 +138,7 @@ def with_cuts(acquisition: Acquisition, cuts: Mapping[str, Cut], file: str) -> A
                 blocks=cut.blocks,
                 bytes=cut.bytes,
                 pre_s=source.pre_s if cut.blocks else None,
-                late=source.late or cut.late_s > SETTLE_S,
+                late=source.late or cut.late_s > LATE_S,
                 late_s=cut.late_s,
                 events=tuple(
                     AcquiredEvent((host_ns - acquisition.trigger_ns) / 1e9, event.name, event.detail)
@@ -151,16 +151,6 @@ def with_cuts(acquisition: Acquisition, cuts: Mapping[str, Cut], file: str) -> A
 
 def _behind(stop_ns: int | None) -> int | None:
     return None if stop_ns is None else stop_ns + BEHIND_NS
-
-
-def _late_s(block: Block, before_ns: int | None) -> float:
-    """Return how long what a block holds may have waited because nobody read, given when the block before was read.
-
-    A source that is read all the time and never found empty is busy, not late.
-    """
-    if block.empty_ns is None or before_ns is None:
-        return 0.0
-    return (block.host_ns - max(block.empty_ns, before_ns)) / 1e9
 
 
 def _make_folder(folder: Path) -> None:

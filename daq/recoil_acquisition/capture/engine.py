@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from recoil_acquisition.capture.live_source import LiveSamples, LiveSource, signals_of
-from recoil_acquisition.devices.device import EVENT, SERIAL, Block
+from recoil_acquisition.devices.device import EVENT, IDLE, LATE_S, SERIAL, Block
 from recoil_acquisition.trigger import Decision, ShotCutter, ShotWindow, Trigger, TriggerDetector
 
 LAG_S = 1.0
@@ -109,11 +109,14 @@ class CaptureEngine:
 
     def arrived(self, block: Block) -> None:
         """Note whether a block was read late, before it is taken, alone or joined with others."""
-        if block.empty_ns is not None and block.host_ns - block.empty_ns > SETTLE_S * 1e9:
+        if block.is_data and block.empty_ns is not None and block.host_ns - block.empty_ns > LATE_S * 1e9:
             self._cutter.stalled(block.empty_ns / 1e9, block.host_ns / 1e9)
 
     def take(self, block: Block) -> None:
         """Take the next block of a source; blocks of one source come in order."""
+        if block.kind == IDLE:
+            self._delivered(block)
+            return
         latest_s = block.host_ns / 1e9
         samples = self._looks[block.source].at(block, latest_s)
         for one in samples:
@@ -126,7 +129,7 @@ class CaptureEngine:
     def take_unseen(self, block: Block) -> None:
         """Note that a block was recorded without a look at its samples."""
         self._looks[block.source].skip()
-        if block.kind != EVENT:
+        if block.is_data:
             self._delivered(block)
 
     def ready(self, now_s: float) -> tuple[ShotWindow, ...]:

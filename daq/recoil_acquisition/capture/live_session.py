@@ -376,7 +376,7 @@ class LiveSession:
     def _await(self, block: Block) -> None:
         """Keep what a source still delivers of a shot for which it was no longer waited."""
         window = self._awaited.get(block.source)
-        if window is None or block.kind == EVENT or block.empty_ns is None:
+        if window is None or not block.is_data or block.empty_ns is None:
             return
         if block.empty_ns / 1e9 >= window.stop_s:
             del self._awaited[block.source]

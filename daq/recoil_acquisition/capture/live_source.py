@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.devices.device import CAN, EVENT, SERIAL, Block, Device, interrupts
+from recoil_acquisition.devices.device import CAN, SERIAL, Block, Device, interrupts
 from recoil_acquisition.devices.opening import open_device
 from recoil_acquisition.errors import MissingChannelError
 from recoil_acquisition.frames import can_rows
@@ -215,7 +215,7 @@ class SerialSignals:
 
     def feed(self, block: Block) -> list[LiveSamples]:
         """Take the next block; return the samples that it completes."""
-        if block.kind == EVENT:
+        if not block.is_data:
             if interrupts(block):
                 self._decoder.interrupt(missing=True)
             return []

@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.devices.device import CAN, EVENT, SERIAL, Block
+from recoil_acquisition.devices.device import CAN, EVENT, IDLE, SERIAL, Block
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.host_clock import Anchor
 from recoil_acquisition.log.folder import Log
@@ -21,7 +21,7 @@ from recoil_acquisition.trigger import Decision, Trigger
 
 SCHEMA = "recoil-daq/live/1"
 
-KINDS = {CAN: Kind.CAN, SERIAL: Kind.SERIAL, EVENT: Kind.EVENT}
+KINDS = {CAN: Kind.CAN, SERIAL: Kind.SERIAL, EVENT: Kind.EVENT, IDLE: Kind.IDLE}
 """Kind of a record, by that of the block in it."""
 
 _BLOCKS = {number: kind for kind, number in KINDS.items()}

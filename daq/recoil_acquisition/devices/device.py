@@ -23,6 +23,12 @@ SERIAL = "serial"
 EVENT = "event"
 """Kind of a block that says what happened to the device, see `event_block`."""
 
+IDLE = "idle"
+"""Kind of a block without payload: the device was looked at and had nothing."""
+
+LATE_S = 0.25
+"""What may have waited longer than this before it was read is late: the process or its machine stood still."""
+
 _NOBODY_LOOKED_NS = 200_000_000
 """A reading thread looks up twice as often as this, however silent its source."""
 _BELIEVED_AFTER_NS = 250_000_000
@@ -40,9 +46,9 @@ class Block:
         The host's monotonic clock when the read returned, ns (`time.monotonic_ns`).
     payload : bytes
         Of kind `CAN`, whole rows of `frames.can_rows.ROW_SIZE` bytes; of kind `SERIAL`,
-        the bytes of the port; of kind `EVENT`, a JSON object.
+        the bytes of the port; of kind `EVENT`, a JSON object; of kind `IDLE`, empty.
     kind : str
-        `CAN`, `SERIAL` or `EVENT`.
+        `CAN`, `SERIAL`, `EVENT` or `IDLE`.
     empty_ns : int or None
         The same clock when the source was last found empty: the payload arrived after it, and at `host_ns` at the
         latest. A read comes soon after it, unless the process or its machine stood still. None if it is unknown.
@@ -54,6 +60,25 @@ class Block:
     kind: str
     empty_ns: int | None = None
 
+    @property
+    def is_data(self) -> bool:
+        """Whether a device gave it."""
+        return self.kind not in (EVENT, IDLE)
+
+    def late_s(self, before_ns: int | None) -> float:
+        """Return how long its payload may have waited because nobody read.
+
+        A source that is read all the time and never found empty is busy, not late.
+
+        Parameters
+        ----------
+        before_ns : int or None
+            When the block before it was read; None if there was none.
+        """
+        if self.empty_ns is None or before_ns is None:
+            return 0.0
+        return (self.host_ns - max(self.empty_ns, before_ns)) / 1e9
+
 
 @dataclass(frozen=True)
 class DeviceEvent:
@@ -62,7 +87,7 @@ class DeviceEvent:
     Attributes
     ----------
     name : str
-        ``opened``, ``lost``, ``reopened``, ``unreadable``, ``unanswered`` or ``closed``.
+        ``opened``, ``lost``, ``reopened``, ``stalled``, ``unreadable``, ``unanswered`` or ``closed``.
     detail : str
         In one line.
     """
@@ -94,7 +119,7 @@ def interrupts(block: Block) -> bool:
 
 
 def joined(blocks: Sequence[Block]) -> list[Block]:
-    """Join the blocks of data of each source, up to its next event.
+    """Join the blocks of data of each source, up to its next event or silence.
 
     Each takes the times of its last part.
 
@@ -113,7 +138,7 @@ def joined(blocks: Sequence[Block]) -> list[Block]:
             made.append(Block(source, waiting[-1].host_ns, payload, waiting[-1].kind, waiting[-1].empty_ns))
 
     for block in blocks:
-        if block.kind == EVENT:
+        if not block.is_data:
             close(block.source)
             made.append(block)
         else:

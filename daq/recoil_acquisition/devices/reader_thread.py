@@ -7,10 +7,13 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from recoil_acquisition.devices.device import EVENT, Block, Device
+from recoil_acquisition.devices.device import EVENT, IDLE, LATE_S, Block, Device, event_block, event_of
 
 READ_TIMEOUT_S = 0.1
 """Longest wait for a block: how soon the thread sees that it is to stop."""
+
+IDLE_EVERY_NS = 1_000_000_000
+"""A device that is there and silent is recorded as such this often."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,9 @@ class ReaderHealth:
 class DeviceReader:
     """Reads an open device in a thread of its own until it is stopped.
 
+    Besides the device's blocks it hands on that the device is silent, once a second, and an event ``stalled`` before a
+    block that may have waited for longer than `LATE_S`.
+
     The sink is called in that thread, with every block in order. If it raises, reading stops,
     because a block that nobody keeps is lost: the device is closed, `error` says why, and what could
     not be handed on is counted.
@@ -70,6 +76,8 @@ class DeviceReader:
         self._error: BaseException | None = None
         self._blocks = self._bytes = self._undelivered = 0
         self._last_data_ns = 0
+        self._last_ns = time.monotonic_ns()
+        self._lost = False
         self._longest_sink_ns = 0
 
     @property
@@ -121,9 +129,12 @@ class DeviceReader:
     def _run(self) -> None:
         try:
             while not self._stopping.is_set():
+                asked_ns = time.monotonic_ns()
                 block = self.device.read(self._timeout_s)
                 if block is not None:
                     self._hand_on(block)
+                elif asked_ns - self._last_ns >= IDLE_EVERY_NS and not self._lost:
+                    self._hand_on(Block(self.device.name, time.monotonic_ns(), b"", IDLE, asked_ns))
         except BaseException as error:
             self._error = error
         finally:
@@ -146,8 +157,20 @@ class DeviceReader:
                 self._error = error
 
     def _hand_on(self, block: Block) -> None:
-        if block.kind != EVENT:
+        if block.kind == EVENT:
+            self._lost = self._lost_after(block)
+        elif block.is_data:
+            if (late_s := block.late_s(self._last_ns)) > LATE_S:
+                detail = f"nothing was read for {late_s:.3f} s"
+                self._sink_timed(event_block(block.source, block.host_ns, "stalled", detail))
             self._last_data_ns = block.host_ns
+        self._last_ns = block.host_ns
+        self._sink_timed(block)
+
+    def _lost_after(self, event: Block) -> bool:
+        return {"lost": True, "reopened": False}.get(event_of(event).name, self._lost)
+
+    def _sink_timed(self, block: Block) -> None:
         before = time.monotonic_ns()
         try:
             self._sink(block)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -19,13 +20,14 @@ from recoil_acquisition.readers.can.decoding import SignalLayout, gather, layout
 from recoil_acquisition.readers.can.frames import EXTENDED
 from recoil_acquisition.readers.can.messages import load_database
 
-_BATCH_BYTES = 8192
+_BATCH_BYTES = 1 << 20
 
 
 class FramingCheck:
     """Counts the frames of a serial stream by the framing that the rig declares.
 
-    Blocks are gathered and looked at together, when there are enough of them or when a count is asked for.
+    Blocks are gathered and decoded together when a count is asked for, by the thread that asks. Only where nobody does
+    the thread that feeds decodes them, lest they fill the memory; it never waits for a decoding that goes on.
 
     Parameters
     ----------
@@ -36,8 +38,8 @@ class FramingCheck:
         # only the counter is needed of the frames
         self._framing = framing
         self._decoder = FrameDecoder(framing)
-        self._lock = threading.Lock()
-        self._waiting: list[Block] = []
+        self._decoding = threading.Lock()
+        self._waiting: deque[Block] = deque()
         self._waiting_bytes = 0
         self._last: int | None = None
         self._gaps = self._missing = self._frames = 0
@@ -75,20 +77,21 @@ class FramingCheck:
 
     def feed(self, block: Block) -> None:
         """Take the next block."""
-        with self._lock:
-            self._waiting.append(block)
-            self._waiting_bytes += len(block.payload)
-            enough = self._waiting_bytes >= _BATCH_BYTES
-        if enough:
-            self._look()
+        self._waiting.append(block)
+        self._waiting_bytes += len(block.payload)
+        if self._waiting_bytes >= _BATCH_BYTES:
+            self._waiting_bytes = 0
+            self._look(wait=False)
 
-    def _look(self) -> None:
-        with self._lock:
+    def _look(self, *, wait: bool = True) -> None:
+        if not self._decoding.acquire(blocking=wait):
+            return
+        try:
             if not self._waiting:
                 return
-            for block in self._waiting:
+            while self._waiting:
+                block = self._waiting.popleft()
                 self._decoder.feed(block.payload, block.host_ns / 1e9)
-            self._waiting, self._waiting_bytes = [], 0
             frames = self._decoder.take()
             self._frames += int(frames.begins.size)
             counter = self._framing.counter
@@ -104,6 +107,8 @@ class FramingCheck:
             self._gaps += int((steps != counter.step).sum())
             self._missing += int((steps[(steps > counter.step) & forward] // counter.step - 1).sum())
             self._last = int(counts[-1])
+        finally:
+            self._decoding.release()
 
 
 class CanCounterCheck:

@@ -34,7 +34,7 @@ A record of a device holds what one read returned, as it came. Every other paylo
 kind      content
 ========  ================================================================================
 EVENT     ``event``, ``detail``: what happened to the device; numbered among its data
-IDLE      nothing: the source was looked at and was silent
+IDLE      nothing: the source was looked at and was silent; once a second while it is
 SESSION   ``schema``, ``longest_us``, ``part``, ``of``, ``text``: what the writer says of its session, JSON cut into
           parts; first in every segment, twice in the first. ``longest_us`` is the longest wait and span together of
           all records before it, null if it is not known

@@ -42,6 +42,8 @@ SEGMENT_BYTES = 64 << 20
 """Size of a segment unless told otherwise."""
 
 CLOCK_EVERY_S = 10.0
+_AT_ONCE = frozenset((Kind.DECISION, Kind.SHOT, Kind.EVENT))
+"""What is forced to the disk without waiting for the next time: little of it, and all else hangs on it."""
 _LONGEST_SYNC_INTERVAL_S = 0.25
 _KEPT_BYTES = 64 << 20
 """Most that is held in memory until it is on the disk, where there is a spare folder."""
@@ -163,6 +165,7 @@ class LogWriter:
             self._give_up()
             raise
         self._stop = threading.Event()
+        self._sync_wanted = threading.Event()
         self._space_wanted = threading.Event()
         self._threads = (
             threading.Thread(target=self._keep_synced, args=(sync_interval_s,), name="log sync", daemon=True),
@@ -323,6 +326,7 @@ class LogWriter:
                     self._end()
             self._closed = True
         self._stop.set()
+        self._sync_wanted.set()
         self._space_wanted.set()
         for thread in self._threads:
             thread.join()
@@ -406,6 +410,8 @@ class LogWriter:
         self._bytes += HEAD_SIZE + len(data)
         if self._unsynced_since is None:
             self._unsynced_since = time.monotonic()
+        if kind in _AT_ONCE:
+            self._sync_wanted.set()
         return number
 
     def _say(self, kind: Kind, host_ns: int, payload: bytes) -> None:
@@ -506,7 +512,9 @@ class LogWriter:
 
     def _keep_synced(self, interval_s: float) -> None:
         wait_s = interval_s
-        while not self._stop.wait(wait_s):
+        while not self._stop.is_set():
+            self._sync_wanted.wait(wait_s)
+            self._sync_wanted.clear()
             started = time.monotonic()
             # The fault is kept: the next append raises it
             with contextlib.suppress(StoreError):

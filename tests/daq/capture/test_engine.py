@@ -7,7 +7,7 @@ import math
 import pytest
 
 from recoil_acquisition.capture.engine import PATIENCE_S, SETTLE_S, CaptureEngine
-from recoil_acquisition.devices.device import Block, event_block
+from recoil_acquisition.devices.device import IDLE, Block, event_block
 from recoil_acquisition.trigger import Edge, Trigger
 from tests.builders.live_sources import bus, can_block, can_record, port, serial_block, serial_frame
 
@@ -72,6 +72,18 @@ def test_a_source_that_falls_silent_is_waited_for_and_then_named() -> None:
     assert engine.ready(11.3 + PATIENCE_S - 0.01) == ()
     (window,) = engine.ready(11.3 + PATIENCE_S)
     assert window.late_sources == ("port",)
+
+
+def test_a_source_that_was_looked_at_and_is_silent_is_not_waited_for() -> None:
+    engine = CaptureEngine([bus(), port()], TRIGGER)
+    engine.arm(-math.inf)
+    for block in blocks(2.0, pulse_s=1.0):
+        if block.source == "bus" or block.host_ns < 11.1e9:
+            engine.take(block)
+    assert engine.ready(12.0) == ()
+    engine.take(Block("port", 12_100_000_000, b"", IDLE, 12_000_000_000))
+    (window,) = engine.ready(12.1)
+    assert window.late_sources == ()
 
 
 def test_a_manual_trigger_takes_a_shot() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import threading
 import time
@@ -9,7 +10,8 @@ import time
 import can
 import pytest
 
-from recoil_acquisition.devices.device import SERIAL, Block, Counters, Device, event_block
+from recoil_acquisition.devices import reader_thread
+from recoil_acquisition.devices.device import IDLE, SERIAL, Block, Counters, Device, event_block, event_of
 from recoil_acquisition.devices.opening import open_device
 from recoil_acquisition.devices.reader_thread import DeviceReader
 
@@ -146,3 +148,58 @@ def test_a_reader_that_was_never_started_closes_its_device_when_stopped() -> Non
     blocks: list[Block] = []
     DeviceReader(device, blocks.append).stop()
     assert numbers(blocks) == [0, 1]
+
+
+class Told:
+    """A device that gives what it is told to, and nothing between."""
+
+    name = "told"
+    kind = SERIAL
+    counters = Counters()
+
+    def __init__(self) -> None:
+        self.next: list[Block] = []
+
+    def open(self) -> None: ...
+
+    def read(self, timeout_s: float) -> Block | None:
+        time.sleep(min(timeout_s, 0.002))
+        return self.next.pop(0) if self.next else None
+
+    def close(self) -> tuple[Block, ...]:
+        return ()
+
+
+def test_a_silent_device_is_recorded_as_silent_and_one_that_is_lost_is_not(monkeypatch) -> None:
+    monkeypatch.setattr(reader_thread, "IDLE_EVERY_NS", 20_000_000)
+    device = Told()
+    blocks: list[Block] = []
+    with DeviceReader(device, blocks.append):
+        wait_for(lambda: len(blocks) >= 3)
+        assert {block.kind for block in blocks} == {IDLE}
+        assert all(block.payload == b"" and block.empty_ns <= block.host_ns for block in blocks)
+        gaps_ns = [b.host_ns - a.host_ns for a, b in itertools.pairwise(blocks)]
+        assert min(gaps_ns) >= 20_000_000
+        device.next.append(event_block("told", time.monotonic_ns(), "lost", "pulled out"))
+        wait_for(lambda: blocks[-1].kind != IDLE)
+        until = len(blocks)
+        time.sleep(0.1)
+        assert len(blocks) == until
+        device.next.append(event_block("told", time.monotonic_ns(), "reopened", ""))
+        wait_for(lambda: blocks[-1].kind == IDLE)
+
+
+def test_what_waited_because_nobody_read_is_announced_by_an_event() -> None:
+    device = Told()
+    blocks: list[Block] = []
+    with DeviceReader(device, blocks.append):
+        now_ns = time.monotonic_ns() + 10**9
+        on_time = Block("told", now_ns, b"a", SERIAL, now_ns - 240_000_000)
+        busy = Block("told", now_ns + 240_000_000, b"b", SERIAL, now_ns - 10**9)
+        late = Block("told", now_ns + 900_000_000, b"c", SERIAL, now_ns + 500_000_000)
+        device.next += [on_time, busy, late]
+        wait_for(lambda: len(blocks) >= 4)
+    assert [block.payload for block in blocks if block.kind == SERIAL] == [b"a", b"b", b"c"]
+    (event,) = [block for block in blocks if block.kind != SERIAL]
+    assert blocks.index(event) == 2
+    assert (event_of(event).name, event_of(event).detail) == ("stalled", "nothing was read for 0.400 s")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import threading
 from itertools import pairwise
 from pathlib import Path
 
@@ -11,12 +12,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from recoil_acquisition.devices import stream_check
 from recoil_acquisition.devices.device import CAN, SERIAL, Block
 from recoil_acquisition.devices.opening import make_device
 from recoil_acquisition.devices.stream_check import FramingCheck, can_counter_check
 from recoil_acquisition.errors import DeviceError
 from recoil_acquisition.frames import can_rows as capture
 from recoil_acquisition.frames.declaration import framing_from_table
+from recoil_acquisition.frames.decoder import FrameDecoder
 from tests.builders import vendor_files as build
 
 FRAMING = framing_from_table(build.FRAMING)
@@ -60,6 +63,29 @@ def test_a_framing_without_counter_counts_no_gaps() -> None:
     assert check.counter_gaps is None
     assert check.missing_frames is None
     assert check.frames == 9
+
+
+def test_the_thread_that_reads_does_not_wait_for_a_count_that_takes_long(monkeypatch) -> None:
+    monkeypatch.setattr(stream_check, "_BATCH_BYTES", 1)
+    decoding, go_on = threading.Event(), threading.Event()
+
+    class Slow(FrameDecoder):
+        def feed(self, data, now_s=None):
+            decoding.set()
+            assert go_on.wait(30)
+            super().feed(data, now_s)
+
+    monkeypatch.setattr(stream_check, "FrameDecoder", Slow)
+    check = FramingCheck(FRAMING)
+    frames = build.serial_frames(20)
+    first = threading.Thread(target=check.feed, args=(Block("imu", 1, frames[0], SERIAL),))
+    first.start()
+    assert decoding.wait(30)
+    for frame in frames[1:]:
+        check.feed(Block("imu", 1, frame, SERIAL))
+    go_on.set()
+    first.join()
+    assert check.frames == 20
 
 
 @settings(max_examples=40, deadline=None)

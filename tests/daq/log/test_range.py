@@ -1,11 +1,9 @@
-"""A range of a log is what a filter of all of it gives, and a follower sees what was appended, in order."""
+"""A range of a log is what a filter of all of it gives."""
 
 from __future__ import annotations
 
 import os
 import random
-import shutil
-import threading
 import time
 from pathlib import Path
 
@@ -16,8 +14,7 @@ from recoil_acquisition.log import folder as folder_module
 from recoil_acquisition.log import scan as scan_module
 from recoil_acquisition.log import writer as writer_module
 from recoil_acquisition.log.folder import open_log
-from recoil_acquisition.log.follower import LogFollower
-from recoil_acquisition.log.record import Kind, Record
+from recoil_acquisition.log.record import Kind
 from recoil_acquisition.log.writer import LogWriter
 
 SEGMENT_BYTES = 1 << 17
@@ -131,55 +128,3 @@ def test_records_are_selected_by_source(tmp_path, monkeypatch):
     log = open_log(tmp_path / "log")
     every = list(log.records())
     assert list(log.records(2)) == [record for record in every if record.source == 2]
-
-
-def test_a_follower_sees_what_is_appended_in_order_and_no_damage(tmp_path):
-    stop = threading.Event()
-
-    def append() -> None:
-        for i in range(6000):
-            writer.append(i % 3, Kind.SERIAL, time.monotonic_ns(), i.to_bytes(4, "little") * (i % 400))
-            if i % 50 == 0:
-                time.sleep(0.001)
-        stop.set()
-
-    found: list[Record] = []
-    with LogWriter(tmp_path / "log", {}, 3 << 18, segment_bytes=1 << 18) as writer:
-        follower = LogFollower(tmp_path / "log")
-        thread = threading.Thread(target=append)
-        thread.start()
-        polls = 0
-        while not stop.is_set():
-            polls += bool(new := follower.poll())
-            found += new
-        thread.join()
-        found += follower.poll()
-        follower.close()
-    assert [record.number for record in found] == list(range(len(found)))
-    assert [r.payload for r in found if r.source < 3] == [i.to_bytes(4, "little") * (i % 400) for i in range(6000)]
-    assert follower.damages == []
-    assert polls > 3
-
-
-def test_a_follower_waits_for_half_a_record_and_does_not_call_it_damaged(tmp_path):
-    with LogWriter(tmp_path / "log", {}, 0, segment_bytes=1 << 16) as writer:
-        for i in range(10):
-            writer.append(0, Kind.SERIAL, i, b"payload %d" % i)
-    path = tmp_path / "log" / "000001.rdlog"
-    whole = path.read_bytes()
-    shutil.copytree(tmp_path / "log", tmp_path / "growing")
-    growing = tmp_path / "growing" / "000001.rdlog"
-    half = len(whole) - 700
-    growing.write_bytes(whole[:half] + bytes(5000))
-    follower = LogFollower(tmp_path / "growing")
-    found = follower.poll()
-    assert found
-    for at in range(half, len(whole) + 1, 7):
-        growing.write_bytes(whole[:at] + bytes(5000))
-        found += follower.poll()
-    growing.write_bytes(whole)
-    found += follower.poll()
-    follower.close()
-    assert found == list(open_log(tmp_path / "log").records())
-    assert follower.damages == []
-    assert follower._scan.damages == []

@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from recoil_acquisition.errors import StoreError
+from recoil_acquisition.log import writer as writer_module
 from recoil_acquisition.log.folder import find_logs, open_log, remove_log
 from recoil_acquisition.log.record import HEAD_SIZE, OWN, Kind
 from recoil_acquisition.log.segment import segment_paths
@@ -166,6 +167,18 @@ def test_the_log_is_forced_to_the_disk_at_least_four_times_a_second(tmp_path, mo
     assert len(forced) >= 6
     # Half a second of allowance for a machine that does other things too
     assert oldest < 0.75
+
+
+@pytest.mark.parametrize("kind", [Kind.DECISION, Kind.SHOT, Kind.EVENT])
+def test_a_decision_a_shot_and_an_event_are_forced_to_the_disk_at_once(tmp_path, monkeypatch, kind):
+    monkeypatch.setattr(writer_module, "_LONGEST_SYNC_INTERVAL_S", 3600.0)
+    with writer_in(tmp_path / "j", sync_interval_s=3600.0) as writer:
+        writer.append(1, Kind.SERIAL, 0, b"x")
+        writer.append(1, kind, 0, b"{}")
+        ends_s = time.monotonic() + 30.0
+        while writer.counters.unsynced_s and time.monotonic() < ends_s:
+            time.sleep(0.002)
+        assert writer.counters.unsynced_s == 0.0
 
 
 def test_a_sync_leaves_nothing_unsynced(tmp_path):
