@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import re
+import socket
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from recoil_acquisition.devices.device import EVENT, Block, event_of
+from recoil_acquisition.devices.reader_thread import DeviceReader
+from recoil_acquisition.errors import DeviceError
 from recoil_identification.targets.target import Case
 from recoil_processing.filters import filter_alike
 from tests.builders.virtual_shots import virtual_shot
@@ -36,6 +40,30 @@ def test_the_filter_is_one_filter_for_all_columns() -> None:
     wave = np.cos(2 * np.pi * frequency_hz / 1e4 * np.arange(500))
     seen = average.apply(wave, 1e4)[100:400]
     assert np.allclose(seen, average.gain(frequency_hz, 1e4) * wave[100:400], atol=1e-12)
+
+
+def test_the_device_hands_on_every_datagram_and_its_own_beginning_and_end() -> None:
+    device = recipe("device")["UdpDevice"]("scale", 0)
+    device.open()
+    blocks: list[Block] = []
+    sent = [bytes([n]) * (n + 1) for n in range(200)]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender, DeviceReader(device, blocks.append):
+        for data in sent:
+            sender.sendto(data, ("127.0.0.1", device.port))
+    assert [block.payload for block in blocks if block.is_data] == sent
+    assert [event_of(block).name for block in blocks if block.kind == EVENT] == ["opened", "closed"]
+    assert device.counters.received == sum(map(len, sent))
+    assert all(block.empty_ns <= block.host_ns for block in blocks if block.is_data)
+    assert device.close() == ()
+
+
+def test_a_port_of_the_device_that_is_taken_is_said_in_one_line() -> None:
+    made = recipe("device")["UdpDevice"]
+    first = made("scale", 0)
+    first.open()
+    with pytest.raises(DeviceError, match=f"source 'second': UDP port {first.port} cannot be opened"):
+        made("second", first.port).open()
+    first.close()
 
 
 def test_the_target_finds_its_number() -> None:
