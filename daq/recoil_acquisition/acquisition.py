@@ -6,13 +6,12 @@ crash, tells the same story. It is JSON with the schema `SCHEMA`.
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
-from types import UnionType
-from typing import Any, Union, get_args, get_origin, get_type_hints
+from dataclasses import asdict, dataclass
+from typing import Any
 
+from recoil_acquisition.declaration import STRICT, checked
 from recoil_acquisition.shot_name import check_shot_name
 
 SCHEMA = "recoil-daq/acquisition/1"
@@ -33,6 +32,8 @@ class TriggerDecision:
         What was compared with the level, SI.
     """
 
+    __pydantic_config__ = STRICT
+
     time_s: float
     outcome: str
     reason: str
@@ -43,6 +44,8 @@ class TriggerDecision:
 @dataclass(frozen=True)
 class AcquiredEvent:
     """Something that happened to a device: at a time from the shot's trigger, what, and in which words."""
+
+    __pydantic_config__ = STRICT
 
     time_s: float
     name: str
@@ -75,6 +78,8 @@ class AcquiredSource:
         From the shot's trigger: what was counted lies between here and the end of the shot.
     events : tuple of AcquiredEvent
     """
+
+    __pydantic_config__ = STRICT
 
     name: str
     kind: str
@@ -121,6 +126,8 @@ class Acquisition:
         Whether it was made from a journal that was left over.
     """
 
+    __pydantic_config__ = STRICT
+
     shot: str
     rig: str
     trigger_ns: int
@@ -144,39 +151,9 @@ class Acquisition:
         """Return what `to_json` was made from; ValueError if it is nothing of the kind."""
         if document.get("schema") != SCHEMA:
             raise ValueError(f"schema must be {SCHEMA!r}, not {document.get('schema')!r}")
-        made: Acquisition = _object(cls, {key: value for key, value in document.items() if key != "schema"}, "")
+        made = checked(cls, {key: value for key, value in document.items() if key != "schema"})
         check_shot_name(made.shot)
         for source in made.sources:
             if re.search(r"[/\\:\x00-\x1f]", source.file) or source.file in (".", ".."):
                 raise ValueError(f"{source.file!r} is no name of a file beside it")
         return made
-
-
-def _from_json(kind: Any, value: Any, where: str) -> Any:
-    """Check a value against a type of this module, and make dataclasses of objects."""
-    origin, arguments = get_origin(kind), get_args(kind)
-    if origin in (Union, UnionType):
-        if value is None and type(None) in arguments:
-            return None
-        return _from_json(next(one for one in arguments if one is not type(None)), value, where)
-    if origin is tuple:
-        if not isinstance(value, list | tuple):
-            raise ValueError(f"{where} must be a list")
-        return tuple(_from_json(arguments[0], item, f"{where}[{i}]") for i, item in enumerate(value))
-    if isinstance(kind, type) and hasattr(kind, "__dataclass_fields__"):
-        return _object(kind, value, where)
-    if kind is float and isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
-        return float(value)
-    if kind in (int, str, bool) and type(value) is kind:
-        return value
-    raise ValueError(f"{where} must be of type {getattr(kind, '__name__', kind)}, found {value!r:.40}")
-
-
-def _object(kind: Any, value: Any, where: str) -> Any:
-    if not isinstance(value, dict):
-        raise ValueError(f"{where or 'the file'} must be an object")
-    hints = get_type_hints(kind)
-    required = {one.name for one in fields(kind)}
-    if wrong := sorted(required.symmetric_difference(value)):
-        raise ValueError(f"{where or 'the file'} has missing or unknown keys: {', '.join(wrong)}")
-    return kind(**{key: _from_json(hints[key], item, f"{where}.{key}".lstrip(".")) for key, item in value.items()})

@@ -8,11 +8,12 @@ description: a fault of the key quotes it.
 from __future__ import annotations
 
 import datetime as dt
+import json
 from collections.abc import Mapping, Sequence
 from types import NoneType
 from typing import Annotated, Any, TypeVar, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
@@ -27,6 +28,10 @@ Pair = Annotated[tuple[Finite, Finite], Field(strict=False)]
 Texts = Annotated[tuple[str, ...], Field(strict=False)]
 
 
+STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+"""As ``__pydantic_config__`` of a dataclass: what `checked` asks of a record that the program wrote."""
+
+
 class Table(BaseModel):
     """A table of a rig file: frozen, strict about its keys and their types."""
 
@@ -38,6 +43,7 @@ class Table(BaseModel):
 
 
 Declared = TypeVar("Declared", bound=BaseModel)
+Recorded = TypeVar("Recorded")
 
 
 def declared(model: type[Declared], table: Any, where: str, faults: list[Fault]) -> Declared | None:
@@ -107,6 +113,21 @@ def unknown_key(place: str, key: str, known: Sequence[str]) -> Fault:
     return Fault(place, f"unknown key; {did_you_mean(key, sorted(known), quote='`')}")
 
 
+def checked(kind: type[Recorded], document: Mapping[str, Any]) -> Recorded:
+    """Make a dataclass of what the program wrote of it as JSON; ValueError with every fault and its key's path."""
+    try:
+        if kind not in _ADAPTERS:
+            _ADAPTERS[kind] = TypeAdapter(kind)
+        made: Recorded = _ADAPTERS[kind].validate_json(json.dumps(document))
+        return made
+    except ValidationError as error:
+        faults = [f"{_path(item['loc'])} {_problem(item)}" for item in error.errors(include_url=False)]
+        raise ValueError("; ".join(faults)) from error
+
+
+_ADAPTERS: dict[type[Any], TypeAdapter[Any]] = {}
+"""Made once each: it takes as long as a thousand checks."""
+
 _PROBLEMS = {
     "date_type": "must be a date such as 2026-03-01, without quotes",
     "dict_type": "must be a table",
@@ -122,6 +143,9 @@ _PROBLEMS = {
     "int_type": "must be a whole number",
     "string_type": "must be a text",
     "finite_number": "must be a finite number",
+    "dataclass_type": "must be a table",
+    "unexpected_keyword_argument": "is unknown",
+    "missing": "is missing",
 }
 """Type of a pydantic error -> the same in the words of a rig file."""
 _OF_THE_KEY = {"value_error", "missing", "extra_forbidden", "union_tag_invalid", "union_tag_not_found"}
@@ -144,13 +168,18 @@ def _fault(item: ErrorDetails, where: str, model: type[BaseModel]) -> Fault:
     meaning = (field.description or "") if field else ""
     if kind == "missing":
         return Fault(place, f"is missing{f': {meaning}' if meaning else ''}")
-    if meaning and kind not in _OF_THE_KEY:
-        problem = f"must be {meaning}"
-    else:
-        said = item["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
-        problem = _PROBLEMS.get(kind, said[:1].lower() + said[1:])
+    problem = f"must be {meaning}" if meaning and kind not in _OF_THE_KEY else _problem(item)
     shown = "" if isinstance(found, dict | BaseModel) else f", found {_short(found)}"
     return Fault(place, problem + shown)
+
+
+def _problem(item: ErrorDetails) -> str:
+    said = item["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
+    return _PROBLEMS.get(item["type"], said[:1].lower() + said[1:])
+
+
+def _path(loc: tuple[int | str, ...]) -> str:
+    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in loc).lstrip(".")
 
 
 def _at(

@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
+from recoil_acquisition.declaration import STRICT
+
 _ANCHOR_TRIES = 9
 
 
@@ -21,6 +23,8 @@ class Anchor:
     within_ns : int
         Half the time between the two readings that enclose the wall clock's: by so much the pair may be off.
     """
+
+    __pydantic_config__ = STRICT
 
     wall_ns: int
     monotonic_ns: int

@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from recoil_acquisition.declaration import STRICT, checked
 from recoil_acquisition.devices.device import CAN, EVENT, IDLE, SERIAL, Block
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.host_clock import Anchor
@@ -21,6 +22,9 @@ from recoil_acquisition.trigger import Decision, Trigger
 
 SCHEMA = "recoil-daq/live/1"
 
+_OF_THE_LOG = ("schema", "spare")
+"""Keys of a session that are not of `LiveRecord`."""
+
 KINDS = {CAN: Kind.CAN, SERIAL: Kind.SERIAL, EVENT: Kind.EVENT, IDLE: Kind.IDLE}
 """Kind of a record, by that of the block in it."""
 
@@ -30,6 +34,8 @@ _BLOCKS = {number: kind for kind, number in KINDS.items()}
 @dataclass(frozen=True)
 class RecordedSource:
     """A source of a session: its name and kind."""
+
+    __pydantic_config__ = STRICT
 
     name: str
     kind: str
@@ -50,6 +56,8 @@ class LiveRecord:
         The host's two clocks when it was armed.
     sources : tuple of RecordedSource
     """
+
+    __pydantic_config__ = STRICT
 
     rig_name: str
     rig_text: str
@@ -95,21 +103,16 @@ def live_record_of(session: Mapping[str, Any], path: Path) -> LiveRecord:
     try:
         if session["schema"] != SCHEMA:
             raise ValueError(f"schema {session['schema']!r}")
-        return LiveRecord(
-            rig_name=str(session["rig_name"]),
-            rig_text=str(session["rig_text"]),
-            rig_path=str(session["rig_path"]),
-            databases=dict(session["databases"]),
-            anchor=Anchor(**{key: int(value) for key, value in session["anchor"].items()}),
-            sources=tuple(RecordedSource(str(one["name"]), str(one["kind"])) for one in session["sources"]),
-        )
-    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
+        return checked(LiveRecord, {key: value for key, value in session.items() if key not in _OF_THE_LOG})
+    except (KeyError, ValueError) as error:
         raise StoreError(f"is of no live acquisition: {error}", path=path, expected=f"a session {SCHEMA}") from error
 
 
 @dataclass(frozen=True)
 class CompleteShot:
     """A shot that the session knew to be complete, by its identifier and its trigger's time."""
+
+    __pydantic_config__ = STRICT
 
     shot: str
     trigger_s: float
@@ -131,6 +134,8 @@ class Kept:
     why : str
         Such as ``p_brake crossed: not armed``.
     """
+
+    __pydantic_config__ = STRICT
 
     first_s: float
     last_s: float
@@ -201,14 +206,14 @@ def operator_records(log: Log) -> OperatorRecords:
     for record in log.records(OWN):
         try:
             if record.kind == Kind.DECISION:
-                decisions.append(Decision(**record.said))
+                decisions.append(checked(Decision, record.said))
             elif record.kind == Kind.SHOT:
-                shots.append(CompleteShot(**record.said))
+                shots.append(checked(CompleteShot, record.said))
             elif record.kind == Kind.KEPT:
-                kept = longer(kept, Kept(**record.said))
+                kept = longer(kept, checked(Kept, record.said))
             elif record.kind == Kind.CLOSED:
                 closed = True
-        except (ValueError, TypeError) as error:
+        except ValueError as error:
             raise StoreError(f"record {record.number} cannot be understood: {error}", path=log.folder) from error
     return OperatorRecords(tuple(decisions), tuple(shots), tuple(kept), closed)
 

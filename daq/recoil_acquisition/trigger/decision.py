@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from recoil_acquisition.declaration import STRICT
+
 HOLDOFF = "within the holdoff of the last trigger"
 WITHIN_POST = "within the post time of the last trigger"
 NOT_ARMED = "not armed"
@@ -41,6 +43,8 @@ class Decision:
     crossing_s : float
         Where the straight line from the sample before crosses the level or border of an edge or window; else `time_s`.
     """
+
+    __pydantic_config__ = STRICT
 
     time_s: float
     outcome: Outcome
