@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
-from recoil_acquisition.declaration import declared, unknown_keys
+from recoil_acquisition.declaration import declared, unknown_key
 from recoil_acquisition.errors import Fault, FramingError, did_you_mean, nearest_first
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.quantity import SI_UNITS, UNITS, find_unit, normalise_unit
@@ -30,7 +31,7 @@ def checked_mechanism(table: Any, faults: list[Fault]) -> Mechanism | None:
         return None
     symbols = Mechanism.symbols()
     known = (*symbols, *(f"u_{s}" for s in symbols))
-    own = unknown_keys(table, known, "mechanism.")
+    own = [_unknown_symbol(key, symbols) for key in table if key not in known]
     for key in (key for key in table if key in known):
         problem = _problem_of_value(key, table[key], key not in symbols)
         if problem is not None:
@@ -42,6 +43,23 @@ def checked_mechanism(table: Any, faults: list[Fault]) -> Mechanism | None:
     values = {key: float(value) for key, value in table.items() if key in symbols}
     u = {key.removeprefix("u_"): float(value) for key, value in table.items() if key not in symbols}
     return Mechanism(**values, u=MappingProxyType(u))
+
+
+def _unknown_symbol(key: str, symbols: Sequence[str]) -> Fault:
+    """Name a key that is no symbol, with those whose meaning has one of its words at the front, or else the nearest."""
+    place, symbol = f"mechanism.{key}", key.removeprefix("u_")
+    prefix = key[: len(key) - len(symbol)]
+    words = set(symbol.casefold().split("_"))
+    found = {one: re.findall(r"\w+", MEANINGS[one].casefold()) for one in symbols}
+    places = {
+        one: min(map(meaning.index, words & set(meaning))) for one, meaning in found.items() if words & set(meaning)
+    }
+    meant = [one for one, at in places.items() if at <= min(places.values()) + 1]
+    if meant and len(symbol) > 1:
+        return Fault(
+            place, "unknown key; did you mean " + ", ".join(f"{prefix}{one} ({MEANINGS[one]})" for one in meant)
+        )
+    return unknown_key(place, key, [prefix + one for one in symbols])
 
 
 def _problem_of_value(key: str, value: Any, is_uncertainty: bool) -> str | None:
