@@ -50,15 +50,15 @@ def _unknown_symbol(key: str, symbols: Sequence[str]) -> Fault:
     place, symbol = f"mechanism.{key}", key.removeprefix("u_")
     prefix = key[: len(key) - len(symbol)]
     words = set(symbol.casefold().split("_"))
-    found = {one: re.findall(r"\w+", MEANINGS[one].casefold()) for one in symbols}
-    places = {
-        one: min(map(meaning.index, words & set(meaning))) for one, meaning in found.items() if words & set(meaning)
-    }
-    meant = [one for one, at in places.items() if at <= min(places.values()) + 1]
-    if meant and len(symbol) > 1:
-        return Fault(
-            place, "unknown key; did you mean " + ", ".join(f"{prefix}{one} ({MEANINGS[one]})" for one in meant)
-        )
+    places = {}
+    for one in symbols:
+        meaning = re.findall(r"\w+", MEANINGS[one].casefold())
+        if shared := words.intersection(meaning):
+            places[one] = min(map(meaning.index, shared))
+    if places and len(symbol) > 1:
+        meant = [one for one, at in places.items() if at <= min(places.values()) + 1]
+        named = ", ".join(f"{prefix}{one} ({MEANINGS[one]})" for one in meant)
+        return Fault(place, f"unknown key; did you mean {named}")
     return unknown_key(place, key, [prefix + one for one in symbols])
 
 

@@ -241,6 +241,13 @@ def test_every_role_has_a_quantity_that_exists(role: str) -> None:
         # keys
         ('name = "bench"', 'name = "bench"\nmass = 3', r"mass: unknown key; there are channel, mechanism, name, "),
         ("m3 = 782", "m3 = 782\nm33 = 1.0", r"mechanism\.m33: unknown key; did you mean `m3`\?"),
+        (
+            "m3 = 782",
+            "m3 = 782\nmass = 1.0",
+            r"mechanism\.mass: .* did you mean m3 \(specification mass .*, kg\), m1 .*, m2 ",
+        ),
+        ("m3 = 782", "m3 = 782\nu_inertia = 1.0", r"mechanism\.u_inertia: .* mean u_J1 \(.*, kg m2\), u_J2 .*, u_J3c "),
+        ("m3 = 782", "m3 = 782\nzz = 1.0", r"mechanism\.zz: unknown key; there are J1, "),
         ("u_friction", "u_frction", r"mechanism\.u_frction: unknown key; did you mean `u_friction`\?"),
         ("frame_rate = 5000", "framerate = 5000", r"source\[1\] 'camera'\.framerate: .* did you mean `frame_rate`\?"),
         ('unit = "g"', 'units = "g"', r"channel\[0\] 'acc_recoil'\.units: .* did you mean `unit`\?"),
