@@ -241,7 +241,7 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None,
     databases : mapping of str to str, optional
         Text of the CAN databases by name, where they are at hand already (in a shot file).
     refuse_doubts : bool
-        Whether such faults are faults as any other. Where the shot has been recorded they are kept in the rig.
+        Whether such faults are enough to refuse it. Where the shot has been recorded they are kept in the rig.
 
     Raises
     ------
@@ -268,10 +268,8 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None,
     faults += faults_of_trigger(tables, channels, sources)
     texts = _databases([s for _, s in sources], path, databases, faults)
     doubts = [*unstated_uncertainties(channels), *implausible_values(mechanism, sources, channels)]
-    if refuse_doubts:
-        faults += doubts
-    if faults or mechanism is None:
-        raise RigError(path, faults)
+    if faults or mechanism is None or (refuse_doubts and doubts):
+        raise RigError(path, [*faults, *doubts])
     return Rig(
         name=str(tables["name"]),
         reference_clock=str(tables["reference_clock"]),

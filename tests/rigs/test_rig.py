@@ -529,8 +529,9 @@ def test_a_recorded_shots_rig_is_read_with_its_doubts() -> None:
     rig = parse_rig(text, PATH, {"rig.dbc": DATABASE}, refuse_doubts=False)
     assert [doubt.key for doubt in rig.doubts] == ["channel[1] 'p_breech'.sensor.u_rel"]
     assert rig_of().doubts == ()
-    with pytest.raises(RigError, match="unknown key"):
-        parse_rig(text.replace("serial =", "serail ="), PATH, {"rig.dbc": DATABASE}, refuse_doubts=False)
+    with pytest.raises(RigError, match="unknown key") as caught:
+        parse_rig(text.replace("m3 = 782", "m3 = 782\nm33 = 1"), PATH, {"rig.dbc": DATABASE}, refuse_doubts=False)
+    assert [fault.key for fault in caught.value.faults] == ["mechanism.m33", "channel[1] 'p_breech'.sensor.u_rel"]
 
 
 def test_two_channels_of_one_role_are_both_named() -> None:
