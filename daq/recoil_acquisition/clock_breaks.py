@@ -7,6 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.normal_distribution import MAD_TO_SIGMA
+
 Instants = NDArray[np.int64]
 Seconds = NDArray[np.float64]
 
@@ -17,7 +19,6 @@ _PARTS_BACK = 64
 """So many parts of a side are looked back at: enough for any stall, and a record of many breaks stays quick."""
 
 _JUMP_SIGMAS = 8.0
-_MAD_TO_SIGMA = 1.482602218505602
 _LEAST_U_PERIOD_S = 1e-6
 """A clock's ticks are seldom finer, and a period within them is not known better."""
 
@@ -45,7 +46,7 @@ def jumps_by_count(x: Seconds, counts: Instants, smallest_step_s: float) -> NDAr
     if x.size < 2:
         return np.zeros(0, dtype=np.intp)
     beyond = np.diff(x) - np.diff(counts) * _period_s(x, counts)
-    limit_s = max(smallest_step_s, _JUMP_SIGMAS * _MAD_TO_SIGMA * float(np.median(np.abs(beyond))))
+    limit_s = max(smallest_step_s, _JUMP_SIGMAS * MAD_TO_SIGMA * float(np.median(np.abs(beyond))))
     return np.flatnonzero(np.abs(beyond) > limit_s) + 1
 
 
@@ -71,7 +72,7 @@ def step_by_count(x: Seconds, counts: Instants, last: int, at: int) -> tuple[flo
     period_s = _period_s(x, counts)
     if ahead <= 0 or not period_s > 0:
         return None
-    scatter_s = _MAD_TO_SIGMA * float(np.median(np.abs(np.diff(x) - np.diff(counts) * period_s)))
+    scatter_s = MAD_TO_SIGMA * float(np.median(np.abs(np.diff(x) - np.diff(counts) * period_s)))
     return float(x[at] - x[last]) - ahead * period_s, max(scatter_s, _LEAST_U_PERIOD_S) * ahead
 
 

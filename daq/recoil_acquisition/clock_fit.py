@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.clock_breaks import FEWEST, find_breaks, join_parts, keep_order, step_by_count
 from recoil_acquisition.clock_edge import RESOLUTION_S, Side, lower_points, side_of, slope_between
+from recoil_acquisition.normal_distribution import MAD_TO_SIGMA, MEDIAN_LOSS
 
 Instants = NDArray[np.int64]
 Seconds = NDArray[np.float64]
@@ -40,8 +41,6 @@ SMALLEST_STEP_S = 2e-3
 LARGEST_DRIFT = 0.01
 """No clock drifts so much against another; what looks like it is a host that was late."""
 
-_MEDIAN_LOSS = math.sqrt(math.pi / 2)
-_MAD_TO_SIGMA = 1.482602218505602
 _AGREEING_SIGMAS = 4.0
 _AGREEING_DELAYS = 3.0
 """Host and packet counter tell the same size of a step if they differ by no more sigmas, or typical delays."""
@@ -194,11 +193,11 @@ def fit_clock(
     sides = [side_of(part, points, flat) for part, points in zip(parts, lowest, strict=True)]
     residuals = np.concatenate([flat[side.points] - side.level_s for side in sides])
     delays = np.concatenate([flat[side.frames] - side.level_s for side in sides])
-    scatter_s = max(_MAD_TO_SIGMA * float(np.median(np.abs(residuals))), RESOLUTION_S)
+    scatter_s = max(MAD_TO_SIGMA * float(np.median(np.abs(residuals))), RESOLUTION_S)
     spread_s = math.sqrt(sum(float(((x[side.points] - x[side.points].mean()) ** 2).sum()) for side in sides))
-    u_drift = _MEDIAN_LOSS * scatter_s / spread_s if seen and spread_s > 0 else math.inf
+    u_drift = MEDIAN_LOSS * scatter_s / spread_s if seen and spread_s > 0 else math.inf
     first = sides[0].points
-    u_level_s = _MEDIAN_LOSS * scatter_s / math.sqrt(first.size)
+    u_level_s = MEDIAN_LOSS * scatter_s / math.sqrt(first.size)
     u_lever_s = float(x[first].mean()) * u_drift if math.isfinite(u_drift) else 0.0
     return ClockFit(
         device_zero_ns=int(device_ns[0]),
@@ -238,7 +237,7 @@ def _found_steps(
         last, at = int(before.frames[-1]), int(after.frames[0])
         # Behind a step forward the differences are less by (1 + drift) times the step
         step_s = (before.level_s - after.level_s) / (1.0 + drift)
-        u_levels_s = _MEDIAN_LOSS * scatter_s * math.sqrt(1 / before.points.size + 1 / after.points.size)
+        u_levels_s = MEDIAN_LOSS * scatter_s * math.sqrt(1 / before.points.size + 1 / after.points.size)
         apart_s = float(x[after.points].mean() - x[before.points].mean()) - step_s
         u_step_s = math.hypot(u_levels_s, apart_s * u_drift if math.isfinite(u_drift) else 0.0)
         if min(before.points.size, after.points.size) < FEWEST:

@@ -19,7 +19,7 @@ from recoil_identification.method_result import method_result
 from recoil_identification.stress_waves import find_stress_waves
 from recoil_identification.trace_window import trace_window
 from recoil_processing.filters import LowPass
-from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ROLES, ForcedRecoil, missing_forces
+from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ACCELERATIONS, ForcedRecoil, missing_forces
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
 from recoil_processing.shot.signals import collect_signals
 from recoil_rigs.assumptions import assumptions_of
@@ -150,4 +150,4 @@ def _constancy(regression: Regression, calibration: FilmCalibration, forced: For
 
 def _u_zero_m_s2(forced: ForcedRecoil) -> float:
     """Combine what is uncertain of the zeros of the carriage's accelerometers."""
-    return math.hypot(*(forced.signals.offsets[role].u for role in CARRIAGE_ROLES))
+    return math.hypot(*(forced.signals.offsets[role].u for role in CARRIAGE_ACCELERATIONS))

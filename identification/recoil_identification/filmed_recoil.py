@@ -16,7 +16,7 @@ from recoil_processing.motion.fusion import FusedMotion
 from recoil_processing.shot.clocks.double_impulse import DoubleImpulseMass
 from recoil_processing.shot.clocks.force_clocks import METHOD as BY_FORCE
 from recoil_processing.shot.clocks.force_clocks import recoil_only
-from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ROLES, RATE_ROLES, ForcedRecoil, require_forces
+from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ACCELERATIONS, RATE_ROLES, ForcedRecoil, require_forces
 from recoil_processing.shot.kinematics import fused_motion, travel_and_velocity
 from recoil_processing.shot.signals import Signals, at_instants
 from recoil_rigs.rig import Rig
@@ -133,7 +133,7 @@ def require_carriage(signals: Signals) -> None:
     IdentificationError
         Naming every role that is missing.
     """
-    missing = [role for role in CARRIAGE_ROLES if not _usable(signals, role)]
+    missing = [role for role in CARRIAGE_ACCELERATIONS if not _usable(signals, role)]
     if not any(_usable(signals, role) for role in RATE_ROLES):
         missing.append(" or ".join(RATE_ROLES))
     if missing:

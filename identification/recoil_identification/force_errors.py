@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_processing.motion.double_integral import integrate
-from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ROLES, RATE_ROLES, ForcedRecoil
+from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ACCELERATIONS, RATE_ROLES, ForcedRecoil
 from recoil_processing.shot.kinematics import AngularMotion, relative_to_tipping_part
-from recoil_processing.shot.regression import AREAS, PRESSURE_ROLES
+from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.signals import static_value
+from recoil_rigs.assumptions import AREAS
 
 Array = NDArray[np.float64]
 
@@ -54,13 +55,13 @@ def force_errors(forced: ForcedRecoil) -> NamedErrors:
         if role in PRESSURE_ROLES:
             area = getattr(forced.rig.mechanism, AREAS[PRESSURE_ROLES.index(role)])
             found.append(("B", f"{role} {cause}", left * area * free))
-        elif role in CARRIAGE_ROLES:
+        elif role in CARRIAGE_ACCELERATIONS:
             found.append(("B", f"{role} {cause}", _as_force(forced, _with_error(forced.motion, role, left))))
-    for role in CARRIAGE_ROLES:
+    for role in CARRIAGE_ACCELERATIONS:
         u = signals.offsets[role].u
         if math.isfinite(u) and u > 0:
             found.append(("A", f"{role} zero", _as_force(forced, _with_error(forced.motion, role, u * free))))
-    for role in (*CARRIAGE_ROLES, *RATE_ROLES):
+    for role in (*CARRIAGE_ACCELERATIONS, *RATE_ROLES):
         spec = forced.rig.by_role(role)
         if spec is not None and role in signals.series and spec.sensor.u_rel:
             other = _with_scale(forced, role, spec.sensor.u_rel)
@@ -82,14 +83,14 @@ def _with_scale(forced: ForcedRecoil, role: str, error: float) -> AngularMotion:
     if role == "tipping_rate":
         beta = motion.beta + error * integrate(motion.w2, step_s)
         return replace(motion, w2=(1.0 + error) * motion.w2, dw2=(1.0 + error) * motion.dw2, beta=beta)
-    reading = motion.f_x if role == CARRIAGE_ROLES[0] else motion.f_y
+    reading = motion.f_x if role == CARRIAGE_ACCELERATIONS[0] else motion.f_y
     static = static_value(role, forced.rig.mechanism) or 0.0
     return _with_error(motion, role, error * (reading - static))
 
 
 def _with_error(motion: AngularMotion, role: str, error: Array) -> AngularMotion:
     """Add an error to what one of the carriage's accelerometers reads."""
-    if role == CARRIAGE_ROLES[0]:
+    if role == CARRIAGE_ACCELERATIONS[0]:
         return replace(motion, f_x=motion.f_x + error)
     return replace(motion, f_y=motion.f_y + error)
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from recoil_identification.budget import BudgetRow
 from recoil_identification.calibration import Calibration
 from recoil_identification.uncertainty import corrected_mass
-from recoil_processing.alignment.channel_skew import COVERAGE, measure_skew
+from recoil_processing.alignment.channel_skew import LEAST_NORMALISED_SKEW, measure_skew
 from recoil_processing.shot.regression import Regression
 
 Array = NDArray[np.float64]
@@ -91,7 +91,7 @@ def find_skew(
         return RecorderSkew(math.nan, math.inf, corrected_s, 0.0, steps, found)
     skew_s, u_s = corrected_s + found.skew_s, math.hypot(found.u_s, U_CHAINS_S)
     late = f"the acceleration is {1e6 * skew_s:+.1f} us (u {1e6 * u_s:.1f} us) later than the force"
-    due = abs(found.skew_s) > COVERAGE * u_s
+    due = abs(found.skew_s) > LEAST_NORMALISED_SKEW * u_s
     if due and abs(skew_s) > MOST_SKEW_S:
         return RecorderSkew(skew_s, u_s, corrected_s, 0.0, steps, f"{late}: no skew of a recorder")
     if due and steps < MOST_STEPS:

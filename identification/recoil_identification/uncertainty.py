@@ -17,8 +17,9 @@ from recoil_acquisition.shot import Shot
 from recoil_identification.budget import BudgetRow
 from recoil_identification.corrections import Corrections
 from recoil_processing.filters import LowPass
-from recoil_processing.shot.regression import AREAS, PRESSURE_ROLES, Regression, spaced_rows
+from recoil_processing.shot.regression import PRESSURE_ROLES, Regression, spaced_rows
 from recoil_processing.shot.signals import Signals
+from recoil_rigs.assumptions import AREAS
 from recoil_rigs.rig import Rig
 
 CUTOFF_FACTORS = (0.7, 1.4)

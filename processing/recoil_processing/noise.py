@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-_MAD_TO_SIGMA = 1.482602218505602
-"""Median absolute deviation to standard deviation of a normal distribution: 1 / Phi^-1(3/4)."""
+from recoil_acquisition.normal_distribution import MAD_TO_SIGMA
 
 
 def robust_sigma(samples: NDArray[np.float64]) -> float:
@@ -25,7 +24,7 @@ def robust_sigma(samples: NDArray[np.float64]) -> float:
     present = samples[np.isfinite(samples)]
     if present.size == 0:
         return float("nan")
-    return float(_MAD_TO_SIGMA * np.median(np.abs(present - np.median(present))))
+    return float(MAD_TO_SIGMA * np.median(np.abs(present - np.median(present))))
 
 
 def noise_sigma(samples: NDArray[np.float64]) -> float:
@@ -48,4 +47,4 @@ def noise_sigma(samples: NDArray[np.float64]) -> float:
     third = third[np.isfinite(third)]
     if third.size == 0:
         return float("nan")
-    return float(_MAD_TO_SIGMA * np.median(np.abs(third)) / np.sqrt(20.0))
+    return float(MAD_TO_SIGMA * np.median(np.abs(third)) / np.sqrt(20.0))

@@ -9,6 +9,7 @@ from typing import Literal
 from recoil_rigs.rig import Rig
 
 AREAS = ("bore_area", "brake_area", "recuperator_area")
+"""Symbols of the areas on which breech, brake and recuperator pressure act."""
 CARRIAGE_ROLES = ("carriage_acceleration_x", "carriage_acceleration_y", "carriage_rate", "tipping_rate")
 """Roles whose term in the equation of motion is taken at rest where no channel measures it."""
 

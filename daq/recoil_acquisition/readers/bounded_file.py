@@ -9,6 +9,8 @@ LARGEST_RATIO = 20
 """Frames of a bus shrink to a fifth or a tenth, measured channels to a third; what does not change shrinks further."""
 SPARE_BYTES = 1 << 26
 """A short recording may consist of channels that do not change."""
+DEFLATE_RATIO = 1032
+"""Deflate makes at most so many bytes out of one: 258 of two bits (RFC 1951)."""
 
 
 def most_unpacked(stored: int) -> int:

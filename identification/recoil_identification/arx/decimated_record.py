@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from recoil_processing.filters import LowPass, filter_alike
 from recoil_processing.gaps import bridge
-from recoil_processing.shot.regression import AREAS, PRESSURE_ROLES, Regression
+from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
 from recoil_processing.shot.signals import Signals
+from recoil_rigs.assumptions import AREAS
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

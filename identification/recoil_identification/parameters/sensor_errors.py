@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from recoil_acquisition.shot import Shot
 from recoil_identification.parameters.load_cells import LOAD_CELLS
 from recoil_identification.preparation import Prepared
-from recoil_processing.shot.regression import AREAS, FORCES, PRESSURE_ROLES
+from recoil_processing.shot.regression import FORCES, PRESSURE_ROLES
+from recoil_rigs.assumptions import AREAS
 from recoil_rigs.rig import Rig
 
 Array = NDArray[np.float64]

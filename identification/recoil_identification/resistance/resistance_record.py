@@ -17,9 +17,10 @@ from recoil_identification.resistance.resistance_law import block_means
 from recoil_identification.resistance.shot_balance import Terms
 from recoil_processing.filters import LowPass
 from recoil_processing.gaps import bridge
-from recoil_processing.shot.regression import AREAS, PRESSURE_ROLES
+from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 from recoil_rigs.assemble import range_si
+from recoil_rigs.assumptions import AREAS
 from recoil_rigs.rig import Rig
 
 Array = NDArray[np.float64]

@@ -20,7 +20,8 @@ from recoil_identification.supports.mechanism_loads import MeasuredMotion
 from recoil_processing.filters import LowPass, filter_alike
 from recoil_processing.filters.analog_filter import AnalogLowPass
 from recoil_processing.shot.instants import anti_alias_filter
-from recoil_processing.shot.regression import AREAS, PRESSURE_ROLES
+from recoil_processing.shot.regression import PRESSURE_ROLES
+from recoil_rigs.assumptions import AREAS
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.rig import Rig
 

@@ -38,7 +38,7 @@ from recoil_identification.arx.simulation import fit_percent, predict, simulate
 from recoil_identification.arx.tables import order_rows, parameter_rows, pole_rows, quality_rows, rate_rows
 from recoil_identification.arx.verdict import notes_on_model, reasons_against_model
 from recoil_identification.targets.target import Case, Finding, Quantity, Series
-from recoil_processing.shot.regression import AREAS
+from recoil_rigs.assumptions import AREAS
 
 Array = NDArray[np.float64]
 

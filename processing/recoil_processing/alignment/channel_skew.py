@@ -26,8 +26,8 @@ LEAST_CORRELATION = 0.8
 """Below this the two are not proportional."""
 MOST_PERIODS = 2.0
 """Periods of the cut-off by which one may be later; more is no skew within a recorder, or not of one motion."""
-COVERAGE = 2.0
-"""Of the expanded uncertainty, about 95 %."""
+LEAST_NORMALISED_SKEW = 2.0
+"""Standard uncertainties from which on a skew is one: its expanded uncertainty with the coverage factor 2."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Skew:
     @property
     def significant(self) -> bool:
         """Whether the skew exceeds its expanded uncertainty; below that nothing is to be corrected."""
-        return abs(self.skew_s) > COVERAGE * self.u_s
+        return abs(self.skew_s) > LEAST_NORMALISED_SKEW * self.u_s
 
 
 def measure_skew(first: Array, second: Array, rate_hz: float, cutoff_hz: float) -> Skew | str:

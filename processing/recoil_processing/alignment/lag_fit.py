@@ -33,7 +33,7 @@ GRID_PER_PERIOD = 10
 """Points of the source's grid per period of the cut-off."""
 STRIDE = 4
 """Of that grid: rows 2.5 times per period, about as many as carry information of their own."""
-LEAST_ROWS = 20
+LEAST_ROWS_IN_COMMON = 20
 """Below this the records hardly overlap."""
 LONGEST_STEP_S = 5e-3
 """By which the offset may move at once."""
@@ -174,7 +174,7 @@ def solve_lag(rows: LagRows, shift_s: float, *, drift_allowance: float) -> LagSo
 def _step(rows: LagRows, shift_s: float, drift: float, drift_allowance: float) -> LagSolution | str:
     mapped = rows.times_s + shift_s + drift * (rows.times_s - rows.origin_s)
     inside = (mapped > rows.first_s) & (mapped < rows.last_s)
-    if np.count_nonzero(inside) < LEAST_ROWS:
+    if np.count_nonzero(inside) < LEAST_ROWS_IN_COMMON:
         return "the two records hardly overlap"
     since, values = rows.times_s[inside] - rows.origin_s, rows.values[inside]
     model, rate = rows.curve(mapped[inside]), rows.slope(mapped[inside])

@@ -16,6 +16,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.normal_distribution import MAD_TO_SIGMA, MEDIAN_LOSS
 from recoil_processing.alignment.lattice import count_steps
 
 Array = NDArray[np.float64]
@@ -26,13 +27,10 @@ RUNS = (96, 48, 24, 12)
 """Into how many runs the stamps may be cut, each giving a point of the line: a longer one reaches the edge surer."""
 LEAST_RUN = 8
 """Stamps of a run."""
-MEDIAN_LOSS = math.sqrt(math.pi / 2)
-"""Standard error of a median over that of a mean, where errors are normal."""
 MOST_WANDER = 0.6
 """Scatter of the runs' points over that of the stamps within a run: of white jitter 0.35, of a walk mostly over 1."""
 FINE_WANDER = 1e-2
 """Of a step, within which stamps may wander: rounded ones do, at the beat of step and rounding."""
-MAD_TO_SIGMA = 1.482602218505602
 
 
 @dataclass(frozen=True, eq=False)

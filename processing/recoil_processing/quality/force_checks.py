@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from recoil_processing.quality.limits import LIMITS, Outcome
 
-LEAST_ROWS = 8
-"""Samples that must be there to be correlated."""
+LEAST_SAMPLES_CORRELATED = 8
+"""Fewer samples are not correlated."""
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -107,7 +107,7 @@ def check_force_sign(force: Array, acceleration: Array) -> Outcome:
         Behind one and the same low-pass, within the recoil; what is not trusted NaN.
     """
     used = np.isfinite(force) & np.isfinite(acceleration)
-    if np.count_nonzero(used) < LEAST_ROWS:
+    if np.count_nonzero(used) < LEAST_SAMPLES_CORRELATED:
         return "ok", f"{np.count_nonzero(used)} samples of the recoil: too few to correlate"
     f, a = force[used], acceleration[used]
     size = math.sqrt(float(np.sum(f**2)) * float(np.sum(a**2)))

@@ -10,23 +10,17 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.normal_distribution import MAD_TO_SIGMA
 from recoil_acquisition.shot import Verdict
 from recoil_processing.gaps import longest_run
 from recoil_processing.quality.level_checks import NO_SAMPLE
 from recoil_processing.quality.limits import LIMITS, Outcome
+from recoil_processing.repairs.dropouts import BLOCKS, LEAST_RUN, LEAST_STEPS
 
 Array = NDArray[np.float64]
 
-LEAST_RUN = 3
-"""Equal values in a row that can be a hold."""
-BLOCKS = 20
-"""Parts of a record, of which the quietest tells how often noise repeats a value."""
 BLOCK = 1000
 """Samples of each that are looked at."""
-LEAST_STEPS = 4.0
-"""Steps of the resolution that noise must change a value by, in the median, for repeats to tell something."""
-MEDIAN_TO_SIGMA = 1.4826
-"""Median absolute change to its standard deviation, of a normal distribution."""
 MANY_PAIRS = 0.05
 """Share of equal neighbours beyond which a value is updated more slowly than it is sent."""
 GAP_STEPS = 2.5
@@ -86,7 +80,7 @@ def check_held(samples: Array, rate_hz: float) -> Outcome:
     quietest = min(float(np.median(np.abs(part))) for part in (*parts, steps[:BLOCK]) if part.size)
     if quietest < LEAST_STEPS * q:
         return "ok", "noise below the resolution: held samples cannot be told"
-    chance = q / (MEDIAN_TO_SIGMA * quietest * math.sqrt(2 * math.pi))
+    chance = q / (MAD_TO_SIGMA * quietest * math.sqrt(2 * math.pi))
     first = np.flatnonzero(np.concatenate([[True], changes != 0]))
     lengths = np.diff(np.append(first, present.size))
     least = max(LEAST_RUN, 1 + math.ceil(math.log(LIMITS["held_chance"].warn / present.size) / math.log(chance)))

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_processing.quality.level_checks import NO_SAMPLE
 from recoil_processing.quality.limits import LIMITS, Outcome
 
@@ -21,8 +22,6 @@ SPAN_S = 4e-3
 """Over which the camera's velocity is taken: 0.05 mm of noise at 6000 frames/s then is 0.02 m/s."""
 LEAST_SPANS = 8
 """Velocities that must be there to be compared."""
-SIGNIFICANT = 3.29
-"""Standard uncertainties that a departure must have; by chance one of 1000 has."""
 EXPLAINED = 1 / 3
 """Of the difference that may be left for a shift of the zero to explain it."""
 
@@ -148,12 +147,12 @@ def check_carriage(excess: float, u: float) -> Outcome:
     """
     limit = LIMITS["carriage_excess"]
     text = f"{100 * (1.0 - excess):.0f} % of its part in the recoil travel is there (u {100 * u:.2g} %) by the camera"
-    if not abs(excess) > SIGNIFICANT * u:
+    if not abs(excess) > CRITICAL_VALUE * u:
         return "ok", text
     verdict = limit.verdict(abs(excess))
     if verdict == "ok":
         return "ok", text
-    turned = abs(excess - 2.0) < min(0.5, SIGNIFICANT * u + 0.25)
+    turned = abs(excess - 2.0) < min(0.5, CRITICAL_VALUE * u + 0.25)
     advice = (
         "the sensor is turned: turn it, or set `polarity = -1`"
         if turned

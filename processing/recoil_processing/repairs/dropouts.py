@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.normal_distribution import MAD_TO_SIGMA
 from recoil_processing.repairs.repair import Repair, runs_of
 
 Array = NDArray[np.float64]
@@ -27,8 +28,6 @@ LEAST_STEPS = 4.0
 """Steps of the resolution that noise must change a value by, in the median, for repeats to tell something."""
 MOST_AT_REST = 32
 """Changes at the begin of a record, where it is quiet, that tell whether there is noise."""
-MEDIAN_TO_SIGMA = 1.482602218505602
-"""Median absolute value to standard deviation, of a normal distribution."""
 STEP_SHARE = 0.01
 """Of the period, by which a time step may be off a whole number of periods."""
 
@@ -151,7 +150,7 @@ def _held(samples: Array, apart: Flags) -> tuple[Flags, bool]:
     quietest = min(float(np.median(np.abs(b[b != 0]))) for b in np.array_split(present, BLOCKS) if np.any(b))
     if quietest < LEAST_STEPS * q:
         return held, False
-    chance = q / (MEDIAN_TO_SIGMA * quietest * math.sqrt(2 * math.pi))
+    chance = q / (MAD_TO_SIGMA * quietest * math.sqrt(2 * math.pi))
     least = max(LEAST_RUN, 1 + math.ceil(math.log(CHANCE / present.size) / math.log(chance)))
     for start, stop in runs_of(np.asarray(changes == 0)):
         if stop - start + 1 >= least:

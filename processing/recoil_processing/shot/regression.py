@@ -16,6 +16,7 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_processing.filters import Filtered, LowPass, filter_alike
 from recoil_processing.shot.interval import end_of_travel, letting_go, release_index
 from recoil_processing.shot.signals import Signals
+from recoil_rigs.assumptions import AREAS
 from recoil_rigs.mechanism import Mechanism
 
 Array = NDArray[np.float64]
@@ -24,8 +25,6 @@ Flags = NDArray[np.bool_]
 FORCES = ("breech", "brake", "recuperator", "friction")
 """Order of the force columns."""
 PRESSURE_ROLES = ("breech_pressure", "brake_pressure", "recuperator_pressure")
-AREAS = ("bore_area", "brake_area", "recuperator_area")
-"""Symbols of the areas on which they act, in the same order."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,10 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
-from recoil_acquisition.readers.bounded_file import most_unpacked
+from recoil_acquisition.readers.bounded_file import DEFLATE_RATIO, most_unpacked
 from recoil_acquisition.readers.recording import damage_is_reported
-
-DEFLATE_RATIO = 1032
 
 
 @contextmanager

@@ -16,6 +16,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from recoil_acquisition.readers.bounded_file import DEFLATE_RATIO
+
 BUS_NAMES = (
     "CAN_DataFrame", "CAN_RemoteFrame", "CAN_ErrorFrame", "CAN_OverloadFrame", "LIN_Frame", "LIN_WakeUp",
     "LIN_ChecksumError", "LIN_TransmissionError", "LIN_SyncError", "LIN_ReceiveError", "LIN_Spike", "LIN_LongDom",
@@ -37,7 +39,6 @@ _DATA_GROUP = struct.Struct("<B")
 _GROUP = struct.Struct("<QQH6xII")
 _CHANNEL = struct.Struct("<BBBBIIII")
 _PACKED = struct.Struct("<8xQQ")
-_DEFLATE_RATIO = 1032
 _LONGEST_NAME = 4096
 
 
@@ -305,7 +306,7 @@ class _Walk:
         self.given.add(at)
         if self.name(at) == b"##DZ":
             stated, packed = self.fields(at, 0, _PACKED)
-            self.unpacked += min(stated, _DEFLATE_RATIO * min(packed, self.size - at))
+            self.unpacked += min(stated, DEFLATE_RATIO * min(packed, self.size - at))
 
     def name(self, at: int) -> bytes:
         """Return the four letters of a block."""

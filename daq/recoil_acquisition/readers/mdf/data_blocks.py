@@ -14,12 +14,12 @@ import zlib
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.readers.bounded_file import SPARE_BYTES
 from recoil_acquisition.readers.mdf.channel_groups import MdfDamageError, MdfUnsupportedError
 
 LARGEST_RATIO = 300
 """Unpacked blocks take no more than so many times the file's size, beside what any file may: frames of a bus shrink to
 a tenth, the same frame at the same pace to a two hundredth."""
-SPARE_BYTES = 1 << 26
 
 _BEGINNING = re.compile(rb"##[A-Z]{2}\0{4}")
 _BLOCK = struct.Struct("<4s4xQQ")

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.normal_distribution import MAD_TO_SIGMA
+
 Positions = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
@@ -34,9 +36,6 @@ FASTER = 1.5
 
 PART_ROWS = 1 << 14
 """Windows of steps that are held at a time."""
-
-_MAD_TO_SIGMA = 1.482602218505602
-"""Median absolute deviation to standard deviation of a normal distribution: 1 / Phi^-1(3/4)."""
 
 
 @dataclass(frozen=True)
@@ -144,7 +143,7 @@ def find_jumps(frames: NDArray[np.int64], positions: Positions) -> Flags:
         x, between = axis[seen], np.diff(frames[seen]).astype(np.float64)
         speed = np.diff(x)
         speed /= between
-        sigma = _MAD_TO_SIGMA * float(np.median(np.abs(np.diff(x, n=3)))) / 20**0.5
+        sigma = MAD_TO_SIGMA * float(np.median(np.abs(np.diff(x, n=3)))) / 20**0.5
         least = 1e-9 * float(np.ptp(x))
         fast = np.abs(speed) > FASTER * _own_speed(speed) + JUMP_SIGMA * 2**0.5 * sigma + least
         # few steps are fast, and only of those it matters how far they are off the line

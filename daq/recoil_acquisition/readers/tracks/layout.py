@@ -29,6 +29,7 @@ from recoil_acquisition.readers.tracks.frame_time import TIME_UNITS_S
 
 SEPARATOR_NAMES = {"tab": "\t", "space": " ", "comma": ",", "semicolon": ";"}
 PIXELS = ("px", "pixel", "pixels")
+"""Spellings of pixels, in any case."""
 MOST_FEATURES = 1000
 
 

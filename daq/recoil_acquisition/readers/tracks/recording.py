@@ -19,11 +19,9 @@ from recoil_acquisition.readers.text.cells import unique_names
 from recoil_acquisition.readers.tracks.columns import Column
 from recoil_acquisition.readers.tracks.faults import find_track_faults
 from recoil_acquisition.readers.tracks.frame_time import FrameClock
+from recoil_acquisition.readers.tracks.layout import PIXELS
 from recoil_acquisition.timebase import TimeBase
 from recoil_acquisition.track import Track
-
-PIXELS = ("px", "pixel", "pixels")
-"""Spellings of pixels, in any case."""
 
 LOW_LIKELIHOOD = 0.6
 """Likelihood below which the usual practice takes a position for lost; here it is counted and kept."""

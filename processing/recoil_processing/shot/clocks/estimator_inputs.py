@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from recoil_acquisition.shot import Shot
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.clocks.autoregressive_noise import MOST_ORDER, fit_noise
-from recoil_processing.shot.regression import AREAS, PRESSURE_ROLES, Regression
+from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
 from recoil_processing.shot.signals import Signals
+from recoil_rigs.assumptions import AREAS
 from recoil_rigs.rig import Rig
 
 Array = NDArray[np.float64]

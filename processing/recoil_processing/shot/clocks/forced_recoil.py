@@ -27,8 +27,8 @@ from recoil_rigs.rig import Rig
 
 Array = NDArray[np.float64]
 
-CARRIAGE_ROLES = ("carriage_acceleration_x", "carriage_acceleration_y")
-"""A camera sees the recoil relative to the tipping part; these tell how that moves itself."""
+CARRIAGE_ACCELERATIONS = ("carriage_acceleration_x", "carriage_acceleration_y")
+"""Roles that state how the tipping part itself moves, relative to which a camera sees the recoil."""
 RATE_ROLES = ("carriage_rate", "tipping_rate")
 """And these how it turns."""
 SCALES = 4

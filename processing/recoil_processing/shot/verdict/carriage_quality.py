@@ -17,6 +17,7 @@ from recoil_acquisition.channel import Channel
 from recoil_acquisition.shot import ClockAlignment, QualityCheck, Shot
 from recoil_processing.alignment.align import INNOVATION_LIMITS
 from recoil_processing.quality import check_carriage
+from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ACCELERATIONS
 from recoil_processing.shot.filmed_motion import filmed
 from recoil_processing.shot.signals import at_instants
 from recoil_processing.shot.verdict.motion_quality import Recoil
@@ -26,7 +27,6 @@ Array = NDArray[np.float64]
 
 LARGEST_U = 0.3
 """Standard uncertainty of a part's share: from here on a turned sensor could not be told from a sound one."""
-ROLES = ("carriage_acceleration_x", "carriage_acceleration_y")
 
 
 def check_carriage_by_camera(
@@ -47,11 +47,12 @@ def check_carriage_by_camera(
     Yields
     ------
     QualityCheck
-        By the channel of each of `ROLES` whose part the film can tell, in a film that fits the accelerometers.
+        By the channel of each of `CARRIAGE_ACCELERATIONS` whose part the camera track identifies, where it fits the
+        accelerometers.
     """
     signals, motion = recoil.signals, recoil.motion
     angle = rig.mechanism.phi20 - rig.mechanism.phi10 + motion.beta
-    parts = dict(zip(ROLES, (motion.f_x * np.cos(angle), motion.f_y * np.sin(angle)), strict=True))
+    parts = dict(zip(CARRIAGE_ACCELERATIONS, (motion.f_x * np.cos(angle), motion.f_y * np.sin(angle)), strict=True))
     parts = {role: part for role, part in parts.items() if role in signals.series}
     film = filmed(signals, recoil.acceleration, at_instants(camera, shot, rig), alignment)
     if film is None or not parts:

@@ -28,8 +28,9 @@ from recoil_processing.quality import (
 )
 from recoil_processing.quality.motion_checks import velocity_error
 from recoil_processing.shot.kinematics import AngularMotion, angular_motion, inertial_acceleration, travel_acceleration
-from recoil_processing.shot.regression import AREAS, PRESSURE_ROLES, Regression, build_regression
+from recoil_processing.shot.regression import PRESSURE_ROLES, Regression, build_regression
 from recoil_processing.shot.signals import Signals, collect_signals, static_value
+from recoil_rigs.assumptions import AREAS
 from recoil_rigs.rig import Rig
 
 Array = NDArray[np.float64]
@@ -45,7 +46,7 @@ DRIVEN_S = 0.05
 """From the onset, in which the breech drives."""
 AROUND_S = 0.03
 """Kept around a part for the low-pass: some reaches of it."""
-LEAST_ROWS = 50
+LEAST_RECOIL_SAMPLES = 50
 """Samples of the recoil that tell a shift of the zero."""
 MOST_LOST = 0.05
 """Share of the recoil's samples that may be bridged for an integral."""
@@ -243,7 +244,7 @@ def _zero_shift(recoil: Recoil, regression: Regression, rig: Rig) -> Outcome | N
     The mass is free in this fit; what the step is uncertain by is what the gauges may be off while the mechanism
     brakes.
     """
-    if np.count_nonzero(regression.trusted) < LEAST_ROWS:
+    if np.count_nonzero(regression.trusted) < LEAST_RECOIL_SAMPLES:
         return None
     part = _around(regression.times_s, *regression.interval_s)
     smooth = [
@@ -252,7 +253,7 @@ def _zero_shift(recoil: Recoil, regression: Regression, rig: Rig) -> Outcome | N
     ]
     inside = regression.used[part]
     acceleration, force, released = (column[inside] for column in smooth)
-    if acceleration.size < LEAST_ROWS:
+    if acceleration.size < LEAST_RECOIL_SAMPLES:
         return None
     scale = float(np.max(np.abs(force)))
     solution, _, rank, _ = np.linalg.lstsq(np.column_stack([force / scale, released]), acceleration, rcond=None)
