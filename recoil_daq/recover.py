@@ -13,7 +13,6 @@ from pathlib import Path
 
 from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.capture.cut import acquisition_in, capture_has, write_everything, write_shot
-from recoil_acquisition.capture.engine import SETTLE_S
 from recoil_acquisition.capture.replay import outrun, replayed
 from recoil_acquisition.capture.session_record import (
     Kept,
@@ -25,7 +24,7 @@ from recoil_acquisition.capture.session_record import (
     operator_records,
 )
 from recoil_acquisition.capture.shot_record import acquisition_of
-from recoil_acquisition.devices.device import Block
+from recoil_acquisition.devices.device import LATE_S, Block
 from recoil_acquisition.errors import ReadError, RecoilDaqError, StoreError
 from recoil_acquisition.log.folder import Log, find_logs, open_log
 from recoil_acquisition.log.record import OWN
@@ -228,7 +227,7 @@ def recover_journal(
     known = operator_records(journal)
     if not known.in_order:
         known = _decided_on(journal, record, rig, rig.trigger, known)
-    held = _held(journal, record)
+    held, stalls = _delivered(journal, record)
     begin_s, end_s = _extent_s(held)
     for instant_s in at_s:
         if not 0 <= instant_s <= end_s - begin_s:
@@ -238,7 +237,7 @@ def recover_journal(
                 expected=f"0 to {end_s - begin_s:.3f} s from its first record",
             )
     windows = (
-        *replayed(held, rig.trigger, known.decisions, _stalls(journal, record)),
+        *replayed(held, rig.trigger, known.decisions, stalls),
         *_earlier(record, out, held, rig),
     )
     outside = _outside(known, windows, rig.trigger)
@@ -306,30 +305,25 @@ def _blocks(journal: Log, record: LiveRecord) -> Iterator[Block | None]:
             yield record.block(one)
 
 
-def _held(journal: Log, record: LiveRecord) -> dict[str, list[tuple[float, float]]]:
-    """Return from when to when each source is in a journal."""
+def _delivered(
+    journal: Log, record: LiveRecord
+) -> tuple[dict[str, list[tuple[float, float]]], list[tuple[float, float]]]:
+    """Return from when to when each source is in a journal, and what was read late: since when it may have arrived."""
     held: dict[str, list[tuple[float, float]]] = {source.name: [] for source in record.sources}
+    stalls = []
     for one in journal.records():
         if one.source != OWN and record.block(one).is_data:
             spans = held[record.sources[one.source].name]
             spans[:] = [(spans[0][0] if spans else one.host_ns / 1e9, one.host_ns / 1e9)]
-    return held
+            if one.host_ns - one.from_ns > LATE_S * 1e9:
+                stalls.append((one.source, one.from_ns / 1e9, one.host_ns / 1e9))
+    return held, [(from_s, until_s) for _, from_s, until_s in sorted(stalls)]
 
 
 def _extent_s(held: Mapping[str, Sequence[tuple[float, float]]]) -> tuple[float, float]:
     """Return the first and the last instant of all sources together; 0 and 0 if there is none."""
     spans = [span for spans in held.values() for span in spans]
     return min((begin for begin, _ in spans), default=0.0), max((end for _, end in spans), default=0.0)
-
-
-def _stalls(journal: Log, record: LiveRecord) -> list[tuple[float, float]]:
-    """Return when something was read late: since when it may have arrived, and when it was read."""
-    stalls = [
-        (one.source, one.from_ns / 1e9, one.host_ns / 1e9)
-        for one in journal.records()
-        if one.source < len(record.sources) and one.host_ns - one.from_ns > SETTLE_S * 1e9
-    ]
-    return [(from_s, until_s) for _, from_s, until_s in sorted(stalls)]
 
 
 def _at(

@@ -124,7 +124,9 @@ def _faults_of_counts(survey: folder_module.LogSurvey, written: list[Found], sou
             faults.append(f"source {source}: {said} lost, {said_bytes} bytes are said; {lost[source]}, {lost_bytes}")
     if survey.closed != bool(ended):
         faults.append(f"closed is said to be {survey.closed}")
-    if lost and not survey.damaged and ended:
+    # what follows the first totals is the log's own and says the same again
+    until = min((one.number for one in written if one.kind == Kind.CLOSED), default=0)
+    if any(one.number not in sound for one in written[:until]) and not survey.damaged and ended:
         faults.append("records are lost and nothing is said")
     return faults
 

@@ -126,7 +126,7 @@ def test_a_file_that_takes_too_long_is_given_up(sound: Path, tmp_path: Path, mon
     with h5py.File(path, "r+") as file:
         # of each of its chunks of 8 samples the library has to find that it was never written
         file.create_dataset("entry/dewetron/c", (6_000_000,), "f8", chunks=(8,))
-    with pytest.raises(StoreError, match="was not done after [16] s"):
+    with pytest.raises(StoreError, match=r"was not done after [16] s"):
         read_shot(path)
 
 

@@ -44,7 +44,8 @@ KEPT      a stretch that is kept for another reason
 SHOT      a shot that is complete; in a capture, what it holds
 RELEASED  ``records`` and ``sources``: what was given back on purpose so far, spans ``[first, last, bytes]`` of numbers
           within the log and within each source
-CLOSED    ``sources``: records and bytes of each, ``longest_us`` as above; at the orderly end, twice
+CLOSED    ``sources``: records and bytes of each, ``longest_us`` as above; twice at the orderly
+          end: of several segments, the second time in one of its own
 ========  ================================================================================
 """
 

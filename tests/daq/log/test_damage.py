@@ -217,3 +217,18 @@ def test_an_interrupted_write_costs_its_own_record_only(tmp_path, monkeypatch):
     log = open_log(tmp_path / "log")
     assert [r.payload for r in log.records(source=0)] == [b"before", b"after"]
     assert [(loss.first, loss.last, loss.bytes) for loss in log.survey().losses] == [(1, 1, 4)]
+
+
+def test_a_log_that_was_closed_misses_its_last_segment_whichever_that_is(tmp_path):
+    with LogWriter(tmp_path / "log", {}, 0, segment_bytes=1 << 14) as writer:
+        for i in range(200):
+            writer.append(0, Kind.SERIAL, i, bytes([i]) * 200)
+    paths = sorted((tmp_path / "log").glob("*.rdlog"))
+    for gone in paths[-2:]:
+        shutil.copytree(tmp_path / "log", tmp_path / gone.stem)
+        (tmp_path / gone.stem / gone.name).unlink()
+    data_gone, totals_gone = (open_log(tmp_path / gone.stem).survey() for gone in paths[-2:])
+    assert data_gone.closed
+    assert [loss.source for loss in data_gone.losses if loss.source == 0] == [0]
+    assert totals_gone.closed
+    assert not totals_gone.lost_records
