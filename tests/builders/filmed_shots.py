@@ -197,7 +197,7 @@ def film_shot(
     shot = Shot(scene.shot, rig.name, rig.text, reference.name, channels)
     signals = collect_signals(shot, rig, {})
     acceleration = travel_acceleration(signals, rig, angular_motion(signals, rig))
-    silent = acceleration[(signals.times_s >= signals.quiet_s[0]) & (signals.times_s < signals.quiet_s[1])]
+    silent = acceleration[(signals.times_s >= signals.baseline_s[0]) & (signals.times_s < signals.baseline_s[1])]
 
     camera = next(s for s in rig.sources if s.kind == "camera")
     spec = next(c for c in rig.channels if c.role == "recoil_displacement")

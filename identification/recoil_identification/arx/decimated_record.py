@@ -126,7 +126,7 @@ def force_noise_n(signals: Signals, areas_m2: Mapping[str, float], low_pass: Low
     float
         NaN without a silence.
     """
-    begin, end = signals.quiet_s
+    begin, end = signals.baseline_s
     net = sum(
         sign * areas_m2[area] * bridge(signals.series[role], otherwise=0.0)
         for sign, role, area in zip((1.0, -1.0, -1.0), PRESSURE_ROLES, AREAS, strict=True)

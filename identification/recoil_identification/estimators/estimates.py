@@ -126,7 +126,7 @@ class _Estimators:
     further: tuple[BudgetRow, ...]
 
     def tls(self) -> MassEstimate:
-        rows, f, quiet = spaced_rows(self.inputs.filtered), self.inputs.filtered, self.inputs.quiet
+        rows, f, quiet = spaced_rows(self.inputs.filtered), self.inputs.filtered, self.inputs.baseline_noise
         a, force = f.acceleration_m_s2[rows], f.force_n[rows]
         ratio = quiet.filtered_force / max(quiet.filtered_acceleration, LEAST_NOISE_M_S2)
         noise = math.hypot(quiet.filtered_acceleration, quiet.filtered_force / self.inputs.rig.mechanism.m3)
@@ -141,8 +141,8 @@ class _Estimators:
             self.inputs.acceleration_m_s2,
             self.inputs.force_n,
             used=self.inputs.used,
-            force_sigma_n=self.inputs.quiet.force,
-            quiet_sigma_m_s2=self.inputs.quiet.slow_acceleration,
+            force_sigma_n=self.inputs.baseline_noise.force,
+            quiet_sigma_m_s2=self.inputs.baseline_noise.slow_acceleration,
             probes_n=self.inputs.probes.per_unit,
             most_order=self.inputs.most_order,
         )
@@ -157,8 +157,8 @@ class _Estimators:
                 self.inputs.force_n,
                 half_width_s=factor * HALF_WIDTH_S,
                 used=self.inputs.used,
-                force_sigma_n=self.inputs.quiet.slow_force,
-                quiet_sigma_m_s2=self.inputs.quiet.slow_acceleration,
+                force_sigma_n=self.inputs.baseline_noise.slow_force,
+                quiet_sigma_m_s2=self.inputs.baseline_noise.slow_acceleration,
                 probes_n=self.inputs.probes.per_unit,
             )
 
@@ -185,7 +185,7 @@ class _Estimators:
             release_s=self.inputs.release_s,
             end_s=r.interval_s[1],
             rough_mass_kg=self.inputs.rough_kg,
-            force_sigma_n=self.inputs.quiet.slow_force,
+            force_sigma_n=self.inputs.baseline_noise.slow_force,
             u_shift_s=filmed.alignment.u_offset_s,
             u_velocity_m_s=r.u_release_n_s / self.inputs.rough_kg,
             probes_n=self.inputs.probes.table,
@@ -212,8 +212,8 @@ class _Estimators:
             r.interval_s[1],
         )
         known = Knowledge(
-            self.inputs.quiet.slow_force,
-            self.inputs.quiet.slow_acceleration,
+            self.inputs.baseline_noise.slow_force,
+            self.inputs.baseline_noise.slow_acceleration,
             u_shift_s=filmed.alignment.u_offset_s,
             u_gain=self.scales.acceleration,
             u_scale=filmed.camera.u_rel,

@@ -133,7 +133,7 @@ def force_record(shot: Shot, rig: Rig) -> ForceRecord:
     resistance = parts["brake"] + parts["recuperator"] + parts["friction"]
     force = m.m3 * inertial + resistance
     window = _window(times, low_pass.apply(bridge(force), signals.rate_hz), onset)
-    silent = (times >= signals.quiet_s[0]) & (times < signals.quiet_s[1]) & np.isfinite(force)
+    silent = (times >= signals.baseline_s[0]) & (times < signals.baseline_s[1]) & np.isfinite(force)
     held = float(np.median(force[silent])) if silent.any() else float(np.median(bridge(force)[times < onset][-10:]))
     noise = float(np.std(force[silent])) if silent.sum() >= 50 else noise_sigma(force)
     spec = rig.by_role("recoil_acceleration")

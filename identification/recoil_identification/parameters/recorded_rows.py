@@ -64,7 +64,7 @@ def mechanism_rows(
     """
     m, signals, s = rig.mechanism, prepared.signals, prepared.signals.series
     step, times = signals.step_s, signals.times_s
-    quiet = (times >= signals.quiet_s[0]) & (times < signals.quiet_s[1])
+    quiet = (times >= signals.baseline_s[0]) & (times < signals.baseline_s[1])
     raw = {
         "acc": s["recoil_acceleration"],
         "held": prepared.static_m_s2 * (1.0 - recorded.released),

@@ -125,7 +125,7 @@ def require_motion(case: Case, purpose: str) -> None:
             expected=", ".join(ROLES),
             remedy="mend the alignment of their clocks, or check their files and ranges",
         )
-    if not signals.quiet_s[0] < signals.quiet_s[1]:
+    if not signals.baseline_s[0] < signals.baseline_s[1]:
         raise IdentificationError(
             f"{purpose}: the record has no silence before the shot",
             expected="5 ms or more, to take the sensors' zeros and the loads at rest from",

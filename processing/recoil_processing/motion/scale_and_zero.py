@@ -80,7 +80,7 @@ class FilmedMotion:
     u_offset_s : float
         Standard uncertainty of the clocks' offset.
     u_bias_m_s2 : float
-        Standard uncertainty of the accelerometer's zero from the silence before the motion; infinite if
+        Standard uncertainty of the accelerometer's zero from the pre-trigger baseline; infinite if
         there was none.
     """
 

@@ -14,10 +14,10 @@ from recoil_processing.quality.clipping_checks import check_clipping, check_flat
 from recoil_processing.quality.film_checks import check_duplicated_pictures, check_frame_rate
 from recoil_processing.quality.force_checks import check_braking, check_force_sign, check_impulse, check_skew
 from recoil_processing.quality.level_checks import (
+    check_baseline,
     check_filtered_noise,
     check_level_after,
-    check_quiet,
-    check_steady_silence,
+    check_steady_baseline,
     check_zero_shift,
 )
 from recoil_processing.quality.limits import LIMITS, Limit, Outcome
@@ -50,6 +50,7 @@ __all__ = [
     "Limit",
     "Outcome",
     "check_aliasing",
+    "check_baseline",
     "check_battery",
     "check_braking",
     "check_carriage",
@@ -74,14 +75,13 @@ __all__ = [
     "check_out_of_band",
     "check_peak_locking",
     "check_polarity",
-    "check_quiet",
     "check_repeat_peaks",
     "check_repeated_frames",
     "check_residual",
     "check_rest_to_rest",
     "check_skew",
     "check_srs_symmetry",
-    "check_steady_silence",
+    "check_steady_baseline",
     "check_time_steps",
     "check_velocity",
     "check_zero_shift",

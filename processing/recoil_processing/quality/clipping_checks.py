@@ -52,7 +52,7 @@ def check_clipping(samples: Array, low: float, high: float, *, unit: str) -> Out
     Returns
     -------
     verdict, detail
-        The share is that of the samples above a tenth of the peak: the pulse, not the silence.
+        The share is that of the samples above a tenth of the peak: the pulse, not the pre-trigger baseline.
 
     Raises
     ------
@@ -127,7 +127,7 @@ def _piles_up(present: Array, extreme: float, rest: float) -> bool:
     return bool(np.count_nonzero(inside == 0) > PILED_UP * beside)
 
 
-def check_out_of_band(samples: Array, quiet: Flags) -> Outcome:
+def check_out_of_band(samples: Array, in_baseline: Flags) -> Outcome:
     """Look for what clips ahead of the anti-alias filter: an amplifier at its slew rate, or one that is full.
 
     An amplifier at its slew rate makes flanks of one and the same rate, up and down, over most of their
@@ -138,28 +138,28 @@ def check_out_of_band(samples: Array, quiet: Flags) -> Outcome:
     ----------
     samples : ndarray, shape (n,)
         Lost samples NaN.
-    quiet : ndarray of bool, shape (n,)
+    in_baseline : ndarray of bool, shape (n,)
         Before the shot.
     """
-    share = slew_limited_share(samples, quiet)
-    slew, silenced = LIMITS["slew_share"], LIMITS["silenced_share"]
+    share = slew_limited_share(samples, in_baseline)
+    slew, noise_left = LIMITS["slew_share"], LIMITS["noise_left_share"]
     if slew.verdict(share) != "ok":
         return "warn", (
             f"flanks up and down run at one and the same rate over {100 * share:.0f} % of their height (limit "
             f"{100 * slew.warn:g} %): the amplifier is at its slew rate; use a smaller gain, or a mechanical filter, "
             "before the next shot"
         )
-    left = noise_left_at_peak(samples, quiet)
-    if silenced.verdict(left) != "ok" and not math.isnan(left):
+    left = noise_left_at_peak(samples, in_baseline)
+    if noise_left.verdict(left) != "ok" and not math.isnan(left):
         return "warn", (
             f"at its peak the signal has {100 * left:.0f} % of the noise that it has at rest (limit "
-            f"{100 * silenced.warn:g} %): the amplifier is full although the recorder is not; use a smaller gain "
+            f"{100 * noise_left.warn:g} %): the amplifier is full although the recorder is not; use a smaller gain "
             "before the next shot"
         )
     return "ok", f"no sign of clipping ahead of the recorder: {100 * share:.0f} % of a flank at one rate"
 
 
-def slew_limited_share(samples: Array, quiet: Flags) -> float:
+def slew_limited_share(samples: Array, in_baseline: Flags) -> float:
     """Return the part of a flank's height that runs at the largest rate, in the direction that has less of it.
 
     0 where noise hides it, or no flank is as long as `LEAST_AT_RATE` samples.
@@ -168,7 +168,7 @@ def slew_limited_share(samples: Array, quiet: Flags) -> float:
     ----------
     samples : ndarray, shape (n,)
         Lost samples NaN.
-    quiet : ndarray of bool, shape (n,)
+    in_baseline : ndarray of bool, shape (n,)
         Before the shot, in one piece.
     """
     rate = np.diff(samples)
@@ -177,7 +177,7 @@ def slew_limited_share(samples: Array, quiet: Flags) -> float:
         return 0.0
     rate = np.where(present, rate, 0.0)
     # where something rings third differences tell the ringing
-    noise = math.sqrt(2.0) * noise_sigma(samples[quiet])
+    noise = math.sqrt(2.0) * noise_sigma(samples[in_baseline])
     # the largest of many rates is by some three sigma of the noise too large
     fastest = float(min(rate.max(), -rate.min())) - NOISE_SIGMA * noise
     if not fastest > 0:
@@ -210,7 +210,7 @@ def _share_of_flank(rising: Array, at_limit: Flags) -> float:
     return float(np.sum(rising[starts[i] : ends[i]]) / np.sum(rising[first:last]))
 
 
-def noise_left_at_peak(samples: Array, quiet: Flags) -> float:
+def noise_left_at_peak(samples: Array, in_baseline: Flags) -> float:
     """Return the noise near the top of the pulse over that before the shot, both from third differences.
 
     NaN where the noise before the shot is below the resolution, or the top is too short.
@@ -219,10 +219,10 @@ def noise_left_at_peak(samples: Array, quiet: Flags) -> float:
     ----------
     samples : ndarray, shape (n,)
         Lost samples NaN.
-    quiet : ndarray of bool, shape (n,)
+    in_baseline : ndarray of bool, shape (n,)
         Before the shot, in one piece.
     """
-    before = noise_sigma(samples[quiet])
+    before = noise_sigma(samples[in_baseline])
     present = np.isfinite(samples)
     if not before > 0 or not present.any():
         return math.nan
@@ -230,7 +230,7 @@ def noise_left_at_peak(samples: Array, quiet: Flags) -> float:
     steps = steps[steps > 0]
     if steps.size == 0 or before < 2 * float(steps.min()):
         return math.nan
-    level = float(np.median(samples[quiet & present]))
+    level = float(np.median(samples[in_baseline & present]))
     size = np.abs(samples - level)
     top = size >= NEAR_PEAK * float(np.nanmax(size))
     edges = np.flatnonzero(np.diff(np.concatenate([[False], top, [False]]).astype(np.int8)))

@@ -19,44 +19,44 @@ Flags = NDArray[np.bool_]
 
 NO_SAMPLE = "no sample at all: check the sensor and its signal's name"
 
-LEAST_SILENCE = 50
-"""Samples of silence that tell offset and noise."""
+LEAST_BASELINE_SAMPLES = 50
+"""Samples of pre-trigger baseline that tell offset and noise."""
 LEAST_PER_HALF = 64
-"""Samples of a half of the silence below which the noise of the two halves is not compared."""
+"""Samples of a half of the pre-trigger baseline below which the noise of the two halves is not compared."""
 BLOCKS_PER_HALF = 8
 """Means that tell how far the level of a half scatters, whatever the colour of its noise."""
 HALVES_SIGMA = 4.0
-"""Standard errors between the halves of a silence; by chance 1 in 800."""
+"""Standard errors between the halves of a pre-trigger baseline; by chance 1 in 800."""
 LOUDER = 2.0
 """Noise of the louder half over that of the quieter one."""
 
 
-def check_quiet(samples: Array, quiet: Flags, static: float | None, *, unit: str) -> Outcome:
+def check_baseline(samples: Array, in_baseline: Flags, static: float | None, *, unit: str) -> Outcome:
     """Offset and noise before the shot, against the pulse.
 
     Parameters
     ----------
     samples : ndarray, shape (n,)
         Lost samples NaN.
-    quiet : ndarray of bool, shape (n,)
+    in_baseline : ndarray of bool, shape (n,)
         Before the shot.
     static : float or None
         What the sensor reads at rest if its zero is right, in the unit; None if that is not known.
     unit : str
     """
     present = np.isfinite(samples)
-    silence = samples[quiet & present]
-    if silence.size < LEAST_SILENCE:
+    baseline = samples[in_baseline & present]
+    if baseline.size < LEAST_BASELINE_SAMPLES:
         return "warn", (
-            f"{silence.size} samples of silence before the shot (limit {LEAST_SILENCE}): offset and noise unknown; "
-            "lengthen the pre-trigger"
+            f"{baseline.size} samples of pre-trigger baseline (limit {LEAST_BASELINE_SAMPLES}): offset and noise "
+            "unknown; lengthen the pre-trigger"
         )
-    peak = float(np.max(np.abs(samples[present] - np.mean(silence))))
-    noise = float(np.std(silence))
+    peak = float(np.max(np.abs(samples[present] - np.mean(baseline))))
+    noise = float(np.std(baseline))
     if peak == 0:
-        return "fail", f"the signal never leaves {silence[0]:.3g} {unit}: check gain and cable"
+        return "fail", f"the signal never leaves {baseline[0]:.3g} {unit}: check gain and cable"
     ratio_db = 20 * math.log10(peak / noise) if noise > 0 else math.inf
-    offset = 0.0 if static is None else float(np.mean(silence)) - static
+    offset = 0.0 if static is None else float(np.mean(baseline)) - static
     text = f"offset {offset:.3g} {unit}, noise {noise:.3g} {unit}"
     text += f", peak {ratio_db:.0f} dB above it" if noise > 0 else " (below the resolution)"
     limit_db, limit_offset = LIMITS["signal_to_noise_db"], LIMITS["offset_share"]
@@ -72,8 +72,8 @@ def check_quiet(samples: Array, quiet: Flags, static: float | None, *, unit: str
     return "ok", text
 
 
-def check_steady_silence(samples: Array, quiet: Flags, *, unit: str) -> Outcome:
-    """Compare level and noise of the two halves of the silence before the shot.
+def check_steady_baseline(samples: Array, in_baseline: Flags, *, unit: str) -> Outcome:
+    """Compare level and noise of the two halves of the pre-trigger baseline.
 
     A difference counts if it is beyond chance, by the scatter of `BLOCKS_PER_HALF` means of either half, and
     beyond the limit for a zero: only then it is in the velocity.
@@ -82,21 +82,21 @@ def check_steady_silence(samples: Array, quiet: Flags, *, unit: str) -> Outcome:
     ----------
     samples : ndarray, shape (n,)
         Lost samples NaN.
-    quiet : ndarray of bool, shape (n,)
+    in_baseline : ndarray of bool, shape (n,)
         Before the shot.
     unit : str
     """
     present = np.isfinite(samples)
-    silence = samples[quiet & present]
-    if silence.size < max(LEAST_SILENCE, 4 * BLOCKS_PER_HALF):
-        return "ok", f"{silence.size} samples of silence: too few to compare its halves"
-    peak = float(np.max(np.abs(samples[present] - np.median(silence))))
-    half = silence.size // 2
-    halves = silence[:half], silence[-half:]
+    baseline = samples[in_baseline & present]
+    if baseline.size < max(LEAST_BASELINE_SAMPLES, 4 * BLOCKS_PER_HALF):
+        return "ok", f"{baseline.size} samples of pre-trigger baseline: too few to compare its halves"
+    peak = float(np.max(np.abs(samples[present] - np.median(baseline))))
+    half = baseline.size // 2
+    halves = baseline[:half], baseline[-half:]
     means = [np.array([np.mean(block) for block in np.array_split(h, BLOCKS_PER_HALF)]) for h in halves]
     moved = float(np.mean(means[1]) - np.mean(means[0]))
     error = math.sqrt(sum(float(np.var(m, ddof=1)) / BLOCKS_PER_HALF for m in means))
-    limit = LIMITS["silence_share"]
+    limit = LIMITS["baseline_share"]
     bound = f"(limit {100 * limit.warn:g} % of the peak)"
     if abs(moved) > HALVES_SIGMA * error and limit.verdict(abs(moved) / max(peak, 1e-300)) != "ok":
         return "warn", (
@@ -110,26 +110,29 @@ def check_steady_silence(samples: Array, quiet: Flags, *, unit: str) -> Outcome:
             f"the noise before the shot changes from {first:.3g} to {second:.3g} {unit} {bound}; look for a loose "
             "cable, or somebody at the mechanism, before the next shot"
         )
-    return "ok", f"level and noise of the silence are steady within {abs(moved):.2g} {unit}"
+    return "ok", f"level and noise of the pre-trigger baseline are steady within {abs(moved):.2g} {unit}"
 
 
-def check_filtered_noise(filtered: Array, quiet: Flags, pulse: Flags, *, needed: bool) -> Outcome:
+def check_filtered_noise(filtered: Array, in_baseline: Flags, pulse: Flags, *, needed: bool) -> Outcome:
     """Ratio of signal to noise behind the low-pass: root mean square in the pulse over that before it.
 
     Parameters
     ----------
     filtered : ndarray, shape (n,)
         Behind the low-pass; what is not trusted NaN.
-    quiet, pulse : ndarray of bool, shape (n,)
+    in_baseline, pulse : ndarray of bool, shape (n,)
         Before the shot, out of reach of the filter; and in it.
     needed : bool
         Whether the mass depends on this channel directly: only then the limit for 1 % of mass warns.
     """
-    silence, signal = filtered[quiet & np.isfinite(filtered)], filtered[pulse & np.isfinite(filtered)]
-    if silence.size < LEAST_SILENCE or signal.size == 0:
-        return "ok", f"{silence.size} samples of silence out of the filter's reach: too few to tell its noise"
-    level = float(np.mean(silence))
-    noise, rms = float(np.std(silence)), float(np.sqrt(np.mean((signal - level) ** 2)))
+    baseline, signal = filtered[in_baseline & np.isfinite(filtered)], filtered[pulse & np.isfinite(filtered)]
+    if baseline.size < LEAST_BASELINE_SAMPLES or signal.size == 0:
+        return (
+            "ok",
+            f"{baseline.size} samples of pre-trigger baseline out of the filter's reach: too few to tell its noise",
+        )
+    level = float(np.mean(baseline))
+    noise, rms = float(np.std(baseline)), float(np.sqrt(np.mean((signal - level) ** 2)))
     if noise == 0:
         return "ok", "noise below the resolution"
     ratio_db = 20 * math.log10(max(rms, 1e-300) / noise)
@@ -147,20 +150,20 @@ def check_filtered_noise(filtered: Array, quiet: Flags, pulse: Flags, *, needed:
     )
 
 
-def check_level_after(samples: Array, quiet: Flags, after: Flags, *, unit: str) -> Outcome:
+def check_level_after(samples: Array, in_baseline: Flags, after: Flags, *, unit: str) -> Outcome:
     """Compare the level after the shot, at rest again, with the one before.
 
     Parameters
     ----------
     samples : ndarray, shape (n,)
         Lost samples NaN.
-    quiet, after : ndarray of bool, shape (n,)
+    in_baseline, after : ndarray of bool, shape (n,)
         Before the shot; and after it, where the signal should be back.
     unit : str
     """
     present = np.isfinite(samples)
-    before, behind = samples[quiet & present], samples[after & present]
-    if min(before.size, behind.size) < LEAST_SILENCE:
+    before, behind = samples[in_baseline & present], samples[after & present]
+    if min(before.size, behind.size) < LEAST_BASELINE_SAMPLES:
         return "ok", f"{behind.size} samples after the shot: too few to tell the zero"
     blocks = [np.array([np.mean(b) for b in np.array_split(part, 2 * BLOCKS_PER_HALF)]) for part in (before, behind)]
     shift = float(np.mean(behind) - np.mean(before))

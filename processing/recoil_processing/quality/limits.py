@@ -67,8 +67,8 @@ LIMITS: Mapping[str, Limit] = MappingProxyType(
         "filtered_signal_to_noise_db": Limit(
             40.0, 20.0, "rms of the pulse over noise, low-passed, dB", "40 dB for 1 % of mass; 522.2", below=True
         ),
-        "silence_share": Limit(
-            0.0025, NEVER, "change of level or noise within the silence over peak", "as for the zero shift"
+        "baseline_share": Limit(
+            0.0025, NEVER, "change of level or noise within the pre-trigger baseline over peak", "as for the zero shift"
         ),
         "zero_shift_share": Limit(
             0.0025, 0.05, "shift of the zero over peak", "1 % of the peak costs 12 % of the velocity 85 ms later"
@@ -114,7 +114,7 @@ LIMITS: Mapping[str, Limit] = MappingProxyType(
         "slew_share": Limit(
             0.6, NEVER, "part of a flank at the largest rate", "a sine has 0.2 within 2 % of its largest rate"
         ),
-        "silenced_share": Limit(
+        "noise_left_share": Limit(
             0.25, -NEVER, "noise at the peak over noise before the shot", "an amplifier that is full passes none",
             below=True,
         ),

@@ -182,7 +182,7 @@ def check_rest_to_rest(final_m_s: float, peak_m_s: float) -> Outcome:
     )
 
 
-def check_polarity(samples: Array, quiet: Flags) -> Outcome:
+def check_polarity(samples: Array, in_baseline: Flags) -> Outcome:
     """Whether the pulse points the declared way: its first swing must be positive.
 
     Judged by the integral, on which ringing leaves little: it must first reach half its largest size
@@ -192,12 +192,12 @@ def check_polarity(samples: Array, quiet: Flags) -> Outcome:
     ----------
     samples : ndarray, shape (n,)
         Lost samples NaN.
-    quiet : ndarray of bool, shape (n,)
+    in_baseline : ndarray of bool, shape (n,)
         Before the shot; its level counts as zero.
     """
     present = np.isfinite(samples)
-    silence = samples[quiet & present]
-    moved = samples[present] - (float(np.median(silence)) if silence.size else 0.0)
+    baseline = samples[in_baseline & present]
+    moved = samples[present] - (float(np.median(baseline)) if baseline.size else 0.0)
     if moved.size == 0:
         return "fail", NO_SAMPLE
     # outside the motion the integral would only gather what is wrong with the level

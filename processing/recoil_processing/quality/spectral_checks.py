@@ -73,14 +73,16 @@ def check_no_gap(reason: str, ringing: float, peak: float) -> Outcome:
     )
 
 
-def last_octave_fall_db(samples: Array, quiet: Flags, pulse: Flags, rate_hz: float, above_hz: float) -> float | None:
+def last_octave_fall_db(
+    samples: Array, in_baseline: Flags, pulse: Flags, rate_hz: float, above_hz: float
+) -> float | None:
     """Find how far the spectrum falls from the ringing's peak to the last octave below half the rate.
 
     Parameters
     ----------
     samples : ndarray, shape (n,)
         Without missing samples.
-    quiet, pulse : ndarray of bool, shape (n,)
+    in_baseline, pulse : ndarray of bool, shape (n,)
         Before the shot, and in it, each in one piece.
     rate_hz : float
         Samples per second.
@@ -95,7 +97,7 @@ def last_octave_fall_db(samples: Array, quiet: Flags, pulse: Flags, rate_hz: flo
     """
     from scipy.signal import welch
 
-    before, during = samples[quiet], samples[pulse]
+    before, during = samples[in_baseline], samples[pulse]
     size = 1 << max(int(math.log2(max(min(before.size, during.size), 1) / 2)), 0)
     size = min(size, 1 << 12)
     if size < LEAST_SPECTRUM or above_hz >= 0.25 * rate_hz:

@@ -63,7 +63,7 @@ def invert_droop(
     time_constant_s : float
         Declared T.
     rest : float
-        Level at rest, from the silence before the shot.
+        Level at rest, from the pre-trigger baseline.
     u_time_constant_s, u_rest : float
         Standard uncertainties of these two.
     noise : float

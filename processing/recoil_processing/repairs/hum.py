@@ -1,4 +1,4 @@
-"""The mains' hum on a channel: lines fitted in the silence before the shot, and taken off the whole record.
+"""The mains' hum on a channel: lines fitted in the pre-trigger baseline, and taken off the whole record.
 
 A notch at 50 Hz takes the recoil with it: its pulse lasts a fraction of a period. A hum goes on as it was before
 the shot, so it is fitted there, where nothing else is, and continued. The further it is continued the less its
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_processing.repairs.hum_line import HumLine
-from recoil_processing.repairs.mains_fit import NEIGHBOURS, Silence
+from recoil_processing.repairs.mains_fit import NEIGHBOURS, Baseline
 from recoil_processing.repairs.repair import Repair, changed
 
 Array = NDArray[np.float64]
@@ -28,7 +28,7 @@ Flags = NDArray[np.bool_]
 MAINS_HZ = (50.0, 60.0)
 MOST_HARMONICS = 10
 LEAST_PERIODS = 2.0
-"""Of the mains, that the silence must hold."""
+"""Of the mains, that the pre-trigger baseline must hold."""
 COARSE_RATE_HZ = 5000.0
 """At which it is first looked whether there is a hum at all: ten times the tenth harmonic of 50 Hz."""
 TOLD_APART = 10.0
@@ -42,9 +42,9 @@ class Hum:
     Attributes
     ----------
     lines : tuple of HumLine
-        By harmonic; none where none stands out or it cannot be told.
-    told : bool
-        Whether the silence could tell at all.
+        By harmonic; none where none stands out or it is not identifiable.
+    identifiable : bool
+        Whether the pre-trigger baseline is long enough to identify it, and its mains.
     origin_s : float
         t0 of the lines, from the first sample.
     samples : ndarray, shape (n_samples,)
@@ -55,13 +55,13 @@ class Hum:
         What an error of the phases by their standard uncertainty leaves: the lines a quarter of a period later, as
         high as what is left of them.
     reason : str
-        What was found, or why nothing can be told, in words.
+        What was found, or why nothing is identifiable, in words.
     repairs : tuple of Repair
         One, or none.
     """
 
     lines: tuple[HumLine, ...]
-    told: bool
+    identifiable: bool
     origin_s: float
     samples: Array
     u: Array
@@ -83,13 +83,13 @@ class Hum:
 def subtract_hum(
     samples: Array,
     rate_hz: float,
-    quiet: Flags,
+    in_baseline: Flags,
     *,
     mains_hz: Sequence[float] = MAINS_HZ,
     harmonics: int = MOST_HARMONICS,
     unit: str = "",
 ) -> Hum:
-    """Find the mains' hum in the silence before the shot, and take it off the whole record.
+    """Find the mains' hum in the pre-trigger baseline, and take it off the whole record.
 
     Parameters
     ----------
@@ -97,11 +97,11 @@ def subtract_hum(
         Evenly spaced; lost ones NaN.
     rate_hz : float
         Samples per second.
-    quiet : ndarray of bool, shape (n_samples,)
-        The silence.
+    in_baseline : ndarray of bool, shape (n_samples,)
+        The pre-trigger baseline.
     mains_hz : sequence of float
-        Frequencies that the mains may have. Where the silence cannot tell which it is, nothing is taken off: name
-        the country's.
+        Frequencies that the mains may have. Where the pre-trigger baseline does not identify which it is, nothing is
+        taken off: name the country's.
     harmonics : int
         That are looked at.
     unit : str
@@ -116,34 +116,36 @@ def subtract_hum(
     ValueError
         If shapes do not fit, or a frequency or number is not positive.
     """
-    if samples.ndim != 1 or quiet.shape != samples.shape:
-        raise ValueError(f"samples and quiet must be alike, not {samples.shape} and {quiet.shape}")
+    if samples.ndim != 1 or in_baseline.shape != samples.shape:
+        raise ValueError(f"samples and in_baseline must be alike, not {samples.shape} and {in_baseline.shape}")
     if not (rate_hz > 0 and mains_hz and min(mains_hz) > 0 and harmonics >= 1):
         raise ValueError(f"rate, mains and harmonics must be positive, not {rate_hz}, {list(mains_hz)}, {harmonics}")
-    at = np.flatnonzero(quiet & np.isfinite(samples))
+    at = np.flatnonzero(in_baseline & np.isfinite(samples))
     length_s = (at[-1] - at[0] + 1) / rate_hz if at.size else 0.0
     needed_s = LEAST_PERIODS / min(mains_hz)
     # a sample's breadth of tolerance: two periods may be cut one sample short
     if length_s < needed_s - 1.5 / rate_hz or at.size < 4 * NEIGHBOURS:
         return _nothing(
             samples,
-            f"hum cannot be told: the silence of {1e3 * length_s:.3g} ms is shorter than {LEAST_PERIODS:g} periods of "
-            f"{min(mains_hz):g} Hz; lengthen the pre-trigger to {1e3 * needed_s:.0f} ms",
-            told=False,
+            f"hum cannot be identified: the pre-trigger baseline of {1e3 * length_s:.3g} ms is shorter than "
+            f"{LEAST_PERIODS:g} periods of {min(mains_hz):g} Hz; lengthen the pre-trigger to {1e3 * needed_s:.0f} ms",
+            identifiable=False,
         )
     origin_s = 0.5 * (at[0] + at[-1]) / rate_hz
     # a level is fitted anyway; without it a constant is exactly nothing
-    silence = Silence(at / rate_hz - origin_s, samples[at] - samples[at[0]], rate_hz, length_s)
-    looked_at = mains_hz if not (glance := silence.coarser(COARSE_RATE_HZ)) else [
+    baseline = Baseline(at / rate_hz - origin_s, samples[at] - samples[at[0]], rate_hz, length_s)
+    looked_at = mains_hz if not (glance := baseline.coarser(COARSE_RATE_HZ)) else [
         hz for hz in mains_hz if glance.fit(hz, harmonics)
     ]  # fmt: skip
-    found = sorted((f for hz in looked_at if (f := silence.fit(hz, harmonics))), key=lambda f: f.misfit)
+    found = sorted((f for hz in looked_at if (f := baseline.fit(hz, harmonics))), key=lambda f: f.misfit)
     if not found:
-        return _nothing(samples, "no hum stands out of the noise", told=True)
+        return _nothing(samples, "no hum stands out of the noise", identifiable=True)
     if len(found) > 1 and found[1].misfit - found[0].misfit < TOLD_APART:
         either = " or ".join(f"{f.nominal_hz:g}" for f in found[:2])
-        reason = f"there is a hum, but {1e3 * length_s:.3g} ms of silence cannot tell whether of {either} Hz"
-        return _nothing(samples, f"{reason}; name the mains, or lengthen the pre-trigger", told=False)
+        reason = (
+            f"there is a hum, but {1e3 * length_s:.3g} ms of pre-trigger baseline do not show whether of {either} Hz"
+        )
+        return _nothing(samples, f"{reason}; name the mains, or lengthen the pre-trigger", identifiable=False)
     lines = found[0].lines
     since = np.arange(samples.size) / rate_hz - origin_s
     taken = np.sum([line.taken_at(since) for line in lines], axis=0)
@@ -152,7 +154,9 @@ def subtract_hum(
     result = samples - taken
     names = ", ".join(f"{line.frequency_hz:.4g} Hz {line.amplitude:.3g} {unit}".rstrip() for line in lines)
     left = float(u[-1]) / math.sqrt(0.5 * sum(line.amplitude**2 for line in lines))
-    reason = f"hum of {names}, fitted in {1e3 * length_s:.3g} ms of silence, was taken off the whole record"
+    reason = (
+        f"hum of {names}, fitted in {1e3 * length_s:.3g} ms of pre-trigger baseline, was taken off the whole record"
+    )
     reason += f": {100 * left:.0f} % of it may be left at the end"
     figures = {"mains_hz": found[0].frequency_hz, "u_mains_hz": found[0].u_frequency_hz, "left_at_end": left}
     for line in lines:
@@ -163,5 +167,5 @@ def subtract_hum(
     return Hum(lines, True, origin_s, result, u, quadrature, reason, (repair,))
 
 
-def _nothing(samples: Array, reason: str, *, told: bool) -> Hum:
-    return Hum((), told, 0.0, samples.copy(), np.zeros(samples.size), np.zeros(samples.size), reason, ())
+def _nothing(samples: Array, reason: str, *, identifiable: bool) -> Hum:
+    return Hum((), identifiable, 0.0, samples.copy(), np.zeros(samples.size), np.zeros(samples.size), reason, ())

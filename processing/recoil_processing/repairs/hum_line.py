@@ -26,7 +26,7 @@ class HumLine:
     amplitude, u_amplitude : float
         In the unit of the samples.
     phase_rad, u_phase_rad : float
-        At t0, the middle of the silence, where it is known best.
+        At t0, the middle of the pre-trigger baseline, where it is known best.
     excess_db : float
         Over its neighbours.
     """

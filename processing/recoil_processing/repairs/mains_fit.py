@@ -1,4 +1,4 @@
-"""The mains' harmonics in the silence before a shot, by least squares with one frequency for all of them."""
+"""The mains' harmonics in the pre-trigger baseline, by least squares with one frequency for all of them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ LEAST_PER_PERIOD = 5.0
 
 @dataclass(frozen=True, eq=False)
 class MainsFit:
-    """Lines of one mains, and how well they explain the silence."""
+    """Lines of one mains, and how well they explain the pre-trigger baseline."""
 
     nominal_hz: float
     frequency_hz: float
@@ -37,7 +37,7 @@ class MainsFit:
 
 
 @dataclass(frozen=True, eq=False)
-class Silence:
+class Baseline:
     """The samples before the shot.
 
     Attributes
@@ -52,14 +52,14 @@ class Silence:
     rate_hz: float
     length_s: float
 
-    def coarser(self, rate_hz: float) -> Silence | None:
+    def coarser(self, rate_hz: float) -> Baseline | None:
         """Return means of neighbouring samples at about a lower rate; None where that is no saving."""
         every = int(self.rate_hz / rate_hz)
         if every < 2:
             return None
         count = self.times_s.size // every
         times, samples = (a[: count * every].reshape(count, every).mean(axis=1) for a in (self.times_s, self.samples))
-        return Silence(times, samples, self.rate_hz / every, self.length_s)
+        return Baseline(times, samples, self.rate_hz / every, self.length_s)
 
     def fit(self, nominal_hz: float, harmonics: int) -> MainsFit | None:
         """Fit the harmonics of one mains that stand out; None if none does."""
@@ -82,7 +82,7 @@ class Silence:
         found = minimize_scalar(misfit, bounds=(nominal_hz - reach, nominal_hz + reach), method="bounded")
         hz = float(found.x)
         if abs(hz - nominal_hz) > 0.98 * reach:
-            # the silence holds waves, but not of this mains: a better frequency lies beyond
+            # the pre-trigger baseline holds waves, but not of this mains: a better frequency lies beyond
             return None
         excess, noise = self._excess(hz, chosen, numbers)
         values, covariance = self._lines(hz, chosen, noise, u_before)

@@ -2,7 +2,7 @@
 
 What an instrument did to its own samples is mended on them: drop-outs are masked, clipped tips are rebuilt
 where the rule of `repairs.clipping` allows it, and masked where it does not. What it added to all of them is
-taken off on the grid, where the silence is known: the mains' hum, and the droop of an AC-coupled chain.
+taken off on the grid, where the pre-trigger baseline is known: the mains' hum, and the droop of an AC-coupled chain.
 """
 
 from __future__ import annotations
@@ -130,37 +130,37 @@ def _mended(channel: Channel, spec: ChannelSpec, kind: str) -> Repaired:
     return mended.then(tips.samples, *tips.repairs)
 
 
-def level_samples(samples: Array, step_s: float, quiet: Flags, spec: ChannelSpec, noise: float) -> Levelled:
+def level_samples(samples: Array, step_s: float, in_baseline: Flags, spec: ChannelSpec, noise: float) -> Levelled:
     """Take hum and droop off a series on the grid.
 
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        Lost ones NaN; some of the silence is there.
+        Lost ones NaN; some of the pre-trigger baseline is there.
     step_s : float
-    quiet : ndarray of bool, shape (n,)
-        The silence before the shot.
+    in_baseline : ndarray of bool, shape (n,)
+        The pre-trigger baseline.
     spec : ChannelSpec
         For the sensor's time constant.
     noise : float
-        Standard deviation per sample in the silence.
+        Standard deviation per sample in the pre-trigger baseline.
     """
     done, left = Repaired(samples), dict[str, Array]()
-    hum = subtract_hum(samples, 1.0 / step_s, quiet, unit=SI_UNITS[spec.quantity])
+    hum = subtract_hum(samples, 1.0 / step_s, in_baseline, unit=SI_UNITS[spec.quantity])
     if hum.lines:
         done = done.then(hum.samples, *hum.repairs)
         left["hum"] = hum.quadrature
     constant_s = spec.sensor.time_constant_s
     if constant_s is not None:
-        silence = done.samples[quiet & np.isfinite(samples)]
+        baseline = done.samples[in_baseline & np.isfinite(samples)]
         u_constant_s = spec.sensor.u_time_constant_s
         droop = invert_droop(
             done.samples,
             step_s,
             constant_s,
-            float(np.mean(silence)),
+            float(np.mean(baseline)),
             u_time_constant_s=U_TIME_CONSTANT * constant_s if u_constant_s is None else u_constant_s,
-            u_rest=noise / max(np.sqrt(silence.size), 1.0),
+            u_rest=noise / max(np.sqrt(baseline.size), 1.0),
             noise=noise,
         )
         done = done.then(droop.samples, droop.repair)

@@ -73,7 +73,7 @@ def filmed(
         gain=d["gain"],
         marker_sigma_m=d["marker_sigma_m"],
         u_offset_s=alignment.u_offset_s,
-        u_bias_m_s2=math.inf,  # the silence has its say where the mass is found
+        u_bias_m_s2=math.inf,  # the pre-trigger baseline has its say where the mass is found
     )
     quietest = d["acceleration_density"] / d["noise_inflation"]
     return Filmed(motion, tuple(quietest * inflation for inflation in INFLATIONS), camera.u_rel)

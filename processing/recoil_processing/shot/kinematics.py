@@ -41,7 +41,7 @@ LEAST_KICK_M_S = 3e-4
 """Error of a velocity that a camera of 50 um notices within a tenth of a second."""
 MOST_KICKS = 6
 """Of one record; with more of them its integral is hardly known."""
-LEAST_SILENT_SAMPLES = 50
+LEAST_REST_SAMPLES = 50
 """Of the accelerometer before the shot, to tell its noise."""
 LEAST_NOISE_M_S2 = 1e-6
 """Of an accelerometer; none is better."""
@@ -229,7 +229,7 @@ def fused_motion(
         Displacement, without the delay of its chain.
     alignment : ClockAlignment or None
         Of its clock. The noise levels are those that an alignment by motion found; otherwise they are told
-        from the track's third differences, and from the silence before the shot and the likelihood.
+        from the track's third differences, and from the pre-trigger baseline and the likelihood.
 
     Returns
     -------
@@ -261,8 +261,8 @@ def fused_motion(
 
 def _likely_densities(signals: Signals, acceleration: Array) -> list[float]:
     times = signals.times_s
-    silent = acceleration[(times >= signals.quiet_s[0]) & (times < signals.quiet_s[1])]
-    sigma = float(np.std(silent)) if silent.size >= LEAST_SILENT_SAMPLES else noise_sigma(acceleration)
+    baseline = acceleration[(times >= signals.baseline_s[0]) & (times < signals.baseline_s[1])]
+    sigma = float(np.std(baseline)) if baseline.size >= LEAST_REST_SAMPLES else noise_sigma(acceleration)
     return [inflation * max(sigma, LEAST_NOISE_M_S2) ** 2 * signals.step_s for inflation in INFLATIONS]
 
 

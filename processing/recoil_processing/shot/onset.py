@@ -13,8 +13,8 @@ from recoil_processing.noise import noise_sigma
 
 Array = NDArray[np.float64]
 
-LEAST_QUIET_SAMPLES = 8
-"""Below this there is no level of the silence."""
+LEAST_LEVEL_SAMPLES = 8
+"""Below this there is no level of the pre-trigger baseline."""
 ONSET_SIGMA = 6.0
 """Noise multiples that count as force."""
 ONSET_SHARE = 0.02
@@ -45,7 +45,7 @@ def find_onset(times_s: Array, series: Mapping[str, Array]) -> float:
     """
     role = "breech_pressure" if "breech_pressure" in series else "recoil_acceleration"
     present = np.flatnonzero(np.isfinite(series[role]))
-    if present.size < LEAST_QUIET_SAMPLES:
+    if present.size < LEAST_LEVEL_SAMPLES:
         raise IdentificationError(
             f"{role} has {present.size} samples on the reference clock",
             expected="a record of the shot",
@@ -53,7 +53,7 @@ def find_onset(times_s: Array, series: Mapping[str, Array]) -> float:
         )
     samples = series[role][present]
     first = samples[: max(64, samples.size // 50)]
-    signal = samples - np.median(first[: max(LEAST_QUIET_SAMPLES, samples.size // 50)])
+    signal = samples - np.median(first[: max(LEAST_LEVEL_SAMPLES, samples.size // 50)])
     sigma = noise_sigma(first)
     sigma = max(sigma, 1e-12) if math.isfinite(sigma) else 1e-12
     peak = float(np.max(signal))
@@ -65,5 +65,5 @@ def find_onset(times_s: Array, series: Mapping[str, Array]) -> float:
             expected=f"at least {LEAST_PEAK_SIGMA:g} times, over {ONSET_SAMPLES} samples",
             remedy="check that the file is of this shot and the sensor was connected",
         )
-    silent = np.flatnonzero(signal[: int(np.argmax(run)) + 1] < 3 * sigma)
-    return float(times_s[present[silent[-1] if silent.size else 0]])
+    at_rest = np.flatnonzero(signal[: int(np.argmax(run)) + 1] < 3 * sigma)
+    return float(times_s[present[at_rest[-1] if at_rest.size else 0]])

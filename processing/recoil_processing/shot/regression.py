@@ -155,8 +155,8 @@ class Regression:
         """
         if self.table is None or made_of.zero_phase != self.table.zero_phase:
             raise ValueError(f"the acceleration has passed {made_of.zero_phase}, the forces {self.low_pass}")
-        silent = acceleration_m_s2[(np.abs(self.released) < 1e-4) & made_of.trusted]
-        held = float(np.median(silent)) if silent.size else 0.0
+        baseline = acceleration_m_s2[(np.abs(self.released) < 1e-4) & made_of.trusted]
+        held = float(np.median(baseline)) if baseline.size else 0.0
         acceleration = acceleration_m_s2 - held * (1.0 - self.released)
         return replace(self, acceleration_m_s2=acceleration, trusted=self.trusted & made_of.trusted)
 

@@ -23,17 +23,17 @@ from recoil_acquisition.timebase import TimeBase
 from recoil_processing.noise import robust_sigma
 from recoil_processing.shot.channel_repair import ChannelRepair, level_samples, mend_samples
 from recoil_processing.shot.instants import instants
-from recoil_processing.shot.onset import LEAST_QUIET_SAMPLES, find_onset
+from recoil_processing.shot.onset import LEAST_LEVEL_SAMPLES, find_onset
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.rig import ChannelSpec, Rig
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-QUIET_MARGIN_S = 1e-3
-"""Kept between the quiet part and the onset of force."""
-LEAST_QUIET_S = 5e-3
-"""Below this there is not enough silence to take offsets from."""
+BASELINE_MARGIN_S = 1e-3
+"""Kept between the pre-trigger baseline and the onset of force."""
+LEAST_BASELINE_S = 5e-3
+"""Below this there is not enough pre-trigger baseline to take offsets from."""
 LONGEST_STEP = 2.5
 """Steps between neighbours beyond which nothing is interpolated: one lost sample is, two are not."""
 
@@ -46,9 +46,9 @@ class Offset:
     ----------
     value, u : float
         In SI units of the channel; the uncertainty is the noise's over the root of the samples, infinite
-        where there was no silence, and zero where nothing is known of the channel at rest.
+        where there was no pre-trigger baseline, and zero where nothing is known of the channel at rest.
     noise : float
-        Standard deviation per sample in the quiet part, SI; NaN where there was none.
+        Standard deviation per sample in the pre-trigger baseline, SI; NaN where there was none.
     """
 
     value: float
@@ -68,8 +68,8 @@ class Signals:
         By role; only roles that the shot has.
     offsets : mapping of str to Offset
         By role.
-    quiet_s : tuple of float
-        Begin and end of the silence before the shot; equal if there is none.
+    baseline_s : tuple of float
+        Begin and end of the pre-trigger baseline; equal if there is none.
     onset_s : float
         First instant of force.
     repairs : tuple of ChannelRepair
@@ -82,7 +82,7 @@ class Signals:
     step_s: float
     series: Mapping[str, Array]
     offsets: Mapping[str, Offset]
-    quiet_s: tuple[float, float]
+    baseline_s: tuple[float, float]
     onset_s: float
     repairs: tuple[ChannelRepair, ...] = ()
     left: Mapping[tuple[str, str], Array] = field(default_factory=dict)
@@ -161,7 +161,7 @@ def collect_signals(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignmen
             remedy="declare its role in the rig file",
         )
     base = carrier.time_base
-    if base.count < LEAST_QUIET_SAMPLES:
+    if base.count < LEAST_LEVEL_SAMPLES:
         raise IdentificationError(
             f"{carrier.name} has {base.count} samples", expected="a record of the shot", remedy="check its file"
         )
@@ -186,21 +186,21 @@ def collect_signals(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignmen
             times = dated.time_base.times_s if alignment is None else alignment.to_reference(dated.time_base.times_s)
             repairs += [ChannelRepair.of(channel.name, role, repair, times) for repair in mended.repairs]
     onset = find_onset(grid, series)
-    quiet_end = max(start, onset - QUIET_MARGIN_S)
-    quiet = (start, quiet_end) if quiet_end - start >= LEAST_QUIET_S else (start, start)
+    baseline_end = max(start, onset - BASELINE_MARGIN_S)
+    baseline_s = (start, baseline_end) if baseline_end - start >= LEAST_BASELINE_S else (start, start)
     offsets: dict[str, Offset] = {}
     left: dict[tuple[str, str], Array] = {}
-    silent = (grid >= quiet[0]) & (grid < quiet[1])
+    in_baseline = (grid >= baseline_s[0]) & (grid < baseline_s[1])
     for role, spec in specs.items():
-        silence = series[role][silent & np.isfinite(series[role])]
-        noise = robust_sigma(silence)
-        if silence.size >= LEAST_QUIET_SAMPLES:
-            level = level_samples(series[role], step, silent, spec, noise)
+        baseline = series[role][in_baseline & np.isfinite(series[role])]
+        noise = robust_sigma(baseline)
+        if baseline.size >= LEAST_LEVEL_SAMPLES:
+            level = level_samples(series[role], step, in_baseline, spec, noise)
             series[role] = level.samples
             repairs += [ChannelRepair.of(spec.name, role, repair, grid) for repair in level.repairs]
             left |= {(role, cause): error for cause, error in level.left.items()}
-        series[role], offsets[role] = _at_rest(series[role], silent, static_value(role, rig.mechanism), noise)
-    return Signals(start, step, series, offsets, quiet, onset, tuple(repairs), left)
+        series[role], offsets[role] = _at_rest(series[role], in_baseline, static_value(role, rig.mechanism), noise)
+    return Signals(start, step, series, offsets, baseline_s, onset, tuple(repairs), left)
 
 
 def at_instants(channel: Channel, shot: Shot, rig: Rig) -> Channel:
@@ -258,13 +258,13 @@ def on_grid(channel: Channel, alignment: ClockAlignment | None, grid_s: Array, *
     return np.asarray(values)
 
 
-def _at_rest(samples: Array, quiet: Flags, static: float | None, noise: float) -> tuple[Array, Offset]:
+def _at_rest(samples: Array, in_baseline: Flags, static: float | None, noise: float) -> tuple[Array, Offset]:
     """Take a channel's offset off."""
-    silence = samples[quiet]
-    silence = silence[np.isfinite(silence)]
-    if silence.size < LEAST_QUIET_SAMPLES:
+    baseline = samples[in_baseline]
+    baseline = baseline[np.isfinite(baseline)]
+    if baseline.size < LEAST_LEVEL_SAMPLES:
         return samples, Offset(0.0, math.inf if static is not None else 0.0, noise)
     if static is None:
         return samples, Offset(0.0, 0.0, noise)
-    offset = float(np.mean(silence)) - static
-    return samples - offset, Offset(offset, float(np.std(silence)) / math.sqrt(silence.size), noise)
+    offset = float(np.mean(baseline)) - static
+    return samples - offset, Offset(offset, float(np.std(baseline)) / math.sqrt(baseline.size), noise)

@@ -91,5 +91,5 @@ def filter_about_onset(
     mirrored_later = (2 * rest - later[:reach])[::-1]
     mirrored_earlier = (2 * rest - earlier[-reach:])[::-1]
     motion = low_pass.apply(np.concatenate([mirrored_later, middle, later]), rate_hz)[mirrored_later.shape[0] :]
-    quiet = low_pass.apply(np.concatenate([earlier, middle, mirrored_earlier]), rate_hz)[:begin]
-    return np.concatenate([quiet, motion]), True
+    at_rest = low_pass.apply(np.concatenate([earlier, middle, mirrored_earlier]), rate_hz)[:begin]
+    return np.concatenate([at_rest, motion]), True

@@ -86,5 +86,5 @@ def test_the_noise_of_the_force_is_that_of_the_gauges_behind_the_filter():
 
 
 def test_without_a_silence_the_noise_is_not_known():
-    signals = replace(bench_signals(), quiet_s=(0.0, 0.0))
+    signals = replace(bench_signals(), baseline_s=(0.0, 0.0))
     assert np.isnan(force_noise_n(signals, AREAS_M2, LowPass(400.0)))

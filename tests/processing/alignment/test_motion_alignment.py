@@ -149,9 +149,9 @@ def test_a_frame_rate_a_tenth_of_a_percent_off_never_passes_where_the_record_can
 
 
 def test_a_drift_is_earned_where_the_record_knows_it_better_than_the_clocks_quality():
-    quiet = fit_of(record_motion(4, drift=4e-5, acceleration_sigma_m_s2=0.1))
-    assert quiet.drift_earned
-    assert abs(quiet.drift - 4e-5) < 3 * quiet.u_drift
+    calm = fit_of(record_motion(4, drift=4e-5, acceleration_sigma_m_s2=0.1))
+    assert calm.drift_earned
+    assert abs(calm.drift - 4e-5) < 3 * calm.u_drift
     usual = fit_of(record_motion(4, drift=4e-5))
     assert not usual.drift_earned
     assert usual.u_drift == pytest.approx(5e-5, rel=0.05)

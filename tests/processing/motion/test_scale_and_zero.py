@@ -77,7 +77,7 @@ def test_the_likeliest_density_is_the_accelerometers_own() -> None:
     assert found.density == DENSITY
 
 
-def test_without_a_silence_the_bias_is_told_by_the_camera_alone() -> None:
+def test_without_a_baseline_the_bias_is_estimated_by_the_camera_alone() -> None:
     nothing = np.zeros((TIMES_S.size, 0))
     found = solved(filmed(3, bias=4.0, u_bias=math.inf), nothing)
     assert found.bias_m_s2 == pytest.approx(4.0, abs=5 * math.sqrt(found.covariance[1, 1]))

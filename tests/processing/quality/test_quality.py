@@ -7,22 +7,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from recoil_processing.quality import (
+    check_baseline,
     check_clipping,
     check_flat_tops,
     check_losses,
     check_polarity,
-    check_quiet,
     check_zero_shift,
     worst,
 )
 
 RATE_HZ = 20_000.0
 COUNT = 4000
-QUIET = np.arange(COUNT) < 800
+IN_BASELINE = np.arange(COUNT) < 800
 
 
 def pulse(height: float = 100.0, noise: float = 0.1, level: float = 0.0, seed: int = 1) -> np.ndarray:
-    """Give 40 ms of silence, a pulse of 10 ms, and silence again."""
+    """Give 40 ms of pre-trigger baseline, a pulse of 10 ms, and silence again."""
     shape = np.zeros(COUNT)
     shape[1000:1200] = np.sin(np.pi * np.arange(200) / 200) ** 2
     return level + height * shape + noise * np.random.default_rng(seed).standard_normal(COUNT)
@@ -79,16 +79,16 @@ def test_an_infinite_sample_is_clipped():
 
 @pytest.mark.parametrize("samples", [np.empty(0), np.full(9, np.nan)])
 def test_without_samples_every_check_of_a_channel_fails(samples):
-    quiet = np.ones(samples.size, dtype=bool)
+    in_baseline = np.ones(samples.size, dtype=bool)
     for verdict, detail in (
         check_clipping(samples, -1.0, 1.0, unit="Pa"),
         check_flat_tops(samples),
         check_losses(samples, RATE_HZ),
-        check_polarity(samples, quiet),
+        check_polarity(samples, in_baseline),
     ):
         assert verdict == "fail"
         assert "check" in detail
-    assert check_quiet(samples, quiet, 0.0, unit="Pa")[0] == "warn"
+    assert check_baseline(samples, in_baseline, 0.0, unit="Pa")[0] == "warn"
 
 
 @pytest.mark.parametrize(("low", "high"), [(1.0, 1.0), (2.0, 1.0), (math.nan, 1.0), (0.0, math.inf)])
@@ -123,7 +123,7 @@ def test_rest_on_a_coarse_scale_is_no_flat_top():
 
 
 def test_a_switch_is_no_clipped_signal():
-    assert check_flat_tops(np.where(QUIET, 0.0, 5.0)) == ("ok", "a signal of two values")
+    assert check_flat_tops(np.where(IN_BASELINE, 0.0, 5.0)) == ("ok", "a signal of two values")
 
 
 def test_a_constant_fails():
@@ -153,8 +153,8 @@ def test_many_losses_or_a_long_gap_fail():
         assert "check the cable" in detail
 
 
-def test_silence_before_the_shot_is_measured():
-    verdict, detail = check_quiet(pulse(level=0.5), QUIET, 0.0, unit="Pa")
+def test_the_baseline_is_measured():
+    verdict, detail = check_baseline(pulse(level=0.5), IN_BASELINE, 0.0, unit="Pa")
     assert verdict == "ok"
     assert re.match(r"offset 0\.(49|50)\d* Pa, noise 0\.(09|10)\d* Pa", detail)
     assert "peak 60 dB above it" in detail
@@ -171,25 +171,25 @@ def test_silence_before_the_shot_is_measured():
     ],
 )
 def test_noise_and_offsets_are_judged_with_advice(samples, verdict, advice):
-    found, detail = check_quiet(samples, QUIET, 0.0, unit="Pa")
+    found, detail = check_baseline(samples, IN_BASELINE, 0.0, unit="Pa")
     assert found == verdict
     assert advice in detail
 
 
 def test_without_a_known_rest_there_is_no_offset():
-    assert check_quiet(pulse(level=50.0), QUIET, None, unit="Pa")[0] == "ok"
+    assert check_baseline(pulse(level=50.0), IN_BASELINE, None, unit="Pa")[0] == "ok"
 
 
-def test_silence_below_the_resolution_is_no_fault():
-    verdict, detail = check_quiet(pulse(noise=0.0), QUIET, 0.0, unit="Pa")
+def test_a_baseline_below_the_resolution_is_no_fault():
+    verdict, detail = check_baseline(pulse(noise=0.0), IN_BASELINE, 0.0, unit="Pa")
     assert verdict == "ok"
     assert "below the resolution" in detail
 
 
-def test_too_little_silence_is_a_warning():
-    verdict, detail = check_quiet(pulse(), np.arange(COUNT) < 49, 0.0, unit="Pa")
+def test_too_short_a_baseline_is_a_warning():
+    verdict, detail = check_baseline(pulse(), np.arange(COUNT) < 49, 0.0, unit="Pa")
     assert verdict == "warn"
-    assert "49 samples of silence before the shot (limit 50)" in detail
+    assert "49 samples of pre-trigger baseline (limit 50)" in detail
     assert "lengthen the pre-trigger" in detail
 
 
@@ -213,9 +213,9 @@ def test_a_zero_shift_that_is_no_number_is_not_ok(bias, peak):
 @given(st.integers(0, 2**32 - 1), st.floats(-1e3, 1e3), st.integers(1, 40))
 def test_the_polarity_is_that_of_the_pulse_at_any_level_in_any_record(seed, level, times_longer):
     samples = np.concatenate([pulse(seed=seed), np.zeros(COUNT * (times_longer - 1))]) + level
-    quiet = np.arange(samples.size) < 800
-    assert check_polarity(samples, quiet)[0] == "ok"
-    verdict, detail = check_polarity(-samples, quiet)
+    in_baseline = np.arange(samples.size) < 800
+    assert check_polarity(samples, in_baseline)[0] == "ok"
+    verdict, detail = check_polarity(-samples, in_baseline)
     assert verdict == "fail"
     assert "set `polarity = -1` or turn the sensor" in detail
 
@@ -225,10 +225,10 @@ def test_ringing_does_not_decide_the_polarity():
     samples[1000:1400] -= 300 * np.exp(-np.arange(400) / 10) * np.sin(2 * np.pi * 3000 * np.arange(400) / RATE_HZ)
     samples[1200:3000] -= 15.0
     assert samples.min() < -samples.max()
-    assert check_polarity(samples, QUIET)[0] == "ok"
+    assert check_polarity(samples, IN_BASELINE)[0] == "ok"
 
 
-def test_without_silence_the_level_is_zero():
+def test_without_a_baseline_the_level_is_zero():
     assert check_polarity(pulse(), np.zeros(COUNT, dtype=bool))[0] == "ok"
 
 

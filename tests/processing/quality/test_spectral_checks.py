@@ -19,7 +19,7 @@ RATE_HZ = 50_000.0
 COUNT = 10_000
 TIMES_S = np.arange(COUNT) / RATE_HZ
 FIRE_S = 0.05
-QUIET = TIMES_S < FIRE_S - 1e-3
+IN_BASELINE = TIMES_S < FIRE_S - 1e-3
 PULSE = (TIMES_S >= FIRE_S) & (TIMES_S < FIRE_S + 0.1)
 
 
@@ -34,31 +34,31 @@ def shot(*, ringing: float = 0.5, at_hz: float = 2000.0, noise: float = 0.002, s
 @given(st.floats(0.0, 3.0), st.floats(800.0, 4000.0), st.floats(1e-4, 0.02), st.integers(0, 2**32 - 1))
 def test_sound_shots_that_ring_show_no_clipping_ahead_of_the_recorder_and_no_aliasing(ringing, at_hz, noise, seed):
     samples = shot(ringing=ringing, at_hz=at_hz, noise=noise, seed=seed)
-    assert check_out_of_band(samples, QUIET)[0] == "ok"
-    fall = last_octave_fall_db(samples, QUIET, PULSE, RATE_HZ, 600.0)
+    assert check_out_of_band(samples, IN_BASELINE)[0] == "ok"
+    fall = last_octave_fall_db(samples, IN_BASELINE, PULSE, RATE_HZ, 600.0)
     assert check_aliasing(fall, RATE_HZ)[0] == "ok"
 
 
 def test_a_triangle_of_equal_rates_is_the_slew_rate():
     triangle = 1000 * np.abs(((TIMES_S - FIRE_S) * 500) % 2 - 1)
     samples = np.where(PULSE, triangle, 1000.0) + 0.1 * np.random.default_rng(1).normal(size=COUNT)
-    assert slew_limited_share(samples, QUIET) > 0.9
-    assert check_out_of_band(samples, QUIET)[0] == "warn"
+    assert slew_limited_share(samples, IN_BASELINE) > 0.9
+    assert check_out_of_band(samples, IN_BASELINE)[0] == "warn"
 
 
 def test_the_part_of_a_sine_at_its_largest_rate_is_small():
     # half of the sine's height lies between the phases in which its rate is 2 % below the largest: sin(acos(0.98))
     samples = 1000 * np.sin(2 * np.pi * 100 * TIMES_S)
-    assert slew_limited_share(samples, QUIET) == pytest.approx(math.sin(math.acos(0.98)), abs=0.05)
+    assert slew_limited_share(samples, IN_BASELINE) == pytest.approx(math.sin(math.acos(0.98)), abs=0.05)
 
 
 def test_an_amplifier_that_is_full_passes_no_noise():
     samples = 1000 * np.tanh(shot(ringing=0.0) * 3 / 1000)
-    assert noise_left_at_peak(samples, QUIET) < 0.1
-    verdict, detail = check_out_of_band(samples, QUIET)
+    assert noise_left_at_peak(samples, IN_BASELINE) < 0.1
+    verdict, detail = check_out_of_band(samples, IN_BASELINE)
     assert verdict == "warn"
     assert "use a smaller gain before the next shot" in detail
-    assert noise_left_at_peak(shot(ringing=0.0), QUIET) == pytest.approx(1.0, abs=0.4)
+    assert noise_left_at_peak(shot(ringing=0.0), IN_BASELINE) == pytest.approx(1.0, abs=0.4)
 
 
 @pytest.mark.parametrize("samples", [np.empty(0), np.full(500, np.nan), np.zeros(500), np.ones(10)])
@@ -68,7 +68,7 @@ def test_nothing_to_judge_is_no_fault(samples):
 
 def test_ringing_near_half_the_sampling_rate_is_folded():
     samples = shot(at_hz=2000.0) + shot(at_hz=23_500.0, ringing=0.3, seed=2)
-    fall = last_octave_fall_db(samples, QUIET, PULSE, RATE_HZ, 600.0)
+    fall = last_octave_fall_db(samples, IN_BASELINE, PULSE, RATE_HZ, 600.0)
     verdict, detail = check_aliasing(fall, RATE_HZ)
     assert verdict == "warn"
     assert "raise the sampling rate or lower the anti-alias filter before the next shot" in detail
@@ -76,8 +76,8 @@ def test_ringing_near_half_the_sampling_rate_is_folded():
 
 
 def test_too_short_or_too_slow_a_record_tells_no_aliasing():
-    assert last_octave_fall_db(shot()[:100], QUIET[:100], ~QUIET[:100], RATE_HZ, 600.0) is None
-    assert last_octave_fall_db(shot(), QUIET, PULSE, 2000.0, 600.0) is None
+    assert last_octave_fall_db(shot()[:100], IN_BASELINE[:100], ~IN_BASELINE[:100], RATE_HZ, 600.0) is None
+    assert last_octave_fall_db(shot(), IN_BASELINE, PULSE, 2000.0, 600.0) is None
 
 
 @pytest.mark.parametrize(("depth", "verdict"), [(25.0, "ok"), (8.0, "warn"), (math.nan, "warn")])

@@ -1,4 +1,4 @@
-"""Hum is fitted in the silence, taken off the whole record, and never where that adds more than it takes."""
+"""Hum is fitted in the pre-trigger baseline, taken off the whole record, never where that adds more than it takes."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ RATE_HZ = 10_000.0
 PULSE_S = 0.01
 
 
-def record(seed: int, *, quiet_s: float = 0.1, hum: float = 1.0, mains_hz: float = 50.03, noise: float = 0.3):
+def record(seed: int, *, baseline_s: float = 0.1, hum: float = 1.0, mains_hz: float = 50.03, noise: float = 0.3):
     """Silence, a pulse a hundred times the hum, silence; a hum with its third harmonic; white noise."""
     rng = np.random.default_rng(seed)
-    t = np.arange(round((quiet_s + 0.3) * RATE_HZ)) / RATE_HZ
+    t = np.arange(round((baseline_s + 0.3) * RATE_HZ)) / RATE_HZ
     first, third = rng.uniform(0.0, 2 * np.pi, 2)
     line = hum * np.cos(2 * np.pi * mains_hz * t + first) + 0.4 * hum * np.cos(6 * np.pi * mains_hz * t + third)
-    since = (t - quiet_s) / PULSE_S
+    since = (t - baseline_s) / PULSE_S
     pulse = 100.0 * np.where((since > 0) & (since < 1), np.sin(np.pi * np.clip(since, 0, 1)) ** 2, 0.0)
     clean = pulse + noise * rng.standard_normal(t.size)
-    return clean + line, clean, t < quiet_s
+    return clean + line, clean, t < baseline_s
 
 
 @pytest.mark.parametrize("mains_hz", [49.9, 60.02])
 def test_lines_are_found_and_taken_off_the_pulse_too(mains_hz):
-    samples, clean, quiet = record(1, mains_hz=mains_hz, quiet_s=0.2)
-    hum = subtract_hum(samples, RATE_HZ, quiet, unit="Pa")
+    samples, clean, in_baseline = record(1, mains_hz=mains_hz, baseline_s=0.2)
+    hum = subtract_hum(samples, RATE_HZ, in_baseline, unit="Pa")
     assert [line.harmonic for line in hum.lines] == [1, 3]
     assert hum.frequency_hz == pytest.approx(mains_hz, abs=0.1)
     assert hum.amplitude == pytest.approx(math.hypot(1.0, 0.4), rel=0.05)
@@ -50,8 +50,8 @@ def test_what_is_left_is_what_is_said():
     for seed in range(60):
         rng = np.random.default_rng(1000 + seed)
         mains = 50.0 * (1.0 + 0.01 * rng.uniform(-1.0, 1.0))
-        samples, clean, quiet = record(seed, mains_hz=mains, quiet_s=0.06)
-        hum = subtract_hum(samples, RATE_HZ, quiet, mains_hz=(50.0,))
+        samples, clean, in_baseline = record(seed, mains_hz=mains, baseline_s=0.06)
+        hum = subtract_hum(samples, RATE_HZ, in_baseline, mains_hz=(50.0,))
         line = hum.lines[0]
         deviations.append((line.frequency_hz - mains) / line.u_frequency_hz)
         left.append((hum.samples - clean)[-1000:])
@@ -60,7 +60,7 @@ def test_what_is_left_is_what_is_said():
     assert 0.7 < np.sqrt(np.mean(np.square(left)) / np.mean(np.square(told))) < 1.3
 
 
-def test_far_from_the_silence_nothing_is_added():
+def test_far_from_the_baseline_nothing_is_added():
     """Two periods in strong noise, five seconds of record: the phase is lost, and so is the reason to subtract."""
     added, hummed = [], []
     for seed in range(20):
@@ -93,8 +93,8 @@ def test_what_is_taken_shrinks_with_the_phase(u_phase, u_hz, since_s):
 @settings(max_examples=25)
 @given(st.integers(0, 2**32 - 1))
 def test_noise_without_a_hum_comes_back_bit_for_bit(seed):
-    samples, _, quiet = record(seed, hum=0.0)
-    hum = subtract_hum(samples, RATE_HZ, quiet)
+    samples, _, in_baseline = record(seed, hum=0.0)
+    hum = subtract_hum(samples, RATE_HZ, in_baseline)
     if hum.lines:  # one in a hundred by chance, and then it is small
         assert hum.amplitude < 0.2 * 0.3
         return
@@ -108,43 +108,44 @@ def test_chance_seldom_makes_a_line():
 
 
 def _noise(seed: int) -> tuple[np.ndarray, float, np.ndarray]:
-    samples, _, quiet = record(seed, hum=0.0, quiet_s=0.05)
-    return samples, RATE_HZ, quiet
+    samples, _, in_baseline = record(seed, hum=0.0, baseline_s=0.05)
+    return samples, RATE_HZ, in_baseline
 
 
-def test_silence_of_less_than_two_periods_cannot_tell():
-    samples, _, quiet = record(2, quiet_s=0.035)
-    hum = subtract_hum(samples, RATE_HZ, quiet)
-    assert not hum.told
+def test_a_baseline_of_less_than_two_periods_is_too_short():
+    samples, _, in_baseline = record(2, baseline_s=0.035)
+    hum = subtract_hum(samples, RATE_HZ, in_baseline)
+    assert not hum.identifiable
     assert hum.samples.tobytes() == samples.tobytes()
     assert hum.reason == (
-        "hum cannot be told: the silence of 35 ms is shorter than 2 periods of 50 Hz; lengthen the pre-trigger to 40 ms"
+        "hum cannot be identified: the pre-trigger baseline of 35 ms is shorter than 2 periods of 50 Hz; "
+        "lengthen the pre-trigger to 40 ms"
     )
-    assert not subtract_hum(samples, RATE_HZ, np.zeros_like(quiet)).told
-    exactly, _, quiet = record(2, quiet_s=0.04)
-    assert subtract_hum(exactly, RATE_HZ, quiet).told
+    assert not subtract_hum(samples, RATE_HZ, np.zeros_like(in_baseline)).identifiable
+    exactly, _, in_baseline = record(2, baseline_s=0.04)
+    assert subtract_hum(exactly, RATE_HZ, in_baseline).identifiable
 
 
 def test_where_two_mains_look_alike_neither_is_taken_off():
     t = np.arange(4000) / RATE_HZ
     samples = np.cos(2 * np.pi * 54.6 * t) + 0.8 * np.random.default_rng(3).standard_normal(t.size)
     hum = subtract_hum(samples, RATE_HZ, t < 0.0405, mains_hz=(54.0, 55.2))
-    assert not hum.told
-    assert "cannot tell whether of 5" in hum.reason
+    assert not hum.identifiable
+    assert "do not show whether of 5" in hum.reason
     assert hum.samples.tobytes() == samples.tobytes()
 
 
-def test_a_silence_that_is_silent_and_one_without_noise_do_no_harm():
+def test_a_baseline_of_zeros_and_one_without_noise_do_no_harm():
     constant = np.full(3000, 0.1)
     assert subtract_hum(constant, RATE_HZ, np.arange(3000) < 1000).samples.tobytes() == constant.tobytes()
-    pure, clean, quiet = record(4, noise=0.0, quiet_s=0.2)
-    assert np.max(np.abs(subtract_hum(pure, RATE_HZ, quiet).samples - clean)) < 1e-3
+    pure, clean, in_baseline = record(4, noise=0.0, baseline_s=0.2)
+    assert np.max(np.abs(subtract_hum(pure, RATE_HZ, in_baseline).samples - clean)) < 1e-3
 
 
 def test_lost_samples_stay_lost():
-    samples, clean, quiet = record(5, quiet_s=0.2)
+    samples, clean, in_baseline = record(5, baseline_s=0.2)
     samples[300:330] = samples[2500] = np.nan
-    hum = subtract_hum(samples, RATE_HZ, quiet)
+    hum = subtract_hum(samples, RATE_HZ, in_baseline)
     assert np.array_equal(np.isnan(hum.samples), np.isnan(samples))
     assert np.nanmax(np.abs(hum.samples - clean)) < 0.3
 
@@ -152,16 +153,16 @@ def test_lost_samples_stay_lost():
 @settings(max_examples=10)
 @given(st.integers(-20, 20), st.sampled_from([-1.0, 1.0]))
 def test_units_and_sign_do_not_matter(exponent, sign):
-    samples, _, quiet = record(6)
+    samples, _, in_baseline = record(6)
     factor = sign * 2.0**exponent
-    one, other = (subtract_hum(k * samples, RATE_HZ, quiet) for k in (1.0, factor))
+    one, other = (subtract_hum(k * samples, RATE_HZ, in_baseline) for k in (1.0, factor))
     assert other.amplitude == pytest.approx(abs(factor) * one.amplitude, rel=1e-6)
     assert other.samples / factor == pytest.approx(one.samples, abs=1e-5)
 
 
 def test_faults_of_the_caller_are_refused():
-    samples, _, quiet = record(7)
-    with pytest.raises(ValueError, match="samples and quiet must be alike"):
-        subtract_hum(samples, RATE_HZ, quiet[1:])
+    samples, _, in_baseline = record(7)
+    with pytest.raises(ValueError, match="samples and in_baseline must be alike"):
+        subtract_hum(samples, RATE_HZ, in_baseline[1:])
     with pytest.raises(ValueError, match="rate, mains and harmonics must be positive"):
-        subtract_hum(samples, RATE_HZ, quiet, mains_hz=(0.0,))
+        subtract_hum(samples, RATE_HZ, in_baseline, mains_hz=(0.0,))

@@ -94,11 +94,11 @@ def test_at_rest_accelerometers_feel_gravity_and_the_recuperator_is_not_known():
     assert static_value("recuperator_pressure", mechanism) is None
 
 
-def test_offsets_are_taken_off_with_the_uncertainty_of_the_silences_mean():
+def test_offsets_are_taken_off_with_the_uncertainty_of_the_baselines_mean():
     motion = bench_motion()
     noise = np.random.default_rng(1).normal(0.0, 2.0, motion.times_s.size)
     signals = bench_signals(bench_shot(acc=motion.acceleration_m_s2 + 7.0 + noise, p_brake=motion.brake_pa - 3e4))
-    silent = motion.times_s < signals.quiet_s[1]
+    silent = motion.times_s < signals.baseline_s[1]
     offset = signals.offsets["recoil_acceleration"]
     assert offset.value == pytest.approx(7.0 + noise[silent].mean(), abs=1e-12)
     assert offset.u == pytest.approx(noise[silent].std() / math.sqrt(silent.sum()))
@@ -107,7 +107,7 @@ def test_offsets_are_taken_off_with_the_uncertainty_of_the_silences_mean():
     np.testing.assert_array_equal(signals.series["recuperator_pressure"], motion.recuperator_pa)
 
 
-def test_without_a_silence_nothing_is_taken_off_and_the_zeros_are_unknown():
+def test_without_a_baseline_nothing_is_taken_off_and_the_zeros_are_unknown():
     motion = bench_motion()
     first = np.searchsorted(motion.times_s, FIRE_S - 2e-3)
     late = {
@@ -120,7 +120,7 @@ def test_without_a_silence_nothing_is_taken_off_and_the_zeros_are_unknown():
     base = TimeBase.uniform("recorder", float(motion.times_s[first]), 5e-5, motion.times_s.size - first)
     channels = {n: replace(c, samples=late[n][first:], time_base=base) for n, c in shot.channels.items()}
     signals = bench_signals(replace(shot, channels=channels))
-    assert signals.quiet_s[0] == signals.quiet_s[1]
+    assert signals.baseline_s[0] == signals.baseline_s[1]
     assert signals.offsets["recoil_acceleration"].u == math.inf
     np.testing.assert_array_equal(signals.series["recoil_acceleration"], motion.acceleration_m_s2[first:])
 
@@ -148,7 +148,7 @@ def test_the_droop_of_a_piezoelectric_chain_is_restored(gap):
 # ---- onset
 
 
-def test_the_onset_is_the_last_silent_sample_before_the_force():
+def test_the_onset_is_the_last_sample_at_rest_before_the_force():
     motion = bench_motion()
     noise = np.random.default_rng(2).normal(0.0, 1e5, motion.times_s.size)
     onset = find_onset(motion.times_s, {"breech_pressure": motion.breech_pa + noise})

@@ -10,7 +10,8 @@ noise and w the walk that the force's noise integrates to. No acceleration is me
 of accelerometers do not matter. It is generalized least squares: a Kalman filter of the walk makes the rows
 independent (`recoil_processing.alignment.velocity_walk`). At rest before the release all that is unknown is x0.
 
-Noise levels are those that make the positions likeliest; the walk has at least the force's noise of the silence.
+Noise levels are those that make the positions likeliest; the walk has at least the noise that the force
+has in the pre-trigger baseline.
 """
 
 from __future__ import annotations

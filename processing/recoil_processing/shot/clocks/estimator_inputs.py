@@ -1,4 +1,4 @@
-"""What every estimator of a mass takes: both sides as recorded, the silence's noise, the force's possible errors."""
+"""The inputs of every estimator of a mass: both sides as recorded, their noise before the shot, the force's errors."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ Flags = NDArray[np.bool_]
 
 LEAD_S = 2e-3
 """Before the onset: where autoregressive errors begin, and functions of finite reach."""
-LEAST_SILENCE = 64
+LEAST_NOISE_SAMPLES = 64
 """Samples to tell a noise from."""
 ORDER_S = 2.5e-3
 """Reach of the autoregressive errors: fewer milliseconds do not part stress waves of one kilohertz from the motion."""
-QUIET_ORDER = 4
-"""Of the silence's autoregressive model: enough for a chain's filter."""
+BASELINE_ORDER = 4
+"""Of the pre-trigger baseline's autoregressive model: enough for a chain's filter."""
 
 
 @dataclass(frozen=True)
-class QuietNoise:
-    """Noise of the silence before the shot, per sample: as recorded, at low frequency, and behind the low-pass."""
+class BaselineNoise:
+    """Noise of the pre-trigger baseline, per sample: as recorded, at low frequency, and behind the low-pass."""
 
     force: float = 0.0
     slow_acceleration: float = 0.0
@@ -103,10 +103,10 @@ class EstimatorInputs:
         return bridge(self.recorded.acceleration_m_s2, otherwise=0.0)
 
     @cached_property
-    def silent(self) -> Flags:
-        """Samples of the silence before the shot, shape (n,)."""
+    def in_baseline(self) -> Flags:
+        """Samples of the pre-trigger baseline, shape (n,)."""
         times = self.recorded.times_s
-        return np.asarray((times >= self.signals.quiet_s[0]) & (times < self.signals.quiet_s[1]))
+        return np.asarray((times >= self.signals.baseline_s[0]) & (times < self.signals.baseline_s[1]))
 
     @cached_property
     def held_force_n(self) -> Array:
@@ -118,24 +118,24 @@ class EstimatorInputs:
 
     @cached_property
     def slow_force_n(self) -> float:
-        """Noise of the force at low frequency, per sample; zero without a silence."""
-        if np.count_nonzero(self.silent) < LEAST_SILENCE:
+        """Noise of the force at low frequency, per sample; zero without a pre-trigger baseline."""
+        if np.count_nonzero(self.in_baseline) < LEAST_NOISE_SAMPLES:
             return 0.0
-        force = self.held_force_n[self.silent]
-        return math.sqrt(fit_noise([force - force.mean()], QUIET_ORDER).slow_density)
+        force = self.held_force_n[self.in_baseline]
+        return math.sqrt(fit_noise([force - force.mean()], BASELINE_ORDER).slow_density)
 
     @cached_property
-    def quiet(self) -> QuietNoise:
-        """Noise of the silence; without a silence it is zero, and nothing is claimed by it."""
-        silent = self.silent
-        if np.count_nonzero(silent) < LEAST_SILENCE:
-            return QuietNoise()
+    def baseline_noise(self) -> BaselineNoise:
+        """Noise of the pre-trigger baseline; without one it is zero, and nothing is claimed by it."""
+        in_baseline = self.in_baseline
+        if np.count_nonzero(in_baseline) < LEAST_NOISE_SAMPLES:
+            return BaselineNoise()
         force = self.held_force_n
-        a, f = (side[silent] - side[silent].mean() for side in (self.acceleration_m_s2, force))
-        slow_acceleration = math.sqrt(fit_noise([a], QUIET_ORDER).slow_density)
+        a, f = (side[in_baseline] - side[in_baseline].mean() for side in (self.acceleration_m_s2, force))
+        slow_acceleration = math.sqrt(fit_noise([a], BASELINE_ORDER).slow_density)
         low_pass, rate_hz = self.filtered.low_pass, self.recorded.rate_hz
         behind = [side if low_pass is None else low_pass.apply(side, rate_hz) for side in (a, f)]
-        return QuietNoise(
+        return BaselineNoise(
             float(f.std()), slow_acceleration, self.slow_force_n, float(behind[0].std()), float(behind[1].std())
         )
 

@@ -61,7 +61,7 @@ def align_by_motion(
     spec = rig.motion_channel(source)
     own = None if spec is None else shot.channels.get(spec.name)
     other = shot.channels.get(against)
-    if own is not None and own.role == "recoil_displacement" and _silent(other) and _rode_along(rig, against):
+    if own is not None and own.role == "recoil_displacement" and _without_samples(other) and _rode_along(rig, against):
         # what rode along recorded nothing; what drives the motion did
         other = shot.by_role("breech_pressure") or other
     if own is None or other is None:
@@ -86,7 +86,7 @@ def align_by_motion(
     )
 
 
-def _silent(channel: Channel | None) -> bool:
+def _without_samples(channel: Channel | None) -> bool:
     return channel is None or not np.isfinite(channel.measured).any()
 
 
@@ -157,9 +157,9 @@ def _by_travel(
         return align_by_comparison(
             shot, rig, own, other, reference, drift_allowance=drift_allowance, method="motion", derivative=True
         )
-    sigma = _silent_noise(signals, acceleration)
+    sigma = _baseline_noise(signals, acceleration)
     one, two = instants(own, shot, rig), instants(other, shot, rig)
-    # the pulse's silence fixes the zero; what is left of it is the fit's own unknown
+    # the pre-trigger baseline fixes the zero; what is left of it is the fit's own unknown
     fit = align_motion(
         one.times_s,
         samples_of(own),
@@ -201,9 +201,9 @@ def samples_of(channel: Channel) -> Array:
     return channel.measured
 
 
-def _silent_noise(signals: Signals, acceleration: Array) -> float:
+def _baseline_noise(signals: Signals, acceleration: Array) -> float:
     times = signals.times_s
-    silent = acceleration[(times >= signals.quiet_s[0]) & (times < signals.quiet_s[1])]
-    if silent.size >= 50:
-        return max(float(np.std(silent)), 1e-6)
+    baseline = acceleration[(times >= signals.baseline_s[0]) & (times < signals.baseline_s[1])]
+    if baseline.size >= 50:
+        return max(float(np.std(baseline)), 1e-6)
     return max(noise_sigma(acceleration), 1e-6)

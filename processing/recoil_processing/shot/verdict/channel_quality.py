@@ -17,6 +17,7 @@ from recoil_processing.gaps import bridge, near
 from recoil_processing.quality import (
     Outcome,
     check_aliasing,
+    check_baseline,
     check_clipping,
     check_filtered_noise,
     check_flat_tops,
@@ -28,14 +29,13 @@ from recoil_processing.quality import (
     check_no_gap,
     check_out_of_band,
     check_polarity,
-    check_quiet,
     check_srs_symmetry,
-    check_steady_silence,
+    check_steady_baseline,
     check_time_steps,
 )
 from recoil_processing.quality.spectral_checks import last_octave_fall_db
 from recoil_processing.repairs.hum import Hum, subtract_hum
-from recoil_processing.shot.signals import QUIET_MARGIN_S, static_value
+from recoil_processing.shot.signals import BASELINE_MARGIN_S, static_value
 from recoil_processing.shot.verdict.motion_quality import CUTOFF_HZ, SLOWEST_SHARE
 from recoil_processing.spectra.spectral_gap import SpectralGap, find_gap
 from recoil_rigs.assemble import range_si
@@ -136,23 +136,23 @@ def check_channel(
         return
     # what is infinite was told by the range's check; of the rest it says nothing
     samples = channel.measured
-    quiet = reference_s < onset_s - QUIET_MARGIN_S
+    in_baseline = reference_s < onset_s - BASELINE_MARGIN_S
     if (
         channel.role
         and channel.quantity not in ("displacement", "voltage")
         and math.isfinite(channel.time_base.rate_hz)
     ):
-        yield from _levels(channel, spec, rig, samples, quiet, reference_s, onset_s, rest_s)
-        record = _Record.of(channel, samples, quiet, reference_s, onset_s)
+        yield from _levels(channel, spec, rig, samples, in_baseline, reference_s, onset_s, rest_s)
+        record = _Record.of(channel, samples, in_baseline, reference_s, onset_s)
         hum = _hum(record)
         yield "filtered noise", _filtered_noise(record, hum)
         if hum is not None:
             yield "hum", _hum_outcome(record, hum)
         if unclipped:
-            yield "out of band", check_out_of_band(record.samples, record.quiet)
+            yield "out of band", check_out_of_band(record.samples, record.in_baseline)
         yield from _spectra(record, driven_m_s2)
     if channel.role in POSITIVE_PULSES:
-        yield "polarity", check_polarity(samples, quiet)
+        yield "polarity", check_polarity(samples, in_baseline)
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,21 +164,21 @@ class _Record:
     whole: Array
     smooth: Array
     low_pass: LowPass
-    quiet: Flags
+    in_baseline: Flags
     pulse: Flags
     reference_s: Array
     onset_s: float
 
     @classmethod
-    def of(cls, channel: Channel, samples: Array, quiet: Flags, reference_s: Array, onset_s: float) -> _Record:
+    def of(cls, channel: Channel, samples: Array, in_baseline: Flags, reference_s: Array, onset_s: float) -> _Record:
         rate_hz = channel.time_base.rate_hz
         low_pass = LowPass(min(CUTOFF_HZ, SLOWEST_SHARE * rate_hz))
         stop = int(np.searchsorted(reference_s, onset_s + RECOIL_S))
-        samples, quiet, reference_s = samples[:stop], quiet[:stop], reference_s[:stop]
+        samples, in_baseline, reference_s = samples[:stop], in_baseline[:stop], reference_s[:stop]
         whole = bridge(samples, otherwise=0.0)
         pulse = (reference_s >= onset_s) & (reference_s < onset_s + SHOT_S)
         smooth = low_pass.apply(whole, rate_hz)
-        return cls(channel, samples, whole, smooth, low_pass, quiet, pulse, reference_s, onset_s)
+        return cls(channel, samples, whole, smooth, low_pass, in_baseline, pulse, reference_s, onset_s)
 
     @property
     def rate_hz(self) -> float:
@@ -187,7 +187,7 @@ class _Record:
     @property
     def level(self) -> float:
         """Before the shot."""
-        return float(np.median(self.whole[self.quiet])) if self.quiet.any() else 0.0
+        return float(np.median(self.whole[self.in_baseline])) if self.in_baseline.any() else 0.0
 
 
 def _levels(
@@ -195,7 +195,7 @@ def _levels(
     spec: ChannelSpec,
     rig: Rig,
     samples: Array,
-    quiet: Flags,
+    in_baseline: Flags,
     reference_s: Array,
     onset_s: float,
     rest_s: float | None,
@@ -203,15 +203,15 @@ def _levels(
     """Check levels before and after the shot."""
     role, unit = channel.role, SI_UNITS[channel.quantity]
     static = None if spec.sensor.time_constant_s else static_value(role, rig.mechanism)
-    yield "silence", check_quiet(samples, quiet, static, unit=unit)
-    yield "steady silence", check_steady_silence(samples, quiet, unit=unit)
+    yield "baseline", check_baseline(samples, in_baseline, static, unit=unit)
+    yield "steady baseline", check_steady_baseline(samples, in_baseline, unit=unit)
     since_s = onset_s + EMPTY_BORE_S if role == "breech_pressure" else rest_s
     # an AC-coupled chain comes back late, a recuperator warm
     if since_s is None or spec.sensor.time_constant_s is not None or role == "recuperator_pressure":
         return
     end_s = float(reference_s[-1])
     if end_s - since_s >= REST_SPAN_S:
-        yield "level after", check_level_after(samples, quiet, reference_s >= end_s - REST_SPAN_S, unit=unit)
+        yield "level after", check_level_after(samples, in_baseline, reference_s >= end_s - REST_SPAN_S, unit=unit)
 
 
 def _filtered_noise(record: _Record, hum: Hum | None) -> Outcome:
@@ -219,28 +219,28 @@ def _filtered_noise(record: _Record, hum: Hum | None) -> Outcome:
     reach = record.low_pass.reach_samples(record.rate_hz)
     lost = ~np.isfinite(record.samples)
     trusted = ~near(lost, reach) if lost.any() else ~lost
-    still = record.quiet & trusted
-    silent = np.flatnonzero(record.quiet)
-    if silent.size:
-        still[: silent[0] + reach] = False
-        still[max(int(silent[-1]) + 1 - reach, 0) :] = False
+    still = record.in_baseline & trusted
+    baseline_at = np.flatnonzero(record.in_baseline)
+    if baseline_at.size:
+        still[: baseline_at[0] + reach] = False
+        still[max(int(baseline_at[-1]) + 1 - reach, 0) :] = False
     smooth = record.smooth
     if hum is not None and hum.lines:
         # far below the cut-off it passes the filter as it is, and is taken off before the mass is found
-        since_s = (np.arange(smooth.size) - silent[0]) / record.rate_hz - hum.origin_s
+        since_s = (np.arange(smooth.size) - baseline_at[0]) / record.rate_hz - hum.origin_s
         smooth = smooth - np.sum([line.taken_at(since_s) for line in hum.lines], axis=0)
     return check_filtered_noise(smooth, still, record.pulse & trusted, needed=record.channel.role in NEEDED)
 
 
 def _hum(record: _Record) -> Hum | None:
-    """Look for the mains' hum in the silence; None where the record is too slow for its harmonics."""
+    """Look for the mains' hum in the pre-trigger baseline; None where the record is too slow for its harmonics."""
     every = int(record.rate_hz / HUM_RATE_HZ)
-    silent = np.flatnonzero(record.quiet)
-    if every < 1 or silent.size < every:
+    baseline_at = np.flatnonzero(record.in_baseline)
+    if every < 1 or baseline_at.size < every:
         return None
     # means of a few samples keep the harmonics and make the fit quick
-    count = silent.size // every
-    means = record.samples[silent[0] : silent[0] + count * every].reshape(count, every).mean(axis=1)
+    count = baseline_at.size // every
+    means = record.samples[baseline_at[0] : baseline_at[0] + count * every].reshape(count, every).mean(axis=1)
     found = subtract_hum(means, record.rate_hz / every, np.ones(count, dtype=bool))
     # a mean stands in the middle of its samples
     return replace(found, origin_s=found.origin_s + 0.5 * (every - 1) / record.rate_hz)
@@ -257,7 +257,7 @@ def _hum_outcome(record: _Record, found: Hum) -> Outcome:
 def _spectra(record: _Record, driven_m_s2: float | None) -> Iterator[tuple[str, Outcome]]:
     """Check what lies above the rigid body's band."""
     rate_hz = record.rate_hz
-    fall_db = last_octave_fall_db(record.whole, record.quiet, record.pulse, rate_hz, 2 * CUTOFF_HZ)
+    fall_db = last_octave_fall_db(record.whole, record.in_baseline, record.pulse, rate_hz, 2 * CUTOFF_HZ)
     if fall_db is not None:
         yield "aliasing", check_aliasing(fall_db, rate_hz)
     if record.channel.role != "recoil_acceleration" or not record.pulse.any():

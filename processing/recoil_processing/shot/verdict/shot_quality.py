@@ -17,7 +17,7 @@ from recoil_acquisition.shot import ClockAlignment, QualityCheck, Shot
 from recoil_acquisition.shot_name import numbers_of
 from recoil_processing.quality import Outcome, check_zero_shift
 from recoil_processing.shot.onset import find_onset
-from recoil_processing.shot.signals import QUIET_MARGIN_S
+from recoil_processing.shot.signals import BASELINE_MARGIN_S
 from recoil_processing.shot.verdict.acquisition_quality import check_acquisition, check_clock_fits
 from recoil_processing.shot.verdict.camera_quality import check_film, check_fusion, check_track, rest_after
 from recoil_processing.shot.verdict.carriage_quality import check_carriage_by_camera
@@ -208,11 +208,11 @@ def _zero_shift(alignment: ClockAlignment, shot: Shot, onset: float | None) -> l
     if alignment.status == "failed" or "u_bias_m_s2" not in details or accelerometer is None or onset is None:
         return []
     samples = accelerometer.measured
-    quiet = samples[(accelerometer.time_base.times_s < onset - QUIET_MARGIN_S) & np.isfinite(samples)]
-    if quiet.size < LEAST_SAMPLES:
+    baseline = samples[(accelerometer.time_base.times_s < onset - BASELINE_MARGIN_S) & np.isfinite(samples)]
+    if baseline.size < LEAST_SAMPLES:
         return []
-    # the fit's constant is what the accelerometer lacks; the silence fixes the zero as well as its noise allows
+    # the fit's constant is what the accelerometer lacks; the baseline fixes the zero as well as its noise allows
     bias = -float(details["integration_constants"][2]) + float(details.get("shifted_zero_m_s2", 0.0))
-    u = math.hypot(float(details["u_bias_m_s2"]), float(np.std(quiet)) / math.sqrt(quiet.size))
+    u = math.hypot(float(details["u_bias_m_s2"]), float(np.std(baseline)) / math.sqrt(baseline.size))
     verdict, detail = check_zero_shift(bias, u, float(np.nanmax(np.abs(samples))), unit=SI_UNITS["acceleration"])
     return [QualityCheck(accelerometer.name, "zero shift", verdict, detail)]

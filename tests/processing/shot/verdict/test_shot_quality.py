@@ -41,7 +41,15 @@ def one(found: tuple[QualityCheck, ...], channel: str, check: str) -> QualityChe
 def test_a_sound_shot_has_no_failed_check():
     found = checks(noisy_shot(), bench_rig())
     assert {c.verdict for c in found} == {"ok"}
-    expected = {"losses", "range", "held values", "silence", "steady silence", "filtered noise", "out of band"}
+    expected = {
+        "losses",
+        "range",
+        "held values",
+        "baseline",
+        "steady baseline",
+        "filtered noise",
+        "out of band",
+    }
     expected |= {"hum", "aliasing", "spectral gap", "polarity", "force sign", "zero shift", "skew"}
     assert {c.check for c in found if c.channel == "acc"} == expected
     assert {c.check for c in found if c.channel == "shot"} == {"impulse", "braking"}
@@ -159,8 +167,8 @@ def test_a_record_without_a_shot_fails():
 def test_an_offset_out_of_proportion_fails_and_that_of_a_piezo_chain_is_no_offset():
     motion = bench_motion()
     high = motion.acceleration_m_s2 + 300.0 + 0.5 * NOISE
-    assert one(checks(noisy_shot(acc=high), bench_rig()), "acc", "silence").verdict == "fail"
-    assert one(checks(noisy_shot(acc=high), bench_rig(acc="time_constant_s = 1.0")), "acc", "silence").verdict == "ok"
+    assert one(checks(noisy_shot(acc=high), bench_rig()), "acc", "baseline").verdict == "fail"
+    assert one(checks(noisy_shot(acc=high), bench_rig(acc="time_constant_s = 1.0")), "acc", "baseline").verdict == "ok"
 
 
 def test_a_failed_and_an_ambiguous_alignment_are_reported_with_their_reasons():
