@@ -153,8 +153,9 @@ class _Minimum(NamedTuple):
             if at.size == 0:
                 break
             now = unknowns[:, at]
-            apart = self.gram @ _coefficients(now, self.problem.m0_kg) - seen[:, at]
-            gradient = _gradient(now, self.problem.m0_kg, apart) + self.known @ now - told[:, at]
+            coefficients = _coefficients(now, self.problem.m0_kg)
+            apart = self.gram @ coefficients - seen[:, at]
+            gradient = _gradient(now, coefficients, apart) + self.known @ now - told[:, at]
             moved = self.curvature @ gradient if step < CHEAP_STEPS else self._by_own_curvature(now, gradient)
             scales = np.abs(moved[[MASS, *range(*GAUGE.indices(FRICTION_ERROR)), SENSITIVITY]]).max(axis=0)
             moved *= np.minimum(1.0, LONGEST_STEP / np.maximum(scales, LONGEST_STEP))
@@ -174,12 +175,13 @@ class _Minimum(NamedTuple):
 def _slopes(unknowns: Array, m0_kg: float) -> Array:
     """Return the derivatives of the coefficients by the unknowns, shape (n, n_columns, n_unknowns)."""
     n_columns = unknowns.shape[0] - 1
+    coefficients = _coefficients(unknowns, m0_kg)
     slopes = np.empty((unknowns.shape[1], n_columns, unknowns.shape[0]))
     for column in range(n_columns):
         # the gradient is linear in the coefficients', so that of one alone is its derivatives
         one = np.zeros((n_columns, unknowns.shape[1]))
         one[column] = 1.0
-        slopes[:, column] = _gradient(unknowns, m0_kg, one).T
+        slopes[:, column] = _gradient(unknowns, coefficients, one).T
     return slopes
 
 
@@ -194,10 +196,12 @@ def _coefficients(unknowns: Array, m0_kg: float) -> Array:
     return coefficients
 
 
-def _gradient(unknowns: Array, m0_kg: float, by_coefficients: Array) -> Array:
-    """Carry a gradient by the coefficients, shape (n_columns, n), to one by the unknowns, (n_unknowns, n)."""
+def _gradient(unknowns: Array, coefficients: Array, by_coefficients: Array) -> Array:
+    """Carry a gradient by the coefficients, shape (n_columns, n), to one by the unknowns, (n_unknowns, n).
+
+    The coefficients are those under the unknowns.
+    """
     relative, gain = 1.0 + unknowns[MASS], 1.0 + unknowns[SENSITIVITY]
-    coefficients = _coefficients(unknowns, m0_kg)
     parts = by_coefficients[:5] * coefficients[:5]
     gradient = np.empty_like(unknowns)
     total = parts.sum(axis=0)

@@ -65,10 +65,25 @@ def rpe_interval(
         return math.nan, math.nan
     thinned = present[:: max(1, present.size // 500)]
     rng = np.random.default_rng(seed)
-    shift = 1.0 + systematic_rel * rng.standard_normal((DRAWS, 1))
-    specification = specification_kg + u_specification_kg * rng.standard_normal((DRAWS, 1))
-    draws = np.sort(100.0 * np.mean(np.abs(specification - thinned * shift), axis=1) / np.abs(specification[:, 0]))
+    shift = 1.0 + systematic_rel * rng.standard_normal(DRAWS)
+    specification = specification_kg + u_specification_kg * rng.standard_normal(DRAWS)
+    draws = np.sort(100.0 * _mean_deviation(thinned, shift, specification) / np.abs(specification))
     inside = math.ceil(0.95 * DRAWS)
     first = int(np.argmin(draws[inside - 1 :] - draws[: DRAWS - inside + 1]))
     value = relative_percentage_error(mass_kg, specification_kg)
     return min(float(draws[first]), value), max(float(draws[first + inside - 1]), value)
+
+
+def _mean_deviation(values: Array, factors: Array, centres: Array) -> Array:
+    """Return the mean of ``abs(centre - factor * value)`` over the values, for each pair of factor and centre.
+
+    Of sorted values it is known from how many lie below the centre, and from the sum of those.
+    """
+    signs = np.where(factors < 0, -1.0, 1.0)
+    factors, centres = signs * factors, signs * centres
+    ordered = np.sort(values)
+    sums = np.concatenate([[0.0], np.cumsum(ordered)])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        below = np.searchsorted(ordered, np.where(factors > 0, centres / factors, np.inf * centres))
+    n = ordered.size
+    return np.asarray((centres * (2 * below - n) + factors * (sums[n] - 2.0 * sums[below])) / n, dtype=np.float64)

@@ -211,8 +211,12 @@ def _largest_by_chance(unit: Array, draws: int, seed: int) -> Array:
     kept = values > 1e-10 * values[-1]
     root = vectors[:, kept] * np.sqrt(values[kept])
     rng = np.random.default_rng(seed)
-    at_once = [min(AT_ONCE, draws - start) for start in range(0, draws, AT_ONCE)]
-    return np.concatenate([((rng.standard_normal((n, root.shape[1])) @ root.T) ** 2).max(axis=1) for n in at_once])
+    largest = np.empty(draws)
+    for start in range(0, draws, AT_ONCE):
+        part = largest[start : start + AT_ONCE]
+        drawn = rng.standard_normal((part.size, root.shape[1])) @ root.T
+        np.maximum(drawn.max(axis=1), -drawn.min(axis=1), out=part)
+    return largest**2
 
 
 def _most_likely(
