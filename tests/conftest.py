@@ -2,12 +2,14 @@
 
 import os
 import warnings
+from contextlib import ExitStack
 
 import pytest
 from _pytest.runner import runtestprotocol
 from hypothesis import settings
 
 from tests.builders.machine_stalls import MachineStalls
+from tests.builders.shared_motions import folder_of_this_run, share_motions
 
 if "PYTEST_XDIST_WORKER" in os.environ:
     # several workers, each with threads that spin while they wait for one another, take half as long again
@@ -17,6 +19,26 @@ if "PYTEST_XDIST_WORKER" in os.environ:
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.register_profile("explore", deadline=None, max_examples=1000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
+
+OF_THE_RUN = pytest.StashKey[ExitStack]()
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Make the folder of the run before its workers start."""
+    config.stash[OF_THE_RUN] = ExitStack()
+    config.stash[OF_THE_RUN].enter_context(folder_of_this_run())
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """Remove the folder of the run."""
+    if OF_THE_RUN in config.stash:
+        config.stash[OF_THE_RUN].close()
+
+
+def pytest_collection_finish() -> None:
+    """Share what many tests would compute again."""
+    share_motions()
+
 
 ATTEMPTS = 2
 LONGEST_STALL_S = 0.25

@@ -1,0 +1,110 @@
+"""Motions of the virtual rig, integrated once in a test run for all of its processes.
+
+Most of a simulated shot's time is the integration of its motion, and the shots of many tests differ in nothing but
+their sensors. A motion is taken from another shot only if the mechanism, the shot and every setting that the
+integration looked at are the same: none of them is listed here. Nothing outlives the run.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from recoil_rigs.mechanism import Mechanism
+    from recoil_rigs.twin import TwinSettings
+    from recoil_rigs.twin.motion import Motion
+
+FOLDER = "RECOIL_DAQ_MOTIONS_OF_THIS_RUN"
+"""Environment variable: the folder that the processes of a run share."""
+
+
+@contextmanager
+def folder_of_this_run() -> Iterator[None]:
+    """Make the folder, or take that of the process that started this one; whoever made it removes it."""
+    if FOLDER in os.environ:
+        yield
+        return
+    with tempfile.TemporaryDirectory(prefix="recoil-daq-motions-") as folder:
+        os.environ[FOLDER] = folder
+        try:
+            yield
+        finally:
+            del os.environ[FOLDER]
+
+
+def share_motions() -> None:
+    """Have the virtual rig take its motions from the run's folder, where a test has imported it."""
+    twin = sys.modules.get("recoil_rigs.twin")
+    if twin is not None and FOLDER in os.environ:
+        vars(twin)["simulate_motion"] = SharedMotions(Path(os.environ[FOLDER]), twin.simulate_motion)
+
+
+class SharedMotions:
+    """`recoil_rigs.twin.motion.simulate_motion`, which integrates what no process of the run has integrated.
+
+    Parameters
+    ----------
+    folder : Path
+    integrate : callable
+    """
+
+    def __init__(self, folder: Path, integrate: Callable[..., Motion]) -> None:
+        self._folder, self._integrate = folder, integrate
+
+    def __call__(
+        self, mechanism: Mechanism, settings: TwinSettings, *, peak_pressure_pa: float, friction_n: float
+    ) -> Motion:
+        shot = (mechanism, peak_pressure_pa, friction_n)
+        for looked_at in self._folder.glob("*.names"):
+            kept = self._kept(shot, settings, looked_at.read_text().splitlines())
+            if kept.exists():
+                return _read_only(pickle.loads(kept.read_bytes()))  # noqa: S301 - of this run's own processes
+        seen = Seen(settings)
+        motion = self._integrate(mechanism, seen, peak_pressure_pa=peak_pressure_pa, friction_n=friction_n)
+        names = sorted(seen.names)
+        self._write(self._kept(shot, settings, names), pickle.dumps(motion))
+        self._write(self._folder / f"{_digest(names)}.names", "\n".join(names).encode())
+        return _read_only(motion)
+
+    def _kept(self, shot: object, settings: TwinSettings, looked_at: Sequence[str]) -> Path:
+        return self._folder / f"{_digest([shot, *((name, getattr(settings, name)) for name in looked_at)])}.motion"
+
+    def _write(self, path: Path, content: bytes) -> None:
+        partial = path.with_suffix(f".{os.getpid()}")
+        partial.write_bytes(content)
+        partial.replace(path)
+
+
+class Seen:
+    """Settings that remember which of them were looked at."""
+
+    def __init__(self, settings: TwinSettings) -> None:
+        self._settings = settings
+        self.names: set[str] = set()
+
+    def __getattr__(self, name: str) -> Any:
+        self.names.add(name)
+        return getattr(self._settings, name)
+
+
+def _digest(things: object) -> str:
+    return hashlib.sha256(repr(things).encode()).hexdigest()
+
+
+def _read_only(motion: Motion) -> Motion:
+    for field in fields(motion):
+        value = getattr(motion, field.name)
+        if isinstance(value, np.ndarray):
+            value.setflags(write=False)
+    return motion

@@ -1,0 +1,68 @@
+"""A motion is shared between tests only where nothing that its integration looks at differs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from recoil_rigs.rig import load_rig
+from recoil_rigs.twin import TwinSettings, read_settings
+from recoil_rigs.twin.motion import Motion, simulate_motion
+from tests.builders.shared_motions import SharedMotions
+
+RIG = load_rig("field-2013")
+SHOT = {"peak_pressure_pa": 130e6, "friction_n": 1500.0}
+
+
+class Counted:
+    """Integrates, and counts how often."""
+
+    def __init__(self) -> None:
+        self.times = 0
+
+    def __call__(self, *words: Any, **more: Any) -> Motion:
+        self.times += 1
+        return simulate_motion(*words, **more)
+
+
+def settings(**changes: float) -> TwinSettings:
+    return read_settings(RIG).model_copy(update={"sample_rate_hz": 10e3, "duration_s": 0.06, **changes})
+
+
+def test_a_shot_with_other_sensors_has_the_motion_that_it_would_have_had(tmp_path: Path) -> None:
+    counted = Counted()
+    SharedMotions(tmp_path, counted)(RIG.mechanism, settings(), **SHOT)
+    shared = SharedMotions(tmp_path, counted)(RIG.mechanism, settings(noise=0.01), **SHOT)
+    own = simulate_motion(RIG.mechanism, settings(noise=0.01), **SHOT)
+    assert counted.times == 1
+    for name, value in vars(own).items():
+        assert np.array_equal(getattr(shared, name), value, equal_nan=True), name
+    with pytest.raises(ValueError, match="read-only"):
+        shared.q[0] = 1.0
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"duration_s": 0.05},
+        {"orifice_m2": 1.1e-3},
+        {"released_mass_kg": 60.0},
+        {"tube_modes": 1},
+        {"peak_pressure_pa": 130.1e6},
+        {"friction_n": 1501.0},
+    ],
+)
+def test_a_shot_that_moves_otherwise_is_integrated(tmp_path: Path, other: dict[str, float]) -> None:
+    counted = Counted()
+    motions = SharedMotions(tmp_path, counted)
+    motions(RIG.mechanism, settings(), **SHOT)
+    shot = {name: other.get(name, value) for name, value in SHOT.items()}
+    changed = settings(**{name: value for name, value in other.items() if name not in SHOT})
+    motions(RIG.mechanism, changed, **shot)
+    assert counted.times == 2
+    motions(RIG.mechanism, changed, **shot)
+    motions(RIG.mechanism, settings(), **SHOT)
+    assert counted.times == 2
