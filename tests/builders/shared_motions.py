@@ -94,8 +94,9 @@ class Seen:
         self.names: set[str] = set()
 
     def __getattr__(self, name: str) -> Any:
+        value = getattr(self._settings, name)
         self.names.add(name)
-        return getattr(self._settings, name)
+        return value
 
 
 def _digest(things: object) -> str:

@@ -20,12 +20,15 @@ from recoil_acquisition.capture.status import LiveStatus
 from recoil_acquisition.errors import DeviceError, RigError
 from recoil_acquisition.store import read_shot, shot_summary
 from recoil_acquisition.trigger import find_triggers
+from recoil_daq import live_range
 from recoil_daq.live import run_live
 from recoil_daq.live_shot import LiveOptions, LiveOutcome, LiveShot
 from recoil_daq.live_tables import print_acquisition
 from recoil_rigs.rig import Rig, load_rig, parse_rig
 from recoil_rigs.twin.faults import ClockStep, Faults, Interval
 from recoil_rigs.twin.range_day import RangeDay
+from tests.builders.range_session import PlayedConversion
+from tests.builders.virtual_shots import SHORTER, with_twin
 
 pytestmark = [
     pytest.mark.real_time,
@@ -84,7 +87,8 @@ def day(
     days: list[RangeDay] = []
     options = LiveOptions(out, shots, watch=None if watch else out / "elsewhere", files_within_s=20.0 if watch else 0.5)
     silence = {"silence_before_s": RECORD_BEGINS_S, "silence_after_s": 0.6}
-    outcome = run_live(rig or load_rig("mixed"), options, display, play={**silence, **play}, watch_day=days.append)
+    rig = rig or with_twin("mixed", **SHORTER)
+    outcome = run_live(rig, options, display, play={**silence, **play}, watch_day=days.append)
     return outcome, days[0].player.truth()["sources"]
 
 
@@ -216,7 +220,8 @@ def test_a_manual_trigger_makes_a_shot_and_q_ends_the_session(tmp_path: Path) ->
     assert shot.acquisition.decisions[-1].channel == ""
 
 
-def test_numbers_go_on_where_a_folder_already_has_shots(tmp_path: Path) -> None:
+def test_numbers_go_on_where_a_folder_already_has_shots(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live_range, "Conversion", PlayedConversion)  # what becomes of the shot is not asked here
     (tmp_path / "captures").mkdir()
     (tmp_path / "captures" / "0007.rdlog").write_bytes(b"of another session")
     outcome, _ = day(tmp_path, Watched())

@@ -165,15 +165,18 @@ def smooth_inputs(model: InputModel, log_intensities: Array) -> Smoothed:
     F = model.transition
     at = model.values.size
     steps = model.steps.tolist()
+    innovations, variances = forward.innovations.tolist(), forward.variances.tolist()
+    squares = model.rows[:, :, np.newaxis] * model.rows[:, np.newaxis, :]
     for step in range(last, -1, -1):
         if step < last:
             r, N = F.T @ r, F.T @ N @ F
         while at and steps[at - 1] == step:
             at -= 1
-            h, v, s, K = model.rows[at], forward.innovations[at], forward.variances[at], forward.gains[at]
+            h, v, s, K = model.rows[at], innovations[at], variances[at], forward.gains[at]
             r = r + h * (v / s - float(K @ r))
             NK = N @ K
-            N = N - np.outer(h, NK) - np.outer(NK, h) + np.outer(h, h) * (1.0 / s + float(K @ NK))
+            across = h[:, np.newaxis] * NK
+            N = N - across - across.T + squares[at] * (1.0 / s + float(K @ NK))
         all_r[step], all_N[step] = r, N
     P = forward.covariances
     states = forward.states + np.einsum("tij,tj->ti", P, all_r)
@@ -274,7 +277,7 @@ def _forward(model: InputModel, log_q: Array) -> _Forward:
             v = values[at] - float(h @ x)
             K = Ph / s
             x = x + K * v
-            P = P - np.outer(K, Ph)
+            P = P - K[:, np.newaxis] * Ph
             innovations[at], variances[at], gains[at] = v, s, K
             at += 1
         if step < model.count - 1:
