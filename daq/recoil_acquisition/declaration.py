@@ -32,7 +32,7 @@ STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 """As ``__pydantic_config__`` of a dataclass: what `checked` asks of a record that the program wrote."""
 
 
-class Table(BaseModel):
+class DeclaredTable(BaseModel):
     """A table of a rig file: frozen, strict about its keys and their types."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
@@ -70,7 +70,7 @@ def declared(model: type[Declared], table: Any, where: str, faults: list[Fault])
         # a key that may be of two types has a fault of each
         faults += dict.fromkeys(_fault(item, where, model) for item in error.errors(include_url=False))
         return None
-    wrong = made.contradictions() if isinstance(made, Table) else []
+    wrong = made.contradictions() if isinstance(made, DeclaredTable) else []
     faults += [Fault(f"{where}.{key}", problem) for key, problem in wrong]
     return None if wrong else made
 

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from recoil_acquisition.declaration import Finite, NotNegative, Pair, Positive, Table, Text
+from recoil_acquisition.declaration import DeclaredTable, Finite, NotNegative, Pair, Positive, Text
 
 ROLES = MappingProxyType(
     {
@@ -47,7 +47,7 @@ positive if it raises the muzzle.
 SourceKind = Literal["dewetron", "can", "serial", "camera"]
 
 
-class MotionAlignment(Table):
+class MotionAlignment(DeclaredTable):
     """Align a source by a motion that the reference clock has in another quantity, see `MOTIONS`.
 
     A camera may be aligned ``against`` the breech pressure: by the motion that the forces drive.
@@ -60,7 +60,7 @@ class MotionAlignment(Table):
     drift_allowance: NotNegative = 5e-5
 
 
-class RedundantAlignment(Table):
+class RedundantAlignment(DeclaredTable):
     """Align a source by one of its channels that repeats a channel of the reference clock."""
 
     method: Literal["redundant"]
@@ -69,7 +69,7 @@ class RedundantAlignment(Table):
     drift_allowance: NotNegative = 5e-5
 
 
-class TriggerAlignment(Table):
+class TriggerAlignment(DeclaredTable):
     """Align a source by the trigger edge that one of its channels recorded."""
 
     method: Literal["trigger"]
@@ -77,7 +77,7 @@ class TriggerAlignment(Table):
     drift_allowance: NotNegative = 5e-5
 
 
-class ExposureAlignment(Table):
+class ExposureAlignment(DeclaredTable):
     """Align a camera by the pulses of its exposures, which ``channel`` of the reference clock recorded.
 
     A pulse rises where an exposure starts. Where the recorder has more pulses than the film has frames, ``against``,
@@ -90,7 +90,7 @@ class ExposureAlignment(Table):
     drift_allowance: NotNegative = 5e-5
 
 
-class FixedAlignment(Table):
+class FixedAlignment(DeclaredTable):
     """Take the offset as known: ``t_ref = (1 + drift) * t_source + offset_s``."""
 
     method: Literal["fixed"]
@@ -145,7 +145,7 @@ SHOT_PLACE = "{shot}"
 """In a source's ``match`` the place of the shot's number in the names of its files."""
 
 
-class Source(Table):
+class Source(DeclaredTable):
     """One recorder, bus, port or camera; its name is also the name of its clock.
 
     ``match`` is a glob of its files' names; `SHOT_PLACE` in it is where the shot's number stands. A file that is
@@ -210,7 +210,7 @@ class Source(Table):
         return re.compile(text.replace(place, r"(?P<shot>[0-9]{1,9})"), re.IGNORECASE)
 
 
-class Sensor(Table):
+class Sensor(DeclaredTable):
     """One sensor, its calibration and its chain. Positions in metres, in its body's axes.
 
     ``delay_s`` is the delay of the whole chain behind the sensor, its anti-alias filter included; without it that of
@@ -266,7 +266,7 @@ class Sensor(Table):
         return "u_rel" in self.model_fields_set
 
 
-class ChannelSpec(Table):
+class ChannelSpec(DeclaredTable):
     """One channel: which signal of which source it is, what it measures and with which sensor."""
 
     name: Text

@@ -17,7 +17,7 @@ import pytest
 from recoil_acquisition.readers.can.asc import read_asc
 from recoil_acquisition.readers.can.blf import read_blf
 from recoil_acquisition.readers.can.candump import read_candump
-from recoil_acquisition.readers.can.decoding import SignalLayout, pieces_of
+from recoil_acquisition.readers.can.decoding import SignalLayout, bit_runs_of
 from recoil_acquisition.readers.can.frames import CanLog
 from recoil_acquisition.readers.can.mdf import read_mdf
 from recoil_acquisition.readers.can.messages import load_database
@@ -103,7 +103,7 @@ def test_four_signals_of_each_frame_are_decoded(order: str, target_m: float, cap
         SignalLayout(
             f"s{k}",
             "",
-            pieces_of(16 * k + (0 if little else 7), 16, little_endian=little),
+            bit_runs_of(16 * k + (0 if little else 7), 16, little_endian=little),
             16,
             "signed",
             0.01,

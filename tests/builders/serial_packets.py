@@ -8,7 +8,7 @@ from typing import Any
 
 from recoil_acquisition.frames.checksum import CHECKSUMS
 from recoil_acquisition.frames.decoder import FrameDecoder
-from recoil_acquisition.frames.frame_set import Counters, Frame
+from recoil_acquisition.frames.frame_set import Frame, FrameCounters
 from recoil_acquisition.frames.port_stream import PortStream
 from recoil_acquisition.frames.search import NEED_DATA
 from tests.builders import rdlog_bytes
@@ -54,7 +54,7 @@ def stamped_port(reads: Sequence[tuple[float, bytes]]) -> PortStream:
     return PortStream.of_reads((round(t * 1e9), data) for t, data in reads)
 
 
-def decoded(framing: Any, reads: Sequence[tuple[float | None, bytes]]) -> tuple[list[Frame], Counters]:
+def decoded(framing: Any, reads: Sequence[tuple[float | None, bytes]]) -> tuple[list[Frame], FrameCounters]:
     """Go from frame to frame after each read."""
     decoder = FrameDecoder(framing)
     frames = []
@@ -68,7 +68,7 @@ def decoded(framing: Any, reads: Sequence[tuple[float | None, bytes]]) -> tuple[
     return frames, decoder.counters
 
 
-def taken(framing: Any, reads: Sequence[tuple[float | None, bytes]]) -> tuple[list[tuple[int, bytes]], Counters]:
+def taken(framing: Any, reads: Sequence[tuple[float | None, bytes]]) -> tuple[list[tuple[int, bytes]], FrameCounters]:
     """Take frames by blocks after each read, as their ends and bytes."""
     decoder = FrameDecoder(framing)
     sets = []

@@ -28,7 +28,7 @@ from recoil_acquisition.host_clock import Anchor, anchor
 from recoil_acquisition.log.folder import open_log
 from recoil_acquisition.log.writer import LogWriter
 from recoil_acquisition.readers.can.capture import CanCaptureRecording
-from recoil_acquisition.readers.can.decoding import pieces_of
+from recoil_acquisition.readers.can.decoding import bit_runs_of
 from recoil_acquisition.readers.rdlog import CaptureReader
 from recoil_rigs.rig import Rig, load_rig, parse_rig
 from recoil_rigs.twin import TwinShot, simulate_shot
@@ -395,7 +395,7 @@ def test_a_devices_clock_follows_each_shots_drift_without_a_jump() -> None:
 
 def test_a_counter_is_put_into_its_bits_alone() -> None:
     for little_endian, start in ((True, 12), (False, 11)):
-        pieces = pieces_of(start, 10, little_endian=little_endian)
+        pieces = bit_runs_of(start, 10, little_endian=little_endian)
         for value in (0, 1, 513, 1023):
             data = with_bits(b"\xff" * 8, pieces, value)
             assert sum(bin(byte).count("0") - 1 for byte in data) >= 0

@@ -23,7 +23,7 @@ SCHEMA = "recoil-daq/export/1"
 
 
 @dataclass(frozen=True, eq=False)
-class Group:
+class TimeBaseGroup:
     """The channels of one time base.
 
     Attributes
@@ -61,16 +61,16 @@ class Content:
     """
 
     document: Mapping[str, Any]
-    groups: tuple[Group, ...]
+    groups: tuple[TimeBaseGroup, ...]
     sensors: Mapping[str, Any]
     start: AbsoluteStart | None
     notes: tuple[str, ...]
 
-    def only(self, groups: Sequence[Group]) -> Content:
+    def only(self, groups: Sequence[TimeBaseGroup]) -> Content:
         """Return the same with some of the groups alone."""
         return replace(self, groups=tuple(groups))
 
-    def group_document(self, group: Group) -> dict[str, Any]:
+    def group_document(self, group: TimeBaseGroup) -> dict[str, Any]:
         """Say what a file of one time base says: shot, clock, time, channels; JSON types, finite numbers."""
         base = group.time_base
         return {
@@ -161,7 +161,7 @@ def gather(shot: Shot, provenance: Mapping[str, Any], names: Sequence[str] = (),
     return Content(_document(shot, provenance, aligned), groups, _sensors(shot.rig_text), _start(shot), tuple(notes))
 
 
-def _grouped(channels: Iterable[Channel]) -> tuple[Group, ...]:
+def _grouped(channels: Iterable[Channel]) -> tuple[TimeBaseGroup, ...]:
     bases: list[tuple[TimeBase, list[Channel]]] = []
     for channel in channels:
         for base, members in bases:
@@ -172,7 +172,8 @@ def _grouped(channels: Iterable[Channel]) -> tuple[Group, ...]:
             bases.append((channel.time_base, [channel]))
     names = tree_names((base.clock for base, _ in bases), ())
     return tuple(
-        Group(name, base.clock, base, tuple(members)) for name, (base, members) in zip(names, bases, strict=True)
+        TimeBaseGroup(name, base.clock, base, tuple(members))
+        for name, (base, members) in zip(names, bases, strict=True)
     )
 
 

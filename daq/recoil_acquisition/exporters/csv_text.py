@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.exporters.content import Content
-from recoil_acquisition.exporters.exporter import Carried, Table, exact_table
+from recoil_acquisition.exporters.exporter import ExportedTable, Representation, exact_table
 from recoil_acquisition.readers.exported.recoil_csv import FIRST_LINE, RecoilCsvReader
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.store.table import json_text
@@ -50,9 +50,9 @@ class CsvExporter:
     extra = ""
     single_file = False
 
-    def carried(self, content: Content) -> Carried:
+    def carried(self, content: Content) -> Representation:
         """Return everything: samples of float32 become the float64 of the same value."""
-        return Carried(tuple(exact_table(group, _as_float64) for group in content.groups))
+        return Representation(tuple(exact_table(group, _as_float64) for group in content.groups))
 
     def write(self, content: Content, path: Path) -> None:
         """Write the file of the one group."""
@@ -70,13 +70,13 @@ class CsvExporter:
                 cells = [map(repr, column[start : start + ROWS].astype(np.float64).tolist()) for column in columns]
                 file.writelines(",".join(row) + "\n" for row in zip(*cells, strict=True))
 
-    def read_back(self, content: Content, path: Path) -> tuple[Table, ...]:
+    def read_back(self, content: Content, path: Path) -> tuple[ExportedTable, ...]:
         """Read the file by the reader of this format."""
         (group,) = content.groups
         recording = RecoilCsvReader().open(path, Declarations(group.time_base.clock))
         samples = {header.name: recording.read(header.name) for header in recording.signals}
         times_s = recording.time_base(recording.signals[0].name).times_s
-        return (Table(group.name, times_s, samples),)
+        return (ExportedTable(group.name, times_s, samples),)
 
 
 def heading_row(headings: list[str]) -> str:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.exporters.content import Content
 from recoil_acquisition.exporters.csv_text import heading_row
-from recoil_acquisition.exporters.exporter import Carried, Table
+from recoil_acquisition.exporters.exporter import ExportedTable, Representation
 from recoil_acquisition.readers.text.rows import read_rows
 from recoil_acquisition.readers.text.text_file import read_text
 from recoil_acquisition.readers.text.text_table import find_block
@@ -35,20 +35,20 @@ class DewesoftTextExporter:
     extra = ""
     single_file = False
 
-    def carried(self, content: Content) -> Carried:
+    def carried(self, content: Content) -> Representation:
         """Return the numbers as 15 digits give them back, and by how much they are off."""
         tables, losses = [], []
         for group in content.groups:
             times_s = _printed(group.time_base.times_s)
             samples = {c.name: _printed(c.samples) for c in group.channels}
-            tables.append(Table(group.name, times_s, samples))
+            tables.append(ExportedTable(group.name, times_s, samples))
             losses += _rounding("time", group.time_base.times_s, times_s)
             for c in group.channels:
                 losses += _rounding(c.name, c.samples.astype(np.float64), samples[c.name])
             losses.append(
                 "what is known beside name and unit: clock, even spacing, absolute start, sensors, provenance"
             )
-        return Carried(tuple(tables), tuple(losses))
+        return Representation(tuple(tables), tuple(losses))
 
     def write(self, content: Content, path: Path) -> None:
         """Write the file of the one group."""
@@ -62,7 +62,7 @@ class DewesoftTextExporter:
                 rows = zip(*(column[start : start + ROWS].tolist() for column in columns), strict=True)
                 file.write(_LOST.sub("", "".join([form % row for row in rows])))
 
-    def read_back(self, content: Content, path: Path) -> tuple[Table, ...]:
+    def read_back(self, content: Content, path: Path) -> tuple[ExportedTable, ...]:
         """Read the numbers; headings may read alike, so the order tells."""
         (group,) = content.groups
         names = [c.name for c in group.channels]
@@ -72,7 +72,7 @@ class DewesoftTextExporter:
             body = file.data.find(b"\n") + 1
             values = read_rows(find_block(file, body, ",", ["time", *names], decimal_comma=False))
         columns = [np.ascontiguousarray(column) for column in values.T]
-        return (Table(group.name, columns[0], dict(zip(names, columns[1:], strict=True))),)
+        return (ExportedTable(group.name, columns[0], dict(zip(names, columns[1:], strict=True))),)
 
 
 def _unit(unit: str) -> str:

@@ -14,11 +14,11 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.exporters.content import Content, Group
+from recoil_acquisition.exporters.content import Content, TimeBaseGroup
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class ExportedTable:
     """The numbers of one time base as a format carries them, or as they were read back.
 
     Attributes
@@ -36,8 +36,8 @@ class Table:
 
 
 @dataclass(frozen=True, eq=False)
-class Carried:
-    """What a format carries of some content.
+class Representation:
+    """The part of some content that a format can represent.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Carried:
         Channels that the format cannot carry at all; each has its line in `losses`.
     """
 
-    tables: tuple[Table, ...]
+    tables: tuple[ExportedTable, ...]
     losses: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
 
@@ -77,7 +77,7 @@ class Exporter(Protocol):
         """Whether one file takes all time bases; else each has its own."""
         ...
 
-    def carried(self, content: Content) -> Carried:
+    def carried(self, content: Content) -> Representation:
         """Say what the format carries of the content."""
         ...
 
@@ -85,14 +85,16 @@ class Exporter(Protocol):
         """Write a new file. Exceptions of libraries are mapped by the caller."""
         ...
 
-    def read_back(self, content: Content, path: Path) -> tuple[Table, ...]:
+    def read_back(self, content: Content, path: Path) -> tuple[ExportedTable, ...]:
         """Read from the file what `carried` says must be in it."""
         ...
 
 
-def exact_table(group: Group, convert: Callable[[NDArray[Any]], NDArray[Any]] = lambda samples: samples) -> Table:
+def exact_table(
+    group: TimeBaseGroup, convert: Callable[[NDArray[Any]], NDArray[Any]] = lambda samples: samples
+) -> ExportedTable:
     """Return a group's numbers as the shot has them, or each channel's samples converted."""
-    return Table(group.name, group.time_base.times_s, {c.name: convert(c.samples) for c in group.channels})
+    return ExportedTable(group.name, group.time_base.times_s, {c.name: convert(c.samples) for c in group.channels})
 
 
 def free_name(name: str, taken: Mapping[str, Any] | list[str]) -> str:
@@ -102,7 +104,9 @@ def free_name(name: str, taken: Mapping[str, Any] | list[str]) -> str:
     return name
 
 
-def first_difference(one: Sequence[Table], other: Sequence[Table], *, values_only: bool = False) -> str | None:
+def first_difference(
+    one: Sequence[ExportedTable], other: Sequence[ExportedTable], *, values_only: bool = False
+) -> str | None:
     """Name the first place where two sets of numbers differ bit for bit; None if there is none.
 
     Parameters

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.exporters.content import Content
-from recoil_acquisition.exporters.exporter import Carried, Table, exact_table
+from recoil_acquisition.exporters.exporter import ExportedTable, Representation, exact_table
 from recoil_acquisition.store.table import json_text
 
 PREFIX, TIME = "Data1_", "Data1_time_"
@@ -35,14 +35,14 @@ class MatExporter:
     extra = ""
     single_file = True
 
-    def carried(self, content: Content) -> Carried:
+    def carried(self, content: Content) -> Representation:
         """Return everything; names that had to change are told."""
         losses = [
             f"{name}: its name is {variable!r} here; `recoil_daq_names` maps it back"
             for (_, name), (variable, _) in variables(content).items()
             if variable != PREFIX + name
         ]
-        return Carried(tuple(exact_table(group) for group in content.groups), tuple(losses))
+        return Representation(tuple(exact_table(group) for group in content.groups), tuple(losses))
 
     def write(self, content: Content, path: Path) -> None:
         """Write the file."""
@@ -63,7 +63,7 @@ class MatExporter:
                 held[time] = group.time_base.times_s
         savemat(str(path), held, appendmat=False, long_field_names=True, do_compression=True, oned_as="column")
 
-    def read_back(self, content: Content, path: Path) -> tuple[Table, ...]:
+    def read_back(self, content: Content, path: Path) -> tuple[ExportedTable, ...]:
         """Read the file and map its names back by the table in it."""
         from scipy.io import loadmat
 
@@ -75,7 +75,7 @@ class MatExporter:
             if any(not np.array_equal(time, times[0]) for time in times):
                 raise ValueError(f"the channels of {group.name} have different times")
             samples = {c.name: _column(held, mapped[c.name][0]) for c in group.channels}
-            tables.append(Table(group.name, times[0], samples))
+            tables.append(ExportedTable(group.name, times[0], samples))
         return tuple(tables)
 
 

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from recoil_acquisition.exporters.absolute import stated_start
-from recoil_acquisition.exporters.content import Content, Group
-from recoil_acquisition.exporters.exporter import Carried, Table, exact_table
+from recoil_acquisition.exporters.content import Content, TimeBaseGroup
+from recoil_acquisition.exporters.exporter import ExportedTable, Representation, exact_table
 from recoil_acquisition.store.table import json_text
 
 VERSION = "4.10"
@@ -32,7 +32,7 @@ class Mdf4Exporter:
     extra = "mdf"
     single_file = True
 
-    def carried(self, content: Content) -> Carried:
+    def carried(self, content: Content) -> Representation:
         """Return everything; what the header cannot say of the start is told."""
         losses = []
         moment = stated_start(content.start)
@@ -46,7 +46,7 @@ class Mdf4Exporter:
                 f"the header has one start: {', '.join(others)} count from the zero of their own clocks, which the "
                 "comments of their groups name"
             )
-        return Carried(tuple(exact_table(group) for group in content.groups), tuple(losses))
+        return Representation(tuple(exact_table(group) for group in content.groups), tuple(losses))
 
     def write(self, content: Content, path: Path) -> None:
         """Write the file."""
@@ -67,7 +67,7 @@ class Mdf4Exporter:
         if Path(saved) != path:
             raise OSError(f"was written as {saved}")
 
-    def read_back(self, content: Content, path: Path) -> tuple[Table, ...]:
+    def read_back(self, content: Content, path: Path) -> tuple[ExportedTable, ...]:
         """Read the file."""
         from asammdf import MDF
 
@@ -82,11 +82,11 @@ def _comment(content: Content, channel: Any) -> str:
     return json_text({key: document[key] for key in ("quantity", "role", "signal", "u_rel")})
 
 
-def _table(mdf: Any, index: int, group: Group) -> Table:
+def _table(mdf: Any, index: int, group: TimeBaseGroup) -> ExportedTable:
     names = [channel.name for channel in mdf.groups[index].channels[1:]]
     times_s = np.asarray(mdf.get_master(index), dtype=np.float64)
     samples = {
         name: np.asarray(mdf.get(group=index, index=i, raw=True, samples_only=True)[0])
         for i, name in enumerate(names, start=1)
     }
-    return Table(group.name, times_s, samples)
+    return ExportedTable(group.name, times_s, samples)

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from recoil_acquisition.exporters.content import Content
-from recoil_acquisition.exporters.exporter import Carried, Table, exact_table, free_name
+from recoil_acquisition.exporters.exporter import ExportedTable, Representation, exact_table, free_name
 from recoil_acquisition.readers.exported.recoil_parquet import KEY, RecoilParquetReader
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.store.table import json_text
@@ -30,9 +30,9 @@ class ParquetExporter:
     extra = "parquet"
     single_file = False
 
-    def carried(self, content: Content) -> Carried:
+    def carried(self, content: Content) -> Representation:
         """Return everything."""
-        return Carried(tuple(exact_table(group) for group in content.groups))
+        return Representation(tuple(exact_table(group) for group in content.groups))
 
     def write(self, content: Content, path: Path) -> None:
         """Write the file of the one group."""
@@ -50,14 +50,14 @@ class ParquetExporter:
         schema = pa.schema(fields, metadata={KEY: json_text(content.group_document(group)).encode()})
         columns = [group.time_base.times_s, *(c.samples for c in group.channels)]
         arrays = [pa.array(np.ascontiguousarray(column), from_pandas=False) for column in columns]
-        table = pa.Table.from_arrays(arrays, schema=schema)
+        table = pa.ExportedTable.from_arrays(arrays, schema=schema)
         pq.write_table(table, path, compression="none", use_dictionary=False, write_page_checksum=True)
 
-    def read_back(self, content: Content, path: Path) -> tuple[Table, ...]:
+    def read_back(self, content: Content, path: Path) -> tuple[ExportedTable, ...]:
         """Read the file by the reader of this format."""
         (group,) = content.groups
         recording = RecoilParquetReader().open(path, Declarations(group.time_base.clock))
         types = {c.name: c.samples.dtype for c in group.channels}
         samples = {s.name: recording.read(s.name).astype(types.get(s.name, np.float64)) for s in recording.signals}
         times_s = recording.time_base(recording.signals[0].name).times_s
-        return (Table(group.name, times_s, samples),)
+        return (ExportedTable(group.name, times_s, samples),)

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from recoil_acquisition.errors import RecoilDaqError, StoreError
 from recoil_acquisition.exporters.content import Content
-from recoil_acquisition.exporters.exporter import Carried, Exporter, exact_table, first_difference
+from recoil_acquisition.exporters.exporter import Exporter, Representation, exact_table, first_difference
 from recoil_acquisition.extras import EXTRAS
 from recoil_acquisition.new_file import give_name, partial_path
 
@@ -159,7 +159,7 @@ def _write(content: Content, exporter: Exporter, temporary: Path, target: Path) 
     return ExportedFile(target, clocks, kept, samples, size, exact is None, carried.losses, carried.left_out)
 
 
-def _nothing_left(exporter: Exporter, carried: Carried, target: Path) -> StoreError:
+def _nothing_left(exporter: Exporter, carried: Representation, target: Path) -> StoreError:
     return StoreError(
         f"{exporter.name} can carry none of these channels: {'; '.join(carried.losses)}", path=target,
         remedy="choose another --format",

@@ -17,8 +17,8 @@ import numpy as np
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.exporters.absolute import stated_start
-from recoil_acquisition.exporters.content import Content, Group
-from recoil_acquisition.exporters.exporter import Carried, Table, exact_table, free_name
+from recoil_acquisition.exporters.content import Content, TimeBaseGroup
+from recoil_acquisition.exporters.exporter import ExportedTable, Representation, exact_table, free_name
 from recoil_acquisition.store.table import json_text
 
 
@@ -30,7 +30,7 @@ class TdmsExporter:
     extra = "tdms"
     single_file = True
 
-    def carried(self, content: Content) -> Carried:
+    def carried(self, content: Content) -> Representation:
         """Return everything; an absolute start whose zone is unknown is told."""
         losses = []
         for group in content.groups:
@@ -41,7 +41,7 @@ class TdmsExporter:
                     f"{group.name}: no wf_start_time, which is UTC, because the zone of {start.text} is {start.zone}; "
                     "the group's property `recoil_daq` has it"
                 )
-        return Carried(tuple(exact_table(group) for group in content.groups), tuple(losses))
+        return Representation(tuple(exact_table(group) for group in content.groups), tuple(losses))
 
     def write(self, content: Content, path: Path) -> None:
         """Write the file."""
@@ -58,7 +58,7 @@ class TdmsExporter:
         with path.open("xb") as file, TdmsWriter(file) as writer:
             writer.write_segment(objects)
 
-    def read_back(self, content: Content, path: Path) -> tuple[Table, ...]:
+    def read_back(self, content: Content, path: Path) -> tuple[ExportedTable, ...]:
         """Read the file."""
         from nptdms import TdmsFile
 
@@ -76,15 +76,15 @@ class TdmsExporter:
                     raise ValueError(f"the channels of {group.name} have different times")
                 ((offset_s, step_s),) = said
                 times_s = offset_s + step_s * np.arange(len(first), dtype=np.float64)
-            tables.append(Table(group.name, times_s, {name: np.asarray(c[:]) for name, c in channels.items()}))
+            tables.append(ExportedTable(group.name, times_s, {name: np.asarray(c[:]) for name, c in channels.items()}))
         return tuple(tables)
 
 
-def _time_name(group: Group) -> str:
+def _time_name(group: TimeBaseGroup) -> str:
     return free_name("time_s", [c.name for c in group.channels])
 
 
-def _properties(group: Group, channel: Channel) -> dict[str, Any]:
+def _properties(group: TimeBaseGroup, channel: Channel) -> dict[str, Any]:
     base = group.time_base
     properties: dict[str, Any] = {
         "unit_string": channel.unit, "quantity": channel.quantity, "role": channel.role, "signal": channel.signal,

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
-from recoil_acquisition.exporters.content import Content, Group
-from recoil_acquisition.exporters.exporter import Carried, Table
+from recoil_acquisition.exporters.content import Content, TimeBaseGroup
+from recoil_acquisition.exporters.exporter import ExportedTable, Representation
 from recoil_acquisition.timebase import TimeBase
 
 IDENTIFICATION = 80
@@ -42,7 +42,7 @@ class Uff58Exporter:
     extra = ""
     single_file = True
 
-    def carried(self, content: Content) -> Carried:
+    def carried(self, content: Content) -> Representation:
         """Return the evenly spaced channels, their instants as start and step of 6 digits give them."""
         tables, losses, left_out = [], [], []
         for group in content.groups:
@@ -63,9 +63,9 @@ class Uff58Exporter:
                 if _line(c.name, IDENTIFICATION) != c.name:
                     losses.append(f"{c.name}: its name is {_line(c.name, IDENTIFICATION)!r} here")
             samples = {c.name: c.samples.astype(np.float64) for c in group.channels}
-            tables.append(Table(group.name, rounded.times_s, samples))
+            tables.append(ExportedTable(group.name, rounded.times_s, samples))
         losses.append("what is known beside name, unit, quantity and clock: absolute start, sensors, provenance")
-        return Carried(tuple(tables), tuple(losses), tuple(left_out))
+        return Representation(tuple(tables), tuple(losses), tuple(left_out))
 
     def write(self, content: Content, path: Path) -> None:
         """Write the file."""
@@ -80,7 +80,7 @@ class Uff58Exporter:
                     file.write(channel.samples.astype("<f8").tobytes())
                     file.write(b"\n    -1\n")
 
-    def read_back(self, content: Content, path: Path) -> tuple[Table, ...]:
+    def read_back(self, content: Content, path: Path) -> tuple[ExportedTable, ...]:
         """Read the datasets in order, by the counts in their own records."""
         data = path.read_bytes()
         at = 0
@@ -101,7 +101,7 @@ class Uff58Exporter:
                 if size != 8 * count or data[at : at + 8] != b"\n    -1\n":
                     raise ValueError("a dataset does not end where its header says")
                 at += 8
-            tables.append(Table(group.name, times_s, samples))
+            tables.append(ExportedTable(group.name, times_s, samples))
         if at != len(data):
             raise ValueError("there is more in the file than was written")
         return tuple(tables)
@@ -117,7 +117,7 @@ def _line(text: str, width: int) -> str:
     return plain[:width].rstrip()
 
 
-def _head(content: Content, group: Group, channel: Channel, number: int) -> str:
+def _head(content: Content, group: TimeBaseGroup, channel: Channel, number: int) -> str:
     """Return all of a dataset before its samples."""
     base = group.time_base
     shot, rig = content.document["shot"], content.document["rig"]

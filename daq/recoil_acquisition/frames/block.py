@@ -12,7 +12,7 @@ import numpy as np
 
 from recoil_acquisition.frames.acceptance import FEWEST_ROWS, Acceptance
 from recoil_acquisition.frames.byte_stuffing import Mask, Octets, Places, decode_cobs_packets, decode_slip_packets
-from recoil_acquisition.frames.frame_set import Counters, FrameCollection
+from recoil_acquisition.frames.frame_set import FrameCollection, FrameCounters
 from recoil_acquisition.frames.framing import Framing
 from recoil_acquisition.frames.search import PacketSearch, Search, SyncSearch
 
@@ -25,7 +25,7 @@ Judged = tuple[bytes, Places, Mask, Mask]
 """Bytes that begin with frames, their lengths, and which are good and of a known type."""
 
 
-class Block(ABC):
+class BatchSearch(ABC):
     """Taking of the frames at the front of a search's bytes.
 
     Parameters
@@ -36,7 +36,7 @@ class Block(ABC):
         What is met is counted here.
     """
 
-    def __init__(self, framing: Framing, acceptance: Acceptance, counters: Counters) -> None:
+    def __init__(self, framing: Framing, acceptance: Acceptance, counters: FrameCounters) -> None:
         self._framing = framing
         self._acceptance = acceptance
         self._counters = counters
@@ -46,10 +46,10 @@ class Block(ABC):
         """Take the frames before byte ``end`` of the buffer if they are many; tell whether it is worth going on."""
 
 
-class SyncBlock(Block):
+class SyncBlock(BatchSearch):
     """Frames whose heads tell their lengths and that follow each other without a gap, up to the first bad one."""
 
-    def __init__(self, search: SyncSearch, framing: Framing, acceptance: Acceptance, counters: Counters) -> None:
+    def __init__(self, search: SyncSearch, framing: Framing, acceptance: Acceptance, counters: FrameCounters) -> None:
         super().__init__(framing, acceptance, counters)
         self._search = search
         # where frames behind a bad one were judged in vain, fewer are judged together
@@ -131,10 +131,10 @@ class SyncBlock(Block):
         return length
 
 
-class PacketBlock(Block):
+class PacketBlock(BatchSearch):
     """Packets between delimiters, good and bad."""
 
-    def __init__(self, search: PacketSearch, framing: Framing, acceptance: Acceptance, counters: Counters) -> None:
+    def __init__(self, search: PacketSearch, framing: Framing, acceptance: Acceptance, counters: FrameCounters) -> None:
         super().__init__(framing, acceptance, counters)
         self._search = search
         self._decode = decode_cobs_packets if framing.kind == "cobs" else decode_slip_packets
@@ -195,7 +195,7 @@ def _chosen(octets: Octets, lengths: Places, chosen: Mask) -> tuple[Octets, Plac
     return octets[np.repeat(chosen, lengths)], lengths[chosen]
 
 
-def block_for(search: Search, framing: Framing, acceptance: Acceptance, counters: Counters) -> Block | None:
+def block_for(search: Search, framing: Framing, acceptance: Acceptance, counters: FrameCounters) -> BatchSearch | None:
     """Return what takes many frames of a search at once; None if nothing does."""
     if not acceptance.by_rows:
         return None

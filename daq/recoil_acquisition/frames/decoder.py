@@ -15,7 +15,7 @@ from dataclasses import replace
 
 from recoil_acquisition.frames.acceptance import Acceptance
 from recoil_acquisition.frames.block import block_for
-from recoil_acquisition.frames.frame_set import Counters, Frame, FrameCollection, FrameSet
+from recoil_acquisition.frames.frame_set import Frame, FrameCollection, FrameCounters, FrameSet
 from recoil_acquisition.frames.framing import Framing
 from recoil_acquisition.frames.search import NEED_DATA, Found, Search, search_for
 
@@ -33,7 +33,7 @@ class FrameDecoder:
     """
 
     def __init__(self, framing: Framing) -> None:
-        self.counters = Counters()
+        self.counters = FrameCounters()
         self._framing = framing
         self._acceptance = Acceptance(framing)
         self._search: Search = search_for(framing, self._acceptance, self.counters)

@@ -29,7 +29,7 @@ class Frame(NamedTuple):
 
 
 @dataclass
-class Counters:
+class FrameCounters:
     """What a decoder met.
 
     Attributes
@@ -93,7 +93,7 @@ class FrameSet:
     begins: NDArray[np.int64]
     lengths: NDArray[np.int64]
     ends: NDArray[np.int64]
-    counters: Counters
+    counters: FrameCounters
 
     def frame(self, i: int) -> bytes:
         """Return one frame."""
@@ -120,7 +120,7 @@ class FrameCollection:
         self._lengths.append(lengths)
         self._ends.append(ends)
 
-    def together(self, counters: Counters) -> FrameSet:
+    def together(self, counters: FrameCounters) -> FrameSet:
         """Return the frames as one set."""
         self._close_singles()
         none = np.zeros(0, dtype=np.int64)
@@ -135,7 +135,7 @@ class FrameCollection:
             self._single.clear()
 
 
-def joined(sets: list[FrameSet], counters: Counters) -> FrameSet:
+def joined_sets(sets: list[FrameSet], counters: FrameCounters) -> FrameSet:
     """Put sets of frames together, in their order."""
     none = np.zeros(0, dtype=np.int64)
     shifts = np.cumsum([0, *(len(s.buffer) for s in sets)])

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from recoil_acquisition.declaration import Finite, NotNegative, Positive, Table, Text
+from recoil_acquisition.declaration import DeclaredTable, Finite, NotNegative, Positive, Text
 from recoil_acquisition.frames.checksum import CHECKSUMS
 from recoil_acquisition.frames.field import TYPE_SIZES
 from recoil_acquisition.frames.framing import BITS_PER_BYTE
@@ -68,7 +68,7 @@ Whole = Annotated[int, Field(ge=0, le=2**31 - 1)]
 Count = Annotated[int, Field(ge=1, le=2**31 - 1)]
 
 
-class LengthTable(Table):
+class LengthTable(DeclaredTable):
     """``length``: fixed, or a field of the frame."""
 
     fixed: Count | None = None
@@ -81,7 +81,7 @@ class LengthTable(Table):
     )
 
 
-class ChecksumTable(Table):
+class ChecksumTable(DeclaredTable):
     """``checksum``; of a line it is text, behind an asterisk unless another ``mark`` is declared."""
 
     algo: Annotated[str, _one_of("none", *CHECKSUMS)]
@@ -92,7 +92,7 @@ class ChecksumTable(Table):
     mark: str | None = None
 
 
-class RequestTable(Table):
+class RequestTable(DeclaredTable):
     """Bytes for the device: ``hex`` or ``text``, with their checksum if one is declared."""
 
     hex: Hex | None = None
@@ -114,7 +114,7 @@ class PollTable(RequestTable):
     timeout_s: Positive
 
 
-class CounterTable(Table):
+class CounterTable(DeclaredTable):
     """``counter``: the field that counts frames."""
 
     field: Text
@@ -122,7 +122,7 @@ class CounterTable(Table):
     step: Count = 1
 
 
-class DeviceTimeTable(Table):
+class DeviceTimeTable(DeclaredTable):
     """``device_time``: the field that holds the device's own time."""
 
     field: Text
@@ -130,7 +130,7 @@ class DeviceTimeTable(Table):
     modulo: Annotated[int, Field(ge=0, le=2**62)] = 0
 
 
-class WhenTable(Table):
+class WhenTable(DeclaredTable):
     """``when``: which frames a frame type is."""
 
     at: Whole
@@ -138,7 +138,7 @@ class WhenTable(Table):
     text: Text | None = None
 
 
-class TlvTable(Table):
+class TlvTable(DeclaredTable):
     """``tlv``: how the elements of a frame follow each other."""
 
     start: Whole = Field(alias="from")
@@ -149,7 +149,7 @@ class TlvTable(Table):
     endian: Order = "big"
 
 
-class FieldTable(Table):
+class FieldTable(DeclaredTable):
     """One of ``fields``, or an array of them: they follow each other and differ in their names only."""
 
     name: Annotated[list[str], BeforeValidator(_name_or_names)]
@@ -165,7 +165,7 @@ class FieldTable(Table):
     id: Whole | None = None
 
 
-class FrameTable(Table):
+class FrameTable(DeclaredTable):
     """One of ``frames``: how it is recognised, and its fields."""
 
     when: WhenTable | None = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 
 from recoil_acquisition.frames.decoder import FrameDecoder
-from recoil_acquisition.frames.frame_set import FrameSet, joined
+from recoil_acquisition.frames.frame_set import FrameSet, joined_sets
 from recoil_acquisition.frames.framing import Framing
 from recoil_acquisition.frames.port_stream import PortStream
 
@@ -83,4 +83,4 @@ def find_frames_of_port(framing: Framing, port: PortStream) -> FrameSet:
 
 def _ended(decoder: FrameDecoder, sets: list[FrameSet]) -> FrameSet:
     decoder.close()
-    return joined([*sets, decoder.take()], decoder.counters)
+    return joined_sets([*sets, decoder.take()], decoder.counters)

@@ -14,7 +14,7 @@ from recoil_acquisition.frames.byte_stuffing import (
     decode_slip,
     longest_packet,
 )
-from recoil_acquisition.frames.frame_set import Counters, Frame
+from recoil_acquisition.frames.frame_set import Frame, FrameCounters
 from recoil_acquisition.frames.framing import Framing
 
 
@@ -47,7 +47,7 @@ class Search(ABC):
         That byte's number in the stream.
     """
 
-    def __init__(self, framing: Framing, acceptance: Acceptance, counters: Counters) -> None:
+    def __init__(self, framing: Framing, acceptance: Acceptance, counters: FrameCounters) -> None:
         self.buffer = bytearray()
         self.at = 0
         self.offset = 0
@@ -87,7 +87,7 @@ class SyncSearch(Search):
         Least length that a frame can have.
     """
 
-    def __init__(self, framing: Framing, acceptance: Acceptance, counters: Counters) -> None:
+    def __init__(self, framing: Framing, acceptance: Acceptance, counters: FrameCounters) -> None:
         super().__init__(framing, acceptance, counters)
         self._head = max(framing.length.head, len(framing.sync))
         checksum = framing.checksum
@@ -141,7 +141,7 @@ class _Delimited(Search):
         Whether the beginning of what comes was given up.
     """
 
-    def __init__(self, framing: Framing, acceptance: Acceptance, counters: Counters) -> None:
+    def __init__(self, framing: Framing, acceptance: Acceptance, counters: FrameCounters) -> None:
         super().__init__(framing, acceptance, counters)
         self.delimiter = framing.delimiter
         self.longest = framing.maximum
@@ -208,7 +208,7 @@ class LineSearch(_Delimited):
 class PacketSearch(_Delimited):
     """Packets stuffed by COBS or SLIP; one delimiter may also stand before them, as SLIP advises."""
 
-    def __init__(self, framing: Framing, acceptance: Acceptance, counters: Counters) -> None:
+    def __init__(self, framing: Framing, acceptance: Acceptance, counters: FrameCounters) -> None:
         super().__init__(framing, acceptance, counters)
         self._decode = decode_cobs if framing.kind == "cobs" else decode_slip
         self.delimiter = COBS_DELIMITER if framing.kind == "cobs" else SLIP_DELIMITER
@@ -242,7 +242,7 @@ class PacketSearch(_Delimited):
 class SilenceSearch(Search):
     """Frames between silences: what stands between two of them is one frame, or none."""
 
-    def __init__(self, framing: Framing, acceptance: Acceptance, counters: Counters) -> None:
+    def __init__(self, framing: Framing, acceptance: Acceptance, counters: FrameCounters) -> None:
         super().__init__(framing, acceptance, counters)
         self._overlong = False
 
@@ -268,7 +268,7 @@ class SilenceSearch(Search):
 
 
 class _Kind(Protocol):
-    def __call__(self, framing: Framing, acceptance: Acceptance, counters: Counters) -> Search: ...
+    def __call__(self, framing: Framing, acceptance: Acceptance, counters: FrameCounters) -> Search: ...
 
 
 _KINDS: dict[str, _Kind] = {
@@ -281,6 +281,6 @@ _KINDS: dict[str, _Kind] = {
 }
 
 
-def search_for(framing: Framing, acceptance: Acceptance, counters: Counters) -> Search:
+def search_for(framing: Framing, acceptance: Acceptance, counters: FrameCounters) -> Search:
     """Return the search of a framing's kind."""
     return _KINDS[framing.kind](framing, acceptance, counters)

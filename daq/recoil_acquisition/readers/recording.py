@@ -55,7 +55,7 @@ class StoredChannel:
 
 
 @contextmanager
-def damage_is_reported(path: Path, expected: str) -> Iterator[None]:
+def map_to_corrupt_file(path: Path, expected: str) -> Iterator[None]:
     """Turn what a library raises over a damaged file into a `CorruptFileError`.
 
     Parameters
@@ -180,5 +180,5 @@ class Recording:
 
     def _part(self, part: Callable[[int, int], T], name: str, start: int, stop: int | None) -> T:
         first, last, _ = slice(start, stop).indices(self._channels[name].header.sample_count)
-        with damage_is_reported(self.path, f"a whole file of {self.reader}"):
+        with map_to_corrupt_file(self.path, f"a whole file of {self.reader}"):
             return part(first, max(first, last))

@@ -122,9 +122,9 @@ class OthersReader:
         ReadError
             If the file is not what it seems, whatever the reader raises.
         """
-        from recoil_acquisition.readers.recording import damage_is_reported
+        from recoil_acquisition.readers.recording import map_to_corrupt_file
 
-        with damage_is_reported(path, f"a whole file of {self.name}"):
+        with map_to_corrupt_file(path, f"a whole file of {self.name}"):
             return self._reader.open(path, declared)
 
 

@@ -81,7 +81,7 @@ def read_shot(path: Path) -> Shot:
     StoreError
         If there is no such file, or it is not a complete and undamaged shot file.
     """
-    with _damage_is_named(Path(path)):
+    with _map_to_store_error(Path(path)):
         return read_layout(_tree(Path(path), "all"))
 
 
@@ -102,7 +102,7 @@ def shot_summary(path: Path) -> dict[str, Any]:
     StoreError
         As `read_shot`.
     """
-    with _damage_is_named(Path(path)):
+    with _map_to_store_error(Path(path)):
         return summarise_layout(_tree(Path(path), "headers"))
 
 
@@ -163,7 +163,7 @@ def _write(image: bytes, path: Path) -> None:
 def _verify(shot: Shot, temporary: Path, path: Path) -> None:
     remedy = "nothing was kept; check the disk and write it again"
     try:
-        with _damage_is_named(temporary):
+        with _map_to_store_error(temporary):
             # written by this very process, which need not fear it
             difference = first_difference(shot, read_layout(_tree(temporary, "all", own=True)))
     except StoreError as error:
@@ -198,7 +198,7 @@ def _tree(path: Path, what: str, *, own: bool = False) -> Group:
 
 def _asked(path: Path, what: str, *, own: bool = False) -> Group:
     """Let a file be read: in the process that is there for it, or in this one if it is its own."""
-    with _damage_is_named(path):
+    with _map_to_store_error(path):
         if own:
             from recoil_acquisition.store.file_tree import tell
 
@@ -213,7 +213,7 @@ def _asked(path: Path, what: str, *, own: bool = False) -> Group:
 
 
 @contextlib.contextmanager
-def _damage_is_named(path: Path) -> Iterator[None]:
+def _map_to_store_error(path: Path) -> Iterator[None]:
     """Map everything that the content of a shot file can cause to `StoreError`."""
     try:
         yield

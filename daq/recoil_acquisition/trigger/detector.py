@@ -28,7 +28,7 @@ from recoil_acquisition.trigger.decision import (
     Decision,
     Outcome,
 )
-from recoil_acquisition.trigger.state import ConditionState, Event, Turn
+from recoil_acquisition.trigger.state import ConditionState, Event, Transition
 
 __all__ = ["Trigger", "TriggerDetector", "find_triggers"]
 
@@ -227,7 +227,7 @@ class TriggerDetector:
         due = [event for event in self._pending if event.time_s <= time_s]
         del self._pending[: len(due)]
         if self.trigger.combination == "any":
-            return [self._decide_event(event) for event in due if event.turn is not Turn.OVER]
+            return [self._decide_event(event) for event in due if event.transition is not Transition.OVER]
         return [d for _, group in groupby(due, lambda event: event.time_s) for d in self._decide_together(group)]
 
     def _decide_together(self, events: Iterable[Event]) -> list[Decision]:
@@ -236,14 +236,14 @@ class TriggerDetector:
         news: dict[int, Event] = {}
         momentary = set()
         for event in events:
-            if event.turn is Turn.BEYOND:
+            if event.transition is Transition.BEYOND:
                 decisions.append(self._decide_event(event))
-            elif event.turn is Turn.OVER:
+            elif event.transition is Transition.OVER:
                 self._met[event.condition] = False
             else:
                 self._met[event.condition] = True
                 news[event.condition] = event
-                if event.turn is Turn.MOMENT:
+                if event.transition is Transition.MOMENT:
                     momentary.add(event.condition)
         if news and all(self._met):
             decisions.append(self._decide_event(news[max(news)]))
@@ -253,7 +253,7 @@ class TriggerDetector:
 
     def _decide_event(self, event: Event) -> Decision:
         channel = self.trigger.conditions[event.condition].channel
-        reason = BEYOND_AT_ARM if event.turn is Turn.BEYOND else ""
+        reason = BEYOND_AT_ARM if event.transition is Transition.BEYOND else ""
         return self._decide(event.time_s, channel, event.condition, event.index, event.value, event.crossing_s, reason)
 
     def _decide(

@@ -15,7 +15,7 @@ from recoil_acquisition.trigger.condition import Condition, Edge, PulseWidth, Ra
 Floats = NDArray[np.float64]
 
 
-class Turn(enum.Enum):
+class Transition(enum.Enum):
     """What happened to a condition at a sample."""
 
     OVER = "it is no longer met"
@@ -26,7 +26,7 @@ class Turn(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """A turn of one condition.
+    """A transition of one condition.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class Event:
         Place of the condition in its trigger.
     index : int
         Number of the sample in its channel, from 0.
-    turn : Turn
+    transition : Turn
     value : float
         The sample; of a rate of change, the rate.
     crossing_s : float
@@ -47,7 +47,7 @@ class Event:
     time_s: float
     condition: int
     index: int
-    turn: Turn
+    transition: Transition
     value: float
     crossing_s: float
 
@@ -67,15 +67,15 @@ class ConditionState:
         self._number = number
         self._level, self._rearm = condition.thresholds
         self._index = 0
-        self._reset(-math.inf, tell_beyond=False)
+        self._reset(-math.inf, report_beyond=False)
 
     def arm(self, time_s: float) -> None:
         """Forget what was; samples before this time do not count."""
-        self._reset(time_s, tell_beyond=True)
+        self._reset(time_s, report_beyond=True)
 
-    def _reset(self, from_s: float, *, tell_beyond: bool) -> None:
+    def _reset(self, from_s: float, *, report_beyond: bool) -> None:
         self._from_s = from_s
-        self._tell_beyond = tell_beyond
+        self._report_beyond = report_beyond
         self._met: bool | None = None  # None until the quantity has been below the rearm level
         self._before = (math.nan, math.nan)
         self._pulse = _Pulse(self._condition) if isinstance(self._condition, PulseWidth) else None
@@ -113,10 +113,10 @@ class ConditionState:
         events: list[Event] = []
         if not self._is_quiet(*self._condition.bounds(lowest, highest), last_s):
             exact: Floats = values.astype(np.float64, copy=False)
-            for at, turn in self._turns(times_s, exact):
+            for at, transition in self._transitions(times_s, exact):
                 index = first + (at if indices is None else int(indices[at]))
-                crossing_s = self._crossing_s(at, turn, times_s, exact)
-                events.append(Event(float(times_s[at]), self._number, index, turn, float(exact[at]), crossing_s))
+                crossing_s = self._crossing_s(at, transition, times_s, exact)
+                events.append(Event(float(times_s[at]), self._number, index, transition, float(exact[at]), crossing_s))
         self._before = last_s, float(values[-1])
         return events
 
@@ -125,35 +125,35 @@ class ConditionState:
         if self._met is False:
             return highest < self._level
         if self._met is None:
-            return lowest >= self._rearm and not (self._tell_beyond and highest >= self._level)
+            return lowest >= self._rearm and not (self._report_beyond and highest >= self._level)
         return lowest >= self._rearm and not (self._pulse is not None and last_s >= self._pulse.due_s)
 
-    def _turns(self, times_s: Floats, values: Floats) -> list[tuple[int, Turn]]:
+    def _transitions(self, times_s: Floats, values: Floats) -> list[tuple[int, Transition]]:
         """Return the samples at which the state turns, by their place in the block."""
         quantity = self._condition.compared(values)
         reached = quantity >= self._level
         touching = np.flatnonzero(reached | (quantity < self._rearm))
         marks = reached[touching]
-        turns: list[tuple[int, Turn]] = []
+        transitions: list[tuple[int, Transition]] = []
         if self._met is None:
             n_beyond = len(marks) if marks.all() else int(marks.argmin())
-            if n_beyond and self._tell_beyond:
-                self._tell_beyond = False
-                turns.append((int(touching[0]), Turn.BEYOND))
+            if n_beyond and self._report_beyond:
+                self._report_beyond = False
+                transitions.append((int(touching[0]), Transition.BEYOND))
             touching, marks = touching[n_beyond:], marks[n_beyond:]
             if not len(marks):
-                return turns
+                return transitions
             self._met = False
         changed = marks != np.concatenate(([self._met], marks[:-1]))
-        turned = [Turn.MET if met else Turn.OVER for met in marks[changed]]
-        changes = list(zip(touching[changed].tolist(), turned, strict=True))
+        changes_to = [Transition.MET if met else Transition.OVER for met in marks[changed]]
+        changes = list(zip(touching[changed].tolist(), changes_to, strict=True))
         if len(marks):
             self._met = bool(marks[-1])
-        return turns + (changes if self._pulse is None else self._pulse.turns(changes, times_s))
+        return transitions + (changes if self._pulse is None else self._pulse.transitions(changes, times_s))
 
-    def _crossing_s(self, at: int, turn: Turn, times_s: Floats, values: Floats) -> float:
+    def _crossing_s(self, at: int, transition: Transition, times_s: Floats, values: Floats) -> float:
         time_s = float(times_s[at])
-        if turn is not Turn.MET or not isinstance(self._condition, Edge | Window):
+        if transition is not Transition.MET or not isinstance(self._condition, Edge | Window):
             return time_s
         before_s, before = (float(times_s[at - 1]), float(values[at - 1])) if at else self._before
         value = float(values[at])
@@ -170,36 +170,36 @@ class _Pulse:
         self._start_s = math.nan
         self.due_s = math.nan  # from when on the present pulse is long enough; NaN: its end decides, or it is told
 
-    def turns(self, changes: list[tuple[int, Turn]], times_s: Floats) -> list[tuple[int, Turn]]:
+    def transitions(self, changes: list[tuple[int, Transition]], times_s: Floats) -> list[tuple[int, Transition]]:
         """Turn the begins and ends of a block's pulses into what they mean for the condition."""
-        turns: list[tuple[int, Turn]] = []
+        transitions: list[tuple[int, Transition]] = []
         for at, change in changes:
-            if change is Turn.MET:
+            if change is Transition.MET:
                 self._start_s = float(times_s[at])
                 if self._longer_s is not None and self._shorter_s is None:
                     self.due_s = self._start_s + self._longer_s
                 continue
-            turns += self._told_before(at, times_s)
-            turns += self._ended(at, float(times_s[at]))
+            transitions += self._due_before(at, times_s)
+            transitions += self._ended(at, float(times_s[at]))
             self._start_s = self.due_s = math.nan
-        return turns + self._told_before(len(times_s), times_s)
+        return transitions + self._due_before(len(times_s), times_s)
 
-    def _told_before(self, stop: int, times_s: Floats) -> list[tuple[int, Turn]]:
+    def _due_before(self, stop: int, times_s: Floats) -> list[tuple[int, Transition]]:
         if math.isnan(self.due_s):
             return []
         at = int(np.searchsorted(times_s, self.due_s))
         if at >= stop:
             return []
         self.due_s = math.nan
-        return [(at, Turn.MET)]
+        return [(at, Transition.MET)]
 
-    def _ended(self, at: int, end_s: float) -> list[tuple[int, Turn]]:
+    def _ended(self, at: int, end_s: float) -> list[tuple[int, Transition]]:
         if self._shorter_s is None:
             if math.isnan(self.due_s):
-                return [(at, Turn.OVER)]
-            return [(at, Turn.MOMENT)] if end_s >= self.due_s else []
+                return [(at, Transition.OVER)]
+            return [(at, Transition.MOMENT)] if end_s >= self.due_s else []
         long_enough = self._longer_s is None or end_s >= self._start_s + self._longer_s
-        return [(at, Turn.MOMENT)] if long_enough and end_s - self._start_s < self._shorter_s else []
+        return [(at, Transition.MOMENT)] if long_enough and end_s - self._start_s < self._shorter_s else []
 
 
 _ROUNDING = 1.0 + 1e-12

@@ -29,13 +29,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from recoil_acquisition.declaration import Finite, NotNegative, Positive, Table, Text, declared
+from recoil_acquisition.declaration import DeclaredTable, Finite, NotNegative, Positive, Text, declared
 from recoil_acquisition.errors import Fault, RigError, did_you_mean
 from recoil_acquisition.trigger.condition import Condition, Edge, PulseWidth, RateOfChange, Window
 from recoil_acquisition.trigger.detector import Trigger
 
 
-class _EdgeTable(Table):
+class _EdgeTable(DeclaredTable):
     channel: Text = Field(description="the name of a channel")
     kind: str = "edge"
     level: Finite = Field(description="a finite number, the level in the channel's SI unit")
@@ -43,7 +43,7 @@ class _EdgeTable(Table):
     slope: Literal["rising", "falling"] = "rising"
 
 
-class _WindowTable(Table):
+class _WindowTable(DeclaredTable):
     channel: Text = Field(description="the name of a channel")
     kind: str
     low: Finite = Field(description="a finite number, the lower border in the channel's SI unit")
@@ -61,7 +61,7 @@ class _WidthTable(_EdgeTable):
     shorter_than_s: Finite | None = None
 
 
-class _TriggerTable(Table):
+class _TriggerTable(DeclaredTable):
     pre_s: NotNegative = Field(description="a time that is kept before the trigger, seconds")
     post_s: Positive = Field(description="a time that is kept behind the trigger, seconds")
     holdoff_s: NotNegative = 0.0
@@ -71,7 +71,7 @@ class _TriggerTable(Table):
     all: Annotated[list[dict[str, Any]], Field(min_length=1)] | None = None
 
 
-_KINDS: Mapping[str, tuple[type[Table], type[Condition]]] = {
+_KINDS: Mapping[str, tuple[type[DeclaredTable], type[Condition]]] = {
     "edge": (_EdgeTable, Edge),
     "window": (_WindowTable, Window),
     "slope": (_RateTable, RateOfChange),

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from recoil_acquisition.readers.can.decoding import Piece, layout_of
+from recoil_acquisition.readers.can.decoding import BitRun, layout_of
 from recoil_acquisition.readers.can.frames import EXTENDED
 from recoil_acquisition.readers.can.messages import load_database
 from recoil_rigs.rig import Rig, Source
@@ -115,10 +115,10 @@ def _logged(shot: TwinShot, source: Source, start_s: float, line: tuple[float, f
     return found
 
 
-def _counters(rig: Rig, source: Source) -> dict[_Key, tuple[tuple[Piece, ...], ...]]:
+def _counters(rig: Rig, source: Source) -> dict[_Key, tuple[tuple[BitRun, ...], ...]]:
     """Return where the counters of each message are."""
     database = load_database(rig.databases[str(source.database)], rig.path)
-    places: dict[_Key, tuple[tuple[Piece, ...], ...]] = {}
+    places: dict[_Key, tuple[tuple[BitRun, ...], ...]] = {}
     for message in database.messages:
         layouts = [layout_of(s) for s in message.signals if s.name.casefold().endswith("counter")]
         pieces = tuple(layout.pieces for layout in layouts if layout is not None)
@@ -132,7 +132,7 @@ def _stream(
     logged: Sequence[_Logged | None],
     timeline: Timeline,
     clock: DeviceClock,
-    counters: tuple[tuple[Piece, ...], ...],
+    counters: tuple[tuple[BitRun, ...], ...],
     seed: int,
 ) -> Iterator[CanItem]:
     """Yield one identifier's frames over the whole play."""
@@ -167,7 +167,7 @@ def _stream(
         after_s += period_s
 
 
-def with_bits(data: bytes, pieces: tuple[Piece, ...], value: int) -> bytes:
+def with_bits(data: bytes, pieces: tuple[BitRun, ...], value: int) -> bytes:
     """Return data with a whole number put into a signal's bits; what does not fit is cut off."""
     octets = bytearray(data)
     for piece in pieces:

@@ -14,7 +14,7 @@ from recoil_acquisition.errors import StoreError
 from recoil_acquisition.exporters import publication
 from recoil_acquisition.exporters.content import Content, gather
 from recoil_acquisition.exporters.csv_text import CsvExporter
-from recoil_acquisition.exporters.exporter import Table, first_difference
+from recoil_acquisition.exporters.exporter import ExportedTable, first_difference
 from recoil_acquisition.exporters.publication import write_export
 from recoil_acquisition.exporters.table import EXPORTERS, exporter_of
 from tests.builders.shots import make_shot
@@ -169,8 +169,8 @@ def test_every_file_is_forced_to_the_disk_before_it_is_named(tmp_path, monkeypat
 
 
 def test_signs_types_and_lost_samples_count_when_numbers_are_compared():
-    def tables(*values: float, dtype: type = np.float64) -> list[Table]:
-        return [Table("a", np.zeros(len(values)), {"x": np.array(values, dtype=dtype)})]
+    def tables(*values: float, dtype: type = np.float64) -> list[ExportedTable]:
+        return [ExportedTable("a", np.zeros(len(values)), {"x": np.array(values, dtype=dtype)})]
 
     assert first_difference(tables(1.0, np.nan), tables(1.0, -np.nan)) is None
     assert first_difference(tables(0.0), tables(-0.0)) == "samples of 'x'"

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.frames.decoder import FrameDecoder
-from recoil_acquisition.frames.frame_set import Counters
+from recoil_acquisition.frames.frame_set import FrameCounters
 from recoil_acquisition.frames.framing import Framing
 from recoil_acquisition.frames.scan import find_frames
 from tests.builders.serial_packets import cobs, decoded, slip, summed, taken
@@ -120,7 +120,7 @@ def test_a_sound_stream_is_taken_without_going_from_frame_to_frame(
     decoder.close()
     taken_now += decoder.take().begins.size
     # a frame that no sync bytes follow yet is no frame until the stream has ended
-    assert decoder.counters == Counters(received=FRAMES)
+    assert decoder.counters == FrameCounters(received=FRAMES)
     assert taken_now == FRAMES
     assert alone <= 15
 
@@ -130,7 +130,7 @@ def test_several_delimiters_before_a_packet_are_skipped_but_for_the_last() -> No
     framing = framing_of("slip")
     stream = (packet + b"\xc0" + packet + b"\xc0\xc0\xc0") * 20
     frames, counters = taken(framing, [(None, stream)])
-    assert (len(frames), counters) == (40, Counters(received=40, skipped_bytes=19 * 2 + 3))
+    assert (len(frames), counters) == (40, FrameCounters(received=40, skipped_bytes=19 * 2 + 3))
     assert [end for end, _ in frames[:3]] == [9, 19, 31]
 
 
@@ -141,14 +141,14 @@ def test_damage_of_every_kind_is_counted_in_a_block() -> None:
     frames, counters = taken(framing, [(None, b"".join(pieces))])
     assert len(frames) == 40
     skipped = 10 * (len(wrong) + 3 + 72)
-    assert counters == Counters(received=40, bad_checksum=10, bad_length=20, skipped_bytes=skipped)
+    assert counters == FrameCounters(received=40, bad_checksum=10, bad_length=20, skipped_bytes=skipped)
 
 
 def test_what_ends_a_packet_that_was_given_up_is_no_packet() -> None:
     packet = sound_frames("slip", [34], 1, rich=False)[0]
     frames, counters = taken(framing_of("slip"), [(None, b"\x01" * 200), (None, packet * 30)])
     assert len(frames) == 29
-    assert counters == Counters(received=29, bad_length=1, skipped_bytes=200 + len(packet))
+    assert counters == FrameCounters(received=29, bad_length=1, skipped_bytes=200 + len(packet))
 
 
 def test_a_frame_across_an_interruption_is_none_in_a_block_either() -> None:
@@ -159,7 +159,7 @@ def test_a_frame_across_an_interruption_is_none_in_a_block_either() -> None:
     for now_s, data in reads:
         decoder.feed(data, now_s)
     assert decoder.take().begins.size == FRAMES - 1
-    assert decoder.counters == Counters(received=FRAMES - 1, timed_out=1, skipped_bytes=len(frames[49]))
+    assert decoder.counters == FrameCounters(received=FRAMES - 1, timed_out=1, skipped_bytes=len(frames[49]))
 
 
 def test_a_frame_beyond_the_maximum_is_none_in_a_block_either() -> None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.frames.decoder import FrameDecoder
-from recoil_acquisition.frames.frame_set import Counters, Frame
+from recoil_acquisition.frames.frame_set import Frame, FrameCounters
 from recoil_acquisition.frames.scan import find_frames
 from recoil_acquisition.frames.search import NEED_DATA
 from tests.builders.vendor_files import FRAMING, serial_frame, serial_frames
@@ -53,7 +53,7 @@ LINES = framing_from_table(
 PLAIN_LINES = framing_from_table({"kind": "delimiter", "max": 6, "fields": [{"name": "a", "at": 0}]})
 
 
-def decoded(framing: Any, pieces: list[bytes]) -> tuple[list[Frame], Counters]:
+def decoded(framing: Any, pieces: list[bytes]) -> tuple[list[Frame], FrameCounters]:
     decoder = FrameDecoder(framing)
     frames = []
     for piece in pieces:
@@ -190,8 +190,8 @@ def test_frames_of_unknown_type_are_received_and_counted() -> None:
         return body + struct.pack("B", xor(body))
 
     stream = framed(1) + framed(7)
-    assert decoded(WEAK, [stream])[1] == Counters(received=2, unknown_types=1)
-    assert find_frames(WEAK, stream).counters == Counters(received=2, unknown_types=1)
+    assert decoded(WEAK, [stream])[1] == FrameCounters(received=2, unknown_types=1)
+    assert find_frames(WEAK, stream).counters == FrameCounters(received=2, unknown_types=1)
 
 
 def test_a_length_too_small_for_the_checksum_is_no_length_and_not_a_wrong_checksum() -> None:

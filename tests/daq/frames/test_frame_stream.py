@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.frames.decoder import FrameDecoder
-from recoil_acquisition.frames.frame_set import Counters
+from recoil_acquisition.frames.frame_set import FrameCounters
 from recoil_acquisition.frames.framing import Framing
 from tests.builders.serial_packets import cobs, decoded, slip, summed, taken
 
@@ -193,14 +193,14 @@ def test_a_sound_stream_is_framed_completely_whatever_the_block(name: str) -> No
     for size in (1, 7, 64, 4096):
         reads = [(None, stream[at : at + size]) for at in range(0, len(stream), size)]
         found, counters = taken(framing, reads)
-        assert counters == Counters(received=200)
+        assert counters == FrameCounters(received=200)
         assert [end for end, _ in found] == [(i + 1) * len(frames[0]) for i in range(200)]
 
 
 def test_good_frames_of_an_unknown_type_are_counted_in_runs_too() -> None:
     framing, (first, second, implausible, unknown) = EXAMPLES["any types"]
     stream = first * 30 + second * 30 + unknown * 30 + implausible
-    assert taken(framing, [(None, stream)])[1] == Counters(90, unknown_types=30, implausible=1, skipped_bytes=5)
+    assert taken(framing, [(None, stream)])[1] == FrameCounters(90, unknown_types=30, implausible=1, skipped_bytes=5)
 
 
 def test_a_frame_that_no_sync_follows_is_refused_if_look_ahead_is_declared() -> None:
@@ -214,7 +214,7 @@ def test_a_value_beyond_what_is_plausible_is_a_counted_fault_not_a_frame() -> No
     framing, (good, ignored, unknown, implausible, negative) = EXAMPLES["known types and plausible values"]
     found, counters = decoded(framing, [(None, good + implausible + ignored + unknown + negative)])
     assert [frame.data for frame in found] == [good, ignored, negative]
-    assert counters == Counters(received=3, implausible=1, unknown_types=1, skipped_bytes=10)
+    assert counters == FrameCounters(received=3, implausible=1, unknown_types=1, skipped_bytes=10)
 
 
 @pytest.mark.parametrize("plausible", [None, [-(10**9), 10**9]])

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.frames.decoder import FrameDecoder
-from recoil_acquisition.frames.frame_set import Counters
+from recoil_acquisition.frames.frame_set import FrameCounters
 from recoil_acquisition.frames.port_stream import PortStream
 from recoil_acquisition.frames.scan import find_frames, find_frames_of_port
 from recoil_acquisition.frames.search import NEED_DATA
@@ -69,7 +69,7 @@ def test_silence_tells_frames_apart_however_each_is_read(
     reads = reads_of(frames, gaps_s[: len(frames)], cuts)
     found, counters = decoded(IDLE, reads)
     assert [frame.data for frame in found] == frames
-    assert counters == Counters(received=len(frames))
+    assert counters == FrameCounters(received=len(frames))
     assert taken(IDLE, reads) == ([(frame.end, frame.data) for frame in found], counters)
     capture = find_frames_of_port(IDLE, stamped_port(reads))
     assert [capture.frame(i) for i in range(len(frames))] == frames
@@ -96,7 +96,7 @@ def test_time_that_passes_without_bytes_ends_a_frame() -> None:
     assert frame.data == REPLY
     decoder.feed(b"", 1.02)
     assert decoder.next_frame() is NEED_DATA
-    assert decoder.counters == Counters(received=1)
+    assert decoder.counters == FrameCounters(received=1)
 
 
 def test_silence_cannot_be_told_without_host_times() -> None:
@@ -113,24 +113,26 @@ def test_a_half_frame_times_out_and_holds_nothing_back() -> None:
     reads = [(0.0, SHORT), (0.1, corrupted), (0.2, SHORT), (0.21, SHORT[:2]), (0.22, SHORT[2:]), (0.3, SHORT)]
     found, counters = decoded(SYNC, reads)
     assert [frame.start for frame in found] == [0, 7, 11, 15]
-    assert counters == Counters(received=4, timed_out=1, skipped_bytes=3)
+    assert counters == FrameCounters(received=4, timed_out=1, skipped_bytes=3)
     assert find_frames_of_port(SYNC, stamped_port(reads)).counters == counters
     without_times = [(None, data) for _, data in reads]
-    assert decoded(SYNC, without_times)[1] == Counters(received=4, skipped_bytes=3)  # only once the stream has ended
+    assert decoded(SYNC, without_times)[1] == FrameCounters(
+        received=4, skipped_bytes=3
+    )  # only once the stream has ended
 
 
 def test_good_frames_within_a_half_frame_that_timed_out_are_found() -> None:
     found, counters = decoded(SYNC, [(0.0, b"\xaa\xc0" + SHORT + SHORT[:3]), (1.0, SHORT)])
     assert [frame.start for frame in found] == [2, 9]
-    assert counters == Counters(received=2, timed_out=1, skipped_bytes=5)
+    assert counters == FrameCounters(received=2, timed_out=1, skipped_bytes=5)
 
 
 def test_the_time_of_bytes_on_the_line_is_no_silence() -> None:
     slow = framing_from_table(
         {"kind": "fixed", "length": {"fixed": 100}, "timeout_s": 0.05, "baudrate": 1000, "fields": MODBUS["fields"]}
     )
-    assert decoded(slow, [(0.0, bytes(1)), (0.99, bytes(99))])[1] == Counters(received=1)
-    assert decoded(slow, [(0.0, bytes(1)), (1.05, bytes(99))])[1] == Counters(timed_out=1, skipped_bytes=100)
+    assert decoded(slow, [(0.0, bytes(1)), (0.99, bytes(99))])[1] == FrameCounters(received=1)
+    assert decoded(slow, [(0.0, bytes(1)), (1.05, bytes(99))])[1] == FrameCounters(timed_out=1, skipped_bytes=100)
 
 
 def test_an_interruption_ends_what_waits_like_a_silence() -> None:
@@ -139,7 +141,7 @@ def test_an_interruption_ends_what_waits_like_a_silence() -> None:
     decoder.interrupt()
     decoder.feed(SHORT[3:] + SHORT)
     assert decoder.take().ends.tolist() == [4, 12]
-    assert decoder.counters == Counters(received=2, timed_out=1, skipped_bytes=4)
+    assert decoder.counters == FrameCounters(received=2, timed_out=1, skipped_bytes=4)
 
 
 @settings(max_examples=120, deadline=None)

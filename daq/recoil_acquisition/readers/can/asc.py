@@ -12,7 +12,7 @@ import re
 from collections.abc import Sequence
 
 from recoil_acquisition.readers.can.frames import EXTENDED, FD_LENGTHS, ID_MASK, CanLog, FrameList
-from recoil_acquisition.readers.can.lines import CUT, LineShape, TextLines, split_lines, take_alike
+from recoil_acquisition.readers.can.lines import CUT, LineShape, TextLines, read_uniform_lines, split_lines
 from recoil_acquisition.timebase import AbsoluteStart
 
 MONTHS = {
@@ -60,7 +60,7 @@ def read_asc(text: bytes, encoding: str = "utf-8") -> CanLog:
     # a base or relative stamps may be stated anew where logs were joined: then every line is read in turn
     stated = [line.lower().split() for line in re.findall(rb"^[ \t]*base\b.*$", text, re.IGNORECASE | re.MULTILINE)]
     plain = all(line[1:2] == [b"hex"] and b"relative" not in line for line in stated)
-    left = take_alike(lines, _shape, found) if plain else range(lines.start.size)
+    left = read_uniform_lines(lines, _shape, found) if plain else range(lines.start.size)
     base, relative, ended, now_ns = 16, False, False, 0
     for at in left:
         found.place = int(at)

@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from recoil_acquisition.readers.can.frames import EXTENDED, ID_MASK, CanFrames, CanLog, FrameList
-from recoil_acquisition.readers.can.lines import CUT, LineShape, split_lines, take_alike
+from recoil_acquisition.readers.can.lines import CUT, LineShape, read_uniform_lines, split_lines
 from recoil_acquisition.timebase import AbsoluteStart
 
 ERROR_FLAG = 0x20000000
@@ -73,7 +73,7 @@ def read_candump(text: bytes) -> CanLog:
     def learn(line: bytes) -> LineShape | None:
         return _shape(line, interfaces)
 
-    for at in take_alike(lines, learn, found):
+    for at in read_uniform_lines(lines, learn, found):
         found.place = int(at)
         line = lines.line(int(at)).strip()
         local |= _read_line(line, interfaces, found)

@@ -22,7 +22,7 @@ _ROWS = 16384
 
 
 @dataclass(frozen=True)
-class Piece:
+class BitRun:
     """A run of a signal's bits within one byte.
 
     Attributes
@@ -42,7 +42,7 @@ class Piece:
     place: int
 
 
-def pieces_of(start: int, length: int, *, little_endian: bool) -> tuple[Piece, ...]:
+def bit_runs_of(start: int, length: int, *, little_endian: bool) -> tuple[BitRun, ...]:
     """Cut a signal into pieces within one byte, the least significant first.
 
     Parameters
@@ -59,18 +59,18 @@ def pieces_of(start: int, length: int, *, little_endian: bool) -> tuple[Piece, .
     else:
         first = 8 * (start // 8) + 7 - start % 8
         places = [8 * (p // 8) + 7 - p % 8 for p in range(first + length - 1, first - 1, -1)]
-    pieces: list[Piece] = []
+    pieces: list[BitRun] = []
     for k, place in enumerate(places):
         byte, bit = divmod(place, 8)
         last = pieces[-1] if pieces else None
         if last is not None and last.byte == byte and last.shift + last.count == bit:
-            pieces[-1] = Piece(byte, last.shift, last.count + 1, last.place)
+            pieces[-1] = BitRun(byte, last.shift, last.count + 1, last.place)
         else:
-            pieces.append(Piece(byte, bit, 1, k))
+            pieces.append(BitRun(byte, bit, 1, k))
     return tuple(pieces)
 
 
-def gather(data: NDArray[np.uint8], pieces: tuple[Piece, ...]) -> UInt64Array:
+def gather(data: NDArray[np.uint8], pieces: tuple[BitRun, ...]) -> UInt64Array:
     """Put a signal's bits together: out of one word of eight bytes where they fit in, else piece by piece.
 
     Parameters
@@ -120,7 +120,7 @@ class SignalLayout:
 
     name: str
     unit: str
-    pieces: tuple[Piece, ...]
+    pieces: tuple[BitRun, ...]
     length: int
     kind: str
     scale: float
@@ -175,7 +175,7 @@ def layout_of(signal: Any) -> SignalLayout | None:
     return SignalLayout(
         name=signal.name,
         unit=signal.unit or "",
-        pieces=pieces_of(signal.start, signal.length, little_endian=signal.byte_order == "little_endian"),
+        pieces=bit_runs_of(signal.start, signal.length, little_endian=signal.byte_order == "little_endian"),
         length=signal.length,
         kind="float" if signal.is_float else "signed" if signal.is_signed else "unsigned",
         scale=float(signal.scale),

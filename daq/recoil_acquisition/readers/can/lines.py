@@ -92,7 +92,9 @@ def split_lines(text: bytes) -> TextLines:
     return TextLines(text, start, ends - start, text[int(ends[-1]) + 1 :] if ends.size else text)
 
 
-def take_alike(lines: TextLines, learn: Callable[[bytes], LineShape | None], found: FrameList) -> NDArray[np.int64]:
+def read_uniform_lines(
+    lines: TextLines, learn: Callable[[bytes], LineShape | None], found: FrameList
+) -> NDArray[np.int64]:
     """Read the frames of lines that look alike.
 
     Parameters

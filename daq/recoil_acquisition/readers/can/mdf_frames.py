@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.readers.can.frames import EXTENDED, FD_LENGTHS, ID_MASK, LARGEST_CHANNEL, FrameBlock
-from recoil_acquisition.readers.mdf.channel_groups import Channel, ChannelGroup, MdfDamageError, MdfUnsupportedError
+from recoil_acquisition.readers.mdf.channel_groups import ChannelGroup, MdfChannel, MdfDamageError, MdfUnsupportedError
 from recoil_acquisition.readers.mdf.conversion import VIRTUAL, whole_numbers
 from recoil_acquisition.readers.mdf.data_blocks import DataBlocks
 from recoil_acquisition.readers.mdf.kind import Unfinished
@@ -64,9 +64,9 @@ def variable_samples(
     return linked.samples
 
 
-def _columns(group: ChannelGroup) -> dict[str, Channel]:
+def _columns(group: ChannelGroup) -> dict[str, MdfChannel]:
     """Return the first channel of each name that the standard gives to a part of a frame."""
-    columns: dict[str, Channel] = {}
+    columns: dict[str, MdfChannel] = {}
     for channel in group.channels:
         if channel.name.startswith(f"{FRAME}."):
             columns.setdefault(channel.name.removeprefix(f"{FRAME}."), channel)
@@ -142,7 +142,7 @@ def _lengths(whole: Mapping[str, NDArray[np.int64] | NDArray[np.uint64]]) -> NDA
 
 
 def _data_bytes(
-    records: Records, channel: Channel, samples: VariableSamples | None, unwritten: Unfinished
+    records: Records, channel: MdfChannel, samples: VariableSamples | None, unwritten: Unfinished
 ) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
     """Return the data of the frames, and how many bytes of them are there."""
     if samples is None:

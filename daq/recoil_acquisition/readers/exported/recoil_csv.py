@@ -21,7 +21,7 @@ from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import split_cells
 from recoil_acquisition.readers.text.rows import read_rows
 from recoil_acquisition.readers.text.text_file import TextFile, read_text
-from recoil_acquisition.readers.text.text_table import Block, find_block
+from recoil_acquisition.readers.text.text_table import TextBlock, find_block
 
 FIRST_LINE = '# recoil-daq: "csv/1"'
 _LEAST_ROW_BYTES = 4
@@ -67,7 +67,7 @@ class RecoilCsvReader:
         return exported_recording(self.name, header, declared.clock, row_count, partial(_columns, header, block))
 
 
-def _columns(header: ExportedHeader, block: Block | None) -> Columns:
+def _columns(header: ExportedHeader, block: TextBlock | None) -> Columns:
     """Read the time and the channels; there is no block where the file promises no row."""
     if block is None:
         return tuple(np.empty(0) for _ in range(len(header.signals) + 1))
@@ -88,7 +88,7 @@ def _comment_lines(file: TextFile) -> tuple[list[str], int]:
     return lines, start
 
 
-def _rows(file: TextFile, header: ExportedHeader, start: int, line: int) -> Block | None:
+def _rows(file: TextFile, header: ExportedHeader, start: int, line: int) -> TextBlock | None:
     """Delimit the rows below the heading row, and check how many there are."""
     end = file.data.find(b"\n", start)
     headings = split_cells(file.data[start : max(end, start)].decode(file.encoding, errors="replace"), ",")

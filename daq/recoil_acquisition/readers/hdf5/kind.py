@@ -11,7 +11,7 @@ SLEAP_NAMES = ("tracks", "node_names", "track_names")
 """Datasets of an analysis file of SLEAP."""
 
 
-def names_lie_behind(head: bytes) -> bool:
+def names_beyond_head(head: bytes) -> bool:
     """Tell whether the root group's names (its local heap, HDF5 format III.D) lie behind the first bytes."""
     heap = head.find(b"HEAP")
     # the address of the names stands 24 bytes behind the heap's signature; byte 13 is the size of addresses

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.bounded_file import DEFLATE_RATIO, most_unpacked
-from recoil_acquisition.readers.recording import damage_is_reported
+from recoil_acquisition.readers.recording import map_to_corrupt_file
 
 
 @contextmanager
@@ -33,7 +33,7 @@ def hdf5_file(path: Path) -> Iterator[Any]:
     import h5py
 
     # Locking fails on read-only file systems and shares, and nothing is written here
-    with damage_is_reported(path, "a whole HDF5 file"), h5py.File(path, "r", locking=False) as file:
+    with map_to_corrupt_file(path, "a whole HDF5 file"), h5py.File(path, "r", locking=False) as file:
         yield file
 
 

@@ -27,7 +27,7 @@ from recoil_acquisition.readers.mat.v5 import read_mat_v5
 from recoil_acquisition.readers.mat.v73 import read_mat_v73
 from recoil_acquisition.readers.mat.variable import MatContents, MatVariable
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
-from recoil_acquisition.readers.recording import Recording, StoredChannel, damage_is_reported
+from recoil_acquisition.readers.recording import Recording, StoredChannel, map_to_corrupt_file
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 HEAD_V73 = b"MATLAB 7.3 MAT-file"
@@ -51,7 +51,7 @@ class MatReader:
         CorruptFileError
             If it is damaged.
         """
-        with damage_is_reported(path, "a MATLAB file"):
+        with map_to_corrupt_file(path, "a MATLAB file"):
             with path.open("rb") as file:
                 is_v73 = file.read(len(HEAD_V73)) == HEAD_V73
             contents = read_mat_v73(path) if is_v73 else read_mat_v5(path)

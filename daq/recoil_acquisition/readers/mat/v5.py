@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.bounded_file import most_unpacked
 from recoil_acquisition.readers.mat.variable import MatContents, MatVariable
-from recoil_acquisition.readers.recording import damage_is_reported
+from recoil_acquisition.readers.recording import map_to_corrupt_file
 
 HEADER_BYTES = 128
 MATRIX, COMPRESSED = 14, 15
@@ -91,7 +91,7 @@ def read_mat_v5(path: Path) -> MatContents:
     left_out: list[str] = []
     incomplete = ""
     unpacked = 0
-    with damage_is_reported(path, WHOLE), path.open("rb") as file:
+    with map_to_corrupt_file(path, WHOLE), path.open("rb") as file:
         head = file.read(HEADER_BYTES)
         if not is_mat_v5(head):
             raise CorruptFileError("no header of a MATLAB file", path=path, place="byte 124", expected="IM or MI")
@@ -238,7 +238,7 @@ def _tag(content: bytes, at: int, order: str) -> tuple[int, int, int, int]:
 
 def _load(path: Path, element: _Element, array: _Array, stored: np.dtype[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
     start = array.data_at + 8 * element.compressed
-    with damage_is_reported(path, WHOLE), path.open("rb") as file:
+    with map_to_corrupt_file(path, WHOLE), path.open("rb") as file:
         content = _content(file, element, start + array.data_size)
         if len(content) < start + array.data_size:
             raise CorruptFileError(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from recoil_acquisition.readers.mdf.channel_groups import ALL_INVALID, INVALIDATION, Channel, ChannelGroup
+from recoil_acquisition.readers.mdf.channel_groups import ALL_INVALID, INVALIDATION, ChannelGroup, MdfChannel
 
 INTEGERS, FLOATS = (0, 1, 2, 3), (4, 5)
 """Data types of numbers, of either byte order."""
@@ -14,7 +14,7 @@ CHANNEL_TYPES = {1: "values of variable length", 4: "synchronised media", 5: "va
                  6: "a virtual channel"}  # fmt: skip
 
 
-def why_no_numbers(channel: Channel, group: ChannelGroup) -> str:
+def non_numeric_reason(channel: MdfChannel, group: ChannelGroup) -> str:
     """Say why the bits of a channel are not read as numbers; empty if they are."""
     if channel.is_composed:
         return "an array or a structure"
@@ -36,8 +36,8 @@ def why_no_numbers(channel: Channel, group: ChannelGroup) -> str:
     return ""
 
 
-def why_no_channel(channel: Channel, group: ChannelGroup) -> str:
+def rejection_reason(channel: MdfChannel, group: ChannelGroup) -> str:
     """Say why a channel is no measured signal; empty if it is."""
-    if not (reason := why_no_numbers(channel, group)) and channel.kind != FIXED_LENGTH:
+    if not (reason := non_numeric_reason(channel, group)) and channel.kind != FIXED_LENGTH:
         return CHANNEL_TYPES.get(channel.kind, f"channel type {channel.kind}")
     return reason

@@ -51,7 +51,7 @@ class MdfUnsupportedError(ValueError):
 
 
 @dataclass(frozen=True)
-class Channel:
+class MdfChannel:
     """What a CN block says of a channel.
 
     Attributes
@@ -136,7 +136,7 @@ class ChannelGroup:
     flags: int
     width: int
     invalidation_width: int
-    channels: tuple[Channel, ...]
+    channels: tuple[MdfChannel, ...]
     channel_count: int
     name_at: int = 0
 
@@ -256,7 +256,7 @@ class _Walk:
     def group(self, at: int, stored: DataGroup) -> ChannelGroup:
         links = self.links(at, b"##CG")
         record_id, records, flags, width, invalidation_width = self.fields(at, len(links), _GROUP)
-        channels: list[Channel] = []
+        channels: list[MdfChannel] = []
         count = 0
         for channel_at in self.chain(links[1], b"##CN"):
             first = len(channels)
@@ -267,7 +267,7 @@ class _Walk:
             at, stored, record_id, records, flags, width, invalidation_width, tuple(channels), count, name_at
         )
 
-    def channel(self, at: int, channels: list[Channel], depth: int) -> None:
+    def channel(self, at: int, channels: list[MdfChannel], depth: int) -> None:
         """Add a channel and its parts."""
         if depth > 20:
             raise MdfDamageError(f"structures within structures at byte {at}")
@@ -276,7 +276,7 @@ class _Walk:
         kind, sync, data_type, bit, byte, bits, flags, invalid_at = self.fields(at, len(links), _CHANNEL)
         name = self.text(links[2])
         channels.append(
-            Channel(
+            MdfChannel(
                 at, name, kind, sync, data_type, bit, byte, bits, flags, invalid_at, conversion_at, data_at, unit_at,
                 comment_at, bool(links[1]),
             )

@@ -13,7 +13,7 @@ import struct
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.readers.mdf.channel_groups import Channel, MdfDamageError, MdfUnsupportedError
+from recoil_acquisition.readers.mdf.channel_groups import MdfChannel, MdfDamageError, MdfUnsupportedError
 from recoil_acquisition.readers.mdf.records import Records
 from recoil_acquisition.readers.mdf.texts import text_of
 
@@ -28,7 +28,7 @@ _CONVERSION = struct.Struct("<B3xHH16x")
 """Type, numbers of links beyond the first four and of values, range."""
 
 
-def linear(content: bytes, channel: Channel) -> tuple[float, float]:
+def linear(content: bytes, channel: MdfChannel) -> tuple[float, float]:
     """Return the offset and the factor of a channel.
 
     Raises
@@ -48,7 +48,7 @@ def linear(content: bytes, channel: Channel) -> tuple[float, float]:
     return values[0], values[1]
 
 
-def whole_numbers(content: bytes, records: Records, channel: Channel) -> NDArray[np.int64] | NDArray[np.uint64]:
+def whole_numbers(content: bytes, records: Records, channel: MdfChannel) -> NDArray[np.int64] | NDArray[np.uint64]:
     """Return what a channel of whole numbers says, shape (n_records,).
 
     Parameters
@@ -80,7 +80,7 @@ def whole_numbers(content: bytes, records: Records, channel: Channel) -> NDArray
 
 
 def _looked_up(
-    stored: NDArray[np.int64] | NDArray[np.uint64], values: tuple[float, ...], channel: Channel
+    stored: NDArray[np.int64] | NDArray[np.uint64], values: tuple[float, ...], channel: MdfChannel
 ) -> NDArray[np.int64]:
     """Return the values of keys that a table has."""
     keys, index = np.unique(stored, return_inverse=True)
@@ -91,13 +91,13 @@ def _looked_up(
     return _whole(np.array([table[key] for key in keys.tolist()]), channel)[index]
 
 
-def _whole(numbers: NDArray[np.float64], channel: Channel) -> NDArray[np.int64]:
+def _whole(numbers: NDArray[np.float64], channel: MdfChannel) -> NDArray[np.int64]:
     if not (np.abs(numbers) < 2.0**53).all() or (numbers != np.floor(numbers)).any():
         raise MdfDamageError(f"the channel {channel.name} has numbers that are not whole")
     return numbers.astype(np.int64)
 
 
-def conversion_values(content: bytes, channel: Channel) -> tuple[int, tuple[float, ...]]:
+def conversion_values(content: bytes, channel: MdfChannel) -> tuple[int, tuple[float, ...]]:
     """Return the type and the values of a channel's conversion; raises `MdfDamageError` if it is damaged."""
     at = channel.conversion_at
     if not at:
@@ -114,7 +114,7 @@ def conversion_values(content: bytes, channel: Channel) -> tuple[int, tuple[floa
     return kind, struct.unpack_from(f"<{values}d", content, body_at + _CONVERSION.size)
 
 
-def unit_of(content: bytes, channel: Channel) -> str:
+def unit_of(content: bytes, channel: MdfChannel) -> str:
     """Return the unit of a channel: that of its conversion, else its own."""
     at = channel.conversion_at
     linked = at and content[at : at + 4] == b"##CC" and at + 40 <= len(content)

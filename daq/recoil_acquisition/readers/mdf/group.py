@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.readers.mdf.channel import UNSIGNED
-from recoil_acquisition.readers.mdf.channel_groups import Channel, ChannelGroup, MdfDamageError
+from recoil_acquisition.readers.mdf.channel_groups import ChannelGroup, MdfChannel, MdfDamageError
 from recoil_acquisition.readers.mdf.data_blocks import DataBlocks
 from recoil_acquisition.readers.mdf.number_conversion import NumberConversion
 from recoil_acquisition.readers.mdf.records import Records, split
@@ -72,7 +72,7 @@ class NumberChannel:
 
     stored: StoredGroups
     group: ChannelGroup
-    channel: Channel
+    channel: MdfChannel
     conversion: NumberConversion
     kept: Kept
 

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.readers.containers.stored_time import StoredTime, resolution_of, time_from_stamps
-from recoil_acquisition.readers.mdf.channel import INTEGERS, why_no_numbers
-from recoil_acquisition.readers.mdf.channel_groups import MASTERS, Channel, ChannelGroup
+from recoil_acquisition.readers.mdf.channel import INTEGERS, non_numeric_reason
+from recoil_acquisition.readers.mdf.channel_groups import MASTERS, ChannelGroup, MdfChannel
 from recoil_acquisition.readers.mdf.conversion import VIRTUAL_MASTER, unit_of
 from recoil_acquisition.readers.mdf.number_conversion import number_conversion
 from recoil_acquisition.readers.mdf.records import Records
@@ -58,7 +58,7 @@ def time_of_group(
                 return "its time is computed by a conversion that is not linear"
             gain, offset = conversion.linear
             return StoredTime(TimeBase.uniform(clock, offset, gain, group.count, start), None, "")
-        if reason := why_no_numbers(master, group):
+        if reason := non_numeric_reason(master, group):
             return f"its time is {reason}"
         ticks = records.numbers(master)
         times_s = conversion.applied(ticks)
@@ -78,7 +78,7 @@ def time_of_group(
     return time
 
 
-def master_of(group: ChannelGroup) -> Channel | None:
+def master_of(group: ChannelGroup) -> MdfChannel | None:
     """Return the channel of a group that dates its samples."""
     return next((channel for channel in group.channels if channel.kind in MASTERS), None)
 

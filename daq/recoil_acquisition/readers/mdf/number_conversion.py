@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.readers.mdf.channel_groups import Channel, MdfDamageError
+from recoil_acquisition.readers.mdf.channel_groups import MdfChannel, MdfDamageError
 from recoil_acquisition.readers.mdf.conversion import conversion_values
 
 NONE, LINEAR, RATIONAL, INTERPOLATED, NEAREST, RANGES = 0, 1, 2, 4, 5, 6
@@ -74,7 +74,7 @@ class NumberConversion:
         return found
 
 
-def number_conversion(content: bytes, channel: Channel) -> NumberConversion | str:
+def number_conversion(content: bytes, channel: MdfChannel) -> NumberConversion | str:
     """Return the conversion of a channel to numbers, or why it has none.
 
     Parameters

@@ -18,12 +18,12 @@ from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.bounded_file import most_unpacked
 from recoil_acquisition.readers.containers.stored_channels import container_recording
 from recoil_acquisition.readers.containers.stored_time import StoredTime
-from recoil_acquisition.readers.mdf.channel import INTEGERS, why_no_channel
+from recoil_acquisition.readers.mdf.channel import INTEGERS, rejection_reason
 from recoil_acquisition.readers.mdf.channel_groups import (
     HD_AT,
     VARIABLE_LENGTH,
-    Channel,
     ChannelGroup,
+    MdfChannel,
     MdfDamageError,
     MdfUnsupportedError,
     iter_groups,
@@ -36,7 +36,7 @@ from recoil_acquisition.readers.mdf.number_conversion import NumberConversion, n
 from recoil_acquisition.readers.mdf.records import Records
 from recoil_acquisition.readers.mdf.texts import text_of
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
-from recoil_acquisition.readers.recording import Recording, StoredChannel, damage_is_reported
+from recoil_acquisition.readers.recording import Recording, StoredChannel, map_to_corrupt_file
 from recoil_acquisition.readers.text.cells import unique_names
 from recoil_acquisition.timebase import AbsoluteStart
 
@@ -62,7 +62,7 @@ class MdfReader:
         CorruptFileError
             If it is damaged.
         """
-        with damage_is_reported(path, "a whole MDF 4 file"):
+        with map_to_corrupt_file(path, "a whole MDF 4 file"):
             content = path.read_bytes()
             try:
                 return _recording(path, content, _measured(path, content), declared.clock)
@@ -168,13 +168,13 @@ def _recording(path: Path, content: bytes, groups: Sequence[ChannelGroup], clock
 
 def _usable(
     content: bytes, group: ChannelGroup, label: str, notes: list[str]
-) -> Iterator[tuple[Channel, NumberConversion]]:
+) -> Iterator[tuple[MdfChannel, NumberConversion]]:
     """Yield the channels of a group that are read, beside its time; say which others there are."""
     master = master_of(group)
     for channel in group.channels:
         if channel is master:
             continue
-        conversion = why_no_channel(channel, group) or number_conversion(content, channel)
+        conversion = rejection_reason(channel, group) or number_conversion(content, channel)
         if isinstance(conversion, str):
             notes.append(f"{channel.name} of {label}: {conversion}: left out")
         else:

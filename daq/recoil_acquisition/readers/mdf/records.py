@@ -18,8 +18,8 @@ from recoil_acquisition.readers.mdf.channel_groups import (
     ALL_INVALID,
     INVALIDATION,
     VARIABLE_LENGTH,
-    Channel,
     ChannelGroup,
+    MdfChannel,
     MdfDamageError,
 )
 from recoil_acquisition.readers.mdf.record_places import record_places
@@ -53,7 +53,7 @@ class Records:
     samples: VariableSamples | None = None
     last_at: int = -1
 
-    def numbers(self, channel: Channel) -> NDArray[np.int64] | NDArray[np.uint64] | NDArray[np.float64]:
+    def numbers(self, channel: MdfChannel) -> NDArray[np.int64] | NDArray[np.uint64] | NDArray[np.float64]:
         """Return the numbers of a channel as they are stored, shape (n_records,).
 
         Raises
@@ -69,7 +69,7 @@ class Records:
         stored = np.ascontiguousarray(self.rows[:, channel.byte : channel.byte + count])
         return stored.view(f"{'>' if channel.data_type in _BIG_ENDIAN else '<'}f{count}")[:, 0].astype(np.float64)
 
-    def integers(self, channel: Channel) -> NDArray[np.int64] | NDArray[np.uint64]:
+    def integers(self, channel: MdfChannel) -> NDArray[np.int64] | NDArray[np.uint64]:
         """Return the whole numbers of a channel as they are stored, shape (n_records,); raises as `numbers` does."""
         if channel.data_type not in _UNSIGNED | _SIGNED:
             raise MdfDamageError(f"the channel {channel.name} is no integer, but of data type {channel.data_type}")
@@ -79,11 +79,11 @@ class Records:
         unused = np.int64(64 - channel.bits)
         return numbers.view(np.int64) << unused >> unused
 
-    def offsets(self, channel: Channel) -> NDArray[np.uint64]:
+    def offsets(self, channel: MdfChannel) -> NDArray[np.uint64]:
         """Return where the samples of a channel of variable length are, shape (n_records,)."""
         return self._unsigned(channel, big_endian=False)
 
-    def _unsigned(self, channel: Channel, *, big_endian: bool) -> NDArray[np.uint64]:
+    def _unsigned(self, channel: MdfChannel, *, big_endian: bool) -> NDArray[np.uint64]:
         count = (channel.bit + channel.bits + 7) // 8
         if not channel.bits > 0 or count > 8:
             raise MdfDamageError(f"the channel {channel.name} has {channel.bits} bits")
@@ -93,7 +93,7 @@ class Records:
         numbers = eight.view("<u8")[:, 0].astype(np.uint64) >> np.uint64(channel.bit)
         return numbers if channel.bits == 64 else numbers & np.uint64((1 << channel.bits) - 1)
 
-    def valid(self, channel: Channel) -> NDArray[np.bool_]:
+    def valid(self, channel: MdfChannel) -> NDArray[np.bool_]:
         """Tell which samples of a channel are valid, shape (n_records,)."""
         if channel.flags & ALL_INVALID:
             return np.zeros(len(self.rows), bool)

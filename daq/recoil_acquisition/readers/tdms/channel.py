@@ -24,7 +24,7 @@ Kept = NDArray[np.int64] | None
 """Indices of the samples that the time base has; None if it has all."""
 
 
-def why_no_channel(channel: Any, levels: tuple[Mapping[str, Any], ...], size: int, path: Path) -> str:
+def rejection_reason(channel: Any, levels: tuple[Mapping[str, Any], ...], size: int, path: Path) -> str:
     """Say why a channel is no channel of numbers; empty if it is one."""
     from nptdms import types
 

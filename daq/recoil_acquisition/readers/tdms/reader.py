@@ -24,8 +24,8 @@ from recoil_acquisition.readers.bounded_file import BoundedFile
 from recoil_acquisition.readers.containers.stored_channels import container_recording
 from recoil_acquisition.readers.containers.stored_time import StoredTime, resolution_of, time_from_stamps
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
-from recoil_acquisition.readers.recording import Recording, StoredChannel, damage_is_reported
-from recoil_acquisition.readers.tdms.channel import TdmsChannel, why_no_channel
+from recoil_acquisition.readers.recording import Recording, StoredChannel, map_to_corrupt_file
+from recoil_acquisition.readers.tdms.channel import TdmsChannel, rejection_reason
 from recoil_acquisition.readers.tdms.segments import how_it_ends
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
@@ -51,7 +51,7 @@ class TdmsReader:
         CorruptFileError
             If it is damaged.
         """
-        with damage_is_reported(path, "a whole TDMS file"):
+        with map_to_corrupt_file(path, "a whole TDMS file"):
             incomplete = how_it_ends(path)
             from nptdms import TdmsFile
 
@@ -70,7 +70,7 @@ def _recording(path: Path, tdms: Any, clock: str, incomplete: str) -> Recording:
         members = list(group.channels())
         for channel in members:
             label = f"{group.name}/{channel.name}"
-            reason = why_no_channel(channel, (channel.properties, group.properties, tdms.properties), size, path)
+            reason = rejection_reason(channel, (channel.properties, group.properties, tdms.properties), size, path)
             if reason:
                 notes.append(f"{label}: {reason}: left out")
                 continue

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.errors import CorruptFileError
 from recoil_acquisition.readers.text.number_file import NumberFile
 from recoil_acquisition.readers.text.row_parser import RowParser
-from recoil_acquisition.readers.text.text_table import THREADS, Block, Piece
+from recoil_acquisition.readers.text.text_table import THREADS, RowRange, TextBlock
 
 MEMORY_BYTES = 1 << 26
 """Numbers up to which a table is kept in memory."""
@@ -46,7 +46,7 @@ class ColumnStore:
 
     def __init__(
         self,
-        block: Block,
+        block: TextBlock,
         seconds: Seconds | None = None,
         stamp_column: int | None = None,
         text_columns: Sequence[int] = (),
@@ -122,7 +122,7 @@ class ColumnStore:
         else:
             self._spill.write(self._offset(piece, ends, index), np.ascontiguousarray(seconds))
 
-    def _parsed(self, pieces: Sequence[Piece], ends: NDArray[np.int64]) -> Iterator[Kept]:
+    def _parsed(self, pieces: Sequence[RowRange], ends: NDArray[np.int64]) -> Iterator[Kept]:
         """Parse and keep pieces in their order, some at a time."""
         waiting: deque[Future[Kept]] = deque()
         parsers: SimpleQueue[RowParser] = SimpleQueue()
@@ -142,7 +142,7 @@ class ColumnStore:
         while not parsers.empty():
             parsers.get().close()
 
-    def _keep(self, parsers: SimpleQueue[RowParser], at: int, piece: Piece, ends: NDArray[np.int64]) -> Kept:
+    def _keep(self, parsers: SimpleQueue[RowParser], at: int, piece: RowRange, ends: NDArray[np.int64]) -> Kept:
         """Parse one piece and keep its numbers; return its lost samples per column and its stamps' cells."""
         parser = parsers.get()
         try:

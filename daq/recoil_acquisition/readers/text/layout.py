@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
-from recoil_acquisition.declaration import Positive, Table, Text, Texts
+from recoil_acquisition.declaration import DeclaredTable, Positive, Text, Texts
 from recoil_acquisition.errors import nearest_first
 
 ENCODINGS = ("utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "cp1250", "cp1251", "cp1252", "latin-1", "ascii")
@@ -38,7 +38,7 @@ def _all_different(names: tuple[str, ...]) -> tuple[str, ...]:
 Row = Annotated[int, Field(ge=1, le=MOST_ROWS)]
 
 
-class TextLayout(Table):
+class TextLayout(DeclaredTable):
     """How a text table is laid out."""
 
     separator: Literal["\t", ";", ",", "|"] = Field(description='one of "\\t", ";", "," and "|"')

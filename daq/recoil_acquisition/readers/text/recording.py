@@ -10,7 +10,7 @@ from recoil_acquisition.readers.reader import SignalHeader
 from recoil_acquisition.readers.recording import Recording, StoredChannel
 from recoil_acquisition.readers.text.cells import unique_names
 from recoil_acquisition.readers.text.column_store import ColumnStore
-from recoil_acquisition.readers.text.text_table import Block
+from recoil_acquisition.readers.text.text_table import TextBlock
 from recoil_acquisition.readers.text.time_base import TimeSource, time_base
 from recoil_acquisition.readers.time.wall_clock import Stamps
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
@@ -18,7 +18,7 @@ from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 def text_recording(
     reader: str,
-    block: Block,
+    block: TextBlock,
     clock: str,
     headings: Sequence[tuple[str, str]],
     time: TimeSource,
@@ -66,7 +66,7 @@ class _Table:
     """What a table says once its numbers are read: their instants, and what is lost."""
 
     def __init__(
-        self, block: Block, clock: str, time: TimeSource, text_columns: Sequence[int], column_of: Mapping[str, int]
+        self, block: TextBlock, clock: str, time: TimeSource, text_columns: Sequence[int], column_of: Mapping[str, int]
     ) -> None:
         self._block, self._clock, self._time_source, self.column_of = block, clock, time, column_of
         self._stamps = None if time.parse is None else Stamps(time.parse)

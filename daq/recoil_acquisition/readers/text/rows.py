@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError
 from recoil_acquisition.readers.text.row_parser import RowParser
-from recoil_acquisition.readers.text.text_table import Block
+from recoil_acquisition.readers.text.text_table import TextBlock
 
 
-def read_rows(block: Block) -> NDArray[np.float64]:
+def read_rows(block: TextBlock) -> NDArray[np.float64]:
     """Read all numbers of a block.
 
     Returns
@@ -33,7 +33,7 @@ def read_rows(block: Block) -> NDArray[np.float64]:
     return values
 
 
-def iter_rows(block: Block, *, named: bool = False) -> Iterator[tuple[slice, NDArray[np.float64], list[str]]]:
+def iter_rows(block: TextBlock, *, named: bool = False) -> Iterator[tuple[slice, NDArray[np.float64], list[str]]]:
     """Read the numbers of a block part by part.
 
     Parameters

@@ -29,7 +29,7 @@ MOST_LINE_BYTES = 1 << 16
 
 
 @dataclass(frozen=True)
-class Piece:
+class RowRange:
     """Some rows of a block.
 
     Attributes
@@ -48,7 +48,7 @@ class Piece:
 
 
 @dataclass(frozen=True)
-class Block:
+class TextBlock:
     """Where the numbers of a text file are, and how they are written.
 
     Attributes
@@ -112,7 +112,7 @@ class Block:
         return f"line {self.first_line + row}, column {column!r}"
 
     @cached_property
-    def pieces(self) -> tuple[Piece, ...]:
+    def pieces(self) -> tuple[RowRange, ...]:
         """Parts of the rows that are parsed at once, in the file's order.
 
         Raises
@@ -135,9 +135,9 @@ class Block:
                     f"a line is longer than {PIECE_BYTES} bytes", path=self.file.path, place=f"line {line}",
                     expected="a row of numbers", remedy="export it again",
                 )  # fmt: skip
-            piece = Piece(at, stop, line, lines)
+            piece = RowRange(at, stop, line, lines)
             if self.comment:
-                piece = Piece(at, stop, line, count_rows(self.text(piece), self.comment))
+                piece = RowRange(at, stop, line, count_rows(self.text(piece), self.comment))
             pieces.append(piece)
             at, line = stop, line + lines
         return tuple(pieces)
@@ -151,14 +151,14 @@ class Block:
             at += len(part)
         return count, last
 
-    def text(self, piece: Piece) -> bytes:
+    def text(self, piece: RowRange) -> bytes:
         r"""Read a piece, its last row ended and ``\r`` for ``\n`` where that alone ends lines."""
         raw = self.file.read(piece.start, piece.stop)
         if not raw.endswith(self.file.line_end):
             raw += self.file.line_end
         return raw if self.file.line_end == b"\n" else one_line_end(raw)
 
-    def parts(self, piece: Piece) -> Iterator[bytes]:
+    def parts(self, piece: RowRange) -> Iterator[bytes]:
         """Read a piece as `text` does, some of it at a time."""
         if self.file.line_end != b"\n":
             yield self.text(piece)
@@ -178,7 +178,7 @@ def find_block(
     decimal_comma: bool,
     missing: Sequence[str] = (),
     comment: str = "",
-) -> Block:
+) -> TextBlock:
     """Delimit the rows of numbers that begin at a byte of a text file.
 
     A last row that may be cut is left out: one without a line end, whose last number cannot be
@@ -205,13 +205,13 @@ def find_block(
         raise CorruptFileError(
             "there is no complete row of numbers", path=file.path, place=f"line {first_line}", remedy="export it again"
         )
-    return Block(
+    return TextBlock(
         file, start, base + len(rows), first_line, separator, tuple(columns), decimal_comma, dropped,
         tuple(missing), comment,
     )  # fmt: skip
 
 
-def printed_decimals(block: Block, column: int) -> int:
+def printed_decimals(block: TextBlock, column: int) -> int:
     """Return the place of a column's last printed digit: 6 for ``0.000020``, 9 for ``1.5E-008``.
 
     Cells whose trailing zeros were left out say too little, so the finest of some cells counts; a

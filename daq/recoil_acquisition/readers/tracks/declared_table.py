@@ -22,7 +22,7 @@ from recoil_acquisition.readers.text.cells import is_lost, is_number, split_cell
 from recoil_acquisition.readers.text.rows import read_rows
 from recoil_acquisition.readers.text.sheet_text import is_workbook, read_sheets
 from recoil_acquisition.readers.text.text_file import LongText, Text, TextFile
-from recoil_acquisition.readers.text.text_table import Block
+from recoil_acquisition.readers.text.text_table import TextBlock
 from recoil_acquisition.readers.tracks.columns import Column
 from recoil_acquisition.readers.tracks.frame_time import frame_clock
 from recoil_acquisition.readers.tracks.layout import ColumnChoice, TrackLayout
@@ -175,7 +175,7 @@ def _rows(lines: Iterator[str]) -> Iterator[str]:
             waiting.clear()
 
 
-def _block(file: Text, layout: TrackLayout, columns: Sequence[Column], at: Sequence[int]) -> Block:
+def _block(file: Text, layout: TrackLayout, columns: Sequence[Column], at: Sequence[int]) -> TextBlock:
     """Return the declared columns alone, written plainly; a last row that may be cut is left out."""
     end = file.read(max(file.size - PART_BYTES, 0), file.size).rpartition(file.line_end)[2]
     dropped = "the last row has no line end and may be cut: it was left out" if end.strip() else ""
@@ -212,7 +212,7 @@ def _block(file: Text, layout: TrackLayout, columns: Sequence[Column], at: Seque
         )
     names = tuple(column.name for column in columns)
     written = TextFile(file.path, bytes(body), "utf-8")
-    return Block(written, 0, len(body) - 1, layout.first_line, "\t", names, False, dropped)
+    return TextBlock(written, 0, len(body) - 1, layout.first_line, "\t", names, False, dropped)
 
 
 def _row_of_numbers(layout: TrackLayout, at: Sequence[int]) -> re.Pattern[str]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
-from recoil_acquisition.readers.text.text_table import Block, printed_decimals
+from recoil_acquisition.readers.text.text_table import TextBlock, printed_decimals
 from recoil_acquisition.readers.time.printed_time import SLACK_S, start_agreeing, uniform_from_printed
 from recoil_acquisition.readers.tracks.columns import Column, increasing_whole
 
@@ -50,7 +50,7 @@ class FrameClock:
 
 
 def frame_clock(
-    block: Block, values: NDArray[np.float64], columns: Sequence[Column], declared_hz: float | None
+    block: TextBlock, values: NDArray[np.float64], columns: Sequence[Column], declared_hz: float | None
 ) -> FrameClock:
     """Find when the frames of a tracking export were.
 
@@ -121,7 +121,7 @@ def _missing(numbers: NDArray[np.int64]) -> tuple[str, ...]:
     return (note,) if missing else ()
 
 
-def _frame_numbers(block: Block, numbers: NDArray[np.float64], column: Column) -> NDArray[np.int64]:
+def _frame_numbers(block: TextBlock, numbers: NDArray[np.float64], column: Column) -> NDArray[np.int64]:
     if increasing_whole(numbers):
         return numbers.astype(np.int64)
     sound = np.isfinite(numbers) & (numbers == np.round(numbers)) & (np.abs(numbers) < 2.0**53)
@@ -136,7 +136,7 @@ def _frame_numbers(block: Block, numbers: NDArray[np.float64], column: Column) -
 
 
 def _clock_from_time(
-    block: Block,
+    block: TextBlock,
     printed: NDArray[np.float64],
     columns: Sequence[Column],
     at: int,

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from recoil_acquisition.readers.text.cells import SEPARATORS, has_decimal_comma, split_cells
 from recoil_acquisition.readers.text.text_file import LongText
-from recoil_acquisition.readers.text.text_table import Block, find_block
+from recoil_acquisition.readers.text.text_table import TextBlock, find_block
 
 HEAD_ROWS = 6
 """Rows by which header and decimal mark are found."""
@@ -35,7 +35,7 @@ class HeadedText:
     separator: str
     rows: tuple[Cells, ...]
 
-    def block(self, labels: Sequence[str], *, header_rows: int = 1, text_columns: int = 0) -> Block:
+    def block(self, labels: Sequence[str], *, header_rows: int = 1, text_columns: int = 0) -> TextBlock:
         """Delimit the rows of numbers below the header.
 
         Parameters

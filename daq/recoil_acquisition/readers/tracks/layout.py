@@ -22,7 +22,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
-from recoil_acquisition.declaration import Table
+from recoil_acquisition.declaration import DeclaredTable
 from recoil_acquisition.quantity import find_unit
 from recoil_acquisition.readers.text.cells import is_number
 from recoil_acquisition.readers.tracks.frame_time import TIME_UNITS_S
@@ -70,7 +70,7 @@ _COLUMN = "a heading, or the number of a column from 1"
 _ROW = "the number of a line, from 1 to 10000"
 
 
-class DeclaredFeature(Table):
+class DeclaredFeature(DeclaredTable):
     """One feature: its name, and the columns that it has."""
 
     name: Annotated[str, AfterValidator(str.strip), Field(min_length=1)] = Field(description="the feature's name")
@@ -79,7 +79,7 @@ class DeclaredFeature(Table):
     angle: ColumnChoice | None = Field(default=None, description=_COLUMN)
 
 
-class TrackLayout(Table):
+class TrackLayout(DeclaredTable):
     """Layout of a table of tracks."""
 
     features: Annotated[tuple[DeclaredFeature, ...], Field(strict=False, min_length=1, max_length=MOST_FEATURES)] = (

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
-from recoil_acquisition.readers.hdf5.kind import is_in_file, is_sleap_file, names_lie_behind
+from recoil_acquisition.readers.hdf5.kind import is_in_file, is_sleap_file, names_beyond_head
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
@@ -49,7 +49,7 @@ class SleapAnalysisReader:
     def claims(self, head: Head) -> Claim:
         """Be certain of names of nodes and tracks, which may stand behind the first bytes."""
         named = b"node_names" in head.content and b"track_names" in head.content
-        return Claim.CERTAIN if named or (names_lie_behind(head.content) and is_sleap_file(head.path)) else Claim.NO
+        return Claim.CERTAIN if named or (names_beyond_head(head.content) and is_sleap_file(head.path)) else Claim.NO
 
     def open(self, path: Path, declared: Declarations) -> Recording:
         """Open an analysis file.

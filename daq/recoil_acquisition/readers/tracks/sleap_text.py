@@ -19,7 +19,7 @@ from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.rows import iter_rows
-from recoil_acquisition.readers.text.text_table import Block
+from recoil_acquisition.readers.text.text_table import TextBlock
 from recoil_acquisition.readers.tracks.columns import Column
 from recoil_acquisition.readers.tracks.frame_time import counted_clock
 from recoil_acquisition.readers.tracks.headed_text import read_headed_text
@@ -77,7 +77,7 @@ class SleapTextReader:
         )
 
 
-def _instances(block: Block, *, named: bool) -> tuple[NDArray[np.float64], list[str], Places]:
+def _instances(block: TextBlock, *, named: bool) -> tuple[NDArray[np.float64], list[str], Places]:
     """Read the rows, each of which is an animal in a frame; return them, the animals, and the animal of each row."""
     values = np.empty((block.row_count, len(block.columns)))
     animal: Places = np.zeros(len(values), dtype=np.intp)
@@ -95,7 +95,7 @@ def _instances(block: Block, *, named: bool) -> tuple[NDArray[np.float64], list[
     return values, list(number) or [""], animal
 
 
-def _frames(numbers: NDArray[np.float64], block: Block) -> tuple[NDArray[np.int64], Places]:
+def _frames(numbers: NDArray[np.float64], block: TextBlock) -> tuple[NDArray[np.int64], Places]:
     """Return the frames, increasing, and which of them each row is of."""
     bad = np.flatnonzero(~(np.isfinite(numbers) & (numbers == np.round(numbers)) & (np.abs(numbers) < 2.0**53)))
     if bad.size:
@@ -108,7 +108,12 @@ def _frames(numbers: NDArray[np.float64], block: Block) -> tuple[NDArray[np.int6
 
 
 def _paths(
-    values: NDArray[np.float64], kept: Sequence[int], row: Places, animal: Places, shape: tuple[int, int], block: Block
+    values: NDArray[np.float64],
+    kept: Sequence[int],
+    row: Places,
+    animal: Places,
+    shape: tuple[int, int],
+    block: TextBlock,
 ) -> NDArray[np.float64]:
     """Put the animals of a frame side by side; an animal that is not in a frame is NaN there.
 

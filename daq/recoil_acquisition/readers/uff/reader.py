@@ -19,7 +19,7 @@ from recoil_acquisition.errors import CorruptFileError
 from recoil_acquisition.readers.containers.stored_channels import container_recording
 from recoil_acquisition.readers.containers.stored_time import StoredTime, resolution_of, time_from_stamps
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
-from recoil_acquisition.readers.recording import Recording, StoredChannel, damage_is_reported
+from recoil_acquisition.readers.recording import Recording, StoredChannel, map_to_corrupt_file
 from recoil_acquisition.readers.text.cells import unique_names
 from recoil_acquisition.readers.text.dewesoft_time import is_absolute, parse_dewesoft_stamp
 from recoil_acquisition.readers.uff.dataset import (
@@ -58,7 +58,7 @@ class UffReader:
         CorruptFileError
             If it is damaged.
         """
-        with damage_is_reported(path, "a whole Universal File"):
+        with map_to_corrupt_file(path, "a whole Universal File"):
             with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
                 # A map is searched and cut as bytes are
                 found = list(iter_datasets(data, len(data)))  # type: ignore[arg-type]

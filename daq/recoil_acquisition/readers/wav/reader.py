@@ -18,7 +18,7 @@ from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.containers.stored_channels import container_recording
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
-from recoil_acquisition.readers.recording import Recording, StoredChannel, damage_is_reported
+from recoil_acquisition.readers.recording import Recording, StoredChannel, map_to_corrupt_file
 from recoil_acquisition.readers.wav.riff import (
     FLOAT,
     PCM,
@@ -54,7 +54,7 @@ class WavReader:
         CorruptFileError
             If it has no format or no samples.
         """
-        with damage_is_reported(path, "a WAVE file"):
+        with map_to_corrupt_file(path, "a WAVE file"):
             return _open(path, declared.clock)
 
 

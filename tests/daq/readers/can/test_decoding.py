@@ -12,7 +12,7 @@ from cantools.database.conversion import BaseConversion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recoil_acquisition.readers.can.decoding import layout_of, pieces_of, present
+from recoil_acquisition.readers.can.decoding import bit_runs_of, layout_of, present
 from tests.builders.shared_data import shared_file
 
 
@@ -23,7 +23,9 @@ def random_signal(rng: random.Random, size: int) -> Signal:
         length = rng.choice([16, 32, 64]) if kind == "float" else rng.randint(1, 64)
         order = rng.choice(["little_endian", "big_endian"])
         start = rng.randrange(8 * size)
-        places = [p for piece in pieces_of(start, length, little_endian=order == "little_endian") for p in [piece.byte]]
+        places = [
+            p for piece in bit_runs_of(start, length, little_endian=order == "little_endian") for p in [piece.byte]
+        ]
         if all(0 <= place < size for place in places):
             scale, offset = rng.choice([(1, 0), (0.01, -5), (2.5, 100), (-0.125, 0.5)])
             conversion = BaseConversion.factory(scale=scale, offset=offset, is_float=kind == "float")
@@ -82,7 +84,7 @@ def test_signals_that_are_no_number_have_no_layout() -> None:
 
 
 def test_a_motorola_signal_runs_from_its_most_significant_bit() -> None:
-    pieces = pieces_of(3, 12, little_endian=False)
+    pieces = bit_runs_of(3, 12, little_endian=False)
     assert [(p.byte, p.shift, p.count, p.place) for p in pieces] == [(1, 0, 8, 0), (0, 0, 4, 8)]
 
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from recoil_acquisition.errors import MissingChannelError, ReadError
 from recoil_acquisition.readers.can.counters import declared_counters
-from recoil_acquisition.readers.can.decoding import pieces_of, present
+from recoil_acquisition.readers.can.decoding import bit_runs_of, present
 from recoil_acquisition.readers.can.frames import EXTENDED, CanFrames
 from recoil_acquisition.readers.can.log import CANDUMP
 from recoil_acquisition.readers.can.messages import database_format, load_database, messages_of
@@ -185,7 +185,7 @@ def random_message(rng: random.Random, frame_id: int) -> Message:
         start = rng.randrange(8 * size)
         bits = {
             (piece.byte, piece.shift + k)
-            for piece in pieces_of(start, length, little_endian=order == "little_endian")
+            for piece in bit_runs_of(start, length, little_endian=order == "little_endian")
             for k in range(piece.count)
         }
         if not bits <= free:

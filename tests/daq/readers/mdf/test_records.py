@@ -9,14 +9,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recoil_acquisition.readers.mdf.channel_groups import Channel, ChannelGroup, DataGroup, MdfDamageError
+from recoil_acquisition.readers.mdf.channel_groups import ChannelGroup, DataGroup, MdfChannel, MdfDamageError
 from recoil_acquisition.readers.mdf.records import Records, VariableSamples, split
 
 UNSIGNED, UNSIGNED_BIG, SIGNED, SIGNED_BIG, FLOAT, FLOAT_BIG, BYTES = 0, 1, 2, 3, 4, 5, 10
 
 
-def channel(data_type: int, bit: int = 0, byte: int = 0, bits: int = 8, flags: int = 0, invalid_at: int = 0) -> Channel:
-    return Channel(0, "n", 0, 0, data_type, bit, byte, bits, flags, invalid_at, 0, 0)
+def channel(
+    data_type: int, bit: int = 0, byte: int = 0, bits: int = 8, flags: int = 0, invalid_at: int = 0
+) -> MdfChannel:
+    return MdfChannel(0, "n", 0, 0, data_type, bit, byte, bits, flags, invalid_at, 0, 0)
 
 
 def group(width: int, *, count: int = 1, invalidation: int = 0, flags: int = 0, id_bytes: int = 0) -> ChannelGroup:
@@ -55,7 +57,7 @@ def test_floats_of_both_orders_are_read(bits: int, letter: str) -> None:
 @pytest.mark.parametrize(
     "bad", [channel(BYTES), channel(UNSIGNED, 1, bits=64), channel(UNSIGNED, bits=0), channel(FLOAT, bits=24)]
 )
-def test_what_is_no_number_is_refused(bad: Channel) -> None:
+def test_what_is_no_number_is_refused(bad: MdfChannel) -> None:
     with pytest.raises(MdfDamageError, match="the channel n"):
         records([bytes(16)]).numbers(bad)
 

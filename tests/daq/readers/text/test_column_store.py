@@ -11,10 +11,10 @@ from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.text import column_store, text_file, text_table
 from recoil_acquisition.readers.text.column_store import ColumnStore
 from recoil_acquisition.readers.text.text_file import LongText
-from recoil_acquisition.readers.text.text_table import Block, find_block
+from recoil_acquisition.readers.text.text_table import TextBlock, find_block
 
 
-def block_of(folder: Path, text: str, encoding: str = "utf-8") -> Block:
+def block_of(folder: Path, text: str, encoding: str = "utf-8") -> TextBlock:
     path = folder / "a.csv"
     path.write_bytes(text.encode(encoding))
     return find_block(LongText(path), 0, ";", ["a", "b", "c"], decimal_comma=False)

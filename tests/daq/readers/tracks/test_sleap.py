@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
-from recoil_acquisition.readers.hdf5.kind import names_lie_behind
+from recoil_acquisition.readers.hdf5.kind import names_beyond_head
 from recoil_acquisition.readers.head import HEAD_BYTES, Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
@@ -126,7 +126,7 @@ def test_other_hdf5_is_not_claimed_where_its_names_show_and_refused_where_they_d
         file["noise"] = np.random.default_rng(0).random(100_000)
         for i in range(20):
             file[f"another dataset {i}"] = 1.0
-    assert names_lie_behind(buffer.getvalue()[:HEAD_BYTES])
+    assert names_beyond_head(buffer.getvalue()[:HEAD_BYTES])
     (tmp_path / "long.h5").write_bytes(buffer.getvalue())
     assert recognise(tmp_path / "long.h5").name == "HDF5"
     with pytest.raises(ReadError, match="no analysis of SLEAP; expected datasets tracks"):
