@@ -121,7 +121,7 @@ class Calibration:
             zero = zero + regression.shifts @ self.shifts_m_s2
         a = (regression.acceleration_m_s2 - zero) / (1.0 + self.acceleration_error)
         gauges = regression.forces_n[:, :3] @ (1.0 / (1.0 + self.gauge_errors))
-        return a, np.asarray(gauges + regression.forces_n[:, 3] - self.friction_error_n * regression.sliding)
+        return a, np.asarray(gauges + regression.forces_n[:, 3] - self.friction_error_n * regression.friction_direction)
 
     def errors_left(self, regression: Regression) -> Array:
         """Return what may be left of the sensors' errors in a', shape (n, n_errors).
@@ -131,7 +131,7 @@ class Calibration:
         shifts = np.zeros((regression.times_s.size, 0)) if regression.shifts is None else regression.shifts
         added = np.column_stack([regression.released, regression.release_per_s, shifts])
         _, design = _linearised(
-            self.problem.unknowns, self.problem.m0_kg, regression.forces_n, regression.sliding, added
+            self.problem.unknowns, self.problem.m0_kg, regression.forces_n, regression.friction_direction, added
         )
         variances, directions = np.linalg.eigh(self.covariance[1:, 1:])
         return np.asarray(design[:, 1:] @ (directions * np.sqrt(np.maximum(variances, 0.0))))
@@ -180,7 +180,7 @@ def calibrated_mass(
     first = reverse_mass(regression, scales)
     rows = spaced_rows(regression)
     a, forces = regression.acceleration_m_s2[rows], regression.forces_n[rows]
-    sliding = regression.sliding[rows]
+    sliding = regression.friction_direction[rows]
     shifts = np.zeros((rows.size, 0)) if regression.shifts is None else regression.shifts[rows]
     # what is added to the acceleration as it is: zero, release, shifts of the zero
     added = np.column_stack([regression.released[rows], regression.release_per_s[rows], shifts])

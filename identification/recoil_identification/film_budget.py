@@ -26,7 +26,7 @@ def film_contributions(filmed: FilmedRecoil) -> tuple[float, tuple[BudgetRow, ..
         Of the clocks, the zeros, the repairs and the carriage's sensors.
     """
     found, clock = filmed.found, filmed.clock
-    answers = np.abs(found.force_answers_kg[SCALES:])
+    answers = np.abs(found.force_sensitivities_kg[SCALES:])
     rows = [
         BudgetRow(source, float(answer), kind)
         for source, kind, answer in zip(filmed.errors.sources, filmed.errors.kinds, answers, strict=True)

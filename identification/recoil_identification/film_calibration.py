@@ -90,7 +90,7 @@ class FilmCalibration:
         for j, (source, unit) in enumerate(zip((*GAUGES, FRICTION), UNITS, strict=True)):
             if not u[j] > 0:
                 continue
-            answer = float(found.force_answers_kg[j])
+            answer = float(found.force_sensitivities_kg[j])
             budget.append(BudgetRow(source, abs(answer), "B", answer / float(u[j]), unit))
             off = float(found.force_errors[j] / u[j])
             redundancy = 1.0 - float(found.force_error_covariance[j, j]) / float(u[j]) ** 2
@@ -122,7 +122,7 @@ class FilmCalibration:
         """Return a' and F' with the gauges' errors and the release taken off, shape (n,) each."""
         a = regression.acceleration_m_s2 - self.release_m_s * regression.release_per_s
         gauges = regression.forces_n[:, :3] @ (1.0 / (1.0 + self.gauge_errors))
-        return a, np.asarray(gauges + regression.forces_n[:, 3] - self.friction_error_n * regression.sliding)
+        return a, np.asarray(gauges + regression.forces_n[:, 3] - self.friction_error_n * regression.friction_direction)
 
     def errors_left(self, regression: Regression) -> Array:
         """Return what the gauges' errors, the friction's and the camera's scale may still do to a', shape (n, 5).
@@ -130,7 +130,7 @@ class FilmCalibration:
         Each column is one standard uncertainty of an error that is independent of the others.
         """
         m = self.estimate.mass_kg
-        columns = -np.column_stack([regression.forces_n[:, :3], regression.sliding]) / m
+        columns = -np.column_stack([regression.forces_n[:, :3], regression.friction_direction]) / m
         variances, directions = np.linalg.eigh(self.covariance)
         by_force = columns @ (directions * np.sqrt(np.maximum(variances, 0.0)))
         return np.column_stack([by_force, self.u_camera * regression.force_n / m])

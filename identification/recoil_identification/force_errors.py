@@ -48,9 +48,9 @@ def force_errors(forced: ForcedRecoil) -> NamedErrors:
         Of a shot with its alignments.
     """
     free, signals = forced.recorded.released, forced.signals
-    found = [("A", source, error) for source, error in forced.inputs.probes.zeros]
+    found = [("A", source, error) for source, error in forced.inputs.perturbations.zeros]
     # late and early are one error but for its sign
-    found += [("B", source, error) for source, error in forced.inputs.probes.clocks[::2]]
+    found += [("B", source, error) for source, error in forced.inputs.perturbations.clocks[::2]]
     for (role, cause), left in signals.left.items():
         if role in PRESSURE_ROLES:
             area = getattr(forced.rig.mechanism, AREAS[PRESSURE_ROLES.index(role)])

@@ -155,7 +155,7 @@ def _rows(regression: Regression) -> NDArray[np.int64]:
 
 def _regressors(regression: Regression, rows: NDArray[np.int64]) -> Array:
     """Return what a relative error of each gauge, and a newton of friction, add to the force; shape (n_rows, 4)."""
-    return np.column_stack([regression.forces_n[rows, :3], regression.sliding[rows]])
+    return np.column_stack([regression.forces_n[rows, :3], regression.friction_direction[rows]])
 
 
 def _deviation(residual: Array, parameters: int) -> float:

@@ -65,7 +65,7 @@ def measured(
     truth = exact()
     forces = truth.forces_n.copy()
     forces[:, :3] *= 1.0 + np.array(gauges)
-    forces[:, 3] += friction_n * truth.sliding
+    forces[:, 3] += friction_n * truth.friction_direction
     a = (1 + acceleration) * truth.acceleration_m_s2 + bias_m_s2 * truth.released + release_m_s * truth.release_per_s
     if noise is not None:
         a[spaced_rows(truth)] += noise
@@ -84,7 +84,7 @@ def generalized_least_squares(
     """Mass and its uncertainty with the sensors' errors in a dense covariance, the inverse mass the one unknown."""
     rows = spaced_rows(regression)
     a, forces, released = regression.acceleration_m_s2[rows], regression.forces_n[rows], regression.released[rows]
-    f, sliding, release = forces.sum(axis=1), regression.sliding[rows], regression.release_per_s[rows]
+    f, sliding, release = forces.sum(axis=1), regression.friction_direction[rows], regression.release_per_s[rows]
     k = 1.0 / reverse_mass(regression, scales).mass_kg
     for _ in range(20):
         # columns: what one error of each sensor does to the rows, and to the camera's gain and constant

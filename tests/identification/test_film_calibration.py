@@ -23,7 +23,7 @@ def calibration(covariance: np.ndarray | None = None, u_camera: float = 0.0) -> 
 def misread(r: Regression) -> Regression:
     """Let the gauges read high by their errors, and the friction be declared too large."""
     forces = r.forces_n * [*(1.0 + GAUGES), 1.0]
-    forces[:, 3] += FRICTION_N * r.sliding
+    forces[:, 3] += FRICTION_N * r.friction_direction
     return replace(r, forces_n=forces)
 
 
@@ -37,7 +37,7 @@ def test_errors_that_are_left_add_up_to_their_covariance():
     r, rng = bench_regression(), np.random.default_rng(1)
     root = rng.normal(size=(4, 4)) * [[1e-3], [1e-3], [1e-3], [50.0]]
     found = calibration(root @ root.T).errors_left(r)
-    columns = np.column_stack([r.forces_n[:, :3], r.sliding]) / MASS_KG
+    columns = np.column_stack([r.forces_n[:, :3], r.friction_direction]) / MASS_KG
     k = int(np.argmax(np.abs(r.force_n)))
     assert found[k] @ found[k] == pytest.approx(columns[k] @ (root @ root.T) @ columns[k])
 

@@ -77,7 +77,7 @@ def test_the_frictions_sensitivity_is_the_masses_derivative_per_newton(method):
     masses = []
     for sign in (1, -1):
         forces = noisy().forces_n.copy()
-        forces[:, 3] += sign * 0.5 * noisy().sliding
+        forces[:, 3] += sign * 0.5 * noisy().friction_direction
         masses.append(METHODS[method](replace(noisy(), forces_n=forces), SCALES).mass_kg)
     found = row(METHODS[method](noisy(), SCALES), FRICTION)
     assert found.sensitivity == pytest.approx(masses[0] - masses[1], rel=1e-6)

@@ -263,7 +263,14 @@ def constancy_of(
     mass = calibration.estimate.mass_kg
     rates = np.gradient(regression.forces_n[:, :3], regression.step_s, axis=0)
     known = sensor_columns(
-        regression.forces_n, regression.sliding, regression.released, mass, scales, u_zero_m_s2, rates, u_delays_s
+        regression.forces_n,
+        regression.friction_direction,
+        regression.released,
+        mass,
+        scales,
+        u_zero_m_s2,
+        rates,
+        u_delays_s,
     )[rows]
     known = np.column_stack([known, regression.release_per_s[rows] * (regression.u_release_n_s / mass)])
     free = np.zeros((rows.size, 0)) if regression.shifts is None else regression.shifts[rows]

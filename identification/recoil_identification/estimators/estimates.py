@@ -132,7 +132,11 @@ class _Estimators:
         noise = math.hypot(quiet.filtered_acceleration, quiet.filtered_force / self.inputs.rig.mechanism.m3)
         found = deming_mass(a, force, ratio, quiet_sigma_m_s2=noise)
         # with little noise it is the derivative of acceleration on force
-        answers = found.mass_kg / (force @ force) * (np.column_stack([f.forces_n[rows, :3], f.sliding[rows]]).T @ force)
+        answers = (
+            found.mass_kg
+            / (force @ force)
+            * (np.column_stack([f.forces_n[rows, :3], f.friction_direction[rows]]).T @ force)
+        )
         budget = [*self.by_force(answers), self.by_accelerometer(-found.mass_kg), *self.further]
         return self.stated("tls", found.mass_kg, found.u_kg, budget, found.rows)
 
@@ -143,7 +147,7 @@ class _Estimators:
             used=self.inputs.used,
             force_sigma_n=self.inputs.baseline_noise.force,
             quiet_sigma_m_s2=self.inputs.baseline_noise.slow_acceleration,
-            probes_n=self.inputs.probes.per_unit,
+            probes_n=self.inputs.perturbations.per_unit,
             most_order=self.inputs.most_order,
         )
         budget = [*self.by_force(found.answers_kg), self.by_accelerometer(-found.mass_kg), *self.without_cutoff()]
@@ -159,7 +163,7 @@ class _Estimators:
                 used=self.inputs.used,
                 force_sigma_n=self.inputs.baseline_noise.slow_force,
                 quiet_sigma_m_s2=self.inputs.baseline_noise.slow_acceleration,
-                probes_n=self.inputs.probes.per_unit,
+                probes_n=self.inputs.perturbations.per_unit,
             )
 
         found = averaged(1.0)
@@ -188,11 +192,11 @@ class _Estimators:
             force_sigma_n=self.inputs.baseline_noise.slow_force,
             u_shift_s=filmed.alignment.u_offset_s,
             u_velocity_m_s=r.u_release_n_s / self.inputs.rough_kg,
-            probes_n=self.inputs.probes.table,
+            perturbations_n=self.inputs.perturbations.table,
         )
         scale_kg = found.scale_answer_kg
         scale = BudgetRow(CAMERA_SCALE, abs(scale_kg) * filmed.camera.u_rel, "B", scale_kg)
-        by_force, answers_kg = self.by_force(found.answers_kg[:4]), found.answers_kg[4:]
+        by_force, answers_kg = self.by_force(found.sensitivities_kg[:4]), found.sensitivities_kg[4:]
         budget = self.by_camera(filmed, by_force, answers_kg, scale, found.u_shift_kg)
         budget.append(BudgetRow(RELEASE, found.u_zero_kg, "B"))
         return self.stated("camera-gls", found.mass_kg, found.u_kg, budget, found.frames)
@@ -218,7 +222,7 @@ class _Estimators:
             u_gain=self.scales.acceleration,
             u_scale=filmed.camera.u_rel,
         )
-        probes = self.inputs.probes
+        probes = self.inputs.perturbations
         u = np.array([*self.scales.gauges, self.scales.friction_n, r.u_release_n_s])
         found = joint_mass(
             recoil,
@@ -255,7 +259,7 @@ class _Estimators:
         self, filmed: FilmedShot, by_force: list[BudgetRow], answers_kg: Array, scale: BudgetRow, u_shift_kg: float
     ) -> list[BudgetRow]:
         """Weigh the answers of a route by the camera to zeros and clocks; a clock's larger direction counts."""
-        probes = self.inputs.probes
+        probes = self.inputs.perturbations
         zeros = answers_kg[: len(probes.zeros)]
         clocks: dict[str, float] = {}
         for (source, _), answer in zip(probes.clocks, answers_kg[zeros.size :], strict=True):

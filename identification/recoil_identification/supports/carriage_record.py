@@ -191,7 +191,7 @@ def carriage_record(prepared: Prepared, rig: Rig) -> CarriageRecord:
     for number, (role, area, sign) in enumerate(zip(PRESSURE_ROLES, AREAS, (1.0, -1.0, -1.0), strict=True)):
         columns[role] = sign * recorded.forces_n[:, number] / getattr(rig.mechanism, area)
     columns["recoil_acceleration"] = prepared.inertial_m_s2
-    columns |= {"sliding": recorded.sliding, "released": recorded.released}
+    columns |= {"sliding": recorded.friction_direction, "released": recorded.released}
     columns |= {"travel": prepared.travel_m, "velocity": prepared.velocity_m_s}
     rate = signals.rate_hz
     stride = max(1, int(rate / THINNED_RATE_HZ))

@@ -59,7 +59,7 @@ def _first_of_run(flags: NDArray[np.bool_]) -> int | None:
     return int(sustained[0]) if sustained.size else None
 
 
-class LettingGo(NamedTuple):
+class StopReleaseImpulse(NamedTuple):
     """What battery stop and packing may give the part while they let it go, and no gauge reads.
 
     Attributes
@@ -74,7 +74,7 @@ class LettingGo(NamedTuple):
     u_n_s: float
 
 
-def letting_go(times_s: Array, net_force_n: Array, onset_s: float) -> LettingGo:
+def stop_release_impulse(times_s: Array, net_force_n: Array, onset_s: float) -> StopReleaseImpulse:
     """Tell in what shape stop and packing push the part on after its release, and how much that may be.
 
     They are springs: they push with what they held until the part has left them, while the driving force rises. So
@@ -98,11 +98,11 @@ def letting_go(times_s: Array, net_force_n: Array, onset_s: float) -> LettingGo:
     held_n = -float(np.median(at_rest)) if at_rest.size else 0.0
     driven = _first_of_run((times_s >= onset_s) & (np.nan_to_num(net_force_n, nan=-math.inf) >= held_n))
     if held_n <= 0 or driven is None:
-        return LettingGo(per_s, 0.0)
+        return StopReleaseImpulse(per_s, 0.0)
     step_s = float(times_s[1] - times_s[0])
     count = max(driven - release, 1)
     per_s[release : release + count] = 1.0 - (np.arange(count) + 0.5) / count
-    return LettingGo(per_s / (per_s.sum() * step_s), held_n * float(times_s[driven] - onset_s))
+    return StopReleaseImpulse(per_s / (per_s.sum() * step_s), held_n * float(times_s[driven] - onset_s))
 
 
 def end_of_travel(times_s: Array, velocity_m_s: Array, onset_s: float) -> float:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_processing.filters import Filtered, LowPass, filter_alike
-from recoil_processing.shot.interval import end_of_travel, letting_go, release_index
+from recoil_processing.shot.interval import end_of_travel, release_index, stop_release_impulse
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.assumptions import AREAS
 from recoil_rigs.mechanism import Mechanism
@@ -42,12 +42,12 @@ class Regression:
     released : ndarray, shape (n,)
         1 where the part is free to move, 0 where it is held; filtered with the rest, because it is
         the regressor of a constant error of the accelerometer.
-    sliding : ndarray, shape (n,)
+    friction_direction : ndarray, shape (n,)
         Force of the packing friction per newton of it: -1 while the part recoils, +1 while it runs
         back, 0 where it is held; filtered with the rest, because it is the regressor of the friction.
     release_per_s : ndarray, shape (n,)
         Force of battery stop and packing while they let the part go, for a unit impulse of it, see
-        `interval.letting_go`; filtered with the rest, because it is the regressor of that impulse.
+        `interval.stop_release_impulse`; filtered with the rest, because it is the regressor of that impulse.
     trusted : ndarray of bool, shape (n,)
         False where a sample was lost or lies within the filter's reach of a lost one.
     interval_s : tuple of float
@@ -66,7 +66,7 @@ class Regression:
     acceleration_m_s2: Array
     forces_n: Array
     released: Array
-    sliding: Array
+    friction_direction: Array
     release_per_s: Array
     trusted: Flags
     interval_s: tuple[float, float]
@@ -106,7 +106,11 @@ class Regression:
         A column with lost samples is bridged for the filter, and everything within its reach of the
         bridge is no longer trusted.
         """
-        columns = {"acceleration": self.acceleration_m_s2, "released": self.released, "sliding": self.sliding}
+        columns = {
+            "acceleration": self.acceleration_m_s2,
+            "released": self.released,
+            "friction_direction": self.friction_direction,
+        }
         columns["release"] = self.release_per_s
         columns |= dict(zip(FORCES, self.forces_n.T, strict=True))
         table = filter_alike(low_pass, columns, self.rate_hz)
@@ -115,7 +119,7 @@ class Regression:
             acceleration_m_s2=table["acceleration"],
             forces_n=np.column_stack([table[name] for name in FORCES]),
             released=table["released"],
-            sliding=table["sliding"],
+            friction_direction=table["friction_direction"],
             release_per_s=table["release"],
             trusted=table.trusted,
             table=table,
@@ -192,21 +196,21 @@ def build_regression(
     m, s = mechanism, signals.series
     times = signals.times_s
     end_s = end_of_travel(times, velocity_m_s, signals.onset_s)
-    sliding = -np.where(times <= end_s, 1.0, np.sign(velocity_m_s))
+    friction_direction = -np.where(times <= end_s, 1.0, np.sign(velocity_m_s))
     forces = np.column_stack(
         [
             *(
                 sign * s[role] * getattr(m, area)
                 for sign, role, area in zip((1, -1, -1), PRESSURE_ROLES, AREAS, strict=True)
             ),
-            m.friction * sliding,
+            m.friction * friction_direction,
         ]
     )
     net = np.asarray(forces.sum(axis=1))
     release = release_index(times, net, signals.onset_s)
-    let_go = letting_go(times, net, signals.onset_s)
+    stop_release = stop_release_impulse(times, net, signals.onset_s)
     released = (np.arange(times.size) >= release).astype(np.float64)
-    sliding[:release] = 0.0
+    friction_direction[:release] = 0.0
     # between the onset and the release a lost pressure may hide the release itself: it stays lost
     known = np.isfinite(forces[:release]) | (times[:release, np.newaxis] < signals.onset_s)
     forces[:release] = np.where(known, 0.0, np.nan)
@@ -220,11 +224,11 @@ def build_regression(
         acceleration,
         forces,
         released,
-        sliding,
-        let_go.per_s,
+        friction_direction,
+        stop_release.per_s,
         trusted,
         interval,
-        let_go.u_n_s,
+        stop_release.u_n_s,
     )
 
 

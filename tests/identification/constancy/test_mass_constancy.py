@@ -34,7 +34,7 @@ def disturbed(seed: int, *, lost: float = 0.0, after_s: float = 0.03, errors: fl
     zero, friction = errors * rng.standard_normal(2) * (U_ZERO, SCALES.friction_n)
     gauges = 1 + errors * rng.standard_normal(3) * SCALES.gauges
     forces = plain.forces_n * np.append(gauges, 1.0)
-    forces[:, 3] += friction * plain.sliding
+    forces[:, 3] += friction * plain.friction_direction
     acceleration = plain.acceleration_m_s2 / mass + zero * plain.released + noise
     return replace(plain, acceleration_m_s2=acceleration, forces_n=forces).filtered(CUTOFF)
 
@@ -128,7 +128,12 @@ def test_the_noise_may_be_given() -> None:
     regression = disturbed(8)
     rows = np.flatnonzero(regression.used)[::20]
     known = sensor_columns(
-        regression.forces_n[rows], regression.sliding[rows], regression.released[rows], MASS_KG, SCALES, U_ZERO
+        regression.forces_n[rows],
+        regression.friction_direction[rows],
+        regression.released[rows],
+        MASS_KG,
+        SCALES,
+        U_ZERO,
     )
     columns = (regression.times_s[rows], regression.acceleration_m_s2[rows], regression.force_n[rows], MASS_KG, known)
     found = mass_constancy(*columns, noise_m_s2=5.0)

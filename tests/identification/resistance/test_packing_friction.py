@@ -19,7 +19,7 @@ def shot(seed: int, friction_error_n: float) -> Regression:
     a = regression.force_n / MASS_KG
     a[spaced_rows(regression)] += 0.5 * np.random.default_rng(seed).normal(size=spaced_rows(regression).size)
     forces = regression.forces_n.copy()
-    forces[:, 3] += friction_error_n * regression.sliding
+    forces[:, 3] += friction_error_n * regression.friction_direction
     return replace(regression, forces_n=forces, acceleration_m_s2=a)
 
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_processing.shot.interval import end_of_travel, letting_go, release_index
+from recoil_processing.shot.interval import end_of_travel, release_index, stop_release_impulse
 
 TIMES = 1e-3 * np.arange(200)
 
@@ -40,7 +40,7 @@ def test_a_part_that_is_never_driven_is_an_error_that_says_where_to_look(force, 
 def test_a_stop_may_push_with_what_it_held_until_as_much_drives_the_part():
     force = np.interp(TIMES, [0.0, 0.03, 0.09, 0.2], [-10e3, -10e3, 50e3, 50e3])
     # from the onset at 30 ms the force rises by 1 kN each ms: from -10 kN to 10 kN in 20 ms
-    found = letting_go(TIMES, force, 0.030)
+    found = stop_release_impulse(TIMES, force, 0.030)
     assert found.u_n_s == pytest.approx(10e3 * 0.020, rel=0.06)
     # released at 40 ms; it dies away until 50 ms
     assert np.flatnonzero(found.per_s).tolist() == list(range(40, 50))
@@ -50,7 +50,7 @@ def test_a_stop_may_push_with_what_it_held_until_as_much_drives_the_part():
 
 @pytest.mark.parametrize(("at_rest", "driven", "onset"), [(-10e3, 5e3, 0.03), (-10e3, 50e3, 0.0), (0.0, 5e4, 0.03)])
 def test_where_rest_or_rise_are_not_recorded_or_nothing_is_held_there_is_nothing_to_tell(at_rest, driven, onset):
-    found = letting_go(TIMES, np.where(TIMES < 0.03, at_rest, driven), onset)
+    found = stop_release_impulse(TIMES, np.where(TIMES < 0.03, at_rest, driven), onset)
     assert found.u_n_s == 0.0
     assert not found.per_s.any()
 

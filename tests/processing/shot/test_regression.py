@@ -44,7 +44,7 @@ def test_while_the_part_is_held_both_sides_are_zero():
     assert np.abs(regression.acceleration_m_s2[held]).max() < 1e-12
     assert not regression.forces_n[held].any()
     assert not regression.released[held].any()
-    assert not regression.sliding[held].any()
+    assert not regression.friction_direction[held].any()
     assert regression.released[~held].all()
 
 
@@ -59,7 +59,7 @@ def test_the_forces_are_signed_and_the_friction_turns_with_the_motion():
     end = regression.interval_s[1]
     assert (regression.forces_n[free, 3][motion.times_s[free] <= end] == -1500.0).all()
     assert (regression.forces_n[motion.times_s > end + 1e-3, 3] == 1500.0).all()
-    np.testing.assert_array_equal(regression.forces_n[:, 3], 1500.0 * regression.sliding)
+    np.testing.assert_array_equal(regression.forces_n[:, 3], 1500.0 * regression.friction_direction)
 
 
 def test_the_interval_reaches_from_force_to_the_end_of_travel():

@@ -62,8 +62,8 @@ class DoubleImpulseMass:
         Of the density over that of the force's noise.
     residuals : ndarray, shape (n,)
         Of the independent rows, over the marker's noise.
-    answers_kg : ndarray, shape (n_probes,)
-        By how much the mass is too large if the force is by one of the probes.
+    sensitivities_kg : ndarray, shape (n_perturbations,)
+        By how much the mass is too large if the force is by one of the perturbations.
     scale_answer_kg : float
         By how much per relative error of the displacement's scale.
     frames, set_aside : int
@@ -72,7 +72,7 @@ class DoubleImpulseMass:
     force_errors : ndarray, shape (n_errors,)
         Of the force, as the film and what was known of them say.
     force_error_covariance : ndarray, shape (n_errors, n_errors)
-    force_answers_kg : ndarray, shape (n_errors,)
+    force_sensitivities_kg : ndarray, shape (n_errors,)
         By how much the mass is too large if the force is by one standard uncertainty of each.
     """
 
@@ -88,14 +88,14 @@ class DoubleImpulseMass:
     density: float
     inflation: float
     residuals: Array
-    answers_kg: Array
+    sensitivities_kg: Array
     scale_answer_kg: float
     frames: int
     set_aside: int
     u_shift_s: float
     force_errors: Array
     force_error_covariance: Array
-    force_answers_kg: Array
+    force_sensitivities_kg: Array
 
 
 def double_impulse_mass(
@@ -115,7 +115,7 @@ def double_impulse_mass(
     u_zero_m_s2: float = 0.0,
     levels: tuple[float, float] | None = None,
     least_levels: tuple[float, float] = (LEAST_MARKER_M, LEAST_DENSITY),
-    probes_n: Array | None = None,
+    perturbations_n: Array | None = None,
     force_errors_n: Array | None = None,
     u_force_errors: Array | None = None,
 ) -> DoubleImpulseMass:
@@ -145,7 +145,7 @@ def double_impulse_mass(
         Marker's noise in m and the walk's density, if they are known; otherwise the likeliest.
     least_levels : (float, float)
         What they are never taken to be better than.
-    probes_n : ndarray, shape (n, n_probes), optional
+    perturbations_n : ndarray, shape (n, n_perturbations), optional
         Errors that the force may have, finite, zero before the release.
     force_errors_n : ndarray, shape (n, n_errors), optional
         The same, each by one unit, that are unknowns: what a shot sees in different mixtures it tells apart.
@@ -213,9 +213,9 @@ def double_impulse_mass(
         )
     mass = 1.0 / inverse
     own = mass**2 / float(scale[0])
-    probes = np.zeros((force_n.size, 0)) if probes_n is None else probes_n
-    errors = [inverse * DoubleIntegral.of(probe, start_s, step_s).at(t)[0] for probe in probes.T]
-    answers = own * found.answers(film, np.column_stack([*errors, film.from_rest_m]))
+    perturbations = np.zeros((force_n.size, 0)) if perturbations_n is None else perturbations_n
+    errors = [inverse * DoubleIntegral.of(perturbation, start_s, step_s).at(t)[0] for perturbation in perturbations.T]
+    sensitivities = own * found.sensitivities(film, np.column_stack([*errors, film.from_rest_m]))
     by_prior = {j: own * float(weight) for j, weight in zip(free, found.by_priors, strict=True)}
     told = [i for i, j in enumerate(free) if j >= _ERRORS]
     at = [free[i] - _ERRORS for i in told]
@@ -235,12 +235,12 @@ def double_impulse_mass(
         density=found.density,
         inflation=found.density / least,
         residuals=found.residuals,
-        answers_kg=answers[:-1],
-        scale_answer_kg=float(answers[-1]),
+        sensitivities_kg=sensitivities[:-1],
+        scale_answer_kg=float(sensitivities[-1]),
         frames=int(t.size),
         set_aside=film.set_aside,
         u_shift_s=math.sqrt(float(unscaled[free.index(_SHIFT), free.index(_SHIFT)])) if _SHIFT in free else 0.0,
         force_errors=np.array([values.get(_ERRORS + j, 0.0) for j in range(u_errors.size)]),
         force_error_covariance=covariance,
-        force_answers_kg=np.array([by_prior.get(_ERRORS + j, 0.0) for j in range(u_errors.size)]),
+        force_sensitivities_kg=np.array([by_prior.get(_ERRORS + j, 0.0) for j in range(u_errors.size)]),
     )

@@ -59,7 +59,7 @@ class ForceErrors:
 
     @property
     def table(self) -> Array:
-        """All of them in this order, shape (n, n_probes)."""
+        """All of them in this order, shape (n, n_perturbations)."""
         return np.column_stack([self.per_unit, *(error for _, error in (*self.zeros, *self.clocks))])
 
 
@@ -140,7 +140,7 @@ class EstimatorInputs:
         )
 
     @cached_property
-    def probes(self) -> ForceErrors:
+    def perturbations(self) -> ForceErrors:
         """What may be wrong with the force as recorded."""
         free, times = self.recorded.released, self.recorded.times_s
         zeros, clocks = [], []
@@ -158,7 +158,7 @@ class EstimatorInputs:
                 (f"alignment of clock {clock}", (np.interp(times - by_s, times, moved) - moved) * free)
                 for by_s in (u_s, -u_s)
             ]
-        per_unit = np.column_stack([self.forces_n[:, :3], self.recorded.sliding])
+        per_unit = np.column_stack([self.forces_n[:, :3], self.recorded.friction_direction])
         return ForceErrors(per_unit, tuple(zeros), tuple(clocks))
 
     @property

@@ -145,7 +145,7 @@ class ForcedRecoil:
         r, errors = self.recorded, found.force_errors
         forces = r.forces_n.copy()
         forces[:, :3] /= 1.0 + errors[:3]
-        forces[:, 3] -= errors[3] * r.sliding
+        forces[:, 3] -= errors[3] * r.friction_direction
         recorded = replace(r, forces_n=forces)
         force = EstimatorInputs(recorded, recorded, self.signals, self.shot, self.rig).force_n
         acceleration = relative_to_tipping_part(
@@ -181,7 +181,7 @@ class ForcedRecoil:
             If too few frames saw the motion, or force and displacement have nothing in common.
         """
         r, rough = self.recorded, self.mass_kg
-        errors = np.column_stack([self.inputs.forces_n[:, :3], r.sliding])
+        errors = np.column_stack([self.inputs.forces_n[:, :3], r.friction_direction])
         u = np.array([*self.scales.gauges, self.scales.friction_n])
         if further_n is not None:
             errors, u = np.column_stack([errors, further_n]), np.append(u, np.ones(further_n.shape[1]))

@@ -137,7 +137,7 @@ class ImpulseFit:
         """Standard uncertainty of the first unknown by the positions' errors alone."""
         return float(np.linalg.norm(self.by_rows))
 
-    def answers(self, film: Film, errors_m: Array) -> Array:
+    def sensitivities(self, film: Film, errors_m: Array) -> Array:
         """Return by how much errors of the modelled travel lower the first unknown; at rest there are none."""
         rows = film.whiten(errors_m, self.density / self.sigma**2)[0] / self.sigma
         return np.asarray(self.by_rows[: rows.shape[0]] @ rows)

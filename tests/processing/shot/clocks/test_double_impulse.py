@@ -107,9 +107,9 @@ def test_the_answers_are_the_changes_of_the_mass():
     shot = record_recoil(8)
     forces = np.where((T >= 0)[:, None], shot.forces_n, 0.0)
     force = forces.sum(axis=1)
-    found = estimated(shot.displacement_m, force, force_sigma_n=2e4, probes_n=forces)
+    found = estimated(shot.displacement_m, force, force_sigma_n=2e4, perturbations_n=forces)
     same = {"force_sigma_n": 2e4, "levels": (found.marker_sigma_m, found.density)}
-    for column, answer in zip(forces.T, found.answers_kg, strict=True):
+    for column, answer in zip(forces.T, found.sensitivities_kg, strict=True):
         moved = estimated(shot.displacement_m, force + 1e-3 * column, **same).mass_kg
         assert answer == pytest.approx((moved - found.mass_kg) / 1e-3, abs=0.003 * MASS_KG)
     scaled = estimated(1.001 * shot.displacement_m, force, **same).mass_kg
@@ -159,14 +159,14 @@ def test_errors_that_are_known_to_be_none_change_nothing():
     plain, held = estimated(levels=(MARKER_SIGMA_M, 1e-4)), restricted(FORCE, (0.0, 0.0))
     assert held.mass_kg == plain.mass_kg
     assert held.u_kg == plain.u_kg
-    assert np.array_equal(held.force_answers_kg, [0.0, 0.0])
+    assert np.array_equal(held.force_sensitivities_kg, [0.0, 0.0])
 
 
 def test_the_answer_to_a_calibration_is_that_of_a_gauge_which_is_off_by_its_uncertainty():
     u = 0.01
     found = restricted(FORCE, (1e-9, u))
     off = restricted(FORCE + u * record_errors()[:, 1], (1e-9, u))
-    assert off.mass_kg - found.mass_kg == pytest.approx(found.force_answers_kg[1], rel=0.05)
+    assert off.mass_kg - found.mass_kg == pytest.approx(found.force_sensitivities_kg[1], rel=0.05)
 
 
 def test_uncertainties_that_do_not_fit_the_errors_are_refused():
