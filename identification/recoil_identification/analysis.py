@@ -38,7 +38,7 @@ from recoil_identification.uncertainty import further_contributions
 from recoil_identification.verdict import notes_on, reasons_against
 from recoil_identification.zero_shift import ZeroShift, calibrated_with_zero_shift
 from recoil_processing.quality.repeatability import shot_peaks
-from recoil_processing.shot.filmed_motion import filmed
+from recoil_processing.shot.camera_motion import recorded_motion
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.sensor_scales import ScaleUncertainty, scale_uncertainty
 from recoil_rigs.assumptions import assumptions_of
@@ -92,7 +92,10 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
     low_pass = choice.low_pass
     scales = scale_uncertainty(rig)
     offset = signals.offsets["recoil_acceleration"]
-    told = camera_scale(camera, camera_clock), filmed(signals, prepared.acceleration_m_s2, camera, camera_clock)
+    told = (
+        camera_scale(camera, camera_clock),
+        recorded_motion(signals, prepared.acceleration_m_s2, camera, camera_clock),
+    )
 
     mass_low_pass = mass_filter(recorded, choice)
 

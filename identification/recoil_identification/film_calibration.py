@@ -97,7 +97,7 @@ class FilmCalibration:
             departures[source] = off
             significances[source] = off / math.sqrt(redundancy) if redundancy > LEAST_REDUNDANCY else 0.0
         budget.append(BudgetRow(RELEASE, found.u_zero_kg, "B"))
-        answer = found.scale_answer_kg
+        answer = found.scale_sensitivity_kg
         budget.append(BudgetRow(CAMERA_SCALE, abs(answer) * u_camera, "B", answer))
         return cls(
             MassEstimate("camera", found.mass_kg, tuple(budget), found.frames, math.nan),

@@ -88,13 +88,15 @@ class FilmedRecoil:
         u_shift_s = math.inf if by_force else clock.u_offset_s
         times, positions = camera.time_base.times_s, recoil_only(camera.measured)
         forced = ForcedRecoil.of(shot, rig, signals)
-        first = forced.film_mass(clock.to_reference(times), positions, u_shift_s=u_shift_s)
+        first = forced.camera_track_mass(clock.to_reference(times), positions, u_shift_s=u_shift_s)
         corrected = forced.corrected(first)
         fused = fused_motion(signals, corrected.acceleration_m_s2, replace(camera, samples=positions), clock)
         travel, velocity = travel_and_velocity(fused, corrected.acceleration_m_s2, signals.step_s)
         forced = ForcedRecoil.of(shot, rig, signals, first.mass_kg, velocity)
         errors = force_errors(forced)
-        found = forced.film_mass(clock.to_reference(times), positions, u_shift_s=u_shift_s, further_n=errors.columns_n)
+        found = forced.camera_track_mass(
+            clock.to_reference(times), positions, u_shift_s=u_shift_s, further_n=errors.columns_n
+        )
         return cls(camera, clock, by_force, forced, errors, found, fused, travel, velocity)
 
     @property
@@ -114,7 +116,7 @@ class FilmedRecoil:
         """
         times = self.frame_times_s
         times = times + stretch * (times - float(np.mean(self.forced.recorded.interval_s)))
-        return self.forced.film_mass(
+        return self.forced.camera_track_mass(
             times + (self.found.shift_s if held else 0.0),
             self.positions_m,
             u_shift_s=0.0 if held else self.u_shift_s,

@@ -14,7 +14,7 @@ from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_identification.sensor_observations import CameraScale
 from recoil_identification.skew import without_skew
 from recoil_processing.motion.fusion import FusedMotion
-from recoil_processing.shot.filmed_motion import motion_fit
+from recoil_processing.shot.camera_motion import motion_fit
 from recoil_processing.shot.kinematics import (
     AngularMotion,
     angular_motion,

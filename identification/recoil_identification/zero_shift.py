@@ -22,7 +22,7 @@ from recoil_identification.calibration import LARGEST_SIGNIFICANCE, Calibration,
 from recoil_identification.sensor_observations import CAMERA_SCALE, CAMERA_SHIFT, CameraScale
 from recoil_processing.filters import LowPass
 from recoil_processing.motion.scale_and_zero import ScaleAndZero
-from recoil_processing.shot.filmed_motion import Filmed
+from recoil_processing.shot.camera_motion import RecordedMotion
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 
@@ -102,7 +102,7 @@ def shift_columns(regression: Regression) -> Array:
     return np.column_stack([step, kick, *decays])
 
 
-def _scale(camera: Filmed, found: ScaleAndZero, shape: Shape) -> CameraScale:
+def _scale(camera: RecordedMotion, found: ScaleAndZero, shape: Shape) -> CameraScale:
     """Return what a solution for a shape says of the accelerometer."""
     kick = shape.index(_KICK) if _KICK in shape else None
     return CameraScale(found.gain, np.append(found.bias_m_s2, found.shifts_m_s2), found.covariance, camera.u_rel, kick)
@@ -114,7 +114,7 @@ def calibrated_with_zero_shift(
     scales: ScaleUncertainty,
     u_bias_m_s2: float,
     camera: CameraScale | None,
-    filmed: Filmed | None = None,
+    filmed: RecordedMotion | None = None,
 ) -> tuple[Regression, Regression, Calibration, ZeroShift]:
     """Estimate the mass with the sensors' errors, a shift of the zero among them where the shot demands one.
 

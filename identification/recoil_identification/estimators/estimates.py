@@ -194,7 +194,7 @@ class _Estimators:
             u_velocity_m_s=r.u_release_n_s / self.inputs.rough_kg,
             perturbations_n=self.inputs.perturbations.table,
         )
-        scale_kg = found.scale_answer_kg
+        scale_kg = found.scale_sensitivity_kg
         scale = BudgetRow(CAMERA_SCALE, abs(scale_kg) * filmed.camera.u_rel, "B", scale_kg)
         by_force, answers_kg = self.by_force(found.sensitivities_kg[:4]), found.sensitivities_kg[4:]
         budget = self.by_camera(filmed, by_force, answers_kg, scale, found.u_shift_kg)

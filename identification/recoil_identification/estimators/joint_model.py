@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from recoil_identification.estimators.joint_recoil import Knowledge, NoiseLevels, Recoil
 from recoil_processing.motion.double_integral import DoubleIntegral
 from recoil_processing.shot.clocks.autoregressive_noise import AutoregressiveNoise, runs
+from recoil_processing.shot.clocks.camera_track import CameraTrack
 from recoil_processing.shot.clocks.double_impulse import INFLATIONS, LEAST_DENSITY, LEAST_MARKER_M, LIKELIER
-from recoil_processing.shot.clocks.film import Film
 
 Array = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ class JointModel:
 
     recoil: Recoil
     known: Knowledge
-    film: Film
+    film: CameraTrack
     step_shape: Array
     other: DoubleIntegral
     felt: DoubleIntegral
@@ -84,7 +84,7 @@ class JointModel:
 
         step = (recoil.times_s >= recoil.release_s).astype(np.float64)
         rough = integral(recoil.force_n / rough_mass_kg + recoil.other_m_s2)
-        film = Film.of(recoil.frame_times_s, recoil.displacement_m, recoil.release_s, recoil.end_s, rough)
+        film = CameraTrack.of(recoil.frame_times_s, recoil.displacement_m, recoil.release_s, recoil.end_s, rough)
         # what it reads before the release is noise that moves nothing
         felt = integral(recoil.acceleration_m_s2 * step)
         return cls(

@@ -72,8 +72,8 @@ def judge_motion(
     Returns
     -------
     ClockAlignment
-        Where the film is wrong from some frame on (`alignment.frame_fault`) it is ``ambiguous`` and of the
-        file as it is; the details hold the places, and the offset of a corrected film. ``drift_told_from`` is the
+        Where the camera track is wrong from some frame on (`alignment.frame_fault`) it is ``ambiguous`` and of the
+        file as it is; the details hold the places, and the offset of a corrected track. ``drift_told_from`` is the
         drift beyond which the record would have told a wrong frame rate.
 
     Raises

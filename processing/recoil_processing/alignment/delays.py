@@ -1,6 +1,6 @@
 """Systematic delays of a measuring chain: what is declared of them, and how well each is known.
 
-A sample's stamp is late by the chain's delay: the physics was at ``stamp - delay``. A film whose
+A sample's stamp is late by the chain's delay: the physics was at ``stamp - delay``. A camera track whose
 stamps are those of the shutter's opening is early, so that its delay is negative. All of it holds for motion
 that is slow against the filter, the mount and the exposure, which is what clocks are aligned by.
 """
@@ -25,7 +25,7 @@ SLOWEST_ORDER = 8
 USUAL_ORDER = 4
 """Of an anti-alias filter whose order is not declared."""
 STAMP_SHARE = {"start": -0.5, "middle": 0.0, "end": 0.5}
-"""Delay of a film's stamps over the exposure: a moving mark's picture is where the mark was in the middle of it."""
+"""Delay of a camera's stamps over the exposure: a moving mark's picture is where the mark was in the middle of it."""
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ def mount_delay(resonance_hz: float, damping: float) -> DelayPart:
 
 
 def exposure_delay(exposure_s: float, stamp: ExposureStamp | None = None) -> DelayPart | None:
-    """Delay of a film's stamps against the middle of the exposure, where a moving mark's picture has its centre.
+    """Delay of a camera's stamps against the middle of the exposure, where a moving mark's picture has its centre.
 
     Parameters
     ----------

@@ -156,10 +156,10 @@ def _fit(
         return f"the track does not move: it spans {1e3 * np.ptp(z):.3g} mm at {1e3 * marker_sigma:.2g} mm noise", ()
     model = MotionModel(t, z, 0.5 * float(t[0] + t[-1]), integral, shifted_from_s, kicks_s)
     if shifted_from_s is None:
-        filmed, felt = camera_velocity(t, z), integral.velocity
+        by_camera, felt = camera_velocity(t, z), integral.velocity
     else:
-        filmed, felt = mean_accelerations(model, SHIFT_SPAN_S)
-    lag = coarse_lag(*filmed, integral.start_s, integral.step_s, felt, step_of_search_s=SEARCH_STEP_S)
+        by_camera, felt = mean_accelerations(model, SHIFT_SPAN_S)
+    lag = coarse_lag(*by_camera, integral.start_s, integral.step_s, felt, step_of_search_s=SEARCH_STEP_S)
     if isinstance(lag, str):
         return lag, ()
     model = replace(model, kicks_s=_seen_kicks(model, lag.offset_s))
@@ -189,7 +189,7 @@ def _fit(
 
 
 def _seen_kicks(model: MotionModel, shift_s: float) -> tuple[float, ...]:
-    """Kicks with frames before and behind them; one at an end of the film is a part of its constant velocity."""
+    """Kicks with frames before and behind them; one at an end of its track is a part of its constant velocity."""
     mapped = model.mapped_s(shift_s, 0.0)
     mapped = mapped[model.integral.covers(mapped)]
     if mapped.size <= 2 * KICK_FRAMES:

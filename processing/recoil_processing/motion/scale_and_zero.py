@@ -66,8 +66,8 @@ class ScaleAndZero:
 
 
 @dataclass(frozen=True, eq=False)
-class FilmedMotion:
-    """A motion that a camera filmed and an accelerometer felt, on one clock.
+class CameraMotion:
+    """A motion that a camera saw and an accelerometer felt, on one clock.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ class FilmedMotion:
     u_offset_s: float
     u_bias_m_s2: float
 
-    def whitened(self, shapes: Array, density: float) -> WhitenedFilm | None:
+    def whitened(self, shapes: Array, density: float) -> WhitenedTrack | None:
         """Whiten positions and columns once for all choices among some shapes.
 
         Parameters
@@ -103,7 +103,7 @@ class FilmedMotion:
 
         Returns
         -------
-        WhitenedFilm or None
+        WhitenedTrack or None
             None where too few frames are there.
         """
         t = self.times_s
@@ -118,7 +118,7 @@ class FilmedMotion:
         rows = walk.whiten(np.column_stack(columns))
         # the triangle holds all that least squares on any of the columns needs
         triangle = np.asarray(np.linalg.qr(rows, mode="r"))
-        return WhitenedFilm(triangle, t.size, walk.log_determinant, density, self.u_offset_s, self.u_bias_m_s2)
+        return WhitenedTrack(triangle, t.size, walk.log_determinant, density, self.u_offset_s, self.u_bias_m_s2)
 
     def solve(self, shapes: Array, density: float) -> ScaleAndZero | None:
         """Find scale, zero and shifts of all shapes; parameters as of `whitened`.
@@ -128,10 +128,10 @@ class FilmedMotion:
         ScaleAndZero or None
             None where too few frames are there or the columns are not independent.
         """
-        film = self.whitened(shapes, density)
-        return None if film is None else film.solve(range(shapes.shape[1]))
+        track = self.whitened(shapes, density)
+        return None if track is None else track.solve(range(shapes.shape[1]))
 
-    def likeliest(self, shapes: Array, chosen: Sequence[int], densities: Sequence[float]) -> WhitenedFilm | None:
+    def likeliest(self, shapes: Array, chosen: Sequence[int], densities: Sequence[float]) -> WhitenedTrack | None:
         """Whiten with the density that makes the positions likeliest if the zero shifted in the chosen shapes.
 
         Parameters
@@ -141,21 +141,21 @@ class FilmedMotion:
         densities : sequence of float
             Rising; the search ends where the likelihood falls.
         """
-        best: tuple[float, WhitenedFilm] | None = None
+        best: tuple[float, WhitenedTrack] | None = None
         for density in densities:
-            film = self.whitened(shapes, density)
-            found = None if film is None else film.solve(chosen)
-            if film is None or found is None:
+            track = self.whitened(shapes, density)
+            found = None if track is None else track.solve(chosen)
+            if track is None or found is None:
                 continue
             if best is not None and found.misfit >= best[0]:
                 break
-            best = found.misfit, film
+            best = found.misfit, track
         return None if best is None else best[1]
 
 
 @dataclass(frozen=True, eq=False)
-class WhitenedFilm:
-    """Positions and columns of a filmed motion in rows of independent errors, as the triangle of their factorisation.
+class WhitenedTrack:
+    """Positions and columns of a camera's motion in rows of independent errors, as the triangle of their factorisation.
 
     Attributes
     ----------
@@ -165,7 +165,7 @@ class WhitenedFilm:
     log_determinant : float
         Of the noise.
     density, u_offset_s, u_bias_m_s2 : float
-        As of `FilmedMotion`.
+        As of `CameraMotion`.
     """
 
     triangle: Array
@@ -219,7 +219,7 @@ class WhitenedFilm:
         )
 
 
-def filmed_motion(
+def camera_motion(
     frame_times_s: Array,
     positions_m: Array,
     integral: DoubleIntegral,
@@ -228,7 +228,7 @@ def filmed_motion(
     marker_sigma_m: float,
     u_offset_s: float,
     u_bias_m_s2: float,
-) -> FilmedMotion:
+) -> CameraMotion:
     """Take the frames that have a position, lie within the accelerometer's record and agree with their neighbours.
 
     Parameters
@@ -240,7 +240,7 @@ def filmed_motion(
         Camera's scale over the accelerometer's, roughly.
     marker_sigma_m : float
     u_offset_s, u_bias_m_s2 : float
-        As of `FilmedMotion`.
+        As of `CameraMotion`.
 
     Raises
     ------
@@ -257,4 +257,4 @@ def filmed_motion(
     stuck = stuck_repeats(z, residual, marker_sigma_m)
     t, z, residual = t[~stuck], z[~stuck], residual[~stuck]
     odd = isolated_outliers(t, residual, marker_sigma_m)
-    return FilmedMotion(t[~odd], z[~odd], integral, marker_sigma_m**2, u_offset_s, u_bias_m_s2)
+    return CameraMotion(t[~odd], z[~odd], integral, marker_sigma_m**2, u_offset_s, u_bias_m_s2)

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 
 from recoil_acquisition.shot import Verdict
 from recoil_processing.quality.clipping_checks import check_clipping, check_flat_tops, check_out_of_band
-from recoil_processing.quality.film_checks import check_duplicated_pictures, check_frame_rate
 from recoil_processing.quality.force_checks import check_braking, check_force_sign, check_impulse, check_skew
+from recoil_processing.quality.frame_checks import check_duplicated_pictures, check_frame_rate
 from recoil_processing.quality.level_checks import (
     check_baseline,
     check_filtered_noise,

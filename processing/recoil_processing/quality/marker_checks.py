@@ -86,7 +86,7 @@ def check_marker_noise(times_s: Array, positions: Array, *, unit: str) -> Outcom
     if limit.verdict(ratio) == "ok":
         return "ok", text
     return "warn", (
-        f"{text} (limit {limit.warn:g}), from {at_s:.3f} s of the film: blur, smoke or poor light; shorten the "
+        f"{text} (limit {limit.warn:g}), from {at_s:.3f} s of the track: blur, smoke or poor light; shorten the "
         "exposure and light the mark better before the next shot"
     )
 
@@ -153,7 +153,7 @@ def check_jumps(times_s: Array, positions: Array, *, unit: str) -> Outcome:
     speed = size[i] / float(times_s[jumps[i]] - times_s[before[i]])
     shown = ", ".join(f"{t:.4f}" for t in times_s[jumps[:SHOWN]]) + (" ..." if jumps.size > SHOWN else "")
     return "warn", (
-        f"{jumps.size} jumps of the mark at {shown} s of the film, the largest {size[i]:.3g} {unit} at {speed:.3g} "
+        f"{jumps.size} jumps of the mark at {shown} s of the track, the largest {size[i]:.3g} {unit} at {speed:.3g} "
         f"{unit}/s, faster than the motion: the tracker took another feature; track it again with a smaller search "
         "window"
     )

@@ -20,7 +20,7 @@ Flags = NDArray[np.bool_]
 LEAST_REST = 16
 """Frames at either end that tell where the mark rests."""
 START_S = 0.02
-"""Time at the begin of a film in which a mark should rest."""
+"""Time at the begin of a camera track in which a mark should rest."""
 REST_S = 0.1
 """Time at its end: at the turning point of recoil a mark stands still for some frames, but not for so long."""
 MOVING_SIGMA = 5.0
@@ -165,11 +165,11 @@ def check_battery(times_s: Array, positions_m: Array, sigma_m: float) -> Outcome
     Returns
     -------
     verdict, detail
-        Nothing is judged where the film ends before the mark rests, or does not begin at rest.
+        Nothing is judged where the track ends before the mark rests, or does not begin at rest.
     """
     ends = _rests(times_s, positions_m, sigma_m)
     if isinstance(ends, str):
-        return "ok", f"the film {ends}: the return to battery is not in it"
+        return "ok", f"the track {ends}: the return to battery is not in it"
     apart = float(np.mean(ends[1]) - np.mean(ends[0]))
     limit = LIMITS["battery_m"]
     text = f"comes to rest {1e3 * apart:+.2f} mm from where it started"
@@ -182,7 +182,7 @@ def check_battery(times_s: Array, positions_m: Array, sigma_m: float) -> Outcome
 
 
 def rest_begin(times_s: Array, positions_m: Array, sigma_m: float) -> int | None:
-    """Return the first frame since which the mark rests where the film ends; None if it does not rest there.
+    """Return the first frame since which the mark rests where the track ends; None if it does not rest there.
 
     Parameters
     ----------

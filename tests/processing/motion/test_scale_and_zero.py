@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from recoil_processing.motion.double_integral import DoubleIntegral
-from recoil_processing.motion.scale_and_zero import FilmedMotion, ScaleAndZero, filmed_motion
+from recoil_processing.motion.scale_and_zero import CameraMotion, ScaleAndZero, camera_motion
 
 STEP_S, RATE_HZ = 1e-4, 1e4
 TIMES_S = STEP_S * np.arange(5000)
@@ -30,7 +30,7 @@ def shapes() -> np.ndarray:
     return np.column_stack([after, after * np.exp(-since / 0.02)])
 
 
-def filmed(seed: int, *, gain=1.0, bias=0.0, shifts=(0.0, 0.0), lost=0, u_bias=0.1) -> FilmedMotion:
+def filmed(seed: int, *, gain=1.0, bias=0.0, shifts=(0.0, 0.0), lost=0, u_bias=0.1) -> CameraMotion:
     """Gain is the camera's scale over the accelerometer's, here all the camera's."""
     rng = np.random.default_rng(seed)
     true = acceleration()
@@ -40,12 +40,12 @@ def filmed(seed: int, *, gain=1.0, bias=0.0, shifts=(0.0, 0.0), lost=0, u_bias=0
     positions = gain * path + 0.02 + rng.normal(0.0, SIGMA_MARKER, frames.size)
     positions[rng.choice(frames.size, lost, replace=False)] = np.nan
     integral = DoubleIntegral.of(read, 0.0, STEP_S)
-    return filmed_motion(
+    return camera_motion(
         frames, positions, integral, gain=1.0, marker_sigma_m=SIGMA_MARKER, u_offset_s=5e-6, u_bias_m_s2=u_bias
     )
 
 
-def solved(motion: FilmedMotion, columns: np.ndarray | None = None) -> ScaleAndZero:
+def solved(motion: CameraMotion, columns: np.ndarray | None = None) -> ScaleAndZero:
     found = motion.solve(shapes() if columns is None else columns, DENSITY)
     assert found is not None
     return found
@@ -94,9 +94,9 @@ def test_too_few_frames_and_columns_that_repeat_one_another_give_nothing() -> No
 def test_bad_arguments_are_refused() -> None:
     integral = DoubleIntegral.of(acceleration(), 0.0, STEP_S)
     with pytest.raises(ValueError, match="equally many"):
-        filmed_motion(TIMES_S, TIMES_S[1:], integral, gain=1.0, marker_sigma_m=1e-5, u_offset_s=0.0, u_bias_m_s2=0.1)
+        camera_motion(TIMES_S, TIMES_S[1:], integral, gain=1.0, marker_sigma_m=1e-5, u_offset_s=0.0, u_bias_m_s2=0.1)
     with pytest.raises(ValueError, match="positive"):
-        filmed_motion(TIMES_S, TIMES_S, integral, gain=1.0, marker_sigma_m=0.0, u_offset_s=0.0, u_bias_m_s2=0.1)
+        camera_motion(TIMES_S, TIMES_S, integral, gain=1.0, marker_sigma_m=0.0, u_offset_s=0.0, u_bias_m_s2=0.1)
 
 
 def test_one_factorisation_serves_every_choice_of_shapes() -> None:

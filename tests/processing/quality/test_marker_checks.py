@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.tracks.proanalyst_text import ProAnalystTextReader
-from recoil_processing.quality.film_checks import check_duplicated_pictures, check_frame_rate, duplicated_pictures
+from recoil_processing.quality.frame_checks import check_duplicated_pictures, check_frame_rate, duplicated_pictures
 from recoil_processing.quality.marker_checks import (
     check_distance,
     check_jumps,
@@ -200,7 +200,7 @@ def test_a_mark_that_does_not_return_to_battery_is_seen_if_it_rests(apart_m):
     assert f"{1e3 * apart_m:+.1f}" in detail
     begin = rest_begin(times, positions, 5e-5)
     assert 0.6 < times[begin] < 0.75
-    assert check_battery(times[:900], positions[:900], 5e-5)[1].startswith("the film ends in motion")
+    assert check_battery(times[:900], positions[:900], 5e-5)[1].startswith("the track ends in motion")
     assert rest_begin(times[:900], positions[:900], 5e-5) is None
 
 

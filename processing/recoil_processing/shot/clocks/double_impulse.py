@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.errors import IdentificationError
 from recoil_processing.motion.double_integral import DoubleIntegral
 from recoil_processing.noise import noise_sigma
-from recoil_processing.shot.clocks.film import Film
+from recoil_processing.shot.clocks.camera_track import CameraTrack
 from recoil_processing.shot.clocks.impulse_fit import LEAST_MARKER_M, LIKELIER, START, ImpulseFit
 
 __all__ = ["INFLATIONS", "LEAST_DENSITY", "LEAST_MARKER_M", "LIKELIER", "DoubleImpulseMass", "double_impulse_mass"]
@@ -64,13 +64,13 @@ class DoubleImpulseMass:
         Of the independent rows, over the marker's noise.
     sensitivities_kg : ndarray, shape (n_perturbations,)
         By how much the mass is too large if the force is by one of the perturbations.
-    scale_answer_kg : float
+    scale_sensitivity_kg : float
         By how much per relative error of the displacement's scale.
     frames, set_aside : int
     u_shift_s : float
         Standard uncertainty of `shift_s`, with what was known of it; 0 where it was held.
     force_errors : ndarray, shape (n_errors,)
-        Of the force, as the film and what was known of them say.
+        Of the force, as the camera track and what was known of them say.
     force_error_covariance : ndarray, shape (n_errors, n_errors)
     force_sensitivities_kg : ndarray, shape (n_errors,)
         By how much the mass is too large if the force is by one standard uncertainty of each.
@@ -89,7 +89,7 @@ class DoubleImpulseMass:
     inflation: float
     residuals: Array
     sensitivities_kg: Array
-    scale_answer_kg: float
+    scale_sensitivity_kg: float
     frames: int
     set_aside: int
     u_shift_s: float
@@ -177,20 +177,20 @@ def double_impulse_mass(
     u_errors = np.zeros(0) if u_force_errors is None else u_force_errors
     if own_errors.shape != (force_n.size, u_errors.size):
         raise ValueError(f"{u_errors.size} uncertainties do not fit errors of shape {own_errors.shape}")
-    film = Film.of(frame_times_s, displacement_m, release_s, end_s, rough)
-    t = film.times_s
+    track = CameraTrack.of(frame_times_s, displacement_m, release_s, end_s, rough)
+    t = track.times_s
     since = t - release_s
     columns = [impulse.at(t)[0], np.ones_like(t), rough.at(t)[1], since, 0.5 * since**2]
     columns += [-DoubleIntegral.of(e / rough_mass_kg, start_s, step_s).at(t)[0] for e in own_errors.T]
     knowledge = [math.inf, math.inf, u_shift_s, u_velocity_m_s, u_zero_m_s2, *u_errors.tolist()]
     # an error that moves nothing is none
     free = [j for j, u in enumerate(knowledge) if u > 0 and (j < _ERRORS or np.any(columns[j]))]
-    target = film.positions_m - given.at(t)[0]
+    target = track.positions_m - given.at(t)[0]
     table = np.column_stack([*(columns[j] for j in free), target])
     scale = np.sqrt((table[:, :-1] ** 2).sum(axis=0))
     if not np.all(scale > 0):
         raise IdentificationError(
-            "the force does not move the part while it is filmed",
+            "the force does not move the part while the camera sees it",
             expected="frames from the release on",
             remedy="check the camera's alignment",
         )
@@ -198,11 +198,11 @@ def double_impulse_mass(
     priors = np.array([knowledge[j] for j in free]) * scale
     least = max((force_sigma_n / rough_mass_kg) ** 2 * step_s, least_levels[1])
     if levels is not None:
-        found = ImpulseFit.of(film, table, priors, *levels)
+        found = ImpulseFit.of(track, table, priors, *levels)
     else:
-        sigma = max(noise_sigma(film.positions_m), least_levels[0])
+        sigma = max(noise_sigma(track.positions_m), least_levels[0])
         densities = [inflation * least for inflation in INFLATIONS]
-        found = ImpulseFit.likeliest(film, table, priors, sigma, densities, least_levels[0])
+        found = ImpulseFit.likeliest(track, table, priors, sigma, densities, least_levels[0])
     values = dict(zip(free, (found.solution / scale).tolist(), strict=True))
     inverse = values[0]
     if not inverse > 0:
@@ -215,7 +215,7 @@ def double_impulse_mass(
     own = mass**2 / float(scale[0])
     perturbations = np.zeros((force_n.size, 0)) if perturbations_n is None else perturbations_n
     errors = [inverse * DoubleIntegral.of(perturbation, start_s, step_s).at(t)[0] for perturbation in perturbations.T]
-    sensitivities = own * found.sensitivities(film, np.column_stack([*errors, film.from_rest_m]))
+    sensitivities = own * found.sensitivities(track, np.column_stack([*errors, track.from_rest_m]))
     by_prior = {j: own * float(weight) for j, weight in zip(free, found.by_priors, strict=True)}
     told = [i for i, j in enumerate(free) if j >= _ERRORS]
     at = [free[i] - _ERRORS for i in told]
@@ -236,9 +236,9 @@ def double_impulse_mass(
         inflation=found.density / least,
         residuals=found.residuals,
         sensitivities_kg=sensitivities[:-1],
-        scale_answer_kg=float(sensitivities[-1]),
+        scale_sensitivity_kg=float(sensitivities[-1]),
         frames=int(t.size),
-        set_aside=film.set_aside,
+        set_aside=track.set_aside,
         u_shift_s=math.sqrt(float(unscaled[free.index(_SHIFT), free.index(_SHIFT)])) if _SHIFT in free else 0.0,
         force_errors=np.array([values.get(_ERRORS + j, 0.0) for j in range(u_errors.size)]),
         force_error_covariance=covariance,

@@ -36,7 +36,7 @@ STEPS = 4
 SETTLED_S = 1e-7
 """Step after which there is none."""
 MOST_OFF = 0.25
-"""By which the mass may be off the specification; what is more is a wrong scale or area, or another shot's film."""
+"""By which the mass may be off the specification; more is a wrong scale or area, or another shot's camera track."""
 U_MODEL_S = 5e-6
 """Of the offset: what a rigid part, its release and the chains of camera and gauges, taken as simultaneous, are off.
 Assumed, from no certificate: `tests/benchmarks/test_camera_benchmark.py` prints the offset's error over its u."""
@@ -78,7 +78,7 @@ def align_by_force(
         offset_s, mass = refined(forced, one.times_s, positions, coarse.offset_s, coarse.drift)
     except IdentificationError as error:
         return failed_alignment(clock, METHOD, str(error))
-    # with the forces' errors as the film tells them the film alone is judged
+    # with the forces' errors as the camera track finds them, that alone is judged
     fit = _by_motion(forced.corrected(mass), one.times_s, positions, drift_allowance)
     judged = judge_motion(
         clock,
@@ -101,7 +101,8 @@ def align_by_force(
     if abs(mass.mass_kg / specification - 1.0) > MOST_OFF:
         off = 100 * (mass.mass_kg / specification - 1.0)
         doubt = (
-            f"film and forces call for a mass {off:+.0f} % off the specification: another shot's film, or a wrong scale"
+            f"camera track and forces call for a mass {off:+.0f} % off the specification: another shot's camera track, "
+            "or a wrong scale"
         )
         judged = replace(judged, status="ambiguous", reasons=(*judged.reasons, doubt))
     return with_uncertainty(
@@ -115,7 +116,7 @@ def align_by_force(
 def refined(
     forced: ForcedRecoil, times_s: Array, positions_m: Array, offset_s: float, drift: float
 ) -> tuple[float, DoubleImpulseMass]:
-    """Step a clock's offset to where film and forces agree best; return it, and the mass there.
+    """Step a clock's offset to where camera track and forces agree best; return it, and the mass there.
 
     Parameters
     ----------
@@ -132,7 +133,7 @@ def refined(
     """
     for _ in range(STEPS):
         mapped = (1.0 + drift) * times_s + offset_s
-        mass = forced.film_mass(mapped, positions_m, u_shift_s=math.inf)
+        mass = forced.camera_track_mass(mapped, positions_m, u_shift_s=math.inf)
         offset_s += mass.shift_s
         if abs(mass.shift_s) < SETTLED_S:
             break

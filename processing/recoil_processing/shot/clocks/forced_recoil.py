@@ -135,12 +135,12 @@ class ForcedRecoil:
         return LINEARITY * travel, (STRAIGHTNESS * peak) ** 2 * STRAIGHT_S
 
     def corrected(self, found: DoubleImpulseMass) -> ForcedRecoil:
-        """Take off the forces what a film found wrong with them, and drive the mass that it found.
+        """Take off the forces what a camera track found wrong with them, and drive the mass that it found.
 
         Parameters
         ----------
         found : DoubleImpulseMass
-            Of `film_mass`.
+            Of `camera_track_mass`.
         """
         r, errors = self.recorded, found.force_errors
         forces = r.forces_n.copy()
@@ -153,7 +153,7 @@ class ForcedRecoil:
         )
         return replace(self, recorded=recorded, mass_kg=found.mass_kg, acceleration_m_s2=acceleration)
 
-    def film_mass(
+    def camera_track_mass(
         self,
         frame_times_s: Array,
         displacement_m: Array,
@@ -162,7 +162,7 @@ class ForcedRecoil:
         further_n: Array | None = None,
         levels: tuple[float, float] | None = None,
     ) -> DoubleImpulseMass:
-        """Estimate the mass by a film, the gauges' scales and the friction being unknowns that are restricted.
+        """Estimate the mass by a camera track, the gauges' scales and the friction being unknowns that are restricted.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Generalized least squares of a film: rows made independent by a walk's Kalman filter, and what was known beforehand.
+"""Generalized least squares of a camera track: rows made independent by a walk's Kalman filter, and priors.
 
 The first unknown is 1/m, the second the position at rest; each further one may be restricted by its standard
 uncertainty. Noise levels are those that make the positions likeliest.
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_processing.shot.clocks.film import Film
+from recoil_processing.shot.clocks.camera_track import CameraTrack
 
 Array = NDArray[np.float64]
 
@@ -57,31 +57,31 @@ class ImpulseFit:
     log_likelihood: float
 
     @classmethod
-    def of(cls, film: Film, table: Array, priors: Array, sigma: float, density: float) -> ImpulseFit:
+    def of(cls, track: CameraTrack, table: Array, priors: Array, sigma: float, density: float) -> ImpulseFit:
         """Solve for one pair of noise levels.
 
         Parameters
         ----------
-        film : Film
+        track : CameraTrack
         table : ndarray, shape (n, n_unknowns + 1)
             Columns of the unknowns, and the positions as the last.
         priors : ndarray, shape (n_unknowns,)
             Standard uncertainties, in the columns' scale; infinite where nothing was known.
         sigma, density : float
         """
-        rows, log_determinant = film.whiten(table, density / sigma**2)
+        rows, log_determinant = track.whiten(table, density / sigma**2)
         rows /= sigma
         rest = np.zeros((1, table.shape[1]))
-        if film.rest_frames:
-            weight = math.sqrt(film.rest_frames) / sigma
+        if track.rest_frames:
+            weight = math.sqrt(track.rest_frames) / sigma
             # the column of ones was scaled with the others
             rest[0, START] = weight * float(table[0, START])
-            rest[0, -1] = weight * film.rest_m
+            rest[0, -1] = weight * track.rest_m
         known = np.zeros((priors.size, table.shape[1]))
         known[:, :-1] = np.diag(np.where(np.isfinite(priors), 1.0 / np.where(priors > 0, priors, 1.0), 0.0))
         full = np.vstack([rows, rest, known])
         design, target = full[:, :-1], full[:, -1]
-        # what is known far better than the film tells must not hide the rest from the pseudo-inverse
+        # what is known far better than the camera track shows must not hide the rest from the pseudo-inverse
         size = np.sqrt((design**2).sum(axis=0))
         inverse = np.linalg.pinv(design / size) / size[:, np.newaxis]
         solution = inverse @ target
@@ -93,7 +93,7 @@ class ImpulseFit:
     @classmethod
     def likeliest(
         cls,
-        film: Film,
+        track: CameraTrack,
         table: Array,
         priors: Array,
         sigma: float,
@@ -104,7 +104,7 @@ class ImpulseFit:
 
         Parameters
         ----------
-        film, table, priors
+        track, table, priors
             As of `of`.
         sigma : float
             A first guess of the marker's noise.
@@ -120,11 +120,11 @@ class ImpulseFit:
         """
         best: ImpulseFit | None = None
         for density in densities:
-            tried = cls.of(film, table, priors, sigma, density)
+            tried = cls.of(track, table, priors, sigma, density)
             for _ in range(SIGMA_STEPS):
                 freedom = max(tried.residuals.size - tried.solution.size, 1)
                 own = tried.sigma * math.sqrt(float(tried.residuals @ tried.residuals) / freedom)
-                tried = cls.of(film, table, priors, max(own, least_sigma), density)
+                tried = cls.of(track, table, priors, max(own, least_sigma), density)
             if best is not None and tried.log_likelihood <= best.log_likelihood + LIKELIER:
                 break
             best, sigma = tried, tried.sigma
@@ -137,7 +137,7 @@ class ImpulseFit:
         """Standard uncertainty of the first unknown by the positions' errors alone."""
         return float(np.linalg.norm(self.by_rows))
 
-    def sensitivities(self, film: Film, errors_m: Array) -> Array:
+    def sensitivities(self, track: CameraTrack, errors_m: Array) -> Array:
         """Return by how much errors of the modelled travel lower the first unknown; at rest there are none."""
-        rows = film.whiten(errors_m, self.density / self.sigma**2)[0] / self.sigma
+        rows = track.whiten(errors_m, self.density / self.sigma**2)[0] / self.sigma
         return np.asarray(self.by_rows[: rows.shape[0]] @ rows)

@@ -1,4 +1,4 @@
-"""The checks of a camera's film and of its tracks, wired to a shot."""
+"""The checks of a camera's frames and of its tracks, wired to a shot."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from recoil_processing.quality import (
     check_repeated_frames,
     check_residual,
 )
-from recoil_processing.quality.film_checks import duplicated_pictures
+from recoil_processing.quality.frame_checks import duplicated_pictures
 from recoil_processing.quality.marker_checks import marker_noise
 from recoil_processing.quality.track_quality import rest_begin
 from recoil_rigs.rig import ChannelSpec, Source
@@ -41,8 +41,8 @@ LEAST_TRAVEL = 100.0
 """Times its noise that a mark must move to be compared with another."""
 
 
-def check_film(source: Source, recording: Recording) -> Iterator[QualityCheck]:
-    """Check a film as a whole: its frame rate, its pictures, and marks that sit on one body.
+def check_frames(source: Source, recording: Recording) -> Iterator[QualityCheck]:
+    """Check a camera's frames as a whole: its frame rate, its pictures, and marks that sit on one body.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def check_track(
     spec : ChannelSpec
     source : Source
     recording : Recording or None
-        Its film, where it is at hand: duplicated pictures are then told from a mark that is stuck.
+        Its recording, where it is at hand: duplicated pictures are then distinguished from a mark that is stuck.
 
     Yields
     ------
@@ -136,7 +136,7 @@ def rest_after(channel: Channel, alignment: ClockAlignment | None) -> float | No
     Returns
     -------
     float or None
-        On the reference clock; None if the film ends before, or its clock could not be aligned.
+        On the reference clock; None if the track ends before, or its clock could not be aligned.
     """
     if alignment is None or alignment.status == "failed":
         return None

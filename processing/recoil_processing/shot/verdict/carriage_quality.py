@@ -17,8 +17,8 @@ from recoil_acquisition.channel import Channel
 from recoil_acquisition.shot import ClockAlignment, QualityCheck, Shot
 from recoil_processing.alignment.align import INNOVATION_LIMITS
 from recoil_processing.quality import check_carriage
+from recoil_processing.shot.camera_motion import recorded_motion
 from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ACCELERATIONS
-from recoil_processing.shot.filmed_motion import filmed
 from recoil_processing.shot.signals import at_instants
 from recoil_processing.shot.verdict.motion_quality import Recoil
 from recoil_rigs.rig import Rig
@@ -54,12 +54,12 @@ def check_carriage_by_camera(
     angle = rig.mechanism.phi20 - rig.mechanism.phi10 + motion.beta
     parts = dict(zip(CARRIAGE_ACCELERATIONS, (motion.f_x * np.cos(angle), motion.f_y * np.sin(angle)), strict=True))
     parts = {role: part for role, part in parts.items() if role in signals.series}
-    film = filmed(signals, recoil.acceleration, at_instants(camera, shot, rig), alignment)
-    if film is None or not parts:
+    track = recorded_motion(signals, recoil.acceleration, at_instants(camera, shot, rig), alignment)
+    if track is None or not parts:
         return
     before = signals.times_s < signals.onset_s
     shapes = np.column_stack([part - np.median(part[before]) if before.any() else part for part in parts.values()])
-    whitened = film.motion.likeliest(shapes, range(len(parts)), film.densities)
+    whitened = track.motion.likeliest(shapes, range(len(parts)), track.densities)
     found = None if whitened is None else whitened.solve(range(len(parts)))
     if found is None or found.innovation_statistic > INNOVATION_LIMITS[1]:
         return

@@ -112,9 +112,9 @@ def check_channel(
         verdict: Verdict = "fail" if channel.role or channel.name in aligning_channels(rig) else "warn"
         yield "constant", (verdict, f"always {present[0]:.4g} {unit}: sensor not connected, or the wrong signal")
         return
-    filmed = rig.source(channel.time_base.clock).kind == "camera"
+    by_camera = rig.source(channel.time_base.clock).kind == "camera"
     unclipped = True
-    if not filmed:
+    if not by_camera:
         yield "losses", check_losses(samples, channel.time_base.rate_hz)
         limits = range_si(spec)
         ranged = None if limits is None else check_clipping(samples, *limits, unit=unit)

@@ -19,7 +19,7 @@ from recoil_processing.quality import Outcome, check_zero_shift
 from recoil_processing.shot.onset import find_onset
 from recoil_processing.shot.signals import BASELINE_MARGIN_S
 from recoil_processing.shot.verdict.acquisition_quality import check_acquisition, check_clock_fits
-from recoil_processing.shot.verdict.camera_quality import check_film, check_fusion, check_track, rest_after
+from recoil_processing.shot.verdict.camera_quality import check_frames, check_fusion, check_track, rest_after
 from recoil_processing.shot.verdict.carriage_quality import check_carriage_by_camera
 from recoil_processing.shot.verdict.channel_quality import LEAST_SAMPLES, check_channel
 from recoil_processing.shot.verdict.motion_quality import Recoil, check_camera_velocity, check_motion, recoil_of
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 UNCHECKED = (
     "no accelerometer on the recoiling part: the camera's scale and velocity, and the forces' sign, impulse and skew, "
-    "cannot be checked by it; the residual of film and forces is what there is"
+    "cannot be checked by it; the residual of camera track and forces is what there is"
 )
 
 
@@ -65,7 +65,7 @@ def check_shot(
         if source.name in recordings:
             checks += _file_checks(source.name, recordings[source.name])
             if source.kind == "camera":
-                checks += check_film(source, recordings[source.name])
+                checks += check_frames(source, recordings[source.name])
     checks += _file_names(recordings)
     essential = {c.source for c in rig.channels if c.role}
     checks += check_acquisition(shot.acquisition, recordings, essential)

@@ -113,7 +113,7 @@ def test_the_answers_are_the_changes_of_the_mass():
         moved = estimated(shot.displacement_m, force + 1e-3 * column, **same).mass_kg
         assert answer == pytest.approx((moved - found.mass_kg) / 1e-3, abs=0.003 * MASS_KG)
     scaled = estimated(1.001 * shot.displacement_m, force, **same).mass_kg
-    assert found.scale_answer_kg == pytest.approx((scaled - found.mass_kg) / 1e-3, rel=0.005)
+    assert found.scale_sensitivity_kg == pytest.approx((scaled - found.mass_kg) / 1e-3, rel=0.005)
 
 
 def test_too_few_frames_or_a_force_against_the_motion_are_no_estimate():

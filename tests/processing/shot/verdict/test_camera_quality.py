@@ -8,7 +8,7 @@ from recoil_acquisition.channel import Channel
 from recoil_acquisition.shot import ClockAlignment
 from recoil_acquisition.timebase import TimeBase
 from recoil_acquisition.track import Track
-from recoil_processing.shot.verdict.camera_quality import check_film, check_fusion, check_track, rest_after
+from recoil_processing.shot.verdict.camera_quality import check_frames, check_fusion, check_track, rest_after
 from recoil_rigs.rig import ChannelSpec, Source
 from tests.builders.bench_shots import ArrayRecording
 
@@ -20,7 +20,7 @@ ALIGNED = ClockAlignment("camera", 0.5, 1e-6, 0.0, 0.0, "ok", "motion")
 
 
 @dataclass(frozen=True, eq=False)
-class Film(ArrayRecording):
+class CameraTrack(ArrayRecording):
     """A recording that holds tracks."""
 
     films: tuple[Track, ...] = ()
@@ -34,10 +34,10 @@ def path(seed: int, travel_mm: float) -> np.ndarray:
     return noise + np.column_stack([travel_mm * np.exp(-(((TIMES_S - 0.4) / 0.08) ** 2)), np.zeros(2000)])
 
 
-def film(*positions: np.ndarray) -> Film:
+def film(*positions: np.ndarray) -> CameraTrack:
     names = [f"Feature #{i + 1}" for i in range(len(positions))]
     tracks = [Track(name, ("X", "Y"), p, np.arange(2000), "mm", BASE) for name, p in zip(names, positions, strict=True)]
-    return Film({}, films=tuple(tracks))
+    return CameraTrack({}, films=tuple(tracks))
 
 
 def channel(samples_m: np.ndarray, role: str = "recoil_displacement") -> Channel:
@@ -49,13 +49,13 @@ def verdicts(found) -> dict[str, str]:
 
 
 def test_a_sound_film_is_ok():
-    found = {c.check: c for c in check_film(SOURCE, film(path(1, 600.0), path(2, 0.0)))}
+    found = {c.check: c for c in check_frames(SOURCE, film(path(1, 600.0), path(2, 0.0)))}
     assert {name: c.verdict for name, c in found.items()} == {"frame rate": "ok", "pictures": "ok"}
     assert all(c.channel == "camera" for c in found.values())
 
 
 def test_a_recording_without_tracks_says_nothing_of_a_film():
-    assert list(check_film(SOURCE, ArrayRecording({}))) == []
+    assert list(check_frames(SOURCE, ArrayRecording({}))) == []
 
 
 def test_a_wrong_frame_rate_and_duplicated_pictures_are_found_in_the_film():
@@ -63,7 +63,7 @@ def test_a_wrong_frame_rate_and_duplicated_pictures_are_found_in_the_film():
     for p in (moving, still):
         p[760] = p[759]
     played_back = SOURCE.model_copy(update={"frame_rate": 30.0})
-    found = {c.check: c for c in check_film(played_back, film(moving, still))}
+    found = {c.check: c for c in check_frames(played_back, film(moving, still))}
     assert found["frame rate"].verdict == "fail"
     assert found["pictures"].verdict == "warn"
     assert "frames 760" in found["pictures"].detail
@@ -72,11 +72,11 @@ def test_a_wrong_frame_rate_and_duplicated_pictures_are_found_in_the_film():
 def test_marks_that_move_alike_sit_on_one_body_and_must_keep_their_distance():
     first = path(1, 600.0)
     second = first + np.array([50.0, 20.0]) + 0.05 * np.random.default_rng(3).normal(size=(2000, 2))
-    (distance,) = [c for c in check_film(SOURCE, film(first, second)) if c.check == "distance"]
+    (distance,) = [c for c in check_frames(SOURCE, film(first, second)) if c.check == "distance"]
     assert distance.verdict == "ok"
     assert distance.detail.startswith("Feature #1 and Feature #2: ")
     second[1000:, 0] += 0.5
-    (distance,) = [c for c in check_film(SOURCE, film(first, second)) if c.check == "distance"]
+    (distance,) = [c for c in check_frames(SOURCE, film(first, second)) if c.check == "distance"]
     assert distance.verdict == "warn"
 
 

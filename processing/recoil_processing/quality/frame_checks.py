@@ -1,4 +1,4 @@
-"""Checks of a film as a whole: its frame rate, and pictures that repeat.
+"""Checks of a camera track as a whole: its frame rate, and pictures that repeat.
 
 Every check returns ``(verdict, detail)``; the limits and their sources stand in `recoil_processing.quality.limits`.
 """
@@ -85,8 +85,8 @@ def check_duplicated_pictures(frame_numbers: NDArray[np.int64], features: Sequen
         return "ok", text
     verdict: Verdict = "fail" if limit.verdict(pictures.size / frame_numbers.size) == "fail" else "warn"
     return verdict, (
-        f"{text}; export the film at its record rate, without filling frames, and check the camera's memory before the "
-        "next shot"
+        f"{text}; export the recording at its record rate, without filling frames, and check the camera's memory "
+        "before the next shot"
     )
 
 
@@ -124,7 +124,7 @@ def check_frame_rate(times_s: Array, numbers: NDArray[np.int64] | None, declared
     """
     if times_s.size < LEAST_FRAMES:
         return "ok", f"{times_s.size} frames: no rate to compare"
-    # the median, which a printed time of few digits does not reach, over half of the film
+    # the median, which a printed time of few digits does not reach, over half of the recording
     half = times_s.size // 2
     counted = np.arange(times_s.size) if numbers is None else numbers
     slopes = (times_s[-half:] - times_s[:half]) / (counted[-half:] - counted[:half])

@@ -14,19 +14,19 @@ from recoil_acquisition.channel import Channel
 from recoil_acquisition.shot import ClockAlignment
 from recoil_processing.alignment.motion_alignment import INFLATIONS
 from recoil_processing.motion.double_integral import DoubleIntegral
-from recoil_processing.motion.scale_and_zero import FilmedMotion, filmed_motion
+from recoil_processing.motion.scale_and_zero import CameraMotion, camera_motion
 from recoil_processing.shot.signals import Signals
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Filmed:
+class RecordedMotion:
     """What a camera adds to the accelerometers.
 
     Attributes
     ----------
-    motion : FilmedMotion
+    motion : CameraMotion
         On the grid of the signals.
     densities : tuple of float
         Of the accelerometer's noise that are tried, (m/s^2)^2/Hz, two-sided.
@@ -34,7 +34,7 @@ class Filmed:
         Relative standard uncertainty of the camera's own scale.
     """
 
-    motion: FilmedMotion
+    motion: CameraMotion
     densities: tuple[float, ...]
     u_rel: float
 
@@ -48,9 +48,9 @@ def motion_fit(alignment: ClockAlignment | None) -> Mapping[str, Any] | None:
     return details if details and "u_bias_m_s2" in details else None
 
 
-def filmed(
+def recorded_motion(
     signals: Signals, acceleration_m_s2: Array, camera: Channel | None, alignment: ClockAlignment | None
-) -> Filmed | None:
+) -> RecordedMotion | None:
     """Return the motion as camera and accelerometers recorded it; None unless the camera was aligned by motion.
 
     Parameters
@@ -66,7 +66,7 @@ def filmed(
     if camera is None or alignment is None or d is None:
         return None
     integral = DoubleIntegral.of(acceleration_m_s2, signals.start_s, signals.step_s)
-    motion = filmed_motion(
+    motion = camera_motion(
         alignment.to_reference(camera.time_base.times_s),
         camera.measured,
         integral,
@@ -76,4 +76,4 @@ def filmed(
         u_bias_m_s2=math.inf,  # the pre-trigger baseline has its say where the mass is found
     )
     quietest = d["acceleration_density"] / d["noise_inflation"]
-    return Filmed(motion, tuple(quietest * inflation for inflation in INFLATIONS), camera.u_rel)
+    return RecordedMotion(motion, tuple(quietest * inflation for inflation in INFLATIONS), camera.u_rel)

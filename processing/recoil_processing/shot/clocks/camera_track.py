@@ -21,7 +21,7 @@ LEAST_FRAMES = 30
 
 
 @dataclass(frozen=True, eq=False)
-class Film:
+class CameraTrack:
     """A camera's positions, parted at the release.
 
     Attributes
@@ -46,7 +46,7 @@ class Film:
     @classmethod
     def of(
         cls, frame_times_s: Array, displacement_m: Array, release_s: float, end_s: float, rough: DoubleIntegral
-    ) -> Film:
+    ) -> CameraTrack:
         """Take the frames up to the end of the interval.
 
         Parameters

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from recoil_processing.motion.double_integral import DoubleIntegral
-from recoil_processing.shot.clocks.film import LEAST_FRAMES, Film
+from recoil_processing.shot.clocks.camera_track import LEAST_FRAMES, CameraTrack
 from tests.builders.recoil_scenario import RATE_HZ, record_recoil, true_recoil
 
 TRUE = true_recoil()
 ROUGH = DoubleIntegral.of(TRUE.acceleration_m_s2, float(TRUE.times_s[0]), 1 / RATE_HZ)
 
 
-def filmed(x: np.ndarray, end_s: float = 1.0) -> Film:
-    return Film.of(TRUE.frame_times_s, x, 0.0, end_s, ROUGH)
+def filmed(x: np.ndarray, end_s: float = 1.0) -> CameraTrack:
+    return CameraTrack.of(TRUE.frame_times_s, x, 0.0, end_s, ROUGH)
 
 
 def test_frames_are_parted_at_the_release():
