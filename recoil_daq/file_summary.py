@@ -18,7 +18,7 @@ from recoil_daq.ingest import reader_of
 from recoil_rigs.rig import Rig, parse_rig
 
 EMPTY_DATABASE = 'VERSION ""\n'
-"""Of a CAN log that is shown without a rig: every identifier is unknown to it, and so is listed."""
+"""Database of a CAN log that is shown without a rig: every identifier is unknown to it, and so is listed."""
 
 
 def formats_document() -> dict[str, Any]:

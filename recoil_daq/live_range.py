@@ -316,7 +316,7 @@ class LiveRange:
             self._outcome.log = path
 
     def _pressed(self, session: LiveSession) -> bool:
-        """Do what a key says; tell whether it is to end."""
+        """Do what a key says; return whether it is to end."""
         key = self._display.key()
         if key == "a":
             session.arm()

@@ -14,7 +14,7 @@ from recoil_acquisition.clock_breaks import FEWEST
 Seconds = NDArray[np.float64]
 
 RESOLUTION_S = 1e-9
-"""Of stamps in whole nanoseconds."""
+"""Resolution of stamps in whole nanoseconds."""
 
 _POINTS = 96
 """Lower points over the whole record."""
@@ -65,7 +65,7 @@ def lower_points(r: Seconds, frames: NDArray[np.intp]) -> NDArray[np.intp]:
 
 
 def _agreeing(values: Seconds) -> NDArray[np.bool_]:
-    """Tell which values lie about the shortest interval that holds a third of them; the others were late."""
+    """Return which values lie about the shortest interval that holds a third of them; the others were late."""
     ordered = np.sort(values)
     third = max(math.ceil(values.size / 3), 2)
     if ordered.size <= third:

@@ -212,7 +212,7 @@ class IdentificationError(RecoilDaqError):
 
 
 LEAST_LIKENESS = 0.5
-"""Of two names, from which on one may have been meant by the other: `mass` is not like `YA`."""
+"""Likeness of two names from which on one may have been meant by the other: `mass` is not like `YA`."""
 
 
 def nearest_first(name: str, available: Sequence[str]) -> tuple[str, ...]:

@@ -164,7 +164,7 @@ class TimeBase:
         return TimeBase.uniform(self.clock, self.start_s + step_s * first, step_s, stop - first, self.absolute_start)
 
     def is_identical(self, other: TimeBase) -> bool:
-        """Tell whether two time bases say the same: clock, instants, how they are given, absolute start."""
+        """Return whether two time bases say the same: clock, instants, how they are given, absolute start."""
         return (
             (self.clock, self.start_s, self.step_s, self.count, self.absolute_start)
             == (other.clock, other.start_s, other.step_s, other.count, other.absolute_start)
@@ -178,7 +178,7 @@ class TimeBase:
         )
 
     def same_instants(self, other: TimeBase) -> bool:
-        """Tell whether two time bases are the same instants on the same clock."""
+        """Return whether two time bases are the same instants on the same clock."""
         return (
             self.clock == other.clock
             and self.count == other.count

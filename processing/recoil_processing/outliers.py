@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 LIMIT_SIGMA = 6.0
-"""Of the difference to what the neighbours predict: one in 5e8 frames exceeds it by chance."""
+"""Standard deviations of the difference to what the neighbours predict: one in 5e8 frames exceeds it by chance."""
 NOISE_SIGMA = 4.0
 """What noise alone leaves among a dozen values."""
 MOST_LEFT = 0.2

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 _NODES = 40
-"""Of Gauss's quadrature over the length: exact to rounding for the first few functions."""
+"""Nodes of Gauss's quadrature over the length: exact to rounding for the first few functions."""
 LARGEST_MODES = 4
 """Higher ones need rotatory inertia and shear, which are not in this beam."""
 

@@ -55,7 +55,7 @@ def outcome(name: str, number: int, pair: bool) -> Outcome:
 
 
 def judged(found: Identification, truth_kg: float, beyond: float) -> tuple[str, str]:
-    """Tell whether the interval holds the truth or the report says why not, and with what figures."""
+    """Return whether the interval holds the truth or the report says why not, and with what figures."""
     estimate = found.chosen.estimate
     off = (estimate.mass_kg - truth_kg) / estimate.u_kg
     figures = f"{estimate.mass_kg:.1f} kg, u {estimate.u_kg:.1f} kg, {off:+.1f} u"

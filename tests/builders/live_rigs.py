@@ -273,7 +273,7 @@ class Armed:
         return all(pulse < len(sent_ns) and sent_ns[pulse] < deadline_ns for pulse in self.port.pulses)
 
     def cutting(self) -> bool:
-        """Tell whether a capture is being written."""
+        """Return whether a capture is being written."""
         return any((self.out / "captures").glob(".*.partial"))
 
 
@@ -382,7 +382,7 @@ def _tail_s(player: Player, numbers: NDArray[np.int64], killed_ns: int) -> float
 
 
 def _holds(one: Armed, trigger_ns: int, capture: Path, deadline_ns: int) -> bool:
-    """Tell whether a shot's capture has what was sent from its trigger to just before its end, in order.
+    """Return whether a shot's capture has what was sent from its trigger to just before its end, in order.
 
     The host dates what it reads when it reads it, on a busy machine late: both ends of a shot are off by that.
     """

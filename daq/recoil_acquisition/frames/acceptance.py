@@ -98,7 +98,7 @@ class Acceptance:
         return body, None
 
     def good_rows(self, rows: Rows) -> tuple[Mask, Mask]:
-        """Tell which frames of equal length are good, and which are of a known type.
+        """Return which frames of equal length are good, and which are of a known type.
 
         Parameters
         ----------
@@ -124,7 +124,7 @@ class Acceptance:
         return good, ~left
 
     def good_frames(self, data: bytes, lengths: Places) -> tuple[Mask, Mask]:
-        """Tell which frames of any lengths are good, and which of these are of a known type.
+        """Return which frames of any lengths are good, and which of these are of a known type.
 
         Parameters
         ----------
@@ -167,7 +167,7 @@ class Acceptance:
 
 
 def of_type(rows: Rows, frame_type: FrameType) -> Mask:
-    """Tell which rows a frame type's selector fits, shape (n_frames, n_bytes) -> (n_frames,)."""
+    """Return which rows a frame type's selector fits, shape (n_frames, n_bytes) -> (n_frames,)."""
     when = frame_type.when
     if when is None:
         return np.ones(len(rows), dtype=bool)

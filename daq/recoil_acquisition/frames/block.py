@@ -43,7 +43,7 @@ class BatchSearch(ABC):
 
     @abstractmethod
     def take(self, end: int, frames: FrameCollection) -> bool:
-        """Take the frames before byte ``end`` of the buffer if they are many; tell whether it is worth going on."""
+        """Take the frames before byte ``end`` of the buffer if they are many; return whether it is worth going on."""
 
 
 class SyncBlock(BatchSearch):
@@ -173,7 +173,7 @@ class PacketBlock(BatchSearch):
         return True
 
     def _good(self, decoded: Octets, lengths: Places) -> Mask:
-        """Tell which frames are good, and count them and the others."""
+        """Return which frames are good, and count them and the others."""
         good, known = self._acceptance.good_frames(decoded.tobytes(), lengths)
         if not good.all():
             ends = np.cumsum(lengths)

@@ -116,7 +116,7 @@ class FrameDecoder:
             frames.add(frame)
 
     def _take_block(self, frames: FrameCollection) -> bool:
-        """Take many frames at the front if there are; tell whether there may be more."""
+        """Take many frames at the front if there are; return whether there may be more."""
         if self._block is None or self._skipped_before is not None:
             return False
         return self._block.take(self._break() if self._breaks else len(self._buffer), frames)

@@ -74,7 +74,7 @@ class Field:
         return self.plausible is not None or (self.type == "u64" and self.bits is None)
 
     def accepts(self, raw: float) -> bool:
-        """Tell whether a raw value may stand in a good frame."""
+        """Return whether a raw value may stand in a good frame."""
         if self.type == "u64" and raw >= 2**63:
             return False
         if self.plausible is None:

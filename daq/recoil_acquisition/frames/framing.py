@@ -90,7 +90,7 @@ class ChecksumField:
         return len(self.mark) + self.algorithm.size * (2 if self.hexadecimal else 1)
 
     def holds(self, frame: bytes) -> bool:
-        """Tell whether a frame's checksum is right."""
+        """Return whether a frame's checksum is right."""
         covered = len(frame) - self.size
         if covered < self.start:
             return False

@@ -31,7 +31,7 @@ _PIECE, _TEXTS = 1 << 16, 8
 
 
 def tell(path: Path, what: str, write: Callable[[bytes], object]) -> None:
-    """Tell what is in a file: ``schema``, the root's attributes alone; ``headers``; or ``all`` of it.
+    """Return what is in a file: ``schema``, the root's attributes alone; ``headers``; or ``all`` of it.
 
     Whatever goes wrong is told by the last word: ``{"fault": "..."}`` in place of ``{}``, and its length in 8 bytes.
     """

@@ -107,7 +107,7 @@ def shot_summary(path: Path) -> dict[str, Any]:
 
 
 def is_shot_file(path: Path) -> bool:
-    """Tell whether a file is a shot file of any version, or HDF5 that is damaged beyond telling.
+    """Return whether a file is a shot file of any version, or HDF5 that is damaged beyond telling.
 
     Parameters
     ----------

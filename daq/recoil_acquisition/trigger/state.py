@@ -121,7 +121,7 @@ class ConditionState:
         return events
 
     def _is_quiet(self, lowest: float, highest: float, last_s: float) -> bool:
-        """Tell whether a block whose quantity has these bounds changes nothing."""
+        """Return whether a block whose quantity has these bounds changes nothing."""
         if self._met is False:
             return highest < self._level
         if self._met is None:

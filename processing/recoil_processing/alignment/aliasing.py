@@ -21,9 +21,9 @@ BANDS_PER_RATE = 4
 HIGHEST = 5
 """Sampling rates above which all is one band."""
 LEAST_SHARE = 3e-4
-"""Of the power behind the source's filter, that a band must have to be looked at."""
+"""Share of the power behind the source's filter that a band must have to be looked at."""
 USUAL_CORNER, USUAL_ORDER = 0.4, 2
-"""Of a source's sampling rate, and order, of an anti-alias filter of which nothing is declared: a gentle one."""
+"""Share of a source's sampling rate, and order, of an anti-alias filter of which nothing is declared: a gentle one."""
 
 
 def usual_filter(rate_hz: float) -> AnalogLowPass:

@@ -16,7 +16,7 @@ LEAST_SAMPLES = 8
 LEAST_VARIANCE = 0.01
 """Least share of each record's energy that its variance inside the overlap must be: a plateau has no shape."""
 MOST_SAMPLES = 1 << 24
-"""Of both records together on the search grid: some gigabytes of work space."""
+"""Samples of both records together on the search grid: some gigabytes of work space."""
 
 
 @dataclass(frozen=True)

@@ -21,9 +21,9 @@ U_CORNER = 0.05
 U_MOUNT = 0.3
 """Relative standard uncertainty of a mount's delay: its damping is seldom known better."""
 SLOWEST_ORDER = 8
-"""Of a Butterworth low-pass, the slowest anti-alias filter that is common."""
+"""Order of a Butterworth low-pass, the slowest anti-alias filter that is common."""
 USUAL_ORDER = 4
-"""Of an anti-alias filter whose order is not declared."""
+"""Order of an anti-alias filter whose order is not declared."""
 STAMP_SHARE = {"start": -0.5, "middle": 0.0, "end": 0.5}
 """Delay of a camera's stamps over the exposure: a moving mark's picture is where the mark was in the middle of it."""
 

@@ -31,7 +31,8 @@ Rows = NDArray[np.int64]
 LEAST_GAIN = 8.0
 """In log-likelihood: for one place it is 4 standard deviations, which chance exceeds once in 30,000."""
 LEAST_JUMP_GAIN = 12.5
-"""Of a jump: 5 standard deviations, for it may be of any size, and each few frames tell of one of their own."""
+"""Gain in likelihood of a jump: 5 standard deviations, for it may be of any size, and each few frames tell of one of
+their own."""
 JUMP_LIKELIER = 6.0
 """By how much a jump must raise the log-likelihood more than a missing picture. It has a size to choose: one that is
 as likely anywhere within a centimetre, and is then known to some 20 um, is paid for by ln 500."""

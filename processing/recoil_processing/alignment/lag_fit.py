@@ -32,17 +32,18 @@ Flags = NDArray[np.bool_]
 GRID_PER_PERIOD = 10
 """Points of the source's grid per period of the cut-off."""
 STRIDE = 4
-"""Of that grid: rows 2.5 times per period, about as many as carry information of their own."""
+"""Samples of that grid from one row to the next: rows 2.5 times per period, about as many as carry information of
+their own."""
 LEAST_ROWS_IN_COMMON = 20
 """Below this the records hardly overlap."""
 LONGEST_STEP_S = 5e-3
 """By which the offset may move at once."""
 MOST_STEPS = 20
-"""Of Gauss-Newton; three or four are usual."""
+"""Steps of Gauss-Newton; three or four are usual."""
 NEGLIGIBLE_STEP = 1e-2
 """Share of the offset's uncertainty below which a step is no step."""
 MOST_CONDITION = 1e8
-"""Of the scaled columns; more and they are not independent."""
+"""Condition number of the scaled columns; with more and they are not independent."""
 CORRELATED_ROWS = (0, 3, 6)
 """Over how many rows residuals may be correlated: not at all, one period of the cut-off, two."""
 LEAST_HIDDEN = 0.05

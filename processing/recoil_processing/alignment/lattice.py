@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 
 BY_THE_STEP = 0.25
-"""Of a step that neighbours may be off whole steps, so that steps are counted one by one."""
+"""Share of a step that neighbours may be off whole steps, so that steps are counted one by one."""
 LEAST_STAMPS = 12
 """Below this no lattice is told from chance."""
 MOST_STAMPS = 1 << 15
@@ -31,7 +31,7 @@ FASTEST, SLOWEST = 2.0, 0.7
 """Lattice's frequency over the stamps' own mean rate: half of them lost, or three in ten strangers."""
 BINS_PER_STEP = 16
 PADDING = 4
-"""Of the search's resolution: bins per mean step, and frequencies per reciprocal of the record."""
+"""Resolution of the search: bins per mean step, and frequencies per reciprocal of the record."""
 AS_COHERENT = 0.8
 """Share of the best coherence from which on a slower lattice is the lattice."""
 LEAST_COHERENCE = 0.3
@@ -43,7 +43,7 @@ CHANCE = 1e-3
 LOSS_NATS = 6.0
 """Cost of a gap in the staircase: one sample in some hundreds is lost."""
 MOST_CELLS = 50_000_000
-"""Of the staircase's table."""
+"""Cells of the staircase's table."""
 
 
 @dataclass(frozen=True)

@@ -43,11 +43,11 @@ Flags = NDArray[np.bool_]
 INFLATIONS = (1.0, 4.0, 16.0, 64.0, 256.0, 1024.0)
 """Candidate factors on the accelerometer's noise density: ringing and mounting add to its white noise."""
 LEAST_NOISE_M = 1e-9
-"""Of a marker; no camera is better."""
+"""Noise of a marker; no camera is better."""
 UNKNOWN_DRIFT = 0.1
 """Prior of a drift of which nothing is known; a wrong frame rate hides in it."""
 SEARCH_STEP_S = 5e-4
-"""Of the coarse search."""
+"""Step of the coarse search."""
 SHIFT_SPAN_S = 0.03
 """Over which accelerations are compared where the zero shifted: a pulse is shorter, and what a zero adds small."""
 LEAST_SHIFT_GAIN = 12.0

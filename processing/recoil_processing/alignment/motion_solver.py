@@ -20,7 +20,7 @@ LIKELIER = 2.0
 LEAST_FRAMES = 50
 """Below this the seven unknowns and two noise levels are not to be told from so few frames."""
 MOST_STEPS = 20
-"""Of Gauss-Newton at one noise level; two or three are usual."""
+"""Steps of Gauss-Newton at one noise level; two or three are usual."""
 
 
 @dataclass(frozen=True, eq=False)

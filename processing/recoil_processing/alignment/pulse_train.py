@@ -26,9 +26,9 @@ Indices = NDArray[np.intp]
 MOST_RATE = 0.02
 """By how much the two trains' periods may differ and still be taken for the same."""
 BINS_PER_TOLERANCE = 4
-"""Of the voting."""
+"""Bins of the voting within the tolerance."""
 MOST_PLACES = 1 << 24
-"""Of offsets that are voted for."""
+"""Places of offsets that are voted for."""
 MOST_DIFFERENCES = 1 << 22
 """Formed at a time."""
 MOST_VOTED = 4

@@ -30,7 +30,7 @@ LEAST_RUN = 8
 MOST_WANDER = 0.6
 """Scatter of the runs' points over that of the stamps within a run: of white jitter 0.35, of a walk mostly over 1."""
 FINE_WANDER = 1e-2
-"""Of a step, within which stamps may wander: rounded ones do, at the beat of step and rounding."""
+"""Share of a step within which stamps may wander: rounded ones do, at the beat of step and rounding."""
 
 
 @dataclass(frozen=True, eq=False)

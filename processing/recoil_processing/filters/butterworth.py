@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 _TIME_CONSTANTS = 4.0
-"""Of the slowest pole, after which less than 1 % of a step is left, for half orders 1 to 8."""
+"""Time constants of the slowest pole after which less than 1 % of a step is left, for half orders 1 to 8."""
 PADDING_PERIODS = 3.0
 """Periods of the cut-off over which a record is continued; beyond them nothing of the start is left."""
 

@@ -28,7 +28,7 @@ PADDING_S = 0.01
 LEAST_PADDING = 100
 """Samples over which a record is continued at least, however few 10 ms are."""
 LEAST_SAMPLES = 10
-"""Of a record: the standards' start takes their mean."""
+"""Samples of a record: the standards' start takes their mean."""
 _TIME_CONSTANTS = 4.0
 """After which under 1 % of a step is left of both passes, each of a damping of ``1/sqrt(2)``."""
 

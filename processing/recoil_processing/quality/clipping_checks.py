@@ -25,9 +25,9 @@ Flags = NDArray[np.bool_]
 PILED_UP = 5.0
 """Samples at the extreme over those one step below it; a smooth top has 2.4 times as many, ``1 / (sqrt(2) - 1)``."""
 MOST_TOLERANCE = 0.1
-"""Of a rate; if noise is more of it, a constant rate cannot be told."""
+"""Share of a rate that noise may be; with more, a constant rate is not recognised."""
 RATE_TOLERANCE = 0.02
-"""Of the largest rate, within which a rate is the same."""
+"""Share of the largest rate within which a rate is the same."""
 NOISE_SIGMA = 3.0
 """Noise multiples that the largest of some hundred rates is off."""
 LEAST_AT_RATE = 4

@@ -91,7 +91,7 @@ def check_duplicated_pictures(frame_numbers: NDArray[np.int64], features: Sequen
 
 
 def _moving(positions: Array) -> Flags:
-    """Tell in which frames a feature moves by more than noise per frame, shape (n,)."""
+    """Return the frames in which a feature moves by more than noise per frame, shape (n,)."""
     moving = np.zeros(positions.shape[0], dtype=bool)
     for axis in positions.T:
         per_frame = np.abs(axis[2 * AROUND :] - axis[: -2 * AROUND]) / (2 * AROUND)

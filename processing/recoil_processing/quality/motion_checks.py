@@ -23,7 +23,7 @@ SPAN_S = 4e-3
 LEAST_SPANS = 8
 """Velocities that must be there to be compared."""
 EXPLAINED = 1 / 3
-"""Of the difference that may be left for a shift of the zero to explain it."""
+"""Share of the difference that may be left for a shift of the zero to explain it."""
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ ABOVE_NOISE_DB = 6.0
 RINGING_OVER_PULSE = 5.0
 """Below this a one-sided pulse decides which side of the shock response spectrum is higher."""
 FASTEST_SRS = 0.1
-"""Of the sampling rate, up to which peaks are not missed between samples."""
+"""Share of the sampling rate up to which peaks are not missed between samples."""
 
 
 def check_gap(depth_db: float, valley_hz: float, shoulder_hz: float) -> Outcome:

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 MOST_ORDER = 48
-"""Of the model: a dozen modes and the pulse."""
+"""Order of the model: a dozen modes and the pulse."""
 KNOWN_PER_COEFFICIENT = 3
 """Known samples per coefficient at the least."""
 ITERATIONS = 30

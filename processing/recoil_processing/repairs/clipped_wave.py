@@ -12,14 +12,14 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 LONGEST_SHARE = 0.25
-"""Of the local wave, that a run may be to be repaired. A sine that is clipped so long goes 1.3 times as high."""
+"""Share of the local wave that a run may be to be repaired. A sine that is clipped so long goes 1.3 times as high."""
 LARGEST_PEAK = 1.2
-"""Of the end of the range, that a repaired sample may reach. Two real pulses that were clipped at two thirds came out
-wrong by 3 and 95 % of their impulse."""
+"""Multiple of the range's end that a repaired sample may reach. Two real pulses that were clipped at two thirds came
+out wrong by 3 and 95 % of their impulse."""
 WAVE_FOOT = 0.1
-"""Of a wave's height, where its width is taken."""
+"""Share of a wave's height where its width is taken."""
 NEXT_WAVE = 0.5
-"""Of a wave's height, by which the signal must rise again behind it to be the next one."""
+"""Share of a wave's height by which the signal must rise again behind it to be the next one."""
 
 
 @dataclass(frozen=True)

@@ -27,14 +27,14 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 END_SHARE = 0.001
-"""Of the range: as near to one of its ends a sample counts as clipped."""
+"""Share of the range: as near to one of its ends a sample counts as clipped."""
 CONTEXT = 160
 """Samples that are looked at on either side of a clipped run."""
 PER_WAVE = 4
 """Coefficients of the model per wave that it saw: amplitude, phase, frequency and damping. A lone pulse that is
 given more is continued by a third too high."""
 WAVE_HEIGHT = 0.2
-"""Of the largest magnitude, from which on a wave counts."""
+"""Share of the largest magnitude from which on a wave counts."""
 MOST_UNKNOWN = 250
 """Samples of one piece that may be unknown: a record with more is not clipped at its tips."""
 

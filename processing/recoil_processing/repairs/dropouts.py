@@ -29,7 +29,7 @@ LEAST_STEPS = 4.0
 MOST_AT_REST = 32
 """Changes at the begin of a record, where it is quiet, that tell whether there is noise."""
 STEP_SHARE = 0.01
-"""Of the period, by which a time step may be off a whole number of periods."""
+"""Share of the period by which a time step may be off a whole number of periods."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,7 +28,7 @@ Flags = NDArray[np.bool_]
 MAINS_HZ = (50.0, 60.0)
 MOST_HARMONICS = 10
 LEAST_PERIODS = 2.0
-"""Of the mains, that the pre-trigger baseline must hold."""
+"""Periods of the mains that the pre-trigger baseline must hold."""
 COARSE_RATE_HZ = 5000.0
 """At which it is first looked whether there is a hum at all: ten times the tenth harmonic of 50 Hz."""
 TOLD_APART = 10.0
@@ -71,12 +71,12 @@ class Hum:
 
     @property
     def amplitude(self) -> float:
-        """Of all lines together: the root of the sum of their squares."""
+        """Return the amplitude of all lines together: the root of the sum of their squares."""
         return math.hypot(*(line.amplitude for line in self.lines))
 
     @property
     def frequency_hz(self) -> float:
-        """Of the mains; NaN where there is no line."""
+        """Return the frequency of the mains; NaN where there is no line."""
         return self.lines[0].frequency_hz / self.lines[0].harmonic if self.lines else math.nan
 
 

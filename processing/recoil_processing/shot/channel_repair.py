@@ -56,7 +56,7 @@ class ChannelRepair:
 
     @classmethod
     def of(cls, channel: str, role: str, repair: Repair, times_s: Array) -> ChannelRepair:
-        """Tell the stretches of a repair whose samples were at the instants given, shape (n_samples,)."""
+        """Return the stretches of a repair whose samples were at the instants given, shape (n_samples,)."""
         whole = repair.kind in ("hum subtracted", "droop corrected")
         runs = [] if whole else runs_of(repair.flags)
         spans = [(times_s[start], times_s[stop - 1]) for start, stop in runs]

@@ -52,7 +52,7 @@ class Instants:
         return math.hypot(self.delay.u_s, self.stamps.u_line_s)
 
     def stamps_to_json(self) -> dict[str, Any]:
-        """Tell how the beat was found, in JSON types; nothing but the line where there is none."""
+        """Return how the beat was found, in JSON types; nothing but the line where there is none."""
         stamps = self.stamps
         if not stamps.even:
             return {"line": stamps.line}
@@ -151,7 +151,7 @@ def _counts(channel: Channel, spec: ChannelSpec, shot: Shot, rig: Rig) -> NDArra
 
 
 def _modulo(counts: NDArray[np.int64]) -> int | None:
-    """Tell where a counter begins anew: after a power of two, or after 15 as those of 4 bits that keep 15 for a fault.
+    """Return where a counter begins anew: after a power of two, or after 15 where 4 bits keep 15 for a fault.
 
     0 where it never went back, and so needs none.
     """

@@ -75,7 +75,7 @@ class StopReleaseImpulse(NamedTuple):
 
 
 def stop_release_impulse(times_s: Array, net_force_n: Array, onset_s: float) -> StopReleaseImpulse:
-    """Tell in what shape stop and packing push the part on after its release, and how much that may be.
+    """Return the shape in which stop and packing push the part on after its release, and how much that may be.
 
     They are springs: they push with what they held until the part has left them, while the driving force rises. So
     at most they push with all of what they held until the net force has reached as much the other way; after the

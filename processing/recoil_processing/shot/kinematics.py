@@ -40,11 +40,11 @@ TRAVEL_ROLES = ("recoil_acceleration", "carriage_acceleration_x", "carriage_acce
 LEAST_KICK_M_S = 3e-4
 """Error of a velocity that a camera of 50 um notices within a tenth of a second."""
 MOST_KICKS = 6
-"""Of one record; with more of them its integral is hardly known."""
+"""Kicks in one record; with more of them its integral is hardly known."""
 LEAST_REST_SAMPLES = 50
-"""Of the accelerometer before the shot, to tell its noise."""
+"""Samples of the accelerometer before the shot by which its noise is estimated."""
 LEAST_NOISE_M_S2 = 1e-6
-"""Of an accelerometer; none is better."""
+"""Noise of an accelerometer; none is better."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,7 +191,7 @@ def travel_and_velocity(fused: FusedMotion | None, acceleration: Array, step_s: 
 
 
 def bridged_samples(signals: Signals) -> Flags:
-    """Tell where `travel_acceleration` stands on a bridge across lost samples, shape (n,)."""
+    """Return where `travel_acceleration` stands on a bridge across lost samples, shape (n,)."""
     roles = [role for role in TRAVEL_ROLES if role in signals.series]
     return np.asarray(np.any([np.isnan(signals.series[role]) for role in roles], axis=0))
 

@@ -15,9 +15,9 @@ from recoil_processing.spectra.spectrum import Spectrum, multitaper, smooth
 Array = NDArray[np.float64]
 
 BEFORE_S = 5e-3
-"""Of the window, before the shot."""
+"""Length of the window before the shot."""
 AFTER_S = 0.12
-"""Of the window, after the shot: pulse, brake and the knocks at its end."""
+"""Length of the window after the shot: pulse, brake and the knocks at its end."""
 SEARCH_FROM = 1.5
 """Over the rise time of the integrated signal: below this frequency lie the zeros of the pulse's own spectrum."""
 FALLEN_BACK = 0.85

@@ -21,11 +21,11 @@ Array = NDArray[np.float64]
 TIME_BANDWIDTH = 4.0
 """Half width of the tapers' main lobe times the length of the window."""
 TAPERS = 6
-"""Of the ``2 x 4 - 1`` that concentrate their energy inside the main lobe."""
+"""Tapers, of the ``2 x 4 - 1`` that concentrate their energy inside the main lobe."""
 BAND_OCTAVES = 1.0 / 6.0
 """Width of the bands over which a density is averaged."""
 POINTS_PER_OCTAVE = 24
-"""Of the smoothed spectrum: four to a band."""
+"""Points per octave of the smoothed spectrum: four to a band."""
 _LONGEST_EXACT = 2048
 """Samples beyond which the tapers are interpolated: they have at most six zeros and are smooth."""
 

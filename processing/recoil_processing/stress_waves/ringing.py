@@ -29,8 +29,8 @@ BELOW_PEAK = 1e-4
 LONGEST_SPECTRUM = 1 << 14
 """Samples from the shot on whose spectrum tells how high the ringing reaches."""
 SAMPLES_PER_PERIOD = 2.8
-"""Of the highest ringing, to which the record is thinned: a row of the Hankel matrix then covers more periods,
-and close modes part."""
+"""Samples per period of the highest ringing to which the record is thinned: a row of the Hankel matrix then covers
+more periods, and close modes part."""
 LONGEST_LAG = 63
 """Shifts in a row of the Hankel matrix: enough for a dozen modes, and few enough that threads which wait for each
 other on a busy machine cost little."""

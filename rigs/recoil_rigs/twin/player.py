@@ -141,7 +141,7 @@ class TwinPlayer:
             play.begin(began_s, self._speed)
 
     def wait(self, timeout_s: float | None = None) -> bool:
-        """Wait for the end of the play; tell whether it is over."""
+        """Wait for the end of the play; return whether it is over."""
         ends = None if timeout_s is None else time.monotonic() + timeout_s
         for play in self._plays.values():
             if play.thread.ident is not None:

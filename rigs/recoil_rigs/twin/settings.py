@@ -42,7 +42,7 @@ class TwinSettings(BaseModel):
     """From the first rise of the breech force to the instant at which it lets go."""
 
     sample_rate_hz: Annotated[float, Field(ge=1000, le=1e6)] = 50e3
-    """Of the Dewetron recorder."""
+    """Sampling rate of the Dewetron recorder."""
     duration_s: Annotated[float, Field(gt=0, le=10)] = 0.5
     """Length of the record on the reference clock."""
     pre_trigger_s: Positive = 0.05
@@ -75,17 +75,17 @@ class TwinSettings(BaseModel):
     counter_recoil_n_s2_m2: NotNegative = 8000.0
     """Throttling of the counter-recoil in a chamber that no gauge reads: force over squared velocity."""
     packing_stiffness_n_m: Positive = 5e7
-    """Of the packing before it slides: what makes its friction hold at rest."""
+    """Stiffness of the packing before it slides: what makes its friction hold at rest."""
     stop_stiffness_n_m: Positive = 5e9
     stop_damping_n_s_m: NotNegative = 5e5
-    """Of the stop that holds the recoiling part in battery."""
+    """Damping of the stop that holds the recoiling part in battery."""
 
     elevating_stiffness_n_m_rad: Positive = 2e6
     elevating_damping_n_m_s_rad: NotNegative = 2.5e4
-    """Of the elevating gear between carriage and tipping part."""
+    """Damping of the elevating gear between carriage and tipping part."""
     ground_stiffness_n_m: Positive = 3e7
     ground_damping_n_s_m: NotNegative = 2e5
-    """Of the ground at C, in both directions, and at D."""
+    """Damping of the ground at C, in both directions, and at D."""
     ground_slip_m_s: Positive = 5e-3
     """Velocity at which the friction at D is fully there."""
 
@@ -97,7 +97,7 @@ class TwinSettings(BaseModel):
     tube_bending_stiffness_n_m2: Positive = 2e6
     """Modulus of elasticity times second moment of area."""
     tube_damping: Annotated[float, Field(ge=0, lt=1)] = 0.01
-    """Of each mode, share of the critical one."""
+    """Damping of each mode, share of the critical one."""
     tube_root_m: float = 0.0
     """Place of the clamp ahead of the recoiling part's centre of mass; the axis is that of the breech force."""
 
@@ -124,7 +124,7 @@ class TwinSettings(BaseModel):
     skew_s: dict[str, float] = Field(default_factory=dict)
     """Channel -> by how much it is sampled late, within one recorder."""
     bits: Annotated[int, Field(ge=0, le=32)] = 16
-    """Of the converters over the sensors' ranges; 0 for none."""
+    """Bits of the converters over the sensors' ranges; 0 for none."""
 
     clock_offset_s: NotNegative = 0.03
     """Largest offset of another clock from the reference clock."""

@@ -83,7 +83,7 @@ class VirtualBus:
         return True
 
     def send(self, item: CanItem, base_s: float) -> bool:
-        """Send a frame, its stamp counted from a base; tell whether it went out."""
+        """Send a frame, its stamp counted from a base; return whether it went out."""
         self._bus.send(_message(item, base_s))
         return True
 

@@ -34,7 +34,7 @@ _DATE = re.compile(r"(\w{3})\w*\.?\s+(\d+)\s+(\d+):(\d+):(\d+)(?:\.(\d{1,6}))?\s
 
 
 def is_asc(text: str) -> bool:
-    """Tell whether a text begins with the header of an ASC log."""
+    """Return whether a text begins with the header of an ASC log."""
     return re.search(r"^base\s+(hex|dec)\b", text[:4000], re.IGNORECASE | re.MULTILINE) is not None and bool(
         re.match(r"\s*(date\s|//|base\s)", text, re.IGNORECASE)
     )
@@ -96,7 +96,7 @@ def _ends(line: bytes) -> bool:
 
 
 def _is_cut(lines: TextLines) -> bool:
-    """Tell whether something was left out behind the last line end."""
+    """Return whether something was left out behind the last line end."""
     return bool(lines.cut.strip()) and not _ends(lines.cut)
 
 

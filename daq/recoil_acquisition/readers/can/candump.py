@@ -41,7 +41,7 @@ _BYTES = re.compile(rb"(?:[0-9A-Fa-f]{2})*", re.ASCII)
 
 
 def is_candump(text: str) -> bool:
-    """Tell whether a text begins with an entry of a candump log, or as candump prints it on a screen."""
+    """Return whether a text begins with an entry of a candump log, or as candump prints it on a screen."""
     first = text.lstrip("\n").split("\n", 1)[0].strip().encode("utf-8", "replace")
     return _LINE.fullmatch(first) is not None or _SCREEN.fullmatch(first) is not None
 

@@ -25,7 +25,7 @@ _LINE = re.compile(
 
 
 def is_can_csv(text: str) -> bool:
-    """Tell whether a text begins with the header of such a table."""
+    """Return whether a text begins with the header of such a table."""
     return text.split("\n", 1)[0].strip() == HEADER
 
 

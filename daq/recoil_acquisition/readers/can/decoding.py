@@ -188,7 +188,7 @@ def layout_of(signal: Any) -> SignalLayout | None:
 def present(
     layout: SignalLayout, layouts: dict[str, SignalLayout], data: NDArray[np.uint8], length: NDArray[np.int64]
 ) -> NDArray[np.bool_]:
-    """Tell which frames hold a signal, by its multiplexer and the multiplexer's own, shape (n_frames,).
+    """Return which frames hold a signal, by its multiplexer and the multiplexer's own, shape (n_frames,).
 
     Parameters
     ----------

@@ -159,7 +159,7 @@ def load_database(text: str, path: Path) -> CanDatabase:
 
 
 def database_format(text: str) -> str:
-    """Tell a database's format from its content: ``kcd``, ``arxml``, ``sym``, ``dbc``, or empty for none of them."""
+    """Return a database's format by its content: ``kcd``, ``arxml``, ``sym``, ``dbc``, or empty for none of them."""
     if text.lstrip("\ufeff \t\r\n").startswith("<"):
         root = _ROOT.search(text)
         return {"NetworkDefinition": "kcd", "AUTOSAR": "arxml"}.get(root[1] if root else "", "")

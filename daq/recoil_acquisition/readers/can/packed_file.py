@@ -12,11 +12,11 @@ from recoil_acquisition.readers.bounded_file import most_unpacked
 from recoil_acquisition.readers.head import GZIP
 
 LARGEST_RATIO = 100
-"""Of a short log; a long one has the bound of all files. Logs of a bus shrink 4 to 12 times, those of a bus at rest 25
-times; deflate's own limit is a thousand times."""
+"""Unpacked over packed size of a short log; a long one has the bound of all files. Logs of a bus shrink 4 to 12 times,
+those of a bus at rest 25 times; deflate's own limit is a thousand times."""
 
 PART_BYTES = 1 << 16
-"""Of the packed file that are held at a time."""
+"""Bytes of the packed file that are held at a time."""
 
 _SPARE_BYTES = 1 << 20
 _GZIP = 16 + zlib.MAX_WBITS

@@ -58,7 +58,7 @@ class TraceHeader:
 
 
 def is_trc(text: str) -> bool:
-    """Tell whether a text begins as a trace, which of version 1.0 states nothing but its columns."""
+    """Return whether a text begins as a trace, which of version 1.0 states nothing but its columns."""
     if not text.lstrip().startswith(";"):
         return False
     for line in text.split("\n"):

@@ -129,7 +129,7 @@ def _read(channel: Any, said: dict[str, Any], samples: BinaryIO, left: int) -> i
 
 
 def is_uniform(times_s: NDArray[np.float64], rate_hz: float) -> bool:
-    """Tell whether stamps are those of a rate without a gap."""
+    """Return whether stamps are those of a rate without a gap."""
     if not np.isfinite(times_s).all():
         return False
     grid = times_s[0] + np.arange(times_s.size) / rate_hz

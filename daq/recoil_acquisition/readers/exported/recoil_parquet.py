@@ -20,7 +20,7 @@ from recoil_acquisition.readers.recording import Recording
 
 MAGIC = b"PAR1"
 KEY = b"recoil-daq"
-"""Of the schema's key-value metadata."""
+"""Key of the header among the schema's key-value metadata."""
 
 GROWTH = 10
 """How much larger than the file its numbers may be."""

@@ -41,7 +41,7 @@ def folded(name: str) -> str:
 
 
 def is_time_name(name: str) -> bool:
-    """Tell whether a dataset's own name is that of a time vector, with or without a unit."""
+    """Return whether a dataset's own name is that of a time vector, with or without a unit."""
     short = folded(name)
     return short in TIME_NAMES or any(short == n + unit for n in TIME_NAMES for unit in ("s", "ms", "us"))
 

@@ -12,7 +12,7 @@ SLEAP_NAMES = ("tracks", "node_names", "track_names")
 
 
 def names_beyond_head(head: bytes) -> bool:
-    """Tell whether the root group's names (its local heap, HDF5 format III.D) lie behind the first bytes."""
+    """Return whether the root group's names (its local heap, HDF5 format III.D) lie behind the first bytes."""
     heap = head.find(b"HEAP")
     # the address of the names stands 24 bytes behind the heap's signature; byte 13 is the size of addresses
     if heap < 0 or head[13] != 8 or len(head) < heap + 32:
@@ -21,12 +21,12 @@ def names_beyond_head(head: bytes) -> bool:
 
 
 def is_in_file(file: Any, name: str) -> bool:
-    """Tell whether an open file itself has an object of a name: what a link leads to may be any other file."""
+    """Return whether an open file itself has an object of a name: what a link leads to may be any other file."""
     return type(file.get(name, getlink=True)).__name__ == "HardLink"
 
 
 def is_sleap_file(path: Path) -> bool:
-    """Tell by a file's names whether it is an analysis of SLEAP; False where they cannot be read."""
+    """Return whether a file is an analysis of SLEAP by its names; False where they cannot be read."""
     import h5py
 
     try:

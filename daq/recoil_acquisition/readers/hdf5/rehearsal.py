@@ -19,7 +19,7 @@ _REFUSALS = (OSError, ValueError, TypeError, LookupError, AttributeError, Runtim
 
 
 def needs_rehearsal(head: bytes) -> bool:
-    """Tell from a file's first bytes whether the HDF5 library would read it: at once, or behind a MATLAB header."""
+    """Return whether the HDF5 library would read a file of such first bytes: at once, or behind a MATLAB header."""
     return head.startswith(SIGNATURE) or head[512 : 512 + len(SIGNATURE)] == SIGNATURE
 
 

@@ -136,7 +136,7 @@ def _read_time(time: MatVariable, clock: str, step: tuple[str, float] | None, no
 
 
 def _is_datenum(values: NDArray[np.float64], step: tuple[str, float] | None) -> bool:
-    """Tell whether a time vector holds days: all within two centuries of date numbers, and steps that fit."""
+    """Return whether a time vector holds days: all within two centuries of date numbers, and steps that fit."""
     if not (values.size and DATENUMS[0] < values[0] < DATENUMS[1] and DATENUMS[0] < values[-1] < DATENUMS[1]):
         return False
     if step is None or values.size < 2:

@@ -22,7 +22,7 @@ STEPS_S = ("dt", "dt_s", "delta_t", "ts", "sample_interval", "sampling_interval"
 
 
 def is_time(name: str, others: Collection[str]) -> bool:
-    """Tell whether a variable's name is that of a time; `others` are all names of the file."""
+    """Return whether a variable's name is that of a time; `others` are all names of the file."""
     folded = name.casefold()
     stem = folded.removesuffix("_t").removesuffix("_time")
     own = stem != folded and stem in {other.casefold() for other in others}

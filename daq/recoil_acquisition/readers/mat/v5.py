@@ -37,13 +37,13 @@ CHARACTERS = 4
 COMPLEX = 0x0800
 TEXT_ENCODINGS = {1: "latin-1", 2: "latin-1", 4: "utf-16", 16: "utf-8", 17: "utf-16", 18: "utf-32"}
 START_BYTES = 8192
-"""Of each variable, enough for its class, shape and name, and for a scalar or a text."""
+"""Bytes of each variable that are read first, enough for its class, shape and name, and for a scalar or a text."""
 LONGEST_TEXT = 1024
 WHOLE = "a whole MATLAB file of version 5"
 
 
 def is_mat_v5(head: bytes) -> bool:
-    """Tell whether a file begins with the header of a Level 5 MAT-file."""
+    """Return whether a file begins with the header of a Level 5 MAT-file."""
     return (
         len(head) >= HEADER_BYTES
         and head[124:128] in (b"\x00\x01IM", b"\x01\x00MI")

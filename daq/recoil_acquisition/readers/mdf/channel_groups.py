@@ -142,7 +142,7 @@ class ChannelGroup:
 
     @property
     def is_bus(self) -> bool:
-        """Tell whether the samples are events of a bus."""
+        """Return whether the samples are events of a bus."""
         return bool(self.flags & BUS_EVENT) or any(one.name.startswith(BUS_NAMES) for one in self.channels)
 
     @property

@@ -25,17 +25,17 @@ class Unfinished:
 
     @property
     def counts(self) -> bool:
-        """Tell whether the numbers of records are not written."""
+        """Return whether the numbers of records are not written."""
         return bool(self.flags & 0x0001)
 
     @property
     def last_length(self) -> bool:
-        """Tell whether the length of the last block of records is not written."""
+        """Return whether the length of the last block of records is not written."""
         return bool(self.flags & 0x0004)
 
     @property
     def offsets(self) -> bool:
-        """Tell whether the offsets of samples of variable length are not written."""
+        """Return whether the offsets of samples of variable length are not written."""
         return bool(self.flags & 0x0040)
 
 
@@ -47,12 +47,12 @@ def unfinished(head: bytes) -> Unfinished | None:
 
 
 def is_mdf4(head: bytes) -> bool:
-    """Tell whether a file begins as MDF of version 4, finalised or not."""
+    """Return whether a file begins as MDF of version 4, finalised or not."""
     return head.startswith((b"MDF     4.", UNFINALISED)) and len(head) > HD_AT
 
 
 def is_bus_logging(head: bytes) -> bool:
-    """Tell whether a file's head shows bus frames and no measured channel beside them.
+    """Return whether a file's head shows bus frames and no measured channel beside them.
 
     A file whose channels are described behind its first samples shows neither in its head; it is taken
     for measured channels.
@@ -67,7 +67,7 @@ def is_bus_logging(head: bytes) -> bool:
 
 
 def is_undecided(head: bytes) -> bool:
-    """Tell whether a file begins as MDF 4 and describes its first channels behind the bytes given."""
+    """Return whether a file begins as MDF 4 and describes its first channels behind the bytes given."""
     if not is_mdf4(head):
         return False
     groups = iter_groups(head, strict=False)
@@ -75,7 +75,7 @@ def is_undecided(head: bytes) -> bool:
 
 
 def is_bus_file(path: Path) -> bool:
-    """Tell from all of a file what `is_bus_logging` tells from its head."""
+    """Return whether all of a file shows what `is_bus_logging` looks for in its head."""
     try:
         with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
             groups = list(iter_groups(data, strict=False))

@@ -94,7 +94,7 @@ class Records:
         return numbers if channel.bits == 64 else numbers & np.uint64((1 << channel.bits) - 1)
 
     def valid(self, channel: MdfChannel) -> NDArray[np.bool_]:
-        """Tell which samples of a channel are valid, shape (n_records,)."""
+        """Return which samples of a channel are valid, shape (n_records,)."""
         if channel.flags & ALL_INVALID:
             return np.zeros(len(self.rows), bool)
         if not channel.flags & INVALIDATION:
@@ -173,7 +173,7 @@ class VariableSamples:
 
 
 def _overlapping(at: NDArray[np.int64], lengths: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Tell which samples share bytes with another one, shape (n,); several records may have the very same sample."""
+    """Return which samples share bytes with another one, shape (n,); several records may have the very same sample."""
     there = np.flatnonzero(lengths >= 0)
     ends_in_order = (at + 4 + lengths)[there]
     if (at[there][1:] >= ends_in_order[:-1]).all():  # one behind the other, as they are written

@@ -133,7 +133,7 @@ class _Found:
 
 
 def is_oxygen(head: bytes) -> bool:
-    """Tell whether a file's first bytes are those of a .dmd file."""
+    """Return whether a file's first bytes are those of a .dmd file."""
     return head.startswith(MAGIC) and LIBRARY in head[:64]
 
 

@@ -141,7 +141,7 @@ def _number(text: str) -> float:
 
 
 def _user_scaling(said: dict[str, str]) -> str:
-    """Tell how the user scaled a channel himself; empty if he did not."""
+    """Return how the user scaled a channel himself; empty if he did not."""
     neutral = {"Factor": 1.0, "Sensitivity": 1.0, "Offset": 0.0}
     found = [
         f"{key.casefold()} {said[f'Neon/PhysicalScale{key}']}"

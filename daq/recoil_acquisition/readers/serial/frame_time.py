@@ -83,7 +83,7 @@ def without_steps(
 
 
 def increasing(times_s: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell which instants are later than all before them; NaN never is. Shape (n,)."""
+    """Return which instants are later than all before them; NaN never is. Shape (n,)."""
     seen = np.where(np.isnan(times_s), -np.inf, times_s)
     newest = np.maximum.accumulate(np.r_[-np.inf, seen])[:-1]
     return seen > newest

@@ -26,17 +26,17 @@ def split_cells(line: str, separator: str) -> list[str]:
 
 
 def is_number(cell: str) -> bool:
-    """Tell whether a cell is a number, with either decimal mark."""
+    """Return whether a cell is a number, with either decimal mark."""
     return _NUMBER.fullmatch(cell) is not None
 
 
 def is_lost(cell: str) -> bool:
-    """Tell whether a cell stands for a lost sample: empty, or one of `LOST_WORDS`."""
+    """Return whether a cell stands for a lost sample: empty, or one of `LOST_WORDS`."""
     return not cell or cell.casefold() in LOST_WORDS
 
 
 def has_decimal_comma(rows: Sequence[Sequence[str]], separator: str) -> bool:
-    """Tell whether numbers are written with a decimal comma; never where the comma separates cells."""
+    """Return whether numbers are written with a decimal comma; never where the comma separates cells."""
     return separator != "," and any("," in cell and is_number(cell) for row in rows for cell in row)
 
 
@@ -67,7 +67,7 @@ def split_unit(heading: str) -> tuple[str, str]:
 
 
 def unique_names(names: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Tell equal names apart by ``#2``, ``#3`` ... and say so.
+    """Make equal names distinct by ``#2``, ``#3`` ... and say so.
 
     Returns
     -------

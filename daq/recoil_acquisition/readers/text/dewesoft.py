@@ -51,7 +51,7 @@ def _find_header(lines: Sequence[str]) -> tuple[int, str] | None:
 
 
 def _is_waterfall(lines: Sequence[str]) -> bool:
-    """Tell an order-tracking or FFT waterfall table, which has no time column."""
+    """Return whether it is an order-tracking or FFT waterfall table, which has no time column."""
     return any("waterfall" in line.casefold() or re.search(r"/orders? \(", line.casefold()) for line in lines[:12])
 
 

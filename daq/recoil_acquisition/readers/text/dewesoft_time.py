@@ -57,7 +57,7 @@ _STAMP = re.compile(r"(\d{1,2})-([^\W\d_]{3,5})\.?-(\d{2}|\d{4}) (\d{1,2}):(\d{2
 
 
 def is_absolute(cell: str) -> bool:
-    """Tell whether a cell is an absolute stamp ``dd-Mmm-yy hh:mm:ss.mmm``, whatever its month's language."""
+    """Return whether a cell is an absolute stamp ``dd-Mmm-yy hh:mm:ss.mmm``, whatever its month's language."""
     return _STAMP.fullmatch(cell.strip()) is not None
 
 

@@ -59,7 +59,7 @@ class TextLayout(DeclaredTable):
     """Where there is no column of time."""
     names: Annotated[Texts, AfterValidator(_all_different)] = ()
     units: Texts = Field(default=(), description="a list of texts")
-    """Of every column, where no row of the file holds them."""
+    """Unit of every column, where no row of the file holds them."""
     missing: Texts = Field(default=(), description="a list of texts that mean a lost sample")
     comment: Annotated[str, Field(pattern=r"^[!-*/:<-{}~][ -~]{0,3}$")] = Field(
         default="", description="a text of one to four ASCII characters that begins no number"

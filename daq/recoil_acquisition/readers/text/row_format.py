@@ -58,7 +58,7 @@ class RowFormat:
 
 
 def is_comment(row: bytes, comment: str) -> bool:
-    """Tell whether a line is a comment, which may be indented."""
+    """Return whether a line is a comment, which may be indented."""
     return row.lstrip(b" ").startswith(comment.encode("utf-8"))
 
 

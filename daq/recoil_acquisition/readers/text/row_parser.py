@@ -85,7 +85,7 @@ class RowParser:
 
 
 def _has_gaps(values: NDArray[np.float64], text_columns: Sequence[int]) -> bool:
-    """Tell whether numbers are lost; a column of text has none to lose."""
+    """Return whether numbers are lost; a column of text has none to lose."""
     with np.errstate(all="ignore"):
         lost = np.isnan(values.sum(axis=0))
     lost[list(text_columns)] = False

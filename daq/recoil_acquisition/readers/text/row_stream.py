@@ -162,6 +162,6 @@ def count_byte(text: bytes, byte: bytes) -> int:
 
 
 def _by_default_exact(version: str) -> bool:
-    """Tell whether pandas reads numbers to the last bit without being told to."""
+    """Return whether pandas reads numbers to the last bit without being told to."""
     major, _, rest = version.partition(".")
     return (int(major), int(rest.partition(".")[0])) >= (3, 1)

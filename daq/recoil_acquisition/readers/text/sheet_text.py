@@ -25,7 +25,7 @@ MOST_COLUMNS = 16_384
 """Columns of a sheet, by the format."""
 
 MOST_BYTES = 1 << 28
-"""Of all parts of a workbook, inflated."""
+"""Bytes of all parts of a workbook, inflated."""
 
 MOST_TIMES = 100
 """That a part of more than `SMALL_BYTES` may be larger than it is packed: numbers pack 4 to 12 times."""
@@ -50,7 +50,7 @@ class Sheet:
 
 
 def is_workbook(head: bytes) -> bool:
-    """Tell whether a file's first bytes are those of a workbook."""
+    """Return whether a file's first bytes are those of a workbook."""
     return head.startswith(b"PK\x03\x04") and (b"xl/" in head or b"[Content_Types].xml" in head[:512])
 
 

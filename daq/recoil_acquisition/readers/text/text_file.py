@@ -276,7 +276,7 @@ def _unreadable(path: Path, error: OSError) -> ReadError:
 
 
 def _is_utf8(data: bytes) -> bool:
-    """Tell whether bytes are UTF-8, the last character possibly cut."""
+    """Return whether bytes are UTF-8, the last character possibly cut."""
     try:
         codecs.getincrementaldecoder("utf-8")().decode(data, final=False)
     except UnicodeDecodeError:

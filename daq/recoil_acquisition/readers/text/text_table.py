@@ -25,7 +25,7 @@ THREADS = 2
 """Pieces that are gone through at a time."""
 
 MOST_LINE_BYTES = 1 << 16
-"""Of a line by which the number of cells is found."""
+"""Bytes of a line by which the number of cells is found."""
 
 
 @dataclass(frozen=True)

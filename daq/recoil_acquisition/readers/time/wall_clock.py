@@ -73,7 +73,7 @@ def parse_wall_clock(cell: str) -> Stamp:
 
 
 def is_wall_clock(cell: str) -> bool:
-    """Tell whether a cell is a stamp that `parse_wall_clock` reads."""
+    """Return whether a cell is a stamp that `parse_wall_clock` reads."""
     try:
         parse_wall_clock(cell)
     except ValueError:

@@ -102,7 +102,7 @@ def columns_from_headings(rows: Sequence[Sequence[str]], width: int) -> tuple[Co
 
 
 def _is_upper_row(upper: Sequence[str], names: Sequence[str]) -> bool:
-    """Tell whether a row names features over a row of bare axes."""
+    """Return whether a row names features over a row of bare axes."""
     bare = [classify(name).kind == "position" and not classify(name).feature for name in names]
     return any(bare) and any(cell for cell, is_bare in zip(upper, bare, strict=True) if is_bare)
 
@@ -143,7 +143,7 @@ def columns_from_numbers(values: NDArray[np.float64]) -> tuple[Column, ...]:
 
 
 def increasing_whole(numbers: NDArray[np.float64]) -> bool:
-    """Tell whether numbers are whole, below 2**53 and increase strictly."""
+    """Return whether numbers are whole, below 2**53 and increase strictly."""
     whole = np.isfinite(numbers).all() and bool(
         (numbers == np.round(numbers)).all() and (np.abs(numbers) < 2.0**53).all()
     )
@@ -151,7 +151,7 @@ def increasing_whole(numbers: NDArray[np.float64]) -> bool:
 
 
 def _steady(numbers: NDArray[np.float64], frames: NDArray[np.float64] | None) -> bool:
-    """Tell whether numbers increase by a nearly constant step per frame."""
+    """Return whether numbers increase by a nearly constant step per frame."""
     steps = np.diff(numbers)
     if numbers.size < 3 or not np.isfinite(steps).all() or not (steps > 0).all():
         return False

@@ -29,7 +29,7 @@ from recoil_acquisition.readers.tracks.layout import ColumnChoice, TrackLayout
 from recoil_acquisition.readers.tracks.recording import TrackTable, track_recording
 
 PART_BYTES = 1 << 20
-"""Of a text that is held at a time."""
+"""Bytes of a text that are held at a time."""
 
 NO_ROW = re.compile("(?!)")
 

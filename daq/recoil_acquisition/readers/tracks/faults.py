@@ -165,12 +165,12 @@ def _own_speed(speed: NDArray[np.float64]) -> float:
 
 
 def _repeats(positions: Positions) -> Flags:
-    """Tell which frames are exactly as the frame before, shape (n_frames,)."""
+    """Return which frames are exactly as the frame before, shape (n_frames,)."""
     return np.concatenate([[False], (np.diff(positions, axis=0) == 0).all(axis=1)])
 
 
 def _in_ends(positions: Positions, before: int, after: int) -> Flags:
-    """Tell which frames belong to an end that is held, shape (n_frames,)."""
+    """Return which frames belong to an end that is held, shape (n_frames,)."""
     flags = np.zeros(positions.shape[0], dtype=bool)
     seen = np.flatnonzero(~np.isnan(positions).any(axis=1))
     if before > HELD_FRAMES:

@@ -96,7 +96,7 @@ class TrackLayout(DeclaredTable):
     time_column: ColumnChoice | None = Field(default=None, description=_COLUMN)
     time_unit: Annotated[str, AfterValidator(_time_unit)] = "s"
     unit: Annotated[str, _unit_of("displacement", "px, mm, cm, m, in, ft")] = ""
-    """Of x and y; an empty one leaves it to the rig's channel."""
+    """Unit of x and y; an empty one leaves it to the rig's channel."""
     angle_unit: Annotated[str, _unit_of("angle", "deg, rad")] = ""
     lost: Annotated[tuple[str | float, ...], BeforeValidator(_alone_or_listed), Field(strict=False)] = Field(
         default=(), description="texts and numbers that stand for a lost position"

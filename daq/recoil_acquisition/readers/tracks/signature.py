@@ -20,7 +20,7 @@ MULTI = "#multi:"
 """First line of Tracker's export of several tracks."""
 
 PART_BYTES = 1 << 20
-"""Of a text whose cells are parted by spaces that is held as lines at a time."""
+"""Bytes of a text whose cells are parted by spaces that are held as lines at a time."""
 
 _WIDE = re.compile(r" {2,}")
 _WIDE_BYTES = re.compile(rb" {2,}")
@@ -73,7 +73,7 @@ def tracker_header(lines: Sequence[str]) -> tuple[int, str] | None:
 
 
 def signature(lines: Sequence[str]) -> str:
-    """Tell the format of a text of tracks.
+    """Return the format of a text of tracks.
 
     Parameters
     ----------

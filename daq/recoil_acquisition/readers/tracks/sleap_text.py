@@ -30,7 +30,7 @@ MOST_TRACKS = 256
 """Animals of one film; more of them are identities that were lost and found anew."""
 
 MOST_BYTES, MOST_RATIO = 1 << 26, 10
-"""Of animals side by side in every frame: bytes, or so many times the file's size where that is more."""
+"""Size of animals side by side in every frame: bytes, or so many times the file's size where that is more."""
 
 JOIN = "join the tracks of one animal in SLEAP and export again"
 

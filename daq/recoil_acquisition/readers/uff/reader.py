@@ -36,11 +36,11 @@ from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 TIME_UNITS_S = {"": 1.0, "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
 PRINTED_DIGITS = 6
-"""Of the abscissa's start and step in the header (format E13.5)."""
+"""Digits of the abscissa's start and step in the header (format E13.5)."""
 
 
 _DATE_LINE = 2
-"""Of a dataset's five lines of identification, the one whose beginning is by convention the date and time."""
+"""Index of the line, among a dataset's five of identification, that begins by convention with date and time."""
 
 
 class UffReader:

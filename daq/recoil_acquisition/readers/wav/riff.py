@@ -55,7 +55,7 @@ class Chunk:
 
 
 def is_wave(head: bytes) -> bool:
-    """Tell whether a file begins as WAVE."""
+    """Return whether a file begins as WAVE."""
     return head[:4] in FORMS and head[8:12] == b"WAVE"
 
 

@@ -17,7 +17,7 @@ from recoil_processing.outliers import isolated_outliers, stuck_repeats
 Array = NDArray[np.float64]
 
 LEAST_FRAMES = 30
-"""Of the motion: fewer hardly tell a mass beside two noise levels."""
+"""Frames of the motion: fewer hardly identify a mass beside two noise levels."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,9 +33,9 @@ __all__ = ["INFLATIONS", "LEAST_DENSITY", "LEAST_MARKER_M", "LIKELIER", "DoubleI
 Array = NDArray[np.float64]
 
 INFLATIONS = (1.0, 4.0, 16.0, 64.0, 256.0, 1024.0, 4096.0)
-"""Of the walk's density over that of the force's noise: what the model leaves out walks too."""
+"""Factors of the walk's density over that of the force's noise: what the model leaves out walks too."""
 LEAST_DENSITY = 1e-9
-"""Of the walk, (m/s^2)^2/Hz: a force without noise has some."""
+"""Density of the walk, (m/s^2)^2/Hz: a force without noise has some."""
 _SHIFT, _VELOCITY, _ZERO, _ERRORS = range(2, 6)
 """Columns behind the force's double integral and x0: tau, v0, c, and the force's errors."""
 

@@ -27,7 +27,7 @@ LEAST_NOISE_SAMPLES = 64
 ORDER_S = 2.5e-3
 """Reach of the autoregressive errors: fewer milliseconds do not part stress waves of one kilohertz from the motion."""
 BASELINE_ORDER = 4
-"""Of the pre-trigger baseline's autoregressive model: enough for a chain's filter."""
+"""Order of the pre-trigger baseline's autoregressive model: enough for a chain's filter."""
 
 
 @dataclass(frozen=True)

@@ -32,18 +32,19 @@ Array = NDArray[np.float64]
 METHOD = "force"
 """As it is reported."""
 STEPS = 4
-"""Of the offset, each linear; the search before them is within a frame."""
+"""Steps of the offset, each linear; the search before them is within a frame."""
 SETTLED_S = 1e-7
 """Step after which there is none."""
 MOST_OFF = 0.25
 """By which the mass may be off the specification; more is a wrong scale or area, or another shot's camera track."""
 U_MODEL_S = 5e-6
-"""Of the offset: what a rigid part, its release and the chains of camera and gauges, taken as simultaneous, are off.
-Assumed, from no certificate: `tests/benchmarks/test_camera_benchmark.py` prints the offset's error over its u."""
+"""Standard uncertainty of the offset: what a rigid part, its release and the chains of camera and gauges, taken as
+simultaneous, are off. Assumed, from no certificate: `tests/benchmarks/test_camera_benchmark.py` prints the offset's
+error over its u."""
 MEDIAN_FRAMES = 5
 """Frames in a row that tell where the recoil ends."""
 LEAST_NOISE_M_S2 = 1e-6
-"""Of the forces over the mass; no gauges are better."""
+"""Noise of the forces over the mass; no gauges are better."""
 
 
 def align_by_force(

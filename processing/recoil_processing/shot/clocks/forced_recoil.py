@@ -34,7 +34,7 @@ RATE_ROLES = ("carriage_rate", "tipping_rate")
 SCALES = 4
 """Errors of the force that are scales: of three gauges and the friction, in this order."""
 PASSES = 3
-"""Of the motion and the end of travel that it gives itself: the friction turns with the velocity."""
+"""Passes over the motion and the end of travel that it gives itself: the friction turns with the velocity."""
 STRAIGHTNESS = 3e-4
 """Share of the acceleration's peak that the forces are never taken to be better than: no gauge is straighter, nor is a
 rigid part that slides and strikes what it is written down as."""
@@ -43,7 +43,7 @@ STRAIGHT_S = 1e-3
 LINEARITY = 1e-5
 """Share of the travel that the frames are never taken to be better than: no lens is."""
 ROUGH_STEPS = 3
-"""Of the mass that the model is linearised at; each leaves some thousandths of what the one before did."""
+"""Steps of the mass that the model is linearised at; each leaves some thousandths of what the one before did."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +118,7 @@ class ForcedRecoil:
 
     @cached_property
     def scales(self) -> ScaleUncertainty:
-        """Of the gauges and the friction."""
+        """Return the standard uncertainties of the gauges' scales and of the friction."""
         return scale_uncertainty(self.rig)
 
     @cached_property

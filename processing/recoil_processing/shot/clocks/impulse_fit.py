@@ -24,7 +24,7 @@ LIKELIER = 0.5
 LEAST_MARKER_M = 1e-9
 """Noise of a marker; no camera is better."""
 SIGMA_STEPS = 3
-"""Of the marker's noise towards what its residuals call for; each one's error is a fraction of the one before."""
+"""Steps of the marker's noise towards what its residuals call for; each one's error is a fraction of the one before."""
 
 
 @dataclass(frozen=True, eq=False)

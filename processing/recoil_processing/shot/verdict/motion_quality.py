@@ -37,11 +37,12 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 CUTOFF_HZ = 300.0
-"""Of the checks' low-pass: stress waves of gun-size mechanisms ring above 900 Hz, the pulse has little above this."""
+"""Cut-off of the checks' low-pass: stress waves of gun-size mechanisms ring above 900 Hz, the pulse has little above
+this."""
 SLOWEST_SHARE = 0.2
-"""Of a force's sampling rate, which the cut-off may not exceed."""
+"""Share of a force's sampling rate which the cut-off may not exceed."""
 DRIVING_SHARE = 0.05
-"""Of the breech force's peak, from which on it drives."""
+"""Share of the breech force's peak from which on it drives."""
 DRIVEN_S = 0.05
 """From the onset, in which the breech drives."""
 AROUND_S = 0.03
