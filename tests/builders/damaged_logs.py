@@ -37,10 +37,11 @@ def write_log(folder: Path, records: int = 900, *, closed: bool = True) -> list[
 
 def damage(folder: Path, choice: random.Random, kind: str) -> None:
     """Damage one segment of a log."""
-    path = choice.choice(sorted(folder.glob("*.rdlog")))
+    least = 2 * PAGE if kind == "pages swapped" else 1
+    path = choice.choice([path for path in sorted(folder.glob("*.rdlog")) if path.stat().st_size >= least])
     content = bytearray(path.read_bytes())
     at = choice.randrange(len(content))
-    page, other = at // PAGE * PAGE, choice.randrange(len(content)) // PAGE * PAGE
+    page = at // PAGE * PAGE
     if kind == "bit":
         content[at] ^= 1 << choice.randrange(8)
     elif kind == "bits":
@@ -52,11 +53,10 @@ def damage(folder: Path, choice: random.Random, kind: str) -> None:
     elif kind == "page zeroed":
         content[page : page + PAGE] = bytes(len(content[page : page + PAGE]))
     elif kind == "pages swapped":
-        first, second = sorted((page, other))
-        if second + PAGE <= len(content):
-            content[first : first + PAGE], content[second : second + PAGE] = (
-                content[second : second + PAGE], content[first : first + PAGE],
-            )  # fmt: skip
+        first, second = (number * PAGE for number in sorted(choice.sample(range(len(content) // PAGE), 2)))
+        content[first : first + PAGE], content[second : second + PAGE] = (
+            content[second : second + PAGE], content[first : first + PAGE],
+        )  # fmt: skip
     elif kind == "page missing":
         del content[page : page + PAGE]
     elif kind == "page doubled":
@@ -142,7 +142,7 @@ def faults_of_trials(
         shutil.copytree(whole, into)
         done = [choice.choice(KINDS) for _ in range(choice.randint(1, 3))]
         for kind in done:
-            if list(into.glob("*.rdlog")):
+            if any(path.stat().st_size >= 2 * PAGE for path in into.glob("*.rdlog")):
                 damage(into, choice, kind)
         kinds.update(done)
         faults += [f"trial {trial}, {', '.join(done)}: {fault}" for fault in faults_of_reading(into, written)]
