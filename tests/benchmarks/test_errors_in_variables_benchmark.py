@@ -15,7 +15,6 @@ import pytest
 
 from recoil_identification.estimators.endogeneity import durbin_wu_hausman
 from recoil_identification.estimators.errors_in_variables import (
-    bias_compensated_mass,
     deming_mass,
     instrumental_mass,
     neighbouring_force,
@@ -23,7 +22,7 @@ from recoil_identification.estimators.errors_in_variables import (
 from recoil_identification.estimators.joint_recoil import Knowledge, Recoil
 from recoil_identification.estimators.joint_smoother import JointMass, joint_mass
 from recoil_identification.estimators.prewhitening import prewhitened_mass
-from recoil_identification.estimators.weak_form import weak_displacement_mass, weak_mass
+from recoil_identification.estimators.weak_form import weak_mass
 from recoil_processing.motion.double_integral import DoubleIntegral
 from recoil_processing.shot.clocks.double_impulse import DoubleImpulseMass, double_impulse_mass
 from tests.builders.recoil_scenario import (
@@ -90,7 +89,6 @@ def estimators(shot: Shot) -> dict[str, Callable[[], Estimate]]:
         "forward (the paper's)": lambda: stated(deming_mass(a, f, math.inf, **both)),
         "reverse": lambda: stated(deming_mass(a, f, 0.0, **both)),
         "deming": lambda: stated(deming_mass(a, f, shot.sigma_f / shot.sigma_a, **both)),
-        "bias-compensated": lambda: stated(bias_compensated_mass(a, f, shot.sigma_a, **both)),
         "instrument: force +-5": lambda: stated(instrumental_mass(a, f, neighbouring_force(f, 5), **both)),
         "ar-gls": lambda: stated(
             prewhitened_mass(
@@ -100,12 +98,6 @@ def estimators(shot: Shot) -> dict[str, Callable[[], Estimate]]:
         "weak": lambda: stated(
             weak_mass(
                 shot.t, shot.a, shot.f, used=shot.lead, force_sigma_n=shot.sigma_f, quiet_sigma_m_s2=shot.sigma_a
-            )
-        ),
-        "weak, displacement": lambda: stated(
-            weak_displacement_mass(
-                shot.frames_s, shot.x, shot.t, shot.f, used=shot.t > -16e-3,
-                marker_sigma_m=MARKER_SIGMA_M, force_sigma_n=shot.sigma_f,
             )
         ),
         "camera-gls": lambda: stated(shot.double_impulse()),
@@ -179,7 +171,7 @@ def bounds() -> dict[str, float]:
 def test_the_estimators_against_the_bound(benchmark, capsys):
     rows = benchmark.pedantic(table, (range(SHOTS),), rounds=1)
     bound = bounds()
-    of = {"camera-gls": "camera", "weak, displacement": "camera", "joint": "both"}
+    of = {"camera-gls": "camera", "joint": "both"}
     with capsys.disabled():
         print(f"\n{SHOTS} shots, percent; Cramer-Rao bounds: {', '.join(f'{k} {v:.3f}' for k, v in bound.items())}")
         print(f"{'estimator':24}{'bias':>8}{'sd':>8}{'RPE':>8}{'mean u':>8}{'coverage':>10}{'sd/bound':>10}")

@@ -1,13 +1,10 @@
-"""The mass where force and acceleration are both noisy: three corrections of the paper's regression.
+"""The mass where force and acceleration are both noisy: two corrections of the paper's regression.
 
 Force on acceleration is low by the share of noise in the acceleration's power (W. A. Fuller, Measurement Error Models,
 Wiley, 1987, section 1.1). What corrects it:
 
 `deming_mass`
     Total least squares with a known ratio of the noises (W. E. Deming, Statistical Adjustment of Data, 1943).
-`bias_compensated_mass`
-    The noise's power is taken off the acceleration's. It must be all of the noise: ringing that the silence before
-    the shot does not show is not in it.
 `instrumental_mass`
     A third series that goes with the motion and not with the noise takes one factor's place (O. Reiersol, Arkiv
     Mat. Astr. Fys. 32A, 1945). The force some samples before and after is one: its noise is another.
@@ -99,47 +96,6 @@ def deming_mass(
     mass = (middle + root) / saf if middle > 0 else ratio * saf / (root - middle)
     scores = (f - mass * a) * (ratio * a + mass * f)
     return _finished(mass, a, f, scores, ratio * saa + 2.0 * mass * saf - sff, pieces, quiet_sigma_m_s2)
-
-
-def bias_compensated_mass(
-    acceleration_m_s2: Array,
-    force_n: Array,
-    acceleration_sigma_m_s2: float,
-    *,
-    used: Flags | None = None,
-    quiet_sigma_m_s2: float = 0.0,
-) -> CorrectedMass:
-    """Estimate by force on acceleration with the noise's power taken off the acceleration's.
-
-    Parameters
-    ----------
-    acceleration_m_s2, force_n : ndarray, shape (n,)
-    acceleration_sigma_m_s2 : float
-        All of the acceleration's noise.
-    used : ndarray of bool, shape (n,), optional
-    quiet_sigma_m_s2 : float
-        Noise of ``a - F / m`` per sample in the silence before the shot; 0 if it is not known.
-
-    Raises
-    ------
-    ValueError
-        If shapes do not fit, a used sample is not finite or the noise is negative or not finite.
-    IdentificationError
-        If there are too few rows, force and acceleration have nothing in common, or the acceleration is all noise.
-    """
-    a, f, pieces = _checked(acceleration_m_s2, force_n, used)
-    if not (math.isfinite(acceleration_sigma_m_s2) and acceleration_sigma_m_s2 >= 0):
-        raise ValueError(f"acceleration_sigma_m_s2 must be zero or positive, not {acceleration_sigma_m_s2}")
-    left = float(a @ a) - a.size * acceleration_sigma_m_s2**2
-    if not left > 0:
-        raise IdentificationError(
-            f"the acceleration, {math.sqrt(float(a @ a) / a.size):.3g} m/s^2, is no more than its noise",
-            expected=f"more than {acceleration_sigma_m_s2:.3g} m/s^2",
-            remedy="check the interval and the noise",
-        )
-    mass = float(a @ f) / left
-    scores = a * f - mass * (a**2 - acceleration_sigma_m_s2**2)
-    return _finished(mass, a, f, scores, left, pieces, quiet_sigma_m_s2)
 
 
 def instrumental_mass(

@@ -1,10 +1,8 @@
 """The mass by the weak form: both sides of the equation of motion, averaged by smooth functions of bounded support.
 
 Multiplied by a function phi that vanishes with its derivatives at the ends of its support, and integrated,
-``m a' = F'`` holds for the averages ``<phi, a'>`` and ``<phi, F'>``: a low-pass of finite reach on both. Its worth is
-with a displacement: twice integrated by parts, ``<phi'', x> = <phi, F'> / m``, both derivatives go to phi and noise is
-never differentiated (D. M. Bortz, D. A. Messenger and V. Dukic, Bull. Math. Biol. 85, 2023). Position and velocity at
-the begin drop out.
+``m a' = F'`` holds for the averages ``<phi, a'>`` and ``<phi, F'>``: a low-pass of finite reach on both
+(D. M. Bortz, D. A. Messenger and V. Dukic, Bull. Math. Biol. 85, 2023).
 
 Functions overlap, so that their averages' errors are correlated; for white noise of the samples the covariance is
 known up to a factor, and the rows are made independent with it. Directions in which the functions differ by
@@ -25,50 +23,14 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 ORDER = 6
-"""Of the bump ``(1 - s^2)^p``: five derivatives vanish at its ends. `Bumps.at` multiplies its powers out."""
+"""Of the function ``(1 - s^2)^p``, ``s`` from -1 to 1: five derivatives vanish at its ends."""
 HALF_WIDTH_S = 2e-3
 """Of the acceleration's functions: they pass one half at 400 Hz, and nothing of stress waves beyond 1200 Hz."""
-DISPLACEMENT_HALF_WIDTH_S = 8e-3
-"""Of the displacement's: short against the recoil, long enough for frames."""
 PER_HALF_WIDTH = 3
 """Functions per half width: more of them tell nothing more."""
 LEAST_INDEPENDENCE = 1e-6
 """Share of the largest variance below which a direction of the functions is not used."""
-UNEVEN = 0.2
-"""Of the frames' period, by which two may be closer or farther apart: more of it, and one is missing between them."""
 LEAST_ROWS = 5
-
-
-@dataclass(frozen=True, eq=False)
-class Bumps:
-    """Functions ``(1 - s^2)^p`` of one width, ``s = (t - centre) / half width``.
-
-    Attributes
-    ----------
-    centres_s : ndarray, shape (n,)
-    half_width_s : float
-    """
-
-    centres_s: Array
-    half_width_s: float
-
-    @classmethod
-    def over(cls, begin_s: float, end_s: float, half_width_s: float) -> Bumps:
-        """Spread functions evenly so that none reaches beyond an interval; none where it is too short for one."""
-        room = end_s - begin_s - 2.0 * half_width_s
-        if not room >= 0:
-            return cls(np.zeros(0), half_width_s)
-        count = int(room * PER_HALF_WIDTH / half_width_s) + 1
-        return cls(np.linspace(begin_s + half_width_s, end_s - half_width_s, count), half_width_s)
-
-    def at(self, times_s: Array) -> tuple[Array, Array]:
-        """Evaluate the functions and their second derivatives in 1/s^2, shape (n, n_times) each."""
-        square = ((times_s[None, :] - self.centres_s[:, None]) / self.half_width_s) ** 2
-        left = np.maximum(1.0 - square, 0.0)
-        fourth = left * left
-        fourth *= fourth
-        curvature = fourth * (4.0 * ORDER * (ORDER - 1) * square - 2.0 * ORDER * left)
-        return fourth * left * left, curvature / self.half_width_s**2
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +102,7 @@ def weak_mass(
     half = int(half_width_s / step_s)
     stride = max(1, half // PER_HALF_WIDTH)
     offsets_s = np.linspace(-half * step_s, half * step_s, 2 * half + 1)
-    kernel = Bumps(np.zeros(1), half_width_s).at(offsets_s)[0][0]
+    kernel = np.maximum(1.0 - (offsets_s / half_width_s) ** 2, 0.0) ** ORDER
     probes = np.zeros((times_s.size, 0)) if probes_n is None else probes_n
     if part.stop - part.start < kernel.size:
         return _estimate(np.zeros((0, 2)), np.zeros((0, 0)), 0.0, 0.0, 0)
@@ -153,68 +115,6 @@ def weak_mass(
     covariance = np.append(products, 0.0)[np.minimum(apart, products.size)]
     rows = _independent(covariance, averages)
     return _estimate(rows[:, :2], rows[:, 2:], quiet_sigma_m_s2, force_sigma_n, int(np.count_nonzero(~whole)))
-
-
-def weak_displacement_mass(
-    frame_times_s: Array,
-    displacement_m: Array,
-    times_s: Array,
-    force_n: Array,
-    other_m_s2: Array | None = None,
-    *,
-    half_width_s: float = DISPLACEMENT_HALF_WIDTH_S,
-    used: Flags | None = None,
-    marker_sigma_m: float,
-    force_sigma_n: float = 0.0,
-) -> WeakMass:
-    """Estimate by a camera's displacement: ``<phi'', x> - <phi, other> = <phi, F'> / m``.
-
-    Parameters
-    ----------
-    frame_times_s, displacement_m : ndarray, shape (n_frames,)
-        On the force's clock, evenly spaced; lost frames are NaN or missing. Functions that reach one are left out.
-    times_s, force_n : ndarray, shape (n,)
-        Evenly sampled.
-    other_m_s2 : ndarray, shape (n,), optional
-        Acceleration of the displacement that is no force over mass, such as gravity and the carriage's motion.
-    half_width_s : float
-    used : ndarray of bool, shape (n,), optional
-    marker_sigma_m, force_sigma_n : float
-        White noise of the displacement and of the force, per frame and per sample; the noise is no less.
-
-    Raises
-    ------
-    ValueError
-        If shapes do not fit, or a width or noise is not a length or a noise.
-    IdentificationError
-        If too few functions are left, or force and displacement have nothing in common.
-    """
-    other = np.zeros_like(force_n) if other_m_s2 is None else other_m_s2
-    used = _checked(times_s, (force_n, other), used, half_width_s, (marker_sigma_m,))
-    if frame_times_s.ndim != 1 or frame_times_s.shape != displacement_m.shape or frame_times_s.size < 2:
-        raise ValueError(
-            f"frames and displacements must be equally many, two at least, not {frame_times_s.shape}, "
-            f"{displacement_m.shape}"
-        )
-    step_s, frame_s = float(times_s[1] - times_s[0]), float(np.median(np.diff(frame_times_s)))
-    inside = used & (times_s >= frame_times_s[0]) & (times_s <= frame_times_s[-1])
-    bumps = _over_used(times_s, inside, half_width_s)
-    part = _around(inside)
-    phi, _ = bumps.at(times_s[part])
-    near = (frame_times_s > times_s[part.start]) & (frame_times_s < times_s[part.stop - 1])
-    _, curvature = bumps.at(frame_times_s[near])
-    even = np.abs(np.diff(frame_times_s) / frame_s - 1.0) < UNEVEN
-    broken = (~np.isfinite(displacement_m) | ~np.append(even, True) | ~np.append(True, even))[near]
-    whole = ~np.any((phi > 0) & ~inside[part], axis=1) & ~np.any((curvature != 0) & broken, axis=1)
-    phi, curvature = phi[whole] * step_s, curvature[whole] * frame_s
-    x = np.where(broken, 0.0, displacement_m[near])
-    f, rest = (np.where(used, one, 0.0)[part] for one in (force_n, other))
-    averages = np.column_stack([phi @ f, curvature @ x - phi @ rest])
-    power = float(averages[:, 0] @ averages[:, 0])
-    rough = float(averages[:, 0] @ averages[:, 1]) / power if power > 0 else 0.0
-    covariance = marker_sigma_m**2 * curvature @ curvature.T + (rough * force_sigma_n) ** 2 * phi @ phi.T
-    rows = _independent(covariance, averages)
-    return _estimate(rows, np.zeros((rows.shape[0], 0)), 1.0, 0.0, int(np.count_nonzero(~whole)))
 
 
 def _checked(
@@ -230,12 +130,6 @@ def _checked(
     if not all(math.isfinite(noise) and noise >= 0 for noise in noises):
         raise ValueError(f"noises must be zero or positive, not {noises}")
     return used
-
-
-def _over_used(times: Array, used: Flags, half_width: float) -> Bumps:
-    at = np.flatnonzero(used)
-    begin, end = (float(times[at[0]]), float(times[at[-1]])) if at.size else (0.0, -1.0)
-    return Bumps.over(begin, end, half_width)
 
 
 def _around(used: Flags) -> slice:
