@@ -76,8 +76,13 @@ def test_no_damaged_log_goes_while_anything_of_it_is_nowhere_else(tmp_path, caps
             shutil.rmtree(out)
             continue
         copies = b"".join(path.read_bytes() for path in out.rglob("*.rdlog"))
-        if nowhere := [payload for payload in sound if written[key][payload] not in copies]:
+        # of a session that ended in order and lacks nothing, what no shot has and nothing crossed in may go
+        closed_and_whole = key[0] and len(sound) == RECORDS
+        nowhere = [payload for payload in sound if written[key][payload] not in copies]
+        if nowhere and not closed_and_whole:
             faults.append(f"{i} {kind}: {len(nowhere)} sound records are nowhere")
+        if key[1] and not folder.exists() and (key[0] or kind not in ENDS):
+            faults.append(f"{i} {kind}: removed with a crossing outside of every shot")
         kept, removed = kept + folder.exists(), removed + (not folder.exists())
         if not folder.exists() and len(sound) < RECORDS and (key[0] or kind not in ENDS):
             faults.append(f"{i} {kind}: {RECORDS - len(sound)} records are lost, and the log was removed")
