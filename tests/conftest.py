@@ -3,6 +3,7 @@
 import os
 import warnings
 from contextlib import ExitStack
+from typing import Any
 
 import pytest
 from _pytest.runner import runtestprotocol
@@ -33,6 +34,25 @@ def pytest_unconfigure(config: pytest.Config) -> None:
     """Remove the folder of the run."""
     if OF_THE_RUN in config.stash:
         config.stash[OF_THE_RUN].close()
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Deal the tests out by file, unless another way was asked for."""
+    from tests.builders.tests_by_file import TestsByFile
+
+    if config.getoption("dist") != "load":
+        return None
+    config.option.loadscopereorder = False
+    return TestsByFile(config, log)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with what takes long by the clock, where there are several workers."""
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        from tests.builders.tests_by_file import played_first
+
+        played_first(items)
 
 
 def pytest_collection_finish() -> None:

@@ -1,0 +1,22 @@
+"""How the tests are dealt out to several workers: file by file, what plays devices in real time first and by one."""
+
+from __future__ import annotations
+
+import pytest
+from xdist.scheduler import LoadFileScheduling
+
+PLAYED = ("tests/recoil_daq/test_live.py", "tests/recoil_daq/test_live_crash.py")
+"""Files in which every test plays devices, or waits for what does: long for their number, and never two at once."""
+
+
+class TestsByFile(LoadFileScheduling):
+    """A file's tests share what they simulate and identify, so one worker runs them all."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        file = str(super()._split_scope(nodeid))
+        return PLAYED[0] if file in PLAYED else file
+
+
+def played_first(items: list[pytest.Item]) -> None:
+    """Put the tests in front that would be the last to end, whoever else has nothing left to do."""
+    items.sort(key=lambda item: not item.nodeid.startswith(PLAYED))
