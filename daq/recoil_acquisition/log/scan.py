@@ -63,21 +63,18 @@ class Damage:
 class FileScan:
     """One file of a log, read record by record.
 
-    Iterating goes on where it ended before, so that a file that grows can be followed. A place counts as damaged only
-    when a sound record stands behind it.
+    It may be written meanwhile: what was read in part is read again. A place counts as damaged only when a sound record
+    stands behind it.
 
     Parameters
     ----------
     path : Path
     log_id : bytes
         That of the log: records of another one are none.
-    growing : bool
-        Whether more is written behind the last record: zeros there are not searched for more.
 
     Attributes
     ----------
     log_id : bytes
-    growing : bool
     at : int
         First byte that is not accounted for.
     damages : list of Damage
@@ -88,9 +85,8 @@ class FileScan:
         If the file cannot be read.
     """
 
-    def __init__(self, path: Path, log_id: bytes, *, growing: bool = False) -> None:
+    def __init__(self, path: Path, log_id: bytes) -> None:
         self.path = path
-        self.growing = growing
         self.at = 0
         self.damages: list[Damage] = []
         self.log_id = log_id
@@ -120,8 +116,6 @@ class FileScan:
                 head = self._head(self.at)
                 record = None if head is None else self._whole(head)
             if head is None or record is None:
-                if self.growing and not self._bytes(self.at, HEAD_SIZE).strip(b"\0"):
-                    return
                 head = self._behind_damage(head)
                 if head is None:
                     return

@@ -199,6 +199,31 @@ def test_half_a_record_at_the_end_is_said(tmp_path):
     assert not survey.closed
 
 
+def test_a_damaged_place_is_said_to_the_byte(tmp_path):
+    written = [one for one in write_log(tmp_path / "log", 40) if one.source != OWN and one.payload]
+    path = tmp_path / "log" / written[3].file
+    content = bytearray(path.read_bytes())
+    content[written[3].begin + 64] ^= 1
+    path.write_bytes(content)
+    (damage,) = open_log(tmp_path / "log").survey().damages
+    assert (damage.path, damage.at, damage.size) == (path, written[3].begin, len(written[3].content))
+
+
+def test_what_was_read_in_part_is_read_again(tmp_path):
+    write_log(tmp_path / "log", 20)
+    path = tmp_path / "log" / "000001.rdlog"
+    written, content = read_file(path), path.read_bytes()
+    half = written[5].begin + len(written[5].content) // 2
+    path.write_bytes(content[:half] + bytes(len(content) - half))
+    log_id = content[4:12]
+    with FileScan(path, log_id) as scan:
+        records = iter(scan)
+        assert [next(records).number for _ in range(5)] == list(range(5))
+        path.write_bytes(content)
+        assert [record.number for record in records] == [one.number for one in written[5:]]
+        assert scan.damages == []
+
+
 def test_an_interrupted_write_costs_its_own_record_only(tmp_path, monkeypatch):
     writer = LogWriter(tmp_path / "log", {}, 0, segment_bytes=1 << 16)
     writer.append(0, Kind.SERIAL, 0, b"before")

@@ -33,6 +33,12 @@ def test_the_bytes_of_a_record_are_as_documented():
     assert (payload_crc + head_crc).hex() == "01540725fea1c38e"
 
 
+def test_the_kinds_have_the_numbers_of_the_format():
+    numbers = (1, 2, 16, 17, 32, 33, 34, 35, 36, 37, 38)
+    names = ["CAN", "SERIAL", "EVENT", "IDLE", "SESSION", "CLOCK", "DECISION", "KEPT", "SHOT", "RELEASED", "CLOSED"]
+    assert {kind.name: int(kind) for kind in Kind} == dict(zip(names, numbers, strict=True))
+
+
 def test_a_writer_begins_with_its_session_twice_and_ends_with_its_totals_twice(tmp_path):
     with LogWriter(tmp_path / "log", {"rig": "x"}, 0, segment_bytes=1 << 16) as writer:
         writer.append(3, Kind.SERIAL, 2_000_000, b"abc", empty_ns=994_001)
