@@ -27,6 +27,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.alignment.motion_solver import LIKELIER
 from recoil_processing.motion.double_integral import DoubleIntegral
 from recoil_processing.motion.fusion_least_squares import solve_fusion
@@ -41,7 +42,7 @@ LEAST_FRAMES = 10
 
 
 @dataclass(frozen=True, eq=False)
-class FusedMotion:
+class FusedMotion(ReadOnlyArrays):
     """Travel, velocity and acceleration on the recorder's clock, at its samples, in the camera's scale.
 
     Attributes

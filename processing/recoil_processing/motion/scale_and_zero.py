@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.alignment.velocity_walk import WalkFilter
 from recoil_processing.motion.double_integral import DoubleIntegral
 from recoil_processing.outliers import isolated_outliers, stuck_repeats
@@ -34,7 +35,7 @@ _ZERO = 4
 
 
 @dataclass(frozen=True, eq=False)
-class ScaleAndZero:
+class ScaleAndZero(ReadOnlyArrays):
     """What the camera says.
 
     Attributes

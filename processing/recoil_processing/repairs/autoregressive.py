@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.gaps import bridge
 
 Array = NDArray[np.float64]
@@ -32,7 +33,7 @@ SETTLED = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Interpolation:
+class Interpolation(ReadOnlyArrays):
     """Unknown samples as the known ones tell them.
 
     Attributes

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.gaps import bridge
 from recoil_processing.motion.double_integral import integrate
 from recoil_processing.repairs.bridged_gaps import bridge_errors
@@ -22,7 +23,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class DroopCorrection:
+class DroopCorrection(ReadOnlyArrays):
     """A channel without its droop.
 
     Attributes

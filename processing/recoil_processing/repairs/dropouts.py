@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.normal_distribution import MAD_TO_SIGMA
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.repairs.repair import Repair, runs_of
 
 Array = NDArray[np.float64]
@@ -33,7 +34,7 @@ STEP_SHARE = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class DropOuts:
+class DropOuts(ReadOnlyArrays):
     """What is no measurement.
 
     Attributes

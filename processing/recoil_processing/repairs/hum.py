@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.repairs.hum_line import HumLine
 from recoil_processing.repairs.mains_fit import NEIGHBOURS, Baseline
 from recoil_processing.repairs.repair import Repair, changed
@@ -36,7 +37,7 @@ TOLD_APART = 10.0
 
 
 @dataclass(frozen=True, eq=False)
-class Hum:
+class Hum(ReadOnlyArrays):
     """The hum of one channel.
 
     Attributes

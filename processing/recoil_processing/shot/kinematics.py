@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import ClockAlignment
 from recoil_processing.alignment.motion_alignment import INFLATIONS, integrate
 from recoil_processing.filters import Filtered, LowPass, filter_alike
@@ -48,7 +49,7 @@ LEAST_NOISE_M_S2 = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class AngularMotion:
+class AngularMotion(ReadOnlyArrays):
     """Angular motion on the grid, SI; zero where it was not measured.
 
     Attributes

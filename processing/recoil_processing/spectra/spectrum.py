@@ -16,6 +16,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
+
 Array = NDArray[np.float64]
 
 TIME_BANDWIDTH = 4.0
@@ -31,7 +33,7 @@ _LONGEST_EXACT = 2048
 
 
 @dataclass(frozen=True, eq=False)
-class Spectrum:
+class Spectrum(ReadOnlyArrays):
     """A one-sided power spectral density.
 
     Attributes

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
+
 Array = NDArray[np.float64]
 
 QUALITY_FACTOR = 10.0
@@ -22,7 +24,7 @@ POINTS_PER_OCTAVE = 12
 
 
 @dataclass(frozen=True, eq=False)
-class ShockResponse:
+class ShockResponse(ReadOnlyArrays):
     """A shock response spectrum.
 
     Attributes

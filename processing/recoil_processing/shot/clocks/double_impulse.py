@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.motion.double_integral import DoubleIntegral
 from recoil_processing.noise import noise_sigma
 from recoil_processing.shot.clocks.camera_track import CameraTrack
@@ -41,7 +42,7 @@ _SHIFT, _VELOCITY, _ZERO, _ERRORS = range(2, 6)
 
 
 @dataclass(frozen=True, eq=False)
-class DoubleImpulseMass:
+class DoubleImpulseMass(ReadOnlyArrays):
     """Mass by displacement and force.
 
     Attributes
