@@ -53,9 +53,10 @@ def cuts_of(log: Log, session: LiveRecord, start_ns: int | None, stop_ns: int | 
             continue
         block = session.block(record)
         cut, before_ns = cuts[block.source], read_ns.get(block.source)
-        read_ns[block.source] = block.host_ns
         if block.kind == EVENT:
             cut.events.append((block.host_ns, event_of(block)))
+            continue
+        read_ns[block.source] = block.host_ns
         if not block.is_data:
             continue
         cut.blocks += 1

@@ -164,7 +164,8 @@ class DeviceReader:
                 detail = f"nothing was read for {late_s:.3f} s"
                 self._sink_timed(event_block(block.source, block.host_ns, "stalled", detail))
             self._last_data_ns = block.host_ns
-        self._last_ns = block.host_ns
+        if block.kind != EVENT:
+            self._last_ns = block.host_ns
         self._sink_timed(block)
 
     def _lost_after(self, event: Block) -> bool:

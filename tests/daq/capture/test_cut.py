@@ -26,7 +26,7 @@ from recoil_acquisition.capture.session_record import (
     operator_records,
 )
 from recoil_acquisition.capture.shot_record import CounterSpan, acquisition_of
-from recoil_acquisition.devices.device import Block, Counters, event_block
+from recoil_acquisition.devices.device import IDLE, Block, Counters, event_block
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.log.capture import read_capture
 from recoil_acquisition.log.folder import Log, open_log
@@ -159,6 +159,12 @@ def test_a_source_is_late_where_nobody_read_and_not_where_it_is_busy(tmp_path: P
     cuts = cuts_of(log_of(tmp_path / "still", stood_still), RECORD, None, None)
     assert cuts["bus"].late_s == pytest.approx(0.7)
     assert [source.late for source in with_cuts(BEGUN, cuts, "0001.rdlog").sources] == [True, False]
+    said = [event_block("bus", round(10.7e9), "stalled", "nothing was read for 0.700 s")]
+    cuts = cuts_of(log_of(tmp_path / "said", stood_still[:1] + said + stood_still[1:]), RECORD, None, None)
+    assert cuts["bus"].late_s == pytest.approx(0.7)
+    idle = [Block("bus", round(10.6e9), b"", IDLE, round(10.5e9))]
+    cuts = cuts_of(log_of(tmp_path / "idle", stood_still[:1] + idle + stood_still[1:]), RECORD, None, None)
+    assert cuts["bus"].late_s == pytest.approx(0.7 - 0.6)
     silent = [read(10.0, 9.99), read(10.7, 10.69)]
     cuts = cuts_of(log_of(tmp_path / "silent", silent), RECORD, None, None)
     assert cuts["bus"].late_s == pytest.approx(0.01)
