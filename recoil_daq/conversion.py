@@ -65,10 +65,10 @@ class Conversion:
         except ValueError:
             said = errors.strip().splitlines()
             document = {"message": said[-1] if said else f"the conversion ended with code {code}"}
-        told = document if isinstance(document, dict) else {"message": str(document)}
-        if code in (0, 1) and (told.get("shot") != self._shot or type(told.get("usable")) is not bool):
-            return 3, {"message": f"the conversion told of another shot: {told.get('shot')!r}"}
-        return code, told
+        answer = document if isinstance(document, dict) else {"message": str(document)}
+        if code in (0, 1) and (answer.get("shot") != self._shot or type(answer.get("usable")) is not bool):
+            return 3, {"message": f"the conversion was of another shot: {answer.get('shot')!r}"}
+        return code, answer
 
     def end(self) -> None:
         """End it at once, and take away what it was writing."""

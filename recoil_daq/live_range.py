@@ -205,7 +205,7 @@ class LiveRange:
 
     def _show(self, session: LiveSession) -> None:
         """Show how it is doing, some times per second; what nobody may overlook stands beside the state."""
-        self._tell_events(session)
+        self._log_events(session)
         now_s = time.monotonic()
         if now_s - self._shown_s >= SHOW_EVERY_S:
             self._shown_s = now_s
@@ -330,7 +330,7 @@ class LiveRange:
             self._files.answered(key)
         return key == "q"
 
-    def _tell_events(self, session: LiveSession) -> None:
+    def _log_events(self, session: LiveSession) -> None:
         """Say what happened to the devices, with the times at which it happened and not those of saying it."""
         for block in session.device_events():
             event, at_s = event_of(block), block.host_ns / 1e9

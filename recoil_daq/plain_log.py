@@ -46,8 +46,8 @@ class PlainLog:
         self._writer = threading.get_ident()
         self._waiting: deque[str] = deque()
         self._failed = False
-        self._told_s = -STATUS_EVERY_S
-        self._told: tuple[object, ...] = ()
+        self._shown_s = -STATUS_EVERY_S
+        self._shown: tuple[object, ...] = ()
 
     def __enter__(self) -> PlainLog:
         return self
@@ -62,10 +62,10 @@ class PlainLog:
         self._write("")
         now_s = time.monotonic()
         telling = (status.state, status.alert, *((losses_of(s.counters), s.error, _silent(s)) for s in status.sources))
-        due = STATUS_EVERY_S if telling == self._told else CHANGE_AFTER_S
-        if now_s - self._told_s < due:
+        due = STATUS_EVERY_S if telling == self._shown else CHANGE_AFTER_S
+        if now_s - self._shown_s < due:
             return
-        self._told_s, self._told = now_s, telling
+        self._shown_s, self._shown = now_s, telling
         waiting = sum(shot.state in ("waiting", "converting", "cutting") for shot in shots)
         parts = [
             f"{status.state} - {status.alert}" if status.alert else status.state,

@@ -46,11 +46,11 @@ def _loaded(group: str, parts: Sequence[str]) -> Iterator[Any]:
                 raise TypeError(f"it has no {', '.join(missing)}")
         except Exception as error:
             package = point.dist.name if point.dist is not None else "a package"
-            tell_fault(f"{point.name!r} ({point.value}) of {package}", error)
+            warn_of_fault(f"{point.name!r} ({point.value}) of {package}", error)
         else:
             yield found
 
 
-def tell_fault(what: str, error: Exception) -> None:
+def warn_of_fault(what: str, error: Exception) -> None:
     """Say in one line that something of another package does not work and is left out."""
     _LOG.warning("%s", visible(f"{what} does not work and is left out: {type(error).__name__}: {error}"))

@@ -88,7 +88,7 @@ class ReaderProcess:
 
         Returns
         -------
-        told : bytearray
+        answer : bytearray
         fault : str
             Why it did not come to its end; empty if it did.
         """
@@ -99,7 +99,7 @@ class ReaderProcess:
             timer = threading.Timer(WALL_FACTOR * limit_s, _kill, (process,))
             timer.daemon = True
             timer.start()
-            told = bytearray()
+            answer = bytearray()
             try:
                 with contextlib.suppress(BrokenPipeError):
                     request = {"path": str(path.absolute()), "what": what, "cpu_s": limit_s, "most": most}
@@ -108,19 +108,19 @@ class ReaderProcess:
                 while len(head := answers.read(HEAD.size)) == HEAD.size:
                     kind, number = HEAD.unpack(head)
                     if kind == ENDED:
-                        return told, _fault(number, limit_s)
-                    if number < 0 or len(told) + number > most:
+                        return answer, _fault(number, limit_s)
+                    if number < 0 or len(answer) + number > most:
                         break
-                    told += answers.read(number)
+                    answer += answers.read(number)
                 code = self._ended(process)
                 if timer.finished.is_set():
-                    return told, f"the HDF5 library was not done after {WALL_FACTOR * limit_s} s"
+                    return answer, f"the HDF5 library was not done after {WALL_FACTOR * limit_s} s"
             except BaseException:
                 self.stop()  # in the midst of an answer
                 raise
             finally:
                 timer.cancel()
-            return told, _fault(code, limit_s)
+            return answer, _fault(code, limit_s)
 
     def _ended(self, process: subprocess.Popen[bytes]) -> int:
         """Return how what does not answer any more ended; StoreError if it never could begin."""

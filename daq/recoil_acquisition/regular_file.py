@@ -1,7 +1,7 @@
 """Files that somebody names, opened only if they are files.
 
 A pipe that nobody writes to would be waited for without end, a device may never end, and opening one may do something:
-each is told by its status before it is opened, and again once it is open. A link to a file is a file.
+each is recognised by its status before it is opened, and again once it is open. A link to a file is a file.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def open_regular(path: Path) -> io.BufferedReader:
         If it is missing, cannot be read, is a directory, a pipe, a device or a socket, or was never written for
         the most part.
     """
-    with _told(path):
+    with _map_to_read_error(path):
         _refuse_special(path, path.stat())
         handle = os.open(path, _FLAGS)
         try:
@@ -57,7 +57,7 @@ def check_regular(path: Path) -> None:
 
 def read_beginning(path: Path, count: int) -> bytes:
     """Read the first bytes of a file, `count` at most; raises `ReadError` as `open_regular` does."""
-    with open_regular(path) as file, _told(path):
+    with open_regular(path) as file, _map_to_read_error(path):
         return file.read(count)
 
 
@@ -83,7 +83,7 @@ def read_small(path: Path, largest_bytes: int, what: str) -> bytes:
 
 
 @contextmanager
-def _told(path: Path) -> Iterator[None]:
+def _map_to_read_error(path: Path) -> Iterator[None]:
     try:
         yield
     except FileNotFoundError as error:

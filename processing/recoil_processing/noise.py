@@ -1,4 +1,4 @@
-"""How noisy a signal is, told from the signal alone."""
+"""The noise of a signal, estimated from the signal alone."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from recoil_acquisition.errors import UnknownFormatError
 from recoil_acquisition.extras import DEWESOFT, PARQUET, TDMS, XLSX, Extra
-from recoil_acquisition.others import offered, tell_fault
+from recoil_acquisition.others import offered, warn_of_fault
 from recoil_acquisition.readers.hdf5.rehearsal import needs_rehearsal, rehearse_apart
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.unread import foreign_format
@@ -111,7 +111,7 @@ class OthersReader:
         try:
             return Claim(self._reader.claims(head))
         except Exception as error:
-            tell_fault(f"the reader {self.name!r}", error)
+            warn_of_fault(f"the reader {self.name!r}", error)
             return Claim.NO
 
     def open(self, path: Path, declared: Declarations) -> Recording:

@@ -202,14 +202,14 @@ def _asked(path: Path, what: str, *, own: bool = False) -> Group:
         if own:
             from recoil_acquisition.store.file_tree import tell
 
-            told, fault = bytearray(), ""
-            tell(path, what, told.extend)
+            answer, fault = bytearray(), ""
+            tell(path, what, answer.extend)
         else:
-            told, fault = READER.ask(path, what, path.stat().st_size)
-        fault = fault or last_word(told).get("fault", "")
+            answer, fault = READER.ask(path, what, path.stat().st_size)
+        fault = fault or last_word(answer).get("fault", "")
         if fault:
             raise ValueError(fault)
-        return tree_of(told)
+        return tree_of(answer)
 
 
 @contextlib.contextmanager

@@ -2,7 +2,7 @@
 
 Converters that take turns, filters of different kinds and sensors of different makes skew the channels of one recorder
 against one another; a skew of 0.2 ms takes 0.2 % off an identified mass, one of 1 ms takes 5 %. Two
-channels tell it that are proportional below some frequency: two accelerometers on one body, or the net force and
+channels show it that are proportional below some frequency: two accelerometers on one body, or the net force and
 the acceleration of the body that it moves, below the gap of the spectrum.
 """
 

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 LIKELIER = 2.0
 """By how much a further density must raise the log-likelihood: Akaike's criterion for one more parameter, doubled."""
 LEAST_FRAMES = 50
-"""Below this the seven unknowns and two noise levels are not to be told from so few frames."""
+"""Below this the seven unknowns and two noise levels are not identifiable from so few frames."""
 MOST_STEPS = 20
 """Steps of Gauss-Newton at one noise level; two or three are usual."""
 
@@ -73,7 +73,7 @@ class MotionSolver:
                 return f"only {frames} frames fall into the recorder's record"
             solution = self.step(model, shift_s, drift, density, drift_allowance)
             if solution is None:
-                return "the motion that both records show cannot be told from an error of zero or velocity"
+                return "the motion that both records show cannot be distinguished from an error of zero or velocity"
             steps += 1
             if solution.converged or steps == MOST_STEPS:
                 return solution

@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 LEAST_FRAMES = 10
-"""Below this the constants and a noise level are not to be told from so few frames."""
+"""Below this the constants and a noise level are not identifiable from so few frames."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +141,7 @@ def fuse(
     Returns
     -------
     FusedMotion or str
-        A sentence where the frames cannot tell the constants.
+        A sentence where the frames do not identify the constants.
 
     Raises
     ------
@@ -166,7 +166,7 @@ def fuse(
     density = densities[0]
     found = solve_fusion(t, z, integral, gaps, marker_sigma_m**2, density)
     if found is None:
-        return "the motion that both records show cannot be told from an error of zero or velocity"
+        return "the motion that both records show cannot be distinguished from an error of zero or velocity"
     for candidate in densities[1:]:
         tried = solve_fusion(t, z, integral, gaps, marker_sigma_m**2, candidate)
         if tried is None or tried.log_likelihood <= found.log_likelihood + LIKELIER:

@@ -1,4 +1,4 @@
-"""Scale and zero of an accelerometer as a camera that saw the same motion tells them.
+"""Scale and zero of an accelerometer as a camera that saw the same motion identifies them.
 
 With the clocks aligned, the camera's positions are linear in what is not known:
 
@@ -27,7 +27,7 @@ from recoil_processing.outliers import isolated_outliers, stuck_repeats
 Array = NDArray[np.float64]
 
 LEAST_FRAMES = 50
-"""Below this scale, zero and shifts are not to be told from so few frames."""
+"""Below this scale, zero and shifts are not identifiable from so few frames."""
 LEAST_INDEPENDENCE = 1e-9
 """Smallest sine of the angle between a column and the others."""
 _ZERO = 4

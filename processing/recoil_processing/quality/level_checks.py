@@ -20,11 +20,11 @@ Flags = NDArray[np.bool_]
 NO_SAMPLE = "no sample at all: check the sensor and its signal's name"
 
 LEAST_BASELINE_SAMPLES = 50
-"""Samples of pre-trigger baseline that tell offset and noise."""
+"""Samples of pre-trigger baseline by which offset and noise are estimated."""
 LEAST_PER_HALF = 64
 """Samples of a half of the pre-trigger baseline below which the noise of the two halves is not compared."""
 BLOCKS_PER_HALF = 8
-"""Means that tell how far the level of a half scatters, whatever the colour of its noise."""
+"""Means that show how far the level of a half scatters, whatever the colour of its noise."""
 HALVES_SIGMA = 4.0
 """Standard errors between the halves of a pre-trigger baseline; by chance 1 in 800."""
 LOUDER = 2.0
@@ -129,7 +129,7 @@ def check_filtered_noise(filtered: Array, in_baseline: Flags, pulse: Flags, *, n
     if baseline.size < LEAST_BASELINE_SAMPLES or signal.size == 0:
         return (
             "ok",
-            f"{baseline.size} samples of pre-trigger baseline out of the filter's reach: too few to tell its noise",
+            f"{baseline.size} samples of pre-trigger baseline out of the filter's reach: too few to estimate its noise",
         )
     level = float(np.mean(baseline))
     noise, rms = float(np.std(baseline)), float(np.sqrt(np.mean((signal - level) ** 2)))

@@ -34,7 +34,7 @@ SETTLED = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Interpolation(ReadOnlyArrays):
-    """Unknown samples as the known ones tell them.
+    """Unknown samples as the known ones predict them.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ def interpolate_unknown(
     Returns
     -------
     Interpolation or str
-        The reason where there are too few known samples to tell a model, or no solution was found.
+        The reason where there are too few known samples for a model, or no solution was found.
 
     Raises
     ------
@@ -134,7 +134,7 @@ def interpolate_unknown(
 def prediction_filter(samples: Array, order: int) -> Array:
     """Return the filter of least squared prediction error, ``1, a_1, ..., a_order``, shape (order + 1,).
 
-    Covariance method: no zeros are assumed beyond the ends, so that waves which the piece cuts are told as they are.
+    Covariance method: no zeros are assumed beyond the ends, so that waves which the piece cuts are kept as they are.
     """
     lagged = np.lib.stride_tricks.sliding_window_view(samples, order + 1)[:, ::-1]
     products = lagged.T @ lagged

@@ -1,4 +1,4 @@
-"""Whether a clipped run is the tip of a wave that tells how it goes on."""
+"""Whether a clipped run is the tip of a wave that shows how it goes on."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def judge_by_wave(samples: Array, alike: Flags, start: int, stop: int, side: int
         return replace(run, refusal="it goes on beyond the declared range without being flat: that range is wrong")
     if count >= LONGEST_SHARE * run.width:
         reason = f"{count} samples are not less than a quarter of the wave's {run.width:.0f}"
-        return replace(run, refusal=f"{reason}: how the signal goes on cannot be told")
+        return replace(run, refusal=f"{reason}: how the signal goes on is not known")
     return run
 
 

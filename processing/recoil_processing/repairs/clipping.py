@@ -1,7 +1,7 @@
 """Clipped samples: found from the declared range, repaired where that is honest, masked where it is not.
 
 "In general there is no data recovery from a clipped signal" (MIL-STD-810H, 522.2). What can be recovered is the tip
-of a wave whose course before and behind it tells how it goes on: a run shorter than a quarter of the local wave
+of a wave whose course before and behind it shows how it goes on: a run shorter than a quarter of the local wave
 that comes out at most a fifth beyond the range. The rest of a clipped record is masked. A repaired sample lies at
 or beyond the level at which it was clipped, for that much was measured; no peak may be claimed from it.
 
@@ -162,9 +162,9 @@ def repair_clipping(samples: Array, low: float, high: float, *, unit: str = "") 
     result[masked], u[masked] = np.nan, 0.0
     repairs = []
     if repaired.any():
-        repairs.append(_told_repaired(repaired, [r for r in runs if not r.refusal], u, (low, high), unit))
+        repairs.append(_repair_of(repaired, [r for r in runs if not r.refusal], u, (low, high), unit))
     if masked.any():
-        repairs.append(_told_masked(masked, [r for r in runs if r.refusal], (low, high), unit))
+        repairs.append(_mask_of(masked, [r for r in runs if r.refusal], (low, high), unit))
     return ClippingRepair(result, u, tuple(runs), tuple(repairs))
 
 
@@ -205,7 +205,9 @@ def _interpolated(samples: Array, clipped: Clipped, piece: slice) -> Interpolati
     unknown = above | below | ~np.isfinite(part)
     count = int(np.count_nonzero(unknown))
     if count > MOST_UNKNOWN:
-        return f"{count} samples of one piece are unknown, more than {MOST_UNKNOWN}: too much is clipped to be told"
+        return (
+            f"{count} samples of one piece are unknown, more than {MOST_UNKNOWN}: too much is clipped to be estimated"
+        )
     # at least what was read there was there
     lowest, highest = np.where(above, part, -np.inf), np.where(below, part, np.inf)
     order = min(MOST_ORDER, PER_WAVE * _waves(part))
@@ -221,9 +223,7 @@ def _waves(part: Array) -> int:
     return max(1, *(find_peaks(side * whole, prominence=height)[0].size for side in (1, -1)))
 
 
-def _told_repaired(
-    flags: Flags, runs: Sequence[ClippedRun], u: Array, limits: tuple[float, float], unit: str
-) -> Repair:
+def _repair_of(flags: Flags, runs: Sequence[ClippedRun], u: Array, limits: tuple[float, float], unit: str) -> Repair:
     count, longest = int(np.count_nonzero(flags)), max(r.count for r in runs)
     highest = max(abs(r.peak) for r in runs)
     largest = float(np.max(u))
@@ -237,7 +237,7 @@ def _told_repaired(
     )
 
 
-def _told_masked(flags: Flags, runs: Sequence[ClippedRun], limits: tuple[float, float], unit: str) -> Repair:
+def _mask_of(flags: Flags, runs: Sequence[ClippedRun], limits: tuple[float, float], unit: str) -> Repair:
     count, longest = int(np.count_nonzero(flags)), max(runs, key=lambda r: r.count)
     return Repair(
         "clipped masked",

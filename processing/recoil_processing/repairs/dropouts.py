@@ -24,11 +24,11 @@ CHANCE = 1e-6
 LEAST_RUN = 3
 """Equal values in a row that can be a hold."""
 BLOCKS = 20
-"""Parts of a record, of which the quietest tells how often noise repeats a value."""
+"""Parts of a record, of which the quietest shows how often noise repeats a value."""
 LEAST_STEPS = 4.0
-"""Steps of the resolution that noise must change a value by, in the median, for repeats to tell something."""
+"""Steps of the resolution that noise must change a value by, in the median, for repeats to mean a drop-out."""
 MOST_AT_REST = 32
-"""Changes at the begin of a record, where it is quiet, that tell whether there is noise."""
+"""Changes at the begin of a record, where it is quiet, that show whether there is noise."""
 STEP_SHARE = 0.01
 """Share of the period by which a time step may be off a whole number of periods."""
 
@@ -44,15 +44,15 @@ class DropOuts(ReadOnlyArrays):
         off.
     absent : int
         Samples that the stamps say were never recorded: steps of several periods.
-    repeats_told : bool
-        Whether the noise is above the resolution, so that a repeat tells something.
+    repeats_countable : bool
+        Whether the noise is above the resolution, so that a repeat means a drop-out.
     """
 
     lost: Flags
     held: Flags
     mistimed: Flags
     absent: int
-    repeats_told: bool
+    repeats_countable: bool
 
     @property
     def flags(self) -> Flags:
@@ -124,13 +124,13 @@ def find_drop_outs(samples: Array, times_s: Array | None = None, *, spared: Flag
     clipped = np.zeros(samples.size, dtype=bool) if spared is None else spared
     # what is infinite was beyond the converter: clipping judges it where a range says so
     lost = np.isnan(samples) | (np.isinf(samples) & ~clipped)
-    held, told = _held(samples, lost | clipped)
+    held, countable = _held(samples, lost | clipped)
     mistimed, absent = (np.zeros(samples.size, dtype=bool), 0) if times_s is None else _mistimed(times_s, samples)
-    return DropOuts(lost, held, mistimed, absent, told)
+    return DropOuts(lost, held, mistimed, absent, countable)
 
 
 def _held(samples: Array, apart: Flags) -> tuple[Flags, bool]:
-    """Flag repeats in runs that are longer than noise makes them, and say whether repeats tell anything.
+    """Flag repeats in runs that are longer than noise makes them, and say whether repeats mean drop-outs.
 
     Normal noise whose differences have the standard deviation s repeats a value of resolution q with the
     probability ``q / (s sqrt(2 pi))``.

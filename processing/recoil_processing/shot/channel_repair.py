@@ -64,15 +64,15 @@ class ChannelRepair:
 
     def to_json(self) -> dict[str, Any]:
         """Return it in JSON types."""
-        told = self.repair.to_json()
+        document = self.repair.to_json()
         return {
             "channel": self.channel,
             "what": self.repair.kind,
-            "samples": f"{told['count']} of {told['of']}",
+            "samples": f"{document['count']} of {document['of']}",
             "detail": self.repair.sentence,
-            "count": told["count"],
-            "of": told["of"],
-            "figures": told["figures"],
+            "count": document["count"],
+            "of": document["of"],
+            "figures": document["figures"],
             "spans_s": self.spans_s[:MOST_SPANS].tolist(),
         }
 

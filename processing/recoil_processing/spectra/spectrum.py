@@ -43,7 +43,7 @@ class Spectrum(ReadOnlyArrays):
     density : ndarray, shape (n,)
         Square of the signal's unit per hertz.
     resolution_hz : float
-        Half width of the lobe that a line shows as: nothing narrower can be told apart.
+        Half width of the lobe that a line shows as: nothing narrower can be distinguished.
     """
 
     frequency_hz: Array

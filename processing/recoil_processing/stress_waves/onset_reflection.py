@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 MOST_PERIODS_OFF = 0.03
 """Largest standard uncertainty of the onset, in periods of the cut-off."""
 LEAST_BEFORE = 8
-"""Samples before the onset that tell the level at rest."""
+"""Samples before the onset by which the level at rest is estimated."""
 
 
 def onset_known_well_enough(low_pass: LowPass, u_onset_s: float) -> bool:

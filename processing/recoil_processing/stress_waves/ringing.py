@@ -27,7 +27,7 @@ ABOVE_FLOOR = 4.0
 BELOW_PEAK = 1e-4
 """Share of the highest density below which ringing is left out: 40 dB."""
 LONGEST_SPECTRUM = 1 << 14
-"""Samples from the shot on whose spectrum tells how high the ringing reaches."""
+"""Samples from the shot on whose spectrum shows how high the ringing reaches."""
 SAMPLES_PER_PERIOD = 2.8
 """Samples per period of the highest ringing to which the record is thinned: a row of the Hankel matrix then covers
 more periods, and close modes part."""

@@ -52,7 +52,7 @@ def test_nothing_to_go_by_is_a_sentence():
     still = MotionModel(
         still.times_s, still.positions_m, still.origin_s, DoubleIntegral.of(np.zeros(18_000), 0.0, 5e-5)
     )
-    assert "cannot be told" in solver.likeliest(still, 0.05, 0.0, 5e-5)
+    assert "cannot be distinguished" in solver.likeliest(still, 0.05, 0.0, 5e-5)
 
 
 def test_no_density_is_refused():

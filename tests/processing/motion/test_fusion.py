@@ -229,7 +229,7 @@ def test_a_motion_that_is_a_parabola_is_told_in_a_sentence():
     answer = fuse(
         frames, 0.5 * 4.0 * frames**2, 0.0, step, np.full(2000, 4.0), marker_sigma_m=SIGMA, acceleration_density=1e-3
     )
-    assert answer == "the motion that both records show cannot be told from an error of zero or velocity"
+    assert answer == "the motion that both records show cannot be distinguished from an error of zero or velocity"
 
 
 @pytest.mark.parametrize(

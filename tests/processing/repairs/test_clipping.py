@@ -136,7 +136,7 @@ def test_a_record_that_is_clipped_throughout_is_refused_and_quickly():
     samples = np.clip(sine(1.05, 20.0, 20_000) * np.exp(np.arange(20_000) / 2000.0), -1.0, 1.0)
     found = repair_clipping(samples, -1.0, 1.0)
     assert all(run.refusal for run in found.runs)
-    assert sum("too much is clipped to be told" in run.refusal for run in found.runs) > 100
+    assert sum("too much is clipped to be estimated" in run.refusal for run in found.runs) > 100
     assert np.isnan(found.samples).sum() == find_clipped(samples, -1.0, 1.0).flags.sum()
 
 

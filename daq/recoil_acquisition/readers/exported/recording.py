@@ -79,5 +79,7 @@ class _Rows:
         said = self._header.metadata
         own, reference = said.get("clock"), said.get("reference_clock")
         mapped = said.get("aligned") is True and own != reference
-        told = (f"the time was mapped from the clock {own!r} to {reference!r} when it was exported",) if mapped else ()
-        return (*((self._incomplete,) if self._incomplete else ()), *losses, *told)
+        mapping_notes = (
+            (f"the time was mapped from the clock {own!r} to {reference!r} when it was exported",) if mapped else ()
+        )
+        return (*((self._incomplete,) if self._incomplete else ()), *losses, *mapping_notes)

@@ -61,9 +61,9 @@ def _recording(index: BlockIndex, file: BinaryIO, clock: str) -> Recording:
     notes = list(index.notes)
     if start is None:
         notes.append("the start of the acquisition is not stated: times count from an unknown instant")
-    windows, told = choose_windows(description.events, is_finished=not index.incomplete)
+    windows, window_notes = choose_windows(description.events, is_finished=not index.incomplete)
     names, repeated_names = unique_names([channel.name for channel in setup.channels])
-    notes += [*told, *repeated_names]
+    notes += [*window_notes, *repeated_names]
     channels: list[StoredChannel] = []
     shared = Counter(channel.segment for channel in setup.channels)
     for name, channel in zip(names, setup.channels, strict=True):

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 MOST_ORDER = 32
 """Four coefficients per mode of a dozen samples per period or less, and some for the chain's own filter."""
 SAMPLES_PER_COEFFICIENT = 10
-"""Fewer do not tell a coefficient."""
+"""Fewer do not identify a coefficient."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -149,7 +149,7 @@ def double_impulse_mass(
     perturbations_n : ndarray, shape (n, n_perturbations), optional
         Errors that the force may have, finite, zero before the release.
     force_errors_n : ndarray, shape (n, n_errors), optional
-        The same, each by one unit, that are unknowns: what a shot sees in different mixtures it tells apart.
+        The same, each by one unit, that are unknowns: what a shot sees in different mixtures it distinguishes.
     u_force_errors : ndarray, shape (n_errors,), optional
         Standard uncertainties of these, which are zero to this.
 
@@ -218,11 +218,11 @@ def double_impulse_mass(
     errors = [inverse * DoubleIntegral.of(perturbation, start_s, step_s).at(t)[0] for perturbation in perturbations.T]
     sensitivities = own * found.sensitivities(track, np.column_stack([*errors, track.from_rest_m]))
     by_prior = {j: own * float(weight) for j, weight in zip(free, found.by_priors, strict=True)}
-    told = [i for i, j in enumerate(free) if j >= _ERRORS]
-    at = [free[i] - _ERRORS for i in told]
+    estimated = [i for i, j in enumerate(free) if j >= _ERRORS]
+    at = [free[i] - _ERRORS for i in estimated]
     unscaled = found.covariance / np.outer(scale, scale)
     covariance = np.zeros((u_errors.size, u_errors.size))
-    covariance[np.ix_(at, at)] = unscaled[np.ix_(told, told)]
+    covariance[np.ix_(at, at)] = unscaled[np.ix_(estimated, estimated)]
     return DoubleImpulseMass(
         mass_kg=mass,
         u_kg=own * found.u_by_rows,

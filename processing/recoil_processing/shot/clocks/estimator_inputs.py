@@ -23,7 +23,7 @@ Flags = NDArray[np.bool_]
 LEAD_S = 2e-3
 """Before the onset: where autoregressive errors begin, and functions of finite reach."""
 LEAST_NOISE_SAMPLES = 64
-"""Samples to tell a noise from."""
+"""Samples by which a noise is estimated."""
 ORDER_S = 2.5e-3
 """Reach of the autoregressive errors: fewer milliseconds do not part stress waves of one kilohertz from the motion."""
 BASELINE_ORDER = 4

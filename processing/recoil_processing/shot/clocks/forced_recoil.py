@@ -226,7 +226,7 @@ def require_forces(signals: Signals) -> None:
 def missing_forces(roles: Sequence[str]) -> IdentificationError:
     """Return what a shot without some of its forces is refused with."""
     return IdentificationError(
-        f"no usable channel of role {', '.join(roles)}: without all forces a motion tells no mass",
+        f"no usable channel of role {', '.join(roles)}: without all forces a motion identifies no mass",
         expected="breech, brake and recuperator pressure, on clocks that could be aligned",
         remedy="declare the roles in the rig file, or mend the alignment",
     )

@@ -48,7 +48,7 @@ DRIVEN_S = 0.05
 AROUND_S = 0.03
 """Kept around a part for the low-pass: some reaches of it."""
 LEAST_RECOIL_SAMPLES = 50
-"""Samples of the recoil that tell a shift of the zero."""
+"""Samples of the recoil by which a shift of the zero is identified."""
 MOST_LOST = 0.05
 """Share of the recoil's samples that may be bridged for an integral."""
 
