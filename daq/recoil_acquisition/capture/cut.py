@@ -105,7 +105,7 @@ def write_everything(log: Log, path: Path, declaration: Mapping[str, Any]) -> No
 
 
 def capture_has(log: Log, path: Path, start_ns: int | None, stop_ns: int | None) -> bool:
-    """Tell whether a capture that was written before holds all that a log has of a span of time, byte for byte."""
+    """Return whether a capture that was written before holds all that a log has of a span of time, byte for byte."""
     return capture_holds(log, path, start_ns, _behind(stop_ns))
 
 

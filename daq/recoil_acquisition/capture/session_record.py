@@ -149,7 +149,7 @@ class Kept:
         return "once" if self.last_s == self.first_s else f"over {self.last_s - self.first_s:.3f} s"
 
     def within(self, spans: Iterable[tuple[float, float]]) -> bool:
-        """Tell whether all that happened lies within one of some spans (start_s, stop_s)."""
+        """Return whether all that happened lies within one of some spans (start_s, stop_s)."""
         return any(start <= self.first_s and self.last_s < stop for start, stop in spans)
 
 

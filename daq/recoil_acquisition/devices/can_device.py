@@ -266,7 +266,7 @@ class CanDevice:
         return block
 
     def _is_unreadable(self, error: BaseException) -> bool:
-        """Tell whether one entry could not be read while the bus itself goes on."""
+        """Return whether one entry could not be read while the bus itself goes on."""
         if isinstance(error, UnicodeDecodeError) or isinstance(error.__cause__, UnicodeDecodeError):
             # slcan keeps a line with a byte that is no ASCII, and would fail with it again for ever
             held = getattr(self._bus, "_buffer", None)

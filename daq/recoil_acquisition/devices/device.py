@@ -114,7 +114,7 @@ def event_of(block: Block) -> DeviceEvent:
 
 
 def interrupts(block: Block) -> bool:
-    """Tell whether a block says that the device was lost or opened again: nothing is continued over it."""
+    """Return whether a block says that the device was lost or opened again: nothing is continued over it."""
     return block.kind == EVENT and event_of(block).name in ("lost", "reopened")
 
 

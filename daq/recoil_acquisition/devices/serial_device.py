@@ -125,7 +125,7 @@ class SerialDevice:
         return block
 
     def close(self) -> tuple[Block, ...]:
-        """Tell the device to stop, read what still waits, close the port and return the last blocks."""
+        """Return the device to stop, read what still waits, close the port and return the last blocks."""
         if not self._wanted:
             return ()
         blocks = list(self._ahead)

@@ -352,7 +352,7 @@ def session_in(records: Iterable[Record]) -> dict[str, Any] | None:
 
 
 def _holds_captures(folder: Path) -> bool:
-    """Tell whether files that are named like segments are captures: a shot may be called 100000."""
+    """Return whether files that are named like segments are captures: a shot may be called 100000."""
     for path in segment_paths(folder).values():
         log_id = None if is_hole(path) else first_log_id(path, _begin_bytes())
         if log_id is not None:
@@ -361,7 +361,7 @@ def _holds_captures(folder: Path) -> bool:
 
 
 def _is_capture(path: Path, log_id: bytes) -> bool:
-    """Tell whether a file declares what it holds, before the first record of a device."""
+    """Return whether a file declares what it holds, before the first record of a device."""
     with FileScan(path, log_id) as scan:
         own = takewhile(lambda record: record.source == OWN, scan)
         return any(record.number == UNNUMBERED for record in own)

@@ -51,7 +51,7 @@ class FolderLock:
 
 
 def is_being_written(folder: Path) -> bool:
-    """Tell whether a writer, in this process or another, holds the lock of a folder."""
+    """Return whether a writer, in this process or another, holds the lock of a folder."""
     try:
         descriptor = os.open(folder / NAME, os.O_RDWR)
     except FileNotFoundError:

@@ -143,7 +143,7 @@ class Record(NamedTuple):
         return None if self.wait_us is None else self.host_ns + 1000 * self.wait_us
 
     def within(self, start_ns: int | None, stop_ns: int | None) -> bool:
-        """Tell whether something of it may have arrived in ``start_ns <= t < stop_ns``; None for no limit."""
+        """Return whether something of it may have arrived in ``start_ns <= t < stop_ns``; None for no limit."""
         return (start_ns is None or self.host_ns >= start_ns) and (stop_ns is None or self.from_ns < stop_ns)
 
     @property

@@ -275,7 +275,7 @@ def first_log_id(path: Path, within: int) -> bytes | None:
 
 
 def is_hole(path: Path) -> bool:
-    """Tell whether a file was reserved and never written, where the system knows; OSError if it cannot be opened."""
+    """Return whether a file was reserved and never written, where the system knows; OSError if it cannot be opened."""
     if not hasattr(os, "SEEK_DATA"):
         return False
     descriptor = os.open(path, os.O_RDONLY)
