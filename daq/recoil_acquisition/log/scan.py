@@ -184,7 +184,7 @@ class FileScan:
 
     def _head(self, at: int) -> Head | None:
         content = self._bytes(at, HEAD_SIZE)
-        return sound_head(content, at, self.log_id, self._seed)
+        return sound_head(content, at, self._seed)
 
     def _whole(self, head: Head) -> Record | None:
         """Return a record with its payload; None if that is damaged or not there yet."""
@@ -214,7 +214,7 @@ class FileScan:
             raise StoreError(f"cannot be read: {error.strerror or error}", path=self.path) from error
 
 
-def sound_head(content: bytes, at: int, log_id: bytes | None, seed: int | None) -> Head | None:
+def sound_head(content: bytes, at: int, seed: int | None) -> Head | None:
     """Return the head that some bytes begin with, or None.
 
     Parameters
@@ -222,15 +222,15 @@ def sound_head(content: bytes, at: int, log_id: bytes | None, seed: int | None) 
     content : bytes
     at : int
         Where they stand in their file.
-    log_id, seed : bytes, int or None
-        Of the log that it must be of; None for any.
+    seed : int or None
+        Where the CRCs of the log start from that it must be of; None for any.
     """
     if len(content) < HEAD_SIZE:
         return None
     (mark, found_id, length, source, kind, span_us, wait_us, source_number, number, position, host_ns, payload_crc) = (
         HEAD.unpack_from(content)
     )
-    if mark != MARK or length > LONGEST_PAYLOAD or (log_id is not None and found_id != log_id):
+    if mark != MARK or length > LONGEST_PAYLOAD:
         return None
     crc = zlib.crc32(content[: HEAD.size], crc_seed(found_id) if seed is None else seed)
     if crc != CRC.unpack_from(content, HEAD.size)[0]:
@@ -261,14 +261,13 @@ def first_log_id(path: Path, within: int) -> bytes | None:
     try:
         with path.open("rb", buffering=0) as stream:
             begin = stream.read(HEAD_SIZE)
-            if sound_head(begin, 0, None, None) is None:
-                stream.seek(0)
-                begin = stream.read(within)
+            if sound_head(begin, 0, None) is None:
+                begin += stream.read(within)
     except OSError as error:
         raise StoreError(f"cannot be read: {error.strerror or error}", path=path) from error
     at, tries = begin.find(MARK), 0
     while at >= 0 and tries < MOST_FALSE_MARKS:
-        if sound_head(begin[at : at + HEAD_SIZE], at, None, None) is not None:
+        if sound_head(begin[at : at + HEAD_SIZE], at, None) is not None:
             return begin[at + len(MARK) : at + len(MARK) + 8]
         at, tries = begin.find(MARK, at + 1), tries + 1
     return None

@@ -12,8 +12,8 @@ import pytest
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.log import folder as folder_module
 from recoil_acquisition.log.folder import open_log
-from recoil_acquisition.log.record import MARK, OWN, Kind
-from recoil_acquisition.log.scan import FileScan
+from recoil_acquisition.log.record import LONGEST_PAYLOAD, MARK, OWN, Kind, crc_seed, pack_record
+from recoil_acquisition.log.scan import FileScan, sound_head
 from recoil_acquisition.log.writer import LogWriter
 from tests.builders.damaged_logs import faults_of_reading, faults_of_trials, write_log
 from tests.builders.naive_log import Found, read_file, read_folder
@@ -207,6 +207,17 @@ def test_a_damaged_place_is_said_to_the_byte(tmp_path):
     path.write_bytes(content)
     (damage,) = open_log(tmp_path / "log").survey().damages
     assert (damage.path, damage.at, damage.size) == (path, written[3].begin, len(written[3].content))
+
+
+def test_the_longest_payload_is_read_and_a_head_that_says_more_is_damaged(tmp_path):
+    with LogWriter(tmp_path / "log", {}, 0, segment_bytes=4 << 20) as writer:
+        writer.append(0, Kind.SERIAL, 0, b"x" * LONGEST_PAYLOAD)
+    log = open_log(tmp_path / "log")
+    (record,) = log.records(source=0)
+    assert len(record.payload) == LONGEST_PAYLOAD
+    content = pack_record(log.log_id, record._replace(payload=b"x" * (LONGEST_PAYLOAD + 1)))
+    assert sound_head(content, 0, crc_seed(log.log_id)) is None
+    assert sound_head(pack_record(log.log_id, record), 0, crc_seed(log.log_id)) is not None
 
 
 def test_what_was_read_in_part_is_read_again(tmp_path):
