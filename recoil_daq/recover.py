@@ -30,6 +30,7 @@ from recoil_acquisition.log.folder import Log, find_logs, open_log
 from recoil_acquisition.log.record import OWN
 from recoil_acquisition.log.segment import SUFFIX
 from recoil_acquisition.log.tally import Loss
+from recoil_acquisition.new_file import remove_partials
 from recoil_acquisition.trigger import Decision, ShotWindow, Trigger
 from recoil_acquisition.trigger.decision import MANUAL
 from recoil_daq.ingest import ingest_files
@@ -248,7 +249,7 @@ def recover_journal(
         progress(f"shot {name}")
         # what a cut had written that the crash interrupted
         path = capture_path(out, name)
-        path.with_name(f".{path.name}.partial").unlink(missing_ok=True)
+        remove_partials(path)
         shots.append(_recover_shot(journal, record, rig, rig.trigger, name, window, out, survey.lost_records))
     outside = [one for one in outside if not one.within([(window.start_s, window.stop_s) for window in asked])]
     everything = None if known.in_order else out / "recovered" / f"{folder.name}{SUFFIX}"

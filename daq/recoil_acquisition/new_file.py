@@ -71,7 +71,7 @@ def give_name(temporary: Path, path: Path, *, overwrite: bool = False) -> None:
         temporary.replace(path)
         sync_folder(path.parent)
         return
-    rename_to_new(temporary, path)
+    _rename_to_new(temporary, path)
     try:
         sync_folder(path.parent)
     except OSError:
@@ -79,7 +79,7 @@ def give_name(temporary: Path, path: Path, *, overwrite: bool = False) -> None:
         raise
 
 
-def rename_to_new(temporary: Path, path: Path) -> None:
+def _rename_to_new(temporary: Path, path: Path) -> None:
     """Give a file its final name unless something bears it by now; the temporary name may stay beside it.
 
     Raises

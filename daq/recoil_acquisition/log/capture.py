@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,7 @@ from recoil_acquisition.log.folder import Log, in_order, session_in
 from recoil_acquisition.log.record import OWN, UNNUMBERED, Kind, Record, pack_json, pack_record
 from recoil_acquisition.log.scan import Damage, FileScan, first_log_id
 from recoil_acquisition.log.tally import Loss
-from recoil_acquisition.new_file import rename_to_new, sync_folder
+from recoil_acquisition.new_file import give_name, partial_path, remove_partials
 
 HOLDS = "holds"
 """Key of what is added to a declaration: by source, the first and last number and the bytes of the range."""
@@ -88,20 +87,18 @@ def write_capture(
     holds = extents(log, start_ns, stop_ns)
     stated = pack_json({**declaration, HOLDS: {str(source): list(found) for source, found in holds.items()}})
     declared = pack_record(log.log_id, Record(UNNUMBERED, OWN, Kind.SHOT, 0, stated, None, None, 0, 0))
-    temporary = path.with_name(f".{path.name}.partial")
+    remove_partials(path)  # of an attempt that a crash ended
+    temporary = partial_path(path)
     digest = hashlib.sha256()
     try:
         with temporary.open("wb") as stream:
             for content in _pieces(log, start_ns, stop_ns, holds, declared):
                 stream.write(content)
                 digest.update(content)
-            stream.flush()
-            os.fsync(stream.fileno())
         with temporary.open("rb") as stream:
             if hashlib.file_digest(stream, "sha256").digest() != digest.digest():
                 raise StoreError("does not read back as it was written", path=path, remedy="check the disk")
-        rename_to_new(temporary, path)
-        sync_folder(path.parent)
+        give_name(temporary, path)
     except OSError as error:
         raise StoreError(
             f"cannot be written: {error.strerror or error}", path=path, remedy="make room; the log still has it"

@@ -18,6 +18,7 @@ from recoil_acquisition.devices.device import event_block
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.log.folder import open_log
 from recoil_acquisition.log.writer import LogWriter
+from recoil_acquisition.new_file import partial_path
 from recoil_acquisition.trigger import Edge, ShotWindow, Trigger
 from tests.builders.live_logs import append
 from tests.builders.live_sources import ANCHOR, can_block, can_record, serial_block, serial_frame
@@ -57,7 +58,7 @@ def test_it_is_the_same_as_here(journal: Path, tmp_path: Path) -> None:
 
 
 def test_what_an_earlier_attempt_left_is_made_anew(journal: Path, tmp_path: Path) -> None:
-    (tmp_path / ".0001.rdlog.partial").write_text("x")
+    partial_path(tmp_path / "0001.rdlog").write_text("x")
     cut_apart(journal, tmp_path / "0001.rdlog", BEGUN, *SPAN_NS)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["0001.rdlog", "journal"]
 
