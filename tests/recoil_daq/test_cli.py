@@ -375,6 +375,7 @@ def test_a_demonstrated_range_day_identifies_three_masses(run, tmp_path):
     with MachineStalls() as machine:
         result = run("demo", "--live", "--out", tmp_path, "--json")
     document = json.loads(result.stdout)
+    assert "session" in document, str(document)[:1500]
     states = [shot["state"] for shot in document["session"]["shots"]]
     # devices that play late, because the machine did nothing for so long, rightly cost a shot its verdict
     late = machine.largest_s > 0.1 and set(states) == {"usable", "not usable"}

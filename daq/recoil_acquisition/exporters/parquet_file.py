@@ -50,7 +50,7 @@ class ParquetExporter:
         schema = pa.schema(fields, metadata={KEY: json_text(content.group_document(group)).encode()})
         columns = [group.time_base.times_s, *(c.samples for c in group.channels)]
         arrays = [pa.array(np.ascontiguousarray(column), from_pandas=False) for column in columns]
-        table = pa.ExportedTable.from_arrays(arrays, schema=schema)
+        table = pa.Table.from_arrays(arrays, schema=schema)
         pq.write_table(table, path, compression="none", use_dictionary=False, write_page_checksum=True)
 
     def read_back(self, content: Content, path: Path) -> tuple[ExportedTable, ...]:
