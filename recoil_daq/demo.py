@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.errors import StoreError
+from recoil_acquisition.errors import IdentificationError, StoreError
 from recoil_daq.identify import Reported, identify_file
 from recoil_daq.ingest import Ingested, ingest_files
 from recoil_daq.live import run_live
@@ -87,7 +87,7 @@ class LiveDemonstration:
     ----------
     outcome : LiveOutcome
     reports : tuple of Reported
-        One per shot that has a shot file.
+        One per shot that has a mass.
     played : dict
         What the virtual devices truly sent; see `recoil_rigs.twin.player.TwinPlayer.truth`.
     """
@@ -99,7 +99,8 @@ class LiveDemonstration:
     @property
     def valid(self) -> bool:
         """Whether every shot is usable, and every mass valid."""
-        return self.outcome.usable and all(report.document["valid"] for report in self.reports)
+        identified = len(self.reports) == len(self.outcome.shots)
+        return self.outcome.usable and identified and all(report.document["valid"] for report in self.reports)
 
 
 def run_live_demo(out: Path, display: Display, *, seed: int = 1, overwrite: bool = False) -> LiveDemonstration:
@@ -136,5 +137,9 @@ def run_live_demo(out: Path, display: Display, *, seed: int = 1, overwrite: bool
         display.notice(f"identify shot {shot.name}")
         truth = next(s.truth for s in days[0].shots if s.folder.name == shot.name)
         path = Path(shot.document["file"])
-        reports.append(identify_file(path, out=out / "reports", truth=truth, overwrite=True))
+        try:
+            reports.append(identify_file(path, out=out / "reports", truth=truth, overwrite=True))
+        except IdentificationError as error:
+            # a day that went wrong for one shot is told all the same
+            display.notice(f"shot {shot.name} has no mass: {error}")
     return LiveDemonstration(outcome, tuple(reports), days[0].player.truth())

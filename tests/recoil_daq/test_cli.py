@@ -372,16 +372,18 @@ def test_a_rig_without_devices_is_no_rig_for_live(run, tmp_path):
 @pytest.mark.real_time
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals for the virtual port")
 def test_a_demonstrated_range_day_identifies_three_masses(run, tmp_path):
+    # a process of its own: collecting the garbage of all tests before stops players and readers for longer than a shot
+    command = [sys.executable, "-P", "-c", "from recoil_daq.cli import main; main()", "demo", "--live", "--json"]
     with MachineStalls() as machine:
-        result = run("demo", "--live", "--out", tmp_path, "--json")
+        result = subprocess.run([*command, "--out", str(tmp_path)], capture_output=True, text=True, timeout=600)
     document = json.loads(result.stdout)
-    assert "session" in document, str(document)[:1500]
     states = [shot["state"] for shot in document["session"]["shots"]]
+    reasons = [shot["ingest"] and shot["ingest"]["reasons"] for shot in document["session"]["shots"]]
     # devices that play late, because the machine did nothing for so long, rightly cost a shot its verdict
     late = machine.largest_s > 0.1 and set(states) == {"usable", "not usable"}
-    assert states == ["usable"] * 3 or late, machine.largest_s
+    assert states == ["usable"] * 3 or late, (machine.largest_s, reasons)
     assert document["session"]["journal"] is None
-    assert len(document["reports"]) == 3
+    assert len(document["reports"]) == 3 or late
     for report in document["reports"]:
         low, high = report["mass"]["U95"]
         assert abs(report["mass"]["value"] - 782.0) < high - low
