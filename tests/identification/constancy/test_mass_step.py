@@ -65,7 +65,7 @@ def test_without_a_step_p_is_even_whatever_the_slope_and_the_sensors() -> None:
     p = []
     for _ in range(300):
         y = 1.03 * SLOPE + known @ rng.standard_normal(2) + rng.standard_normal(N)
-        p.append(outcome(y, known=known, draws=199).p_value)
+        p.append(outcome(y, known=known, draws=1000).p_value)
     assert np.mean(np.array(p) < 0.05) == pytest.approx(0.05, abs=0.04)
     assert np.mean(np.array(p) < 0.5) == pytest.approx(0.5, abs=0.1)
     wrong = 1.03 * SLOPE + 2 * known[:, 0] + rng.standard_normal(N)
