@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.twin.loads import Rest, State, loads_of
@@ -18,13 +19,19 @@ Equations = Callable[[State, float], tuple[State, State]]
 accelerations of all coordinates and the bristle's drag, and `recoil_rigs.twin.loads.Loads.recorded`."""
 
 
-Rows = tuple[State, State, State, State, float]
-"""Mass matrix and right-hand sides of the rigid bodies at a state.
+class Rows(NamedTuple):
+    """Mass matrix and right-hand sides of the rigid bodies at a state.
 
-The matrix holds M13, M14, M15, M23, M24, M25, M33, M34, M35, M44 and M45; the diagonal of the translations and
-M55 are the masses themselves. Next the right-hand sides; the geometry: cos phi2, sin phi2, the trunnion along e5 and e6
-from C, and b - x; what is recorded, and the drag, of `recoil_rigs.twin.loads.Loads`.
-"""
+    ``matrix`` holds M13, M14, M15, M23, M24, M25, M33, M34, M35, M44 and M45; the diagonal of the translations and
+    M55 are the masses themselves. ``geometry`` holds cos phi2, sin phi2, the trunnion along e5 and e6 from C, and
+    b - x. ``recorded`` and ``drag`` are those of `recoil_rigs.twin.loads.Loads`.
+    """
+
+    matrix: State
+    right: State
+    geometry: State
+    recorded: State
+    drag: float
 
 
 def rigid_rows(
@@ -41,7 +48,7 @@ def rigid_rows(
         Of the mechanism before anything let go.
     """
     sin, cos = math.sin, math.cos
-    mass, g, XA, YA, b, d, e, L, m3 = m.m1 + m.m2 + m.m3, m.g, m.XA, m.YA, m.b, m.d, m.e, m.L, m.m3
+    mass, g, XA, YA, b, d, L, m3 = m.m1 + m.m2 + m.m3, m.g, m.XA, m.YA, m.b, m.d, m.L, m.m3
     Sx1, Sy1 = m.m1 * m.X1 + (m.m2 + m3) * XA, m.m1 * m.Y1 + (m.m2 + m3) * YA
     Sy2, m2s2 = m.m2 * m.d2 + m3 * d, m.m2 * m.s2
     J_tip = m.J2 + m.J3c + m3 * d * d
@@ -65,9 +72,9 @@ def rigid_rows(
         coriolis = 2.0 * m3 * dx * w2
         r1 = -P * c2 - N_x - N_f + rise1 * w1 * w1 + rise2 * w2 * w2 - coriolis * s2
         r2 = -P * s2 - N_y - N_d + side1 * w1 * w1 + side2 * w2 * w2 + coriolis * c2 - mass * g
-        r3 = P * (e + d + A6) + (N_f * s1 - N_d * c1) * L + swing * (w2 * w2 - w1 * w1)
+        r3 = P * (m.e + d + A6) + (N_f * s1 - N_d * c1) * L + swing * (w2 * w2 - w1 * w1)
         r3 += coriolis * (A5 + lever) - g * (rise1 + rise2)
-        r4 = P * (e + d) - M_C - swing * w1 * w1 + coriolis * lever - g * rise2
+        r4 = P * (m.e + d) - M_C - swing * w1 * w1 + coriolis * lever - g * rise2
         r5 = P - R - m3 * (A5 * w1 * w1 + lever * w2 * w2 - g * s2)
 
         a13, a14, a15 = -(side1 + side2), -side2, -m3 * c2
@@ -76,7 +83,7 @@ def rigid_rows(
         J23 = J_tip + m3 * lever * lever
         a33, a34, a35 = J_all + J23 + 2.0 * coupling, J23 + coupling, m3 * (d + A6)
         matrix = (a13, a14, a15, a23, a24, a25, a33, a34, a35, J23, m3 * d)
-        return matrix, (r1, r2, r3, r4, r5), (c2, s2, A5, A6, lever), recorded, drag
+        return Rows(matrix, (r1, r2, r3, r4, r5), (c2, s2, A5, A6, lever), recorded, drag)
 
     return rows
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from recoil_acquisition.errors import Fault
 from recoil_rigs.mechanism import Mechanism
@@ -37,13 +38,21 @@ class Rest:
     stop_n: float
 
 
-Loads = tuple[float, float, float, float, float, float, State, float]
-"""The loads at a state, in the signs of `recoil_rigs.mechanism.generalized_forces`; N, N m, Pa.
+class Loads(NamedTuple):
+    """The loads at a state, in the signs of `recoil_rigs.mechanism.generalized_forces`; N, N m, Pa.
 
-R_f with all its parts, the elevating moment, the ground's forces x, y and d, its friction; what is recorded: brake
-pressure, recuperator pressure, packing friction, contact and the five loads after R_f; and the drag, the rate of the
-packing's bristle, m/s. Plain tuples here and in the equations: naming them took a tenth of a shot's time.
-"""
+    ``resistance`` is R_f with all its parts; ``recorded`` are brake pressure, recuperator pressure, packing
+    friction, contact and the five loads after ``resistance``; ``drag`` is the rate of the packing's bristle, m/s.
+    """
+
+    resistance: float
+    elevating_moment: float
+    ground_x: float
+    ground_y: float
+    ground_d: float
+    ground_friction: float
+    recorded: State
+    drag: float
 
 
 def rest_in_battery(m: Mechanism, settings: TwinSettings, sag_n_m: float = 0.0) -> Rest:
@@ -95,42 +104,33 @@ def loads_of(m: Mechanism, s: TwinSettings, friction_n: float, rest: Rest) -> Ca
     callable
         Of ``xi, eta, beta, x, dxi, deta, w1, dbeta, dx``, the packing's bristle, m, and cosine and sine of phi1.
     """
-    # looked up once: a shot asks some hundred thousand times
-    L, f, area_b, tanh, sqrt, sin_phi10 = m.L, m.f, m.brake_area, math.tanh, math.sqrt, math.sin(m.phi10)
+    L, tanh, sin_phi10 = m.L, math.tanh, math.sin(m.phi10)
     rest_c, rest_d, rest_moment, rest_stop = rest.ground_c_n, rest.ground_d_n, rest.elevating_moment_n_m, rest.stop_n
     throttle = 0.5 * s.oil_density_kg_m3 * (m.brake_area / s.discharge) ** 2
     slip = friction_n / s.packing_stiffness_n_m
     gas, volume, area_r = s.recuperator_pressure_pa, s.recuperator_volume_m3, m.recuperator_area
-    k_ground, c_ground, ground_slip = s.ground_stiffness_n_m, s.ground_damping_n_s_m, s.ground_slip_m_s
-    k_gear, c_gear = s.elevating_stiffness_n_m_rad, s.elevating_damping_n_m_s_rad
-    k_stop, c_stop, counter_recoil = s.stop_stiffness_n_m, s.stop_damping_n_s_m, s.counter_recoil_n_s2_m2
-    stroke, leak, full, stiffness, polytropic = (
-        s.stroke_m, s.leak_m2, s.orifice_m2, s.packing_stiffness_n_m, s.polytropic,
-    )  # fmt: skip
+    k_ground, c_ground = s.ground_stiffness_n_m, s.ground_damping_n_s_m
 
     def loads(
         xi: float, eta: float, beta: float, x: float, dxi: float, deta: float, w1: float, dbeta: float, dx: float,
         bristle: float, c1: float, s1: float,
     ) -> Loads:  # fmt: skip
-        opening = 1.0 - x / stroke
-        orifice = leak + (full * sqrt(opening) if opening > 0.0 else 0.0)
+        opening = 1.0 - x / s.stroke_m
+        orifice = s.leak_m2 + (s.orifice_m2 * math.sqrt(opening) if opening > 0.0 else 0.0)
         p_brake = throttle * (dx / orifice) ** 2 if dx > 0.0 else 0.0
-        p_gas = gas * (volume / (volume - area_r * x)) ** polytropic
-        held = bristle if bristle > -slip else -slip
-        packing = stiffness * (held if held < slip else slip)
-        pushed = rest_stop - k_stop * x - c_stop * dx
-        contact = pushed if pushed > 0.0 else 0.0
+        p_gas = gas * (volume / (volume - area_r * x)) ** s.polytropic
+        packing = s.packing_stiffness_n_m * min(max(bristle, -slip), slip)
+        contact = max(0.0, rest_stop - s.stop_stiffness_n_m * x - s.stop_damping_n_s_m * dx)
         if dx < 0.0:
-            contact += counter_recoil * dx * dx
-        R = area_b * p_brake + area_r * p_gas + packing - contact
-        M_C = rest_moment + k_gear * beta + c_gear * dbeta
+            contact += s.counter_recoil_n_s2_m2 * dx * dx
+        R = m.brake_area * p_brake + area_r * p_gas + packing - contact
+        M_C = rest_moment + s.elevating_stiffness_n_m_rad * beta + s.elevating_damping_n_m_s_rad * dbeta
         N_x = k_ground * xi + c_ground * dxi
-        on_c = rest_c - k_ground * eta - c_ground * deta
-        on_d = rest_d - k_ground * (eta + L * (s1 - sin_phi10)) - c_ground * (deta + L * c1 * w1)
-        N_y, N_d = -(on_c if on_c > 0.0 else 0.0), -(on_d if on_d > 0.0 else 0.0)
-        N_f = -f * N_d * tanh((dxi - L * s1 * w1) / ground_slip)
+        N_y = -max(0.0, rest_c - k_ground * eta - c_ground * deta)
+        N_d = -max(0.0, rest_d - k_ground * (eta + L * (s1 - sin_phi10)) - c_ground * (deta + L * c1 * w1))
+        N_f = -m.f * N_d * tanh((dxi - L * s1 * w1) / s.ground_slip_m_s)
         # the packing is dragged along until it slides
         drag = 0.0 if (bristle >= slip and dx > 0.0) or (bristle <= -slip and dx < 0.0) else dx
-        return (R, M_C, N_x, N_y, N_d, N_f, (p_brake, p_gas, packing, contact, M_C, N_x, N_y, N_d, N_f), drag)
+        return Loads(R, M_C, N_x, N_y, N_d, N_f, (p_brake, p_gas, packing, contact, M_C, N_x, N_y, N_d, N_f), drag)
 
     return loads

@@ -144,38 +144,6 @@ def _step(evaluate: Equations, y: State, k1: State, forces: tuple[float, float],
     return (*place, *speed[:n], min(max(speed[n], -slip), slip))
 
 
-def _rigid_step(
-    evaluate: Equations, y: State, k1: State, forces: tuple[float, float], step: float, slip: float
-) -> State:
-    """Return what `_step` does for the five coordinates of the rigid bodies: written out, in a third of its time."""
-    half, sixth = 0.5 * step, step / 6.0
-    p1, p2, p3, p4, p5, v1, v2, v3, v4, v5, w = y
-    a1, a2, a3, a4, a5, aw = k1
-    m1, m2, m3, m4, m5 = v1 + half * a1, v2 + half * a2, v3 + half * a3, v4 + half * a4, v5 + half * a5
-    place = (p1 + half * v1, p2 + half * v2, p3 + half * v3, p4 + half * v4, p5 + half * v5)
-    (b1, b2, b3, b4, b5, bw), _ = evaluate((*place, m1, m2, m3, m4, m5, w + half * aw), forces[0])
-    n1, n2, n3, n4, n5 = v1 + half * b1, v2 + half * b2, v3 + half * b3, v4 + half * b4, v5 + half * b5
-    place = (p1 + half * m1, p2 + half * m2, p3 + half * m3, p4 + half * m4, p5 + half * m5)
-    (c1, c2, c3, c4, c5, cw), _ = evaluate((*place, n1, n2, n3, n4, n5, w + half * bw), forces[0])
-    o1, o2, o3, o4, o5 = v1 + step * c1, v2 + step * c2, v3 + step * c3, v4 + step * c4, v5 + step * c5
-    place = (p1 + step * n1, p2 + step * n2, p3 + step * n3, p4 + step * n4, p5 + step * n5)
-    (d1, d2, d3, d4, d5, dw), _ = evaluate((*place, o1, o2, o3, o4, o5, w + step * cw), forces[1])
-    bristle = w + sixth * (aw + 2 * (bw + cw) + dw)
-    return (
-        p1 + sixth * (v1 + 2 * (m1 + n1) + o1),
-        p2 + sixth * (v2 + 2 * (m2 + n2) + o2),
-        p3 + sixth * (v3 + 2 * (m3 + n3) + o3),
-        p4 + sixth * (v4 + 2 * (m4 + n4) + o4),
-        p5 + sixth * (v5 + 2 * (m5 + n5) + o5),
-        v1 + sixth * (a1 + 2 * (b1 + c1) + d1),
-        v2 + sixth * (a2 + 2 * (b2 + c2) + d2),
-        v3 + sixth * (a3 + 2 * (b3 + c3) + d3),
-        v4 + sixth * (a4 + 2 * (b4 + c4) + d4),
-        v5 + sixth * (a5 + 2 * (b5 + c5) + d5),
-        min(max(bristle, -slip), slip),
-    )
-
-
 def tube_of(mechanism: Mechanism, settings: TwinSettings) -> FlexibleTube | None:
     """Return the flexible tube of a virtual rig; None if it is rigid."""
     if not settings.tube_modes:
@@ -250,7 +218,6 @@ def simulate_motion(
     t_release, last_whole, share = _release(settings, rate_hz)
 
     n = 5 + hangs.size
-    advance = _step if hangs.size else _rigid_step
     y: State = (*(0.0,) * 5, *hangs.tolist(), *(0.0,) * (n + 1))
     states, changes, loads = [], [], []
     for i in range(count):
@@ -266,10 +233,10 @@ def simulate_motion(
             before, after = share * step, (1.0 - share) * step
             instants = np.array([t_release - 0.5 * before, t_release, t_release + 0.5 * after, (i + 1) * step])
             middle, end, next_middle, next_end = (mechanism.bore_area * breech(instants)).tolist()
-            y = advance(evaluate, y, k1, (middle, end), before, slip)
-            y = advance(without, y, without(y, end)[0], (next_middle, next_end), after, slip)
+            y = _step(evaluate, y, k1, (middle, end), before, slip)
+            y = _step(without, y, without(y, end)[0], (next_middle, next_end), after, slip)
         else:
-            y = advance(evaluate, y, k1, (forces[2 * i + 1], forces[min(2 * i + 2, 2 * count - 1)]), step, slip)
+            y = _step(evaluate, y, k1, (forces[2 * i + 1], forces[min(2 * i + 2, 2 * count - 1)]), step, slip)
     q = np.array(states)
     qd, qdd = q[:, n : n + 5], np.array(changes)
     ended = np.flatnonzero((qd[:-1, 4] > 0) & (qd[1:, 4] <= 0) & (q[:-1, 4] > 1e-3))
