@@ -115,22 +115,15 @@ class Baseline:
         values = np.linalg.lstsq(design, self.samples, rcond=None)[0]
         residual = self.samples - design @ values
         n, step = len(fitted), 1.0 / self.length_s
-        number = np.arange(1, 4 * NEIGHBOURS)
-        apart = np.concatenate([-number, number])
-        waves: dict[int, NDArray[np.complex128]] = {}
+        away = step * np.arange(1, 4 * NEIGHBOURS)
         excess, noise = {}, {}
         for i, k in enumerate(fitted):
-            beside = k * hz + step * apart
+            beside = np.concatenate([k * hz - away, k * hz + away])
+            beside = beside[(beside > 0.75 * step) & (beside < 0.45 * self.rate_hz)]
             free = np.min(np.abs(beside[:, None] - hz * np.asarray(numbers)), axis=1) > 0.49 * step
-            free &= (beside > 0.75 * step) & (beside < 0.45 * self.rate_hz)
-            nearest = np.argsort(np.abs(beside[free] - k * hz))[:NEIGHBOURS]
-            # all lines have the same neighbours: one wave of each distance does, carried to the line
-            carried = (design[:, i] - 1j * design[:, n + i]) * residual
-            spectrum = np.zeros(nearest.size, dtype=np.complex128)
-            for place, m in enumerate(apart[free][nearest].tolist()):
-                if abs(m) not in waves:
-                    waves[abs(m)] = np.exp(-2j * np.pi * abs(m) * step * self.times_s)
-                spectrum[place] = (waves[m] if m > 0 else waves[-m].conj()) @ carried
+            beside = beside[free]
+            beside = beside[np.argsort(np.abs(beside - k * hz))][:NEIGHBOURS]
+            spectrum = np.exp(-2j * np.pi * np.outer(beside, self.times_s)) @ residual
             noise[k] = float(np.mean(np.abs(spectrum) ** 2)) * 4.0 / self.samples.size**2
             power = float(values[i] ** 2 + values[n + i] ** 2)
             # 120 dB below a line nothing is measured any more
