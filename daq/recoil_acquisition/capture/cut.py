@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.acquisition import AcquiredEvent, Acquisition
+from recoil_acquisition.capture.engine import SETTLE_S
 from recoil_acquisition.capture.session_record import LiveRecord
 from recoil_acquisition.devices.device import EVENT, LATE_S, DeviceEvent, event_of
 from recoil_acquisition.errors import CorruptFileError, StoreError
@@ -20,9 +21,8 @@ SCHEMA = "recoil-daq/capture/1"
 ACQUISITION = "acquisition"
 """Key of the declaration of a capture under which it says how its shot was acquired."""
 
-BEHIND_NS = 250_000_000
-"""An adapter or a driver may hold back what was sent for so long, so what arrives so long behind the span is cut with
-it. What was read later is cut too if it may have arrived before."""
+BEHIND_NS = round(SETTLE_S * 1e9)
+"""What arrives so long behind the span is cut with it. What was read later is cut too if it may have arrived before."""
 
 
 @dataclass

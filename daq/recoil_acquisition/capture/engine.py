@@ -115,8 +115,7 @@ class CaptureEngine:
     def take(self, block: Block) -> None:
         """Take the next block of a source; blocks of one source come in order."""
         if block.kind == IDLE:
-            self._delivered(block)
-            return
+            return  # a source that falls silent within a shot is waited for, and named
         latest_s = block.host_ns / 1e9
         samples = self._looks[block.source].at(block, latest_s)
         for one in samples:

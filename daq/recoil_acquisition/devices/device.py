@@ -62,7 +62,7 @@ class Block:
 
     @property
     def is_data(self) -> bool:
-        """Whether a device gave it."""
+        """Whether it holds frames of a bus or bytes of a port."""
         return self.kind not in (EVENT, IDLE)
 
     def late_s(self, before_ns: int | None) -> float:

@@ -125,7 +125,7 @@ class SerialDevice:
         return block
 
     def close(self) -> tuple[Block, ...]:
-        """Return the device to stop, read what still waits, close the port and return the last blocks."""
+        """Send the device its stop command, read what still waits, close the port and return the last blocks."""
         if not self._wanted:
             return ()
         blocks = list(self._ahead)
