@@ -12,10 +12,6 @@ from hypothesis import settings
 from tests.builders.machine_stalls import MachineStalls
 from tests.builders.shared_motions import folder_of_this_run, share_motions
 
-if "PYTEST_XDIST_WORKER" in os.environ:
-    # several workers, each with threads that spin while they wait for one another, take half as long again
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
 # the same examples at every run: a failure belongs to the change under test, not to chance; explore before a release
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.register_profile("explore", deadline=None, max_examples=1000)
@@ -25,7 +21,13 @@ OF_THE_RUN = pytest.StashKey[ExitStack]()
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Make the folder of the run before its workers start."""
+    """Make the folder of the run before its workers start, and give each of them one thread for its linear algebra.
+
+    The threads of OpenBLAS spin while they wait for one another: with two workers that have two each, a test of small
+    matrices took twenty times as long. The library looks once, when it is loaded: a worker must be born with it.
+    """
+    if config.getoption("numprocesses", None):
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     config.stash[OF_THE_RUN] = ExitStack()
     config.stash[OF_THE_RUN].enter_context(folder_of_this_run())
 

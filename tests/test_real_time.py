@@ -1,7 +1,8 @@
-"""A test that plays devices has another attempt where the machine stood still, and only there."""
+"""The suite's own settings: another attempt where the machine stood still and only there, and one thread a worker."""
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -79,3 +80,10 @@ def test_a_fault_of_the_program_stays_one(tmp_path: Path) -> None:
     assert "1 failed" in said
     assert "a fault of the program" in said
     assert "the longest that it stood still" in said
+
+
+@pytest.mark.skipif("PYTEST_XDIST_WORKER" not in os.environ, reason="one process has all cores to itself")
+@pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="there is nowhere to read how it was born")
+def test_a_worker_is_born_with_one_thread_for_its_linear_algebra() -> None:
+    born_with = Path("/proc/self/environ").read_text(encoding="utf-8", errors="replace").split("\0")
+    assert any(each.startswith("OPENBLAS_NUM_THREADS=") for each in born_with)
