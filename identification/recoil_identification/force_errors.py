@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_processing.motion.double_integral import integrate
+from recoil_processing.double_integral import integrate
 from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ACCELERATIONS, RATE_ROLES, ForcedRecoil
 from recoil_processing.shot.kinematics import AngularMotion, relative_to_tipping_part
 from recoil_processing.shot.regression import PRESSURE_ROLES

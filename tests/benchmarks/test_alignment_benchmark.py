@@ -11,8 +11,8 @@ import pytest
 
 from recoil_processing.alignment.motion_alignment import MotionFit, align_motion
 from recoil_processing.alignment.velocity_lag import camera_velocity, span_frames
+from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.filters import LowPass
-from recoil_processing.motion.double_integral import DoubleIntegral
 from tests.builders.filmed_shots import FilmedShot, film_shot
 from tests.builders.motions import record_motion
 

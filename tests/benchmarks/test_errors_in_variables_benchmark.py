@@ -23,7 +23,7 @@ from recoil_identification.estimators.joint_recoil import Knowledge, Recoil
 from recoil_identification.estimators.joint_smoother import JointMass, joint_mass
 from recoil_identification.estimators.prewhitening import prewhitened_mass
 from recoil_identification.estimators.weak_form import weak_mass
-from recoil_processing.motion.double_integral import DoubleIntegral
+from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.shot.clocks.double_impulse import DoubleImpulseMass, double_impulse_mass
 from tests.builders.recoil_scenario import (
     ACCELERATION_NOISE,

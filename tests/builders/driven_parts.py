@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from recoil_identification.forces.measured_force import FilmedTravel, MeasuredForce
-from recoil_processing.motion.double_integral import DoubleIntegral
+from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.stress_waves.ringing import Mode
 
 MASS_KG = 800.0

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.capture.held_back import HeldBack
 from recoil_acquisition.devices.device import CAN, SERIAL, Block, Device, interrupts
 from recoil_acquisition.devices.opening import open_device
 from recoil_acquisition.errors import MissingChannelError
@@ -158,6 +159,8 @@ class CanSignals:
                 if layout is not None and channel.signal == f"{message.name}.{layout.name}":
                     self._wanted.setdefault(key, []).append((channel, layout, layouts))
                     found.add(channel.name)
+        self._held_back = HeldBack()
+        self._latest_s = -np.inf
         for channel in channels:
             if channel.name not in found:
                 database.refuse_faulty(channel.signal, source.path)
@@ -168,23 +171,34 @@ class CanSignals:
         if block.kind != CAN:
             return []
         records = can_rows.parse_rows(block.payload)
+        if not records.size:
+            return []
         flags = records["flags"]
+        # within one source time goes forward; a frame is never dated before the one in front of it
+        times_s = np.maximum.accumulate(records["host_ns"] / 1e9 - self._late_s(records))
+        times_s = np.maximum(times_s, self._latest_s)
+        self._latest_s = float(times_s[-1])
         plain = flags & (can_rows.ERROR | can_rows.REMOTE) == 0
         extended = flags & can_rows.EXTENDED != 0
         samples = []
         for (identifier, is_extended), rows in self._wanted.items():
-            chosen = records[plain & (records["id"] == identifier) & (extended == is_extended)]
+            wanted = plain & (records["id"] == identifier) & (extended == is_extended)
+            chosen = records[wanted]
             if not chosen.size:
                 continue
             data, length = chosen["data"], chosen["length"].astype(np.int64)
-            # within one source the host's stamps go forward; a frame is never dated before the one in front of it
-            times_s = np.maximum.accumulate(chosen["host_ns"] / 1e9)
             for channel, layout, layouts in rows:
                 held = present(layout, layouts, data, length) & (length >= layout.bytes_needed)
                 if held.any():
                     values = layout.decode(data[held]) * channel.factor + channel.offset
-                    samples.append(LiveSamples(channel.name, times_s[held], values))
+                    samples.append(LiveSamples(channel.name, times_s[wanted][held], values))
         return samples
+
+    def _late_s(self, records: NDArray[np.void]) -> Array:
+        """Return by how much frames were held back before they came, where the interface stamps them."""
+        if not (records["flags"] & can_rows.DEVICE_TIME != 0).all():
+            return np.zeros(records.size)
+        return self._held_back.late_s(np.maximum.accumulate(records["host_ns"]), records["device_ns"])
 
     def skip(self) -> None:
         """Do nothing: a block holds whole frames."""

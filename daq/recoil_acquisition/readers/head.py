@@ -10,7 +10,7 @@ from functools import cached_property
 from pathlib import Path
 
 from recoil_acquisition.errors import ReadError
-from recoil_acquisition.readers.text.text_file import decode_head
+from recoil_acquisition.readers.text_file import decode_head
 from recoil_acquisition.regular_file import read_beginning
 
 HEAD_BYTES = 65536

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_identification.estimators.joint_recoil import Knowledge, NoiseLevels, Recoil
-from recoil_processing.motion.double_integral import DoubleIntegral
+from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.shot.clocks.autoregressive_noise import AutoregressiveNoise, runs
 from recoil_processing.shot.clocks.camera_track import CameraTrack
 from recoil_processing.shot.clocks.double_impulse import INFLATIONS, LEAST_DENSITY, LEAST_MARKER_M, LIKELIER

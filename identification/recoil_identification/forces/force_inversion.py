@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from recoil_identification.forces.measured_force import FilmedTravel, MeasuredForce
 from recoil_identification.forces.regularised_inversion import Inversion, invert
+from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.gaps import bridge
-from recoil_processing.motion.double_integral import DoubleIntegral
 
 Array = NDArray[np.float64]
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_identification.budget import COVERAGE_FACTOR
-from recoil_processing.motion.double_integral import integrate
+from recoil_processing.double_integral import integrate
 
 Array = NDArray[np.float64]
 

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_processing.motion.double_integral import integrate
+from recoil_processing.double_integral import integrate
 from recoil_rigs.mechanism import Mechanism, generalized_forces, mass_matrix, relative_acceleration, velocity_terms
 
 Array = NDArray[np.float64]

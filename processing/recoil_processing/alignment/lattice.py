@@ -36,6 +36,10 @@ AS_COHERENT = 0.8
 """Share of the best coherence from which on a slower lattice is the lattice."""
 LEAST_COHERENCE = 0.3
 """Below it places are no longer counted rightly: at normal jitter of a quarter of a step, a mean wait of a half."""
+LEAST_NEIGHBOURS = 0.25
+"""Share of the stamps that follow the one before them by a step and not by more, of a lattice that lost half of its
+stamps at random 0.5. Where a beat shifts within the record, twice its frequency may be the most coherent one, and on
+that lattice hardly a stamp has a neighbour."""
 TOGETHER = 0.1
 """Steps within which stamps were read at once."""
 CHANCE = 1e-3
@@ -75,7 +79,7 @@ def find_lattice(times_s: Array) -> Lattice | None:
     Returns
     -------
     Lattice or None
-        None where none is seen well enough, see `LEAST_COHERENCE`.
+        None where none is seen well enough, see `LEAST_COHERENCE`, or that of which every other place is empty.
     """
     if times_s.size < LEAST_STAMPS or not times_s[-1] > times_s[0]:
         return None
@@ -99,6 +103,8 @@ def find_lattice(times_s: Array) -> Lattice | None:
     best = _refined(some, best, 1.0 / (PADDING * float(some[-1])))
     if some.size < since.size:
         best = _refined(since, best, 1.0 / (PADDING * float(since[-1])))
+    if np.count_nonzero(np.diff(since) < 1.5 / best) < LEAST_NEIGHBOURS * since.size:
+        return None
     vector = complex(np.exp(2j * np.pi * best * since).mean())
     independent = _independent(since, TOGETHER / best)
     if abs(vector) < max(LEAST_COHERENCE, math.sqrt(math.log(FASTEST * since.size / CHANCE) / independent)):

@@ -31,7 +31,7 @@ from recoil_processing.alignment.motion_fit import MotionFit
 from recoil_processing.alignment.motion_least_squares import MotionModel, MotionSolution, profile
 from recoil_processing.alignment.motion_solver import LEAST_FRAMES, MotionSolver
 from recoil_processing.alignment.velocity_lag import camera_velocity, mean_accelerations, velocity_shift
-from recoil_processing.motion.double_integral import DoubleIntegral, integrate
+from recoil_processing.double_integral import DoubleIntegral, integrate
 from recoil_processing.noise import noise_sigma
 from recoil_processing.outliers import isolated_outliers, stuck_repeats
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_processing.alignment.velocity_walk import WalkFilter
-from recoil_processing.motion.double_integral import DoubleIntegral
+from recoil_processing.double_integral import DoubleIntegral
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.alignment.motion_solver import LIKELIER
-from recoil_processing.motion.double_integral import DoubleIntegral
+from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.motion.fusion_least_squares import solve_fusion
 from recoil_processing.outliers import isolated_outliers, stuck_repeats
 from recoil_processing.repairs.bridged_gaps import bridge_errors

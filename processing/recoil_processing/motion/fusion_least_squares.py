@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_processing.motion.double_integral import DoubleIntegral
+from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.motion.walk_smoother import WalkSmoother
 from recoil_processing.repairs.bridged_gaps import BridgedGap
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.shot import ClockAlignment
 from recoil_processing.alignment.motion_alignment import INFLATIONS
-from recoil_processing.motion.double_integral import DoubleIntegral
+from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.motion.scale_and_zero import CameraMotion, camera_motion
 from recoil_processing.shot.signals import Signals
 

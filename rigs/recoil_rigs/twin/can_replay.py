@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -146,25 +147,25 @@ def _stream(
         count += 1
         return CanItem(at_s, clock.at(at_s), *key[:2], data, key[2])
 
-    after_s, period_s, quiet = 0.0, 0.0, [b""]
-    for entry in logged:
+    def noise(quiet: list[bytes]) -> bytes:
+        return quiet[int(rng.integers(len(quiet)))]
+
+    last_s = -math.inf
+    for shot, entry in enumerate(logged):
         if entry is None:
             continue
-        if len(entry.times_s) > 1 and not key[2]:
-            span_s = entry.times_s[-1] - entry.times_s[0]
-            period_s = span_s / max(round(span_s / float(np.median(np.diff(entry.times_s)))), 1)
+        first_s, steps = entry.times_s[0], len(entry.times_s) - 1
+        # a log of the twin lacks no frame; error frames and a single one have no beat
+        period_s = (entry.times_s[-1] - first_s) / steps if steps and not key[2] else math.inf
         quiet = entry.quiet or entry.data[:1]
-        first_s = entry.times_s[0]
-        # to the nearest whole number of periods, but nothing before the play begins
-        missing = int((first_s - after_s) / period_s + (0.5 if after_s else 0.0)) if period_s else 0
-        for k in range(missing, 0, -1):
-            yield item(first_s - k * period_s, quiet[int(rng.integers(len(quiet)))])
+        for at_s in timeline.quiet_before_s(shot, first_s, period_s, last_s):
+            yield item(at_s, noise(quiet))
         for at_s, data in zip(entry.times_s, entry.data, strict=True):
             yield item(at_s, data)
-        after_s = entry.times_s[-1] + period_s
-    while period_s and after_s < timeline.end_s:
-        yield item(after_s, quiet[int(rng.integers(len(quiet)))])
-        after_s += period_s
+        last_s = entry.times_s[-1]
+        for at_s in timeline.quiet_behind_s(shot, last_s, period_s):
+            yield item(at_s, noise(quiet))
+            last_s = at_s
 
 
 def with_bits(data: bytes, pieces: tuple[BitRun, ...], value: int) -> bytes:

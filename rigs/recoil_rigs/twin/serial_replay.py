@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -206,12 +207,10 @@ def serial_items(
         drawn = part.quiet[int(rng.integers(len(part.quiet)))]
         return SerialItem(sampled_s + part.latency_s, frame(drawn, number, sampled_s), whole=True)
 
-    count, next_s = 0, 0.0
-    for part in recorded:
-        # to the nearest whole number of periods, but nothing before the play begins
-        missing = int((part.first_s - next_s) / part.period_s + (0.5 if next_s else 0.0))
-        for k in range(missing, 0, -1):
-            yield quiet_frame(part, count, part.first_s - k * part.period_s)
+    count, last_s = 0, -math.inf
+    for shot, part in enumerate(recorded):
+        for sampled_s in timeline.quiet_before_s(shot, part.first_s, part.period_s, last_s):
+            yield quiet_frame(part, count, sampled_s)
             count += 1
         base = count
         for piece in part.pieces:
@@ -221,11 +220,11 @@ def serial_items(
             data = frame(piece.data, base + piece.number, piece.sampled_s)
             yield SerialItem(piece.arrived_s, data, whole=True)
             count = base + piece.number + 1
-        next_s = part.last_s + part.period_s
-    while next_s < timeline.end_s:
-        yield quiet_frame(recorded[-1], count, next_s)
-        count += 1
-        next_s += recorded[-1].period_s
+        last_s = part.last_s
+        for sampled_s in timeline.quiet_behind_s(shot, last_s, part.period_s):
+            yield quiet_frame(part, count, sampled_s)
+            count += 1
+            last_s = sampled_s
 
 
 def _recorded(layout: SensorFrame, source: Source, shot: TwinShot, start_s: float) -> _Recorded:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -37,6 +38,33 @@ class Timeline:
         ends = [start + self.record_s for start in self.starts_s]
         middles = [(end + start) / 2 for end, start in zip(ends, self.starts_s[1:], strict=False)]
         return (0.0, *middles)
+
+    def quiet_before_s(self, shot: int, first_s: float, period_s: float, last_s: float) -> list[float]:
+        """Return when a source samples before a shot's record, in its beat, from its part of the play on.
+
+        Between two shots the silence need not be a whole number of periods. What is over comes in the middle of the
+        silence, where no shot's window reaches: a crystal does not shift its beat beside a shot.
+
+        Parameters
+        ----------
+        shot : int
+            Counted from 0.
+        first_s, period_s : float
+            The record's first sample, and the source's period; infinite if it has none.
+        last_s : float
+            The sample before, of the part of the play before this one.
+        """
+        if math.isinf(period_s):
+            return []
+        since_s = max(self.boundaries_s()[shot], last_s + period_s / 2)
+        count = math.floor((first_s - since_s) / period_s)
+        return [first_s - k * period_s for k in range(count, 0, -1)]
+
+    def quiet_behind_s(self, shot: int, last_s: float, period_s: float) -> list[float]:
+        """Return when a source samples behind a shot's record, in its beat, to the end of its part of the play."""
+        ends_s = (*self.boundaries_s(), self.end_s)[shot + 1]
+        count = math.ceil((ends_s - last_s) / period_s) - 1
+        return [last_s + k * period_s for k in range(1, count + 1)]
 
 
 class DeviceClock:

@@ -1,4 +1,4 @@
-"""Channels of live sources are decoded as they pass, in SI, dated by the host."""
+"""Channels of live sources are decoded as they pass, in SI, dated by the host, and by the interface if it was late."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from recoil_identification.resistance.shot_balance import BalancePoint, Terms, energy_balance, momentum_balance
-from recoil_processing.motion.double_integral import integrate
+from recoil_processing.double_integral import integrate
 
 STEP = 1e-5
 

@@ -60,3 +60,14 @@ def test_a_burst_read_at_once_is_no_lattice():
         arrivals = np.cumsum(rng.exponential(0.02, 60))
         stamps = np.sort(np.concatenate([arrivals + 1e-6 * i for i in range(20)]))
         assert find_lattice(stamps) is None
+
+
+@pytest.mark.parametrize("shift", [0.45, 0.5])
+def test_a_beat_that_shifts_by_half_a_step_is_not_taken_for_one_of_twice_the_rate(shift):
+    rng = np.random.default_rng(8)
+    slow = 1.0013 * np.arange(400)
+    even = slow[-1] + 1 + np.arange(1150)
+    shifted = even[-1] + 1 - shift + (1 - 2e-5) * np.arange(980)
+    places = count_steps(5e-4 * np.concatenate([slow, even + 0.05 * rng.exponential(1.0, even.size), shifted]))
+    # whether one beat is seen in it or none: nothing is missing between neighbours
+    assert places is None or np.count_nonzero(np.diff(places) != 1) < 5

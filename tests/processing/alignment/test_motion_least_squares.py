@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from recoil_processing.alignment.motion_least_squares import LONGEST_STEP_S, MotionModel, gauss_newton_step, profile
-from recoil_processing.motion.double_integral import DoubleIntegral
+from recoil_processing.double_integral import DoubleIntegral
 from tests.builders.motions import RecordedMotion, record_motion
 
 

@@ -3,7 +3,7 @@ import pytest
 
 from recoil_processing.alignment.motion_least_squares import MotionModel
 from recoil_processing.alignment.motion_solver import MotionSolver
-from recoil_processing.motion.double_integral import DoubleIntegral
+from recoil_processing.double_integral import DoubleIntegral
 from tests.builders.motions import record_motion
 
 DENSITY = 1.25e-3

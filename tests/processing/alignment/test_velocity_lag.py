@@ -6,7 +6,7 @@ import pytest
 
 from recoil_processing.alignment.motion_least_squares import MotionModel
 from recoil_processing.alignment.velocity_lag import SPAN_S, camera_velocity, velocity_shift
-from recoil_processing.motion.double_integral import DoubleIntegral
+from recoil_processing.double_integral import DoubleIntegral
 from tests.builders.motions import record_motion, travel, velocity
 
 

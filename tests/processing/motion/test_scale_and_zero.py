@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from recoil_processing.motion.double_integral import DoubleIntegral
+from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.motion.scale_and_zero import CameraMotion, ScaleAndZero, camera_motion
 
 STEP_S, RATE_HZ = 1e-4, 1e4

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from recoil_processing.double_integral import integrate
 from recoil_processing.gaps import bridge
-from recoil_processing.motion.double_integral import integrate
 from recoil_processing.repairs.droop import invert_droop
 
 STEP_S, T_S = 1e-4, 0.5

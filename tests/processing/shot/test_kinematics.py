@@ -7,7 +7,7 @@ import pytest
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.shot import ClockAlignment
 from recoil_identification.analysis import Options, identify_shot
-from recoil_processing.motion.double_integral import integrate
+from recoil_processing.double_integral import integrate
 from recoil_processing.motion.fusion import FusedMotion
 from recoil_processing.shot.kinematics import angular_motion, fused_motion, travel_acceleration, travel_and_velocity
 from recoil_processing.shot.signals import Signals, collect_signals

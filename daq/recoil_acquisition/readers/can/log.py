@@ -21,7 +21,7 @@ from recoil_acquisition.readers.can.sqlite import read_can_sqlite
 from recoil_acquisition.readers.can.trc import is_trc, read_trc
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
-from recoil_acquisition.readers.text.text_file import decode_text
+from recoil_acquisition.readers.text_file import decode_text
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,8 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import split_cells
 from recoil_acquisition.readers.text.rows import read_rows
-from recoil_acquisition.readers.text.text_file import TextFile, read_text
 from recoil_acquisition.readers.text.text_table import TextBlock, find_block
+from recoil_acquisition.readers.text_file import TextFile, read_text
 
 FIRST_LINE = '# recoil-daq: "csv/1"'
 _LEAST_ROW_BYTES = 4

@@ -16,7 +16,7 @@ from recoil_acquisition.errors import CorruptFileError
 from recoil_acquisition.readers.text.cells import decimals
 from recoil_acquisition.readers.text.row_format import RowFormat, count_rows, is_comment
 from recoil_acquisition.readers.text.row_stream import count_byte
-from recoil_acquisition.readers.text.text_file import Text, one_line_end
+from recoil_acquisition.readers.text_file import Text, one_line_end
 
 PIECE_BYTES = 3 << 20
 """Text that is parsed at once; no row is longer."""

@@ -21,8 +21,8 @@ from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import is_lost, is_number, split_cells
 from recoil_acquisition.readers.text.rows import read_rows
 from recoil_acquisition.readers.text.sheet_text import is_workbook, read_sheets
-from recoil_acquisition.readers.text.text_file import LongText, Text, TextFile
 from recoil_acquisition.readers.text.text_table import TextBlock
+from recoil_acquisition.readers.text_file import LongText, Text, TextFile
 from recoil_acquisition.readers.tracks.columns import Column
 from recoil_acquisition.readers.tracks.frame_time import frame_clock
 from recoil_acquisition.readers.tracks.layout import ColumnChoice, TrackLayout

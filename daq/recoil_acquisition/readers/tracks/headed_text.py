@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from recoil_acquisition.readers.text.cells import SEPARATORS, has_decimal_comma, split_cells
-from recoil_acquisition.readers.text.text_file import LongText
 from recoil_acquisition.readers.text.text_table import TextBlock, find_block
+from recoil_acquisition.readers.text_file import LongText
 
 HEAD_ROWS = 6
 """Rows by which header and decimal mark are found."""

@@ -11,7 +11,7 @@ import re
 from collections.abc import Sequence
 
 from recoil_acquisition.readers.text.cells import SEPARATORS, is_number, split_cells
-from recoil_acquisition.readers.text.text_file import LongText, TextFile, one_line_end
+from recoil_acquisition.readers.text_file import LongText, TextFile, one_line_end
 
 POINT_COLUMN = re.compile(r"(?P<feature>.+_cam_?\d+)_(?P<axis>[xy])", re.IGNORECASE)
 """A column of DLTdv or Argus."""

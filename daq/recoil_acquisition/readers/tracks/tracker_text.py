@@ -21,8 +21,8 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import has_decimal_comma, split_cells
 from recoil_acquisition.readers.text.rows import read_rows
-from recoil_acquisition.readers.text.text_file import LongText, Text
 from recoil_acquisition.readers.text.text_table import find_block
+from recoil_acquisition.readers.text_file import LongText, Text
 from recoil_acquisition.readers.tracks.columns import AXES, Column
 from recoil_acquisition.readers.tracks.frame_time import frame_clock
 from recoil_acquisition.readers.tracks.recording import TrackTable, refuse_layout, track_recording

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_processing.alignment.velocity_walk import WalkFilter
-from recoil_processing.motion.double_integral import DoubleIntegral
+from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.noise import noise_sigma
 from recoil_processing.outliers import isolated_outliers, stuck_repeats
 

@@ -13,9 +13,9 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.shot import ClockAlignment, QualityCheck, Shot
 from recoil_processing.alignment.channel_skew import Skew, measure_skew
+from recoil_processing.double_integral import DoubleIntegral, integrate
 from recoil_processing.filters import LowPass
 from recoil_processing.gaps import bridge
-from recoil_processing.motion.double_integral import DoubleIntegral, integrate
 from recoil_processing.quality import (
     Outcome,
     check_braking,

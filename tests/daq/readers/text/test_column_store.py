@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
-from recoil_acquisition.readers.text import column_store, text_file, text_table
+from recoil_acquisition.readers import text_file
+from recoil_acquisition.readers.text import column_store, text_table
 from recoil_acquisition.readers.text.column_store import ColumnStore
-from recoil_acquisition.readers.text.text_file import LongText
 from recoil_acquisition.readers.text.text_table import TextBlock, find_block
+from recoil_acquisition.readers.text_file import LongText
 
 
 def block_of(folder: Path, text: str, encoding: str = "utf-8") -> TextBlock:

@@ -11,8 +11,8 @@ from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.text import text_table
 from recoil_acquisition.readers.text.cells import split_cells, split_unit, unique_names
 from recoil_acquisition.readers.text.rows import read_rows
-from recoil_acquisition.readers.text.text_file import LongText, TextFile, decode_head, read_text
 from recoil_acquisition.readers.text.text_table import find_block, printed_decimals
+from recoil_acquisition.readers.text_file import LongText, TextFile, decode_head, read_text
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import surest_claim
-from recoil_acquisition.readers.text.text_file import LongText
+from recoil_acquisition.readers.text_file import LongText
 from recoil_acquisition.readers.tracks import signature as track_signature
 from recoil_acquisition.readers.tracks.signature import spread_text
 from recoil_acquisition.readers.tracks.tracker_text import TrackerTextReader

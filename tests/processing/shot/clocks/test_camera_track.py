@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from recoil_processing.motion.double_integral import DoubleIntegral
+from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.shot.clocks.camera_track import LEAST_FRAMES, CameraTrack
 from tests.builders.recoil_scenario import RATE_HZ, record_recoil, true_recoil
 

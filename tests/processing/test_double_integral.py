@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recoil_processing.motion.double_integral import DoubleIntegral, integrate
+from recoil_processing.double_integral import DoubleIntegral, integrate
 from tests.builders.motions import acceleration, travel, velocity
 
 

@@ -1,0 +1,107 @@
+"""What an interface held back is dated by its stamps, and nothing else is moved."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from recoil_acquisition.capture.engine import CaptureEngine
+from recoil_acquisition.capture.held_back import HeldBack
+from recoil_acquisition.capture.live_source import signals_of
+from recoil_acquisition.devices.device import CAN, Block
+from recoil_acquisition.frames.can_rows import DEVICE_TIME, pack_row
+from recoil_acquisition.trigger import Edge, Trigger
+from tests.builders.live_sources import bus, port, serial_block, serial_frame
+
+STEP_S = 1e-3
+DRIFT = 2e-4
+
+
+def late_s(due_s: np.ndarray, held_s: np.ndarray, clock_s: np.ndarray | None = None, block: int = 10) -> np.ndarray:
+    """Let frames pass that were due at some times of the host, held back by others."""
+    device_ns = np.rint(1e9 * (50.0 + (due_s if clock_s is None else clock_s) * (1 + DRIFT))).astype(np.int64)
+    host_ns = np.rint(1e9 * np.maximum.accumulate(due_s + held_s)).astype(np.int64)
+    held = HeldBack()
+    return np.concatenate(
+        [held.late_s(host_ns[i : i + block], device_ns[i : i + block]) for i in range(0, due_s.size, block)]
+    )
+
+
+def test_frames_that_were_held_back_are_late_by_as_much() -> None:
+    due_s = STEP_S * np.arange(4000)
+    held_s = 3e-4 + np.where((due_s > 3.0) & (due_s < 3.4), 3.4 - due_s, 0.0)
+    found = late_s(due_s, held_s)
+    assert found[:3000] == pytest.approx(0.0, abs=1e-3)
+    assert found[3001:3400] == pytest.approx(held_s[3001:3400] - 3e-4, abs=1e-3)
+    assert found[3410:] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_at_the_beginning_nothing_is_known() -> None:
+    due_s = STEP_S * np.arange(600)
+    assert not late_s(due_s, np.where(due_s > 0.5, 0.3, 0.0)).any()
+
+
+@pytest.mark.parametrize("wrong_s", [-40.0, -1e-2, 1e-2, 1e6])
+def test_a_stamp_that_is_wrong_moves_no_other_frame(wrong_s) -> None:
+    due_s = STEP_S * np.arange(6000)
+    clock_s = due_s.copy()
+    clock_s[3005] += wrong_s
+    found = np.delete(late_s(due_s, np.zeros(due_s.size), clock_s), 3005)
+    assert found == pytest.approx(0.0, abs=2e-3)
+
+
+@pytest.mark.parametrize("step_s", [-2000.0, -0.4, -0.01, 0.4, 2000.0])
+def test_a_clock_that_is_set_is_no_delay(step_s) -> None:
+    due_s = STEP_S * np.arange(20_000)
+    clock_s = due_s + np.where(due_s > 8.0, step_s, 0.0)
+    assert late_s(due_s, np.zeros(due_s.size), clock_s) == pytest.approx(0.0, abs=2e-3)
+
+
+def test_a_lasting_delay_of_more_than_a_second_is_not_believed() -> None:
+    due_s = STEP_S * np.arange(6000)
+    assert late_s(due_s, np.where(due_s > 3.0, 1.5, 0.0)) == pytest.approx(0.0, abs=2e-3)
+
+
+def frames(due_s: np.ndarray, read_s: float, kpa: np.ndarray) -> Block:
+    rows = [
+        pack_row(
+            device_ns=round(1e9 * (50.0 + at_s)), host_ns=round(1e9 * read_s), identifier=291, flags=DEVICE_TIME,
+            data=int(2 * value).to_bytes(2, "little", signed=True) + bytes(2),
+        )
+        for at_s, value in zip(due_s.tolist(), kpa.tolist(), strict=True)
+    ]  # fmt: skip
+    return Block("bus", round(1e9 * read_s), b"".join(rows), CAN)
+
+
+def test_without_stamps_of_the_interface_the_host_dates() -> None:
+    source = bus()
+    signals = signals_of(source, source.channels)
+    for k in range(400):
+        due_s = 0.01 * k + STEP_S * np.arange(10)
+        read_s = 0.01 * (k + 1) + (0.5 if k == 399 else 0.0)
+        block = frames(due_s, read_s, np.zeros(10))
+        rows = bytearray(block.payload)
+        for at in range(20, len(rows), len(rows) // 10):
+            rows[at] = 0
+        (samples,) = signals.feed(Block("bus", block.host_ns, bytes(rows), CAN))
+    assert samples.times_s == pytest.approx(read_s)
+
+
+def test_the_window_of_a_shot_whose_trigger_was_held_back_begins_as_long_before_as_was_asked_for() -> None:
+    trigger = Trigger((Edge("pressure", 500e3),), pre_s=0.3, post_s=0.5)
+    engine = CaptureEngine([bus(), port()], trigger, patience_s=0.1)
+    engine.arm(0.0)
+    windows = []
+    for k in range(700):
+        due_s = 0.01 * k + STEP_S * np.arange(10)
+        end_s = 0.01 * (k + 1)
+        engine.take(serial_block(end_s, serial_frame(k, 0.0)))
+        # the bus is held back from 4.95 to 5.35 s; the shot fires at 5 s
+        read_s = 5.35 if 4.95 < end_s < 5.35 else end_s
+        if read_s == end_s or k == 534:
+            held = STEP_S * np.arange(4950, 5350) if k == 534 else due_s
+            engine.take(frames(held, 5.35 if k == 534 else end_s, np.where(held > 5.0, 1e3, 0.0)))
+        windows += engine.ready(end_s)
+    (window,) = windows
+    assert window.trigger_s == pytest.approx(5.0, abs=0.02)
+    assert window.start_s == pytest.approx(4.7, abs=0.02)
