@@ -12,10 +12,11 @@ from recoil_daq import __version__
 from recoil_daq.identify import Progress, described
 from recoil_daq.report_folder import publish, refuse_existing
 from recoil_identification.analysis import Options
+from recoil_identification.report.finding import Finding
 from recoil_identification.report.html import render_target_page, write_page
 from recoil_identification.report.target_document import target_document, write_series, write_target_document
 from recoil_identification.targets import target_function
-from recoil_identification.targets.target import Case, Finding
+from recoil_identification.targets.target import Case
 from recoil_rigs.rig import parse_rig
 
 

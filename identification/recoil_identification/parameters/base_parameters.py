@@ -21,14 +21,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_identification.report.rounding import significant
-
 Array = NDArray[np.float64]
 
 STRUCTURAL_TOLERANCE = 1e-9
 """Share of a column's length below which what others leave of it is rounding."""
-SMALLEST_PRINTED = 1e-3
-"""Smallest share of a combination, each parameter by its natural scale, that is printed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,27 +41,6 @@ class BaseParameters:
 
     leading: tuple[int, ...]
     combinations: Array
-
-    def expressions(self, names: Sequence[str], scales: Array) -> tuple[str, ...]:
-        """Write every combination out, without terms below `SMALLEST_PRINTED` of its leading one.
-
-        Parameters
-        ----------
-        names : sequence of str
-            Of the p standard parameters.
-        scales : ndarray, shape (p,)
-            Natural size of each.
-        """
-        lines = []
-        for first, row in zip(self.leading, self.combinations, strict=True):
-            share = np.abs(row) * scales / scales[first]
-            terms = [names[first]]
-            for j in sorted(int(i) for i in np.flatnonzero(share >= SMALLEST_PRINTED) if i != first):
-                size = significant(abs(float(row[j])), 4)
-                factor = "" if abs(abs(row[j]) - 1.0) < 1e-9 else f"{size} "
-                terms.append(f"{'+' if row[j] > 0 else '-'} {factor}({names[j]})")
-            lines.append(" ".join(terms))
-        return tuple(lines)
 
 
 def structural_base(

@@ -16,6 +16,7 @@ from recoil_identification.report.figure import Figure, HorizontalLine, Panel, S
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.regression import FORCES
 from recoil_processing.shot.signals import Signals, on_grid
+from recoil_processing.spectra.spectrum import multitaper
 
 Array = NDArray[np.float64]
 TIME = "time on the reference clock, s"
@@ -272,15 +273,10 @@ def _spectrum(found: Identification) -> Figure:
     r = found.recorded
     inside = np.flatnonzero(r.inside)
     part = slice(inside[0], inside[-1] + 1)
-    window = np.hanning(inside.size)
-    density = []
     columns = [found.filtered.acceleration_m_s2[part], r.force_n[part], r.acceleration_m_s2[part]]
-    for column in columns[: 2 if found.method == "camera" else 3]:
-        clean = np.nan_to_num(column)
-        spectrum = np.abs(np.fft.rfft(window * clean)) ** 2 * 2 / (r.rate_hz * float(window @ window))
-        density.append(np.maximum(spectrum, 1e-30))
-    frequency = np.fft.rfftfreq(inside.size, r.step_s)
-    keep = frequency > 0
+    spectra = [multitaper(np.nan_to_num(c), r.rate_hz) for c in columns[: 2 if found.method == "camera" else 3]]
+    frequency_hz, density = spectra[0].frequency_hz, [np.maximum(one.density, 1e-30) for one in spectra]
+    keep = frequency_hz > 0
     m = found.chosen.estimate.mass_kg
     floor = 1e-9 * float(density[-1][keep].max() if len(density) == 3 else density[0][keep].max())
     cutoff_hz = _cutoff(found.filtered.low_pass)
@@ -289,11 +285,11 @@ def _spectrum(found: Identification) -> Figure:
     if said is not None and math.isfinite(said.valley_hz) and math.isfinite(said.shoulder_hz):
         spans.append(Span(f"gap, {said.depth_db:.0f} dB deep", said.valley_hz, said.shoulder_hz))
     traces = [
-        Trace("a', filtered", frequency[keep], np.maximum(density[0][keep], floor), "filtered", ""),
-        Trace("F'/m, recorded", frequency[keep], density[1][keep] / m**2, "model", ""),
+        Trace("a', filtered", frequency_hz[keep], np.maximum(density[0][keep], floor), "filtered", ""),
+        Trace("F'/m, recorded", frequency_hz[keep], density[1][keep] / m**2, "model", ""),
     ]
     if len(density) == 3:
-        traces.insert(0, Trace("a', recorded", frequency[keep], density[2][keep], "measured", ""))
+        traces.insert(0, Trace("a', recorded", frequency_hz[keep], density[2][keep], "measured", ""))
     return Figure(
         "spectrum",
         "Spectrum of the acceleration before and after the filter",

@@ -12,7 +12,7 @@ import numpy as np
 
 from recoil_acquisition.shot import InputFile, Shot
 from recoil_identification.report.document import provenance_inputs, started, to_json
-from recoil_identification.targets.target import Finding, Quantity, Series
+from recoil_identification.report.finding import Finding, Quantity, Series
 
 SCHEMA = "recoil-daq/target/1"
 

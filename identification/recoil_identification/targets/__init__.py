@@ -8,7 +8,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, cast
 
 if TYPE_CHECKING:
-    from recoil_identification.targets.target import Case, Finding
+    from recoil_identification.report.finding import Finding
+    from recoil_identification.targets.target import Case
 
 TARGETS: Mapping[str, str] = MappingProxyType(
     {

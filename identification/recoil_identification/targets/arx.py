@@ -12,15 +12,6 @@ from recoil_identification.analysis import DEFAULT_WINDOW_S, Identification
 from recoil_identification.arx.choice import ArxChoice, choose_model
 from recoil_identification.arx.decimated_record import DecimatedRecord, decimated, force_noise_n
 from recoil_identification.arx.estimation import robust_covariance
-from recoil_identification.arx.figures import (
-    frequency_figure,
-    mass_figure,
-    order_figure,
-    output_figure,
-    pole_figure,
-    residual_figure,
-    step_figure,
-)
 from recoil_identification.arx.mass import (
     GainMass,
     GainMassTrace,
@@ -35,9 +26,19 @@ from recoil_identification.arx.model import ArxModel, ArxOrders
 from recoil_identification.arx.orders import order_grid
 from recoil_identification.arx.response import dc_gain
 from recoil_identification.arx.simulation import fit_percent, predict, simulate
-from recoil_identification.arx.tables import order_rows, parameter_rows, pole_rows, quality_rows, rate_rows
 from recoil_identification.arx.verdict import notes_on_model, reasons_against_model
-from recoil_identification.targets.target import Case, Finding, Quantity, Series
+from recoil_identification.report.arx_figures import (
+    frequency_figure,
+    mass_figure,
+    order_figure,
+    output_figure,
+    pole_figure,
+    residual_figure,
+    step_figure,
+)
+from recoil_identification.report.arx_tables import order_rows, parameter_rows, pole_rows, quality_rows, rate_rows
+from recoil_identification.report.finding import Finding, Quantity, Series
+from recoil_identification.targets.target import Case
 from recoil_rigs.assumptions import AREAS
 
 Array = NDArray[np.float64]

@@ -14,12 +14,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_identification.forces.force_figures import force_figures
 from recoil_identification.forces.force_peak import ForcePeak, find_peak
 from recoil_identification.forces.force_record import force_record
 from recoil_identification.forces.motion_force import MotionForce, estimate_motion_force
+from recoil_identification.report.finding import Finding, Quantity, Series, Table
+from recoil_identification.report.force_figures import force_figures
 from recoil_identification.report.rounding import rounded, significant
-from recoil_identification.targets.target import Case, Finding, Quantity, Series, Table
+from recoil_identification.targets.target import Case
 from recoil_identification.verdict import doubts_of
 from recoil_rigs.mechanism import Mechanism
 

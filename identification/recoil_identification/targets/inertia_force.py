@@ -24,9 +24,10 @@ from recoil_identification.parameters.mechanism_fit import fit_mechanism
 from recoil_identification.parameters.mechanism_rows import MechanismRows
 from recoil_identification.parameters.recorded_rows import mechanism_rows
 from recoil_identification.report.figure import Figure, Panel, Span, Trace
+from recoil_identification.report.finding import Finding, Quantity, Series, Table
 from recoil_identification.report.rounding import significant
 from recoil_identification.targets.parameters import camera_observation, require_motion, without_lines
-from recoil_identification.targets.target import Case, Finding, Quantity, Series, Table
+from recoil_identification.targets.target import Case
 from recoil_processing.filters import LowPass
 
 Array = NDArray[np.float64]

@@ -19,17 +19,19 @@ from recoil_identification.parameters.mechanism_fit import (
     natural_scales,
 )
 from recoil_identification.parameters.mechanism_rows import MechanismRows
-from recoil_identification.parameters.parameter_tables import (
+from recoil_identification.parameters.recorded_rows import mechanism_rows
+from recoil_identification.preparation import camera_scale
+from recoil_identification.report.finding import Finding, Quantity
+from recoil_identification.report.parameter_tables import (
     declared,
+    expressions,
     figure_of_equations,
     figure_of_pivots,
     table_of_combinations,
     table_of_errors,
 )
-from recoil_identification.parameters.recorded_rows import mechanism_rows
-from recoil_identification.preparation import camera_scale
 from recoil_identification.report.rounding import significant
-from recoil_identification.targets.target import Case, Finding, Quantity
+from recoil_identification.targets.target import Case
 from recoil_processing.filters import LowPass
 from recoil_rigs.mechanism_regressor import EQUATIONS, LOADS, PARAMETER_UNITS, PARAMETERS
 from recoil_rigs.rig import Rig
@@ -161,11 +163,11 @@ def symbol_of(parameter: int) -> str:
 
 def _quantities(rig: Rig, rows: MechanismRows, fit: MechanismFit) -> tuple[Quantity, ...]:
     scales = natural_scales(rows.geometry, rig.mechanism.m3)
-    expressions = fit.structural.expressions(PARAMETERS, scales)
+    written = expressions(fit.structural, PARAMETERS, scales)
     u = np.sqrt(np.diag(fit.covariance))
     found = []
     for expression, j, value, own, row in zip(
-        expressions, fit.structural.leading, fit.values, u, fit.structural.combinations, strict=True
+        written, fit.structural.leading, fit.values, u, fit.structural.combinations, strict=True
     ):
         expected, u_expected = declared(rig.mechanism, row)
         share = own / scales[j]
@@ -189,7 +191,7 @@ def _quantities(rig: Rig, rows: MechanismRows, fit: MechanismFit) -> tuple[Quant
         expected, u_expected = declared(rig.mechanism, np.eye(len(PARAMETERS))[j])
         owners = [
             expression
-            for expression, row in zip(expressions, fit.structural.combinations, strict=True)
+            for expression, row in zip(written, fit.structural.combinations, strict=True)
             if abs(row[j]) > 0
         ]
         basis = (

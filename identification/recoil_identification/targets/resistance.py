@@ -16,14 +16,15 @@ from numpy.typing import NDArray
 from recoil_identification.analysis import Identification, scale_uncertainty
 from recoil_identification.budget import COVERAGE_FACTOR
 from recoil_identification.preparation import camera_scale
+from recoil_identification.report.finding import Finding, Quantity, Series, Table
+from recoil_identification.report.resistance_figures import resistance_figures
 from recoil_identification.report.rounding import rounded, significant
 from recoil_identification.resistance.packing_friction import Friction, packing_friction
 from recoil_identification.resistance.resistance_comparison import ResistanceOverTime, resistance_over_time
-from recoil_identification.resistance.resistance_figures import resistance_figures
 from recoil_identification.resistance.resistance_fit import FittedBrake, FittedGas, fit_brake, fit_gas
 from recoil_identification.resistance.resistance_record import ResistanceRecord, resistance_record
 from recoil_identification.resistance.shot_balance import Balance, BalancePoint, energy_balance, momentum_balance
-from recoil_identification.targets.target import Case, Finding, Quantity, Series, Table
+from recoil_identification.targets.target import Case
 from recoil_rigs.mechanism import Mechanism
 
 Array = NDArray[np.float64]

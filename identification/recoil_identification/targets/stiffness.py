@@ -8,15 +8,16 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_identification.report.finding import Finding, Quantity, Series, Table
 from recoil_identification.report.rounding import significant
+from recoil_identification.report.stiffness_figures import stiffness_figures
 from recoil_identification.supports.carriage_record import MOTION_ROLES, CarriageRecord, carriage_record
 from recoil_identification.supports.restoring_force import RestoringTrace
 from recoil_identification.supports.stiffness_budget import SYMBOLS, SupportEstimates, estimate_supports, noisy_records
-from recoil_identification.supports.stiffness_figures import stiffness_figures
 from recoil_identification.supports.support_modes import DERIVED, derived_with_u
 from recoil_identification.supports.support_traces import noise_shares, trace_supports
 from recoil_identification.supports.supports import PARAMETERS, SUPPORT_NAMES, Assumptions, supports_of
-from recoil_identification.targets.target import Case, Finding, Quantity, Series, Table
+from recoil_identification.targets.target import Case
 from recoil_identification.verdict import doubts_of
 from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.signals import Signals

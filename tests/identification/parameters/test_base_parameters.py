@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from recoil_identification.parameters.base_parameters import structural_base, told_by_shot
 from recoil_identification.parameters.mechanism_fit import PREFERRED, natural_scales, structural_parameters
+from recoil_identification.report.parameter_tables import expressions
 from recoil_rigs.mechanism_regressor import PARAMETERS, Geometry, regressor
 from recoil_rigs.rig import load_rig
 
@@ -18,7 +19,7 @@ ALL = (0, 1, 2, 3, 4)
 
 def test_the_mechanism_has_ten_base_parameters_and_they_are_the_textbook_ones():
     base = structural_parameters(GEOMETRY, ALL)
-    lines = base.expressions(PARAMETERS, natural_scales(GEOMETRY, 782.0))
+    lines = expressions(base, PARAMETERS, natural_scales(GEOMETRY, 782.0))
     assert lines == (
         "m1 + (m2)",
         "m1 X1 + 1.950 (m2)",

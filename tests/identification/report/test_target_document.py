@@ -12,10 +12,11 @@ import pytest
 
 from recoil_acquisition.shot import InputFile
 from recoil_identification.report.figure import Figure, Panel, Trace
+from recoil_identification.report.finding import Finding, Quantity, Series, Table
 from recoil_identification.report.html import render_target_page
 from recoil_identification.report.target_document import SCHEMA, target_document, write_series, write_target_document
 from recoil_identification.targets import TARGETS, target_function
-from recoil_identification.targets.target import Case, Finding, Quantity, Series, Table
+from recoil_identification.targets.target import Case
 from tests.builders.shots import make_shot
 
 

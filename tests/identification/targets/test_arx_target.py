@@ -7,9 +7,10 @@ import pytest
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_identification.report.drawing import drawing
+from recoil_identification.report.finding import Finding
 from recoil_identification.targets import target_function
 from recoil_identification.targets.arx import find
-from recoil_identification.targets.target import Case, Finding
+from recoil_identification.targets.target import Case
 from tests.builders.virtual_shots import virtual_shot, with_channels, without_channels
 
 SHOTS = [("field-2013", 3), ("mixed", 3)]

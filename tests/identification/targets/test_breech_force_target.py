@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_identification.report.finding import Finding
 from recoil_identification.targets import target_function
-from recoil_identification.targets.target import Case, Finding
+from recoil_identification.targets.target import Case
 from recoil_rigs.twin import draw_scene
 from tests.builders.virtual_shots import VirtualShot, virtual_shot, without_channels
 

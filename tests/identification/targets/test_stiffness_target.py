@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_identification.report.finding import Finding
 from recoil_identification.supports.restoring_force import RestoringFit
 from recoil_identification.supports.stiffness_budget import SYMBOLS, SupportEstimates
 from recoil_identification.supports.support_filter import Band
 from recoil_identification.supports.support_modes import DERIVED, derived_values
 from recoil_identification.supports.supports import PARAMETERS
 from recoil_identification.targets.stiffness import NAMES, find, judge
-from recoil_identification.targets.target import Case, Finding
+from recoil_identification.targets.target import Case
 from tests.builders.virtual_shots import virtual_shot, with_channels, without_channels
 
 TRUE = dict(zip(SYMBOLS, (2e6, 2.5e4, 3e7, 2e5, 0.25, 3e7, 2e5, 3e7, 2e5), strict=True))

@@ -3,21 +3,49 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_identification.parameters.base_parameters import BaseParameters
 from recoil_identification.parameters.mechanism_fit import LARGEST_U, MechanismFit, natural_scales
 from recoil_identification.parameters.mechanism_rows import MechanismRows
 from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Trace
+from recoil_identification.report.finding import Table
 from recoil_identification.report.rounding import rounded, significant
-from recoil_identification.targets.target import Table
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.mechanism_regressor import EQUATIONS, PARAMETER_UNITS, PARAMETERS, standard_parameters
 from recoil_rigs.rig import Rig
 
 Array = NDArray[np.float64]
+
+SMALLEST_PRINTED = 1e-3
+"""Smallest share of a combination, each parameter by its natural scale, that is printed."""
+
+
+def expressions(base: BaseParameters, names: Sequence[str], scales: Array) -> tuple[str, ...]:
+    """Write every combination out, without terms below `SMALLEST_PRINTED` of its leading one.
+
+    Parameters
+    ----------
+    base : BaseParameters
+    names : sequence of str
+        Of the p standard parameters.
+    scales : ndarray, shape (p,)
+        Natural size of each.
+    """
+    lines = []
+    for first, row in zip(base.leading, base.combinations, strict=True):
+        share = np.abs(row) * scales / scales[first]
+        terms = [names[first]]
+        for j in sorted(int(i) for i in np.flatnonzero(share >= SMALLEST_PRINTED) if i != first):
+            size = significant(abs(float(row[j])), 4)
+            factor = "" if abs(abs(row[j]) - 1.0) < 1e-9 else f"{size} "
+            terms.append(f"{'+' if row[j] > 0 else '-'} {factor}({names[j]})")
+        lines.append(" ".join(terms))
+    return tuple(lines)
 
 
 def declared(mechanism: Mechanism, combination: Array) -> tuple[float | None, float | None]:
@@ -47,11 +75,11 @@ def declared(mechanism: Mechanism, combination: Array) -> tuple[float | None, fl
 
 def table_of_combinations(rig: Rig, rows: MechanismRows, fit: MechanismFit) -> Table:
     """List the combinations that the shot tells, with what the rig declares of them."""
-    names = fit.structural.expressions(PARAMETERS, natural_scales(rows.geometry, rig.mechanism.m3))
+    names = expressions(fit.structural, PARAMETERS, natural_scales(rows.geometry, rig.mechanism.m3))
     scales = natural_scales(rows.geometry, rig.mechanism.m3)[list(fit.structural.leading)]
     lines = []
     for text, j, value, u, row in zip(
-        fit.told.base.expressions(names, scales),
+        expressions(fit.told.base, names, scales),
         fit.told.base.leading,
         fit.told.values,
         fit.told.u,

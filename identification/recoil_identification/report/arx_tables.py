@@ -15,8 +15,8 @@ from recoil_identification.arx.orders import OrderTable
 from recoil_identification.arx.residual_tests import ResidualTest, whiteness
 from recoil_identification.arx.response import poles, zeros
 from recoil_identification.arx.simulation import fit_percent, predict
+from recoil_identification.report.finding import Table
 from recoil_identification.report.rounding import plain, rounded, significant
-from recoil_identification.targets.target import Table
 
 Array = NDArray[np.float64]
 
