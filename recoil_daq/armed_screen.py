@@ -234,11 +234,11 @@ class ArmedScreen:
             for source in sources
         ]  # fmt: skip
 
-        told = [losses_cell(source) for source in sources]
-        needs = min(max((text.cell_len for text in told), default=0), LOSSES_NEED)
+        cells = [losses_cell(source) for source in sources]
+        needs = min(max((text.cell_len for text in cells), default=0), LOSSES_NEED)
 
         def losses(i: int, room: int) -> list[Text]:
-            lines = list(told[i].wrap(self._console, max(room, 1), no_wrap=False))
+            lines = list(cells[i].wrap(self._console, max(room, 1), no_wrap=False))
             if len(lines) > LOSSES_LINES:
                 del lines[LOSSES_LINES:]
                 lines[-1].rstrip()

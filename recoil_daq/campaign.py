@@ -1,4 +1,4 @@
-"""What several shots of one rig tell together: one cut-off for all of them, and whether they repeat."""
+"""What several shots of one rig show together: one cut-off for all of them, and whether they repeat."""
 
 from __future__ import annotations
 

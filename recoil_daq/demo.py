@@ -140,6 +140,6 @@ def run_live_demo(out: Path, display: Display, *, seed: int = 1, overwrite: bool
         try:
             reports.append(identify_file(path, out=out / "reports", truth=truth, overwrite=True))
         except IdentificationError as error:
-            # a day that went wrong for one shot is told all the same
+            # a day that went wrong for one shot has its other masses all the same
             display.notice(f"shot {shot.name} has no mass: {error}")
     return LiveDemonstration(outcome, tuple(reports), days[0].player.truth())

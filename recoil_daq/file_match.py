@@ -28,7 +28,7 @@ class Evidence:
     Attributes
     ----------
     shots : tuple of LiveShot
-        Those that it may belong to; none, one, or several, of which nothing tells the right one.
+        Those that it may belong to; none, one, or several, of which nothing shows the right one.
     by_number : bool
         Whether the number in its name says so.
     why_none : str
@@ -110,7 +110,7 @@ def shots_of(
         return Evidence((), why_none=f"it was last written before shot {possible[0].name} was fired")
     if not any(not s.settled for s in written):
         return Evidence((), why_none=f"no shot waits for a file of {source}")
-    # named for several, or for none: whichever of them it is, nothing tells
+    # named for several, or for none: whichever of them it is, nothing shows
     return Evidence(tuple(s for s in written if not named or s in named))
 
 

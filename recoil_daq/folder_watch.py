@@ -1,4 +1,4 @@
-"""Files that other instruments drop into a folder: each is told once, when it has stopped growing."""
+"""Files that other instruments drop into a folder: each is reported once, when it has stopped growing."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LOOK_EVERY_S = 0.5
 """The folder is read so often: it may lie on a network, and hold a day's files."""
 
 SETTLE_S = 1.0
-"""A file whose size and time of change stay the same for so long is complete, as far as a watcher can tell."""
+"""A file whose size and time of change stay the same for so long is complete, as far as a watcher can see."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class _Growing:
 class FolderWatch:
     """Watches one folder, not those in it.
 
-    What lies there already when the watch begins is left alone. Hidden files and empty ones are not told.
+    What lies there already when the watch begins is left alone. Hidden files and empty ones are not reported.
 
     Parameters
     ----------

@@ -268,7 +268,7 @@ def _acquisition_of(captures: Sequence[Path], rig: Rig) -> Acquisition | None:
 
 
 def _started(acquisition: Acquisition | None, recordings: Sequence[Recording]) -> tuple[str, str]:
-    """Return when the shot was, ISO 8601, and what tells it; both empty if nothing does.
+    """Return when the shot was, ISO 8601, and where that comes from; both empty if nothing does.
 
     A live shot was when the host saw its trigger. Any other was when the time of its files began, the first file that
     says so; a date without a zone stays without one.

@@ -11,7 +11,7 @@ from recoil_acquisition.log.lock import NAME, FolderLock
 
 
 class OutputFolder:
-    """Locks the folder of shots, and tells when it is gone. A process that dies gives the lock back.
+    """Locks the folder of shots, and notices when it is gone. A process that dies gives the lock back.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ class OutputFolder:
         )
 
     def _place_now(self) -> Path | None:
-        """Return where the folder is now, where the system tells."""
+        """Return where the folder is now, where the system says."""
         try:
             place = Path(f"/proc/self/fd/{self._descriptor}").readlink().parent.parent
         except OSError:

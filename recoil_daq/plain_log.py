@@ -20,10 +20,10 @@ from recoil_daq.losses import losses_of
 
 STATUS_EVERY_S = 10.0
 CHANGE_AFTER_S = 1.0
-"""A change of the trigger's state or of the losses is told at once, but not more often than this."""
+"""A change of the trigger's state or of the losses is written at once, but not more often than this."""
 
 SILENT_AFTER_S = 3.0
-"""That a source has been silent for so long is told at once, as a loss is."""
+"""That a source has been silent for so long is written at once, as a loss is."""
 
 UNSYNCED_S = 0.5
 """Data that is older than this should be on the disk: twice the time between two syncs of the journal."""

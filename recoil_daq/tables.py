@@ -326,7 +326,7 @@ def print_summary(summary: Mapping[str, Any]) -> None:
         numeric=(3, 4, 5),
     )
     if summary["started"]:
-        say(f"started {summary['started']} ({summary['started_source'] or 'nothing tells whose clock'})")
+        say(f"started {summary['started']} ({summary['started_source'] or 'by an unknown clock'})")
     else:
         say("started: no file says when")
     print_table(

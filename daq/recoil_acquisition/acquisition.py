@@ -1,7 +1,7 @@
 """How a shot was acquired live: its window, the trigger's decisions, and what each device met meanwhile.
 
 It stands in the declaration of a live shot's capture, so that a shot that is ingested again, or recovered after a
-crash, tells the same story. It is JSON with the schema `SCHEMA`.
+crash, says the same. It is JSON with the schema `SCHEMA`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from recoil_acquisition.shot_name import check_shot_name
 
 SCHEMA = "recoil-daq/acquisition/1"
 AT_TRIGGER = "host clock at the trigger"
-"""What tells the date of a live shot."""
+"""Where the date of a live shot comes from."""
 
 
 @dataclass(frozen=True)

@@ -125,7 +125,7 @@ class Channel:
     def measured(self) -> NDArray[np.float64]:
         """The samples as float64, shape (n_samples,); NaN where there is no number: lost, or infinite.
 
-        An infinite sample says that something was beyond what the instrument can tell, and no more.
+        An infinite sample says that something was beyond what the instrument can measure, and no more.
         """
         samples = np.array(self.samples, dtype=np.float64)
         samples[~np.isfinite(samples)] = np.nan

@@ -40,7 +40,7 @@ def find_breaks(x: Seconds, y: Seconds, counts: Instants | None, smallest_step_s
 def jumps_by_count(x: Seconds, counts: Instants, smallest_step_s: float) -> NDArray[np.intp]:
     """Return the frames before which the device's stamps jump as the packet counter does not explain.
 
-    Without the host's stamps this does not tell a step of the clock from a pause of the device. What is
+    Without the host's stamps this does not distinguish a step of the clock from a pause of the device. What is
     within eight times the usual scatter is no jump.
     """
     if x.size < 2:

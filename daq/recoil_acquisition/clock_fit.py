@@ -36,14 +36,14 @@ Instants = NDArray[np.int64]
 Seconds = NDArray[np.float64]
 
 SMALLEST_STEP_S = 2e-3
-"""A jump of the clock below this is not told from the host's own scatter."""
+"""A jump of the clock below this is not distinguished from the host's own scatter."""
 
 LARGEST_DRIFT = 0.01
 """No clock drifts so much against another; what looks like it is a host that was late."""
 
 _AGREEING_SIGMAS = 4.0
 _AGREEING_DELAYS = 3.0
-"""Host and packet counter tell the same size of a step if they differ by no more sigmas, or typical delays."""
+"""Host and packet counter show the same size of a step if they differ by no more sigmas, or typical delays."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class ClockFit:
         The stamps of the first frame.
     offset_s, u_offset_s : float
         And its standard uncertainty at the first frame; negative by the first frame's own delay. The shortest
-        delay of all is part of the offset: nothing in the stamps tells it.
+        delay of all is part of the offset: it is not identifiable from the stamps.
     drift, u_drift : float
         Infinite uncertainty if the stamps do not show it; the drift is 0 then.
     steps : tuple of FoundStep
@@ -228,8 +228,8 @@ def _found_steps(
 ) -> tuple[FoundStep, ...]:
     """Return the steps between neighbouring sides.
 
-    Their size is what the host tells; where the packet counter tells the same and better, what the
-    counter tells. No step is larger than what keeps the frames on both sides of it in order.
+    Their size is what the host shows; where the packet counter shows the same and better, what the
+    counter shows. No step is larger than what keeps the frames on both sides of it in order.
     """
     (drift, u_drift), (scatter_s, delay_s) = slope, lateness_s
     found = []
@@ -241,7 +241,7 @@ def _found_steps(
         apart_s = float(x[after.points].mean() - x[before.points].mean()) - step_s
         u_step_s = math.hypot(u_levels_s, apart_s * u_drift if math.isfinite(u_drift) else 0.0)
         if min(before.points.size, after.points.size) < FEWEST:
-            # So short a side can be late as a whole, by all of a read, which its scatter does not tell
+            # So short a side can be late as a whole, by all of a read, which its scatter does not show
             u_step_s = math.hypot(u_step_s, delay_s)
         counted = None if counts is None else step_by_count(x, counts, last, at)
         if (

@@ -247,8 +247,8 @@ def a_cut_file_is_refused_or_shorter_with_a_note(case: Case, folder: Path) -> No
             same = np.array_equal(samples, whole[name][: len(samples)], equal_nan=True)
             _require(same, "what is left is the beginning", place)
         is_shorter = any(len(left.samples.get(name, ())) < len(samples) for name, samples in whole.items())
-        told = not is_shorter or left.notes - notes or case.cut_is_invisible(cut)
-        _require(told, "fewer samples are told", f"cut at byte {at}")
+        noted = not is_shorter or left.notes - notes or case.cut_is_invisible(cut)
+        _require(noted, "fewer samples are noted", f"cut at byte {at}")
 
 
 def flipped_bytes_are_refused_or_read(case: Case, folder: Path, flips: Sequence[Flips] = FLIPS) -> None:

@@ -5,7 +5,7 @@ A package names them in its ``pyproject.toml``::
     [project.entry-points."recoil_daq.readers"]
     lvm = "recoil_lvm:LvmReader"
 
-Nothing of it is imported before somebody asks. One that cannot be loaded is told once, in a line, and left out.
+Nothing of it is imported before somebody asks. One that cannot be loaded is reported once, in a line, and left out.
 """
 
 from __future__ import annotations

@@ -82,7 +82,7 @@ class ReaderProcess:
         ----------
         path : Path
         what : str
-            As `recoil_acquisition.store.file_tree.tell`.
+            As `recoil_acquisition.store.file_tree.write_tree`.
         size : int
             Of the file.
 

@@ -95,7 +95,7 @@ def _map_to_read_error(path: Path) -> Iterator[None]:
 
 
 def _refuse_holes(path: Path, status: os.stat_result) -> None:
-    # Disks that compress store zeros in a thirtieth; Windows does not tell
+    # Disks that compress store zeros in a thirtieth; Windows does not say
     stored = 512 * getattr(status, "st_blocks", status.st_size)
     if status.st_size > _HOLES_FROM_BYTES and stored * _LARGEST_HOLES < status.st_size:
         raise ReadError(

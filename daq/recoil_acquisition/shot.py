@@ -143,12 +143,12 @@ class Shot:
     started : str
         Absolute start, ISO 8601, or empty if no source states one.
     started_source : str
-        The file, or the clock, that tells it, and whether its zone is known.
+        The file, or the clock, that it comes from, and whether its zone is known.
     history : tuple of Step
     databases : mapping of str to str
         Text of every file that the rig names (CAN databases), by file name.
     acquisition : Acquisition or None
-        How it was acquired live; None if nothing tells.
+        How it was acquired live; None if it is not known.
     clock_fits : mapping of str to mapping
         By source, how its device's clock relates to the host's, as `clock_fit.ClockFit.to_json`; JSON types.
 

@@ -82,7 +82,7 @@ class TimeBase:
         end_s = self.start_s + step_s * max(self.count - 1, 0)
         if self.count > 1 and not step_s > 2 * math.ulp(max(abs(self.start_s), abs(end_s))):
             raise ValueError(
-                f"float64 cannot tell instants {step_s!r} s apart at {end_s!r} s; shift start_s towards zero"
+                f"float64 cannot distinguish instants {step_s!r} s apart at {end_s!r} s; shift start_s towards zero"
             )
 
     def _check_stamps(self, stamps_s: NDArray[np.float64]) -> None:

@@ -23,7 +23,7 @@ MOST_LEFT = 0.2
 def isolated_outliers(times_s: Array, residual: Array, sigma: float) -> Flags:
     """Find values that lie off the cubic through two neighbours on either side.
 
-    The furthest off is looked at first, and those beside it, for beside a gap a spike is told from its
+    The furthest off is looked at first, and those beside it, for beside a gap a spike is distinguished from its
     neighbour only by trying. One counts if the others agree with one another without it.
 
     Parameters

@@ -232,7 +232,7 @@ def match_files(rig: Rig, files: Sequence[tuple[Path, str]]) -> dict[str, Path]:
         if len(candidates) > 1:
             raise ReadError(
                 f"fits several sources: {', '.join(s.name for s in candidates)}",
-                path=path, remedy="tell them apart with `match` in the rig file",
+                path=path, remedy="assign each with `match` in the rig file",
             )  # fmt: skip
         name = candidates[0].name
         if name in matched:

@@ -71,7 +71,7 @@ def cut_long_recordings(
     Raises
     ------
     ReadError
-        If the shot cannot be told: no trigger, none found, several found, or a second long recording.
+        If the shot cannot be found: no trigger, none found, several found, or a second long recording.
     RigError
         If the rig's unit of a channel contradicts the file's.
     """
@@ -86,7 +86,7 @@ def cut_long_recordings(
         if source != cut_by:
             raise ReadError(
                 f"is too long to be held whole ({_sample_count(rig, recordings[source], source)} samples), and what "
-                f"part of it the shot is, {cut_by!r} cannot tell: it is another clock",
+                f"part of it the shot is, {cut_by!r} cannot say: it is another clock",
                 path=recordings[source].path, expected=f"at most {LONG_SAMPLES} samples of the rig's channels",
                 remedy="say when the shot was with --at SECONDS"
                 if source == rig.reference_clock

@@ -133,7 +133,7 @@ def faults_of_trigger(
     """Check the table ``[trigger]``: its own keys, and that its channels can be watched.
 
     On a rig with devices it is for shots that are acquired live, and its channels must come from a bus or a port.
-    Without devices it tells where in a long recording the shot is.
+    Without devices it decides where in a long recording the shot is.
     """
     table = tables.get("trigger")
     if table is None:

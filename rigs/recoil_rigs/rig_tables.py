@@ -81,7 +81,7 @@ class ExposureAlignment(DeclaredTable):
     """Align a camera by the pulses of its exposures, which ``channel`` of the reference clock recorded.
 
     A pulse rises where an exposure starts. Where the recorder has more pulses than the film has frames, ``against``,
-    the recoiling part's accelerometer, tells which pulse is which frame's.
+    the recoiling part's accelerometer, decides which pulse is which frame's.
     """
 
     method: Literal["exposure"]
@@ -117,7 +117,7 @@ MOTIONS = MappingProxyType(
 """Quantity of a source's channel -> quantities that the same motion may have on the reference clock.
 
 They are one integral apart, or two where the travel is the source's. A travel on the reference clock is not
-differentiated twice: what noise that leaves tells no offset.
+differentiated twice: what noise that leaves determines no offset.
 """
 
 
@@ -136,7 +136,7 @@ KIND_OF_KEY = MappingProxyType(
 
 
 LAYOUT_KINDS = ("dewetron", "camera")
-"""Kinds of source whose files may be tables of text that do not tell their own layout."""
+"""Kinds of source whose files may be tables of text that do not state their own layout."""
 LIVE_KINDS = ("can", "serial")
 """Kinds of source that can be read live."""
 

@@ -276,7 +276,7 @@ BROKEN = (
     Broken("a cut file has no other signals", wrong(
         signals=of_what_is_left(lambda _, headers: (*headers, replace(headers[1], name="c"))))),
     Broken("what is left is the beginning", wrong(read=of_b(of_what_is_left(differs)))),
-    Broken("fewer samples are told", wrong(notes=lambda *_: ())),
+    Broken("fewer samples are noted", wrong(notes=lambda *_: ())),
     Broken("a damaged file is done with in time", SoundReader(
         before=lambda content: time.sleep(2.0) if len(content) == LAST else None), limit_s=1.0),
     *(

@@ -30,7 +30,7 @@ class BackOff:
         self._next_s = time.monotonic() + self._pause_s
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait for the next try, at most for a time; tell whether it is due."""
+        """Wait for the next try, at most for a time; return whether it is due."""
         left_s = self._next_s - time.monotonic()
         if left_s > 0:
             time.sleep(min(left_s, max(timeout_s, 0.0)))

@@ -5,7 +5,7 @@ raises ends its thread without a word, and stopping it leaves what is queued unr
 packed as it comes, with the interface's stamp and the host's, and decoded after the shot.
 
 A bus itself repeats what was damaged, but an adapter's own line to the host may have no checksum (``slcan`` has
-none): what a damaged line turns into a wrong but well-formed frame, nobody can tell.
+none): what a damaged line turns into a wrong but well-formed frame, nobody can see.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _GRACE_S = 0.03
 _CLOSE_LIMIT_S = 1.0
 _AT_ONCE_NS = 30_000
 """A frame that is returned faster than this was waiting already."""
-_HOPELESS = 64
+_MOST_UNREADABLE_IN_A_ROW = 64
 """A bus with so many unreadable entries in a row is taken for lost."""
 _REPORT_EVERY_NS = 1_000_000_000
 
@@ -216,7 +216,7 @@ class CanDevice:
                 message = bus.recv(wait_s)
             except Exception as error:
                 in_a_row += 1
-                if self._is_unreadable(error) and in_a_row < _HOPELESS:
+                if self._is_unreadable(error) and in_a_row < _MOST_UNREADABLE_IN_A_ROW:
                     self._bad += 1
                     self._unreported += 1
                     continue

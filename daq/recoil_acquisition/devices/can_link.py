@@ -32,7 +32,7 @@ def enlarge_queue(bus: Any) -> None:
 
 
 def kernel_drops(bus: Any, interface: str, channel: str) -> int | None:
-    """Return what the kernel dropped of an open bus so far; None where it does not tell."""
+    """Return what the kernel dropped of an open bus so far; None where it does not say."""
     if interface == "socketcan":
         return dropped_by_can_link(channel)
     if interface == "udp_multicast":

@@ -22,9 +22,9 @@ _UDP_TABLES = (Path("/proc/net/udp"), Path("/proc/net/udp6"))
 
 
 def dropped_by_can_link(name: str, network: Path = _NETWORK) -> int | None:
-    """Return the frames that a SocketCAN link lost since it came up; None if the system does not tell.
+    """Return the frames that a SocketCAN link lost since it came up; None if the system does not say.
 
-    The socket's own queue is not in it: the kernel tells its losses with each frame only, and
+    The socket's own queue is not in it: the kernel states its losses with each frame only, and
     python-can refuses frames that carry that.
     """
     counts = []
@@ -37,7 +37,7 @@ def dropped_by_can_link(name: str, network: Path = _NETWORK) -> int | None:
 
 
 def dropped_by_udp_socket(descriptor: int, tables: tuple[Path, ...] = _UDP_TABLES) -> int | None:
-    """Return the datagrams that a socket's full queue lost; None if the system does not tell."""
+    """Return the datagrams that a socket's full queue lost; None if the system does not say."""
     try:
         inode = str(os.fstat(descriptor).st_ino)
     except OSError:
@@ -64,7 +64,7 @@ class GrowingCount:
 
     @property
     def total(self) -> int | None:
-        """The sum so far; None if the system never told."""
+        """The sum so far; None if the system never said."""
         return self._total
 
     def restart(self) -> None:
@@ -73,7 +73,7 @@ class GrowingCount:
             self._seen = None
 
     def see(self, count: int | None) -> None:
-        """Take a look's result; None if the system did not tell."""
+        """Take a look's result; None if the system did not say."""
         if count is None:
             return
         with self._lock:

@@ -63,7 +63,7 @@ class DewesoftTextExporter:
                 file.write(_LOST.sub("", "".join([form % row for row in rows])))
 
     def read_back(self, content: Content, path: Path) -> tuple[ExportedTable, ...]:
-        """Read the numbers; headings may read alike, so the order tells."""
+        """Read the numbers; headings may read alike, so the order decides."""
         (group,) = content.groups
         names = [c.name for c in group.channels]
         file = read_text(path)

@@ -36,7 +36,7 @@ class MatExporter:
     single_file = True
 
     def carried(self, content: Content) -> Representation:
-        """Return everything; names that had to change are told."""
+        """Return everything; names that had to change are listed."""
         losses = [
             f"{name}: its name is {variable!r} here; `recoil_daq_names` maps it back"
             for (_, name), (variable, _) in variables(content).items()

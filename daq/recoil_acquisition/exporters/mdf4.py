@@ -33,7 +33,7 @@ class Mdf4Exporter:
     single_file = True
 
     def carried(self, content: Content) -> Representation:
-        """Return everything; what the header cannot say of the start is told."""
+        """Return everything; what the header cannot say of the start is named."""
         losses = []
         moment = stated_start(content.start)
         if moment is None:

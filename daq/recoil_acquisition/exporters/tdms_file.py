@@ -31,7 +31,7 @@ class TdmsExporter:
     single_file = True
 
     def carried(self, content: Content) -> Representation:
-        """Return everything; an absolute start whose zone is unknown is told."""
+        """Return everything; an absolute start whose zone is unknown is named."""
         losses = []
         for group in content.groups:
             start = group.time_base.absolute_start

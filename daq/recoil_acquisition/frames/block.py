@@ -47,7 +47,7 @@ class BatchSearch(ABC):
 
 
 class SyncBlock(BatchSearch):
-    """Frames whose heads tell their lengths and that follow each other without a gap, up to the first bad one."""
+    """Frames whose heads state their lengths and that follow each other without a gap, up to the first bad one."""
 
     def __init__(self, search: SyncSearch, framing: Framing, acceptance: Acceptance, counters: FrameCounters) -> None:
         super().__init__(framing, acceptance, counters)
@@ -123,7 +123,7 @@ class SyncBlock(BatchSearch):
         return data, sizes, *self._acceptance.good_frames(data[:at], sizes)
 
     def _new_length(self, head: bytes, data: bytes, at: int) -> int:
-        """Return the length of a frame, and remember it by the bytes that tell it; 0 if it is impossible."""
+        """Return the length of a frame, and remember it by the bytes that state it; 0 if it is impossible."""
         length = self._framing.length.of(data, at)
         if not self._search.smallest <= length <= self._framing.maximum:
             return 0
@@ -181,7 +181,7 @@ class PacketBlock(BatchSearch):
                 fault = self._acceptance.fault_of(decoded[ends[i] - lengths[i] : ends[i]].tobytes())
                 if fault is not None:
                     self._counters.note(fault)
-                else:  # what arrays tell never differs; if it did, one by one is the definition
+                else:  # what arrays give never differs; if it did, one by one is the definition
                     good[i] = True
         received = int(good.sum())
         self._counters.received += received

@@ -84,7 +84,7 @@ class FrameDecoder:
         ----------
         missing : bool
             Whether bytes are missing here, so that what comes next may be the rest of a frame: where delimiters end
-            frames, nothing else tells that it is none.
+            frames, nothing else shows that it is none.
         """
         at = self._search.offset + len(self._buffer) - self._search.at
         if self._breaks and self._breaks[-1][0] == at:

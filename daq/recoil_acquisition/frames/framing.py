@@ -21,7 +21,7 @@ BITS_PER_BYTE = 10
 
 @dataclass(frozen=True)
 class Length:
-    """How long a frame is, all bytes counted: fixed, a field of it plus a constant, or told by a field's value.
+    """How long a frame is, all bytes counted: fixed, a field of it plus a constant, or looked up by a field's value.
 
     Attributes
     ----------

@@ -1,6 +1,6 @@
 """Ready-made framings of inertial sensors.
 
-Magnetometers are left out: close to a mechanism of steel they tell nothing of its motion.
+Magnetometers are left out: close to a mechanism of steel they do not measure its motion.
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ def find_frames(framing: Framing, stream: bytes) -> FrameSet:
 
 
 def find_frames_of_port(framing: Framing, port: PortStream) -> FrameSet:
-    """Find every frame of a port, whose host times tell the silences where the framing asks for them.
+    """Find every frame of a port, whose host times show the silences where the framing asks for them.
 
     Nothing is joined over a place where the device was lost.
 

@@ -69,7 +69,7 @@ class Search(ABC):
         self.offset += at - self.at
         self.at = at
 
-    def begin_within(self) -> None:  # noqa: B027 - where a head or a silence tells a frame, nothing is to be done
+    def begin_within(self) -> None:  # noqa: B027 - where a head or a silence marks a frame, nothing is to be done
         """Take what follows for the rest of a frame whose beginning is missing."""
 
     def skip_to(self, at: int) -> None:

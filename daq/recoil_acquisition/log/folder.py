@@ -66,7 +66,7 @@ class LogSurvey:
     unfinished_bytes : int
         Behind the last sound record of each segment, up to the last that is not zero: damaged, or never finished.
     closed : bool
-        Whether it ended in order; else records may be missing at its end that nothing tells of.
+        Whether it ended in order; else records may be missing at its end without a trace.
     """
 
     records: int

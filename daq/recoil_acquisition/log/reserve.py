@@ -111,7 +111,7 @@ class SegmentReserve:
                 path=self._folder,
                 remedy="recover what is in it with `recoil-daq recover`, or choose another folder",
             )
-        # The system's own call tells too, but only after it has filled the disk on some systems
+        # The system's own call would say so too, but only after it has filled the disk on some systems
         if (free := shutil.disk_usage(self._folder).free) < needed:
             raise _too_little_room(self._folder, needed, free)
         self.top_up(0)

@@ -1,4 +1,4 @@
-"""What is missing of a log, told by the numbers of what is there."""
+"""What is missing of a log, from the numbers of what is there."""
 
 from __future__ import annotations
 

@@ -322,7 +322,7 @@ class LogWriter:
                 return
             already_broken = self._fault is not None
             if in_order and not already_broken:
-                with contextlib.suppress(StoreError):  # it is in `_fault`, and told below
+                with contextlib.suppress(StoreError):  # it is in `_fault`, and raised below
                     self._end()
             self._closed = True
         self._stop.set()

@@ -12,7 +12,7 @@ from recoil_acquisition.frames.values import gaps, unwrap
 
 @dataclass(frozen=True)
 class CounterGaps:
-    """What a counter tells of the frames that hold it.
+    """What a counter shows of the frames that hold it.
 
     Attributes
     ----------
@@ -21,11 +21,11 @@ class CounterGaps:
     places : int
         Places where it does not go on by one.
     missing : int
-        Frames that are missing there, as far as the counter tells.
+        Frames that are missing there, as far as the counter shows.
     unsized : int
-        Places of which it does not tell how many: it stands still or goes back.
+        Places of which it does not show how many: it stands still or goes back.
     longest : int
-        Most frames missing in a row, as far as it tells.
+        Most frames missing in a row, as far as it shows.
     longest_s : float
         Longest time between the two frames of any such place.
     """

@@ -20,11 +20,11 @@ def excerpt(recording: Recording, start_s: float, stop_s: float, why: str) -> Re
     Parameters
     ----------
     recording : Recording
-        Without tracks: a film is one shot's.
+        Without tracks: a camera's recording is one shot's.
     start_s, stop_s : float
         On the source's clock.
     why : str
-        What is told of it in the notes.
+        What is said of it in the notes.
     """
     return Recording(
         recording.path,

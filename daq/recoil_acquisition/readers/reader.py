@@ -68,7 +68,7 @@ class Declarations:
     scale_mm_per_px : float or None
         Scale of a ``camera`` source whose tracks are in pixels.
     layout : mapping or None
-        Layout of the text table of a ``dewetron`` or ``camera`` source whose files do not tell it themselves.
+        Layout of the text table of a ``dewetron`` or ``camera`` source whose files do not state it themselves.
     """
 
     clock: str

@@ -107,7 +107,7 @@ class OthersReader:
         self.name, self.kind, self.suffixes = reader.name, reader.kind, reader.suffixes
 
     def claims(self, head: Head) -> Claim:
-        """Say how sure it is; one that fails is told and claims nothing."""
+        """Say how sure it is; one that fails is noted and claims nothing."""
         try:
             return Claim(self._reader.claims(head))
         except Exception as error:
@@ -226,7 +226,7 @@ BY_LAYOUT: Mapping[str, Reader] = {
     ),
     "serial": TableReader("serial bytes", "serial", (".bin",), "serial.plain:SerialBytesReader"),
 }
-"""Kind of source -> what reads its files where the rig declares their layout or framing: nothing in them tells it."""
+"""Kind of source -> what reads its files where the rig declares their layout or framing: nothing in them states it."""
 
 
 def readers() -> tuple[Reader, ...]:

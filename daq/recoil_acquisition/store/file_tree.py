@@ -1,7 +1,7 @@
-"""The tree of a shot file, read with care and told as plain values.
+"""The tree of a shot file, read with care and written as plain values.
 
 The HDF5 library was not made for damaged files: of shot files in which twenty bytes are changed it ends the process
-that reads them, more often than not. So this runs in a process of its own (`store.reader_process`), which tells
+that reads them, more often than not. So this runs in a process of its own (`store.reader_process`), which writes
 another what it found, as bytes: a document of the tree in JSON, the arrays one behind the other, and a last word.
 
 Nothing is followed that leads out of the file, and nothing is read before all of it is known to be no larger than a
@@ -30,17 +30,17 @@ _FILTERS = (h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FL
 _PIECE, _TEXTS = 1 << 16, 8
 
 
-def tell(path: Path, what: str, write: Callable[[bytes], object]) -> None:
-    """Return what is in a file: ``schema``, the root's attributes alone; ``headers``; or ``all`` of it.
+def write_tree(path: Path, what: str, write: Callable[[bytes], object]) -> None:
+    """Write what is in a file: ``schema``, the root's attributes alone; ``headers``; or ``all`` of it.
 
-    Whatever goes wrong is told by the last word: ``{"fault": "..."}`` in place of ``{}``, and its length in 8 bytes.
+    Whatever goes wrong is in the last word: ``{"fault": "..."}`` in place of ``{}``, and its length in 8 bytes.
     """
     last: dict[str, str] = {}
     try:
         size = path.stat().st_size
         # A shot file never changes once it has its name, so no lock is needed, and some network drives have none
         with h5py.File(path, "r", locking=False) as file:
-            _Tree(file, what, most_bytes(size)).tell(write)
+            _Tree(file, what, most_bytes(size)).write_to(write)
     except MemoryError:
         last = {"fault": "it asks for more memory than a shot file of its size needs"}
     except Exception as error:  # the library's binding raises what it likes
@@ -50,7 +50,7 @@ def tell(path: Path, what: str, write: Callable[[bytes], object]) -> None:
 
 
 class _Tree:
-    """Walks a file once, and then tells it."""
+    """Walks a file once, and then writes it."""
 
     def __init__(self, file: Any, what: str, most: int) -> None:
         self._what, self._most = what, most
@@ -58,10 +58,10 @@ class _Tree:
         self._places: dict[int, int] = {}
         self._arrays: list[Any] = []
         self._texts: list[tuple[Any, dict[str, Any]]] = []
-        self._told_bytes = 0
+        self._written_bytes = 0
         self._walk(h5py.h5o.open(file.id, b"/"), "", 0)
 
-    def tell(self, write: Callable[[bytes], object]) -> None:
+    def write_to(self, write: Callable[[bytes], object]) -> None:
         for dataset, node in self._texts:
             node["texts"] = self._strings(dataset)
         document = json.dumps(self._nodes).encode()
@@ -154,9 +154,9 @@ class _Tree:
             return
         node["dtype"] = dtype.newbyteorder("<").str
         if self._what == "all" or size <= SMALL_BYTES:
-            node["at"] = self._told_bytes
+            node["at"] = self._written_bytes
             self._arrays.append(dataset)
-            self._told_bytes += size + _padding(size)
+            self._written_bytes += size + _padding(size)
 
     def _strings(self, dataset: Any) -> list[str]:
         """Read texts few at a time: many may name one place in the file, each with all of its bytes."""

@@ -13,7 +13,7 @@
         inputs                 one row per file: name, sha256, size, source, reader
         alignment/<clock>      offset_s, u_offset_s, drift, u_drift, status, method, reasons, details
         quality                one row per check: channel, check, verdict, detail
-        acquisition            NXnote: how it was acquired live, JSON; absent if nothing tells
+        acquisition            NXnote: how it was acquired live, JSON; absent if it is not known
         clock_fits/<source>    NXnote: how a device's clock relates to the host's, JSON; absent if there is none
         history/step_<k>       NXprocess: program, version, sequence_index, what, parameters
         history/channels       one row per step of one channel
@@ -146,14 +146,14 @@ def read_layout(file: Any) -> Shot:
 
 
 def read_started(entry: Any) -> tuple[str, str]:
-    """Read when the shot started and what tells it; both empty if the file does not say."""
+    """Read when the shot started and where that comes from; both empty if the file does not say."""
     if "start_time" not in entry:
         return "", ""
     return read_text(entry, "start_time"), str(entry["start_time"].attrs.get("source", ""))
 
 
 def read_acquisition_of(entry: Any) -> Acquisition | None:
-    """Read how the shot was acquired live; None if the file does not tell."""
+    """Read how the shot was acquired live; None if the file does not say."""
     note = _own(entry, "acquisition")
     return None if note is None else Acquisition.from_json(json.loads(read_text(note, "data")))
 

@@ -1,4 +1,4 @@
-"""A shot file's tree in memory, made of what `recoil_acquisition.store.file_tree` tells of it: no library, no file."""
+"""A shot file's tree in memory, made of what `recoil_acquisition.store.file_tree` wrote of it: no library, no file."""
 
 from __future__ import annotations
 
@@ -52,20 +52,20 @@ class Group(dict[str, Any]):
         raise KeyError(f"{self.name} has no {key!r}")
 
 
-def last_word(told: bytearray) -> dict[str, Any]:
-    """Return the last word of what was told; ValueError if it broke off."""
-    size = int.from_bytes(told[-8:], "little")
-    word = json.loads(bytes(told[-8 - size : -8])) if 0 < size <= len(told) - 8 else None
+def last_word(content: bytearray) -> dict[str, Any]:
+    """Return the last word of what was written; ValueError if it broke off."""
+    size = int.from_bytes(content[-8:], "little")
+    word = json.loads(bytes(content[-8 - size : -8])) if 0 < size <= len(content) - 8 else None
     if not isinstance(word, dict):
         raise ValueError("the reading broke off")
     return word
 
 
-def tree_of(told: bytearray) -> Group:
-    """Make the tree of what was told; the arrays lie in it as they came."""
-    size = int.from_bytes(told[:8], "little")
-    nodes = json.loads(bytes(told[8 : 8 + size]))
-    made = [_made(node, told, 8 + size) for node in nodes]
+def tree_of(content: bytearray) -> Group:
+    """Make the tree of what was written; the arrays lie in it as they came."""
+    size = int.from_bytes(content[:8], "little")
+    nodes = json.loads(bytes(content[8 : 8 + size]))
+    made = [_made(node, content, 8 + size) for node in nodes]
     for node, item in zip(nodes, made, strict=True):
         if isinstance(item, Group):
             item.update({key: made[place] for key, place in node["items"].items()})
@@ -75,7 +75,7 @@ def tree_of(told: bytearray) -> Group:
     return root
 
 
-def _made(node: dict[str, Any], told: bytearray, start: int) -> Group | Dataset:
+def _made(node: dict[str, Any], content: bytearray, start: int) -> Group | Dataset:
     name, attrs = node["name"], node["attributes"]
     if "items" in node:
         return Group(name, attrs)
@@ -88,5 +88,5 @@ def _made(node: dict[str, Any], told: bytearray, start: int) -> Group | Dataset:
     if "at" not in node:
         return Dataset(name, attrs, shape, dtype, None)
     count = int(np.prod(shape, dtype=np.int64))
-    values = np.frombuffer(told, dtype, count, start + node["at"]).reshape(shape)
+    values = np.frombuffer(content, dtype, count, start + node["at"]).reshape(shape)
     return Dataset(name, attrs, shape, dtype, values.astype(dtype.newbyteorder("="), copy=False))

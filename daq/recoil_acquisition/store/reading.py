@@ -11,7 +11,7 @@ from typing import Any, BinaryIO
 
 from recoil_acquisition.reader_process import ENDED, HEAD, PIECE
 from recoil_acquisition.readers.hdf5.rehearsal import REHEARSAL, rehearse
-from recoil_acquisition.store.file_tree import tell
+from recoil_acquisition.store.file_tree import write_tree
 
 _PIECE_BYTES = 1 << 20
 
@@ -31,11 +31,11 @@ def main() -> None:
 
 
 def _read(request: dict[str, Any], put: Callable[[bytes], object]) -> None:
-    """Do what is asked for: rehearse an instrument's file, or tell a shot file."""
+    """Do what is asked for: rehearse an instrument's file, or write a shot file's tree."""
     if request["what"] == REHEARSAL:
         rehearse(Path(request["path"]))
     else:
-        tell(Path(request["path"]), request["what"], put)
+        write_tree(Path(request["path"]), request["what"], put)
 
 
 def _put(answers: BinaryIO, kind: bytes, piece: bytes) -> None:
@@ -66,7 +66,7 @@ if sys.platform != "win32":
         return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
 
     def _limit(request: dict[str, Any]) -> None:
-        """Limit processor time, and memory where the system tells how much is in use."""
+        """Limit processor time, and memory where the system says how much is in use."""
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         resource.setrlimit(resource.RLIMIT_CPU, (request["cpu_s"], request["cpu_s"] + 1))
         try:

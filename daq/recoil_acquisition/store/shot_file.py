@@ -177,7 +177,7 @@ def _exists(path: Path) -> StoreError:
 
 
 def _tree(path: Path, what: str, *, own: bool = False) -> Group:
-    """Read the tree of a file that claims to be a shot file; ``what`` as `recoil_acquisition.store.file_tree.tell`."""
+    """Read the tree of a file that claims to be a shot file; ``what`` as for `store.file_tree.write_tree`."""
     expected = f"a shot file, {SCHEMA}"
     try:
         head = read_beginning(path, len(HDF5_SIGNATURE))
@@ -200,10 +200,10 @@ def _asked(path: Path, what: str, *, own: bool = False) -> Group:
     """Let a file be read: in the process that is there for it, or in this one if it is its own."""
     with _map_to_store_error(path):
         if own:
-            from recoil_acquisition.store.file_tree import tell
+            from recoil_acquisition.store.file_tree import write_tree
 
             answer, fault = bytearray(), ""
-            tell(path, what, answer.extend)
+            write_tree(path, what, answer.extend)
         else:
             answer, fault = READER.ask(path, what, path.stat().st_size)
         fault = fault or last_word(answer).get("fault", "")

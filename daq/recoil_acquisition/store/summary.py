@@ -1,4 +1,4 @@
-"""What is in a shot file, told from its headers and small tables alone."""
+"""What is in a shot file, read from its headers and small tables alone."""
 
 from __future__ import annotations
 

@@ -168,7 +168,7 @@ class _Pulse:
         self._longer_s = condition.longer_than_s
         self._shorter_s = condition.shorter_than_s
         self._start_s = math.nan
-        self.due_s = math.nan  # from when on the present pulse is long enough; NaN: its end decides, or it is told
+        self.due_s = math.nan  # from when on the present pulse is long enough; NaN: its end decides, or it is met
 
     def transitions(self, changes: list[tuple[int, Transition]], times_s: Floats) -> list[tuple[int, Transition]]:
         """Turn the begins and ends of a block's pulses into what they mean for the condition."""

@@ -190,9 +190,7 @@ def _quantities(rig: Rig, rows: MechanismRows, fit: MechanismFit) -> tuple[Quant
             continue
         expected, u_expected = declared(rig.mechanism, np.eye(len(PARAMETERS))[j])
         owners = [
-            expression
-            for expression, row in zip(written, fit.structural.combinations, strict=True)
-            if abs(row[j]) > 0
+            expression for expression, row in zip(written, fit.structural.combinations, strict=True) if abs(row[j]) > 0
         ]
         basis = (
             f"not identifiable alone: it moves with others as one, in {'; '.join(owners)}"

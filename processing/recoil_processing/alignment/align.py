@@ -29,7 +29,7 @@ VELOCITY_LIMIT_SIGMA = 3.0
 """How many combined standard uncertainties velocities and likelihood may differ by."""
 MOST_SET_ASIDE = 0.02
 """Share of the frames that may contradict their neighbours: published tracks repeat 1.4 % in the median."""
-LOW_NOISE = "the track was smoothed or filled, or too many frames are lost to tell its noise"
+LOW_NOISE = "the track was smoothed or filled, or too many frames are lost to estimate its noise"
 MOST_INFLATION = 300.0
 """How much the accelerometer's noise may have to be raised before the motions differ."""
 EDGE_RESIDUAL_SIGMA = 4.0
@@ -74,7 +74,7 @@ def judge_motion(
     ClockAlignment
         Where the camera track is wrong from some frame on (`alignment.frame_fault`) it is ``ambiguous`` and of the
         file as it is; the details hold the places, and the offset of a corrected track. ``drift_told_from`` is the
-        drift beyond which the record would have told a wrong frame rate.
+        drift beyond which the record would have shown a wrong frame rate.
 
     Raises
     ------
@@ -211,7 +211,7 @@ def judge_edges(clock: str, fit: EdgeFit | str, *, u_edge_s: float, method: str 
     Returns
     -------
     ClockAlignment
-        Its details tell where an edge has no counterpart, on its own clock.
+        Its details say where an edge has no counterpart, on its own clock.
     """
     if isinstance(fit, str):
         return failed_alignment(clock, method, fit)

@@ -47,7 +47,7 @@ class Skew:
     residual_share : float
         Root mean square of what is not proportional over that of the second.
     rows : float
-        How many instants tell the skew.
+        How many instants the skew rests on.
     """
 
     skew_s: float
@@ -92,7 +92,7 @@ def measure_skew(first: Array, second: Array, rate_hz: float, cutoff_hz: float) 
     Returns
     -------
     Skew or str
-        A sentence where no skew can be told.
+        A sentence where the skew is not identifiable.
 
     Raises
     ------

@@ -2,7 +2,7 @@
 
 From such a picture on every frame is one period early (late). Given the accelerometer, that is a change of
 the model of `alignment.motion_alignment` of known size and unknown place: positions are compared with the
-travel one period on, ``k (D(t + T) - D(t))``, from some frame on. A jump of the track is told from it: there
+travel one period on, ``k (D(t + T) - D(t))``, from some frame on. A jump of the track is distinguished from it: there
 the tail is constant, and its size unknown. Whitened as the positions are, the gain in log-likelihood of a
 tail c over the residual r is ``r'c - |c|^2 / 2``, and ``(r'c)^2 / (2 |c|^2)`` with its size at its best, c
 taken off what the model's own columns explain of it: the generalised likelihood ratio of Willsky and
@@ -31,7 +31,7 @@ Rows = NDArray[np.int64]
 LEAST_GAIN = 8.0
 """In log-likelihood: for one place it is 4 standard deviations, which chance exceeds once in 30,000."""
 LEAST_JUMP_GAIN = 12.5
-"""Gain in likelihood of a jump: 5 standard deviations, for it may be of any size, and each few frames tell of one of
+"""Gain in likelihood of a jump: 5 standard deviations, for it may be of any size, and each few frames show one of
 their own."""
 JUMP_LIKELIER = 6.0
 """By how much a jump must raise the log-likelihood more than a missing picture. It has a size to choose: one that is
@@ -77,7 +77,7 @@ def find_frame_faults(
     rows : ndarray of int, shape (n_frames,)
         Which frames of the file the model has.
     repeated : ndarray of bool, shape (n_file_frames,)
-        Frames of the file that repeat the position before exactly: they tell where a picture was written twice.
+        Frames of the file that repeat the position before exactly: they show where a picture was written twice.
     period_s : float
         Of the frames.
     drift_allowance : float
@@ -87,7 +87,7 @@ def find_frame_faults(
     -------
     tuple of FrameFault
         In the order of the frames; empty where no correction raises the log-likelihood enough. A jump is the only
-        one then: what else is wrong cannot be told beside it.
+        one then: what else is wrong is not identifiable beside it.
     """
     if not _suspicious(model, solution, period_s):
         return ()
@@ -145,7 +145,7 @@ class _Search:
             return None
         about, place = start[0], -1
         for _ in range(3):
-            # at first it is the faulty record that tells the place, which is linear about a wrong offset
+            # at first it is the faulty record that decides the place, which is linear about a wrong offset
             curve, inside = _step_gains(model, about, later_s), np.flatnonzero(about.inside)
             if curve.max() < 0.5 * LEAST_GAIN:
                 return None
@@ -223,7 +223,7 @@ def _tails(solution: MotionSolution, column: Array) -> tuple[Array, Array]:
     tails = np.cumsum(weighted[::-1], axis=0)[::-1]
     whole = solution.walk.tail_energies(column)
     energies = whole - (tails[:, 1:] ** 2).sum(axis=1)
-    # what the model explains all but rounding of tells nothing
+    # what the model explains all but rounding of contains nothing
     blind = energies < 1e-9 * whole
     blind[0] = True
     return np.where(blind, 0.0, tails[:, 0]), np.where(blind, 0.0, energies)

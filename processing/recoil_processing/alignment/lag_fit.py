@@ -8,7 +8,7 @@
   J. Econometrics 29(3), 1985). Neighbouring rows are taken as independent or as correlated (W. K. Newey and
   K. D. West, Econometrica 55(3), 1987).
 
-What the fit cannot see because it bends to it is the caller's: `LagSolution.influence` tells how any error of the rows
+What the fit cannot see because it bends to it is the caller's: `LagSolution.influence` says how any error of the rows
 moves the lag (`recoil_processing.alignment.aliasing`).
 """
 
@@ -123,7 +123,7 @@ class LagSolution:
     residual_share : float
         Root mean square of the residual over that of the source's signal.
     rows : float
-        How many rows tell the shift: the square of the sum of their information over the sum of its squares.
+        How many rows the shift rests on: the square of the sum of their information over the sum of its squares.
     influence : ndarray, shape (n_inside,)
         By how much the mapped time in the middle of the motion moves with the value of each row.
     inside : ndarray of bool, shape (n_rows,)
@@ -159,7 +159,7 @@ def solve_lag(rows: LagRows, shift_s: float, *, drift_allowance: float) -> LagSo
     Returns
     -------
     LagSolution or str
-        A sentence where the rows do not tell the shift.
+        A sentence where the shift is not identifiable.
     """
     steps, drift = 0, 0.0
     while True:
@@ -186,7 +186,7 @@ def _step(rows: LagRows, shift_s: float, drift: float, drift_allowance: float) -
     full, target = np.vstack([design, prior]), np.append(values, -prior[2] * drift)
     scale = np.sqrt((full**2).sum(axis=0))
     if not np.all(scale > 0) or np.linalg.cond(full / scale) > MOST_CONDITION:
-        return "what both records show does not tell one offset from another"
+        return "the offset is not identifiable from what both records show"
     bread = np.linalg.inv((full / scale).T @ (full / scale)) / np.outer(scale, scale)
     solution = bread @ (full.T @ target)
     residual = values - design @ solution

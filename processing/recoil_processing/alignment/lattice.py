@@ -24,7 +24,7 @@ Places = NDArray[np.int64]
 BY_THE_STEP = 0.25
 """Share of a step that neighbours may be off whole steps, so that steps are counted one by one."""
 LEAST_STAMPS = 12
-"""Below this no lattice is told from chance."""
+"""Below this no lattice is distinguished from chance."""
 MOST_STAMPS = 1 << 15
 """By which the period is searched; all of them refine it."""
 FASTEST, SLOWEST = 2.0, 0.7
@@ -113,7 +113,7 @@ def find_lattice(times_s: Array) -> Lattice | None:
 
 
 def _independent(since_s: Array, together_s: float) -> float:
-    """Return how many independent stamps tell as much: those that a late host read at once are one."""
+    """Return how many independent stamps hold as much: those that a late host read at once are one."""
     batch = np.concatenate([[0], np.cumsum(np.diff(since_s) > together_s)])
     return float(since_s.size**2 / (np.bincount(batch).astype(np.float64) ** 2).sum())
 

@@ -146,7 +146,7 @@ def _fit(
     shifted_from_s: float | None,
     kicks_s: tuple[float, ...],
 ) -> tuple[MotionFit | str, tuple[FrameFault, ...]]:
-    """Fit a record with the times given, and tell where those are wrong by a frame."""
+    """Fit a record with the times given, and say where those are wrong by a frame."""
     seen = np.isfinite(displacement_m)
     t, z = times_s[seen], displacement_m[seen]
     if t.size < LEAST_FRAMES:
@@ -210,7 +210,7 @@ def _check(times_s: Array, positions: Array, step_s: float, acceleration: Array,
 
 
 def _marker_sigma(displacement_m: Array) -> float:
-    """Noise of a marker; positions that software held instead of measuring tell nothing of it."""
+    """Noise of a marker; positions that software held instead of measuring contain none of it."""
     held = np.zeros(displacement_m.shape, dtype=bool)
     held[1:-1] = (displacement_m[1:-1] == displacement_m[:-2]) & (displacement_m[1:-1] == displacement_m[2:])
     sigma = noise_sigma(np.where(held, np.nan, displacement_m))

@@ -4,10 +4,10 @@ One trigger edge, several, or the pulse of every frame of a camera: both clocks 
 common. Where they come at irregular intervals, the offset that brings most of them together is voted for by all
 differences of instants.
 
-Pulses at even intervals fit at every whole number of periods, and random gaps hardly tell these apart: at an offset
+Pulses at even intervals fit at every whole number of periods, and random gaps hardly distinguish these: at an offset
 that lets one train stick out beyond the other's end, as many pulses have to be missing there as stick out, and that is
 the least likely of all. So the offset is the one at which both trains together reach the least far; where one of the
-trains is longer than the other, several offsets do, and nothing but another source tells which.
+trains is longer than the other, several offsets do, and only another source decides which.
 """
 
 from __future__ import annotations

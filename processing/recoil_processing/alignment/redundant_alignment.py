@@ -7,7 +7,7 @@ A bus's stamps should lie on an even line (`alignment.stamps`). The alignment is
 wait by which the bus delays the aligning channel's frames is in the offset, whatever it is, and what else comes
 the same way has it too. A frame of another message has a wait of its own.
 
-A slow source folds ringing above half its sampling rate down into the motion's band, where nothing tells it from
+A slow source folds ringing above half its sampling rate down into the motion's band, where it looks like
 motion. How far that pulls the offset is found by letting the ringing that the reference felt come to the source's
 samples as well (`recoil_processing.alignment.aliasing`).
 """
@@ -33,7 +33,7 @@ Flags = NDArray[np.bool_]
 LEAST_SAMPLES = 50
 """Below this, on either side, two records are not compared."""
 LONGEST_GAP = 0.5
-"""Periods of the cut-off beyond which nothing is interpolated: two samples per period are the least that tell it."""
+"""Periods of the cut-off beyond which nothing is interpolated: it takes two samples per period."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,7 @@ class RedundantFit:
     residual_share : float
         Root mean square of the residual over that of the source's signal.
     rows : float
-        How many rows tell the offset.
+        How many rows the offset rests on.
     converged : bool
         Whether the last step towards the offset was negligible.
     """

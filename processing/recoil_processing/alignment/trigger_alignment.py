@@ -2,7 +2,7 @@
 
 The line through the pairs is first that of the median slope (H. Theil, Nederl. Akad. Wetensch. Proc. 53, 1950;
 P. K. Sen, J. Amer. Statist. Assoc. 63, 1968), so that pairs that are none can be set aside; then least squares, with a
-prior of mean 0 for the drift: two edges close to one another tell the offset, not the drift.
+prior of mean 0 for the drift: two edges close to one another determine the offset, not the drift.
 """
 
 from __future__ import annotations

@@ -93,7 +93,7 @@ def velocity_shift(
     Returns
     -------
     shift_s, u_s : float
-        Shift and standard uncertainty of the mapped time there; NaN and infinity where the velocities do not tell.
+        Shift and standard uncertainty of the mapped time there; NaN and infinity where it is not identifiable.
     """
     span = span_frames(model.times_s)
     inside = model.integral.covers(model.mapped_s(shift_s, drift))

@@ -142,7 +142,7 @@ def filter_alike(zero_phase: ZeroPhaseFilter, columns: Mapping[str, Array], rate
     Raises
     ------
     ValueError
-        If there are no columns, they are not of one length, or the filter refuses one, whose name is told.
+        If there are no columns, they are not of one length, or the filter refuses one, whose name is in the message.
     """
     if not columns:
         raise ValueError("there are no columns to filter")

@@ -176,7 +176,7 @@ def slew_limited_share(samples: Array, in_baseline: Flags) -> float:
     if np.count_nonzero(present) < LEAST_RATES:
         return 0.0
     rate = np.where(present, rate, 0.0)
-    # where something rings third differences tell the ringing
+    # where something rings third differences show the ringing
     noise = math.sqrt(2.0) * noise_sigma(samples[in_baseline])
     # the largest of many rates is by some three sigma of the noise too large
     fastest = float(min(rate.max(), -rate.min())) - NOISE_SIGMA * noise

@@ -137,7 +137,7 @@ def check_skew(skew_s: float, u_s: float, *, significant: bool) -> Outcome:
     skew_s, u_s : float
         By how much the acceleration is late, and its standard uncertainty.
     significant : bool
-        Whether it is told from zero.
+        Whether it differs significantly from zero.
     """
     limit = LIMITS["skew_s"]
     late, by = ("acceleration", "force") if skew_s > 0 else ("force", "acceleration")

@@ -26,7 +26,7 @@ PLAYBACK = 1.5
 SHOWN = 6
 """Frames that are named."""
 AROUND = 3
-"""Frames to either side that tell whether a feature moves."""
+"""Frames to either side that decide whether a feature moves."""
 MOVING_SIGMA = 5.0
 """Times the noise of a step that it then moves per frame."""
 
@@ -43,7 +43,7 @@ def duplicated_pictures(features: Sequence[Array]) -> Flags:
     -------
     ndarray of bool, shape (n,)
         What is held at either end is not meant. None with fewer than two features: a picture that repeats
-        could not be told from a feature that is stuck.
+        could not be distinguished from a feature that is stuck.
     """
     if len(features) < 2:
         return np.zeros(features[0].shape[0] if features else 0, dtype=bool)
@@ -145,7 +145,7 @@ def check_frame_rate(times_s: Array, numbers: NDArray[np.int64] | None, declared
             )
     line = times_s - (times_s[0] + (counted - counted[0]) / rate_hz)
     off_line = np.abs(line - np.median(line)) * rate_hz
-    # a printed time is rounded, at most to half a frame where it tells frames apart at all
+    # a printed time is rounded, at most to half a frame where it distinguishes frames at all
     wrong = int(np.count_nonzero(np.abs(np.diff(line)) * rate_hz > 0.5))
     if numbers is None:
         steps = np.diff(times_s) * rate_hz

@@ -164,7 +164,7 @@ def check_level_after(samples: Array, in_baseline: Flags, after: Flags, *, unit:
     present = np.isfinite(samples)
     before, behind = samples[in_baseline & present], samples[after & present]
     if min(before.size, behind.size) < LEAST_BASELINE_SAMPLES:
-        return "ok", f"{behind.size} samples after the shot: too few to tell the zero"
+        return "ok", f"{behind.size} samples after the shot: too few to estimate the zero"
     blocks = [np.array([np.mean(b) for b in np.array_split(part, 2 * BLOCKS_PER_HALF)]) for part in (before, behind)]
     shift = float(np.mean(behind) - np.mean(before))
     error = math.sqrt(sum(float(np.var(b, ddof=1)) / b.size for b in blocks))

@@ -58,7 +58,7 @@ def check_held(samples: Array, rate_hz: float) -> Outcome:
     Normal noise whose differences have the standard deviation s repeats a value of resolution q with the
     probability ``q / (s sqrt(2 pi))``; a run counts if it is longer than chance makes in the record's
     quietest part. At an extreme it is clipping, and not meant here. Where the resolution hides the noise
-    nothing can be told.
+    nothing can be estimated.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def check_held(samples: Array, rate_hz: float) -> Outcome:
     """
     present = samples[np.isfinite(samples)]
     if present.size < LEAST_RUN * BLOCKS:
-        return "ok", f"{present.size} samples: too few to tell held ones"
+        return "ok", f"{present.size} samples: too few to distinguish held ones"
     changes = np.diff(present)
     steps = np.abs(changes[changes != 0])
     if steps.size == 0:
@@ -79,7 +79,7 @@ def check_held(samples: Array, rate_hz: float) -> Outcome:
     parts = [block[:BLOCK][block[:BLOCK] != 0] for block in np.array_split(changes, BLOCKS)]
     quietest = min(float(np.median(np.abs(part))) for part in (*parts, steps[:BLOCK]) if part.size)
     if quietest < LEAST_STEPS * q:
-        return "ok", "noise below the resolution: held samples cannot be told"
+        return "ok", "noise below the resolution: held samples cannot be distinguished"
     chance = q / (MAD_TO_SIGMA * quietest * math.sqrt(2 * math.pi))
     first = np.flatnonzero(np.concatenate([[True], changes != 0]))
     lengths = np.diff(np.append(first, present.size))

@@ -31,7 +31,7 @@ FASTER = 1.5
 SHOWN = 6
 """Frames that are named."""
 LEAST_MOVING = 100
-"""Frames in motion that tell an error that repeats with the pixel."""
+"""Frames in motion that show an error that repeats with the pixel."""
 MOVING_PX = 0.3
 """Pixels per frame from which on a frame is in motion."""
 RAYLEIGH = 15.0
@@ -40,7 +40,7 @@ TOO_FEW = "too few to judge"
 
 
 def marker_noise(positions: Array) -> float:
-    """Noise of a mark by third differences; positions that were held at the ends tell nothing of it.
+    """Noise of a mark by third differences; positions that were held at the ends contain none of it.
 
     Parameters
     ----------
@@ -194,8 +194,8 @@ def check_distance(first: Array, second: Array, *, unit: str) -> Outcome:
 def check_peak_locking(positions_px: Array) -> Outcome:
     """Whether the error of the positions repeats with the pixel: a tracker that prefers whole or half pixels.
 
-    The error is told by the cubic through two neighbours on either side, which lie elsewhere in their pixels while the
-    mark moves. A histogram of the fractions would take a mark that moves by whole pixels per frame for locked.
+    The error is that from the cubic through two neighbours on either side, which lie elsewhere in their pixels while
+    the mark moves. A histogram of the fractions would take a mark that moves by whole pixels per frame for locked.
 
     Parameters
     ----------

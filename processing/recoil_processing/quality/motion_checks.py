@@ -186,7 +186,7 @@ def check_polarity(samples: Array, in_baseline: Flags) -> Outcome:
     """Whether the pulse points the declared way: its first swing must be positive.
 
     Judged by the integral, on which ringing leaves little: it must first reach half its largest size
-    upwards. An acceleration is followed by braking of the same impulse, so that extremes do not tell.
+    upwards. An acceleration is followed by braking of the same impulse, so that extremes do not decide.
 
     Parameters
     ----------

@@ -93,7 +93,7 @@ def last_octave_fall_db(
     -------
     float or None
         In dB of power density; infinite where the last octave holds nothing but the noise that was there before
-        the shot. None where there is too little to tell, or no octave left for the ringing.
+        the shot. None where there are too few samples, or no octave left for the ringing.
     """
     from scipy.signal import welch
 

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 LEAST_REST = 16
-"""Frames at either end that tell where the mark rests."""
+"""Frames at either end from which the mark's place at rest is estimated."""
 START_S = 0.02
 """Time at the begin of a camera track in which a mark should rest."""
 REST_S = 0.1

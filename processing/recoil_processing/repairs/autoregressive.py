@@ -99,7 +99,7 @@ def interpolate_unknown(
     known = samples.size - at.size
     order = min(most_order, known // (KNOWN_PER_COEFFICIENT + 1))
     if order < 2:
-        return f"{known} known samples are too few to tell how the signal goes on"
+        return f"{known} known samples are too few to predict how the signal goes on"
     level = float(np.median(samples[~unknown]))
     scale = float(np.max(np.abs(samples[~unknown] - level)))
     if at.size == 0 or scale == 0:

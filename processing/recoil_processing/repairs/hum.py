@@ -33,7 +33,7 @@ LEAST_PERIODS = 2.0
 COARSE_RATE_HZ = 5000.0
 """At which it is first looked whether there is a hum at all: ten times the tenth harmonic of 50 Hz."""
 TOLD_APART = 10.0
-"""Difference of the information criteria from which on one mains is told from another: decisive."""
+"""Difference of the information criteria from which on one mains frequency is preferred to another: decisive."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -229,7 +229,7 @@ def fused_motion(
     camera : Channel or None
         Displacement, without the delay of its chain.
     alignment : ClockAlignment or None
-        Of its clock. The noise levels are those that an alignment by motion found; otherwise they are told
+        Of its clock. The noise levels are those that an alignment by motion found; otherwise they are estimated
         from the track's third differences, and from the pre-trigger baseline and the likelihood.
 
     Returns

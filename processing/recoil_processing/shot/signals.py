@@ -4,7 +4,7 @@ Here, and only here, channels of different clocks come together: each is evaluat
 instants through its clock's alignment. Before that the sensors' offsets are taken off, from what is
 known of the mechanism at rest: angular rates and gauge pressures of breech and brake are zero, an
 accelerometer feels gravity resolved on its axis. The recuperator's pressure is not zero at rest and
-is left as it is. What is mended of the samples on the way is told with them.
+is left as it is. What is mended of the samples on the way is listed with them.
 """
 
 from __future__ import annotations

@@ -50,15 +50,15 @@ def campaign_cutoff(channels: Mapping[str, Sequence[ShotSpectrum]], *, half_orde
     own = {name: channel_cutoff(shots, half_order=half_order) for name, shots in channels.items()}
     filtered = {name: choice for name, choice in own.items() if choice.cutoff_hz is not None}
     refused = [name for name, choice in own.items() if choice.cutoff_hz is None and not choice.nothing_to_take_off]
-    told = "".join(f"; {name}: {own[name].reason}" for name in refused)
+    refusals = "".join(f"; {name}: {own[name].reason}" for name in refused)
     if not filtered:
         if refused:
-            return refusal(f"no channel has a cut-off{told}", half_order)
+            return refusal(f"no channel has a cut-off{refusals}", half_order)
         reason = "there is nothing to take off from any channel"
         return refusal(reason, half_order, nothing_to_take_off=True)
     name, lowest = min(filtered.items(), key=lambda item: (item[1].cutoff_hz or 0.0, item[0]))
     confidence: Confidence = "doubtful" if refused or lowest.confidence != "sure" else "sure"
-    reason = f"{name} needs the lowest of {len(filtered)} cut-offs: {lowest.reason}{told}"
+    reason = f"{name} needs the lowest of {len(filtered)} cut-offs: {lowest.reason}{refusals}"
     return replace(lowest, confidence=confidence, reason=reason)
 
 

@@ -27,7 +27,7 @@ SHOULDER_DB = 10.0
 ENSEMBLE_SHOULDER_DB = 6.0
 """The same in the mean over several shots, which scatters less; in a single shot it is a doubtful one."""
 MOST_MISSING = 0.05
-"""Share of lost samples of the window beyond which a spectrum tells of the bridges across them."""
+"""Share of lost samples of the window beyond which a spectrum is that of the bridges across them."""
 ROLL_OFF = MappingProxyType(
     {
         "acceleration": 4.0,

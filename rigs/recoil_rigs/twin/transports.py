@@ -53,7 +53,7 @@ class Transport(Protocol):
 class VirtualBus:
     """python-can's bus within one process; its stamps are those of the virtual interface.
 
-    Unplugged, it is silent: nobody on it is told.
+    Unplugged, it is silent: nobody on it notices.
     """
 
     def __init__(self, channel: str) -> None:
@@ -175,7 +175,7 @@ class PseudoTerminal:
         os.close(master)
         os.close(slave)
 
-    def ready(self, timeout_s: float) -> bool:  # noqa: ARG002 - the kernel does not tell
+    def ready(self, timeout_s: float) -> bool:  # noqa: ARG002 - the kernel does not say
         """Return True."""
         return True
 

@@ -96,7 +96,7 @@ def test_nothing_unknown_is_nothing_to_do_and_too_little_known_is_said():
     assert interpolate_unknown(samples, unknown()).samples.tobytes() == samples.tobytes()
     assert np.all(interpolate_unknown(np.full(COUNT, 2.0), unknown((3, 9))).samples == 2.0)
     assert interpolate_unknown(samples[:6], np.arange(6) > 2) == (
-        "3 known samples are too few to tell how the signal goes on"
+        "3 known samples are too few to predict how the signal goes on"
     )
 
 

@@ -156,7 +156,7 @@ def _read_classic(words: Sequence[str], time_ns: int, base: int, found: FrameLis
 def _classic_length(words: Sequence[str], base: int) -> int:
     """Return how many bytes an entry has whose length may be a code of CAN FD.
 
-    A code from 9 on stands for 8 bytes of a classic frame, or for 12 to 64 of an FD frame; which, the bytes tell.
+    A code from 9 on stands for 8 bytes of a classic frame, or for 12 to 64 of an FD frame; which, the bytes decide.
     """
     code = int(words[5], base)
     if code <= _CLASSIC_BYTES:

@@ -1,6 +1,6 @@
 """Signals that count the messages they are in, and the messages that are missing by them.
 
-What the counter of n bits tells: up to ``2**(n - 1) - 1`` messages lost in a row are counted exactly; more, up to
+What a counter of n bits shows: up to ``2**(n - 1) - 1`` messages lost in a row are counted exactly; more, up to
 ``2**n - 1``, are seen as a gap whose size is not known, because the counter may as well have gone back;
 ``2**n`` in a row, 256 of a counter of 8 bits, cannot be seen at all.
 """
@@ -47,7 +47,7 @@ class MessageCounter:
 
 @dataclass(frozen=True)
 class MessageCount:
-    """What a counter tells of a log.
+    """What a counter shows of a log.
 
     Attributes
     ----------

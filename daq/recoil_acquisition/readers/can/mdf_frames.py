@@ -44,7 +44,7 @@ def variable_samples(
     Raises
     ------
     MdfDamageError
-        If the data are said to be records that they cannot be, or it is not told whose they are.
+        If the data are said to be records that they cannot be, or it is not stated whose they are.
     """
     channel = _columns(frames.group).get("DataBytes")
     if channel is None or channel.kind != _VARIABLE:
@@ -60,7 +60,7 @@ def variable_samples(
         # one more of either is the last record that was written, and no other
         whole = more == 0 or (abs(more) == 1 and (linked.last_at > frames.last_at) == (more > 0))
         if len(users) > 1 or not whole:
-            raise MdfDamageError("which data are whose is not told: the recorder did not write their places")
+            raise MdfDamageError("which data are whose is not stated: the recorder did not write their places")
     return linked.samples
 
 

@@ -104,7 +104,7 @@ def _rows(path: Path, size: int) -> Iterator[tuple[object, ...]]:
         names = [row[1] for row in base.execute(f"PRAGMA table_xinfo({TABLE})") if row[6] == 0]
         if not set(COLUMNS) <= set(names):
             raise sqlite3.DatabaseError(f"the table has the columns {', '.join(map(str, names[:20]))}")
-        # Types and lengths are told without reading a value, which may be as large as the file, in every row
+        # Types and lengths are given without reading a value, which may be as large as the file, in every row
         numbers = [f"CASE WHEN typeof({name}) IN ('integer', 'real') THEN {name} END" for name in COLUMNS[:-1]]
         data = "CASE WHEN typeof(data) = 'blob' AND length(data) <= 64 THEN data END"
         rows = base.execute(f"SELECT {', '.join(numbers)}, {data} FROM {TABLE} ORDER BY rowid")  # noqa: S608  constants

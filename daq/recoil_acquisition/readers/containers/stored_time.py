@@ -31,7 +31,7 @@ class StoredTime:
     kept : ndarray of int64 or None
         Indices of the samples that the time base has; None if it has all.
     note : str
-        What must be told of it; empty if nothing.
+        Notes on it; empty if there are none.
     dropped : int
         Number of samples that the time base leaves out.
     """

@@ -97,7 +97,7 @@ def _recording(file: Any, samples: BinaryIO, setup: Path, size: int) -> dict[str
     ):
         try:
             found[key] = ask()
-        except Exception as error:  # not needed to read samples, but to be told
+        except Exception as error:  # not needed to read samples, but to be reported
             found.setdefault("failed", {})[key] = _said(error)
     return found
 

@@ -209,8 +209,8 @@ class _Found:
                 steps = np.diff(stamps_s)
                 gaps = int((steps > 1.5 * np.median(steps)).sum())
                 notes.append(f"{name}: its samples are not evenly spaced ({gaps} gaps): instants are as stored")
-        told = {key: channel[key] for key in ("description", "data_type") if channel.get(key)}
-        header = SignalHeader(name, channel["unit"], count, metadata=told)
+        metadata = {key: channel[key] for key in ("description", "data_type") if channel.get(key)}
+        header = SignalHeader(name, channel["unit"], count, metadata=metadata)
         return StoredChannel(
             header, partial(self._instants, name, channel, chosen), partial(self._samples, channel, chosen)
         )

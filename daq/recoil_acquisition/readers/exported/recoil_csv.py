@@ -74,7 +74,7 @@ def _columns(header: ExportedHeader, block: TextBlock | None) -> Columns:
     values = read_rows(block)
     body = block.file.read(block.start, block.stop)
     if b"inf" in body.lower():
-        # An infinite sample is told apart from a lost one here, because the shot does
+        # An infinite sample is distinguished from a lost one here, because the shot does
         values = np.loadtxt(io.BytesIO(body), delimiter=",", comments=None, ndmin=2)
     return tuple(np.ascontiguousarray(column) for column in values.T)
 

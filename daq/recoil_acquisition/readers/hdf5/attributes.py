@@ -1,7 +1,7 @@
 """What attributes of an HDF5 file say of a channel, in the spellings in use.
 
 No standard fixes them. Names are compared without case and without signs, so that ``Sample rate``,
-``sample_rate`` and ``SampleRate`` are one; which attribute was used is told.
+``sample_rate`` and ``SampleRate`` are one; which attribute was used is noted.
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ class DatasetTimes:
     clock : str
         Name of the source.
     notes : list of str
-        Gets what is to be told of the times that are read.
+        Gets notes on the times that are read.
     """
 
     def __init__(self, contents: Contents, clock: str, notes: list[str]) -> None:

@@ -35,7 +35,7 @@ def time_of(channel: MatVariable, times: Sequence[MatVariable]) -> MatVariable |
     Returns
     -------
     MatVariable, str or None
-        The time; or why none can be told; None if no time has the channel's length.
+        The time; or why there is none; None if no time has the channel's length.
     """
     fitting = [time for time in times if time.count == channel.count]
     ranks = [(_rank(channel.name.casefold(), time.name.casefold()), time) for time in fitting]

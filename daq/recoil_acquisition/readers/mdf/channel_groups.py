@@ -171,7 +171,7 @@ def iter_groups(data: Any, *, strict: bool = True) -> Iterator[ChannelGroup]:
         All of a file, or its head.
     strict : bool
         Whether the data are all of a file: a chain that leaves them is an error then, and groups of a bus are checked;
-        of a head it is the end of what can be told.
+        of a head it is the end of what can be read.
 
     Raises
     ------

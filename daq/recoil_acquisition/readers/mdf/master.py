@@ -35,7 +35,7 @@ def time_of_group(
         Name of the source.
     start : AbsoluteStart or None
     notes : list of str
-        Gets what is to be told of the stamps.
+        Gets notes on the stamps.
     label : str
         Of the group, for messages.
     """

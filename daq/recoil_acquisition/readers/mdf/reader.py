@@ -102,7 +102,7 @@ def _check_room(path: Path, groups: Sequence[ChannelGroup], size: int) -> None:
     unpacked = sum(one.unpacked for one in {group.stored for group in measured})
     channels = 0
     for group in measured:
-        # A count that the file has no room for is told later, with its group
+        # A count that the file has no room for is reported later, with its group
         most = (size + unpacked) // group.width if group.width else group.count
         channels += min(group.count, most) * sum(-(-one.bits // 8) or 8 for one in group.channels)
     if max(unpacked, channels) > most_unpacked(size):

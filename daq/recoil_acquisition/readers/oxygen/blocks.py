@@ -54,7 +54,7 @@ WITH_ALL_INFORMATION = 7
 
 CONFIG, SYNC, INDEX, ASYNC, ROOT, TEXT = 1, 2, 4, 6, 8, 9
 MOST_TICKS = 1 << 51
-"""Beyond this, float64 could not tell two ticks apart."""
+"""Beyond this, float64 could not distinguish two ticks."""
 
 _FILE_HEAD = struct.Struct("<75sI")
 _COLUMNS = 4

@@ -137,4 +137,4 @@ def _instants(signal: Signal, name: str, path: Path, clock: str, start: Absolute
             ticks = np.concatenate(list(signal.parts(0, pieces.count, stamps=True)))
         return TimeBase.stamped(clock, ticks / frequency_hz, start)
     except ValueError as error:
-        raise CorruptFileError(f"the times of {name} cannot be told apart: {error}", path=path) from error
+        raise CorruptFileError(f"the times of {name} cannot be distinguished: {error}", path=path) from error

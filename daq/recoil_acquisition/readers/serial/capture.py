@@ -4,7 +4,7 @@ A capture holds every byte and the host's time of each read. Samples are
 dated by the device's own clock where its frames carry one, counted from the first frame; else by
 the host's reads, dated back; else by a declared rate. Device clocks have been seen to step while the
 packet counter ran on, so the counter says what is missing, and the clock never sorts anything; where the
-host stamped the reads, such steps are found, told and taken out (`recoil_acquisition.clock_fit`).
+host stamped the reads, such steps are found, listed and taken out (`recoil_acquisition.clock_fit`).
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ class SerialRecording(Recording):
         self.path = path
         if framing.kind == "idle" and not capture.host_ns.size:
             raise ReadError(
-                "frames that end by silence cannot be told apart without host times",
+                "frames that end by silence cannot be separated without host times",
                 path=path,
                 expected="a capture with the host's time of each read",
                 remedy="record it as a capture, or declare a `framing` of another kind",

@@ -151,7 +151,7 @@ class ColumnStore:
             parsers.put(parser)
         if len(values) != piece.rows:
             raise CorruptFileError(
-                "rows cannot be told apart", path=self.block.file.path, place=f"from line {piece.line} on",
+                "rows cannot be separated", path=self.block.file.path, place=f"from line {piece.line} on",
                 expected=f"{piece.rows} rows", found=f"{len(values)}",
             )  # fmt: skip
         with np.errstate(all="ignore"):
@@ -159,7 +159,7 @@ class ColumnStore:
         lost = np.zeros(values.shape[1], dtype=np.int64)
         lost[doubtful] = np.isnan(values[:, doubtful]).sum(axis=0)
         if self._stamp_column is not None:
-            lost[self._stamp_column] = 0  # told from its seconds, later
+            lost[self._stamp_column] = 0  # taken from its seconds, later
         columns = np.ascontiguousarray(values.T)
         if self._spill is None:
             self._kept[at] = columns

@@ -68,7 +68,7 @@ def step_from(text: str) -> float | None:
 
 
 def start_from(text: str) -> AbsoluteStart | None:
-    """Return the start that ``Recording date`` states; None if the order of day and month is not told.
+    """Return the start that ``Recording date`` states; None if the order of day and month is not stated.
 
     Only dates of the United States have ``AM`` and ``PM`` beside slashes; with dots the day is first.
     """
@@ -105,7 +105,7 @@ class DasylabTextReader:
         Raises
         ------
         ReadError
-            If neither ``Delta`` nor the column of time tells the rate.
+            If neither ``Delta`` nor the column of time states the rate.
         CorruptFileError
             If it has no row of headings or no complete row, or its time contradicts ``Delta``.
         """
@@ -163,7 +163,7 @@ class DasylabTextReader:
                 notes.append(f"`Delta` states no step that is known: {keys['delta']!r}")
         start = start_from(keys.get("recording date", ""))
         if "recording date" in keys and start is None:
-            notes.append(f"the order of day and month of `Recording date` is not told: {keys['recording date']!r}")
+            notes.append(f"the order of day and month of `Recording date` is not stated: {keys['recording date']!r}")
         rate_hz = None if step_s is None else float(f"{1.0 / step_s:.12g}")
         origin = "from `Delta` of the preamble"
         unit = heading[1]

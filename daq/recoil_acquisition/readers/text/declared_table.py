@@ -1,4 +1,4 @@
-"""A text table whose layout the rig declares, because the file does not tell it."""
+"""A text table whose layout the rig declares, because the file does not state it."""
 
 from __future__ import annotations
 

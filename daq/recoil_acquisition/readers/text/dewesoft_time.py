@@ -62,7 +62,7 @@ def is_absolute(cell: str) -> bool:
 
 
 def parse_dewesoft_stamp(cell: str) -> Stamp:
-    """Read an absolute stamp ``dd-Mmm-yy hh:mm:ss.mmm``, the month in any language that tells it.
+    """Read an absolute stamp ``dd-Mmm-yy hh:mm:ss.mmm``, the month in any language in which it is unique.
 
     Raises
     ------
@@ -130,5 +130,5 @@ def rate_from_stamps(seconds: Times, resolution_s: float) -> tuple[float, tuple[
         raise ValueError("the stamps agree with no constant, usual sample rate")
     if len(agreeing) > 1:
         shown = ", ".join(f"{rate:g}" for rate in agreeing[:5])
-        raise ValueError(f"the record is too short to tell between {shown} Hz{' ...' if len(agreeing) > 5 else ''}")
+        raise ValueError(f"the record is too short to decide between {shown} Hz{' ...' if len(agreeing) > 5 else ''}")
     return agreeing[0], others if decades else ()

@@ -1,4 +1,4 @@
-"""The layout of a text table that does not tell it, as the rig declares it in ``[source.layout]``."""
+"""The layout of a text table that does not state it, as the rig declares it in ``[source.layout]``."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ def iter_rows(block: TextBlock, *, named: bool = False) -> Iterator[tuple[slice,
             numbers, texts = parser.parse(partial(block.parts, piece), piece.line, piece.rows)
             if len(numbers) != piece.rows:
                 raise CorruptFileError(
-                    "rows cannot be told apart", path=block.file.path, place=f"line {piece.line}",
+                    "rows cannot be separated", path=block.file.path, place=f"line {piece.line}",
                     expected=f"{piece.rows} rows", found=f"{len(numbers)}",
                 )  # fmt: skip
             yield slice(at, at + len(numbers)), numbers, texts[0] if named else []

@@ -35,7 +35,7 @@ class TimeSource:
     Attributes
     ----------
     column : int or None
-        Column of time; None where the rate alone tells.
+        Column of time; None where the rate alone is declared.
     unit_s : float or None
         Unit of a relative time; None if the column holds stamps, or there is none.
     parse : callable or None
@@ -98,7 +98,7 @@ def time_base(
     Raises
     ------
     ReadError
-        If the rows' instants are not told finely enough.
+        If the rows' instants are not stated finely enough.
     CorruptFileError
         If a time is missing, time does not increase, or it contradicts the stated rate.
     """

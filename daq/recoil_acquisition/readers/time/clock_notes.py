@@ -48,5 +48,5 @@ def notes_of_jumps(device_s: NDArray[np.float64], counts: NDArray[np.int64]) -> 
         return []
     before_s, at_s = device_s[jumps[0] - 1], device_s[jumps[0]]
     where = f"first by {at_s - before_s:+.6f} s at {before_s:.3f} s"
-    doubt = "without the host's times a step of the clock cannot be told from a pause of the device"
+    doubt = "without the host's times a step of the clock cannot be distinguished from a pause of the device"
     return [f"the device's clock jumps at {jumps.size} places as the packet counter does not, {where}: {doubt}"]

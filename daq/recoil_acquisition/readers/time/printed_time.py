@@ -1,7 +1,7 @@
 """Time printed with few decimals: the constant step that it agrees with.
 
 Rounding alone makes neighbouring steps differ: 1/6000 s prints as 0.000167, then 0.000166. Such a
-column is a uniform time base whose step is known much better than any two printed numbers tell.
+column is a uniform time base whose step is known much better than any two printed numbers give.
 """
 
 from __future__ import annotations

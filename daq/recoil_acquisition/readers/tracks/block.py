@@ -35,7 +35,7 @@ def find_numbers(lines: Sequence[str]) -> tuple[int, str] | None:
 
 
 def read_track_table(file: TextFile, reader: str, declared_hz: float | None) -> TrackTable:
-    """Read the tracks of a text whose columns are told by headings, or by the numbers alone.
+    """Read the tracks of a text whose columns are named by headings, or by the numbers alone.
 
     Parameters
     ----------

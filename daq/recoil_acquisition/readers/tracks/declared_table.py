@@ -47,7 +47,7 @@ class DeclaredTrackReader:
         Raises
         ------
         ReadError
-            If no layout is declared or it is faulty, a column is not there, or nothing tells the frame rate.
+            If no layout is declared or it is faulty, a column is not there, or nothing states the frame rate.
         CorruptFileError
             If there is no row, or a declared cell is no number.
         """

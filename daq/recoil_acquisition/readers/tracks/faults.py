@@ -1,6 +1,6 @@
-"""What the positions of a film tell of its tracking: repeats, stuck features, held ends, jumps.
+"""What the positions of a camera's tracks show of the tracking: repeats, stuck features, held ends, jumps.
 
-These are facts of the file, told with frame and count where it is read; whether a shot is usable in spite of
+These are facts of the file, noted with frame and count where it is read; whether a shot is usable in spite of
 them is judged by the quality checks, in SI and beside the other instruments. Published tracks have all of them:
 up to 56 % of exact repeats within the motion, ends that are held for hundreds of frames, and marks that jump by
 24 mm within 0.5 ms.
@@ -40,7 +40,7 @@ PART_ROWS = 1 << 14
 
 @dataclass(frozen=True)
 class TrackFaults:
-    """What is wrong with the positions of a film.
+    """What is wrong with the positions of a camera's tracks.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ def find_track_faults(features: Mapping[str, Positions], frames: NDArray[np.int6
         return TrackFaults((), ())
     same = {name: _repeats(positions) for name, positions in features.items()}
     unseen = [np.isnan(positions).any(axis=1) for positions in features.values()]
-    # a feature that is lost tells nothing; where all are lost there is nothing to repeat
+    # a feature that is lost shows nothing; where all are lost there is nothing to repeat
     pictures = np.logical_and.reduce([s | u for s, u in zip(same.values(), unseen, strict=True)])
     pictures &= np.logical_or.reduce(list(same.values()))
     notes = []

@@ -1,4 +1,4 @@
-"""The layout of a table of tracks, as a rig declares it where a camera's files do not tell it themselves.
+"""The layout of a table of tracks, as a rig declares it where a camera's files do not state it themselves.
 
 ::
 

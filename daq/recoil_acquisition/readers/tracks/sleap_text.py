@@ -27,7 +27,7 @@ from recoil_acquisition.readers.tracks.recording import TrackTable, refuse_layou
 from recoil_acquisition.readers.tracks.signature import signature
 
 MOST_TRACKS = 256
-"""Animals of one film; more of them are identities that were lost and found anew."""
+"""Animals of one recording; more of them are identities that were lost and found anew."""
 
 MOST_BYTES, MOST_RATIO = 1 << 26, 10
 """Size of animals side by side in every frame: bytes, or so many times the file's size where that is more."""
@@ -90,7 +90,10 @@ def _instances(block: TextBlock, *, named: bool) -> tuple[NDArray[np.float64], l
             animal[rows] = list(map(number.__getitem__, names))
     if len(number) > MOST_TRACKS:
         raise CorruptFileError(
-            f"{len(number)} tracks in one film", path=block.file.path, expected=f"at most {MOST_TRACKS}", remedy=JOIN
+            f"{len(number)} tracks in one file",
+            path=block.file.path,
+            expected=f"at most {MOST_TRACKS}",
+            remedy=JOIN,
         )
     return values, list(number) or [""], animal
 

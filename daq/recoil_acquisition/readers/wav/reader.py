@@ -1,7 +1,7 @@
 """WAVE sound files (WAV, RF64, BW64): integers of 8 to 32 bits or floats, one rate.
 
 A WAVE file states no unit. Its samples are read as shares of full scale, 1 being full scale, for
-integers as for floats; what full scale is in volts or pascals only the recorder's setting tells.
+integers as for floats; what full scale is in volts or pascals only the recorder's setting says.
 """
 
 from __future__ import annotations

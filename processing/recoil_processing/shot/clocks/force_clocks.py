@@ -42,7 +42,7 @@ U_MODEL_S = 5e-6
 simultaneous, are off. Assumed, from no certificate: `tests/benchmarks/test_camera_benchmark.py` prints the offset's
 error over its u."""
 MEDIAN_FRAMES = 5
-"""Frames in a row that tell where the recoil ends."""
+"""Frames in a row that decide where the recoil ends."""
 LEAST_NOISE_M_S2 = 1e-6
 """Noise of the forces over the mass; no gauges are better."""
 
@@ -92,7 +92,7 @@ def align_by_force(
     )
     if isinstance(fit, str) or judged.status == "failed":
         return judged
-    # scale and zero of an accelerometer are none of what the forces tell
+    # scale and zero of an accelerometer cannot be estimated from the forces
     details = {k: v for k, v in (judged.details or {}).items() if k not in ("u_bias_m_s2", "gain_bias_correlation")}
     details |= {"mass_kg": mass.mass_kg, "u_force_s": mass.u_shift_s}
     middle_s = offset_s + coarse.drift * fit.origin_s

@@ -1,6 +1,6 @@
 """The recoil as the gauges' forces drive it: what a camera sees of it, where no accelerometer rides along.
 
-The forces over a first mass, with what the carriage's sensors tell of the tipping part's own motion, give the
+The forces over a first mass, with what the carriage's sensors measured of the tipping part's own motion, give the
 acceleration that the camera's displacement is the double integral of. A camera is aligned by it, and the mass is
 what brings both in line.
 """

@@ -1,1 +1,1 @@
-"""The verdict of a shot: whether every channel, and the motion that they tell of together, is usable."""
+"""The verdict of a shot: whether every channel, and the motion that they measured together, is usable."""

@@ -1,6 +1,6 @@
 """What was lost on the way from the devices to the shot, and how the devices' clocks went.
 
-A packet or message counter tells exactly which frames are missing, so where a recording has one, its verdict
+A packet or message counter shows exactly which frames are missing, so where a recording has one, its verdict
 is the one that counts, and what the host met (drops, damaged entries) is a warning that says where to look.
 """
 
@@ -137,7 +137,7 @@ def _counted(metadata: Mapping[str, Any], gone_s: float, worst: Verdict) -> Iter
         f" (limit {1e3 * LIMITS['longest_gap_s']:g} ms)"
     )
     if unsized:
-        text += f"; at {unsized} places it stands still or goes back and does not tell how many"
+        text += f"; at {unsized} places it stands still or goes back and does not show how many"
     yield "missing frames", verdict, f"{text}; {CABLE}"
 
 
@@ -204,7 +204,7 @@ def _connection(source: AcquiredSource, metadata: Mapping[str, Any], gone_s: flo
 
 
 def _met(source: AcquiredSource, metadata: Mapping[str, Any], worst: Verdict) -> Iterator[_Found]:
-    """Whether the host met losses; they are judged only where no counter tells which frames are missing."""
+    """Whether the host met losses; they are judged only where no counter shows which frames are missing."""
     serial = source.kind == "serial"
     unit = "bytes" if serial else "frames"
     delivered = metadata.get("bytes" if serial else "data_frames")

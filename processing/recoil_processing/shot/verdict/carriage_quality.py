@@ -26,7 +26,7 @@ from recoil_rigs.rig import Rig
 Array = NDArray[np.float64]
 
 LARGEST_U = 0.3
-"""Standard uncertainty of a part's share: from here on a turned sensor could not be told from a sound one."""
+"""Standard uncertainty of a part's share: from here on a turned sensor could not be distinguished from a sound one."""
 
 
 def check_carriage_by_camera(

@@ -89,9 +89,9 @@ def check_channel(
     onset_s : float or None
         Onset of force on the reference clock; None if there is none.
     rest_s : float or None
-        Since when the mechanism rests again, on the reference clock; None if nothing tells.
+        Since when the mechanism rests again, on the reference clock; None if it is not known.
     counted : bool
-        Whether a counter tells which frames of the source are missing.
+        Whether a counter shows which frames of the source are missing.
     driven_m_s2 : float or None
         Largest acceleration that the breech force gives the recoiling part; None if it was not measured.
 
@@ -120,7 +120,7 @@ def check_channel(
         ranged = None if limits is None else check_clipping(samples, *limits, unit=unit)
         if ranged is not None:
             yield "range", ranged
-        # what is clipped at the declared range is not told twice
+        # what is clipped at the declared range is not reported twice
         tops = check_flat_tops(samples, declared=limits is not None) if ranged is None or ranged[0] == "ok" else ranged
         unclipped = tops[0] == "ok"
         if tops is not ranged:
@@ -134,7 +134,7 @@ def check_channel(
         yield "range", check_clipping(samples, *limits, unit=unit)
     if reference_s is None or onset_s is None:
         return
-    # what is infinite was told by the range's check; of the rest it says nothing
+    # what is infinite was reported by the range's check; of the rest it says nothing
     samples = channel.measured
     in_baseline = reference_s < onset_s - BASELINE_MARGIN_S
     if (

@@ -129,7 +129,7 @@ def check_motion(
     camera_rest_s : float or None
         Since when the camera sees the mechanism at rest again, on the reference clock; None if it does not.
     zero_by_camera : bool
-        Whether the camera tells a shift of the accelerometer's zero; if not, the forces do.
+        Whether the camera shows a shift of the accelerometer's zero; if not, the forces do.
 
     Yields
     ------

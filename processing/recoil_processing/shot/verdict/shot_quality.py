@@ -202,7 +202,7 @@ def _alignment_check(a: ClockAlignment) -> QualityCheck:
 
 
 def _zero_shift(alignment: ClockAlignment, shot: Shot, onset: float | None) -> list[QualityCheck]:
-    """Compare the accelerometer's zero during the shot, as the camera tells it, with the one before the shot."""
+    """Compare the accelerometer's zero during the shot, as the camera shows it, with the one before the shot."""
     details = alignment.details or {}
     accelerometer = shot.by_role("recoil_acceleration")
     if alignment.status == "failed" or "u_bias_m_s2" not in details or accelerometer is None or onset is None:

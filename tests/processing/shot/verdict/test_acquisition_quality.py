@@ -75,7 +75,7 @@ def test_missing_frames_are_judged_by_their_share_and_the_longest_gap(
     assert check.detail.startswith(f"{lost['missing_frames']} of {whole} (")
     assert f"in {lost['counter_gaps']} gaps" in check.detail
     assert "check the cable and the bus load before the next shot" in check.detail
-    assert ("does not tell how many" in check.detail) == ("unsized_gaps" in lost)
+    assert ("does not show how many" in check.detail) == ("unsized_gaps" in lost)
 
 
 def test_a_single_missing_frame_fails_where_the_device_was_away() -> None:
