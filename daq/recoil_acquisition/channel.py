@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.quantity import SI_UNITS
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.timebase import TimeBase
 
 
@@ -32,7 +33,7 @@ class Step:
 
 
 @dataclass(frozen=True, eq=False)
-class RawCounts:
+class RawCounts(ReadOnlyArrays):
     """What the source stored, beside the physical samples: ``source unit = gain * counts + offset``.
 
     Attributes
@@ -50,12 +51,13 @@ class RawCounts:
     unit: str
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.counts.dtype.kind not in "iu":
             raise ValueError(f"raw counts must be integers, not {self.counts.dtype}")
 
 
 @dataclass(frozen=True, eq=False)
-class Channel:
+class Channel(ReadOnlyArrays):
     """One measured time series of one quantity on one time base, in SI.
 
     Attributes
@@ -97,6 +99,7 @@ class Channel:
     history: tuple[Step, ...] = ()
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.quantity not in SI_UNITS:
             raise ValueError(f"unknown quantity {self.quantity!r}")
         if self.samples.shape != (self.time_base.count,):

@@ -9,6 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
+
 
 @dataclass(frozen=True)
 class AbsoluteStart:
@@ -33,7 +35,7 @@ class AbsoluteStart:
 
 
 @dataclass(frozen=True, eq=False)
-class TimeBase:
+class TimeBase(ReadOnlyArrays):
     """Instants on one clock, in seconds, uniform or stamped.
 
     Attributes
@@ -65,6 +67,7 @@ class TimeBase:
     absolute_start: AbsoluteStart | None = None
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if (self.step_s is None) == (self.stamps_s is None):
             raise ValueError("a time base is either uniform (step_s) or stamped (stamps_s)")
         if self.count < 0:

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.timebase import TimeBase
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class Track(ReadOnlyArrays):
     """One marker's path, as a camera's tracking software exported it.
 
     Attributes
@@ -38,6 +39,7 @@ class Track:
     time_base: TimeBase
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.positions.shape != (self.time_base.count, len(self.axes)):
             raise ValueError(f"track {self.name!r}: shape {self.positions.shape} does not fit its frames and axes")
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
+
 Array = NDArray[np.float64]
 
 
@@ -18,7 +20,7 @@ def integrate(samples: Array, step_s: float) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class DoubleIntegral:
+class DoubleIntegral(ReadOnlyArrays):
     """The exact integrals of straight lines through the samples of an acceleration, from rest at the first one.
 
     Attributes

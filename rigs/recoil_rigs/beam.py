@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
+
 Array = NDArray[np.float64]
 
 _NODES = 40
@@ -80,7 +82,7 @@ def natural_frequencies(length_m: float, mass_kg: float, stiffness_n_m2: float, 
 
 
 @dataclass(frozen=True, eq=False)
-class BeamIntegrals:
+class BeamIntegrals(ReadOnlyArrays):
     """Integrals of a uniform beam's eigenfunctions over its mass; x is the distance of a place from an origin.
 
     Attributes

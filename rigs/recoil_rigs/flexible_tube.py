@@ -34,6 +34,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_rigs import mechanism as rigid
 from recoil_rigs.beam import integrals, natural_frequencies
 from recoil_rigs.mechanism_parameters import Mechanism
@@ -42,7 +43,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class FlexibleTube:
+class FlexibleTube(ReadOnlyArrays):
     """A tube in modal coordinates.
 
     Attributes

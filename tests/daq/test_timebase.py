@@ -100,7 +100,7 @@ def test_fields_that_contradict_each_other_are_refused() -> None:
 
 def test_a_step_that_float64_cannot_resolve_is_refused() -> None:
     # Seconds since 1970 with 100 ns steps: neighbouring float64 numbers are 238 ns apart there
-    with pytest.raises(ValueError, match="cannot tell instants"):
+    with pytest.raises(ValueError, match="cannot distinguish instants"):
         TimeBase.uniform("c", 1.77e9, 1e-7, 1000)
     TimeBase.uniform("c", 1.77e9, 1e-5, 1000)
 

@@ -18,6 +18,7 @@ from recoil_acquisition.frames import can_rows
 from recoil_acquisition.frames.decoder import FrameDecoder
 from recoil_acquisition.frames.framing import Framing
 from recoil_acquisition.frames.values import decode_fields
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.readers.can.decoding import SignalLayout, layout_of, present
 from recoil_acquisition.readers.can.messages import load_database
 
@@ -89,7 +90,7 @@ def open_source(source: LiveSource) -> Device:
 
 
 @dataclass(frozen=True, eq=False)
-class LiveSamples:
+class LiveSamples(ReadOnlyArrays):
     """Samples of one channel as they came.
 
     Attributes

@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.exporters.content import Content, TimeBaseGroup
+from recoil_acquisition.read_only import ReadOnlyArrays
 
 
 @dataclass(frozen=True, eq=False)
-class ExportedTable:
+class ExportedTable(ReadOnlyArrays):
     """The numbers of one time base as a format carries them, or as they were read back.
 
     Attributes

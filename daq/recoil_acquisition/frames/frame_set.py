@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
+
 
 class Frame(NamedTuple):
     """One frame of a stream.
@@ -72,7 +74,7 @@ class FrameCounters:
 
 
 @dataclass(frozen=True, eq=False)
-class FrameSet:
+class FrameSet(ReadOnlyArrays):
     """Good frames of a stream.
 
     Attributes

@@ -12,12 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
+
 WALL_CLOCK_NS = 10**18
 """Host time from which on it is taken for a wall clock: September 2001."""
 
 
 @dataclass(frozen=True, eq=False)
-class PortStream:
+class PortStream(ReadOnlyArrays):
     """What a port delivered.
 
     Attributes

@@ -14,6 +14,7 @@ from recoil_acquisition.frames.field import Elements, Field, FrameType
 from recoil_acquisition.frames.frame_set import FrameSet
 from recoil_acquisition.frames.framing import Framing
 from recoil_acquisition.frames.number import numbers_at
+from recoil_acquisition.read_only import ReadOnlyArrays
 
 Places = NDArray[np.int64]
 
@@ -21,7 +22,7 @@ _MOST_LAYOUTS = 64
 
 
 @dataclass(frozen=True, eq=False)
-class FieldSeries:
+class FieldSeries(ReadOnlyArrays):
     """One field over all frames that hold it.
 
     Attributes

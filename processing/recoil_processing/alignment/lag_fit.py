@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.filters import LowPass
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ LEAST_HIDDEN = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class LagRows:
+class LagRows(ReadOnlyArrays):
     """Both low-passed signals.
 
     The clocks map by ``t_ref = t + shift + drift (t - origin)``: shift and drift are nearly independent
@@ -111,7 +112,7 @@ class LagRows:
 
 
 @dataclass(frozen=True, eq=False)
-class LagSolution:
+class LagSolution(ReadOnlyArrays):
     """Shift, drift and gain behind the last step.
 
     Attributes

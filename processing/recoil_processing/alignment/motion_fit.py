@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.alignment.frame_fault import FrameFault
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class MotionFit:
+class MotionFit(ReadOnlyArrays):
     """The outcome of aligning a displacement with an acceleration.
 
     Attributes

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.alignment.velocity_walk import WalkFilter
 from recoil_processing.double_integral import DoubleIntegral
 
@@ -27,7 +28,7 @@ LEAST_INDEPENDENCE = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
-class MotionModel:
+class MotionModel(ReadOnlyArrays):
     """Both records of one motion.
 
     The clocks map by ``t_ref = t + shift + drift (t - origin)``: shift and drift are nearly independent
@@ -83,7 +84,7 @@ class MotionModel:
 
 
 @dataclass(frozen=True, eq=False)
-class MotionSolution:
+class MotionSolution(ReadOnlyArrays):
     """The outcome of one step.
 
     Attributes

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.alignment.lattice import LEAST_STAMPS, Lattice, find_lattice
 
 Array = NDArray[np.float64]
@@ -38,7 +39,7 @@ MOST_LAGS = 1000
 
 
 @dataclass(frozen=True, eq=False)
-class Pairing:
+class Pairing(ReadOnlyArrays):
     """Which instants of two clocks are the same events.
 
     Attributes

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.normal_distribution import MAD_TO_SIGMA, MEDIAN_LOSS
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.alignment.lattice import count_steps
 
 Array = NDArray[np.float64]
@@ -34,7 +35,7 @@ FINE_WANDER = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
-class EvenStamps:
+class EvenStamps(ReadOnlyArrays):
     """When a source that samples evenly took its samples.
 
     Attributes

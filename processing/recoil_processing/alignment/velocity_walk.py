@@ -15,11 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
+
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class WalkFilter:
+class WalkFilter(ReadOnlyArrays):
     """Gains and variances of the Kalman filter of a walk, at given instants.
 
     Attributes

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.motion.walk_smoother import WalkSmoother
 from recoil_processing.repairs.bridged_gaps import BridgedGap
@@ -25,7 +26,7 @@ SAME_INSTANT = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class FusionSolution:
+class FusionSolution(ReadOnlyArrays):
     """Constants and walk, and what they owe to each unknown.
 
     Attributes

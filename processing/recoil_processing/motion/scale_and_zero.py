@@ -67,7 +67,7 @@ class ScaleAndZero(ReadOnlyArrays):
 
 
 @dataclass(frozen=True, eq=False)
-class CameraMotion:
+class CameraMotion(ReadOnlyArrays):
     """A motion that a camera saw and an accelerometer felt, on one clock.
 
     Attributes
@@ -155,7 +155,7 @@ class CameraMotion:
 
 
 @dataclass(frozen=True, eq=False)
-class WhitenedTrack:
+class WhitenedTrack(ReadOnlyArrays):
     """Positions and columns of a camera's motion in rows of independent errors, as the triangle of their factorisation.
 
     Attributes

@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.gaps import bridge
 from recoil_processing.repairs.autoregressive import MOST_ORDER, Interpolation, interpolate_unknown
 from recoil_processing.repairs.clipped_wave import ClippedRun, judge_by_peak, judge_by_wave
@@ -40,7 +41,7 @@ MOST_UNKNOWN = 250
 
 
 @dataclass(frozen=True, eq=False)
-class Clipped:
+class Clipped(ReadOnlyArrays):
     """Samples at or beyond an end of the declared range.
 
     Attributes
@@ -63,7 +64,7 @@ class Clipped:
 
 
 @dataclass(frozen=True, eq=False)
-class ClippingRepair:
+class ClippingRepair(ReadOnlyArrays):
     """A channel whose clipped samples are repaired or masked.
 
     Attributes

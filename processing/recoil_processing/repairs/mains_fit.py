@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.repairs.hum_line import HumLine
 
 Array = NDArray[np.float64]
@@ -37,7 +38,7 @@ class MainsFit:
 
 
 @dataclass(frozen=True, eq=False)
-class Baseline:
+class Baseline(ReadOnlyArrays):
     """The samples before the shot.
 
     Attributes

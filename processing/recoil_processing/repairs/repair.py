@@ -23,6 +23,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
+
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
@@ -53,7 +55,7 @@ MASKED: tuple[Kind, ...] = ("drop-outs masked", "clipped masked")
 
 
 @dataclass(frozen=True, eq=False)
-class Repair:
+class Repair(ReadOnlyArrays):
     """One thing that was done to a channel.
 
     Attributes
@@ -79,6 +81,7 @@ class Repair:
     figures: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.kind not in get_args(Kind):
             raise ValueError(f"unknown kind of repair {self.kind!r}; one of {', '.join(get_args(Kind))}")
         if self.flags.ndim != 1 or self.flags.dtype != np.bool_:
@@ -102,7 +105,7 @@ class Repair:
 
 
 @dataclass(frozen=True, eq=False)
-class Repaired:
+class Repaired(ReadOnlyArrays):
     """A channel's samples and all that was done to them.
 
     Attributes

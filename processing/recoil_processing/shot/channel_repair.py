@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.quantity import SI_UNITS
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.repairs.clipping import find_clipped, repair_clipping
 from recoil_processing.repairs.droop import invert_droop
 from recoil_processing.repairs.dropouts import find_drop_outs
@@ -37,7 +38,7 @@ MOST_SPANS = 200
 
 
 @dataclass(frozen=True, eq=False)
-class ChannelRepair:
+class ChannelRepair(ReadOnlyArrays):
     """One thing that was done to one channel of a shot.
 
     Attributes
@@ -78,7 +79,7 @@ class ChannelRepair:
 
 
 @dataclass(frozen=True, eq=False)
-class Levelled:
+class Levelled(ReadOnlyArrays):
     """A series on the grid without hum and droop; the level at rest is still in it.
 
     Attributes

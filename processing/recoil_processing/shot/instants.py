@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.frames.values import unwrap
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import Shot
 from recoil_processing.alignment.aliasing import USUAL_ORDER
 from recoil_processing.alignment.delays import Delay, declared_delay, exposure_delay, filter_delay, mount_delay, sum_of
@@ -29,7 +30,7 @@ STAMPED_KINDS = ("can", "serial")
 
 
 @dataclass(frozen=True, eq=False)
-class Instants:
+class Instants(ReadOnlyArrays):
     """When a channel's samples were, on its source's clock.
 
     Attributes

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.filters import Filtered, LowPass, filter_alike
 from recoil_processing.shot.interval import end_of_travel, release_index, stop_release_impulse
 from recoil_processing.shot.signals import Signals
@@ -28,7 +29,7 @@ PRESSURE_ROLES = ("breech_pressure", "brake_pressure", "recuperator_pressure")
 
 
 @dataclass(frozen=True, eq=False)
-class Regression:
+class Regression(ReadOnlyArrays):
     """Both sides of the equation of motion on one grid.
 
     Attributes

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.gaps import bridge, near
 from recoil_processing.spectra.cutoff import CutoffChoice, cutoff_of, refusal
 from recoil_processing.spectra.spectral_gap import rest_level, shot_spectrum, shot_window
@@ -20,7 +21,7 @@ Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
-class StressWaveReport:
+class StressWaveReport(ReadOnlyArrays):
     """One channel without its stress waves, and what was taken off.
 
     Attributes

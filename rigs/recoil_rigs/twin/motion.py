@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_rigs.flexible_tube import FlexibleTube, sag, uniform_tube
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.twin.equations import Equations, rigid_equations
@@ -27,7 +28,7 @@ _LARGEST_STEP_S = 25e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class Motion(ReadOnlyArrays):
     """True states and loads at the instants of the reference clock, shape (n,) each.
 
     Attributes

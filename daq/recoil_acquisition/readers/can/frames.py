@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.timebase import AbsoluteStart
 
 ID_MASK = 0x1FFFFFFF
@@ -26,7 +27,7 @@ LARGEST_CHANNEL = 2**31 - 1
 
 
 @dataclass(frozen=True, eq=False)
-class CanFrames:
+class CanFrames(ReadOnlyArrays):
     """Data frames of one log, in its order.
 
     Attributes

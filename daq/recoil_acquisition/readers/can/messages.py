@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import ReadError
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.readers.can.decoding import SignalLayout, layout_of
 from recoil_acquisition.readers.can.frames import EXTENDED, CanFrames
 
@@ -46,7 +47,7 @@ _DBC = re.compile(r"^\s*(?:VERSION\b|NS_\b|BS_\b|BU_\b|BO_\b)", re.MULTILINE)
 
 
 @dataclass(frozen=True, eq=False)
-class Messages:
+class Messages(ReadOnlyArrays):
     """One message's frames in a log.
 
     Attributes

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.quantity import find_unit
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
 from recoil_acquisition.readers.recording import Recording, StoredChannel
 from recoil_acquisition.readers.text.cells import unique_names
@@ -28,7 +29,7 @@ LOW_LIKELIHOOD = 0.6
 
 
 @dataclass(frozen=True, eq=False)
-class TrackTable:
+class TrackTable(ReadOnlyArrays):
     """The content of a file of tracks.
 
     Attributes

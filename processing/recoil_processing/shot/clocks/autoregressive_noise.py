@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
+
 Array = NDArray[np.float64]
 
 MOST_ORDER = 32
@@ -22,7 +24,7 @@ SAMPLES_PER_COEFFICIENT = 10
 
 
 @dataclass(frozen=True, eq=False)
-class AutoregressiveNoise:
+class AutoregressiveNoise(ReadOnlyArrays):
     """A stationary process ``e_t = sum_k c_k e_(t-k) + w_t`` with white w.
 
     Attributes

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.alignment.velocity_walk import WalkFilter
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.noise import noise_sigma
@@ -21,7 +22,7 @@ LEAST_FRAMES = 30
 
 
 @dataclass(frozen=True, eq=False)
-class CameraTrack:
+class CameraTrack(ReadOnlyArrays):
     """A camera's positions, parted at the release.
 
     Attributes

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import Shot
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.clocks.autoregressive_noise import MOST_ORDER, fit_noise
@@ -42,7 +43,7 @@ class BaselineNoise:
 
 
 @dataclass(frozen=True, eq=False)
-class ForceErrors:
+class ForceErrors(ReadOnlyArrays):
     """Errors that the force may have, each of one standard uncertainty or per unit.
 
     Attributes

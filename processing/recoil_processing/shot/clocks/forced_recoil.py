@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import Shot
 from recoil_processing.double_integral import integrate
 from recoil_processing.shot.clocks.double_impulse import DoubleImpulseMass, double_impulse_mass
@@ -47,7 +48,7 @@ ROUGH_STEPS = 3
 
 
 @dataclass(frozen=True, eq=False)
-class ForcedRecoil:
+class ForcedRecoil(ReadOnlyArrays):
     """A recoil by its forces.
 
     Attributes

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.shot.clocks.camera_track import CameraTrack
 
 Array = NDArray[np.float64]
@@ -28,7 +29,7 @@ SIGMA_STEPS = 3
 
 
 @dataclass(frozen=True, eq=False)
-class ImpulseFit:
+class ImpulseFit(ReadOnlyArrays):
     """Solution for one pair of noise levels, the unknowns scaled as the table's columns.
 
     Attributes

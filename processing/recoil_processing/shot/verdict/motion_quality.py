@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.quantity import SI_UNITS
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import ClockAlignment, QualityCheck, Shot
 from recoil_processing.alignment.channel_skew import Skew, measure_skew
 from recoil_processing.double_integral import DoubleIntegral, integrate
@@ -54,7 +55,7 @@ MOST_LOST = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Recoil:
+class Recoil(ReadOnlyArrays):
     """What several checks need of the motion, computed once.
 
     Attributes

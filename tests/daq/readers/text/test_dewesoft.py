@@ -122,7 +122,7 @@ def test_absolute_time_too_short_for_a_rate_is_refused_with_a_remedy(tmp_path: P
     with pytest.raises(ReadError, match="too few") as few:
         opened(tmp_path, absolute_text(1000.0, 10)).time_base("AI 1/AI 1")
     assert few.value.remedy is not None
-    with pytest.raises(ReadError, match="too short to tell"):
+    with pytest.raises(ReadError, match="too short to decide"):
         opened(tmp_path, absolute_text(20000.0, 30)).time_base("AI 1/AI 1")
 
 
