@@ -1,4 +1,4 @@
-"""What several shots of one rig show together: one cut-off for all of them, and whether they repeat."""
+"""Several shots of one rig together: one cut-off for all of them, and whether they repeat."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is wrong with a rig file, before the day: in itself, against its databases, and against recorded files."""
+"""Faults of a rig file, before the day: in itself, against its databases, and against recorded files."""
 
 from __future__ import annotations
 

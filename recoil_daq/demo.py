@@ -25,7 +25,7 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Demonstration:
-    """What the demonstration made.
+    """Files of the demonstration.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ def run_demo(
 
 @dataclass(frozen=True)
 class LiveDemonstration:
-    """What a demonstrated range day made.
+    """Files of a demonstrated range day.
 
     Attributes
     ----------

@@ -33,7 +33,7 @@ NEAR_RANGE = 0.95
 
 @dataclass(frozen=True)
 class ChannelHeard:
-    """What was heard of one channel, or of a source without any.
+    """Signal heard of one channel, or of a source without any.
 
     Attributes
     ----------

@@ -24,7 +24,7 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True, repr=False)
 class Exported(Printed):
-    """What was exported of one shot.
+    """Export of one shot.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Which shot a dropped file belongs to: what speaks for one must not speak for another. What fits two is a question."""
+"""Match of a dropped file with its shot: what speaks for one must not speak for another; two matches are a question."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LATE_S = 600.0
 
 @dataclass(frozen=True)
 class Evidence:
-    """What speaks for a file's shot.
+    """Evidence for a file's shot.
 
     Attributes
     ----------

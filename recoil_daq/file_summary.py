@@ -1,4 +1,4 @@
-"""What is in an instrument's file, and which formats there are."""
+"""Summary of an instrument's file, and the formats that are read."""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ def opened(sources: Sequence[LiveSource]) -> Iterator[dict[str, Device]]:
 
 @dataclass(frozen=True)
 class _Loss:
-    """When a device was lost, and what came of it per second before."""
+    """Loss of a device, with what came of it per second before."""
 
     at_s: float
     rate_hz: float

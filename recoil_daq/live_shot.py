@@ -95,7 +95,7 @@ class LiveShot:
 
 @dataclass(frozen=True)
 class LiveOptions:
-    """How a live session is run.
+    """Options of a live session.
 
     Attributes
     ----------
@@ -123,7 +123,7 @@ class LiveOptions:
 
 @dataclass
 class LiveOutcome:
-    """What a live session made.
+    """Outcome of a live session.
 
     Attributes
     ----------
@@ -172,7 +172,7 @@ class LiveOutcome:
 
 
 class Display(Protocol):
-    """Where a live session shows itself."""
+    """Display of a live session."""
 
     def show(self, status: LiveStatus, shots: Sequence[LiveShot]) -> None:
         """Show how it is doing; called about five times per second."""

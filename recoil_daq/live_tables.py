@@ -1,4 +1,4 @@
-"""What the commands of live acquisition print: aligned tables for people, one document for programs."""
+"""Output of the commands of live acquisition: aligned tables for people, one document for programs."""
 
 from __future__ import annotations
 

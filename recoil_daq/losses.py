@@ -1,4 +1,4 @@
-"""What a device lost, in words."""
+"""Losses of a device, in words."""
 
 from __future__ import annotations
 

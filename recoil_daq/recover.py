@@ -91,7 +91,7 @@ class Outside:
 
 @dataclass(frozen=True)
 class Recovered:
-    """What was in one journal.
+    """Contents of one journal.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What the commands print: aligned tables for people, one document for programs."""
+"""Output of the commands: aligned tables for people, one document for programs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a target found, on the terminal."""
+"""A target's finding on the terminal."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ from recoil_rigs.rig import parse_rig
 
 @dataclass(frozen=True)
 class TargetReported:
-    """What was found of one target, and where it was written.
+    """Finding of one target, and where it was written.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What was recorded: the nouns of a recording and the readers of the instruments' own formats.
+"""Recordings: the nouns of a recording and the readers of the instruments' own formats.
 
 Vocabulary, used with these meanings throughout the project:
 

@@ -1,4 +1,4 @@
-"""How a shot was acquired live: its window, the trigger's decisions, and what each device met meanwhile.
+"""Record of a live acquisition: its window, the trigger's decisions, and what each device met meanwhile.
 
 It stands in the declaration of a live shot's capture, so that a shot that is ingested again, or recovered after a
 crash, says the same. It is JSON with the schema `SCHEMA`.
@@ -54,7 +54,7 @@ class AcquiredEvent:
 
 @dataclass(frozen=True)
 class AcquiredSource:
-    """What one live source delivered to a shot.
+    """Data and events that one live source delivered to a shot.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ class AcquiredSource:
 
 @dataclass(frozen=True)
 class Acquisition:
-    """How one shot was acquired.
+    """Acquisition of one shot.
 
     Attributes
     ----------

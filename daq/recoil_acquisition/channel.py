@@ -34,7 +34,7 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class RawCounts(ReadOnlyArrays):
-    """What the source stored, beside the physical samples: ``source unit = gain * counts + offset``.
+    """Numbers as the source stored them, beside the physical samples: ``source unit = gain * counts + offset``.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""How this program starts processes of its own: by the modules that are installed, whatever the user's folder holds."""
+"""Processes of this program's own: started by the modules that are installed, whatever the user's folder holds."""
 
 from __future__ import annotations
 

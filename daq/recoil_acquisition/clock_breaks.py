@@ -1,4 +1,4 @@
-"""Where a device's clock may have stepped, which stretches of its stamps belong together, and in which order."""
+"""Places where a device's clock may have stepped, which stretches of its stamps belong together, and in which order."""
 
 from __future__ import annotations
 

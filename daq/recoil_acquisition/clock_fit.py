@@ -1,4 +1,4 @@
-"""How a device's clock relates to the host's, from the stamps that both gave to the same frames.
+"""Relation of a device's clock to the host's, from the stamps that both gave to the same frames.
 
 A host's stamp is late, never early: by the time on the line, in the adapter's buffer, in the kernel, and until
 the reading program was scheduled. So the relation ``host = a + b * device`` is the line along the lower edge of

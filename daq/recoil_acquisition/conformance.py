@@ -1,4 +1,4 @@
-"""What every reader keeps to, one function per rule, for the readers of this package and of others.
+"""Rules that every reader keeps, one function each, for the readers of this package and of others.
 
 A rule takes a `Case`, which is a reader with one of its files, and a folder to write in, and raises `BrokenRuleError`
 if the reader breaks it::
@@ -288,7 +288,7 @@ RULES: tuple[Callable[[Case, Path], None], ...] = (
 
 @dataclass(frozen=True, eq=False)
 class Left:
-    """What could be read of a damaged file."""
+    """Contents that could be read of a damaged file."""
 
     samples: Mapping[str, NDArray[Any]]
     notes: set[str]

@@ -10,7 +10,7 @@ from recoil_acquisition.errors import ReadError
 
 
 class Extra(NamedTuple):
-    """What a format needs beside the package.
+    """A library that a format needs beside the package.
 
     Attributes
     ----------

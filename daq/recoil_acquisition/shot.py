@@ -49,7 +49,7 @@ class InputFile:
 
 @dataclass(frozen=True)
 class ClockAlignment:
-    """How one clock maps to the reference clock: ``t_ref = (1 + drift) * t_source + offset_s``.
+    """Map of one clock to the reference clock: ``t_ref = (1 + drift) * t_source + offset_s``.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Which names a shot may bear, on every system that its files are copied to, and which numbers a file's name bears."""
+"""Names that a shot may bear on every system that its files are copied to, and numbers that a file's name bears."""
 
 from __future__ import annotations
 

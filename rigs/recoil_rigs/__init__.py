@@ -1,1 +1,1 @@
-"""What was plugged in where: the rig, the mechanism it tests, and the virtual rig."""
+"""The rig: what was plugged in where, the mechanism it tests, and the virtual rig."""

@@ -1,4 +1,4 @@
-"""What every result on a rig takes for granted, because its rig file does not say otherwise."""
+"""Assumptions of every result on a rig, because its rig file does not say otherwise."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether the CAN databases of a rig have the signals that it names."""
+"""Signals that a rig names, looked up in its CAN databases."""
 
 from __future__ import annotations
 

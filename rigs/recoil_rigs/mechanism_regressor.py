@@ -42,7 +42,7 @@ EQUATIONS = ("forward", "upward", "turning about C", "turning about A", "along t
 
 @dataclass(frozen=True)
 class Geometry:
-    """What the regressor takes as known of a mechanism, m and rad, m/s^2.
+    """Geometry of a mechanism that the regressor takes as known, m and rad, m/s^2.
 
     Attributes
     ----------

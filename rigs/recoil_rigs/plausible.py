@@ -1,4 +1,4 @@
-"""Which values a rig of this kind can have, and which are usual: a value in another unit shows by its size."""
+"""Values that a rig of this kind can have, and that are usual: a value in another unit shows by its size."""
 
 from __future__ import annotations
 

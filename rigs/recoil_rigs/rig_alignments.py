@@ -1,4 +1,4 @@
-"""What a source's alignment must have to do with the rig's channels: clocks, roles, quantities that compare."""
+"""Checks of a source's alignment against the rig's channels: clocks, roles, quantities that compare."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a rig file's tables must have to do with each other: names, clocks, roles, quantities and units."""
+"""Checks of a rig file's tables against each other: names, clocks, roles, quantities and units."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the devices had counted at past moments: rates for the screen, and what was lost within one shot."""
+"""The devices' counts at past moments: rates for the screen, and what was lost within one shot."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ BEHIND_NS = round(SETTLE_S * 1e9)
 
 @dataclass
 class Cut:
-    """What one source has in a span.
+    """One source's data and events in a span.
 
     Attributes
     ----------

@@ -32,7 +32,7 @@ LOOK_EVERY_S = 0.1
 
 @dataclass(frozen=True)
 class Level:
-    """Where a channel is.
+    """Level of a channel.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""When the frames of a bus would have come had nothing held them back, from the stamps of its interface.
+"""Delay of the frames of a bus between its interface and the host, from the stamps of both.
 
 A shot is cut out of every source around the instant of its trigger. An interface, its driver or the machine may
 deliver a frame late without anyone's having been late to read it: dated by its arrival, it would move the window of all

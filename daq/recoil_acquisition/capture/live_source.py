@@ -53,7 +53,7 @@ class LiveChannel:
 
 @dataclass(frozen=True)
 class LiveSource:
-    """What is declared of one live source.
+    """Declaration of one live source.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What the log of a live acquisition says: its session, and which record is what.
+"""Declarations in the log of a live acquisition: its session, and the meaning of its records.
 
 Records of a source carry its number, from 0 in the session's order. Those of the log itself say what the trigger
 decided, and which shot became of it, so that a crash loses neither.
@@ -43,7 +43,7 @@ class RecordedSource:
 
 @dataclass(frozen=True)
 class LiveRecord:
-    """What a session's log begins with.
+    """First record of a session's log.
 
     Attributes
     ----------
@@ -173,7 +173,7 @@ def longer(kept: Sequence[Kept], one: Kept) -> list[Kept]:
 
 @dataclass(frozen=True)
 class OperatorRecords:
-    """What a log holds that no device gave.
+    """Records of a log that no device gave.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""How an armed acquisition is doing: what the armed screen and the log show."""
+"""State of an armed acquisition, as the armed screen and the log show it."""
 
 from __future__ import annotations
 

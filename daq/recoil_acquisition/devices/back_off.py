@@ -1,4 +1,4 @@
-"""When to try again to open a device that was lost."""
+"""Waiting times between tries to open a device that was lost."""
 
 from __future__ import annotations
 

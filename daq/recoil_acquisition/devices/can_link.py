@@ -1,4 +1,4 @@
-"""What python-can and the system say of a bus: its messages' flags, its queue, its losses, its neighbours."""
+"""A bus as python-can and the system describe it: its messages' flags, its queue, its losses, its neighbours."""
 
 from __future__ import annotations
 

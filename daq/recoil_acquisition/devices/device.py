@@ -1,4 +1,4 @@
-"""What every live source keeps to.
+"""Interface of every live source.
 
 A `Device` is opened, read block by block and closed. A block is what one read returned, with the
 host's monotonic time at its return; nothing in it is decoded. What happens to the device itself
@@ -36,7 +36,7 @@ _BELIEVED_AFTER_NS = 250_000_000
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """What one read of a device returned.
+    """Result of one read of a device.
 
     Attributes
     ----------
@@ -150,7 +150,7 @@ def joined(blocks: Sequence[Block]) -> list[Block]:
 
 @dataclass(frozen=True)
 class Counters:
-    """What a device met since it was made.
+    """Counts of what a device met since it was made.
 
     Attributes
     ----------
@@ -183,7 +183,7 @@ class Counters:
 
 
 class EmptyLook:
-    """When a source was last found empty, as far as that can be believed.
+    """Last time that a source was found empty, as far as that can be believed.
 
     A driver hands on what it holds in pieces: right behind the first piece nothing seems to wait. So what is seen soon
     after nobody looked for a while is not believed.

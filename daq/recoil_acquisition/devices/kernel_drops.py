@@ -1,4 +1,4 @@
-"""What the kernel says it lost before a program could read it, where the platform says it at all.
+"""Losses that the kernel reports, before a program could read it, where the platform says it at all.
 
 Sources: the statistics of a network device, ``/sys/class/net/<name>/statistics`` (Linux,
 Documentation/ABI/testing/sysfs-class-net-statistics); the last column of ``/proc/net/udp``; the ioctl TIOCGICOUNT
@@ -55,7 +55,7 @@ def dropped_by_udp_socket(descriptor: int, tables: tuple[Path, ...] = _UDP_TABLE
 
 
 class GrowingCount:
-    """By how much a count of the system grew while a device was open, over all its openings; any thread may ask."""
+    """Growth of a count of the system while a device was open, over all its openings; any thread may ask."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()

@@ -1,4 +1,4 @@
-"""Why a device cannot be opened, in one line, and what to do about it."""
+"""Reason why a device cannot be opened, in one line, with what to do about it."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ IDLE_EVERY_NS = 1_000_000_000
 
 @dataclass(frozen=True)
 class ReaderHealth:
-    """How a reader is doing.
+    """State of a reader.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What is said to a serial device: to make it talk, to ask it again and again, to make it stop."""
+"""Commands to a serial device: to make it talk, to ask it again and again, to make it stop."""
 
 from __future__ import annotations
 

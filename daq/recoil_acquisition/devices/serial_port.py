@@ -1,4 +1,4 @@
-"""Which serial port is meant, how it is set, and how it is found again when it comes back under another name."""
+"""A serial port: which one is meant, how it is set, and how it is found again when it comes back under another name."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _USB = re.compile(r"usb:([0-9a-f]{4}):([0-9a-f]{4})(?::(.+))?", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class PortIdentity:
-    """What stays the same of a port when it is unplugged and plugged in again.
+    """Properties of a port that stay the same when it is unplugged and plugged in again.
 
     Attributes
     ----------

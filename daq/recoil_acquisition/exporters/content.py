@@ -1,4 +1,4 @@
-"""What is exported of a shot: its channels by time base, and what is said about them.
+"""Content of an export: a shot's channels by time base, and what is said about them.
 
 Every source keeps its own clock unless the export is asked to be aligned; then instants are mapped to the
 reference clock by the shot's alignment, and nothing else: samples are never resampled.
@@ -45,7 +45,7 @@ class TimeBaseGroup:
 
 @dataclass(frozen=True, eq=False)
 class Content:
-    """What one or several files of an export hold.
+    """Content of one or several files of an export.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What every exporter keeps to.
+"""Interface of every exporter.
 
 An exporter says what of a shot its format can carry, writes it, and reads back what it wrote. The comparison of
 the two, and the names of the files, are the business of `recoil_acquisition.exporters.publication` alone.

@@ -1,4 +1,4 @@
-"""Whether bytes that look like a frame are a good one: one at a time, and as rows of equal length."""
+"""Acceptance of bytes that look like a frame: one at a time, and as rows of equal length."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FEWEST_ROWS = 12
 
 
 class Acceptance:
-    """What a framing demands of a frame besides its place in the stream.
+    """Demands of a framing on a frame, besides its place in the stream.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What is in a frame: fields, the elements that hold some of them, and how kinds of frames differ."""
+"""Contents of a frame: fields, the elements that hold some of them, and how kinds of frames differ."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class Field:
 
 @dataclass(frozen=True)
 class Selector:
-    """Which frames a frame type is: those that hold given bytes, or a given cell, at a place."""
+    """Frames that belong to a frame type: those that hold given bytes, or a given cell, at a place."""
 
     at: int
     equals: bytes
@@ -92,7 +92,7 @@ class Selector:
 
 @dataclass(frozen=True)
 class Elements:
-    """How the elements of a frame follow each other, each with an identifier and a length.
+    """Sequence of the elements of a frame, each with an identifier and a length.
 
     Attributes
     ----------

@@ -32,7 +32,7 @@ class Frame(NamedTuple):
 
 @dataclass
 class FrameCounters:
-    """What a decoder met.
+    """Counts of what a decoder met.
 
     Attributes
     ----------

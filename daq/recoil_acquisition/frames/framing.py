@@ -1,4 +1,4 @@
-"""What a declared framing is: how frames are cut out of a byte stream, and what is in them."""
+"""A declared framing: how frames are cut out of a byte stream, and what is in them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BITS_PER_BYTE = 10
 
 @dataclass(frozen=True)
 class Length:
-    """How long a frame is, all bytes counted: fixed, a field of it plus a constant, or looked up by a field's value.
+    """Length of a frame, all bytes counted: fixed, a field of it plus a constant, or looked up by a field's value.
 
     Attributes
     ----------
@@ -154,7 +154,7 @@ class Poll:
 
 @dataclass(frozen=True)
 class Framing:
-    """How to find frames in a byte stream, and what they hold.
+    """Rules to find frames in a byte stream, and the fields that they hold.
 
     Attributes
     ----------

@@ -20,7 +20,7 @@ WALL_CLOCK_NS = 10**18
 
 @dataclass(frozen=True, eq=False)
 class PortStream(ReadOnlyArrays):
-    """What a port delivered.
+    """Bytes that a port delivered.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""How the next frame is found in a stream's bytes, for each kind of framing."""
+"""Search for the next frame in a stream's bytes, for each kind of framing."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ class SyncSearch(Search):
 
 
 class _Delimited(Search):
-    """What ends with a delimiter: everything before it that is too long is given up while it comes.
+    """Frames that end with a delimiter: everything before it that is too long is given up while it comes.
 
     Attributes
     ----------

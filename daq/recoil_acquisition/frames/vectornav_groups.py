@@ -1,4 +1,4 @@
-"""What the header of a VectorNav binary message says about its fields.
+"""Fields of a VectorNav binary message, by its header.
 
 Source: VectorNav, VN-100 User Manual (UM001), binary output groups; the sizes are those of VectorNav's
 programming library. A bit of the group byte announces a 16-bit word, little endian; a bit of the word announces

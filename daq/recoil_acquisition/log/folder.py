@@ -52,7 +52,7 @@ class LogSegment:
 
 @dataclass(frozen=True)
 class LogSurvey:
-    """What a log holds and lacks.
+    """Contents and losses of a log.
 
     Attributes
     ----------

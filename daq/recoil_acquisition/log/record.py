@@ -82,7 +82,7 @@ UNNUMBERED = (1 << 64) - 1
 
 
 class Kind(IntEnum):
-    """What a payload is."""
+    """Kind of a payload."""
 
     CAN = 1
     SERIAL = 2

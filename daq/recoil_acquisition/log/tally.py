@@ -1,4 +1,4 @@
-"""What is missing of a log, from the numbers of what is there."""
+"""Losses of a log, from the numbers of the records that are there."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Loss:
 
 @dataclass
 class _Counted:
-    """How far a source has come."""
+    """Progress of a source."""
 
     number: int = 0
     position: int = 0

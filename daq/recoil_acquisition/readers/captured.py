@@ -1,4 +1,4 @@
-"""What a capture of live acquisition holds of each source: see `recoil_acquisition.log.capture`."""
+"""Sources of a capture of live acquisition: see `recoil_acquisition.log.capture`."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class CapturedEvent:
 
 @dataclass(frozen=True, eq=False)
 class CapturedSource:
-    """What a capture holds of one source.
+    """Records of one source in a capture.
 
     Attributes
     ----------

@@ -12,7 +12,7 @@ from recoil_acquisition.frames.values import gaps, unwrap
 
 @dataclass(frozen=True)
 class CounterGaps:
-    """What a counter shows of the frames that hold it.
+    """Losses of the frames that hold a counter.
 
     Attributes
     ----------

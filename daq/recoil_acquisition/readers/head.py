@@ -21,7 +21,7 @@ GZIP = b"\x1f\x8b\x08"
 
 
 class Claim(IntEnum):
-    """How sure a reader is that a file is of its format; the surest claim takes the file.
+    """Sureness of a reader that a file is of its format; the surest claim takes the file.
 
     Attributes
     ----------

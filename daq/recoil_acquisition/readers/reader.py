@@ -1,4 +1,4 @@
-"""What every reader of an instrument's files keeps to.
+"""Interface of every reader of an instrument's files.
 
 A `Reader` says from the beginning of a file whether it is its own, and opens it as a `Recording`:
 headers first, samples when asked for. The rules are checked for every reader by one suite of
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SignalHeader:
-    """What a file says about one of its signals before its samples are read.
+    """Description of a signal in its file, before its samples are read.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class SignalHeader:
 
 @dataclass(frozen=True)
 class Declarations:
-    """What the rig declares about a source because its files do not carry it.
+    """Declarations of the rig about a source, because its files do not carry it.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What runs in the process that reads HDF5 files of others: a request a line in, an answer in pieces out."""
+"""The process that reads HDF5 files of others: a request a line in, an answer in pieces out."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is in a shot file, read from its headers and small tables alone."""
+"""Summary of a shot file, read from its headers and small tables alone."""
 
 from __future__ import annotations
 

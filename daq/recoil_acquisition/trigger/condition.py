@@ -1,4 +1,4 @@
-"""What a trigger looks for in one channel: an edge, a window, the slope of the signal, the width of a pulse.
+"""Conditions of a trigger on one channel: an edge, a window, the slope of the signal, the width of a pulse.
 
 Every condition comes down to one question: does a quantity made of the samples reach a level, after it has been
 below a rearm level? The quantity is the sample itself, its depth inside a window, or its rate of change; the sign is
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Threshold:
-    """What the conditions with a level have in common.
+    """A condition with a level.
 
     Attributes
     ----------

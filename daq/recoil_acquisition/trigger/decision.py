@@ -1,4 +1,4 @@
-"""What a trigger decided, and why something was none."""
+"""Decisions of a trigger, with the reason where something was none."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ __all__ = ["Trigger", "TriggerDetector", "find_triggers"]
 
 @dataclass(frozen=True)
 class Trigger:
-    """When a shot begins, and how much is kept around it.
+    """Condition at which a shot begins, and how much is kept around it.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Which span of time a shot is, and when every source has delivered it."""
+"""Span of time of a shot, and when every source has delivered it."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 
 
 class Transition(enum.Enum):
-    """What happened to a condition at a sample."""
+    """Change of a condition at a sample."""
 
     OVER = "it is no longer met"
     MET = "it is met from here on"

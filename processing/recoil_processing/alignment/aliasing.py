@@ -1,4 +1,4 @@
-"""What ringing above half a slow source's sampling rate does to its samples, by a fast record of the same motion.
+"""Effect of ringing above half a slow source's sampling rate on its samples, by a fast record of the same motion.
 
 Sampling folds a frequency f to its distance from the nearest multiple of the rate (C. E. Shannon, Proc. IRE 37(1),
 1949). The two sensors do not feel the same mixture of ringing, so that no correction is made: what the fast record

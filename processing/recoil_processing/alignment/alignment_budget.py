@@ -1,4 +1,4 @@
-"""What a clock's alignment cannot know by itself: delays that are uncertain, and what another method says."""
+"""Uncertainties that a clock's alignment cannot see: delays that are uncertain, and what another method says."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""By how much one channel of a recorder is later than another that obeys one linear relation with it.
+"""Skew of one channel of a recorder against another that obeys one linear relation with it.
 
 Converters that take turns, filters of different kinds and sensors of different makes skew the channels of one recorder
 against one another; a skew of 0.2 ms takes 0.2 % off an identified mass, one of 1 ms takes 5 %. Two
@@ -32,7 +32,7 @@ LEAST_NORMALISED_SKEW = 2.0
 
 @dataclass(frozen=True)
 class Skew:
-    """By how much the second of two channels is later than the first.
+    """Delay of the second of two channels after the first.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Where two records of one motion fit each other, roughly."""
+"""Rough offset at which two records of one motion fit each other."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What can be wrong with a camera track from one frame on, and the times that its frames were taken at."""
+"""Faults of a camera track from one frame on, and the times that its frames were taken at."""
 
 from __future__ import annotations
 

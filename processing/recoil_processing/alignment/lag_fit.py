@@ -1,4 +1,4 @@
-"""How much one low-passed signal lags behind another, with an uncertainty that holds for the few rows of a shot.
+"""Lag of one low-passed signal behind another, with an uncertainty that holds for the few rows of a shot.
 
 ``y_i = g r(t_i + shift + drift (t_i - origin)) + c`` is solved by Gauss-Newton. The uncertainty is the largest of
 

@@ -1,4 +1,4 @@
-"""What aligning a camera with an accelerometer by their motion gives."""
+"""Result of aligning a camera with an accelerometer by their motion."""
 
 from __future__ import annotations
 

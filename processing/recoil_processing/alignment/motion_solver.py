@@ -25,7 +25,7 @@ MOST_STEPS = 20
 
 @dataclass(frozen=True, eq=False)
 class MotionSolver:
-    """What is known before the offset is looked for.
+    """Terms that are known before the offset is looked for.
 
     Attributes
     ----------

@@ -40,7 +40,7 @@ MOST_LAGS = 1000
 
 @dataclass(frozen=True, eq=False)
 class Pairing(ReadOnlyArrays):
-    """Which instants of two clocks are the same events.
+    """Pairs of instants of two clocks that are the same events.
 
     Attributes
     ----------

@@ -36,7 +36,7 @@ FINE_WANDER = 1e-2
 
 @dataclass(frozen=True, eq=False)
 class EvenStamps(ReadOnlyArrays):
-    """When a source that samples evenly took its samples.
+    """Instants at which a source that samples evenly took its samples.
 
     Attributes
     ----------

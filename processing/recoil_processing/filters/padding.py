@@ -1,4 +1,4 @@
-"""How a record is continued beyond its ends, so that a filter has something to start from."""
+"""Continuation of a record beyond its ends, so that a filter has something to start from."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every linear zero-phase filter here can do, and what it says of itself.
+"""Interface of every linear zero-phase filter, and its description of itself.
 
 A filter without phase delays nothing, so that channels stay aligned. A linear one commutes with
 ``F = m a``, so that whatever it does to the motion it does to the force too, provided that it is the same
@@ -28,7 +28,7 @@ HALF_AMPLITUDE = 0.5
 
 @dataclass(frozen=True)
 class FilterDescription:
-    """What a report must say of a filter, so that another program can repeat it.
+    """Description of a filter for a report, so that another program can repeat it.
 
     Attributes
     ----------

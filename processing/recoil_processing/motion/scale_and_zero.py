@@ -36,7 +36,7 @@ _ZERO = 4
 
 @dataclass(frozen=True, eq=False)
 class ScaleAndZero(ReadOnlyArrays):
-    """What the camera says.
+    """Scale and zero of an accelerometer by the camera.
 
     Attributes
     ----------

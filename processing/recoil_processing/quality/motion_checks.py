@@ -28,7 +28,7 @@ EXPLAINED = 1 / 3
 
 @dataclass(frozen=True)
 class VelocityError:
-    """How far an accelerometer's velocity is off a camera's.
+    """Difference of an accelerometer's velocity from a camera's.
 
     Attributes
     ----------

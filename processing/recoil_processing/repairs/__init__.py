@@ -1,1 +1,1 @@
-"""What instruments do to samples, found and mended."""
+"""Damage that instruments do to samples, found and mended."""

@@ -1,4 +1,4 @@
-"""How wrong a bridge across an accelerometer's lost samples may be."""
+"""Error of a bridge across an accelerometer's lost samples."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether a clipped run is the tip of a wave that shows how it goes on."""
+"""Clipped runs that are tips of a wave, which shows how it goes on."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ STEP_SHARE = 0.01
 
 @dataclass(frozen=True, eq=False)
 class DropOuts(ReadOnlyArrays):
-    """What is no measurement.
+    """Samples that are no measurement.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What was done to a channel's samples: which ones, how many, why, and in what order.
+"""Repairs of a channel's samples: which ones, how many, why, and in what order.
 
 A repaired sample is not a measured one. Every step says which samples it touched; `Repaired.then` refuses a
 step that touched others, or that comes too late. No peak may be claimed from what `Repaired.unmeasured` flags.

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class RecordedMotion:
-    """What a camera adds to the accelerometers.
+    """Motion by a camera, beside the accelerometers.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What is mended of a channel before the equation of motion uses it, and what the mending leaves uncertain.
+"""Repair of a channel before the equation of motion uses it, and what that leaves uncertain.
 
 What an instrument did to its own samples is mended on them: drop-outs are masked, clipped tips are rebuilt
 where the rule of `repairs.clipping` allows it, and masked where it does not. What it added to all of them is

@@ -1,4 +1,4 @@
-"""When the physics was that a channel's samples show: its stamps, laid on the source's beat, less the chain's delay.
+"""Instants of the physics that a channel's samples show: its stamps, laid on the source's beat, less the chain's delay.
 
 Whatever compares channels of two clocks takes their instants from here, so that a clock's alignment and the signals
 that are mapped by it mean the same.
@@ -31,7 +31,7 @@ STAMPED_KINDS = ("can", "serial")
 
 @dataclass(frozen=True, eq=False)
 class Instants(ReadOnlyArrays):
-    """When a channel's samples were, on its source's clock.
+    """Instants of a channel's samples, on its source's clock.
 
     Attributes
     ----------

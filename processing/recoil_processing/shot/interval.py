@@ -1,4 +1,4 @@
-"""When the recoiling part is held, when it moves, and when its travel ends."""
+"""Intervals in which the recoiling part is held, moves, and comes to its end of travel."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def _first_of_run(flags: NDArray[np.bool_]) -> int | None:
 
 
 class StopReleaseImpulse(NamedTuple):
-    """What battery stop and packing may give the part while they let it go, and no gauge reads.
+    """Impulse that battery stop and packing may give the part while they let it go, and no gauge reads.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""When the shot begins: the first instant of force."""
+"""Onset of the shot: the first instant of force."""
 
 from __future__ import annotations
 

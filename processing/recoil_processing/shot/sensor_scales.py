@@ -1,4 +1,4 @@
-"""What the rig says of the scales that the mass hangs on."""
+"""Scales that the mass hangs on, as the rig states them."""
 
 from __future__ import annotations
 

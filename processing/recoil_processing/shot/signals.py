@@ -1,4 +1,4 @@
-"""What the equation of motion needs, on one grid of instants of the reference clock.
+"""Signals that the equation of motion needs, on one grid of instants of the reference clock.
 
 Here, and only here, channels of different clocks come together: each is evaluated at the grid's
 instants through its clock's alignment. Before that the sensors' offsets are taken off, from what is
@@ -40,7 +40,7 @@ LONGEST_STEP = 2.5
 
 @dataclass(frozen=True)
 class Offset:
-    """What was taken off one channel.
+    """Offset that was taken off one channel.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Where the spectrum of rigid-body motion ends and that of the ringing begins."""
+"""Gap between the spectrum of rigid-body motion and that of the ringing."""
 
 from __future__ import annotations
 

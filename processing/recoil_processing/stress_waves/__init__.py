@@ -1,1 +1,1 @@
-"""What rings in the mechanism after a blow, and how much of it is in a record."""
+"""Ringing of the mechanism after a blow, and how much of it is in a record."""

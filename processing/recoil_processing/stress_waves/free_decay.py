@@ -1,4 +1,4 @@
-"""Where a structure rings freely: between the knocks."""
+"""Stretches in which a structure rings freely: between the knocks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What rings: frequencies and damping of the modes in what a low-pass filter has taken off.
+"""Modes that ring: frequencies and damping of the modes in what a low-pass filter has taken off.
 
 After each knock a structure rings freely, as a sum of decaying sinusoids. Their poles are those of the
 signal subspace that all windows after the knocks share (R. Roy and T. Kailath, "ESPRIT", IEEE Trans.

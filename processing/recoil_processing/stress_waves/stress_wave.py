@@ -1,4 +1,4 @@
-"""What rings on a record, and the record without it: the stage put together."""
+"""Ringing on a record, and the record without it: the stage put together."""
 
 from __future__ import annotations
 

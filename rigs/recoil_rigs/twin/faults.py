@@ -1,4 +1,4 @@
-"""What goes wrong between a virtual sensor and the host: declared before, and reported afterwards as truth."""
+"""Faults between a virtual sensor and the host: declared before, and reported afterwards as truth."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ class Faults:
 
 @dataclass
 class Played:
-    """What truly happened to one source, counted while it is played.
+    """Events that truly happened to one source, counted while it is played.
 
     Attributes
     ----------

@@ -166,7 +166,7 @@ def sample(signal: Array, times_s: Array, at_s: Array, sensor: Sensor | None = N
 
 @dataclass(frozen=True)
 class Errors:
-    """What one sensor does to the physical value, in the unit of its record.
+    """Errors of one sensor on the physical value, in the unit of its record.
 
     Attributes
     ----------

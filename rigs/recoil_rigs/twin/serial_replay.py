@@ -25,7 +25,7 @@ _SIZES = {"u8": 1, "u16": 2, "u24": 3, "u32": 4}
 
 @dataclass(frozen=True, slots=True)
 class SerialItem:
-    """What the sensor says at once.
+    """Bytes that the sensor sends at once.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class _Place:
 
 @dataclass(frozen=True)
 class SensorFrame:
-    """How the virtual sensor lays out its frames: the part of the rig's framing that it speaks.
+    """Layout of the virtual sensor's frames: the part of the rig's framing that it speaks.
 
     Attributes
     ----------

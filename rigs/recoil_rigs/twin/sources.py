@@ -44,7 +44,7 @@ class Clock:
 
 @dataclass(frozen=True)
 class SourceFile:
-    """What one source recorded.
+    """Recording of one source.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""When the shots of a play happen, and what the devices' clocks say meanwhile."""
+"""Times of the shots of a play, and of the devices' clocks meanwhile."""
 
 from __future__ import annotations
 

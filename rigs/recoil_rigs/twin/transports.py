@@ -1,4 +1,4 @@
-"""How a play reaches the host: python-can's virtual bus and multicast bus, and pseudo-terminals.
+"""Transports of a play to the host: python-can's virtual bus and multicast bus, and pseudo-terminals.
 
 A transport gives the rig's ``device`` table under which the host opens it. Over a pseudo-terminal
 python-can's own ``slcan`` driver reads a bus from a device that speaks the LAWICEL commands (CAN232 manual,

@@ -47,7 +47,7 @@ class MessageCounter:
 
 @dataclass(frozen=True)
 class MessageCount:
-    """What a counter shows of a log.
+    """Losses of a log by a counter.
 
     Attributes
     ----------

@@ -101,7 +101,7 @@ def gather(data: NDArray[np.uint8], pieces: tuple[BitRun, ...]) -> UInt64Array:
 
 @dataclass(frozen=True, eq=False)
 class SignalLayout:
-    """Where a signal's bits are and what they mean.
+    """Place and meaning of a signal's bits.
 
     Attributes
     ----------

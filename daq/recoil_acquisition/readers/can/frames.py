@@ -53,7 +53,7 @@ class CanFrames(ReadOnlyArrays):
 
 @dataclass(frozen=True, eq=False)
 class CanLog:
-    """What one log holds.
+    """Contents of one log.
 
     Attributes
     ----------

@@ -33,7 +33,7 @@ for _digits in (b"0123456789abcdef", b"0123456789ABCDEF"):
 
 @dataclass(frozen=True)
 class LineShape:
-    """Where the digits of a frame stand in its line.
+    """Places of the digits of a frame in its line.
 
     Attributes
     ----------

@@ -41,7 +41,7 @@ _ENTRY = re.compile(r"\s*\d+\)\s+\d+(\.\d+)?\s+[0-9A-Fa-f]{4,8}\s+\d", re.ASCII)
 
 @dataclass(frozen=True)
 class TraceHeader:
-    """What the header of a trace says.
+    """Header of a trace.
 
     Attributes
     ----------

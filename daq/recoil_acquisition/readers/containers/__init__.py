@@ -1,1 +1,1 @@
-"""What files that hold channels with their samples share: the recording and stored time."""
+"""Parts that files of channels with their samples share: the recording and stored time."""

@@ -23,7 +23,7 @@ DATENUM_OF_YEAR_1 = 367.0
 
 @dataclass(frozen=True, eq=False)
 class StoredTime:
-    """What a time vector says.
+    """Time by a stored time vector.
 
     Attributes
     ----------

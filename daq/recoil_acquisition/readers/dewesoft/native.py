@@ -134,7 +134,7 @@ def _run(path: Path, folder: Path, size: int) -> dict[str, Any]:
 
 
 class _Found:
-    """What a child wrote of a recording, in a folder that goes when nobody holds this any more.
+    """A recording as a child wrote it, in a folder that goes when nobody holds this any more.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What an export of this project says about the time base and the channels in one of its files.
+"""Header of an export of this project: the time base and the channels of one of its files.
 
 The same JSON stands in the comment lines of the CSV and in the key-value metadata of the Parquet file.
 """
@@ -24,7 +24,7 @@ _REMEDY = "export the shot again"
 
 @dataclass(frozen=True, eq=False)
 class ExportedHeader:
-    """What the file says before its samples.
+    """Header of the file, before its samples.
 
     Attributes
     ----------

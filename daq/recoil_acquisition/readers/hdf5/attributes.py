@@ -1,4 +1,4 @@
-"""What attributes of an HDF5 file say of a channel, in the spellings in use.
+"""Attributes of an HDF5 file's channels, in the spellings in use.
 
 No standard fixes them. Names are compared without case and without signs, so that ``Sample rate``,
 ``sample_rate`` and ``SampleRate`` are one; which attribute was used is noted.

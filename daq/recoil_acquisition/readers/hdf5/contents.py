@@ -47,7 +47,7 @@ class Dataset:
 
 @dataclass(frozen=True, eq=False)
 class Contents:
-    """What a file holds.
+    """Contents of a file.
 
     Attributes
     ----------

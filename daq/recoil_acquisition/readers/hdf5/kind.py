@@ -1,4 +1,4 @@
-"""Whether an HDF5 file holds the tracks of a camera or measured channels, as far as its names show."""
+"""Kind of an HDF5 file, tracks of a camera or measured channels, as far as its names show."""
 
 from __future__ import annotations
 

@@ -81,7 +81,7 @@ class Hdf5Vector:
 
 
 class Room:
-    """What all datasets of a file together may take: stored, the bytes of the file; unpacked, so many times them.
+    """Room that all datasets of a file together may take: stored, the bytes of the file; unpacked, so many times them.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Which variable of a MATLAB file is the time of which, by name and length.
+"""Assignment of a MATLAB file's time vectors to its variables, by name and length.
 
 Dewesoft names channels ``Data1_AI_1`` and times ``Data1_time_AI_1`` or ``Data1_time``: channels of
 another rate have a time of their own. Other exports put ``_TIME`` behind the channel's name, and

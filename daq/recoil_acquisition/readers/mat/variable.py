@@ -32,7 +32,7 @@ class MatVariable:
 
 @dataclass(frozen=True, eq=False)
 class MatContents:
-    """What a file holds.
+    """Contents of a file.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Which channels of an MDF 4 file are measured numbers, and which are not and why."""
+"""Channels of an MDF 4 file that are measured numbers, and why the others are not."""
 
 from __future__ import annotations
 

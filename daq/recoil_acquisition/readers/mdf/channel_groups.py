@@ -52,7 +52,7 @@ class MdfUnsupportedError(ValueError):
 
 @dataclass(frozen=True)
 class MdfChannel:
-    """What a CN block says of a channel.
+    """A channel by its CN block.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ class DataGroup:
 
 @dataclass(frozen=True)
 class ChannelGroup:
-    """What a CG block says of records of one kind.
+    """Records of one kind by their CG block.
 
     Attributes
     ----------

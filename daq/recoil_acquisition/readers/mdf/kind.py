@@ -1,4 +1,4 @@
-"""What kind of recording an MDF 4 file is: measured channels, a bus log, or both.
+"""Kind of recording in an MDF 4 file: measured channels, a bus log, or both.
 
 From the head of a file alone its groups are walked as far as the head reaches.
 """
@@ -19,7 +19,7 @@ _FLAGS_AT = 60
 
 @dataclass(frozen=True)
 class Unfinished:
-    """What a recorder did not write before it was stopped, by the flags in the identification of its file."""
+    """Parts that a recorder did not write before it was stopped, by the flags in the identification of its file."""
 
     flags: int
 

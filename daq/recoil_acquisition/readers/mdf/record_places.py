@@ -1,4 +1,4 @@
-"""Where records begin that are stored together, each with the number of its channel group before it.
+"""Places of records that are stored together, each with the number of its channel group before it.
 
 Where a record ends is known only once it was looked at, one after another. Loggers write the same messages over and
 over, though: where the last records repeat, the next ones are taken to, many at a time, as far as they do.

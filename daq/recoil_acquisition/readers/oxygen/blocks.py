@@ -62,7 +62,7 @@ _COLUMNS = 4
 
 @dataclass(frozen=True)
 class TextBlock:
-    """Where a payload of text is: its segment, its first byte and its length."""
+    """Place of a payload of text: its segment, its first byte and its length."""
 
     segment: int
     offset: int
@@ -92,7 +92,7 @@ class SampleBlocks:
 
 @dataclass(frozen=True, eq=False)
 class BlockIndex:
-    """Where everything is in one file.
+    """Index of one file's blocks.
 
     Attributes
     ----------
@@ -124,7 +124,7 @@ class BlockIndex:
 
 @dataclass
 class _Found:
-    """What was met on the way through a file."""
+    """Blocks that were met on the way through a file."""
 
     configs: list[TextBlock] = field(default_factory=list)
     texts: list[TextBlock] = field(default_factory=list)

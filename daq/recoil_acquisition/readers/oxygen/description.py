@@ -1,4 +1,4 @@
-"""What the texts of a file of DEWETRON OXYGEN say: its segments, its setup, its events and its start."""
+"""Texts of a file of DEWETRON OXYGEN: its segments, its setup, its events and its start."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _WHOLE_TEXTS = ("oxy_config", "oxy_event")
 
 @dataclass(frozen=True, eq=False)
 class Description:
-    """What a file says about itself.
+    """Description of a file by its texts.
 
     Attributes
     ----------

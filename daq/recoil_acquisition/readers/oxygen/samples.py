@@ -66,7 +66,7 @@ class Pieces:
 
 @dataclass(frozen=True, eq=False)
 class SampleLayout:
-    """How the samples of one channel are in the blocks of its segment.
+    """Layout of the samples of one channel in the blocks of its segment.
 
     Attributes
     ----------
@@ -205,7 +205,7 @@ def count_missing(pieces: Pieces, ticks: list[tuple[int, int]]) -> int:
 
 @dataclass(frozen=True, eq=False)
 class StampedPieces:
-    """What an asynchronous channel consists of.
+    """Pieces of an asynchronous channel.
 
     Attributes
     ----------

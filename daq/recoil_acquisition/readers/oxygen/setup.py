@@ -1,4 +1,4 @@
-"""What a .dmd file of DEWETRON OXYGEN says about its channels, in XML.
+"""Channels of a .dmd file of DEWETRON OXYGEN, as its XML describes them.
 
 - ``dmd_cfg``: per segment of the file its number, name, time base in Hz, and compression (``lz4`` or nothing);
 - ``MeasurementConfig``: per channel the type of its samples, its name, unit, scaling, and where its samples are in
@@ -62,7 +62,7 @@ class ChannelSetup:
 
 @dataclass(frozen=True)
 class Setup:
-    """What a ``MeasurementConfig`` says: its stored channels, those that were not stored, its start."""
+    """Content of a ``MeasurementConfig``: its stored channels, those that were not stored, its start."""
 
     channels: tuple[ChannelSetup, ...]
     not_stored: tuple[str, ...]

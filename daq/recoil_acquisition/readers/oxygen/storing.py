@@ -1,4 +1,4 @@
-"""When a .dmd file of DEWETRON OXYGEN was stored: its events, in XML.
+"""Storing of a .dmd file of DEWETRON OXYGEN: its events, in XML.
 
 ``Events`` hold ``storing_start`` and ``storing_stop`` per group, in ticks of a stated frequency. Group ``FAST`` is
 that of the samples; ``SLOW`` that of the statistics.

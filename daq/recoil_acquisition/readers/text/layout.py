@@ -39,7 +39,7 @@ Row = Annotated[int, Field(ge=1, le=MOST_ROWS)]
 
 
 class TextLayout(DeclaredTable):
-    """How a text table is laid out."""
+    """Layout of a text table."""
 
     separator: Literal["\t", ";", ",", "|"] = Field(description='one of "\\t", ";", "," and "|"')
     first_row: Row = Field(description=f"the line of the first row of numbers, from 1 to {MOST_ROWS}")

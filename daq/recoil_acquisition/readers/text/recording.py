@@ -63,7 +63,7 @@ def text_recording(
 
 
 class _Table:
-    """What a table says once its numbers are read: their instants, and what is lost."""
+    """A table once its numbers are read: their instants, and what is lost."""
 
     def __init__(
         self, block: TextBlock, clock: str, time: TimeSource, text_columns: Sequence[int], column_of: Mapping[str, int]

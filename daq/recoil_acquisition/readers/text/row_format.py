@@ -1,4 +1,4 @@
-"""How the rows of a text table are written: all that reading a row needs to know beside its bytes."""
+"""Format of the rows of a text table: all that reading a row needs to know beside its bytes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from recoil_acquisition.errors import CorruptFileError
 
 @dataclass(frozen=True)
 class RowFormat:
-    """How rows are written.
+    """Format of rows.
 
     Attributes
     ----------

@@ -118,7 +118,7 @@ class RowStream:
 
 
 class _Source:
-    """What the parser reads from: the bytes of one piece, then of the next.
+    """Source that the parser reads from: the bytes of one piece, then of the next.
 
     pandas takes what has only `read` as decoded already, so its bytes reach the parser as they are,
     as UTF-8. A stream of bytes would be decoded and encoded again.

@@ -49,7 +49,7 @@ class RowRange:
 
 @dataclass(frozen=True)
 class TextBlock:
-    """Where the numbers of a text file are, and how they are written.
+    """Place and format of the numbers of a text file.
 
     Attributes
     ----------

@@ -30,7 +30,7 @@ DAY_S = 86400.0
 
 @dataclass(frozen=True)
 class TimeSource:
-    """Where the time of a table's rows comes from.
+    """Source of the time of a table's rows.
 
     Attributes
     ----------

@@ -1,1 +1,1 @@
-"""What several families of readers share about time: wall clocks, printed decimals, stamps that repeat."""
+"""Time as several families of readers share it: wall clocks, printed decimals, stamps that repeat."""

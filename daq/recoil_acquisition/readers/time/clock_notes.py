@@ -1,4 +1,4 @@
-"""What a user must know of a device's clock that was compared with the host's."""
+"""Notes on a device's clock that was compared with the host's."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the columns of a tracking export are: frame, time, coordinates of features, or derived.
+"""Meaning of the columns of a tracking export: frame, time, coordinates of features, or derived.
 
 The wording of headings is not standardised, so they are classified by their words: ``Frame``,
 ``Frame No``, ``Time (s)``, ``Feature #1 - X (mm)``, ``HIP_X``, ``x``. Without headings the numbers

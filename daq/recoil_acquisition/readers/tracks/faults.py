@@ -1,4 +1,4 @@
-"""What the positions of a camera's tracks show of the tracking: repeats, stuck features, held ends, jumps.
+"""Faults of tracking in the positions of a camera's tracks: repeats, stuck features, held ends, jumps.
 
 These are facts of the file, noted with frame and count where it is read; whether a shot is usable in spite of
 them is judged by the quality checks, in SI and beside the other instruments. Published tracks have all of them:
@@ -40,7 +40,7 @@ PART_ROWS = 1 << 14
 
 @dataclass(frozen=True)
 class TrackFaults:
-    """What is wrong with the positions of a camera's tracks.
+    """Faults in the positions of a camera's tracks.
 
     Attributes
     ----------

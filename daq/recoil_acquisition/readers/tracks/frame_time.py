@@ -26,7 +26,7 @@ NO_NUMBERS = (
 
 @dataclass(frozen=True, eq=False)
 class FrameClock:
-    """When the frames of a tracking export were: ``start_s + numbers / rate_hz``.
+    """Instants of the frames of a tracking export: ``start_s + numbers / rate_hz``.
 
     Attributes
     ----------

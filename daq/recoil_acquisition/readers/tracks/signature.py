@@ -1,4 +1,4 @@
-r"""What gives away the format of a text of tracks: its first lines, never its name.
+r"""Signatures of the formats of a text of tracks: its first lines, never its name.
 
 DeepLabCut writes ``scorer`` into the first cell; DLTdv and Argus name every column after point and camera
 (``pt1_cam1_X``, ``Track 1_cam_1_x``); SLEAP has a column ``frame_idx`` beside ``<node>.x``; Tracker writes one row

@@ -79,7 +79,7 @@ class UffDataset:
 
 @dataclass(frozen=True)
 class Remark:
-    """What is not read, and whether that shows that the file was cut off."""
+    """A note on what is not read, and whether that shows that the file was cut off."""
 
     text: str
     is_cut: bool = False

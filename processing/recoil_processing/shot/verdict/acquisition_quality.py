@@ -1,4 +1,4 @@
-"""What was lost on the way from the devices to the shot, and how the devices' clocks went.
+"""Checks of losses on the way from the devices to the shot, and of the devices' clocks.
 
 A packet or message counter shows exactly which frames are missing, so where a recording has one, its verdict
 is the one that counts, and what the host met (drops, damaged entries) is a warning that says where to look.

@@ -1,4 +1,4 @@
-"""Whether the carriage's accelerometers agree with the camera, which sees the recoil relative to the carriage.
+"""Agreement of the carriage's accelerometers with the camera, which sees the recoil relative to the carriage.
 
 The recoiling part's accelerometer feels the motion over the ground; the travel along the tipping part is that
 less the carriage's. So a share of the travel comes from each of the carriage's accelerometers, and a sensor that

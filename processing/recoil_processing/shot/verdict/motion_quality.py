@@ -56,7 +56,7 @@ MOST_LOST = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Recoil(ReadOnlyArrays):
-    """What several checks need of the motion, computed once.
+    """Motion as several checks need it, computed once.
 
     Attributes
     ----------
