@@ -76,8 +76,7 @@ class ArmedScreen:
 
     Parameters
     ----------
-    rig_name : str
-    console : Console, optional
+    console
         That of stdout if left out.
     """
 

@@ -32,10 +32,9 @@ def shared_options(
 
     Parameters
     ----------
-    paths : sequence of Path
-    options : Options
+    options
         As asked for.
-    progress : callable
+    progress
         Told each shot's name.
 
     Raises
@@ -64,7 +63,7 @@ def repeatability(documents: Sequence[Mapping[str, Any]]) -> dict[str, tuple[Ver
 
     Parameters
     ----------
-    documents : sequence of mapping
+    documents
         Reports, of one charge on each rig.
 
     Returns

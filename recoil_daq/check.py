@@ -26,8 +26,7 @@ class Checked:
 
     Attributes
     ----------
-    rig : Rig
-    files : tuple of dict
+    files
         What the recorded files have of it, in JSON types: file, source, reader, and the channels with unit, samples
         and rate.
     """
@@ -41,11 +40,11 @@ def check_rig(name_or_path: str | Path, files: Sequence[Path] = (), *, progress:
 
     Parameters
     ----------
-    name_or_path : str or Path
+    name_or_path
         A rig file, or the name of a bundled rig.
-    files : sequence of Path
+    files
         One shot's, one for each source, as `recoil_daq.ingest.ingest_files` takes them.
-    progress : callable
+    progress
         Told the name of each file.
 
     Raises

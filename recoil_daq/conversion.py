@@ -21,11 +21,7 @@ class Conversion:
 
     Parameters
     ----------
-    rig : Path
-    files : sequence of Path
-    shot : str
-    out : Path
-    replaces : str
+    replaces
         Why a shot file that is there is made anew; empty if none may be.
     """
 
@@ -52,7 +48,7 @@ class Conversion:
 
         Parameters
         ----------
-        timeout_s : float or None
+        timeout_s
             None to wait for its end.
         """
         try:

@@ -25,14 +25,7 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Demonstration:
-    """Files of the demonstration.
-
-    Attributes
-    ----------
-    simulated : TwinShot
-    ingested : Ingested
-    report : Reported
-    """
+    """Files of the demonstration."""
 
     simulated: TwinShot
     ingested: Ingested
@@ -46,12 +39,11 @@ def run_demo(
 
     Parameters
     ----------
-    out : Path
+    out
         Gets ``simulated``, ``shots`` and ``reports``.
-    seed : int
-    overwrite : bool
+    overwrite
         Replace the files of an earlier demonstration.
-    progress : callable
+    progress
         Told the name of each step.
 
     Raises
@@ -85,10 +77,9 @@ class LiveDemonstration:
 
     Attributes
     ----------
-    outcome : LiveOutcome
-    reports : tuple of Reported
+    reports
         One per shot that has a mass.
-    played : dict
+    played
         What the virtual devices truly sent; see `recoil_rigs.twin.player.TwinPlayer.truth`.
     """
 
@@ -108,11 +99,9 @@ def run_live_demo(out: Path, display: Display, *, seed: int = 1, overwrite: bool
 
     Parameters
     ----------
-    out : Path
+    out
         Gets ``live`` with shot files, captures and dropped files, and ``reports``.
-    display : Display
-    seed : int
-    overwrite : bool
+    overwrite
         Remove an earlier range day there.
 
     Raises

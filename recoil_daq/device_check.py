@@ -37,13 +37,11 @@ class ChannelHeard:
 
     Attributes
     ----------
-    source, channel, unit : str
+    source, channel, unit
         The unit is that of SI.
-    rate_hz : float
-    mean, noise : float or None
+    mean, noise
         Of the samples: mean and standard deviation; None if there are too few.
-    verdict : str
-    finding : str
+    finding
         What speaks against it, and what to do next.
     """
 
@@ -64,10 +62,9 @@ def check_devices(
 
     Parameters
     ----------
-    rig : Rig
+    rig
         If its devices are virtual, they are played here.
-    listen_s : float
-    progress : callable
+    progress
         Told the name of each source.
 
     Returns

@@ -32,12 +32,9 @@ class DroppedFiles:
 
     Parameters
     ----------
-    rig : Rig
-    options : LiveOptions
-    display : Display
-    elsewhere : set of str
+    elsewhere
         Sources that are not recorded live.
-    post_s : float
+    post_s
         Of the trigger.
 
     Raises
@@ -75,11 +72,11 @@ class DroppedFiles:
 
         Parameters
         ----------
-        shots : sequence of LiveShot
+        shots
             All of the session.
-        recording : bool
+        recording
             Whether a shot is being recorded: what has come may be of it, so nothing is given to another meanwhile.
-        at_once : bool
+        at_once
             Whether to look although the folder was looked at a moment ago.
         """
         if self._watch is None:

@@ -12,11 +12,10 @@ def engineering(value: float | None, unit: str, digits: int = 3) -> str:
 
     Parameters
     ----------
-    value : float or None
+    value
         None, and what is not finite, gives a dash.
-    unit : str
+    unit
         Of SI. One with a power in it takes no prefix, nor does none at all.
-    digits : int
     """
     if value is None or not math.isfinite(value):
         return "-"

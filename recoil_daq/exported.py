@@ -28,10 +28,7 @@ class Exported(Printed):
 
     Attributes
     ----------
-    shot, rig, format : str
-    aligned : bool
-    files : tuple of ExportedFile
-    notes : tuple of str
+    notes
         What a user must know about all of them.
     """
 
@@ -119,21 +116,20 @@ def export(
 
     Parameters
     ----------
-    path : path
+    path
         A shot file.
-    format_name : str
+    format_name
         Name of one of `recoil_acquisition.exporters.table.exporter_names`.
-    out : path
+    out
         Folder of the files.
-    channels : sequence of str
+    channels
         Channels to export; all if empty.
-    aligned : bool
+    aligned
         Map all instants to the reference clock.
-    frequency_class : int, optional
+    frequency_class
         Pass every channel through this channel frequency class of SAE J211-1 and ISO 6487; those that it cannot be
         applied to stay as recorded, and are named.
-    overwrite : bool
-    progress : callable
+    progress
         Told the name of each step.
 
     Raises

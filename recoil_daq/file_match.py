@@ -27,11 +27,11 @@ class Evidence:
 
     Attributes
     ----------
-    shots : tuple of LiveShot
+    shots
         Those that it may belong to; none, one, or several, of which nothing shows the right one.
-    by_number : bool
+    by_number
         Whether the number in its name says so.
-    why_none : str
+    why_none
         What speaks against all shots, where none is left.
     """
 
@@ -63,10 +63,7 @@ def shots_of(
 
     Parameters
     ----------
-    file : DroppedFile
-    source : str
-    shots : sequence of LiveShot
-    pattern : re.Pattern, optional
+    pattern
         As for `numbers_of`.
 
     Raises
@@ -135,8 +132,7 @@ def doubt_of_files(shot: LiveShot, shots: Sequence[LiveShot]) -> str:
 
     Parameters
     ----------
-    shot : LiveShot
-    shots : sequence of LiveShot
+    shots
         All of the session.
     """
     if shot.document is None or not shot.by_time:

@@ -44,8 +44,7 @@ def summarise_file(path: Path, rig: Rig | None = None) -> dict[str, Any]:
 
     Parameters
     ----------
-    path : Path
-    rig : Rig, optional
+    rig
         Declares what the file does not carry: a CAN database, a framing, a frame rate, a layout.
 
     Raises
@@ -78,8 +77,7 @@ def open_recording(path: str | Path, rig: Rig | None = None) -> Recording:
 
     Parameters
     ----------
-    path : path
-    rig : Rig, optional
+    rig
         Declares what the file does not carry: a CAN database, a framing, a frame rate, a layout.
 
     Raises

@@ -23,10 +23,9 @@ class DroppedFile:
 
     Attributes
     ----------
-    path : Path
-    seen_s : float
+    seen_s
         The host's monotonic clock when it was first seen.
-    written_s : float or None
+    written_s
         Wall-clock time of its last change, seconds since 1970 UTC, as the file system has it.
     """
 
@@ -50,9 +49,9 @@ class FolderWatch:
 
     Parameters
     ----------
-    folder : Path
+    folder
         Made if it is missing.
-    settle_s : callable
+    settle_s
         From a file's name to how long it must have stayed the same, seconds; `SETTLE_S` for each if left out.
 
     Raises
@@ -84,9 +83,9 @@ class FolderWatch:
 
         Parameters
         ----------
-        now_s : float, optional
+        now_s
             The host's monotonic clock; read if left out.
-        at_once : bool
+        at_once
             Look even if the last look was just now.
         """
         now_s = time.monotonic() if now_s is None else now_s

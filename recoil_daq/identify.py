@@ -29,9 +29,9 @@ class Reported(Printed):
 
     Attributes
     ----------
-    document : dict
+    document
         The contents of ``report.json``.
-    folder : Path
+    folder
         Holds ``report.json``, ``report.html``, ``mass.csv`` and the script of the figures.
     """
 
@@ -107,10 +107,9 @@ def identify_folder(
 
     Parameters
     ----------
-    folder : path
     out, options, overwrite
         As of `identify_file`.
-    progress : callable
+    progress
         Told the name of each file and step.
 
     Raises
@@ -175,13 +174,9 @@ def identify_file(
 
     Parameters
     ----------
-    path : path
-    out : path
-    options : Options, optional
-    truth : mapping, optional
+    truth
         Of a virtual shot, for comparison in the report.
-    overwrite : bool
-    progress : callable
+    progress
         Told the name of each step.
 
     Raises

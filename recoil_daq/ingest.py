@@ -36,14 +36,7 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True, repr=False)
 class Ingested(Printed):
-    """A shot, its rig, and where it was written.
-
-    Attributes
-    ----------
-    shot : Shot
-    rig : Rig
-    path : Path
-    """
+    """A shot, its rig, and where it was written."""
 
     shot: Shot
     rig: Rig
@@ -82,27 +75,25 @@ def ingest_files(
 
     Parameters
     ----------
-    rig : Rig
-    files : sequence of path
+    files
         One per source of the rig, in any order; recognised by their content. The capture of a live shot holds several
         sources, and how it was acquired.
-    shot : str, optional
+    shot
         Identifier of the shot; that of the acquisition, or the name of the reference clock's file without
         ending, if left out.
-    out : path
+    out
         Folder of the shot file.
-    overwrite : bool
-    accept_incomplete : bool
+    accept_incomplete
         Take what is there of a file that was cut off, and say so in the verdict.
-    at_s : float, optional
+    at_s
         Instant of the shot on the reference clock, where the recorder's file is longer than the shot. The rig's
         trigger finds it if left out, in a file that is too long to be held whole.
-    on : date, optional
+    on
         Day of the shot, for calibrations' due dates; today if left out.
-    replaces : str
+    replaces
         Why the shot file that is there is made anew, which its history keeps; empty if none is. It is replaced in one
         step, when the new one is verified.
-    progress : callable
+    progress
         Told the name of each step.
 
     Returns
@@ -195,11 +186,6 @@ def _replacing(target: Path, why: str) -> tuple[Step, ...]:
 
 def match_sources(rig: Rig, files: Sequence[tuple[Path, Reader]]) -> dict[str, Path]:
     """Match files to the rig's sources: captures by the names of the sources in them, others as `match_files` does.
-
-    Parameters
-    ----------
-    rig : Rig
-    files : sequence of (path, reader)
 
     Returns
     -------

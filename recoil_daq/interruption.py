@@ -15,7 +15,7 @@ class Interruption:
 
     Attributes
     ----------
-    count : int
+    count
         How often it came.
     """
 

@@ -32,19 +32,13 @@ def run_live(
 
     Parameters
     ----------
-    rig : Rig
+    rig
         If its devices are virtual, they are played here, and the files of its other sources are dropped into
         the watched folder, which is ``OUT/incoming`` unless it is given.
-    options : LiveOptions
-    display : Display
-    play : mapping, optional
+    play
         Keywords of `RangeDay` for a virtual rig.
-    watch_day : callable
+    watch_day
         Told the virtual day once it is simulated.
-
-    Returns
-    -------
-    LiveOutcome
 
     Raises
     ------

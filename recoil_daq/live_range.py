@@ -69,14 +69,11 @@ class LiveRange:
 
     Parameters
     ----------
-    rig : Rig
-    options : LiveOptions
-    display : Display
-    folder : OutputFolder
+    folder
         Locked for this session.
-    devices : mapping of str to mapping or None
+    devices
         ``device`` tables in place of the rig's own.
-    over : callable
+    over
         Tells that no further shot will come: a virtual rig has played all of its own.
 
     Raises
@@ -128,7 +125,7 @@ class LiveRange:
 
         Parameters
         ----------
-        started : callable
+        started
             Called when the devices are open and the trigger is armed.
 
         Raises

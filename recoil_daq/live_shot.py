@@ -27,30 +27,27 @@ class LiveShot:
 
     Attributes
     ----------
-    name : str
-    window : ShotWindow or None
+    window
         None if it comes from a journal that was left over.
-    state : str
-    captured : Path or None
+    captured
         Its capture; None until it is written.
-    acquisition : Acquisition or None
-    files : dict of str to Path
+    files
         By source: its capture, and what was dropped into the watched folder.
-    wanted : set of str
+    wanted
         Sources whose files it waits for.
-    complete_s : float
+    complete_s
         Host time at which its capture was complete.
-    document : mapping or None
+    document
         What ``ingest --json`` prints of it.
-    problem : str
+    problem
         Why it failed or is incomplete, in one line.
-    fired_wall_s : float or None
+    fired_wall_s
         Wall-clock time of its trigger, seconds since 1970 UTC.
-    by_time : set of str
+    by_time
         Sources whose files were matched by time alone.
-    growing : set of str
+    growing
         Names of its files that have not settled since they grew, or are cut off so far.
-    redo : str
+    redo
         Why it is to be converted anew; empty if it is not.
     """
 
@@ -99,17 +96,17 @@ class LiveOptions:
 
     Attributes
     ----------
-    out : Path
+    out
         Folder of the shot files; captures and journals stand in it, in ``captures`` and ``journal``.
-    shots : int or None
+    shots
         End after so many; None for no end.
-    first : int or None
+    first
         Number of the first shot; the next free one if None.
-    watch : Path or None
+    watch
         Folder into which other instruments drop their files.
-    files_within_s : float
+    files_within_s
         As `FILES_WITHIN_S`.
-    spare : Path or None
+    spare
         Folder on another disk, where the journal goes on if the first one fails.
     """
 
@@ -127,19 +124,17 @@ class LiveOutcome:
 
     Attributes
     ----------
-    rig : str
-    shots : list of LiveShot
-    journal : Path or None
+    journal
         The journal, if it was kept: something of it is in no shot file.
-    interrupted : bool
+    interrupted
         By Ctrl-C, or a request of the system to end.
-    error : RecoilDaqError or None
+    error
         Why it ended by itself.
-    decisions : list of Decision
+    decisions
         All of the trigger's, those that belong to no shot among them.
-    armed_utc : str
+    armed_utc
         When it was armed, ISO 8601, UTC.
-    log : Path or None
+    log
         Where all this was written.
     """
 

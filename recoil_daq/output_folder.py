@@ -15,7 +15,7 @@ class OutputFolder:
 
     Parameters
     ----------
-    path : Path
+    path
         Made if it is missing, and removed at the end if nothing came into it.
 
     Raises
@@ -61,7 +61,7 @@ class OutputFolder:
 
         Parameters
         ----------
-        journal : Path
+        journal
             That of the session.
         """
         try:

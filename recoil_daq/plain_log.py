@@ -35,10 +35,6 @@ class PlainLog:
     Only the thread that made it writes. A notice of another thread is kept, with its time, until that one comes by:
     a reader of the log that does not read must not halt the watch for the trigger. A log that cannot be written ends
     no session either; stderr says so, once.
-
-    Parameters
-    ----------
-    stream : text stream
     """
 
     def __init__(self, stream: TextIO) -> None:

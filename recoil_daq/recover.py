@@ -47,16 +47,15 @@ class RecoveredShot:
 
     Attributes
     ----------
-    name : str
-    path : Path
+    path
         Its capture.
-    was_there : bool
+    was_there
         Whether it was written before.
-    whole : bool
+    whole
         Whether it holds all that the journal has of the shot.
-    shot_file : Path or None
+    shot_file
         Written now or before; None if another instrument's file is missing.
-    missing : tuple of str
+    missing
         Sources that were not recorded live, whose files must be added to make a shot file.
     """
 
@@ -74,13 +73,12 @@ class Outside:
 
     Attributes
     ----------
-    at_s : float
+    at_s
         What happened first, from the journal's first record.
-    utc : str
+    utc
         The same by the host's wall clock, ISO 8601.
-    lasting_s : float
+    lasting_s
         Until what happened last.
-    why : str
     """
 
     at_s: float
@@ -95,27 +93,22 @@ class Recovered:
 
     Attributes
     ----------
-    journal : Path
-    rig : Rig
-    records : int
+    records
         Whole records of devices and trigger.
-    released_records : int
+    released_records
         Released while armed: watched, and nothing happened in them.
-    lost_records : int
+    lost_records
         Missing before the last that is there.
-    damaged_bytes : int
+    damaged_bytes
         In damaged places, or of a record that was being written.
-    losses : tuple of str
+    losses
         What is missing of each source, in words.
-    in_order : bool
+    in_order
         Whether the session had ended in order.
-    everything : Path or None
+    everything
         Capture of all that was recorded, shots and the time between them; None if the session had ended in order.
-    everything_whole : bool
+    everything_whole
         Whether it holds all that the journal does.
-    shots : tuple of RecoveredShot
-    outside : tuple of Outside
-    removed : bool
     """
 
     journal: Path
@@ -157,17 +150,17 @@ def recover_folder(
 
     Parameters
     ----------
-    folder : Path
+    folder
         A journal, or a folder of shots.
-    out : Path or None
+    out
         Gets ``captures``, ``recovered`` and shot files; where the session had them if None.
-    keep : bool
+    keep
         Leave the journals where they are.
-    discard : bool
+    discard
         Remove them whatever they still hold.
-    at_s : sequence of float
+    at_s
         Cut a shot at each of these instants, from the first record of the journal; there must be one journal only.
-    progress : callable
+    progress
         Told the name of each step.
 
     Returns

@@ -43,10 +43,10 @@ def publish(folder: Path, write: Callable[[Path], None]) -> None:
 
     Parameters
     ----------
-    folder : Path
+    folder
         Is made if it is not there. Of one that is, only the files that are written are replaced: it may hold
         somebody's notes.
-    write : callable
+    write
         Given an empty folder, writes the files into it.
 
     Raises

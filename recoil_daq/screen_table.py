@@ -18,12 +18,11 @@ class Column:
 
     Attributes
     ----------
-    title : str
-    leaves : int
+    leaves
         The column with the largest one is the first to go where it is narrow; 0 never goes.
-    right : bool
+    right
         Whether it is aligned to the right.
-    most : int
+    most
         Cells that it takes at most.
     """
 
@@ -38,8 +37,7 @@ class ScreenTable:
 
     Parameters
     ----------
-    columns : sequence of Column
-    last : str
+    last
         Title of the last column, which takes what room the others leave.
     """
 
@@ -59,13 +57,13 @@ class ScreenTable:
 
         Parameters
         ----------
-        rows : sequence of sequence of Text
+        rows
             A cell per column.
-        width : int
+        width
             Of the terminal.
-        least : int
+        least
             Cells that the last column needs.
-        draw : callable
+        draw
             Gets a row's number and the room of the last column, and returns the lines of that cell.
         """
         for i, column in enumerate(self._columns):

@@ -22,9 +22,9 @@ class Session:
 
     Parameters
     ----------
-    as_json : bool
+    as_json
         Print one JSON document on stdout, and nothing else there.
-    debug : bool
+    debug
         Show the traceback of an error on stderr.
     """
 

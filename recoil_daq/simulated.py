@@ -16,12 +16,7 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True, repr=False)
 class Simulated(Printed):
-    """Shots that the virtual rig fired.
-
-    Attributes
-    ----------
-    shots : tuple of TwinShot
-    """
+    """Shots that the virtual rig fired."""
 
     shots: tuple[TwinShot, ...]
 
@@ -61,16 +56,15 @@ def simulate(
 
     Parameters
     ----------
-    rig : Rig
-    out : path
+    out
         Gets a folder ``0001``, ``0002``, ... per shot.
-    seed : int
+    seed
         Shot k is that of seed ``seed + k - 1``, so that one shot can be fired again alone.
-    shots : int
+    shots
         At least 1.
-    campaign_seed : int, optional
+    campaign_seed
         Lets the shots share their sensors, whose errors it draws; without it every shot has sensors of its own.
-    progress : callable
+    progress
         Told the name of each step.
 
     Raises

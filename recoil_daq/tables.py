@@ -93,9 +93,9 @@ def print_verdict(document: Mapping[str, Any], console: Console | None = None) -
 
     Parameters
     ----------
-    document : mapping
+    document
         Of `verdict_document`.
-    console : Console, optional
+    console
         That of stdout if left out.
     """
     console = console or output_console()
@@ -276,8 +276,7 @@ def print_rig(checked: Checked, document: Mapping[str, Any]) -> None:
 
     Parameters
     ----------
-    checked : Checked
-    document : mapping
+    document
         Its `rig_document`.
     """
     rig = checked.rig

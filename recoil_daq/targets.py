@@ -26,9 +26,9 @@ class TargetReported:
 
     Attributes
     ----------
-    document : dict
+    document
         The contents of ``<target>.json``.
-    folder : Path
+    folder
         Holds ``<target>.json``, ``<target>.html``, and ``<target>.csv`` where there is a series.
     """
 
@@ -51,13 +51,9 @@ def identify_targets(
 
     Parameters
     ----------
-    path : path
-    targets : sequence of str
+    targets
         Names of `recoil_identification.targets.TARGETS`.
-    out : path
-    options : Options, optional
-    overwrite : bool
-    progress : callable
+    progress
         Told the name of each step.
 
     Raises

@@ -25,10 +25,9 @@ class TriggerDecision:
 
     Attributes
     ----------
-    time_s : float
+    time_s
         From the shot's trigger.
-    outcome, reason, channel : str
-    value : float or None
+    value
         What was compared with the level, SI.
     """
 
@@ -58,25 +57,22 @@ class AcquiredSource:
 
     Attributes
     ----------
-    name, kind : str
-    file : str
+    file
         Name of its capture; empty if it delivered nothing.
-    blocks, bytes : int
+    blocks, bytes
         Of data, within the shot.
-    pre_s : float or None
+    pre_s
         Pre-time that it has; None if it delivered nothing.
-    late : bool
+    late
         Whether it had not delivered the whole span when waiting for it ended, or something of it was read late.
-    late_s : float
+    late_s
         How long, at most, something of it may have waited before it was read.
-    bad, reopened, error_frames : int
+    bad, reopened, error_frames
         As `recoil_acquisition.devices.device.Counters`, counted from `counted_from_s`.
-    kernel_drops : int or None
-    queue_high_water : int
+    queue_high_water
         Since arming.
-    counted_from_s : float
+    counted_from_s
         From the shot's trigger: what was counted lies between here and the end of the shot.
-    events : tuple of AcquiredEvent
     """
 
     __pydantic_config__ = STRICT
@@ -104,25 +100,23 @@ class Acquisition:
 
     Attributes
     ----------
-    shot, rig : str
-    trigger_ns : int
+    trigger_ns
         The host's monotonic clock at the trigger.
-    trigger_utc : str
+    trigger_utc
         The host's wall clock then, ISO 8601, UTC.
-    pre_s, post_s : float
+    pre_s, post_s
         As the trigger asks for; with post time extension the shot is longer.
-    pre_actual_s : float
+    pre_actual_s
         Pre-time that every source has.
-    duration_s : float
+    duration_s
         From the first instant kept to the end.
-    decisions : tuple of TriggerDecision
+    decisions
         All within the shot, the suppressed ones among them.
-    sources : tuple of AcquiredSource
-    unseen_bytes : int
+    unseen_bytes
         That were recorded, and that the trigger did not look at because it fell behind.
-    lost_records : int
+    lost_records
         Records of the journal that are damaged or missing, known after a crash only.
-    recovered : bool
+    recovered
         Whether it was made from a journal that was left over.
     """
 

@@ -19,11 +19,11 @@ class Step:
 
     Attributes
     ----------
-    what : str
+    what
         The operation, for example ``convert to SI``.
-    version : str
+    version
         Version of the package that did it.
-    parameters : dict
+    parameters
         Its parameters, units in the names; JSON types only.
     """
 
@@ -39,9 +39,9 @@ class RawCounts(ReadOnlyArrays):
     Attributes
     ----------
     counts : ndarray of integers, shape (n_samples,)
-    gain, offset : float
+    gain, offset
         In the source's own unit.
-    unit : str
+    unit
         That unit, as the source spells it.
     """
 
@@ -62,24 +62,22 @@ class Channel(ReadOnlyArrays):
 
     Attributes
     ----------
-    name : str
+    name
         Its name in the rig.
-    quantity : str
+    quantity
         A key of `recoil_acquisition.quantity.SI_UNITS`.
     samples : ndarray of float64 or float32, shape (n_samples,)
         SI values; a lost sample is NaN.
-    time_base : TimeBase
-    signal : str
+    signal
         Its name in the source's file.
-    role : str
+    role
         What the equation of motion uses it for; empty if nothing.
-    u_rel : float
+    u_rel
         Relative standard uncertainty of the sensor's scale.
-    resolution : float
+    resolution
         Smallest step between two sample values in SI; 0 if the source does not say.
-    raw : RawCounts or None
+    raw
         As many counts as samples.
-    history : tuple of Step
 
     Raises
     ------

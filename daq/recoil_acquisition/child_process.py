@@ -21,7 +21,7 @@ def apart(*, below_normal: bool = False) -> dict[str, Any]:
 
     Parameters
     ----------
-    below_normal : bool
+    below_normal
         With a lower priority from the start; of effect on Windows, elsewhere a running process can be set back.
     """
     if sys.platform == "win32":

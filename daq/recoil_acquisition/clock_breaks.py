@@ -59,7 +59,7 @@ def step_by_count(x: Seconds, counts: Instants, last: int, at: int) -> tuple[flo
         The device's stamps, s.
     counts : ndarray of int64, shape (n_frames,)
         The packet counter, unwrapped.
-    last, at : int
+    last, at
         The frame before the jump and the one behind it.
 
     Returns

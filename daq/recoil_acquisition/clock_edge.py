@@ -36,7 +36,7 @@ def side_of(frames: NDArray[np.intp], lowest: NDArray[np.intp], flat: Seconds) -
 
     Parameters
     ----------
-    frames, lowest : ndarray of int
+    frames, lowest
         Frames of the side, and its lower points.
     flat : ndarray of float64, shape (n_frames,)
         Differences ``host - device`` of all frames, the drift taken out.
@@ -57,7 +57,7 @@ def lower_points(r: Seconds, frames: NDArray[np.intp]) -> NDArray[np.intp]:
     ----------
     r : ndarray of float64, shape (n_frames,)
         Differences ``host - device`` of all frames.
-    frames : ndarray of int
+    frames
         Of the side.
     """
     runs = np.array_split(frames, _share(frames.size, r.size))
@@ -86,9 +86,9 @@ def slope_between(
     ----------
     x, r : ndarray of float64, shape (n_frames,)
         The device's stamps, and the differences ``host - device``, s.
-    points : sequence of ndarray of int
+    points
         Of each side.
-    largest_drift : float
+    largest_drift
         Slopes beyond it are no clock's.
     """
     slopes, weights = [], []

@@ -52,15 +52,15 @@ class FoundStep:
 
     Attributes
     ----------
-    index : int
+    index
         The first frame behind it.
-    device_ns : int
+    device_ns
         That frame's stamp.
-    host_ns : int
+    host_ns
         Its host time.
-    step_s : float
+    step_s
         By how much the clock jumped, positive forward.
-    u_step_s : float
+    u_step_s
         Standard uncertainty.
     """
 
@@ -77,23 +77,21 @@ class ClockFit:
 
     Attributes
     ----------
-    device_zero_ns, host_zero_ns : int
+    device_zero_ns, host_zero_ns
         The stamps of the first frame.
-    offset_s, u_offset_s : float
+    offset_s, u_offset_s
         And its standard uncertainty at the first frame; negative by the first frame's own delay. The shortest
         delay of all is part of the offset: it is not identifiable from the stamps.
-    drift, u_drift : float
+    drift, u_drift
         Infinite uncertainty if the stamps do not show it; the drift is 0 then.
-    steps : tuple of FoundStep
-    wrong_stamps : tuple of int
+    wrong_stamps
         Frames whose stamp by the device belongs to no side of any step; they were left out.
-    order_faults : int or None
+    order_faults
         Places where the packet counter does not go forward; None if there is no counter.
-    typical_delay_s, largest_delay_s : float
+    typical_delay_s, largest_delay_s
         Median and maximum of how late the host's stamps are, compared with the line.
-    scatter_s : float
+    scatter_s
         Robust standard deviation of the lower points about the line.
-    frames : int
     """
 
     device_zero_ns: int
@@ -164,10 +162,8 @@ def fit_clock(
         Stamps in the order in which the frames were received, which is that of the host's.
     counts : ndarray of int64, shape (n_frames,), optional
         The frames' packet counter, unwrapped: says how many frames lie between two stamps.
-    breaks : sequence of int, optional
+    breaks
         Frames before which the device was opened anew: its clock may have begun anew there.
-    smallest_step_s : float
-    largest_drift : float
 
     Returns
     -------

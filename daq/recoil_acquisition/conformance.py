@@ -49,7 +49,7 @@ class BrokenRuleError(AssertionError):
 
     Attributes
     ----------
-    check : str
+    check
         The one check that failed.
     """
 
@@ -69,16 +69,12 @@ class Case:
 
     Attributes
     ----------
-    name : str
-    reader : Reader
-    content : bytes
+    content
         Of a file of a few kilobytes: it is read some hundred times.
-    declared : Declarations
-    magnitudes : mapping of str to (lowest, highest)
+    magnitudes
         Physically plausible range of a signal's samples.
-    cut_is_invisible : callable
+    cut_is_invisible
         Whether the beginning of the file, up to a byte, is a whole file by its format.
-    limit_s : float
     """
 
     name: str
@@ -256,9 +252,7 @@ def flipped_bytes_are_refused_or_read(case: Case, folder: Path, flips: Sequence[
 
     Parameters
     ----------
-    case : Case
-    folder : Path
-    flips : sequence of Flips
+    flips
         What is written over the file, one at a time.
     """
     for flip in flips:

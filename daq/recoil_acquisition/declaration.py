@@ -51,12 +51,11 @@ def declared(model: type[Declared], table: Any, where: str, faults: list[Fault])
 
     Parameters
     ----------
-    model : type of pydantic model
-    table : object
+    table
         As the TOML has it.
-    where : str
+    where
         Its key path, such as ``source[3] 'imu'``.
-    faults : list of Fault
+    faults
         Every fault found is appended.
 
     Returns
@@ -82,12 +81,11 @@ def declared_rows(
 
     Parameters
     ----------
-    tables : mapping
+    tables
         The whole rig file.
-    key : str
+    key
         ``source`` or ``channel``.
-    model : type of pydantic model
-    faults : list of Fault
+    faults
         Every fault found is appended.
     """
     rows = tables.get(key, [])

@@ -32,15 +32,15 @@ class RecoilDaqError(Exception):
 
     Parameters
     ----------
-    problem : str
+    problem
         What is wrong, without a final full stop.
-    path : Path or None
+    path
         The file at fault.
-    place : str or None
+    place
         Where in it: a line, a byte offset, a key path.
-    expected, found : str or None
+    expected, found
         What should have been there, and what was.
-    remedy : str or None
+    remedy
         What the user can do about it.
     """
 
@@ -94,7 +94,7 @@ class UnknownFormatError(ReadError):
 
     Attributes
     ----------
-    candidates : tuple of str
+    candidates
         Names of the readers that claim it.
     """
 
@@ -129,9 +129,9 @@ class MissingChannelError(ReadError):
 
     Attributes
     ----------
-    name : str
+    name
         The name that was asked for.
-    nearest : tuple of str
+    nearest
         The names that the file has, nearest first.
     """
 
@@ -153,7 +153,7 @@ class FramingError(RecoilDaqError):
 
     Attributes
     ----------
-    faults : tuple of Fault
+    faults
         Every fault of a declared framing.
     """
 
@@ -172,9 +172,9 @@ class Fault:
 
     Attributes
     ----------
-    key : str
+    key
         Key path, for example ``channel[3] 'p_brake'.unit``.
-    problem : str
+    problem
         What is wrong, and what would be right.
     """
 
@@ -186,12 +186,7 @@ class Fault:
 
 
 class RigError(RecoilDaqError):
-    """A rig file is at fault; it carries every fault that was found, not the first one.
-
-    Attributes
-    ----------
-    faults : tuple of Fault
-    """
+    """A rig file is at fault; it carries every fault that was found, not the first one."""
 
     def __init__(self, path: Path | str, faults: Sequence[Fault]) -> None:
         self.faults = tuple(faults)
@@ -217,11 +212,6 @@ LEAST_LIKENESS = 0.5
 
 def nearest_first(name: str, available: Sequence[str]) -> tuple[str, ...]:
     """Sort names by their likeness to one, the most alike first.
-
-    Parameters
-    ----------
-    name : str
-    available : sequence of str
 
     Returns
     -------

@@ -14,11 +14,11 @@ class Extra(NamedTuple):
 
     Attributes
     ----------
-    name : str
+    name
         Of the extra, as pip takes it with this package.
-    module : str
+    module
         What it installs.
-    requirement : str
+    requirement
         As pip takes it alone, wherever this package came from.
     """
 

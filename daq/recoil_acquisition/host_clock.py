@@ -16,11 +16,11 @@ class Anchor:
 
     Attributes
     ----------
-    wall_ns : int
+    wall_ns
         Nanoseconds since 1970-01-01 UTC, by the host's wall clock.
-    monotonic_ns : int
+    monotonic_ns
         The host's monotonic clock.
-    within_ns : int
+    within_ns
         Half the time between the two readings that enclose the wall clock's: by so much the pair may be off.
     """
 

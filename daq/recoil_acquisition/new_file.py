@@ -29,9 +29,9 @@ def partial_path(path: Path, *, keeps_suffix: bool = False) -> Path:
 
     Parameters
     ----------
-    path : Path
+    path
         The name to be.
-    keeps_suffix : bool
+    keeps_suffix
         Whether it ends as `path` does, for libraries that want that of a file they write.
     """
     token = f"{secrets.token_hex(_TOKEN_BYTES)}.partial"
@@ -52,10 +52,9 @@ def give_name(temporary: Path, path: Path, *, overwrite: bool = False) -> None:
 
     Parameters
     ----------
-    temporary : Path
+    temporary
         In the same folder.
-    path : Path
-    overwrite : bool
+    overwrite
         Whether the file that bears the name by now is replaced.
 
     Raises

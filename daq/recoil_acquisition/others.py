@@ -26,9 +26,9 @@ def offered(group: str, parts: Sequence[str]) -> tuple[Any, ...]:
 
     Parameters
     ----------
-    group : str
+    group
         Of entry points; each leads to an instance, or to a class that is called without arguments.
-    parts : tuple of str
+    parts
         Attributes that each must have.
     """
     return tuple(_loaded(group, parts))

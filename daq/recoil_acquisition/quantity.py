@@ -53,11 +53,11 @@ class Unit:
 
     Attributes
     ----------
-    quantities : frozenset of str
+    quantities
         The quantities that it may express.
-    factor : float
+    factor
         SI units per unit.
-    offset : float
+    offset
         In SI units; nonzero only for temperatures.
     """
 
@@ -147,7 +147,7 @@ def normalise_unit(spelling: str) -> str:
 
     Parameters
     ----------
-    spelling : str
+    spelling
         As it stands in a file's header or a rig file.
 
     Returns

@@ -80,10 +80,9 @@ class ReaderProcess:
 
         Parameters
         ----------
-        path : Path
-        what : str
+        what
             As `recoil_acquisition.store.file_tree.write_tree`.
-        size : int
+        size
             Of the file.
 
         Returns

@@ -66,9 +66,7 @@ def read_small(path: Path, largest_bytes: int, what: str) -> bytes:
 
     Parameters
     ----------
-    path : Path
-    largest_bytes : int
-    what : str
+    what
         What it should be, for the message.
 
     Raises

@@ -28,15 +28,15 @@ class InputFile:
 
     Attributes
     ----------
-    name : str
+    name
         File name without folders.
-    sha256 : str
+    sha256
         Hexadecimal digest of its bytes.
-    size : int
+    size
         Bytes.
-    source : str
+    source
         Name of the rig's source that it was matched to; empty for the record of the acquisition.
-    reader : str
+    reader
         Name of the reader that read it; ``acquisition`` for that record.
     """
 
@@ -53,20 +53,17 @@ class ClockAlignment:
 
     Attributes
     ----------
-    clock : str
-    offset_s : float
-    u_offset_s : float
+    u_offset_s
         Standard uncertainty of the mapped time in the middle of the motion.
-    drift : float
+    drift
         Dimensionless; 0 where the record cannot resolve one.
-    u_drift : float
-    status : str
+    status
         ``ok``, ``ambiguous`` or ``failed``.
-    method : str
+    method
         ``motion``, ``redundant``, ``trigger``, ``exposure``, ``fixed`` or ``reference``.
-    reasons : tuple of str
+    reasons
         Why it is not ``ok``.
-    details : dict
+    details
         Figures of the method, JSON types only: gain, innovation statistic, candidates.
     """
 
@@ -102,13 +99,13 @@ class QualityCheck:
 
     Attributes
     ----------
-    channel : str
+    channel
         Name of the channel, of the clock, or ``shot``.
-    check : str
+    check
         Name of the check.
-    verdict : str
+    verdict
         ``ok``, ``warn`` or ``fail``.
-    detail : str
+    detail
         The figure, its limit, and what to do about it.
     """
 
@@ -128,28 +125,23 @@ class Shot:
 
     Attributes
     ----------
-    name : str
+    name
         The shot's identifier.
-    rig_name : str
-    rig_text : str
+    rig_text
         The rig file, verbatim.
-    reference_clock : str
-    channels : mapping of str to Channel
+    channels
         By the names of the rig, in its order.
-    alignments : tuple of ClockAlignment
+    alignments
         One per clock other than the reference.
-    quality : tuple of QualityCheck
-    inputs : tuple of InputFile
-    started : str
+    started
         Absolute start, ISO 8601, or empty if no source states one.
-    started_source : str
+    started_source
         The file, or the clock, that it comes from, and whether its zone is known.
-    history : tuple of Step
-    databases : mapping of str to str
+    databases
         Text of every file that the rig names (CAN databases), by file name.
-    acquisition : Acquisition or None
+    acquisition
         How it was acquired live; None if it is not known.
-    clock_fits : mapping of str to mapping
+    clock_fits
         By source, how its device's clock relates to the host's, as `clock_fit.ClockFit.to_json`; JSON types.
 
     Raises

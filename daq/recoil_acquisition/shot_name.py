@@ -28,7 +28,7 @@ def shot_name_fault(name: str) -> str | None:
 
     Parameters
     ----------
-    name : str
+    name
         From a command line, a record of an acquisition or a shot file: from anywhere.
 
     Returns
@@ -62,8 +62,7 @@ def numbers_of(path: Path, pattern: re.Pattern[str] | None = None) -> frozenset[
 
     Parameters
     ----------
-    path : Path
-    pattern : re.Pattern, optional
+    pattern
         Of the whole name, which says where the number stands. Without it a number counts that stands alone between
         ``_``, ``-`` and spaces; none of a date, a time or a version does.
     """

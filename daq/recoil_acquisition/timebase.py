@@ -21,11 +21,11 @@ class AbsoluteStart:
 
     Attributes
     ----------
-    text : str
+    text
         ISO 8601 without a zone unless the source states one.
-    zone : str
+    zone
         ``UTC``, an offset such as ``+02:00``, or ``unknown``.
-    origin : str
+    origin
         Where it was read, for example ``first row of the time column``.
     """
 
@@ -40,17 +40,17 @@ class TimeBase(ReadOnlyArrays):
 
     Attributes
     ----------
-    clock : str
+    clock
         Name of the clock, which is the name of the source.
-    start_s : float
+    start_s
         First instant on that clock.
-    step_s : float or None
+    step_s
         Step of a uniform time base; None if it is stamped.
-    count : int
+    count
         Number of instants.
     stamps_s : ndarray of float64, shape (count,), or None
         The instants of a stamped time base, strictly increasing.
-    absolute_start : AbsoluteStart or None
+    absolute_start
         When the clock's zero was; None if the source does not say.
 
     Raises

@@ -17,17 +17,17 @@ class Track(ReadOnlyArrays):
 
     Attributes
     ----------
-    name : str
+    name
         The feature's name in the file.
-    axes : tuple of str
+    axes
         Names of the axes, for example ``("X", "Y")``.
     positions : ndarray of float64, shape (n_frames, n_axes)
         In the unit of the file; a lost frame is NaN on every axis.
     frame_numbers : ndarray of int64, shape (n_frames,)
         Numbers of the frames that the file holds; a gap is a frame that is not in the file.
-    unit : str
+    unit
         As the file spells it; empty if the file states none.
-    time_base : TimeBase
+    time_base
         Stamped, on the camera's clock.
     """
 

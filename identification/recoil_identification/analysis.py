@@ -68,14 +68,8 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
 
     Parameters
     ----------
-    shot : Shot
+    shot
         With its alignments.
-    rig : Rig
-    options : Options
-
-    Returns
-    -------
-    Identification
 
     Raises
     ------

@@ -28,19 +28,18 @@ class BudgetRow:
 
     Attributes
     ----------
-    source : str
-    u_kg : float
+    u_kg
         Contribution to the standard uncertainty of the mass.
-    kind : str
+    kind
         ``A`` by statistics of this shot, ``B`` by other knowledge (JCGM 100:2008, 4.2 and 4.3).
-    sensitivity : float or None
+    sensitivity
         Change of the mass in kg if the source is off by one `sensitivity_per`; None where the mass does
         not depend on one figure.
-    sensitivity_per : str
+    sensitivity_per
         ``1`` for a relative error of a scale, ``N`` for the friction, ``m/s^2`` for a zero.
-    degrees_of_freedom : float
+    degrees_of_freedom
         Of `u_kg`; infinite where it is taken as known.
-    distribution : str
+    distribution
         ``normal`` or ``rectangular``.
     """
 
@@ -74,7 +73,7 @@ def coverage_factor(degrees_of_freedom: float) -> float:
 
     Parameters
     ----------
-    degrees_of_freedom : float
+    degrees_of_freedom
         At least 1; infinite for the normal distribution.
 
     Raises

@@ -43,17 +43,17 @@ class CalibratedProblem:
 
     Attributes
     ----------
-    m0_kg : float
+    m0_kg
         First estimate, the unit of the mass's unknown.
     unknowns : ndarray, shape (n_unknowns,)
         The solution.
     triangle : ndarray, shape (n_columns, n_columns)
         Of forces (4), sliding, released, release and shifts.
-    sigma_m_s2 : float
+    sigma_m_s2
         That the rows were weighted with.
-    noise_m_s2 : float
+    noise_m_s2
         Standard deviation of a row's error, with its correlation.
-    degrees_of_freedom : float
+    degrees_of_freedom
         Of that standard deviation.
     rows : ndarray, shape (n_observations, n_unknowns)
     u : ndarray, shape (n_observations,)
@@ -83,7 +83,7 @@ class CalibratedProblem:
 
         Parameters
         ----------
-        further : sequence of BudgetRow
+        further
             Contributions from outside of this problem; they are added as they stand, with their distribution.
 
         Returns

@@ -67,34 +67,33 @@ class Calibration:
 
     Attributes
     ----------
-    estimate : MassEstimate
     gauge_errors : ndarray, shape (3,)
         Relative errors of breech, brake and recuperator force.
-    friction_error_n : float
+    friction_error_n
         By how much the declared friction is too large, N.
-    acceleration_error : float
+    acceleration_error
         Relative error of the accelerometer's sensitivity.
-    bias_m_s2 : float
+    bias_m_s2
         Error of its zero.
-    release_m_s : float
+    release_m_s
         Velocity that stop and packing gave the part while they let it go.
     shifts_m_s2, u_shifts_m_s2 : ndarray, shape (n_shifts,)
         Size of each shape of the regression's `shifts`, and its standard uncertainty.
-    departures : dict of str to float
+    departures
         By how many of its standard uncertainties each sensor is off; those known exactly are left out.
-    significances : dict of str to float
+    significances
         The same over the departure's own standard deviation (Baarda's w-test of one observation among
         the others): standard normal if all calibrations hold. It exceeds the departure where the shot
         can tell little of a sensor; 0 where it can tell nothing.
-    largest_residual_m_s2 : float
+    largest_residual_m_s2
         `LARGEST_RESIDUAL` of this shot's acceleration; a residual beyond it is no noise.
-    noise_m_s2 : float
+    noise_m_s2
         Standard deviation of the residual, widened by its correlation.
-    misfit : float
+    misfit
         What was minimised: squares of residuals over the noise, and of departures over their uncertainties.
     covariance : ndarray, shape (n_unknowns, n_unknowns)
         Of mass, gauges, friction, accelerometer, zero, release and shifts.
-    problem : CalibratedProblem
+    problem
         The same for draws of its inputs.
     """
 
@@ -158,19 +157,13 @@ def calibrated_mass(
 
     Parameters
     ----------
-    regression : Regression
+    regression
         Filtered.
-    scales : ScaleUncertainty
-    u_bias_m_s2 : float
+    u_bias_m_s2
         Standard uncertainty of the accelerometer's zero from the silence before the shot; infinite if
         there was none.
-    camera : CameraScale or None
-    noise_m_s2 : float, optional
+    noise_m_s2
         Of a row; found from the residuals if left out.
-
-    Returns
-    -------
-    Calibration
 
     Raises
     ------

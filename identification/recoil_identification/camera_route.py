@@ -44,21 +44,20 @@ def mass_by_camera(
 
     Parameters
     ----------
-    recorded : Regression
+    recorded
         Gives the forces.
     signals, motion, shot, rig
         As of the route by the accelerometer.
-    camera : Channel
+    camera
         Displacement on its own clock, without the delay of its chain.
-    alignment : ClockAlignment
+    alignment
         Of that clock.
-    low_pass : LowPass
+    low_pass
         That of the accelerometer's route. A displacement differentiated twice needs a lower cut-off,
         `LARGEST_CUTOFF_HZ` at the most; its forces pass the same filter.
-    scales : ScaleUncertainty
-    calibration : Corrections
+    calibration
         Under whose corrections the forces are moved by what is uncertain of them.
-    longest_gap_s : float
+    longest_gap_s
         Of lost frames that are bridged in any case.
 
     Returns
@@ -105,7 +104,6 @@ def regression_by_camera(
     ----------
     recorded, signals, motion, rig, camera, alignment, longest_gap_s
         As of `mass_by_camera`.
-    low_pass : LowPass
     """
     acceleration, made_of = kinematic_acceleration(
         signals, rig, motion, camera, alignment, low_pass, longest_gap_s=longest_gap_s

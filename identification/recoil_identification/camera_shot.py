@@ -34,14 +34,8 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
 
     Parameters
     ----------
-    shot : Shot
+    shot
         With its alignments.
-    rig : Rig
-    options : Options
-
-    Returns
-    -------
-    Identification
 
     Raises
     ------

@@ -32,7 +32,7 @@ def default_method(shot: Shot) -> Method:
 
     Parameters
     ----------
-    shot : Shot
+    shot
         With its alignments.
 
     Raises

@@ -14,10 +14,6 @@ from recoil_processing.shot.clocks.forced_recoil import SCALES
 def film_contributions(filmed: FilmedRecoil) -> tuple[float, tuple[BudgetRow, ...]]:
     """Evaluate what is uncertain of a film's mass but the gauges' scales.
 
-    Parameters
-    ----------
-    filmed : FilmedRecoil
-
     Returns
     -------
     u_random_kg : float

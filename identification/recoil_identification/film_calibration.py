@@ -37,20 +37,20 @@ class FilmCalibration:
 
     Attributes
     ----------
-    estimate : MassEstimate
+    estimate
         With the rows of noise, gauges, friction, release and the camera's scale; its residual is that of the
         acceleration by the camera, NaN before `with_residual`.
     gauge_errors : ndarray, shape (3,)
         Relative errors of breech, brake and recuperator force.
-    friction_error_n : float
+    friction_error_n
         By how much the declared friction is too large, N.
-    release_m_s : float
+    release_m_s
         Velocity that stop and packing gave the part while they let it go.
     covariance : ndarray, shape (4, 4)
         Of gauge and friction errors.
-    u_camera : float
+    u_camera
         Relative standard uncertainty of the camera's scale.
-    departures, significances : dict of str to float
+    departures, significances
         As of `recoil_identification.calibration.Calibration`.
     """
 
@@ -71,12 +71,11 @@ class FilmCalibration:
 
         Parameters
         ----------
-        found : DoubleImpulseMass
+        found
             With three gauges and the friction as the first errors of the force.
-        u_random_kg : float
+        u_random_kg
             Standard uncertainty of the mass by noise alone; it is widened by what correlation the residuals have left.
-        scales : ScaleUncertainty
-        u_camera : float
+        u_camera
             Relative, of the camera's scale.
         """
         u = np.array([*scales.gauges, scales.friction_n])

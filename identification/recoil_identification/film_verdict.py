@@ -37,13 +37,8 @@ def reasons_against_film(
 
     Parameters
     ----------
-    shot, rig : Shot, Rig
-    filmed : FilmedRecoil
-    regression : Regression
+    regression
         With the acceleration by the camera.
-    trace : MassTrace
-    calibration : FilmCalibration
-    constancy : MassConstancy or None
 
     Returns
     -------
@@ -95,12 +90,8 @@ def notes_on_film(
 
     Parameters
     ----------
-    shot : Shot
-    filmed : FilmedRecoil
-    regression : Regression
+    regression
         With the acceleration by the camera.
-    trace : MassTrace
-    constancy : MassConstancy or None
     """
     signals, found = filmed.forced.signals, filmed.found
     notes = [UNCHECKED]

@@ -30,17 +30,15 @@ class FilmedRecoil:
 
     Attributes
     ----------
-    camera : Channel
+    camera
         Displacement on its own clock, without the delay of its chain.
-    clock : ClockAlignment
+    clock
         Of that clock, without what `found` says is left of its offset.
-    by_force : bool
+    by_force
         Whether nothing but the forces tells the clock's offset.
-    forced : ForcedRecoil
-    errors : NamedErrors
+    errors
         What is unknown besides the scales.
-    found : DoubleImpulseMass
-    fused : FusedMotion or None
+    fused
         Film and forces together.
     travel_m, velocity_m_s : ndarray, shape (n,)
     """
@@ -71,10 +69,8 @@ class FilmedRecoil:
 
         Parameters
         ----------
-        shot : Shot
+        shot
             With its alignments.
-        rig : Rig
-        signals : Signals
 
         Raises
         ------
@@ -109,9 +105,9 @@ class FilmedRecoil:
 
         Parameters
         ----------
-        held : bool
+        held
             Whether the clock's offset is known, as it was found.
-        stretch : float
+        stretch
             By how much longer the camera's seconds are, relative.
         """
         times = self.frame_times_s

@@ -38,12 +38,11 @@ class FilterChoice:
 
     Attributes
     ----------
-    low_pass : LowPass
-    basis : str
+    basis
         ``given`` by the user, from this ``shot``, from the ``campaign``, or the ``default``.
-    cutoff : CutoffChoice or None
+    cutoff
         What the spectra said; None where nobody asked them.
-    reason : str
+    reason
         In words.
     """
 
@@ -98,11 +97,6 @@ def mass_filter(recorded: Regression, choice: FilterChoice) -> LowPass:
     A mass is one number, and the force tells it where the force has its energy; the trace over time and peaks need
     the rest of the band as well. A cut-off that was asked for holds for both; where samples of the recoil are lost, a
     lower one would lose more around them.
-
-    Parameters
-    ----------
-    recorded : Regression
-    choice : FilterChoice
     """
     if choice.basis == "given" or not recorded.trusted[recorded.inside].all():
         return choice.low_pass
@@ -122,13 +116,13 @@ def choose_filter(
 
     Parameters
     ----------
-    recorded : Regression
+    recorded
         As recorded.
-    shot : Shot
+    shot
         For the rates of the forces' channels.
-    given_hz : float, optional
+    given_hz
         The user's own cut-off; nothing else counts then.
-    campaign : CutoffChoice, optional
+    campaign
         Chosen for several shots, this one among them.
     """
     if given_hz is not None:

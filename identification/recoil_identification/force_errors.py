@@ -28,8 +28,7 @@ class NamedErrors:
 
     Attributes
     ----------
-    sources : tuple of str
-    kinds : tuple of str
+    kinds
         ``A`` for zeros, by the noise of the silence; ``B`` for the rest.
     columns_n : ndarray, shape (n, n_errors)
     """
@@ -44,7 +43,7 @@ def force_errors(forced: ForcedRecoil) -> NamedErrors:
 
     Parameters
     ----------
-    forced : ForcedRecoil
+    forced
         Of a shot with its alignments.
     """
     free, signals = forced.recorded.released, forced.signals

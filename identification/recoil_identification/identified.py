@@ -54,16 +54,16 @@ class Options:
 
     Attributes
     ----------
-    method : str or None
+    method
         One of `METHODS`, ``camera`` or `FURTHER`; it gives the mass and the trace of the report. None for the one that
         `recoil_identification.default_method` says.
-    cutoff_hz : float or None
+    cutoff_hz
         -3 dB point of the zero-phase low-pass of both sides; None to choose it from the data.
-    window_s : float or None
+    window_s
         Memory of the trace; None to choose it from the shot, see `recoil_identification.trace_window`.
-    campaign : CutoffChoice or None
+    campaign
         The cut-off chosen for several shots, this one among them.
-    compare : bool
+    compare
         Whether those of `FURTHER` are all computed.
 
     Raises
@@ -94,10 +94,7 @@ class Result:
 
     Attributes
     ----------
-    estimate : MassEstimate
-    trace : MassTrace
-    rpe_percent : float
-    rpe_interval_percent : tuple of float
+    rpe_interval_percent
         95 %.
     """
 
@@ -122,52 +119,48 @@ class Identification:
 
     Attributes
     ----------
-    options : Options
-    method : str
+    method
         That was asked for, or the default.
-    specification_kg, u_specification_kg : float
-    results : mapping of str to Result
+    results
         By method, the inertial route; ``kinematic`` is the reverse estimate by the camera's route.
-    calibration : Calibration or FilmCalibration
+    calibration
         The latter where the mass is the camera's.
-    filter_choice : FilterChoice
+    filter_choice
         The low-pass, and why that one.
-    mass_low_pass : LowPass
+    mass_low_pass
         That of the fit of the mass, the force's own band within it.
-    zero_shift : ZeroShift or None
+    zero_shift
         Of the recoiling part's accelerometer; None, as skew and peaks, where the mass is the camera's.
-    monte_carlo : MonteCarlo or None
+    monte_carlo
         Of the mass by the calibrated method; None where a draw has no mass.
-    endogeneity : Endogeneity or None
+    endogeneity
         Whether force on acceleration, as recorded, is biased here; None where that cannot be told.
-    constancy : MassConstancy or None
+    constancy
         Whether one mass explains the shot; None where that cannot be told.
-    window_choice : WindowChoice or None
+    window_choice
         Why the trace has this memory, where it was chosen from the shot.
-    skew : RecorderSkew or None
+    skew
         Of acceleration and force.
-    stress_waves : tuple of StressWaves
+    stress_waves
         By channel.
-    peaks : ShotPeaks or None
+    peaks
         Of the recoil acceleration, recorded and filtered.
-    signals : Signals
-    recorded, filtered, fitted : Regression
+    recorded, filtered, fitted
         Both sides of the equation of motion as recorded, behind the low-pass, and behind that of the fit of the mass.
         Where the mass is the camera's, no acceleration was recorded: it is zero there, and by the camera behind the
         low-pass.
-    kinematic : Regression or None
+    kinematic
         With a' by the camera.
-    camera : Channel or None
+    camera
         Displacement on its own clock, without the delay of its chain.
     travel_m, velocity_m_s : ndarray, shape (n,)
-    fused : FusedMotion or None
+    fused
         Camera and accelerometers together, with their standard uncertainties.
-    alignments : mapping of str to ClockAlignment
-    reasons : tuple of str
+    reasons
         Why the result is not valid; empty if it is.
-    assumptions : list of dict
+    assumptions
         What is taken for granted because the rig file does not say otherwise, see `recoil_rigs.assumptions`.
-    notes : tuple of str
+    notes
         What a reader should know although it does not make the result invalid.
     """
 

@@ -44,13 +44,11 @@ class MassEstimate:
 
     Attributes
     ----------
-    method : str
-    mass_kg : float
-    budget : tuple of BudgetRow
+    budget
         Independent contributions; their root sum of squares is `u_kg`.
-    rows : int
+    rows
         Rows with errors of their own.
-    residual_m_s2 : float
+    residual_m_s2
         Standard deviation of the residual of the acceleration.
     """
 
@@ -173,7 +171,6 @@ def independent_rows(residual: Array, parameters: int) -> float:
     ----------
     residual : ndarray, shape (n,)
         In order of time.
-    parameters : int
 
     Returns
     -------

@@ -24,14 +24,12 @@ def method_result(
 
     Parameters
     ----------
-    estimate : MassEstimate
-    regression : Regression
+    regression
         Its rows.
-    calibration : Corrections
+    calibration
         For the methods of `CORRECTED`.
-    window_s : float
+    window_s
         Memory of the trace.
-    rig : Rig
     """
     systematic = common = math.hypot(*(r.u_kg for r in estimate.budget if r.source != RANDOM)) / estimate.mass_kg
     left = None

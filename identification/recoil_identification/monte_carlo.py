@@ -33,16 +33,15 @@ class MonteCarlo:
 
     Attributes
     ----------
-    draws, seed : int
-    mean, u : float
+    mean, u
         In the measurand's unit.
-    interval : tuple of float
+    interval
         Probabilistically symmetric, 95 %.
-    shortest : tuple of float
+    shortest
         The shortest that holds 95 %.
-    tolerance : float
+    tolerance
         Numerical tolerance: half of the last of `DIGITS` significant digits of `u`.
-    scatter : float
+    scatter
         Largest of twice the standard deviations of mean, u, and both ends of the interval.
     """
 
@@ -77,10 +76,9 @@ def propagate(draw: Draw, *, seed: int = 0, most_blocks: int = 40) -> MonteCarlo
 
     Parameters
     ----------
-    draw : callable
+    draw
         Given a generator and a number, returns as many independent values of the measurand.
-    seed : int
-    most_blocks : int
+    most_blocks
         Of `BLOCK` draws; where they do not suffice the result says so.
 
     Returns

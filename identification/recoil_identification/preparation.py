@@ -36,23 +36,19 @@ class Prepared:
 
     Attributes
     ----------
-    alignments : mapping of str to ClockAlignment
-    signals : Signals
-    motion : AngularMotion
-    camera : Channel or None
+    camera
         Displacement on its own clock, without the delay of its chain.
-    camera_clock : ClockAlignment or None
+    camera_clock
         Of that clock.
     acceleration_m_s2 : ndarray, shape (n,)
         Second derivative of the travel by the accelerometers, what the camera would see.
     travel_m, velocity_m_s : ndarray, shape (n,)
         Of `fused`, or the accelerometers' integrals.
-    fused : FusedMotion or None
+    fused
         Camera and accelerometers together; None without a camera that was aligned.
-    recorded : Regression
     inertial_m_s2 : ndarray, shape (n,)
         a' by the accelerometer, as `recorded` took it.
-    static_m_s2 : float
+    static_m_s2
         Of it, at rest in battery.
     """
 
@@ -73,12 +69,6 @@ class Prepared:
         """Set up the equation of motion with an accelerometer that is less late.
 
         A clock that was aligned by the accelerometer is then as much less late, and so are the forces on it.
-
-        Parameters
-        ----------
-        shot : Shot
-        rig : Rig
-        skew_s : float
         """
         moved = {
             clock: replace(found, offset_s=found.offset_s - skew_s) if _aligned_by_it(clock, shot, rig) else found
@@ -94,9 +84,8 @@ def prepare(shot: Shot, rig: Rig) -> Prepared:
 
     Parameters
     ----------
-    shot : Shot
+    shot
         With its alignments.
-    rig : Rig
 
     Raises
     ------

@@ -22,7 +22,6 @@ def relative_percentage_error(mass_kg: Array, specification_kg: float) -> float:
     ----------
     mass_kg : ndarray, shape (n,)
         Identified masses; NaN (not identified) are counted out of both sums.
-    specification_kg : float
 
     Returns
     -------
@@ -49,11 +48,10 @@ def rpe_interval(
     Parameters
     ----------
     mass_kg : ndarray, shape (n,)
-    specification_kg, u_specification_kg : float
+    specification_kg, u_specification_kg
         Specification mass and its standard uncertainty.
-    systematic_rel : float
+    systematic_rel
         Relative standard uncertainty common to the whole trace.
-    seed : int
 
     Returns
     -------

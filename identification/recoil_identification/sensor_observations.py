@@ -40,16 +40,16 @@ class CameraScale:
 
     Attributes
     ----------
-    gain : float
+    gain
         Camera's scale over the accelerometer's.
     zeros_m_s2 : ndarray, shape (1 + n_shifts,)
         By how much the accelerometer reads too high throughout, and the size of each shape in which its zero
         shifted, in its own scale.
     covariance : ndarray, shape (2 + n_shifts, 2 + n_shifts)
         Of these estimates, the gain's first, by the fit of the displacement alone.
-    u_rel : float
+    u_rel
         Relative standard uncertainty of the camera's own scale.
-    kick : int or None
+    kick
         Which of the shapes, if any, is an impulse: its size is in m/s.
     """
 
@@ -67,12 +67,10 @@ class CameraScale:
 
         Parameters
         ----------
-        gain, u_gain : float
-        constant_m_s2, u_constant_m_s2 : float
+        constant_m_s2, u_constant_m_s2
             Constant acceleration in the camera's scale that the accelerometer lacks.
-        correlation : float
+        correlation
             Of these two estimates.
-        u_rel : float
         """
         own = correlation * u_gain * u_constant_m_s2
         change = np.array([[1.0, 0.0], [constant_m_s2 / gain**2, -1.0 / gain]])

@@ -41,16 +41,16 @@ class RecorderSkew:
 
     Attributes
     ----------
-    skew_s, u_s : float
+    skew_s, u_s
         By how much the acceleration was later than the force, and its standard uncertainty; NaN and infinity where it
         could not be told.
-    corrected_s : float
+    corrected_s
         How much of it the regression is without.
-    due_s : float
+    due_s
         What is still to be corrected; 0 where the rest is not told from zero.
-    steps : int
+    steps
         How often it was corrected: the forces on a clock that was aligned by the accelerometer move with it.
-    reason : str
+    reason
         Why it was or was not corrected, in words.
     """
 
@@ -69,12 +69,11 @@ def find_skew(
 
     Parameters
     ----------
-    filtered : Regression
-    calibration : Calibration
+    calibration
         Whose corrections are taken off both sides first.
-    corrected_s : float
+    corrected_s
         What the regression is without already.
-    steps : int
+    steps
         How often it was corrected.
     """
     if filtered.low_pass is None:

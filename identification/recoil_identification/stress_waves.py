@@ -22,13 +22,7 @@ U_ONSET_SAMPLES = 2.0
 
 @dataclass(frozen=True, eq=False)
 class StressWaves:
-    """The stress waves of one channel.
-
-    Attributes
-    ----------
-    channel, role, unit : str
-    report : StressWaveReport
-    """
+    """The stress waves of one channel."""
 
     channel: str
     role: str
@@ -43,9 +37,7 @@ def find_stress_waves(shot: Shot, signals: Signals, choice: FilterChoice) -> tup
 
     Parameters
     ----------
-    shot : Shot
-    signals : Signals
-    choice : FilterChoice
+    choice
         Of the regression: all channels pass the same filter.
     """
     said = refusal(choice.reason, choice.low_pass.half_order) if choice.cutoff is None else choice.cutoff

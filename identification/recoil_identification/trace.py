@@ -28,8 +28,7 @@ class MassTrace:
     times_s, mass_kg, u_kg : ndarray, shape (n,)
         NaN where nothing was identified; the uncertainty is random and systematic together.
     identified : ndarray of bool, shape (n,)
-    window_s : float
-    reasons : dict of str to int
+    reasons
         Why samples were not identified, and how many.
     """
 
@@ -61,20 +60,20 @@ def mass_trace(
 
     Parameters
     ----------
-    regression : Regression
+    regression
         Gives the grid, the interval, the filter, and which samples can be trusted.
     acceleration_m_s2, force_n : ndarray, shape (n,)
         Both sides of the equation of motion, corrected or not.
-    window_s : float
+    window_s
         Length of the memory.
-    direction : str
+    direction
         ``reverse``: acceleration on force; ``forward``: force on acceleration.
-    systematic_rel : float
+    systematic_rel
         Relative standard uncertainty common to all windows.
     errors_m_s2 : ndarray, shape (n, n_errors), optional
         What one standard uncertainty of each of several independent errors adds to the acceleration: where the
         breech drives and where the brake holds, windows answer differently to them. For ``reverse`` only.
-    largest_relative_u : float
+    largest_relative_u
         Random relative uncertainty beyond which a window carries too little information; infinite to
         take every window, as the paper did.
 

@@ -53,7 +53,7 @@ def choose_trace_window(regression: Regression, acceleration_m_s2: Array, force_
 
     Parameters
     ----------
-    regression : Regression
+    regression
         Gives the grid, the interval, the filter, and which samples can be trusted.
     acceleration_m_s2, force_n : ndarray, shape (n,)
         Both sides of the equation of motion, corrected.

@@ -38,13 +38,13 @@ def further_contributions(
 
     Parameters
     ----------
-    recorded, filtered : Regression
+    recorded, filtered
         Before and behind the low-pass.
-    calibration : Corrections
+    calibration
         Gives the correction under which the mass is evaluated.
-    signals : Signals
+    signals
         Gives the uncertainty of the zeros.
-    shot, rig : Shot, Rig
+    shot, rig
         Tell which force hangs on which clock, and the areas.
 
     Returns
@@ -81,10 +81,7 @@ def clock_contributions(
 
     Parameters
     ----------
-    filtered : Regression
-    calibration : Corrections
-    shot : Shot
-    acceleration_role : str
+    acceleration_role
         Role of the channel that the acceleration comes from.
     """
     mass = corrected_mass(filtered, calibration)

@@ -44,16 +44,14 @@ def reasons_against(
     Parameters
     ----------
     shot, rig, signals
-    estimates : mapping of str to MassEstimate
+    estimates
         By method.
-    trace : MassTrace
+    trace
         Of the method that was asked for.
-    calibration : Calibration
-    shift : ZeroShift
+    shift
         Of the recoiling part's accelerometer.
-    filtered : Regression
+    filtered
         Tells what of the pulse was lost.
-    constancy : MassConstancy or None
 
     Returns
     -------
@@ -96,11 +94,11 @@ def reasons_against_record(
     Parameters
     ----------
     shot, rig, signals
-    trace : MassTrace
+    trace
         Of the method that gives the mass.
-    filtered : Regression
+    filtered
         Tells what of the pulse was lost.
-    unused : collection of str
+    unused
         Channels that the mass does not hang on.
     """
     failed = [c for c in shot.quality if c.verdict == "fail" and c.check != "alignment" and c.channel not in unused]
@@ -179,15 +177,12 @@ def notes_on(
 
     Parameters
     ----------
-    rig : Rig
+    rig
         A role that it has no channel of is one of its assumptions, and no note.
-    signals : Signals
-    recorded : Regression
-    trace : MassTrace
+    trace
         Of the method that was asked for.
-    shift : ZeroShift
+    shift
         Of the recoiling part's accelerometer.
-    constancy : MassConstancy or None
     """
     notes = [
         f"no usable channel of role {role}: its term in the equation of motion is taken at rest"

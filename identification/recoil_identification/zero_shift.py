@@ -44,18 +44,18 @@ class ZeroShift:
 
     Attributes
     ----------
-    step_m_s2, u_step_m_s2 : float
+    step_m_s2, u_step_m_s2
         What stays; 0 where there is no such part.
-    decaying_m_s2, u_decaying_m_s2 : float
+    decaying_m_s2, u_decaying_m_s2
         What decays.
-    time_constant_s : float
+    time_constant_s
         Of the decay; infinite where there is none.
-    kick_m_s, u_kick_m_s : float
+    kick_m_s, u_kick_m_s
         Velocity that the sensor gained falsely at the onset: the step's times its lateness, negative, or of an
         overload.
-    criterion : float
+    criterion
         By how much the information criterion falls if the zero may shift; not demanded below `MARGIN`.
-    confirmed : bool
+    confirmed
         Whether a camera had its say: gauges that are off may look like a shift to the force alone.
     """
 
@@ -120,12 +120,11 @@ def calibrated_with_zero_shift(
 
     Parameters
     ----------
-    recorded : Regression
-    low_pass : LowPass
+    low_pass
         Which both sides and the shapes of a shift pass.
     scales, u_bias_m_s2, camera
         As of `calibrated_mass`, for a zero that does not shift.
-    filmed : Filmed, optional
+    filmed
         Without it a shift is not to be told from a gauge that is off: see `ZeroShift.confirmed`.
 
     Returns

@@ -25,7 +25,7 @@ class DoubleIntegral(ReadOnlyArrays):
 
     Attributes
     ----------
-    start_s, step_s : float
+    start_s, step_s
         Time base.
     acceleration, velocity, travel : ndarray, shape (n,), n at least 2
         m/s^2, m/s and m.

@@ -20,7 +20,7 @@ def bridge(samples: Array, *, otherwise: float | None = None) -> Array:
     ----------
     samples : ndarray, shape (n,)
         Evenly spaced; lost samples NaN.
-    otherwise : float, optional
+    otherwise
         What stands everywhere if no sample is there at all.
 
     Returns
@@ -54,7 +54,7 @@ def near(flags: Flags, reach: int) -> Flags:
     Parameters
     ----------
     flags : ndarray of bool, shape (n,)
-    reach : int
+    reach
         Samples; 0 gives the flags themselves.
 
     Returns

@@ -30,7 +30,7 @@ def isolated_outliers(times_s: Array, residual: Array, sigma: float) -> Flags:
     ----------
     times_s, residual : ndarray, shape (n,)
         Times strictly increasing; no value missing.
-    sigma : float
+    sigma
         White noise of the residual.
 
     Returns
@@ -60,7 +60,7 @@ def stuck_repeats(positions: Array, residual: Array, sigma: float) -> Flags:
     ----------
     positions, residual : ndarray, shape (n,)
         What was recorded, and its difference to the model.
-    sigma : float
+    sigma
         White noise of the positions.
 
     Returns

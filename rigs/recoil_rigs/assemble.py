@@ -27,10 +27,9 @@ def assemble_channels(rig: Rig, recordings: Mapping[str, Recording], version: st
 
     Parameters
     ----------
-    rig : Rig
-    recordings : mapping of str to Recording
+    recordings
         By the source that each file was matched to; a source may be missing.
-    version : str
+    version
         Of the package, for the channels' history.
 
     Returns
@@ -158,8 +157,7 @@ def in_si(spec: ChannelSpec, unit: Unit, values: Array) -> Array:
 
     Parameters
     ----------
-    spec : ChannelSpec
-    unit : Unit
+    unit
         Of the file's numbers; see `unit_of`.
     values : ndarray of float64, shape (n_samples,)
 
@@ -202,8 +200,7 @@ def match_files(rig: Rig, files: Sequence[tuple[Path, str]]) -> dict[str, Path]:
 
     Parameters
     ----------
-    rig : Rig
-    files : sequence of (path, kind)
+    files
         The kind is that of the reader which claimed the file, or empty if none did.
 
     Returns

@@ -20,11 +20,11 @@ class Assumption:
 
     Attributes
     ----------
-    quantity : str
+    quantity
         Symbol of the mechanism, role, or name of a channel.
-    taken : str
+    taken
         What is assumed of it.
-    detail : str
+    detail
         What the rig file lacks, and what follows from it.
     """
 

@@ -51,8 +51,6 @@ def shapes(length_m: float, count: int, s_m: ArrayLike) -> tuple[Array, Array]:
 
     Parameters
     ----------
-    length_m : float
-    count : int
     s_m : array_like, shape (n,)
         Places from the clamp.
 

@@ -17,8 +17,7 @@ def faults_of_can_signals(rig: Rig, source: Source) -> list[Fault]:
 
     Parameters
     ----------
-    rig : Rig
-    source : Source
+    source
         Of the rig; without a database it has no such fault.
     """
     text = rig.databases.get(source.database or "")

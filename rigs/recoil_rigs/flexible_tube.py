@@ -48,11 +48,11 @@ class FlexibleTube(ReadOnlyArrays):
 
     Attributes
     ----------
-    mass_kg : float
+    mass_kg
         Of the tube; also the modal mass, because the mean square of each eigenfunction is one.
-    offset_m : float
+    offset_m
         Of its axis above the recoiling part's centre of mass.
-    first, moment, shortening, shortening_moment : ndarray
+    first, moment, shortening, shortening_moment
         S, H, G, K, see `recoil_rigs.beam.BeamIntegrals`.
     stiffness_n_m, damping_n_s_m : ndarray, shape (n,)
         Modal.
@@ -86,11 +86,9 @@ def uniform_tube(
 
     Parameters
     ----------
-    length_m, mass_kg, bending_stiffness_n_m2 : float
-    modes : int
-    damping : float
+    damping
         Ratio of each mode's damping to its critical one.
-    root_m, offset_m : float
+    root_m, offset_m
         Place of the clamp from the recoiling part's centre of mass, along e5 and e6.
 
     Raises
@@ -154,8 +152,6 @@ def mass_matrix(mechanism: Mechanism, tube: FlexibleTube, q: ArrayLike) -> Array
 
     Parameters
     ----------
-    mechanism : Mechanism
-    tube : FlexibleTube
     q : array_like, shape (..., 5 + n)
         ``[xi, eta, alpha, beta, x, q_1, ..., q_n]``, m and rad.
     """
@@ -184,8 +180,6 @@ def velocity_terms(mechanism: Mechanism, tube: FlexibleTube, q: ArrayLike, qd: A
 
     Parameters
     ----------
-    mechanism : Mechanism
-    tube : FlexibleTube
     q, qd : array_like, shape (..., 5 + n)
     """
     place, rate = np.asarray(q, dtype=np.float64), np.asarray(qd, dtype=np.float64)
@@ -218,8 +212,6 @@ def accelerations(mechanism: Mechanism, tube: FlexibleTube, q: ArrayLike, qd: Ar
 
     Parameters
     ----------
-    mechanism : Mechanism
-    tube : FlexibleTube
     q, qd : array_like, shape (..., 5 + n)
     Q : array_like, shape (..., 5) or (..., 5 + n)
         Generalized forces; of the loads of `recoil_rigs.mechanism.generalized_forces` none acts on the tube.

@@ -21,8 +21,7 @@ def live_sources(rig: Rig, devices: Mapping[str, Mapping[str, Any]] | None = Non
 
     Parameters
     ----------
-    rig : Rig
-    devices : mapping of str to mapping, optional
+    devices
         ``device`` tables in place of the rig's own, by source: those of virtual devices.
 
     Raises

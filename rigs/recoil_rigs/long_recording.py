@@ -40,8 +40,7 @@ class FoundShot:
 
     Attributes
     ----------
-    trigger_s : float
-    stop_s : float
+    stop_s
         End of the post-time, of the last extension where there are some.
     """
 
@@ -56,10 +55,9 @@ def cut_long_recordings(
 
     Parameters
     ----------
-    rig : Rig
-    recordings : mapping of str to Recording
+    recordings
         By source.
-    at_s : float, optional
+    at_s
         Instant of the shot's trigger on the reference clock; the rig's trigger finds it if left out. Where it is
         given, the reference source's recording is cut however long it is.
 
@@ -109,11 +107,8 @@ def find_shots(rig: Rig, trigger: Trigger, recording: Recording, source: str) ->
 
     Parameters
     ----------
-    rig : Rig
-    trigger : Trigger
+    trigger
         With conditions on channels of the source alone.
-    recording : Recording
-    source : str
 
     Returns
     -------

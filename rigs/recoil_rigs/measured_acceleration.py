@@ -20,7 +20,6 @@ def specific_acceleration(mechanism: Mechanism, q: ArrayLike, qd: ArrayLike, qdd
 
     Parameters
     ----------
-    mechanism : Mechanism
     q, qd, qdd : array_like, shape (..., 5)
         State, rate and acceleration.
 
@@ -56,10 +55,9 @@ def carriage_specific_force(
 
     Parameters
     ----------
-    mechanism : Mechanism
     q, qd, qdd : array_like, shape (..., 5)
         State, rate and acceleration.
-    r_x, r_y : float
+    r_x, r_y
         Their place from the trunnion A in carriage axes, m.
 
     Returns
@@ -104,7 +102,6 @@ def specific_acceleration_kinematic(
 
     Parameters
     ----------
-    mechanism : Mechanism
     ddx, x : array_like, shape (...)
         Acceleration, m/s^2, and travel, m, of the recoiling part along the tipping part, rearward.
     w2, dw2 : array_like, shape (...)
@@ -115,7 +112,7 @@ def specific_acceleration_kinematic(
         Rotation of the tipping part relative to the carriage from battery, rad.
     w1, dw1 : array_like, shape (...)
         ``alpha'``, rad/s, and its derivative, rad/s^2; needed if the accelerometers are not at A.
-    r_x, r_y : float
+    r_x, r_y
         Place of the accelerometers from A, carriage axes, m.
 
     Returns
@@ -185,7 +182,7 @@ def specific_acceleration_inertial(
         What it reads along -e5, m/s^2, gravity included.
     w2, dw2 : array_like, shape (...)
         ``alpha' + beta'``, rad/s, and its derivative, rad/s^2.
-    r5, r6 : float
+    r5, r6
         Its place from the centre of mass of B3 along e5 and e6, m.
 
     Returns

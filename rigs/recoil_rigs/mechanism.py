@@ -94,7 +94,6 @@ def mass_matrix(mechanism: Mechanism, q: ArrayLike) -> Array:
 
     Parameters
     ----------
-    mechanism : Mechanism
     q : array_like, shape (..., 5)
         State ``[xi, eta, alpha, beta, x]``, m and rad.
 
@@ -137,7 +136,6 @@ def velocity_terms(mechanism: Mechanism, q: ArrayLike, qd: ArrayLike) -> Array:
 
     Parameters
     ----------
-    mechanism : Mechanism
     q, qd : array_like, shape (..., 5)
         State, m and rad, and its rate, m/s and rad/s.
 
@@ -190,7 +188,6 @@ def generalized_forces(
 
     Parameters
     ----------
-    mechanism : Mechanism
     q : array_like, shape (..., 5)
         State, m and rad.
     breech_force : array_like, shape (...)
@@ -235,7 +232,6 @@ def accelerations(mechanism: Mechanism, q: ArrayLike, qd: ArrayLike, Q: ArrayLik
 
     Parameters
     ----------
-    mechanism : Mechanism
     q, qd, Q : array_like, shape (..., 5)
         State, rate and generalized forces.
 

@@ -17,32 +17,32 @@ class Mechanism:
 
     Attributes
     ----------
-    m1, m2, m3 : float
+    m1, m2, m3
         Masses of carriage, tipping part and recoiling part, kg. ``m3`` is the specification mass.
-    J1, J2, J3c : float
+    J1, J2, J3c
         Moments of inertia, kg m^2: of the carriage about C, of the tipping part about A, of the
         recoiling part about its centre of mass.
-    X1, Y1 : float
+    X1, Y1
         Centre of mass of the carriage from C, carriage axes, m.
-    XA, YA : float
+    XA, YA
         Trunnion A from C, carriage axes, m.
-    s2, d2 : float
+    s2, d2
         Centre of mass of the tipping part from A, tipping axes, m.
-    b, d : float
+    b, d
         Centre of mass of the recoiling part in battery from A, tipping axes, m.
-    e : float
+    e
         Offset of the breech force's line above the recoiling part's centre of mass, m.
-    L, f : float
+    L, f
         Distance of ground contact D ahead of C, m, and its friction coefficient.
-    phi10, phi20 : float
+    phi10, phi20
         Angles of the carriage axis and of the bore axis over the horizontal, in battery, rad.
-    g : float
+    g
         Acceleration of gravity, m/s^2.
-    bore_area, brake_area, recuperator_area : float
+    bore_area, brake_area, recuperator_area
         Areas on which the breech, brake and recuperator pressures act, m^2.
-    friction : float
+    friction
         Packing friction that no gauge reads, N.
-    u : mapping of str to float
+    u
         Standard uncertainties of any of these values, by symbol, in the value's unit.
     """
 

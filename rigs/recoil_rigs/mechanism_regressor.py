@@ -46,15 +46,14 @@ class Geometry:
 
     Attributes
     ----------
-    XA, YA : float
+    XA, YA
         Trunnion from C, carriage axes.
-    phi10, phi20 : float
+    phi10, phi20
         Angles of carriage and bore axis over the horizontal in battery.
-    force_line : float
+    force_line
         Line of the breech force above A in tipping axes: ``e + d``.
-    L : float
+    L
         Ground contact D ahead of C.
-    g : float
     """
 
     XA: float
@@ -89,7 +88,6 @@ def regressor(geometry: Geometry, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -
 
     Parameters
     ----------
-    geometry : Geometry
     q, qd, qdd : array_like, shape (..., 5)
         State ``[xi, eta, alpha, beta, x]``, its rate and its acceleration, SI.
 
@@ -153,7 +151,6 @@ def load_directions(geometry: Geometry, alpha: ArrayLike, beta: ArrayLike) -> Ar
 
     Parameters
     ----------
-    geometry : Geometry
     alpha, beta : array_like, shape (...)
         Rotations since battery, rad.
 

@@ -18,11 +18,11 @@ class Bounds:
 
     Attributes
     ----------
-    possible : tuple of float
+    possible
         Least and largest that any such mechanism has; beyond is a fault.
-    usual : tuple of float
+    usual
         Beyond, a value is worth a second look.
-    unit : str
+    unit
         Of both.
     """
 
@@ -85,9 +85,9 @@ def implausible_values(
 
     Parameters
     ----------
-    mechanism : Mechanism or None
+    mechanism
         None where it is at fault otherwise.
-    sources, channels : sequence of (str, table)
+    sources, channels
         With their key paths.
     """
     found = [

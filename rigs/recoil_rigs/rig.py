@@ -85,22 +85,17 @@ class Rig:
 
     Attributes
     ----------
-    name : str
-    reference_clock : str
+    reference_clock
         Name of the source whose clock all others are aligned to.
-    mechanism : Mechanism
-    sources : tuple of Source
-    channels : tuple of ChannelSpec
-    text : str
+    text
         The file, verbatim.
-    path : Path
-    databases : mapping of str to str
+    databases
         Text of every CAN database that a source names, by the name it uses.
-    trigger : Trigger or None
+    trigger
         When a live shot begins, and how much is kept around it.
-    twin : mapping
+    twin
         The table ``[twin]`` of a virtual rig, as read; empty if there is none.
-    doubts : tuple of Fault
+    doubts
         For which a rig file is refused and a shot that was recorded all the same is not valid, see `parse_rig`.
     """
 
@@ -235,12 +230,11 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None,
 
     Parameters
     ----------
-    text : str
-    path : Path
+    path
         Where it came from; the files it names are looked up beside it.
-    databases : mapping of str to str, optional
+    databases
         Text of the CAN databases by name, where they are at hand already (in a shot file).
-    refuse_doubts : bool
+    refuse_doubts
         Whether such faults are enough to refuse it. Where the shot has been recorded they are kept in the rig.
 
     Raises

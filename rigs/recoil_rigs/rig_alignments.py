@@ -28,12 +28,10 @@ def motion_channels(
 
     Parameters
     ----------
-    source : str
-    channel : str or None
+    channel
         The one that the rig names, if it does.
-    against : str
+    against
         Name of the channel of the reference clock.
-    channels : sequence of ChannelSpec
 
     Returns
     -------
@@ -58,15 +56,15 @@ def faults_of_alignment(
 
     Parameters
     ----------
-    where : str
+    where
         Its key path.
-    source : Source
+    source
         Not the reference clock's.
-    reference : str
+    reference
         Name of the reference clock.
-    channels : sequence of ChannelSpec
+    channels
         The sound ones.
-    tables : mapping
+    tables
         The whole rig file.
     """
     align, faults = source.align, []

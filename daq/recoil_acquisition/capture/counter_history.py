@@ -15,12 +15,7 @@ _LEAST_S = 0.1
 
 
 class CounterHistory:
-    """Snapshots of the counters of some devices.
-
-    Parameters
-    ----------
-    devices : mapping of str to Device
-    """
+    """Snapshots of the counters of some devices."""
 
     def __init__(self, devices: Mapping[str, Device]) -> None:
         self._devices = dict(devices)
@@ -31,7 +26,7 @@ class CounterHistory:
 
         Parameters
         ----------
-        needed_from_s : float
+        needed_from_s
             Host time from which on shots may still ask; the snapshot before it is kept too.
         """
         now_s = time.monotonic()

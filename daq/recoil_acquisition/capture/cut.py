@@ -31,11 +31,10 @@ class Cut:
 
     Attributes
     ----------
-    blocks, bytes : int
+    blocks, bytes
         Of data.
-    late_s : float
+    late_s
         How long, at most, something of it may have waited before it was read.
-    events : list of (host_ns, DeviceEvent)
     """
 
     blocks: int = 0
@@ -72,14 +71,13 @@ def write_shot(
 
     Parameters
     ----------
-    log : Log
+    log
         May still be written; what was appended before the call counts.
-    session : LiveRecord
-    path : Path
+    path
         To be made, with its folder.
-    acquisition : Acquisition
+    acquisition
         Without what the log has of its sources.
-    start_ns, stop_ns : int
+    start_ns, stop_ns
         Host time.
 
     Returns

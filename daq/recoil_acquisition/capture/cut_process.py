@@ -27,15 +27,8 @@ def cut_apart(log: Path, path: Path, acquisition: Acquisition, start_ns: int, st
 
     Parameters
     ----------
-    log : Path
-    path : Path
+    path
         To be made. If the calling process dies, it is not made.
-    acquisition : Acquisition
-    start_ns, stop_ns : int
-
-    Returns
-    -------
-    Acquisition
 
     Raises
     ------

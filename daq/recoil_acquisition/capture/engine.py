@@ -36,8 +36,7 @@ class Level:
 
     Attributes
     ----------
-    last : float
-    low, high : float
+    low, high
         Of the samples looked at within the last second.
     """
 
@@ -51,9 +50,7 @@ class CaptureEngine:
 
     Parameters
     ----------
-    sources : sequence of LiveSource
-    trigger : Trigger
-    patience_s : float
+    patience_s
         As `PATIENCE_S`.
 
     Raises

@@ -58,10 +58,8 @@ class CapturedShot:
 
     Attributes
     ----------
-    name : str
-    path : Path
+    path
         Its capture.
-    acquisition : Acquisition
     """
 
     name: str
@@ -78,18 +76,15 @@ class LiveSession:
 
     Parameters
     ----------
-    record : LiveRecord
-    sources : sequence of LiveSource
-    devices : mapping of str to Device
+    devices
         Open, one per source.
-    trigger : Trigger
-    folder : Path
+    folder
         Of the journal.
-    reserve_bytes : int
+    reserve_bytes
         Space that must be there.
-    spare : Path or None
+    spare
         Folder on another disk, where the journal goes on if the first one fails.
-    notice : callable
+    notice
         Told every decision of the trigger, in the watching thread.
 
     Raises
@@ -176,11 +171,11 @@ class LiveSession:
 
         Parameters
         ----------
-        name : str
+        name
             Identifier of the shot.
-        window : ShotWindow
+        window
             Of `next_window`.
-        path : Path
+        path
             To be made.
 
         Raises
@@ -288,12 +283,7 @@ class LiveSession:
             sys.setswitchinterval(self._switch_s)
 
     def close(self, *, complete: bool) -> None:
-        """Close the journal, and remove it if all that happened in it is in verified shot files.
-
-        Parameters
-        ----------
-        complete : bool
-        """
+        """Close the journal, and remove it if all that happened in it is in verified shot files."""
         self.stop()
         self._journal.close(in_order=self._error is None)
         if complete and self.error is None and not self._holding and not self.kept:

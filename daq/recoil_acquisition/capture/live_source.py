@@ -31,15 +31,15 @@ class LiveChannel:
 
     Attributes
     ----------
-    name : str
+    name
         Of the rig.
-    signal : str
+    signal
         ``Message.Signal`` of a bus, the field of a framing.
-    factor, offset : float
+    factor, offset
         From the signal's unit to SI, polarity and sensitivity included.
-    unit : str
+    unit
         SI.
-    range : tuple of float or None
+    range
         Of its sensor, SI.
     """
 
@@ -57,17 +57,15 @@ class LiveSource:
 
     Attributes
     ----------
-    name, kind : str
-    device : mapping
+    device
         Its ``device`` table.
-    channels : tuple of LiveChannel
-    framing : Framing or None
+    framing
         Of a serial source.
-    database : str or None
+    database
         Text of a bus's database.
-    counters : tuple of str
+    counters
         Signals of a bus that count messages.
-    path : Path
+    path
         The rig file, for messages.
     """
 
@@ -95,7 +93,6 @@ class LiveSamples(ReadOnlyArrays):
 
     Attributes
     ----------
-    channel : str
     times_s : ndarray of float64, shape (n_samples,)
         On the host's monotonic clock, never running backwards.
     values : ndarray of float64, shape (n_samples,)
@@ -141,9 +138,8 @@ class CanSignals:
 
     Parameters
     ----------
-    source : LiveSource
+    source
         With its database.
-    channels : sequence of LiveChannel
     """
 
     def __init__(self, source: LiveSource, channels: Sequence[LiveChannel]) -> None:
@@ -210,9 +206,7 @@ class SerialSignals:
 
     Parameters
     ----------
-    framing : Framing
-    channels : sequence of LiveChannel
-    path : Path
+    path
         The rig file, for messages.
     """
 

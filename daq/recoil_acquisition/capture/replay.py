@@ -24,12 +24,11 @@ def replayed(
 
     Parameters
     ----------
-    sources : mapping of str to sequence of (oldest_s, latest_s)
+    sources
         One span per source, or none if nothing is held of it.
-    trigger : Trigger
-    decisions : sequence of Decision
+    decisions
         In the order in which they were made.
-    stalls : sequence of (from_s, until_s)
+    stalls
         What was read at the second instant may have arrived since the first.
     """
     cutter = ShotCutter(trigger, list(sources), lag_s=LAG_S)
@@ -51,11 +50,9 @@ def outrun(
 
     Parameters
     ----------
-    sources : sequence of LiveSource
-    trigger : Trigger
-    blocks : iterable of Block or None
+    blocks
         All that was recorded, in the order of the journal; None where something is missing.
-    decided : sequence of Decision
+    decided
         Those that were recorded. What one of them lies next to is not decided again: live, several blocks are dated
         as one.
 

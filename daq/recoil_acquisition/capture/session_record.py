@@ -47,14 +47,12 @@ class LiveRecord:
 
     Attributes
     ----------
-    rig_name, rig_text : str
-    rig_path : str
+    rig_path
         Where the rig file was.
-    databases : mapping of str to str
+    databases
         Text of the rig's CAN databases.
-    anchor : Anchor
+    anchor
         The host's two clocks when it was armed.
-    sources : tuple of RecordedSource
     """
 
     __pydantic_config__ = STRICT
@@ -91,8 +89,7 @@ def live_record_of(session: Mapping[str, Any], path: Path) -> LiveRecord:
 
     Parameters
     ----------
-    session : mapping
-    path : Path
+    path
         For messages.
 
     Raises
@@ -127,11 +124,11 @@ class Kept:
 
     Attributes
     ----------
-    first_s, last_s : float
+    first_s, last_s
         What happened first and last, on the host's monotonic clock.
-    start_s, stop_s : float
+    start_s, stop_s
         What is kept of the log.
-    why : str
+    why
         Such as ``p_brake crossed: not armed``.
     """
 
@@ -177,11 +174,9 @@ class OperatorRecords:
 
     Attributes
     ----------
-    decisions : tuple of Decision
-    shots : tuple of CompleteShot
-    kept : tuple of Kept
+    kept
         For another reason than a decision.
-    in_order : bool
+    in_order
         Whether the session was closed in order.
     """
 

@@ -20,9 +20,8 @@ class CounterSpan:
 
     Attributes
     ----------
-    from_s : float
+    from_s
         Host time of the first.
-    before, after : Counters
     """
 
     from_s: float
@@ -45,15 +44,10 @@ def acquisition_of(
 
     Parameters
     ----------
-    shot : str
-    session : LiveRecord
-    trigger : Trigger
-    window : ShotWindow
+    window
         On the host's monotonic clock.
-    counted : mapping of str to CounterSpan
+    counted
         By source; may lack any.
-    unseen_bytes, lost_records : int
-    recovered : bool
     """
     trigger_ns = round(window.trigger_s * 1e9)
     utc = dt.datetime(1970, 1, 1) + dt.timedelta(microseconds=session.anchor.wall_of(trigger_ns) // 1000)

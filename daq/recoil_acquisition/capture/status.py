@@ -17,13 +17,11 @@ class SourceStatus:
 
     Attributes
     ----------
-    name, kind : str
-    rate_hz : float
+    rate_hz
         Frames of a bus, or bytes of a port, per second, over the last second or two.
-    age_s : float or None
+    age_s
         Time since the last data; None if there was none.
-    counters : Counters
-    error : str
+    error
         Why it is no longer read; empty if it is.
     """
 
@@ -41,13 +39,13 @@ class ChannelStatus:
 
     Attributes
     ----------
-    name, source, unit : str
+    name, source, unit
         The unit is that of SI.
-    level : Level or None
+    level
         None if nothing came within the last second.
-    range : tuple of float or None
+    range
         Of its sensor.
-    triggers_at : float or None
+    triggers_at
         Level of the trigger's condition on it, where it has one on the signal itself.
     """
 
@@ -65,23 +63,19 @@ class LiveStatus:
 
     Attributes
     ----------
-    state : str
-    sources : tuple of SourceStatus
-    channels : tuple of ChannelStatus
-    shots : int
+    shots
         Triggered since it was started.
-    armed_s : float
+    armed_s
         Time since it was started.
-    disk_free_bytes : int
-    journal_bytes : int
+    journal_bytes
         Written so far.
-    unsynced_s : float
+    unsynced_s
         Age of the oldest data that is not yet forced to the disk.
-    unseen_bytes : int
+    unseen_bytes
         Recorded, and not looked at by the trigger.
-    released_records : int
+    released_records
         Of the journal: watched, nothing happened in them, and given back.
-    alert : str
+    alert
         What nobody may overlook: a device that is lost, an output folder that is gone. Empty if nothing.
     """
 

@@ -14,7 +14,7 @@ class BackOff:
 
     Attributes
     ----------
-    tries : int
+    tries
         Tries since the device was lost.
     """
 

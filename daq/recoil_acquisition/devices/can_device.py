@@ -48,11 +48,11 @@ class CanDevice:
 
     Parameters
     ----------
-    name : str
+    name
         Name of the source.
-    table : mapping
+    table
         The rig's ``device`` table: ``interface`` and whatever keywords that interface of python-can takes.
-    check : StreamCheck, optional
+    check
         Looks at every block of frames for the counters.
 
     Raises

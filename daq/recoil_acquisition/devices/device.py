@@ -40,16 +40,16 @@ class Block:
 
     Attributes
     ----------
-    source : str
+    source
         Name of the source.
-    host_ns : int
+    host_ns
         The host's monotonic clock when the read returned, ns (`time.monotonic_ns`).
-    payload : bytes
+    payload
         Of kind `CAN`, whole rows of `frames.can_rows.ROW_SIZE` bytes; of kind `SERIAL`,
         the bytes of the port; of kind `EVENT`, a JSON object; of kind `IDLE`, empty.
-    kind : str
+    kind
         `CAN`, `SERIAL`, `EVENT` or `IDLE`.
-    empty_ns : int or None
+    empty_ns
         The same clock when the source was last found empty: the payload arrived after it, and at `host_ns` at the
         latest. A read comes soon after it, unless the process or its machine stood still. None if it is unknown.
     """
@@ -72,7 +72,7 @@ class Block:
 
         Parameters
         ----------
-        before_ns : int or None
+        before_ns
             When the block before it was read; None if there was none.
         """
         if self.empty_ns is None or before_ns is None:
@@ -86,9 +86,9 @@ class DeviceEvent:
 
     Attributes
     ----------
-    name : str
+    name
         ``opened``, ``lost``, ``reopened``, ``stalled``, ``unreadable``, ``unanswered`` or ``closed``.
-    detail : str
+    detail
         In one line.
     """
 
@@ -125,7 +125,7 @@ def joined(blocks: Sequence[Block]) -> list[Block]:
 
     Parameters
     ----------
-    blocks : sequence of Block
+    blocks
         In the order in which they came. Sources stay apart; among them the order is lost.
     """
     parts: dict[str, list[Block]] = {}
@@ -154,21 +154,21 @@ class Counters:
 
     Attributes
     ----------
-    received : int
+    received
         Frames of a bus, its error frames not counted; bytes of a port.
-    bad : int
+    bad
         Entries that the driver could not read, and what the check of the stream found damaged.
-    skipped_bytes : int or None
+    skipped_bytes
         Bytes outside of good frames; None where nothing checks the stream's frames.
-    counter_gaps : int or None
+    counter_gaps
         Places where a packet counter misses frames; None where no counter is checked.
-    kernel_drops : int or None
+    kernel_drops
         Frames or bytes that the kernel dropped before they could be read; None where the platform does not say.
-    reopened : int
+    reopened
         How often the device was lost and opened again.
-    error_frames : int
+    error_frames
         Error frames of a bus.
-    queue_high_water : int
+    queue_high_water
         Most frames, or bytes of a port, that were found waiting at once.
     """
 
@@ -190,7 +190,7 @@ class EmptyLook:
 
     Attributes
     ----------
-    empty_ns : int
+    empty_ns
         Monotonic host time: all that arrived before it was read by the time of the last look. At first that of opening.
     """
 

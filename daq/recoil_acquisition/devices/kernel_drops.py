@@ -88,9 +88,9 @@ class LineErrors:
 
     Attributes
     ----------
-    damaged : int
+    damaged
         Bytes with a framing or parity error.
-    dropped : int
+    dropped
         Bytes lost in the port's or the kernel's buffer.
     """
 

@@ -38,12 +38,11 @@ def open_fault(source: str, what: str, error: BaseException, *, available: Seque
 
     Parameters
     ----------
-    source : str
+    source
         Name of the source.
-    what : str
+    what
         The device, as the rig declares it.
-    error : BaseException
-    available : sequence of str, optional
+    available
         Devices that are there.
 
     Returns

@@ -34,19 +34,19 @@ def make_device(
 
     Parameters
     ----------
-    source : str
+    source
         Its name.
-    kind : str
+    kind
         Its kind: ``can`` or ``serial``.
-    table : mapping or None
+    table
         Its ``device`` table. Of a bus, everything in it goes to python-can.
-    framing : Framing, optional
+    framing
         Of a serial source: its commands are sent, and its frames are counted.
-    database : str, optional
+    database
         Of a bus: the text of its database, in which `counters` are found.
-    counters : sequence of str
+    counters
         Of a bus: signals, such as ``Message.Signal``, that count the messages they are in.
-    check : StreamCheck, optional
+    check
         Looks at the blocks in place of the one that framing or counters would give.
 
     Raises

@@ -22,17 +22,17 @@ class ReaderHealth:
 
     Attributes
     ----------
-    alive : bool
+    alive
         Whether its thread runs.
-    blocks, payload_bytes : int
+    blocks, payload_bytes
         Handed on so far, events included.
-    data_age_s : float or None
+    data_age_s
         Time since the last block of data was read; None if there was none.
-    longest_sink_s : float
+    longest_sink_s
         Longest time that the sink took for one block.
-    undelivered : int
+    undelivered
         Blocks that were read and could not be handed on.
-    error : BaseException or None
+    error
         Why the reader stopped by itself.
     """
 
@@ -57,11 +57,10 @@ class DeviceReader:
 
     Parameters
     ----------
-    device : Device
+    device
         Open. The reader closes it.
-    sink : callable
+    sink
         Takes a block.
-    read_timeout_s : float
     """
 
     def __init__(

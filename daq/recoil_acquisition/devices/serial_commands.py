@@ -14,11 +14,11 @@ class SerialCommands:
 
     Attributes
     ----------
-    start : tuple of Command
+    start
         Sent in order whenever the port was opened.
-    stop : tuple of Command
+    stop
         Sent in order before it is closed.
-    poll : tuple of Poll
+    poll
         Requests, each sent again and again at its own pace, never one before the last was answered or given up;
         empty for a device that talks by itself.
     """
@@ -36,13 +36,9 @@ class SerialCommands:
 class PollClock:
     """Says which request is due, driven by whoever reads the port: there is no thread.
 
-    Parameters
-    ----------
-    polls : tuple of Poll
-
     Attributes
     ----------
-    unanswered : int
+    unanswered
         Requests after which nothing came in time.
     """
 

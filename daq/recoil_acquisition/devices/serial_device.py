@@ -40,14 +40,13 @@ class SerialDevice:
 
     Parameters
     ----------
-    name : str
+    name
         Name of the source.
-    table : mapping
+    table
         The rig's ``device`` table: ``port`` (a path, a name, or ``usb:VID:PID[:SERIAL]``) and ``baudrate``; if they
         differ from 8N1 without handshake, ``bytesize``, ``parity``, ``stopbits``, ``xonxoff``, ``rtscts``,
         ``dsrdtr`` as pyserial has them; ``low_latency = false`` to leave the driver's latency as it is.
-    commands : SerialCommands, optional
-    check : StreamCheck, optional
+    check
         Looks at every block of bytes for the counters.
 
     Raises

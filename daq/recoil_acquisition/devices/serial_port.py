@@ -30,11 +30,11 @@ class PortIdentity:
 
     Attributes
     ----------
-    path : str
+    path
         As declared; a link such as those of ``/dev/serial/by-id`` is followed anew at each opening.
-    vendor, product : int or None
+    vendor, product
         USB identifiers; None for a port that is no USB device.
-    serial_number : str
+    serial_number
         Of the USB device; empty for any.
     """
 

@@ -28,10 +28,6 @@ class FramingCheck:
 
     Blocks are gathered and decoded together when a count is asked for, by the thread that asks. Only where nobody does
     the thread that feeds decodes them, lest they fill the memory; it never waits for a decoding that goes on.
-
-    Parameters
-    ----------
-    framing : Framing
     """
 
     def __init__(self, framing: Framing) -> None:
@@ -116,7 +112,7 @@ class CanCounterCheck:
 
     Parameters
     ----------
-    counters : mapping of (int, bool) to SignalLayout
+    counters
         By identifier and whether it has 29 bits.
     """
 
@@ -155,11 +151,9 @@ def can_counter_check(source: str, names: Sequence[str], database: str, path: Pa
 
     Parameters
     ----------
-    source : str
-    names : sequence of str
-    database : str
+    database
         Text of the DBC file.
-    path : Path
+    path
         The rig file, for messages.
 
     Raises

@@ -28,13 +28,12 @@ class TimeBaseGroup:
 
     Attributes
     ----------
-    name : str
+    name
         Of letters, digits and underscores: the source, and a number where it has several time bases.
-    clock : str
+    clock
         The source's own clock, also where `time_base` is on the reference clock.
-    time_base : TimeBase
+    time_base
         As exported.
-    channels : tuple of Channel
     """
 
     name: str
@@ -49,14 +48,13 @@ class Content:
 
     Attributes
     ----------
-    document : mapping
+    document
         What is said about the shot, JSON types with finite numbers only.
-    groups : tuple of Group
-    sensors : mapping of str to mapping
+    sensors
         What the rig declares about the sensor of a channel.
-    start : AbsoluteStart or None
+    start
         When the zero of the reference clock was.
-    notes : tuple of str
+    notes
         What a user must know about the export as a whole.
     """
 
@@ -127,12 +125,11 @@ def gather(shot: Shot, provenance: Mapping[str, Any], names: Sequence[str] = (),
 
     Parameters
     ----------
-    shot : Shot
-    provenance : mapping
+    provenance
         Where the shot was read from, JSON types.
-    names : sequence of str
+    names
         Channels to export; all if empty.
-    aligned : bool
+    aligned
         Map all instants to the reference clock.
 
     Raises

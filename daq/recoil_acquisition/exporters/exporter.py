@@ -24,7 +24,7 @@ class ExportedTable(ReadOnlyArrays):
 
     Attributes
     ----------
-    name : str
+    name
         Of the group.
     times_s : ndarray of float64, shape (n_samples,)
     samples : mapping of str to ndarray, shape (n_samples,)
@@ -42,11 +42,11 @@ class Representation:
 
     Attributes
     ----------
-    tables : tuple of Table
+    tables
         What must be read back, bit for bit.
-    losses : tuple of str
+    losses
         What is not as in the shot, one line each; empty if all is exact.
-    left_out : tuple of str
+    left_out
         Channels that the format cannot carry at all; each has its line in `losses`.
     """
 
@@ -112,8 +112,7 @@ def first_difference(
 
     Parameters
     ----------
-    one, other : sequence of Table
-    values_only : bool
+    values_only
         Whether float32 and float64 of the same value are the same.
     """
     if [table.name for table in one] != [table.name for table in other]:

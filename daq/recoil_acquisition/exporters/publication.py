@@ -26,20 +26,19 @@ class ExportedFile:
 
     Attributes
     ----------
-    path : Path
-    clocks : tuple of str
+    clocks
         Clocks of its sources.
-    channels : tuple of str
+    channels
         Those that are in it.
-    samples : int
+    samples
         Of all channels together.
-    size : int
+    size
         Bytes.
-    exact : bool
+    exact
         Whether every number of every channel is that of the shot.
-    losses : tuple of str
+    losses
         What is not as in the shot, numbers or what is said about them, one line each.
-    left_out : tuple of str
+    left_out
         Channels that the format cannot carry.
     """
 
@@ -66,14 +65,11 @@ def write_export(
 
     Parameters
     ----------
-    content : Content
-    exporter : Exporter
-    folder : Path
+    folder
         Is made if it is not there.
-    stem : str
+    stem
         What the files' names begin with; a file of one time base has the name of its group behind it.
-    overwrite : bool
-    progress : callable
+    progress
         Told the name of each file.
 
     Returns

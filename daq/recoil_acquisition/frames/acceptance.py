@@ -22,15 +22,11 @@ FEWEST_ROWS = 12
 class Acceptance:
     """Demands of a framing on a frame, besides its place in the stream.
 
-    Parameters
-    ----------
-    framing : Framing
-
     Attributes
     ----------
-    selective : bool
+    selective
         Whether a frame can be of no known type.
-    by_rows : bool
+    by_rows
         Whether `good_rows` can judge: not where values inside of elements are checked.
     """
 
@@ -128,7 +124,7 @@ class Acceptance:
 
         Parameters
         ----------
-        data : bytes
+        data
             The frames one after the other.
         lengths : ndarray of int64, shape (n_frames,)
 

@@ -30,9 +30,7 @@ class BatchSearch(ABC):
 
     Parameters
     ----------
-    framing : Framing
-    acceptance : Acceptance
-    counters : Counters
+    counters
         What is met is counted here.
     """
 

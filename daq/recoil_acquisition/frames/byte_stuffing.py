@@ -28,7 +28,7 @@ def decode_cobs(packet: bytes) -> bytes | None:
 
     Parameters
     ----------
-    packet : bytes
+    packet
         Without its delimiter.
 
     Returns
@@ -57,7 +57,7 @@ def decode_slip(packet: bytes) -> bytes | None:
 
     Parameters
     ----------
-    packet : bytes
+    packet
         Without its delimiters.
 
     Returns

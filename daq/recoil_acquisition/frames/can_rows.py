@@ -74,13 +74,9 @@ def pack_row(
 
     Parameters
     ----------
-    device_ns, host_ns : int
-    identifier : int
-    flags : int
-    data : bytes
+    data
         At most `LONGEST`.
-    channel : int
-    length : int, optional
+    length
         Where it is not the number of bytes of data: in a remote frame.
     """
     if len(data) > LONGEST:

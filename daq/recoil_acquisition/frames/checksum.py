@@ -32,14 +32,13 @@ class Checksum:
 
     Attributes
     ----------
-    name : str
-    size : int
+    size
         Bytes of its value.
-    check : int
+    check
         Its value over ``123456789``.
-    of : callable
+    of
         Value over bytes.
-    of_rows : callable
+    of_rows
         Values over the rows of an array of bytes, shape (n_frames, n_bytes) -> (n_frames,).
     """
 
@@ -56,11 +55,10 @@ class Crc:
 
     Attributes
     ----------
-    width : int
+    width
         8, 16 or 32 bits.
-    polynomial, initial, final : int
+    polynomial, initial, final
         Polynomial without its highest term, start value and the value the result is XORed with.
-    reflected : bool
     """
 
     width: int

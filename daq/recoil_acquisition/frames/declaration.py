@@ -50,7 +50,7 @@ def framing_from_table(table: Mapping[str, Any]) -> Framing:
 
     Parameters
     ----------
-    table : mapping
+    table
         Either ``ready_made``, the name of a framing of `frames.ready_made`, its parameters, and keys that
         replace its own; or ``kind`` and what the kind needs:
 
@@ -68,10 +68,6 @@ def framing_from_table(table: Mapping[str, Any]) -> Framing:
         with ``when`` and ``fields``, ``only_known``, ``counter = { field, modulo, step }``, ``device_time =
         { field, tick_s, modulo }``, ``baudrate``, ``bits_per_byte``, ``rate_hz``, ``timeout_s`` of silence that
         ends a half frame, ``poll``, ``start_commands``, ``stop_commands``; for all but lines ``endian`` and ``tlv``.
-
-    Returns
-    -------
-    Framing
 
     Raises
     ------

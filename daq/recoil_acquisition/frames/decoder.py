@@ -21,16 +21,7 @@ from recoil_acquisition.frames.search import NEED_DATA, Found, Search, search_fo
 
 
 class FrameDecoder:
-    """Decoder of one stream.
-
-    Parameters
-    ----------
-    framing : Framing
-
-    Attributes
-    ----------
-    counters : Counters
-    """
+    """Decoder of one stream."""
 
     def __init__(self, framing: Framing) -> None:
         self.counters = FrameCounters()
@@ -49,9 +40,9 @@ class FrameDecoder:
 
         Parameters
         ----------
-        data : bytes
+        data
             May be empty, to let time pass.
-        host_s : float or None
+        host_s
             Host time of the read, counted from any start. A silence longer than `Framing.silence_s` ends
             what came before it; the time that the bytes of this read took on the line, which the baud rate
             tells, is no silence.
@@ -82,7 +73,7 @@ class FrameDecoder:
 
         Parameters
         ----------
-        missing : bool
+        missing
             Whether bytes are missing here, so that what comes next may be the rest of a frame: where delimiters end
             frames, nothing else shows that it is none.
         """

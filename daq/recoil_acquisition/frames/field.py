@@ -33,22 +33,19 @@ class Field:
 
     Attributes
     ----------
-    name : str
-    at : int
+    at
         Byte from the frame's first, from an element's data in a frame of elements, or the number of
         the cell in a line of text.
-    type : str
+    type
         A key of `TYPE_SIZES`; ``text`` in a line.
-    big_endian : bool
-    scale, offset : float
+    scale, offset
         ``value = scale * raw + offset``.
-    unit : str
-    element : int or None
+    element
         Identifier of the element that holds it, in a frame of elements.
-    bits : tuple of int or None
+    bits
         Lowest bit and number of bits of a slice of a whole number, bit 0 the least significant. A slice of
         a signed type has its sign in its highest bit.
-    plausible : tuple of float or None
+    plausible
         Least and greatest value, scaled, that the sensor can give: a frame beyond them is no good frame.
     """
 
@@ -96,14 +93,12 @@ class Elements:
 
     Attributes
     ----------
-    start : int
+    start
         Byte of the frame where the first begins; they end at the checksum.
-    length_type, id_type : str
+    length_type, id_type
         ``u8`` or ``u16``.
-    length_includes : int
+    length_includes
         Bytes of the element's head that its length counts along.
-    id_first : bool
-    big_endian : bool
     """
 
     start: int

@@ -16,11 +16,11 @@ class Frame(NamedTuple):
 
     Attributes
     ----------
-    start : int
+    start
         Byte of the stream at which it begins.
-    end : int
+    end
         Byte of the stream behind it, its delimiter included.
-    data : bytes
+    data
         The whole frame, decoded if it was stuffed, its checksum included; of a line, the text between start
         and checksum or delimiter.
     """
@@ -36,22 +36,22 @@ class FrameCounters:
 
     Attributes
     ----------
-    received : int
+    received
         Good frames.
-    bad_checksum : int
+    bad_checksum
         Places that looked like a frame and had a wrong checksum.
-    bad_length : int
+    bad_length
         Places with an impossible length or coding, overlong lines, and lines without the declared numbers.
-    skipped_bytes : int
+    skipped_bytes
         Bytes outside of good frames.
-    unknown_types : int
+    unknown_types
         Frames with a right checksum that no frame type fits: good ones, or refused ones where only known
         types are accepted.
-    implausible : int
+    implausible
         Places with a right checksum and a value beyond what is declared plausible.
-    not_followed : int
+    not_followed
         Places with a right checksum that no sync bytes follow, where look-ahead is declared.
-    timed_out : int
+    timed_out
         Silences that ended a half frame.
     """
 
@@ -79,7 +79,7 @@ class FrameSet(ReadOnlyArrays):
 
     Attributes
     ----------
-    buffer : bytes
+    buffer
         Where their bytes are.
     begins : ndarray of int64, shape (n_frames,)
         Each frame's first byte in the buffer.
@@ -87,7 +87,7 @@ class FrameSet(ReadOnlyArrays):
         Each frame's bytes in the buffer.
     ends : ndarray of int64, shape (n_frames,)
         Byte of the stream behind each frame.
-    counters : Counters
+    counters
         Of the stream so far.
     """
 

@@ -25,15 +25,13 @@ class Length:
 
     Attributes
     ----------
-    fixed : int or None
-    at : int
+    at
         Byte of the length field.
-    type : str
+    type
         Its type, a key of `recoil_acquisition.frames.field.TYPE_SIZES`.
-    big_endian : bool
-    add : int
+    add
         What the field does not count.
-    by_value : mapping of int to int
+    by_value
         Length of a frame for each value of the field; empty if the field is the length.
     """
 
@@ -68,13 +66,11 @@ class ChecksumField:
 
     Attributes
     ----------
-    algorithm : Checksum
-    start : int
-    big_endian : bool
+    big_endian
         Order of the bytes; hexadecimal text always has the highest digit first.
-    hexadecimal : bool
+    hexadecimal
         Whether it stands as text, two digits per byte.
-    mark : bytes
+    mark
         What stands before it, itself not covered, such as the asterisk of NMEA 0183.
     """
 
@@ -139,11 +135,11 @@ class Poll:
 
     Attributes
     ----------
-    request : bytes
+    request
         Its checksum included.
-    every_s : float
+    every_s
         From one request to the next.
-    timeout_s : float
+    timeout_s
         How long the reply may take.
     """
 
@@ -158,37 +154,31 @@ class Framing:
 
     Attributes
     ----------
-    kind : str
+    kind
         ``sync``, ``fixed``, ``delimiter``, ``cobs``, ``slip`` or ``idle``.
-    types : tuple of FrameType
-    sync : bytes
+    sync
         What every frame begins with, of kind ``sync``.
-    length : Length
+    length
         Of kinds ``sync`` and ``fixed``.
-    maximum : int
+    maximum
         Longest frame or line in bytes, decoded: a longer one is damage.
-    checksum : ChecksumField or None
-    delimiter, start, comment : bytes
+    delimiter, start, comment
         What ends a line; what it begins with, and what marks a comment, each empty if nothing does.
-    separator : str
+    separator
         Between the cells of a line.
-    counter : PacketCounter or None
-    device_time : DeviceTime or None
-    baudrate : float
+    baudrate
         Of the port, to date frames back; 0 if not declared.
-    bits_per_byte : int
+    bits_per_byte
         On the line, start, stop and parity included.
-    rate_hz : float
+    rate_hz
         Of the frames that hold samples; 0 if not declared.
-    silence_s : float
+    silence_s
         Silence on the line that ends what came before it: a frame of kind ``idle``, and a half frame of
         every other; 0 if none does.
-    look_ahead : bool
+    look_ahead
         Whether a frame, of kind ``sync``, is one only if the sync bytes follow it.
-    only_known : bool
+    only_known
         Whether a frame that no type fits is no good frame.
-    poll : tuple of Poll
-    start_commands, stop_commands : tuple of Command
     """
 
     kind: str

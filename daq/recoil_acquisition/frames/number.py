@@ -16,12 +16,6 @@ _FRACTION = 2.0**-32
 def number_at(data: bytes, at: int, field: Field) -> float:
     """Return the raw number of a binary field whose bytes begin at a place.
 
-    Parameters
-    ----------
-    data : bytes
-    at : int
-    field : Field
-
     Returns
     -------
     int or float
@@ -46,10 +40,8 @@ def numbers_at(buffer: bytes, begins: NDArray[np.int64], field: Field) -> NDArra
 
     Parameters
     ----------
-    buffer : bytes
     begins : ndarray of int64, shape (n,)
         Places of the field's first byte.
-    field : Field
 
     Returns
     -------

@@ -24,15 +24,15 @@ class PortStream(ReadOnlyArrays):
 
     Attributes
     ----------
-    stream : bytes
+    stream
         All bytes of the port.
     host_ns : ndarray of int64, shape (n_reads,)
         Host time of each read; empty for a plain file of bytes.
     ends : ndarray of int64, shape (n_reads,)
         Byte of the stream behind each read.
-    breaks : tuple of int
+    breaks
         Bytes of the stream before which it was interrupted, ascending.
-    incomplete : str
+    incomplete
         How it shows that something of it is missing; empty if nothing shows that.
     """
 

@@ -37,11 +37,10 @@ def keller(address: int = 1, channel: int = 1, every_s: float = 0.02) -> dict[st
 
     Parameters
     ----------
-    address : int
+    address
         Of the transmitter, from 1 to 249.
-    channel : int
+    channel
         1 and 2 for pressure, 3 and 4 for temperature.
-    every_s : float
     """
     check_number("address", address, 1, 249, whole=True)
     check_number("channel", channel, min(_KELLER_CHANNELS), max(_KELLER_CHANNELS), whole=True)
@@ -77,9 +76,9 @@ def csv_lines(columns: Sequence[str] = (), units: Sequence[str] = ()) -> dict[st
 
     Parameters
     ----------
-    columns : sequence of str
+    columns
         Names of the numbers of a line; an empty one is left out.
-    units : sequence of str
+    units
         One for each column, or none at all.
     """
     given: dict[str, Any] = {"columns": columns, "units": units}
@@ -117,9 +116,9 @@ def from_ready_made(table: Mapping[str, Any], faults: list[str]) -> Mapping[str,
 
     Parameters
     ----------
-    table : mapping
+    table
         With the key ``ready_made``.
-    faults : list of str
+    faults
         What is wrong is appended.
 
     Returns

@@ -46,7 +46,7 @@ def xsens_mti(precision: str = "f32") -> dict[str, Any]:
 
     Parameters
     ----------
-    precision : str
+    precision
         Number format of the output configuration: ``f32``, ``fp12.20``, ``fp16.32`` or ``f64``.
     """
     if str(precision) not in _XDI_TYPES:
@@ -81,11 +81,11 @@ def xsens_precision(sync: bytes, wanted: int, present: Collection[int]) -> str:
 
     Parameters
     ----------
-    sync : bytes
+    sync
         Of the framing.
-    wanted : int
+    wanted
         Data identifier, whose lowest bits are of the precision.
-    present : collection of int
+    present
         Those of the stream.
     """
     found = {identifier & 3 for identifier in present if identifier >> 2 == wanted >> 2} if sync == _XBUS_DATA else ()
@@ -126,7 +126,7 @@ def vectornav_binary(header: str = "FA 01 21 01") -> dict[str, Any]:
 
     Parameters
     ----------
-    header : str
+    header
         Sync byte, groups and fields of the configured message in hexadecimal; by default time since startup,
         angular rate and acceleration of group 1.
     """
@@ -193,7 +193,7 @@ def witmotion(acceleration_range_g: float = 16.0, angular_rate_range_deg_s: floa
 
     Parameters
     ----------
-    acceleration_range_g, angular_rate_range_deg_s : float
+    acceleration_range_g, angular_rate_range_deg_s
         What the greatest number stands for.
     """
     check_number("acceleration_range_g", acceleration_range_g, 0.1, 1e5)

@@ -15,15 +15,6 @@ _CHUNK = 1 << 20
 def find_frames(framing: Framing, stream: bytes) -> FrameSet:
     """Find every frame of a stream without host times, in which no silence ends anything.
 
-    Parameters
-    ----------
-    framing : Framing
-    stream : bytes
-
-    Returns
-    -------
-    FrameSet
-
     Raises
     ------
     ValueError
@@ -41,15 +32,6 @@ def find_frames_of_port(framing: Framing, port: PortStream) -> FrameSet:
     """Find every frame of a port, whose host times show the silences where the framing asks for them.
 
     Nothing is joined over a place where the device was lost.
-
-    Parameters
-    ----------
-    framing : Framing
-    port : PortStream
-
-    Returns
-    -------
-    FrameSet
 
     Raises
     ------

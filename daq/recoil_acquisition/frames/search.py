@@ -33,17 +33,14 @@ class Search(ABC):
 
     Parameters
     ----------
-    framing : Framing
-    acceptance : Acceptance
-    counters : Counters
+    counters
         What is met is counted here.
 
     Attributes
     ----------
-    buffer : bytearray
-    at : int
+    at
         First byte of the buffer that is not searched.
-    offset : int
+    offset
         That byte's number in the stream.
     """
 
@@ -83,7 +80,7 @@ class SyncSearch(Search):
 
     Attributes
     ----------
-    smallest : int
+    smallest
         Least length that a frame can have.
     """
 
@@ -134,10 +131,9 @@ class _Delimited(Search):
 
     Attributes
     ----------
-    delimiter : bytes
-    longest : int
+    longest
         Most bytes before a delimiter.
-    overlong : bool
+    overlong
         Whether the beginning of what comes was given up.
     """
 

@@ -27,7 +27,6 @@ class FieldSeries(ReadOnlyArrays):
 
     Attributes
     ----------
-    field : Field
     frames : ndarray of int64, shape (n_samples,)
         Numbers of those frames in the capture.
     raw : ndarray, shape (n_samples,)
@@ -49,9 +48,7 @@ def decode_fields(framing: Framing, frames: FrameSet, only: Collection[str] | No
 
     Parameters
     ----------
-    framing : Framing
-    frames : FrameSet
-    only : collection of str, optional
+    only
         Names of the fields that are wanted; all if left out.
 
     Returns
@@ -177,7 +174,7 @@ def unwrap(counts: NDArray[Any], modulo: int) -> NDArray[Any]:
     ----------
     counts : ndarray, shape (n,)
         As stored.
-    modulo : int
+    modulo
         Value at which it wraps; 0 if it never does.
 
     Returns
@@ -200,8 +197,7 @@ def gaps(counts: NDArray[np.int64], modulo: int, step: int = 1) -> tuple[int, in
     Parameters
     ----------
     counts : ndarray of int64, shape (n,)
-    modulo : int
-    step : int
+    step
         What the counter counts from one frame to the next.
 
     Returns

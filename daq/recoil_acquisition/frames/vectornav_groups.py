@@ -70,7 +70,7 @@ def fields_of_header(header: bytes) -> tuple[list[dict[str, Any]], int]:
 
     Parameters
     ----------
-    header : bytes
+    header
         Sync byte, group byte, and a word for each group.
 
     Returns

@@ -27,17 +27,15 @@ class Capture:
 
     Attributes
     ----------
-    path : Path
-    session : mapping
+    session
         What the log's writer said of its sources and its rig; empty if it is damaged.
-    declaration : mapping
+    declaration
         What the capture is of; empty if it is damaged.
-    records : tuple of Record
+    records
         In the order of the log, those before the range among them.
-    losses : tuple of Loss
+    losses
         What it should hold and does not.
-    damages : tuple of Damage
-    unfinished_bytes : int
+    unfinished_bytes
         Behind its last sound record.
     """
 
@@ -68,13 +66,13 @@ def write_capture(
 
     Parameters
     ----------
-    log : Log
+    log
         May still be written; what was appended before the call counts.
-    path : Path
+    path
         Of a file that is not there.
-    start_ns, stop_ns : int or None
+    start_ns, stop_ns
         As of `Log.records`.
-    declaration : mapping
+    declaration
         What the range is; JSON types.
 
     Raises

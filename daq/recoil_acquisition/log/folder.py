@@ -38,10 +38,9 @@ class LogSegment:
 
     Attributes
     ----------
-    path : Path
-    begin_ns : int or None
+    begin_ns
         Host time at which its first record was appended; None if its beginning is damaged or empty.
-    longest_us : int or None
+    longest_us
         Longest wait and span together of all records up to its end; None if that is not known.
     """
 
@@ -56,16 +55,15 @@ class LogSurvey:
 
     Attributes
     ----------
-    records : int
+    records
         That are there.
-    lost_records, released_records : int
-    losses : tuple of Loss
+    losses
         Of each source.
-    damages : tuple of Damage
+    damages
         Places between sound records.
-    unfinished_bytes : int
+    unfinished_bytes
         Behind the last sound record of each segment, up to the last that is not zero: damaged, or never finished.
-    closed : bool
+    closed
         Whether it ended in order; else records may be missing at its end without a trace.
     """
 
@@ -94,11 +92,9 @@ class Log:
 
     Attributes
     ----------
-    folder : Path
-    log_id : bytes
-    session : mapping
+    session
         What the writer said of its sources and its rig; empty if it is damaged wherever it stands.
-    segments : tuple of LogSegment
+    segments
         In the order in which they were written.
     """
 
@@ -114,15 +110,11 @@ class Log:
 
         Parameters
         ----------
-        source : int or None
+        source
             Only those of this source; None for all.
-        start_ns, stop_ns : int or None
+        start_ns, stop_ns
             Only those of which something may have arrived in ``start_ns <= t < stop_ns``; None for no limit. A record
             of unknown span counts with the host time of its read alone. Only this part of the log is read.
-
-        Yields
-        ------
-        Record
 
         Raises
         ------
@@ -214,10 +206,6 @@ class Log:
 def open_log(folder: Path) -> Log:
     """Open a log, without reading more of it than the beginning of each segment.
 
-    Parameters
-    ----------
-    folder : Path
-
     Returns
     -------
     Log
@@ -296,9 +284,9 @@ def in_order(records: Iterable[Record], following: int | None) -> Iterator[Recor
 
     Parameters
     ----------
-    records : iterable of Record
+    records
         As they stand in the files: some may be missing, moved, or there twice.
-    following : int or None
+    following
         Number of the first; None for that of the first record, whatever it is.
     """
     waiting: list[tuple[int, int, Record]] = []

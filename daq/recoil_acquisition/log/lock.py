@@ -15,10 +15,6 @@ NAME = "writer.lock"
 class FolderLock:
     """Exclusive lock on a folder that one process writes; held from making it to `release`.
 
-    Parameters
-    ----------
-    folder : Path
-
     Raises
     ------
     BlockingIOError

@@ -106,19 +106,17 @@ class Record(NamedTuple):
 
     Attributes
     ----------
-    number : int
+    number
         Within the log.
-    source, kind : int
-    host_ns : int
+    host_ns
         Monotonic host time at which the read returned, nanoseconds.
-    payload : bytes
-    span_us : int or None
+    span_us
         So long before `host_ns` the source was found empty; None if that is unknown.
-    wait_us : int or None
+    wait_us
         So long after `host_ns` it was appended; None if that is unknown.
-    source_number : int
+    source_number
         Within the source.
-    position : int
+    position
         Bytes of the source's payloads before this one.
     """
 

@@ -19,10 +19,9 @@ class SegmentReserve:
 
     Parameters
     ----------
-    folder : Path
+    folder
         A folder without a log; made if it is missing.
-    segment_bytes : int
-    reserve_bytes : int
+    reserve_bytes
         Rounded up to whole segments, one at least.
 
     Raises

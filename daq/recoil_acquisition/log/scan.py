@@ -50,8 +50,7 @@ class Damage:
 
     Attributes
     ----------
-    path : Path
-    at, size : int
+    at, size
         Its first byte, and how many up to the next sound record.
     """
 
@@ -68,16 +67,13 @@ class FileScan:
 
     Parameters
     ----------
-    path : Path
-    log_id : bytes
+    log_id
         That of the log: records of another one are none.
 
     Attributes
     ----------
-    log_id : bytes
-    at : int
+    at
         First byte that is not accounted for.
-    damages : list of Damage
 
     Raises
     ------
@@ -219,10 +215,9 @@ def sound_head(content: bytes, at: int, seed: int | None) -> Head | None:
 
     Parameters
     ----------
-    content : bytes
-    at : int
+    at
         Where they stand in their file.
-    seed : int or None
+    seed
         Where the CRCs of the log start from that it must be of; None for any.
     """
     if len(content) < HEAD_SIZE:
@@ -249,8 +244,7 @@ def first_log_id(path: Path, within: int) -> bytes | None:
 
     Parameters
     ----------
-    path : Path
-    within : int
+    within
         Bytes of its beginning that are looked at.
 
     Raises

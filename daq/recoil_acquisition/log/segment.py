@@ -26,20 +26,20 @@ class WritingSegment:
 
     Parameters
     ----------
-    path : Path
+    path
         A file that is not there yet.
-    size : int
+    size
         Bytes to reserve.
 
     Attributes
     ----------
-    oldest_ns, newest_ns : int
+    oldest_ns, newest_ns
         Earliest and latest host time at which its records' content arrived.
-    first_sequence : int
+    first_sequence
         Of its records; it is -1 if there are none.
-    count : int
+    count
         Of its records.
-    spans : dict of int to list of int
+    spans
         First and last number within each source, and bytes of payload, of its records.
 
     Raises

@@ -16,7 +16,7 @@ class SegmentSync:
 
     Attributes
     ----------
-    largest_s : float
+    largest_s
         Longest time that forcing to the disk took.
     """
 

@@ -18,12 +18,11 @@ class Loss:
 
     Attributes
     ----------
-    source : int
-    first, last : int
+    first, last
         Their numbers within the source.
-    bytes : int
+    bytes
         Of their payloads.
-    from_ns, until_ns : int or None
+    from_ns, until_ns
         What they held arrived between these instants of the host; None if nothing of the source is there before or
         behind.
     """
@@ -56,9 +55,9 @@ class Tally:
 
     Attributes
     ----------
-    records : int
+    records
         That passed.
-    closed : bool
+    closed
         Whether the log says that it ended in order.
     """
 

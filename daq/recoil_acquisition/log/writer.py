@@ -57,19 +57,19 @@ class LogCounters:
 
     Attributes
     ----------
-    records : int
+    records
         Those of the log itself among them.
-    bytes : int
+    bytes
         Of these records, heads included.
-    reserved_bytes : int
+    reserved_bytes
         Space that is reserved and not yet used.
-    unsynced_s : float
+    unsynced_s
         Age of the oldest record that is not yet forced to the disk; 0 if all are.
-    largest_sync_s : float
+    largest_sync_s
         Longest time that forcing to the disk took.
-    released : int
+    released
         Records that were released.
-    spare : str
+    spare
         Why it goes on in the spare folder; empty if it does not.
     """
 
@@ -90,18 +90,18 @@ class LogWriter:
 
     Parameters
     ----------
-    folder : Path
+    folder
         A folder without a log; made if it is missing.
-    session : mapping
+    session
         What the records cannot say: sources by number, the rig's text, its databases. JSON types. It stands in every
         segment.
-    reserve_bytes : int
+    reserve_bytes
         Space to reserve; rounded up to whole segments.
-    spare : Path or None
+    spare
         Another such folder, on another disk, where the log goes on if the first one fails. One segment is reserved.
-    segment_bytes : int
+    segment_bytes
         Size of a segment; a record must fit into one.
-    sync_interval_s : float
+    sync_interval_s
         Time between two synchronisations, at most 0.25 s.
 
     Raises
@@ -187,13 +187,13 @@ class LogWriter:
 
         Parameters
         ----------
-        source, kind : int
+        source, kind
             From 0 to 65535.
-        host_ns : int
+        host_ns
             Monotonic host time at which the read returned, nanoseconds.
-        payload : bytes-like
+        payload
             Contiguous, at most 1 MiB.
-        empty_ns : int or None
+        empty_ns
             Monotonic host time at which the source was last found empty: what the payload holds arrived after it.
 
         Returns
@@ -260,9 +260,9 @@ class LogWriter:
 
         Parameters
         ----------
-        before_ns : int
+        before_ns
             Host time; what arrived at or after it stays.
-        kept : sequence of (start_ns, stop_ns)
+        kept
             Spans of host time of which everything stays.
 
         Returns
@@ -309,7 +309,7 @@ class LogWriter:
 
         Parameters
         ----------
-        in_order : bool
+        in_order
             Whether the log ends as it should, and says so with the totals of its sources.
 
         Raises

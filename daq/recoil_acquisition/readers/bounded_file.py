@@ -20,7 +20,7 @@ def most_unpacked(stored: int) -> int:
 
     Parameters
     ----------
-    stored : int
+    stored
         Bytes of the file.
     """
     return LARGEST_RATIO * stored + SPARE_BYTES
@@ -31,10 +31,6 @@ class BoundedFile(io.BufferedReader):
 
     Python makes room for as many bytes as are asked for before it reads; a damaged length of 64 bits would
     take all memory.
-
-    Parameters
-    ----------
-    path : Path
     """
 
     def __init__(self, path: Path) -> None:

@@ -31,12 +31,11 @@ class CapturedSource:
 
     Attributes
     ----------
-    name, kind : str
-    records : tuple of Record
+    records
         In their order.
-    anchor : Anchor or None
+    anchor
         One instant on both clocks of the host.
-    incomplete : str
+    incomplete
         How it shows that something of it is missing; empty if nothing shows that.
     """
 

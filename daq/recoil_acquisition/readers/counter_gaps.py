@@ -16,17 +16,17 @@ class CounterGaps:
 
     Attributes
     ----------
-    counted : int
+    counted
         Frames that hold it.
-    places : int
+    places
         Places where it does not go on by one.
-    missing : int
+    missing
         Frames that are missing there, as far as the counter shows.
-    unsized : int
+    unsized
         Places of which it does not show how many: it stands still or goes back.
-    longest : int
+    longest
         Most frames missing in a row, as far as it shows.
-    longest_s : float
+    longest_s
         Longest time between the two frames of any such place.
     """
 
@@ -47,9 +47,9 @@ def find_gaps(counts: NDArray[np.int64], times_s: NDArray[np.float64], modulo: i
         As stored, in the order of the frames.
     times_s : ndarray of float64, shape (n_frames,)
         Instants of the frames, NaN where unknown.
-    modulo : int
+    modulo
         Value at which it wraps; 0 if it never does.
-    step : int
+    step
         What it counts from one frame to the next.
     """
     places, missing = gaps(counts, modulo, step)

@@ -19,11 +19,11 @@ def excerpt(recording: Recording, start_s: float, stop_s: float, why: str) -> Re
 
     Parameters
     ----------
-    recording : Recording
+    recording
         Without tracks: a camera's recording is one shot's.
-    start_s, stop_s : float
+    start_s, stop_s
         On the source's clock.
-    why : str
+    why
         What is said of it in the notes.
     """
     return Recording(

@@ -47,9 +47,9 @@ class Head:
 
     Attributes
     ----------
-    content : bytes
+    content
         The first `HEAD_BYTES` bytes, or all of a shorter file.
-    path : Path
+    path
         For a reader that must look further.
     """
 
@@ -95,7 +95,7 @@ class Head:
 
         Parameters
         ----------
-        sign : bytes or str
+        sign
             A regular expression.
         """
         if isinstance(sign, bytes):

@@ -31,14 +31,13 @@ class SignalHeader:
 
     Attributes
     ----------
-    name : str
+    name
         As the file has it, without the unit.
-    unit : str
+    unit
         As the file spells it; empty if the file states none.
-    sample_count : int
-    dtype : str
+    dtype
         Of the samples that `Recording.read` returns; ``float64`` unless the reader says otherwise.
-    metadata : mapping
+    metadata
         Whatever else the file says of it, JSON types only.
     """
 
@@ -55,19 +54,19 @@ class Declarations:
 
     Attributes
     ----------
-    clock : str
+    clock
         Name of the source, which names its clock.
-    database : str or None
+    database
         Text of the CAN database (DBC, KCD, SYM or ARXML) of a ``can`` source.
-    counters : tuple of str
+    counters
         Signals of a ``can`` source, such as ``Message.Signal``, that count the messages they are in.
-    framing : mapping or None
+    framing
         Declared framing of a ``serial`` source.
-    frame_rate_hz : float or None
+    frame_rate_hz
         Record rate of a ``camera`` source.
-    scale_mm_per_px : float or None
+    scale_mm_per_px
         Scale of a ``camera`` source whose tracks are in pixels.
-    layout : mapping or None
+    layout
         Layout of the text table of a ``dewetron`` or ``camera`` source whose files do not state it themselves.
     """
 

@@ -38,13 +38,12 @@ class StoredChannel:
 
     Attributes
     ----------
-    header : SignalHeader
-    time_base : TimeBase or callable
+    time_base
         The instants of its samples; a callable that returns them where finding them takes reading numbers.
-    samples : callable
+    samples
         Reads samples ``start`` to ``stop`` (0 <= start <= stop <= count) into an array of the caller's own,
         float64, shape (stop - start,), in the file's unit, lost ones NaN.
-    raw : callable
+    raw
         Reads the stored integers of the same samples; None if there are none.
     """
 
@@ -60,8 +59,7 @@ def map_to_corrupt_file(path: Path, expected: str) -> Iterator[None]:
 
     Parameters
     ----------
-    path : Path
-    expected : str
+    expected
         What the file should have been, for the message.
 
     Raises
@@ -93,22 +91,21 @@ class Recording:
 
     Parameters
     ----------
-    path : Path
-    reader : str
+    reader
         Name of the reader that opened it.
-    channels : sequence of StoredChannel
+    channels
         With unique names, in the file's order.
-    metadata : mapping
+    metadata
         What the file says about itself: preamble, versions, counters of losses; JSON types only.
-    notes : sequence of str, or callable
+    notes
         What a user must know before trusting the samples: losses, repairs, contradictions.
-    incomplete : str
+    incomplete
         How it shows that the file was cut off; empty if nothing shows that.
-    absolute_start : AbsoluteStart or None, or callable
+    absolute_start
         Wall-clock time of the recording's time zero, if the file states one.
-    tracks : callable
+    tracks
         The markers' paths of a camera's file.
-    check_name : callable
+    check_name
         Is given a name that no channel has, and raises `ReadError` if it knows why.
     """
 

@@ -45,19 +45,18 @@ class TableReader:
 
     Attributes
     ----------
-    name : str
+    name
         Name of the format, as users know it.
-    kind : str
+    kind
         Kind of source that writes it.
-    suffixes : tuple of str
+    suffixes
         Usual endings of its files: a hint for people.
-    path : str
+    path
         Module, below `recoil_acquisition.readers`, and the reader or its class.
-    signs : tuple of bytes or str
+    signs
         Regular expressions, as `Head.shows` takes them, one of which every file of this format shows.
-    claim : Claim or None
+    claim
         What a sign is enough for; None if the reader must look itself.
-    extra : Extra or None
     """
 
     name: str
@@ -95,12 +94,7 @@ class TableReader:
 
 
 class OthersReader:
-    """A reader of another package, whose mistakes are its own.
-
-    Parameters
-    ----------
-    reader : Reader
-    """
+    """A reader of another package, whose mistakes are its own."""
 
     def __init__(self, reader: Reader) -> None:
         self._reader = reader
@@ -246,8 +240,7 @@ def recognise(path: Path, kinds: Collection[str] = ()) -> Reader:
 
     Parameters
     ----------
-    path : Path
-    kinds : collection of str
+    kinds
         Kinds of the sources that a rig says the file may be of: a table of the shape that is read for one of them is
         taken, though nothing in it says whose it is.
 

@@ -65,10 +65,9 @@ class TextFile:
 
     Attributes
     ----------
-    path : Path
-    data : bytes
+    data
         Content without byte order mark; UTF-16 is held as UTF-8.
-    encoding : str
+    encoding
         In which `data` is held.
     """
 
@@ -112,10 +111,6 @@ class LongText:
     """A text file that is read in parts; UTF-16 is transcoded to UTF-8 in a temporary file.
 
     Encoding and line end are found from its beginning; `lines` sees no more of it either.
-
-    Parameters
-    ----------
-    path : Path
 
     Raises
     ------

@@ -57,11 +57,8 @@ def write_channels(entry: Any, shot: Shot, reserved: Collection[str], *, compres
 
     Parameters
     ----------
-    entry : h5py.Group
-    shot : Shot
-    reserved : collection of str
+    reserved
         Names in the entry that no clock's group may have.
-    compressed : bool
     """
     filters = {"shuffle": True, "compression": "gzip", "compression_opts": 2} if compressed else {}
     groups = _by_time_base(shot.channels.values())

@@ -14,10 +14,7 @@ class Dataset:
 
     Parameters
     ----------
-    name : str
-    attrs : dict of str to str, int or float
-    shape : tuple of int
-    values : ndarray or None
+    values
         None where the samples were not asked for.
     """
 

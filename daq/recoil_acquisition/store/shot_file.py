@@ -32,10 +32,9 @@ def write_shot(shot: Shot, path: Path, *, overwrite: bool = False) -> None:
 
     Parameters
     ----------
-    shot : Shot
-    path : Path
+    path
         The file; folders that are missing on the way are made.
-    overwrite : bool
+    overwrite
         Whether a file of that name may be replaced.
 
     Raises
@@ -111,7 +110,7 @@ def is_shot_file(path: Path) -> bool:
 
     Parameters
     ----------
-    path : Path
+    path
         False for one that cannot be read.
     """
     try:

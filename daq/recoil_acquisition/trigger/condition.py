@@ -22,13 +22,12 @@ class Threshold:
 
     Attributes
     ----------
-    channel : str
-    level : float
+    level
         Reached by a sample at it or beyond it.
-    rearm : float or None
+    rearm
         The signal must have been beyond this, on the other side, before. None: the level itself, which
         does not protect from noise.
-    slope : str
+    slope
         ``rising``: reached from below; ``falling``: from above.
     """
 
@@ -82,12 +81,11 @@ class Window:
 
     Attributes
     ----------
-    channel : str
-    low, high : float
+    low, high
         Borders, in the unit of the channel. A sample on a border has entered, or has left.
-    on : str
+    on
         ``enter`` or ``leave``.
-    hysteresis : float
+    hysteresis
         How far beyond a border, on the other side, the signal must have been before.
     """
 
@@ -138,7 +136,7 @@ class RateOfChange(Threshold):
 
     Attributes
     ----------
-    over_s : float
+    over_s
         Time over which the rate is taken, against noise.
     """
 
@@ -160,9 +158,9 @@ class PulseWidth(Threshold):
 
     Attributes
     ----------
-    longer_than_s : float or None
+    longer_than_s
         Least width, seconds.
-    shorter_than_s : float or None
+    shorter_than_s
         The width must be less than this, seconds.
     """
 

@@ -26,21 +26,21 @@ class Decision:
 
     Attributes
     ----------
-    time_s : float
+    time_s
         Instant of the sample that decided.
-    outcome : str
+    outcome
         ``trigger``: a shot begins; ``extension``: the post time starts anew; ``suppressed``.
-    reason : str
+    reason
         Why it was suppressed, else empty.
-    channel : str
+    channel
         Empty if manual.
-    condition : int
+    condition
         Place of the condition in its trigger; `MANUAL` if manual.
-    index : int
+    index
         Number of the sample in its channel, from 0 with the first that was fed; `MANUAL` if manual.
-    value : float or None
+    value
         What was compared with the level: the sample, or its rate of change per second; None if manual.
-    crossing_s : float
+    crossing_s
         Where the straight line from the sample before crosses the level or border of an edge or window; else `time_s`.
     """
 

@@ -39,17 +39,17 @@ class Trigger:
 
     Attributes
     ----------
-    conditions : tuple of Condition
+    conditions
         Empty if there are only manual triggers.
-    combination : str
+    combination
         ``any``: each condition that becomes met triggers; ``all``: the last that is missing does.
-    pre_s, post_s : float
+    pre_s, post_s
         Time that is kept before the trigger and after it, seconds.
-    holdoff_s : float
+    holdoff_s
         Time after the last trigger in which no other counts; after a manual one only no other manual one.
-    extend : bool
+    extend
         Post time extension: a further trigger within the post time lets it start anew.
-    manual : bool
+    manual
         Whether manual triggers count.
 
     Raises
@@ -93,10 +93,9 @@ class TriggerDetector:
 
     Parameters
     ----------
-    trigger : Trigger
-    channel_names : sequence of str
+    channel_names
         Channels that may be fed; those of the trigger among them.
-    max_lag_s : float
+    max_lag_s
         Seconds.
 
     Raises
@@ -138,7 +137,7 @@ class TriggerDetector:
 
         Parameters
         ----------
-        time_s : float
+        time_s
             Samples before it do not count. Minus infinity for all that follow.
 
         Returns
@@ -164,7 +163,6 @@ class TriggerDetector:
 
         Parameters
         ----------
-        channel : str
         times_s : array_like of float, shape (n_samples,)
             Instants on the one clock of all channels, none before the one in front of it.
         values : array_like of float, shape (n_samples,)
@@ -294,8 +292,7 @@ def find_triggers(trigger: Trigger, channels: Mapping[str, tuple[ArrayLike, Arra
 
     Parameters
     ----------
-    trigger : Trigger
-    channels : mapping of str to (times_s, values)
+    channels
         Per channel its instants on one clock and its samples, both of shape (n_samples,).
 
     Returns

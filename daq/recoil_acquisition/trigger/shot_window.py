@@ -16,16 +16,16 @@ class ShotWindow:
 
     Attributes
     ----------
-    start_s, trigger_s, stop_s : float
+    start_s, trigger_s, stop_s
         The shot is ``start_s <= t < stop_s``.
-    pre_actual_s : float
+    pre_actual_s
         Pre-time that every source has; less than asked for where not so much was recorded. Negative if the oldest that
         a source still holds is after the trigger.
-    pre_by_source : mapping of str to float
+    pre_by_source
         The same for each source that has delivered anything.
-    decisions : tuple of Decision
+    decisions
         All within the span, the suppressed ones among them, in the order of time.
-    late_sources : tuple of str
+    late_sources
         Sources that had not delivered the whole span when waiting for them ended.
     """
 
@@ -58,12 +58,11 @@ class ShotCutter:
 
     Parameters
     ----------
-    trigger : Trigger
-    sources : sequence of str
+    sources
         Those whose data a shot is made of.
-    patience_s : float
+    patience_s
         How long after a shot's end a source that lags or is gone is waited for, seconds.
-    lag_s : float
+    lag_s
         How far a decision may be behind the furthest source, seconds; the detector's ``max_lag_s``.
 
     Raises
@@ -134,7 +133,7 @@ class ShotCutter:
 
         Parameters
         ----------
-        now_s : float
+        now_s
             The present on the clock of the trigger; infinity closes every shot with what there is.
         """
         complete = []

@@ -30,16 +30,15 @@ class Event:
 
     Attributes
     ----------
-    time_s : float
+    time_s
         Instant of the sample.
-    condition : int
+    condition
         Place of the condition in its trigger.
-    index : int
+    index
         Number of the sample in its channel, from 0.
-    transition : Turn
-    value : float
+    value
         The sample; of a rate of change, the rate.
-    crossing_s : float
+    crossing_s
         Where the straight line from the sample before crosses the level or border; `time_s` for
         a rate of change and a pulse width.
     """
@@ -57,8 +56,7 @@ class ConditionState:
 
     Parameters
     ----------
-    condition : Condition
-    number : int
+    number
         Its place in the trigger.
     """
 

@@ -84,11 +84,11 @@ def trigger_from_table(table: Mapping[str, Any], channel_names: Sequence[str], p
 
     Parameters
     ----------
-    table : mapping
+    table
         ``[trigger]`` as read.
-    channel_names : sequence of str
+    channel_names
         The rig's channels.
-    path : Path or str
+    path
         The rig file.
 
     Raises

@@ -35,12 +35,9 @@ class ArxChoice:
 
     Attributes
     ----------
-    record : DecimatedRecord
-    share : float
+    share
         Of the shot's cut-off that the band has.
-    table : OrderTable
-    model : ArxModel
-    white, independent : ResidualTest
+    white, independent
         Correlation in time, and with the force.
     """
 
@@ -64,11 +61,10 @@ def choose_model(
 
     Parameters
     ----------
-    record_of : callable
+    record_of
         Gives the record for a share of the shot's cut-off.
-    shares : sequence of float
+    shares
         In the order in which they are tried, descending.
-    candidates : sequence of ArxOrders
 
     Returns
     -------

@@ -40,10 +40,9 @@ class DecimatedRecord:
         a', the output; NaN where it cannot be trusted.
     rows : ndarray of bool, shape (n,)
         Instants of the identification interval that can be trusted.
-    step_s : float
-    stride : int
+    stride
         Samples of the recorder per sample.
-    low_pass : LowPass or None
+    low_pass
         The narrowest that both have passed; None for recorded signals.
     """
 
@@ -68,11 +67,11 @@ def decimated(
 
     Parameters
     ----------
-    regression : Regression
+    regression
         Gives instants, interval, what can be trusted, and the filter.
     acceleration_m_s2, force_n : ndarray, shape (n,)
         Behind that filter.
-    share : float
+    share
         Of its cut-off, where a further low-pass of the same order narrows the band; none at 1.
 
     Returns
@@ -116,10 +115,8 @@ def force_noise_n(signals: Signals, areas_m2: Mapping[str, float], low_pass: Low
 
     Parameters
     ----------
-    signals : Signals
-    areas_m2 : mapping of str to float
+    areas_m2
         By symbol.
-    low_pass : LowPass
 
     Returns
     -------

@@ -47,7 +47,6 @@ def arx_regressors(input_: ArrayLike, output: ArrayLike, orders: ArxOrders) -> A
     ----------
     input_, output : array_like, shape (n_samples,)
         Evenly sampled; NaN for a lost sample. Never modified.
-    orders : ArxOrders
 
     Returns
     -------
@@ -79,15 +78,10 @@ def estimate_arx(
     ----------
     input_, output : array_like, shape (n_samples,)
         Evenly sampled; NaN for a lost sample. Never modified.
-    orders : ArxOrders
-    step_s : float
+    step_s
         Time between samples.
     rows : ndarray of bool, shape (n_samples,), optional
         Instants whose equations are fitted; their past may lie outside. All if left out.
-
-    Returns
-    -------
-    ArxModel
 
     Raises
     ------
@@ -146,12 +140,11 @@ def robust_covariance(
 
     Parameters
     ----------
-    model : ArxModel
     input_, output : array_like, shape (n_samples,)
         What it was estimated from.
     rows : ndarray of bool, shape (n_samples,), optional
         As for `estimate_arx`.
-    lags : int, optional
+    lags
         Samples over which residuals may be correlated; ``4 (N / 100)^(2/9)`` if left out. Lags
         count samples of the record, also across a gap.
 

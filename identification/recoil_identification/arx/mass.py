@@ -30,12 +30,11 @@ class GainMass:
 
     Attributes
     ----------
-    mass_kg : float
-    u_random_kg : float
+    u_random_kg
         By the residuals: the larger of what holds for white ones and of what holds for correlated ones.
-    u_orders_kg : float
+    u_orders_kg
         By the choice of the orders.
-    u_other_kg : float
+    u_other_kg
         By all that is not seen in the residuals: scales, areas, friction, zeros, clocks.
     """
 
@@ -61,14 +60,14 @@ def mass_of_gain(model: ArxModel, record: DecimatedRecord, others: Sequence[ArxM
 
     Parameters
     ----------
-    model : ArxModel
+    model
         From force to acceleration.
-    record : DecimatedRecord
+    record
         What it was estimated from.
-    others : sequence of ArxModel
+    others
         That might have been chosen instead. Their masses are the ends of a rectangular distribution: half its
         width over root 3 is the contribution.
-    u_other_rel : float
+    u_other_rel
         Relative standard uncertainty by what the residuals do not show.
     """
     own = inverse(dc_gain(model, wider_covariance(model, record)))
@@ -82,8 +81,7 @@ def wider_covariance(model: ArxModel, record: DecimatedRecord) -> Array:
 
     Parameters
     ----------
-    model : ArxModel
-    record : DecimatedRecord
+    record
         What it was estimated from.
 
     Returns
@@ -120,8 +118,7 @@ def noise_attenuation(record: DecimatedRecord, noise_n: float) -> float:
 
     Parameters
     ----------
-    record : DecimatedRecord
-    noise_n : float
+    noise_n
         Standard deviation of the noise in the force.
     """
     energy = float(np.mean(record.force_n[record.rows] ** 2))
@@ -138,9 +135,9 @@ class GainMassTrace:
         By fading memory; NaN where too little is known.
     finite_kg : ndarray, shape (n,)
         By the last `window` rows alone; NaN there too.
-    window : int
+    window
         Rows of the finite history.
-    forgetting : float
+    forgetting
         Forgetting factor of the same memory.
     """
 
@@ -156,9 +153,7 @@ def mass_over_time(record: DecimatedRecord, orders: ArxOrders, window_s: float) 
 
     Parameters
     ----------
-    record : DecimatedRecord
-    orders : ArxOrders
-    window_s : float
+    window_s
         Memory; at least five rows per parameter are taken.
     """
     window = max(round(window_s * record.rate_hz), 5 * orders.n_parameters)

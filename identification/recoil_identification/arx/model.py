@@ -26,11 +26,11 @@ class ArxOrders:
 
     Parameters
     ----------
-    na : int
+    na
         Order of A: past outputs; the paper's m.
-    nb : int
+    nb
         Order of B: ``nb + 1`` inputs; the paper's n.
-    delay : int
+    delay
         Samples by which the input is late, d.
 
     Raises
@@ -80,16 +80,15 @@ class ArxModel:
 
     Attributes
     ----------
-    orders : ArxOrders
     parameters : ndarray, shape (n_parameters,)
         a_1 .. a_na, b_0 .. b_nb; a without unit, b in units of the output per unit of the input.
     covariance : ndarray, shape (n_parameters, n_parameters)
         Of the parameters, for residuals that are white.
-    residual_sum_of_squares : float
+    residual_sum_of_squares
         In squared units of the output.
-    n_rows : int
+    n_rows
         Rows that were fitted.
-    step_s : float
+    step_s
         Time between samples.
     """
 
@@ -172,8 +171,7 @@ def information_criteria(residual_sum_of_squares: float, n_rows: int, n_paramete
 
     Parameters
     ----------
-    residual_sum_of_squares : float
-    n_rows, n_parameters : int
+    n_rows, n_parameters
         More rows than parameters.
 
     Returns

@@ -33,14 +33,13 @@ class Candidate:
 
     Attributes
     ----------
-    orders : ArxOrders
-    model : ArxModel or None
+    model
         None where it could not be estimated.
-    validation_loss : float
+    validation_loss
         Mean square of the errors one sample ahead on the rows kept for validation; NaN without them.
-    whiteness_p : float
+    whiteness_p
         Probability of so much correlation in white residuals; NaN where it cannot be told.
-    refusal : str
+    refusal
         Why there is no model; empty if there is one.
     """
 
@@ -64,9 +63,9 @@ class OrderTable:
 
     Attributes
     ----------
-    candidates : tuple of Candidate
+    candidates
         In the order in which they were asked for.
-    criterion : str
+    criterion
         That decides.
     estimation, validation : ndarray of bool, shape (n_samples,)
         Rows that every candidate was fitted to, and rows kept to judge it by.
@@ -100,10 +99,6 @@ class OrderTable:
 
 def order_grid(na: Sequence[int], nb: Sequence[int], delay: Sequence[int] = (0,)) -> list[ArxOrders]:
     """Combine all orders.
-
-    Parameters
-    ----------
-    na, nb, delay : sequence of int
 
     Returns
     -------
@@ -153,10 +148,8 @@ def compare_orders(
     ----------
     input_, output : array_like, shape (n_samples,)
         Evenly sampled; NaN for a lost sample. Never modified.
-    candidates : iterable of ArxOrders
     criterion : {"bic", "aic", "aicc", "fpe", "validation"}
         What decides. ``"validation"`` is the mean square error one sample ahead on the rows of `validation`.
-    step_s : float
     rows : ndarray of bool, shape (n_samples,), optional
         Instants whose equations are fitted; all if left out.
     validation : ndarray of bool, shape (n_samples,), optional

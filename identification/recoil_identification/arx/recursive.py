@@ -37,7 +37,6 @@ class ForgettingEstimates:
 
     Attributes
     ----------
-    orders : ArxOrders
     parameters, standard_errors : ndarray, shape (n_samples, n_parameters)
         NaN where not identified. The standard errors hold for white residuals.
     covariance : ndarray, shape (n_samples, n_parameters, n_parameters)
@@ -87,8 +86,7 @@ def finite_history_arx(
     ----------
     input_, output : array_like, shape (n_samples,)
         Evenly sampled; NaN for a lost sample. Never modified.
-    orders : ArxOrders
-    window : int
+    window
         Samples, at least ``n_parameters + 1``.
     min_excitation, max_relative_error, partial
         As for `limited_memory_least_squares`.
@@ -125,16 +123,11 @@ def forgetting_arx(
     input_, output : array_like, shape (n_samples,)
         Evenly sampled; NaN for a lost sample. A row with one is left out, and nothing is forgotten for it.
         Never modified.
-    orders : ArxOrders
-    forgetting : float
+    forgetting
         Above 0, at most 1; the memory is about ``1 / (1 - forgetting)`` rows, all of them for 1.
     min_excitation : float or array_like, shape (n_parameters,)
         Weighted sum of squares of each regressor that the memory keeps at least: where forgetting would go
         below one of them, it stands still, and the row is taken in.
-
-    Returns
-    -------
-    ForgettingEstimates
 
     Raises
     ------

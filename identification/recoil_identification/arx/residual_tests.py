@@ -31,13 +31,11 @@ class ResidualTest:
         Normalised: between -1 and 1.
     band : ndarray, shape (n_lags,)
         Half width within which it lies by chance at each lag, at `level`.
-    statistic : float
+    statistic
         Chi-squared if nothing is left in the residuals.
-    degrees_of_freedom : int
-    p_value : float
+    p_value
         Probability of so large a statistic by chance; NaN without a degree of freedom.
-    level : float
-    count : int
+    count
         Residuals present.
     """
 
@@ -69,11 +67,11 @@ def whiteness(residual: ArrayLike, lags: int = 20, *, n_dynamic: int = 0, level:
     ----------
     residual : array_like, shape (n_samples,)
         In order of time; NaN for a gap. The mean is not taken off.
-    lags : int
+    lags
         The largest; at least one more than `n_dynamic`.
-    n_dynamic : int
+    n_dynamic
         Coefficients of past outputs that were fitted, na: they cost degrees of freedom.
-    level : float
+    level
         Of the bands and of the verdict.
 
     Returns
@@ -128,13 +126,12 @@ def independence(
     ----------
     residual, input_ : array_like, shape (n_samples,)
         In order of time; NaN for a gap.
-    lags : int
+    lags
         The largest, on both sides: at negative lags the residual leads the input, which tells of feedback
         or of an input that is late.
     regressors : array_like, shape (n_samples, n_parameters), optional
         What was fitted. With it the bands are exact for white residuals and narrower where the fit has made
         the correlation small; without, they are those of residuals that were not fitted.
-    level : float
 
     Returns
     -------

@@ -106,7 +106,6 @@ def dc_gain(model: ArxModel, covariance: Array | None = None) -> Gain:
 
     Parameters
     ----------
-    model : ArxModel
     covariance : ndarray, shape (n_parameters, n_parameters), optional
         In the place of the model's own, for example `recoil_identification.arx.estimation.robust_covariance`.
 
@@ -172,15 +171,10 @@ def frequency_response(
 
     Parameters
     ----------
-    model : ArxModel
     frequencies_hz : array_like, shape (n,)
         From 0 to half the sampling rate.
     covariance : ndarray, shape (n_parameters, n_parameters), optional
         In the place of the model's own.
-
-    Returns
-    -------
-    FrequencyResponse
 
     Raises
     ------
@@ -209,8 +203,7 @@ def impulse_response(model: ArxModel, count: int, covariance: Array | None = Non
 
     Parameters
     ----------
-    model : ArxModel
-    count : int
+    count
         Samples of the response.
     covariance : ndarray, shape (n_parameters, n_parameters), optional
         In the place of the model's own.

@@ -22,13 +22,12 @@ def simulate(model: ArxModel, input_: ArrayLike, output: ArrayLike | None = None
 
     Parameters
     ----------
-    model : ArxModel
     input_ : array_like, shape (n_samples,)
         NaN for a lost sample.
     output : array_like, shape (n_samples,), optional
         Measured; it gives the state in which the simulation begins, and nothing else. At rest before the
         record if left out; behind a gap of the input nothing is then simulated.
-    start : int, optional
+    start
         First sample that is simulated, from the measured state before it; the first of the record,
         from rest, if left out. The samples before it are as measured, NaN without an output.
 
@@ -76,10 +75,9 @@ def predict(model: ArxModel, input_: ArrayLike, output: ArrayLike, horizon: int 
 
     Parameters
     ----------
-    model : ArxModel
     input_, output : array_like, shape (n_samples,)
         NaN for a lost sample.
-    horizon : int
+    horizon
         k, in samples.
 
     Returns

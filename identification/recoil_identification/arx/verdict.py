@@ -28,12 +28,11 @@ def reasons_against_model(
 
     Parameters
     ----------
-    choice : ArxChoice
-    mass, static : GainMass
+    mass, static
         Of the model, and of na = nb = d = 0.
-    attenuation : float
+    attenuation
         Share of the force's energy that is noise; NaN where it is not known.
-    fit : float
+    fit
         Of the simulation, %.
 
     Returns
@@ -85,8 +84,7 @@ def notes_on_model(choice: ArxChoice, mass: GainMass, static: GainMass) -> tuple
 
     Parameters
     ----------
-    choice : ArxChoice
-    mass, static : GainMass
+    mass, static
         Of the model, and of na = nb = d = 0.
     """
     notes = []

@@ -55,14 +55,13 @@ class MassConstancy:
         Of the rows.
     sigma_m_s2 : ndarray, shape (n,)
         Standard deviation that each row's error was given, the correlation between rows included.
-    step : StepTest
-    drift : Cusum
+    drift
         Of the recursive residuals.
-    scatter : Cusum
+    scatter
         Of their squares: about the noise, not about the mass.
-    mass_kg : float
+    mass_kg
         Before the step that fits best.
-    change_kg, u_change_kg : float
+    change_kg, u_change_kg
         Size of that step, negative if something let go, and its standard uncertainty.
     """
 
@@ -122,13 +121,11 @@ def sensor_columns(
         In the order of `recoil_identification.regression.FORCES`.
     sliding, released : ndarray, shape (n,)
         As in `recoil_identification.regression.Regression`.
-    mass_kg : float
-    scales : ScaleUncertainty
-    u_zero_m_s2 : float
+    u_zero_m_s2
         Infinite for a zero that is not known.
     rates_n_s : ndarray, shape (n, 3), optional
         Derivatives of the gauges' forces.
-    u_delays_s : tuple of float
+    u_delays_s
         Standard uncertainty of each gauge's delay against the accelerometer.
     """
     columns = [forces_n[:, j] / mass_kg * u for j, u in enumerate(scales.gauges)]
@@ -158,20 +155,16 @@ def mass_constancy(
     ----------
     times_s, acceleration_m_s2, force_n : ndarray, shape (n,)
         Rows with errors about independent of one another, in order of time, none missing.
-    mass_kg : float
+    mass_kg
         A first estimate.
     known : ndarray, shape (n, n_known)
         What one standard uncertainty of each calibrated error adds to the acceleration, see `sensor_columns`.
     free : ndarray, shape (n, n_free), optional
         Shapes of errors that nothing restricts.
-    noise_m_s2 : float, optional
+    noise_m_s2
         Of every row; found from the residuals around it, their correlation included, if left out.
-    transition : callable, optional
+    transition
         Of time from a step, s: how far it is done, what a filter makes of it in between.
-
-    Returns
-    -------
-    MassConstancy
 
     Raises
     ------
@@ -238,20 +231,15 @@ def constancy_of(
 
     Parameters
     ----------
-    regression : Regression
+    regression
         Filtered; shapes of a shifted zero are free.
-    calibration : Corrections
+    calibration
         Gives the first estimate of the mass.
-    scales : ScaleUncertainty
-    u_zero_m_s2 : float
+    u_zero_m_s2
         Standard uncertainty of the accelerometer's zero from the silence before the shot.
-    u_delays_s : tuple of float
+    u_delays_s
         Standard uncertainties of the delays of breech, brake and recuperator force against the acceleration,
         those of their clocks among them.
-
-    Returns
-    -------
-    MassConstancy
 
     Raises
     ------
@@ -308,7 +296,7 @@ def _scatter(residual: Array, times_s: Array, lost: int) -> Array:
     Parameters
     ----------
     residual, times_s : ndarray, shape (n,)
-    lost : int
+    lost
         Degrees of freedom that the residual has lost to what was fitted.
     """
     squares = residual**2

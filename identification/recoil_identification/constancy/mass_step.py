@@ -43,17 +43,17 @@ class StepTest:
         At which a step was tried.
     statistics : ndarray, shape (n_instants,)
         Wald statistic of each: chi-squared of one degree of freedom if the instant were known before.
-    p_value : float
+    p_value
         Probability that the largest of them is as large without a step.
-    critical_5, critical_1 : float
+    critical_5, critical_1
         What the largest exceeds with a probability of 5 and 1 % without a step.
-    slope : float
+    slope
         Before the step that fits best.
-    change, u_change : float
+    change, u_change
         Size of that step over the slope before it, and its standard uncertainty, that of the instant included.
-    instant_s : float
+    instant_s
         Most likely instant.
-    interval_s : tuple of float
+    interval_s
         In which it lies with a probability of 95 %, if there is one step.
     residual : ndarray, shape (n,)
         What that step leaves of each row, over the row's standard deviation.
@@ -138,14 +138,10 @@ def step_test(
         Regressors that nothing restricts and that do not step.
     sigma : ndarray, shape (n,)
         Standard deviation of each row's error; rows are independent.
-    transition : callable, optional
+    transition
         Of time from the step, s: how far it is done, 0 before and 1 after, what a filter makes of it in between.
-    draws, seed : int
+    draws, seed
         Of the largest statistic's distribution.
-
-    Returns
-    -------
-    StepTest
 
     Raises
     ------

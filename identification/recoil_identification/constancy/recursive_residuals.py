@@ -38,9 +38,9 @@ class Cusum:
     values : ndarray, shape (n,)
     bounds_5, bounds_1 : ndarray, shape (n, 2)
         Lower and upper bound that a constant regression crosses anywhere with a probability of 5 and 1 %.
-    p_value : float
+    p_value
         Probability that a constant regression goes as far beyond, by the limit of many rows.
-    factor : float
+    factor
         By how much the residuals' correlation widened the bounds.
     """
 
@@ -173,7 +173,7 @@ def cusum(residuals: Array, factor: float | None = None) -> Cusum:
     ----------
     residuals : ndarray, shape (n,)
         From `recursive_residuals`; NaN are left out.
-    factor : float, optional
+    factor
         By which correlation widens the bounds; `long_run_factor` if left out.
 
     Raises
@@ -215,7 +215,7 @@ def cusum_of_squares(residuals: Array, factor: float | None = None) -> Cusum:
     ----------
     residuals : ndarray, shape (n,)
         From `recursive_residuals`; NaN are left out.
-    factor : float, optional
+    factor
         By which correlated squares, or heavier tails than the normal distribution's, widen the bounds; found from
         the squares if left out, as in A. Sansó, V. Aragó, J. L. Carrion, Rev. Econ. Fin. 4, 2004.
 

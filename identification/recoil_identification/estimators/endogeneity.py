@@ -31,11 +31,11 @@ class Endogeneity:
 
     Attributes
     ----------
-    statistic : float
+    statistic
         Coefficient of the residual over its standard error: standard normal if there is no bias.
-    p : float
+    p
         Probability of a statistic this far from zero by chance.
-    plain_kg, instrumental_kg, u_instrumental_kg : float
+    plain_kg, instrumental_kg, u_instrumental_kg
         Both masses, and the standard uncertainty of the latter.
     """
 

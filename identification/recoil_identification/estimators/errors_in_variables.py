@@ -36,15 +36,14 @@ class CorrectedMass:
 
     Attributes
     ----------
-    mass_kg, u_kg : float
+    mass_kg, u_kg
         And its standard uncertainty by the random errors, correlated as they are.
-    correlation_factor : float
+    correlation_factor
         Standard deviation of psi's sum over what it would be if samples were independent.
-    attenuation : float
+    attenuation
         Mass by force on acceleration over this one; 1 where the acceleration has no noise.
-    residual_m_s2 : float
+    residual_m_s2
         Standard deviation of ``a - F / m``.
-    rows : int
     """
 
     mass_kg: float
@@ -68,11 +67,11 @@ def deming_mass(
     Parameters
     ----------
     acceleration_m_s2, force_n : ndarray, shape (n,)
-    noise_ratio_kg : float
+    noise_ratio_kg
         Standard deviation of the force's noise over that of the acceleration's, N per m/s^2. At 0 the estimate is
         that of acceleration on force, at infinity that of force on acceleration.
     used : ndarray of bool, shape (n,), optional
-    quiet_sigma_m_s2 : float
+    quiet_sigma_m_s2
         Noise of ``a - F / m`` per sample in the silence before the shot; 0 if it is not known.
 
     Raises
@@ -113,7 +112,7 @@ def instrumental_mass(
     acceleration_m_s2, force_n, instrument : ndarray, shape (n,)
         The instrument z goes with the motion; its errors go with neither of the two others'.
     used : ndarray of bool, shape (n,), optional
-    quiet_sigma_m_s2 : float
+    quiet_sigma_m_s2
         Noise of ``a - F / m`` per sample in the silence before the shot; 0 if it is not known.
 
     Raises
@@ -146,7 +145,7 @@ def neighbouring_force(force_n: Array, lag: int) -> Array:
     Parameters
     ----------
     force_n : ndarray, shape (n,)
-    lag : int
+    lag
         Samples, at least 1; beyond the correlation of the force's noise, and short against the pulse.
 
     Raises

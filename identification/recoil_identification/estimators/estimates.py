@@ -55,9 +55,9 @@ class FilmedShot:
 
     Attributes
     ----------
-    camera : Channel
+    camera
         Displacement on its own clock, without the delay of its chain.
-    alignment : ClockAlignment
+    alignment
         Of that clock; not failed.
     other_m_s2 : ndarray, shape (n,)
         On the regression's grid: acceleration of the displacement less a' of equation (36).
@@ -82,16 +82,14 @@ def further_estimates(
 
     Parameters
     ----------
-    filtered, recorded : Regression
+    filtered, recorded
         Behind the low-pass and before it.
-    signals : Signals
+    signals
         Tell the noise of the silence, and the uncertainty of the gauges' zeros.
-    shot, rig : Shot, Rig
+    shot, rig
         Tell which force hangs on which clock, and the areas.
-    scales : ScaleUncertainty
-    further : sequence of BudgetRow
+    further
         Contributions of clocks, zeros, repairs, skew and cut-off to the route by the accelerometer.
-    filmed : FilmedShot or None
 
     Returns
     -------

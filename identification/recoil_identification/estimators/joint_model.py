@@ -42,9 +42,8 @@ class JointModel:
     recoil, known, film
     step_shape : ndarray, shape (n,)
         Of a zero that shifts at the release.
-    other, felt, step_integral : DoubleIntegral
+    other, felt, step_integral
         Of the acceleration that is not a', of what the accelerometer reads from the release on, and of the step.
-    rough_mass_kg : float
     force_errors_n : ndarray, shape (n, n_errors)
         Errors that the force may have, each by one unit; as many unknowns follow the named ones.
     u_force_errors : ndarray, shape (n_errors,)

@@ -20,7 +20,7 @@ class Recoil:
 
     Attributes
     ----------
-    start_s, step_s : float
+    start_s, step_s
         Time base of force and acceleration.
     force_n : ndarray, shape (n,)
         Finite, zero before the release.
@@ -31,7 +31,6 @@ class Recoil:
     used : ndarray of bool, shape (n,)
         Samples of the acceleration that are compared with the force; the others are bridges.
     frame_times_s, displacement_m : ndarray, shape (n_frames,)
-    release_s, end_s : float
     """
 
     start_s: float
@@ -66,9 +65,9 @@ class Knowledge:
 
     Attributes
     ----------
-    force_sigma_n, quiet_sigma_m_s2 : float
+    force_sigma_n, quiet_sigma_m_s2
         White noise of force and acceleration per sample in the silence before the shot.
-    u_zero_m_s2, u_skew_s, u_shift_s, u_gain, u_scale : float
+    u_zero_m_s2, u_skew_s, u_shift_s, u_gain, u_scale
         Standard uncertainties of b, s, the camera's offset, g and c, which are zero to this; 0 to hold one, infinite
         to free it.
     """
@@ -93,9 +92,7 @@ class NoiseLevels:
 
     Attributes
     ----------
-    acceleration : AutoregressiveNoise
-    marker_sigma_m : float
-    density : float
+    density
         Of the walk, (m/s^2)^2/Hz, two-sided.
     """
 

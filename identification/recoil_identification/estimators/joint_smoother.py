@@ -61,30 +61,26 @@ class JointMass:
 
     Attributes
     ----------
-    mass_kg, u_kg : float
+    mass_kg, u_kg
         And its standard uncertainty by the random errors, those of the other unknowns among them.
-    u_zero_kg, u_skew_kg, u_shift_kg, u_gain_kg, u_scale_kg : float
+    u_zero_kg, u_skew_kg, u_shift_kg, u_gain_kg, u_scale_kg
         By what was known beforehand of the zero, the skew, the camera's offset and the two scales.
-    zero_m_s2, u_zero_m_s2 : float
+    zero_m_s2, u_zero_m_s2
         b.
-    skew_s, u_skew_s : float
+    skew_s, u_skew_s
         s: by how much the force's record is later than the motion's.
-    shift_s : float
+    shift_s
         What is added to the camera's times.
-    gain_error, scale_error : float
+    gain_error, scale_error
         g and c.
     force_errors, force_answers_kg : ndarray, shape (n_errors,)
         Of the force as found, and by how much the mass is too large if one of them is off by its u beforehand.
-    levels : NoiseLevels
     frame_times_s, travel_m, velocity_m_s : ndarray, shape (n,)
         Smoothed, at the frames of the motion; the travel in the camera's scale and from its origin, the velocity true.
     residual_m : ndarray, shape (n,)
         Camera less travel.
     answers_kg : ndarray, shape (n_probes,)
         By how much the mass is too large if the force is by one of the probes.
-    frames, set_aside, rows : int
-    iterations : int
-    settled : bool
     """
 
     mass_kg: float
@@ -130,9 +126,7 @@ def joint_mass(
 
     Parameters
     ----------
-    recoil : Recoil
-    known : Knowledge
-    levels : NoiseLevels, optional
+    levels
         If they are known; otherwise the likeliest.
     force_errors_n : ndarray, shape (n, n_errors), optional
         Errors that the force may have, each by one unit of it, finite, zero before the release: further unknowns.
@@ -140,7 +134,7 @@ def joint_mass(
         What is known of them beforehand; 0 to hold one.
     probes_n : ndarray, shape (n, n_probes), optional
         Errors of the force that are no unknowns, of the same kind.
-    most_order : int
+    most_order
         Of the accelerometer's autoregressive errors.
 
     Raises

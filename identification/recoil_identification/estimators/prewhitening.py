@@ -46,27 +46,24 @@ class PrewhitenedMass:
 
     Attributes
     ----------
-    mass_kg, u_kg : float
+    mass_kg, u_kg
         And its standard uncertainty by the random errors: the largest of the three that follow.
-    u_model_kg : float
+    u_model_kg
         By the autoregressive model.
-    u_robust_kg : float
+    u_robust_kg
         By Newey and West's covariance of the whitened rows.
-    u_quiet_kg : float
+    u_quiet_kg
         If there were no noise but that of the silence.
-    plain_kg : float
+    plain_kg
         By the same rows without whitening. If the two are apart by several uncertainties, what was whitened is no
         noise but a motion that the force does not explain.
-    noise : AutoregressiveNoise
+    noise
         Of the acceleration's errors.
     nuisance : ndarray, shape (n_nuisance,)
         Coefficients of the further columns.
     answers_kg : ndarray, shape (n_probes,)
         By how much the mass is too large if the force is by one of the probes.
-    rows : int
-    iterations : int
-    settled : bool
-    whiteness : float
+    whiteness
         Largest autocorrelation of the whitened residuals within `MOST_ORDER` lags, over its standard deviation.
     """
 
@@ -109,13 +106,12 @@ def prewhitened_mass(
         Errors that the force may have; finite where samples are used.
     used : ndarray of bool, shape (n,), optional
         Samples to use; a gap ends one piece and begins another.
-    force_sigma_n : float
+    force_sigma_n
         White noise of the force per sample; what it adds to the force's own power is taken off.
-    quiet_sigma_m_s2 : float
+    quiet_sigma_m_s2
         White noise of the acceleration per sample in the silence before the shot; 0 if it is not known.
-    noise : AutoregressiveNoise, optional
+    noise
         Found in turn with the mass if left out.
-    most_order : int
 
     Raises
     ------

@@ -39,14 +39,14 @@ class WeakMass:
 
     Attributes
     ----------
-    mass_kg, u_kg : float
+    mass_kg, u_kg
         And its standard uncertainty by the random errors.
-    noise : float
+    noise
         Of the averages' residuals: as white noise per sample of the acceleration in m/s^2, in which ringing beyond
         the functions' band is not; over what was given where a displacement was averaged.
-    rows : int
+    rows
         Independent rows.
-    rows_left_out : int
+    rows_left_out
         Functions that reach across samples that are not to be used.
     residuals : ndarray, shape (n_rows,)
         Of independent rows, over the noise.
@@ -80,12 +80,11 @@ def weak_mass(
     ----------
     times_s, acceleration_m_s2, force_n : ndarray, shape (n,)
         Evenly sampled, unfiltered.
-    half_width_s : float
     used : ndarray of bool, shape (n,), optional
         Functions that reach a sample that is not used are left out.
-    force_sigma_n : float
+    force_sigma_n
         White noise of the force per sample; what it adds to the averages' power is taken off.
-    quiet_sigma_m_s2 : float
+    quiet_sigma_m_s2
         White noise of the acceleration per sample in the silence before the shot; the noise is no less.
     probes_n : ndarray, shape (n, n_probes), optional
         Errors that the force may have.

@@ -66,21 +66,19 @@ class InputEstimate:
     impulse_n_s, u_impulse_n_s : ndarray, shape (n,)
         Integral of the force from the first instant, with its standard deviation: the momentum that was gained, and
         that went into the resistance.
-    gain_error, u_gain_error : float
+    gain_error, u_gain_error
         da: by how much the accelerometer reads too high, relative.
-    zero_error_m_s2, u_zero_error_m_s2 : float
+    zero_error_m_s2, u_zero_error_m_s2
         b.
     stress_waves_n : ndarray, shape (n,)
         Mass times what rings.
-    noise_n : float
+    noise_n
         White noise of the thinned record.
-    innovation_statistic : float
+    innovation_statistic
         1 if noise levels and model fit.
-    log_likelihood : float
-    modes : tuple of Mode
     error_covariance_n2 : ndarray, shape (n, n)
         Of noise and stress waves at the instants of the thinned record, as the likelihood has found them.
-    factor : int
+    factor
         By which the record was thinned.
     """
 
@@ -117,10 +115,9 @@ def estimate_input(measured: MeasuredForce, filmed: FilmedTravel | None, modes: 
 
     Parameters
     ----------
-    measured : MeasuredForce
+    measured
         From rest on.
-    filmed : FilmedTravel or None
-    modes : sequence of Mode
+    modes
         Of the stress waves; one more, broad, stands for the rest.
 
     Raises

@@ -46,9 +46,8 @@ class InvertedForce:
     times_s : ndarray, shape (n,)
     force_n, u_force_n : ndarray, shape (n,)
         From the release on; NaN before. Noises, and the errors of accelerometer and camera.
-    impulse_n_s, u_impulse_n_s : float
+    impulse_n_s, u_impulse_n_s
         From the release to the last instant.
-    inversion : Inversion
     """
 
     times_s: Array
@@ -79,16 +78,15 @@ def invert_force(
 
     Parameters
     ----------
-    measured : MeasuredForce
+    measured
         From rest on.
-    filmed : FilmedTravel or None
     error_covariance_n2 : ndarray, shape (n_thin, n_thin)
         Of the accelerometer's errors, noise and stress waves, at the instants of the thinned record.
-    factor : int
+    factor
         By which it was thinned.
-    onset_s : float
+    onset_s
         The release.
-    held_n : float
+    held_n
         Force of the battery stop at rest.
     times_s : ndarray, shape (n,)
         Where the force is wanted.

@@ -22,12 +22,11 @@ class ForcePeak:
 
     Attributes
     ----------
-    force_n, u_force_n : float
-    time_s, u_time_s : float
+    time_s, u_time_s
         The uncertainty is infinite where the slope does not fall through zero.
-    impulse_n_s, u_impulse_n_s : float
+    impulse_n_s, u_impulse_n_s
         From the release on.
-    index : int
+    index
         Of the sample of largest force.
     """
 
@@ -44,11 +43,6 @@ def find_peak(estimate: InputEstimate, from_s: float) -> ForcePeak:
     """Find the peak of an estimated force behind an instant, and its impulse from there on.
 
     The peak lies where the slope passes zero; its time is as uncertain as the slope over the curvature.
-
-    Parameters
-    ----------
-    estimate : InputEstimate
-    from_s : float
 
     Raises
     ------

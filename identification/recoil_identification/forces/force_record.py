@@ -51,16 +51,15 @@ class ForceRecord:
 
     Attributes
     ----------
-    measured : MeasuredForce
+    measured
         On the recorder's grid, from shortly before the onset to the end of the window.
-    filmed : FilmedTravel or None
-    modes : tuple of Mode
+    modes
         What rings on the accelerometer.
-    low_pass : LowPass
+    low_pass
         That parts motion and stress waves.
-    onset_s : float
+    onset_s
         First instant of motion by the accelerometer: the release.
-    held_n : float
+    held_n
         Force of the battery stop at rest, beyond which the breech force moves the part.
     parts_n : mapping of str to ndarray, shape (n,)
         Parts of the resistance: ``brake``, ``recuperator``, ``friction``.
@@ -68,9 +67,8 @@ class ForceRecord:
         By cause, the error of the force if the cause is off by its standard uncertainty.
     gauge_n : ndarray, shape (n,), or None
         Breech gauge times bore area, lost samples NaN; used for comparison only.
-    u_gauge : float
+    u_gauge
         Relative standard uncertainty of its scale, the area's included.
-    notes : tuple of str
     """
 
     measured: MeasuredForce
@@ -91,9 +89,8 @@ def force_record(shot: Shot, rig: Rig) -> ForceRecord:
 
     Parameters
     ----------
-    shot : Shot
+    shot
         With its alignments.
-    rig : Rig
 
     Raises
     ------

@@ -106,9 +106,9 @@ class Smoothed:
     covariances : ndarray, shape (n_steps, n_states, n_states)
     log_intensities : ndarray, shape (n_drivers, n_steps - 1)
         ln q of each driver.
-    log_likelihood : float
+    log_likelihood
         Of what was seen, up to a constant.
-    innovation_statistic : float
+    innovation_statistic
         Mean squared normalised innovation; 1 if the noise levels fit.
     score, information : ndarray, shape (n_drivers, n_steps - 1)
         First derivative of the log-likelihood by ln q, and the expected second one.
@@ -143,7 +143,6 @@ def log_likelihood(model: InputModel, log_intensities: Array) -> float:
 
     Parameters
     ----------
-    model : InputModel
     log_intensities : ndarray, shape (n_drivers,) or (n_drivers, n_steps - 1)
     """
     return _forward(model, _full(model, log_intensities)).log_likelihood
@@ -154,7 +153,6 @@ def smooth_inputs(model: InputModel, log_intensities: Array) -> Smoothed:
 
     Parameters
     ----------
-    model : InputModel
     log_intensities : ndarray, shape (n_drivers,) or (n_drivers, n_steps - 1)
     """
     log_q = _full(model, log_intensities)
@@ -209,10 +207,9 @@ def follow_intensities(
 
     Parameters
     ----------
-    model : InputModel
     log_intensities : ndarray, shape (n_drivers,) or (n_drivers, n_steps - 1)
         To begin with.
-    step_of_log_intensity : float
+    step_of_log_intensity
         Standard deviation of the walk's step.
     """
     from scipy.linalg import solveh_banded

@@ -22,11 +22,11 @@ class FilmedTravel:
     ----------
     times_s, positions_m : ndarray, shape (n_frames,)
         Strictly increasing, finite.
-    sigma_m : float
+    sigma_m
         White noise.
-    u_scale : float
+    u_scale
         Relative standard uncertainty of its scale.
-    u_clock_s : float
+    u_clock_s
         Standard uncertainty of its clock's offset.
     """
 
@@ -43,7 +43,6 @@ class MeasuredForce:
 
     Attributes
     ----------
-    start_s, step_s : float
     force_n : ndarray, shape (n,)
         ``m3 a_read + R_f``; lost samples NaN.
     resistance_n : ndarray, shape (n,)
@@ -52,12 +51,11 @@ class MeasuredForce:
         a' about right, for the effect of the sensors' errors: smooth, lost samples bridged.
     carried_m_s2 : ndarray, shape (n,)
         c.
-    mass_kg : float
-    noise_n : float
+    noise_n
         Standard deviation of the force's white noise, per sample.
-    u_gain : float
+    u_gain
         Relative standard uncertainty of the accelerometer's sensitivity.
-    u_zero_m_s2 : float
+    u_zero_m_s2
         Of its zero.
     """
 

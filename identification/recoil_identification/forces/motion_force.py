@@ -26,10 +26,7 @@ class MotionForce:
 
     Attributes
     ----------
-    record : ForceRecord
-    kalman : InputEstimate
-    inverted : InvertedForce
-    gauge : InputEstimate or None
+    gauge
         The gauge's force, freed of noise and stress waves in the same way.
     systematic_n : mapping of str to ndarray, shape (n,)
         By cause, as of the record.
@@ -76,10 +73,6 @@ class MotionForce:
 
 def estimate_motion_force(record: ForceRecord) -> MotionForce:
     """Estimate the breech force by both methods.
-
-    Parameters
-    ----------
-    record : ForceRecord
 
     Raises
     ------

@@ -38,16 +38,16 @@ class Inversion:
     solution : ndarray, shape (n_unknowns,)
     covariance : ndarray, shape (n_unknowns, n_unknowns)
         For rows of the variance that the residuals show.
-    weight : float
+    weight
         lambda.
-    freedom : float
+    freedom
         Rows less what the solution spends on them, n - tr H.
-    variance : float
+    variance
         Of a row by the residuals; 1 if rows are scaled rightly.
     spent : ndarray, shape (n_rows,)
         Diagonal of H.
     residual : ndarray, shape (n_rows,)
-    at_bound : bool
+    at_bound
         Whether the criterion is still falling at the end of the weights that were tried.
     """
 
@@ -82,9 +82,9 @@ def invert(
     fixed : ndarray, shape (n_unknowns,), optional
         Standard deviations of unknowns that are restricted by what is known of them beforehand, about zero; infinite
         where nothing is known. They are part of the model, not of the data that are predicted.
-    weight : float, optional
+    weight
         lambda; chosen by cross-validation if left out.
-    stiff : bool
+    stiff
         Whether to take the largest weight whose criterion is within its standard error, ``sqrt(2 / n)``, of the least.
 
     Raises

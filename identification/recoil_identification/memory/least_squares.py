@@ -24,13 +24,13 @@ class LeastSquaresFit:
         In units of the response per unit of the regressor.
     covariance_factor : ndarray, shape (n_parameters, n_parameters)
         (X'WX)^-1: times the variance of a response of weight one, the parameters' covariance.
-    residual_sum_of_squares : float
+    residual_sum_of_squares
         Weighted.
-    degrees_of_freedom : int
+    degrees_of_freedom
         Samples present less parameters, at least 1.
-    count : int
+    count
         Samples present.
-    smallest_pivot : float
+    smallest_pivot
         Least share of a regressor's energy that the regressors before it do not explain.
     """
 
@@ -63,10 +63,6 @@ def least_squares(regressors: ArrayLike, response: ArrayLike, weights: ArrayLike
         In any unit; NaN is a missing sample. Never modified.
     weights : array_like, shape (n_samples,), optional
         Proportional to one over the variance of the response; zero is a missing sample.
-
-    Returns
-    -------
-    LeastSquaresFit
 
     Raises
     ------

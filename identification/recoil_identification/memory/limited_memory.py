@@ -61,7 +61,7 @@ def limited_memory_least_squares(
     response : array_like, shape (n_samples,) or (n_samples, n_outputs)
         In any unit. Never modified. Outputs share the regressors and their factorisation; a sample that is
         missing in one is missing in all.
-    window : int
+    window
         Samples of a window, at least ``n_parameters + 1``.
     weights : array_like, shape (n_samples,), optional
         Proportional to one over the variance of the response; finite, not negative.
@@ -71,15 +71,15 @@ def limited_memory_least_squares(
         about 30 eps / `smallest_pivot`, ten times that where a shot leaves the window. ``"qr"`` rotates everywhere.
     min_excitation : float or array_like, shape (n_parameters,), optional
         Least weighted sum of squares of each regressor in a window.
-    max_relative_error : float, optional
+    max_relative_error
         Largest standard error of the first parameter over its magnitude, in every output.
-    minimum_count : int, optional
+    minimum_count
         Least number of samples present in a window, ``n_parameters + 1`` if omitted.
-    partial : bool, default False
+    partial
         Whether the first ``window - 1`` rows are estimated from the samples that there are.
-    workers : int, default 1
+    workers
         Threads that share the work. The results are the same to the last bit whatever their number.
-    out : WindowedEstimates, optional
+    out
         Results of an earlier call with as many samples, parameters and outputs, whose memory is used again: what
         they held is lost. With several regressors asking for new memory takes up to a fifth of the time.
 

@@ -33,11 +33,9 @@ class BatchEstimates:
 
     Parameters
     ----------
-    record : ScaledRecord
-    policy : WindowPolicy
-    workers : int
+    workers
         Threads that share the blocks. A block's results do not depend on which thread works them out, or when.
-    out : WindowedEstimates or None
+    out
         Results whose memory is used again.
     """
 

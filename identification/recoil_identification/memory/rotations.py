@@ -21,7 +21,6 @@ def qr_of_runs(rows: FloatArray, packing: Packing) -> FloatArray:
     ----------
     rows : ndarray, shape (n_columns, n_runs, length)
         Columns of [X | Y].
-    packing : Packing
 
     Returns
     -------
@@ -41,11 +40,6 @@ def qr_of_runs(rows: FloatArray, packing: Packing) -> FloatArray:
 def empty_factor(packing: Packing, n_windows: int) -> FloatArray:
     """Build factors that have seen no row.
 
-    Parameters
-    ----------
-    packing : Packing
-    n_windows : int
-
     Returns
     -------
     ndarray, shape (n_entries, n_windows)
@@ -62,7 +56,6 @@ def merge_factors(factor: FloatArray, other: FloatArray, packing: Packing) -> No
     ----------
     factor, other : ndarray, shape (n_entries, n_windows)
         The first is overwritten by the factor of the rows of both.
-    packing : Packing
     """
     for j, row in enumerate(packing.rows):
         unit_row = other[row].copy()
@@ -78,11 +71,6 @@ def solve_qr(factor: FloatArray, packing: Packing) -> Solution:
     ----------
     factor : ndarray, shape (n_entries, n_windows)
         Overwritten.
-    packing : Packing
-
-    Returns
-    -------
-    Solution
     """
     n_parameters = packing.n_parameters
     energies = np.zeros((packing.n_columns, factor.shape[1]))
@@ -120,7 +108,6 @@ def triangle_of_rows(rows: FloatArray, packing: Packing) -> FloatArray:
     ----------
     rows : ndarray, shape (n_rows, n_columns)
         In any order.
-    packing : Packing
 
     Returns
     -------

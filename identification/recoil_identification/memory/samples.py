@@ -34,9 +34,9 @@ def checked_samples(
     regressors : array_like, shape (n_samples, n_parameters)
     response : array_like, shape (n_samples,)
     weights : array_like, shape (n_samples,), optional
-    many_outputs : bool, default False
+    many_outputs
         Whether a response of shape (n_samples, n_outputs) is taken as well.
-    scanned_later : bool, default False
+    scanned_later
         Whether the search for infinite samples is left to `ScaledRecord.of`, which looks at every sample anyway.
 
     Returns
@@ -99,9 +99,9 @@ class ScaledRecord:
         `present`; None where no sample is missing.
     exponents : ndarray of int64, shape (n_parameters + n_outputs,)
         Of two, by which the columns of [X | Y] are scaled down.
-    weight_exponent : int
+    weight_exponent
         The same for the roots of the weights.
-    block : int
+    block
         Samples of a block.
     """
 
@@ -128,11 +128,6 @@ class ScaledRecord:
         regressors : ndarray, shape (n_samples, n_parameters)
         response : ndarray, shape (n_samples,) or (n_samples, n_outputs)
         weights : ndarray, shape (n_samples,), or None
-        block : int
-
-        Returns
-        -------
-        ScaledRecord
 
         Raises
         ------
@@ -188,7 +183,7 @@ class ScaledRecord:
 
         Parameters
         ----------
-        first, stop : int
+        first, stop
             Blocks; the first may be -1, the block before the record.
 
         Returns

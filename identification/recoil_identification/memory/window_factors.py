@@ -29,9 +29,9 @@ class Packing:
 
     Attributes
     ----------
-    n_parameters : int
+    n_parameters
         Regressors.
-    n_outputs : int
+    n_outputs
         Responses that share them.
     """
 
@@ -111,13 +111,8 @@ def solve_factors(factor: FloatArray, packing: Packing, energies: FloatArray, re
     ----------
     factor : ndarray, shape (n_entries, n_windows)
         Overwritten.
-    packing : Packing
     energies : ndarray, shape (n_parameters, n_windows)
     response_energy : ndarray, shape (n_outputs, n_windows)
-
-    Returns
-    -------
-    Solution
     """
     n_parameters, n_outputs, rows = packing.n_parameters, packing.n_outputs, packing.rows
     n_windows = factor.shape[1]

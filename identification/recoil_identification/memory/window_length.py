@@ -33,16 +33,16 @@ class TriedWindow:
 
     Attributes
     ----------
-    window : int
+    window
         Samples.
-    rms_error : float
+    rms_error
         Root mean square of the prediction's error, in the response's unit.
-    excess : float
+    excess
         Mean squared error above the best window's, over the best window's.
-    u_excess : float
+    u_excess
         Its standard uncertainty, from the scatter of batches as long as the longest window, so that errors that are
         correlated in time are counted as such. Zero for the best window.
-    relative_standard_error : float
+    relative_standard_error
         Median standard error of the first parameter over its magnitude, for errors that are independent.
     """
 
@@ -59,13 +59,13 @@ class WindowChoice:
 
     Attributes
     ----------
-    window : int
+    window
         Samples.
-    tried : tuple of TriedWindow
+    tried
         Shortest first.
-    n_predictions : int
+    n_predictions
         Predictions of each window, of the same samples for all.
-    reason : str
+    reason
         A sentence.
     """
 
@@ -92,21 +92,17 @@ def choose_window(
     regressors : array_like, shape (n_samples, n_parameters)
         A row with a NaN is a missing sample.
     response : array_like, shape (n_samples,)
-    windows : sequence of int, optional
+    windows
         Lengths to try; if omitted, from `SHORTEST` samples to an eighth of the record, two for each doubling.
-    ahead : int, default 1
+    ahead
         Samples between the end of a window and the response that it predicts. Give more than the samples over which
         the errors are correlated, behind a low-pass filter for one: short windows would follow the errors.
     weights : array_like, shape (n_samples,), optional
         As for `limited_memory_least_squares`; squared errors are weighted alike.
-    tolerance : float, default 1.0
+    tolerance
         Standard uncertainties of its excess by which a longer window may be worse than the best.
     workers
         As for `limited_memory_least_squares`.
-
-    Returns
-    -------
-    WindowChoice
 
     Raises
     ------

@@ -23,18 +23,17 @@ class WindowPolicy:
 
     Parameters
     ----------
-    n_parameters : int
-    window : int
+    window
         Samples of a window, at least ``n_parameters + 1``: one degree of freedom is the least from
         which an error can be told.
     min_excitation : float or array_like, shape (n_parameters,), optional
         Least weighted sum of squares of each regressor in a window, in its own squared unit times
         the weight's. Zero excitation never gives a number.
-    max_relative_error : float, optional
+    max_relative_error
         Largest standard error of the first parameter over its magnitude, in every output.
-    minimum_count : int, optional
+    minimum_count
         Least number of samples present, ``n_parameters + 1`` if omitted.
-    partial : bool, default False
+    partial
         Whether the first ``window - 1`` rows, whose window the record does not fill, are tried too.
 
     Raises
@@ -99,12 +98,10 @@ def judged(
 
     Parameters
     ----------
-    solution : Solution
     degrees_of_freedom : ndarray, shape (n_windows,), or int
         One for all windows where it is the same.
     min_excitation : ndarray, shape (n_parameters,)
         In the solution's units.
-    max_relative_error : float or None
 
     Returns
     -------
@@ -134,7 +131,7 @@ def is_sound(solution: Solution) -> NDArray[np.bool_]:
 
     Parameters
     ----------
-    solution : Solution
+    solution
         Of sums of products.
 
     Returns

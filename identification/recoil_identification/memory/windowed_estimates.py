@@ -79,9 +79,9 @@ class WindowedEstimates:
         `smallest_pivot`; None for a single regressor, which explains itself.
     counts : ndarray of int64, shape (n_samples,), or None
         `count`; None where no sample of a record is missing.
-    window : int
+    window
         Samples of a window.
-    first : int
+    first
         Samples of the record before the first row.
     """
 
@@ -147,7 +147,7 @@ class WindowedEstimates:
 
         Parameters
         ----------
-        last : int
+        last
             Row of the window, which ends with this sample.
         regressors : array_like, shape (n_samples, n_parameters)
         response : array_like, shape (n_samples,) or (n_samples, n_outputs)
@@ -189,10 +189,6 @@ class WindowEstimate:
     parameters, standard_errors : ndarray, shape (n_parameters,) or (n_parameters, n_outputs)
         NaN where not identified.
     residual_sum_of_squares : float, or ndarray of shape (n_outputs,)
-    smallest_pivot : float
-    degrees_of_freedom, count : int
-    operator : WindowOperator
-    status : WindowStatus
     """
 
     parameters: FloatArray

@@ -41,7 +41,6 @@ def products_of_rows(rows: FloatArray, packing: Packing) -> FloatArray:
     ----------
     rows : ndarray, shape (n_columns, ...)
         Columns of [X | Y].
-    packing : Packing
 
     Returns
     -------
@@ -61,7 +60,6 @@ def gram_of_windows(rows: FloatArray, packing: Packing) -> FloatArray:
     ----------
     rows : ndarray, shape (n_columns, n_blocks + 1, block)
         Columns of [X | Y] of the blocks and of the one before; zero where there is no sample.
-    packing : Packing
 
     Returns
     -------
@@ -85,11 +83,6 @@ def solve_gram(gram: FloatArray, packing: Packing) -> Solution:
     ----------
     gram : ndarray, shape (n_entries, n_windows)
         Overwritten.
-    packing : Packing
-
-    Returns
-    -------
-    Solution
     """
     if packing.n_parameters == 1 and gram[0].min(initial=1.0) > NO_ENERGY:
         return _solve_single(gram)
@@ -132,7 +125,7 @@ def packed_rows(n_columns: int) -> list[slice]:
 
     Parameters
     ----------
-    n_columns : int
+    n_columns
         Parameters plus one.
 
     Returns
@@ -161,10 +154,6 @@ def qr_of_runs(rows: FloatArray) -> FloatArray:
 def empty_factor(n_columns: int, n_windows: int) -> FloatArray:
     """Build factors of one output that have seen no row.
 
-    Parameters
-    ----------
-    n_columns, n_windows : int
-
     Returns
     -------
     ndarray, shape (n_entries, n_windows)
@@ -179,7 +168,6 @@ def merge_factors(factor: FloatArray, other: FloatArray, n_columns: int) -> None
     ----------
     factor, other : ndarray, shape (n_entries, n_windows)
         The first is overwritten by the factor of the rows of both.
-    n_columns : int
     """
     rotations.merge_factors(factor, other, Packing(n_columns - 1))
 
@@ -191,7 +179,7 @@ def solve_qr(factor: FloatArray, n_columns: int) -> Solution:
     ----------
     factor : ndarray, shape (n_entries, n_windows)
         Overwritten.
-    n_columns : int
+    n_columns
         Parameters plus one.
 
     Returns

@@ -33,7 +33,7 @@ class BaseParameters:
 
     Attributes
     ----------
-    leading : tuple of int
+    leading
         The standard parameter that each combination has with factor 1.
     combinations : ndarray, shape (r, p)
         ``base = combinations @ theta``.
@@ -52,9 +52,9 @@ def structural_base(
     ----------
     design : ndarray, shape (n, p)
         Regressor of random motions, n well above p.
-    preferred : sequence of int, optional
+    preferred
         All columns, those first that shall lead a combination where there is a choice.
-    tolerance : float
+    tolerance
         Share of a column that is rounding.
 
     Returns
@@ -97,7 +97,6 @@ class ToldByShot:
 
     Attributes
     ----------
-    base : BaseParameters
     values, u : ndarray, shape (r,)
         Estimates and standard uncertainties.
     covariance : ndarray, shape (r, r)
@@ -125,7 +124,7 @@ def told_by_shot(
     response : ndarray, shape (m,)
     scales : ndarray, shape (p,)
         Natural size of each parameter.
-    largest_u : float
+    largest_u
         Largest standard uncertainty of a combination, relative to its leading parameter's natural scale: where
         the noise leaves more, the numerical rank ends.
     doubt : ndarray, shape (m, m), optional

@@ -42,7 +42,6 @@ def inertia_forces(geometry: Geometry, theta: Array, q: ArrayLike, qd: ArrayLike
 
     Parameters
     ----------
-    geometry : Geometry
     theta : ndarray, shape (12,)
         In the order of `recoil_rigs.mechanism_regressor.PARAMETERS`; those of the carriage are not used.
     q, qd, qdd : array_like, shape (n, 5)
@@ -113,14 +112,13 @@ def forces_with_bands(
 
     Parameters
     ----------
-    rows : MechanismRows
-    narrower : MechanismRows
+    narrower
         The same rows behind cut-offs of 0.7 times theirs. What a filter takes off a peak goes with the square of
         its period, so that the change is about what the wider filter has taken off; it also holds what that one
         has left of stress waves. It is a standard uncertainty.
-    fit : MechanismFit
+    fit
         With m3 as its only parameter.
-    mechanism : Mechanism
+    mechanism
         Gives the parameters of the tipping part and the recoiling part's centre and inertia, with their ``u``.
     """
     mass = float(fit.values[0])
@@ -157,12 +155,7 @@ def forces_with_bands(
 
 @dataclass(frozen=True)
 class Peak:
-    """The largest value by magnitude of one force.
-
-    Attributes
-    ----------
-    time_s, value, u : float
-    """
+    """The largest value by magnitude of one force."""
 
     time_s: float
     value: float

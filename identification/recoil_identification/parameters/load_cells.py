@@ -35,9 +35,7 @@ def measured_loads(shot: Shot, rig: Rig, prepared: Prepared) -> dict[str, Array]
 
     Parameters
     ----------
-    shot : Shot
-    rig : Rig
-    prepared : Prepared
+    prepared
         Gives the grid and the alignments.
 
     Returns
@@ -104,7 +102,6 @@ def usable_equations(geometry: Geometry, alpha: Array, beta: Array, measured: Fl
 
     Parameters
     ----------
-    geometry : Geometry
     alpha, beta : ndarray, shape (n,)
         Rotations since battery, rad.
     measured : ndarray of bool, shape (7,)

@@ -64,11 +64,11 @@ class MechanismFit:
 
     Attributes
     ----------
-    structural : BaseParameters
+    structural
         What the equations that can be used could tell with motions of any kind.
     values, covariance : ndarray, shape (r,) and (r, r)
         Its combinations by this shot; standard uncertainties are infinite where the shot says nothing.
-    told : ToldByShot
+    told
         What this shot does tell of them, combined from the columns of `structural`.
     errors : ndarray, shape (n_errors,)
         Sensors' errors as the shot and the calibrations say.
@@ -76,11 +76,10 @@ class MechanismFit:
         Of errors and values together.
     sigmas : ndarray, shape (5,)
         Noise of the equations, N and N m; NaN where one cannot be used.
-    usable : tuple of int
+    usable
         Numbers of the equations that can be used.
     residuals : ndarray, shape (n, 5)
         NaN where a row is not used.
-    rows : int
     attenuation : ndarray, shape (r,)
         What was added to `values` for the noise of the regressor.
     """
@@ -118,10 +117,9 @@ def structural_parameters(geometry: Geometry, usable: tuple[int, ...], *, seed: 
 
     Parameters
     ----------
-    geometry : Geometry
-    usable : tuple of int
+    usable
         Equations.
-    seed : int
+    seed
         Of the random motions.
     """
     rng = np.random.default_rng(seed)
@@ -143,16 +141,15 @@ def fit_mechanism(
 
     Parameters
     ----------
-    rows : MechanismRows
-    observations : tuple of Observation
+    observations
         Of the sensors' errors, besides their own standard uncertainties.
-    mass_kg : float
+    mass_kg
         Natural scale of a mass.
-    largest_u : float
+    largest_u
         See `LARGEST_U`.
-    equations : tuple of int
+    equations
         Those to use, as far as their loads are measured.
-    unknowns : BaseParameters, optional
+    unknowns
         What to solve for in the place of what the equations can tell: the standard parameters are then these
         times the rows of `combinations`, of which every parameter has the leading one's share.
 

@@ -35,23 +35,21 @@ class MechanismRows:
         part; ``f_x``, ``f_y`` of the carriage; ``w1``, ``w2``, ``dw1``, ``dw2``, ``alpha``, ``beta``, ``x``, ``dx``;
         the forces of the fifth equation by `recoil_identification.regression.FORCES`, zero while the part is held;
         the loads of `recoil_rigs.mechanism_regressor.LOADS` that are measured.
-    errors : tuple of SensorError
-    geometry : Geometry
-    place : tuple of float
+    place
         Of the recoiling part's accelerometer from A in battery, tipping axes, m.
-    carriage_place : tuple of float
+    carriage_place
         Of the carriage's accelerometers from C, carriage axes, m.
-    rest : mapping of str to float
+    rest
         Of the loads' columns, while nothing moves.
     recoils : ndarray of bool, shape (n,)
         Rows in which the fifth equation can be trusted: from the onset of force to the end of recoil.
     trusted : ndarray of bool, shape (n,)
         Rows from the onset on without lost samples.
-    noise : mapping of str to float
+    noise
         Standard deviation of the columns of accelerations in the silence; none if there is no silence.
-    silence_s : float
+    silence_s
         How long it lasts.
-    cutoff_hz : float
+    cutoff_hz
         Of the low-pass.
     """
 

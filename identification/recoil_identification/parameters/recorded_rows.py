@@ -47,18 +47,17 @@ def mechanism_rows(
 
     Parameters
     ----------
-    shot, rig : Shot, Rig
-    prepared : Prepared
+    prepared
         With the carriage's accelerations and both angular rates.
-    recorded : Regression
+    recorded
         The fifth equation as recorded.
     loads : mapping of str to ndarray, shape (n,)
         Of `recoil_identification.parameters.load_cells.measured_loads`.
-    low_pass : LowPass
+    low_pass
         Of all columns.
-    rows_hz : float, optional
+    rows_hz
         Rows per second; `ROWS_PER_CUTOFF` per period of the cut-off if left out.
-    turning : LowPass, optional
+    turning
         Another one for the carriage's accelerations and the angular rates. Not for a regression: it is for
         forces computed from the motion, in which stress waves on these small terms would be differentiated.
     """

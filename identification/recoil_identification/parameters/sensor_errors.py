@@ -26,13 +26,11 @@ class SensorError:
 
     Attributes
     ----------
-    name : str
-    u : float
+    u
         Its standard uncertainty.
-    unit : str
     directions : mapping of str to ndarray, shape (n,)
         By column: what an error of one adds to the true value, so that it is taken off again by subtraction.
-    geometry : str
+    geometry
         Field of `recoil_rigs.mechanism_regressor.Geometry` that is wrong by it; empty for none.
     """
 

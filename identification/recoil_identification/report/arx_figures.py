@@ -29,11 +29,9 @@ def output_figure(
 
     Parameters
     ----------
-    record : DecimatedRecord
     simulated_m_s2, errors_m_s2 : ndarray, shape (n,)
         By the force alone; and the errors one sample ahead.
-    interval_s : tuple of float
-    fit : float
+    fit
         Of the simulation, %.
     """
     t, a = record.times_s, record.acceleration_m_s2
@@ -72,9 +70,8 @@ def residual_figure(white: ResidualTest, independent: ResidualTest, step_s: floa
 
     Parameters
     ----------
-    white, independent : ResidualTest
+    white, independent
         Autocorrelation, and cross-correlation with the force.
-    step_s : float
     """
     panels = []
     for test, label in ((white, "autocorrelation"), (independent, "cross-correlation with the force")):
@@ -106,9 +103,7 @@ def frequency_figure(model: ArxModel, covariance: Array, specification_kg: float
 
     Parameters
     ----------
-    model : ArxModel
     covariance : ndarray, shape (n_parameters, n_parameters)
-    specification_kg : float
     """
     half_rate = 0.5 / model.step_s
     response = frequency_response(model, np.geomspace(1e-3 * half_rate, half_rate, 400), covariance)
@@ -151,9 +146,7 @@ def step_figure(model: ArxModel, covariance: Array, specification_kg: float) -> 
 
     Parameters
     ----------
-    model : ArxModel
     covariance : ndarray, shape (n_parameters, n_parameters)
-    specification_kg : float
     """
     response = step_response(model, STEP_SAMPLES, covariance)
     half = COVERAGE_FACTOR * response.u
@@ -175,12 +168,7 @@ def step_figure(model: ArxModel, covariance: Array, specification_kg: float) -> 
 
 
 def pole_figure(model: ArxModel) -> Figure:
-    """Draw poles and zeros in the z plane beside the unit circle.
-
-    Parameters
-    ----------
-    model : ArxModel
-    """
+    """Draw poles and zeros in the z plane beside the unit circle."""
     turn = np.linspace(0.0, 2.0 * np.pi, 361)
     of_model, of_zeros = poles(model).values, zeros(model)
     near = np.abs(np.concatenate([of_model, of_zeros[np.abs(of_zeros) < 3.0]]))
@@ -207,13 +195,7 @@ def pole_figure(model: ArxModel) -> Figure:
 
 
 def order_figure(table: OrderTable, chosen: ArxModel) -> Figure:
-    """Draw the criterion of every candidate over its number of parameters.
-
-    Parameters
-    ----------
-    table : OrderTable
-    chosen : ArxModel
-    """
+    """Draw the criterion of every candidate over its number of parameters."""
     found = [c for c in table.candidates if c.model is not None]
     count = np.array([c.orders.n_parameters for c in found], dtype=np.float64)
     score = np.array([c.score(table.criterion) for c in found])
@@ -247,11 +229,9 @@ def mass_figure(
 
     Parameters
     ----------
-    record : DecimatedRecord
-    trace : GainMassTrace
-    mass_kg, specification_kg : float
+    mass_kg, specification_kg
         Of the whole interval; by specification.
-    orders_text : str
+    orders_text
         Of the models.
     """
     half = COVERAGE_FACTOR * trace.u_forgetting_kg

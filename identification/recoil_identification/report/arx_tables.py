@@ -32,7 +32,6 @@ def parameter_rows(model: ArxModel, covariance: Array) -> Table:
 
     Parameters
     ----------
-    model : ArxModel
     covariance : ndarray, shape (n_parameters, n_parameters)
         For residuals that may be correlated.
     """
@@ -65,13 +64,10 @@ def quality_rows(
 
     Parameters
     ----------
-    model : ArxModel
-    record : DecimatedRecord
     simulated_m_s2 : ndarray, shape (n,)
-    white, independent : ResidualTest
-    attenuation : float
+    attenuation
         Share of the force's energy that is noise.
-    static : GainMass
+    static
         By na = nb = d = 0.
     """
     a, rows = record.acceleration_m_s2, record.rows
@@ -101,13 +97,7 @@ def quality_rows(
 
 
 def order_rows(table: OrderTable, chosen: ArxModel) -> Table:
-    """List the best candidates.
-
-    Parameters
-    ----------
-    table : OrderTable
-    chosen : ArxModel
-    """
+    """List the best candidates."""
     best = table.ranked[0].score(table.criterion)
     shown = list(table.ranked[:SHOWN_CANDIDATES])
     shown += [c for c in table.ranked[SHOWN_CANDIDATES:] if c.orders in (chosen.orders, ArxOrders())]
@@ -140,12 +130,7 @@ def order_rows(table: OrderTable, chosen: ArxModel) -> Table:
 
 
 def pole_rows(model: ArxModel) -> Table:
-    """List poles and zeros.
-
-    Parameters
-    ----------
-    model : ArxModel
-    """
+    """List poles and zeros."""
     found = poles(model)
     rows = []
     for value, u, f, damping in zip(found.values, found.u_modulus, found.frequency_hz, found.damping, strict=True):
@@ -166,9 +151,7 @@ def rate_rows(shot: Identification, record: DecimatedRecord, model: ArxModel) ->
 
     Parameters
     ----------
-    shot : Identification
-    record : DecimatedRecord
-    model : ArxModel
+    model
         Of the decimated record.
     """
     rows = [_rate_row("low-pass, decimated", record, model)]

@@ -46,13 +46,11 @@ def report_document(
 
     Parameters
     ----------
-    shot : Shot
-    found : Identification
-    version : str
+    version
         Of the package.
-    shot_file : InputFile
+    shot_file
         The shot file itself, for the provenance.
-    truth : mapping, optional
+    truth
         Of a virtual shot: ``m3``.
 
     Returns

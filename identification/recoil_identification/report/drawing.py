@@ -44,10 +44,6 @@ LOG_DECADES = 10  # below the largest value; what lies deeper is the arithmetic'
 def drawings(figures: Sequence[Figure]) -> list[dict[str, Any]]:
     """Turn figures into plotly dictionaries that stay small together.
 
-    Parameters
-    ----------
-    figures : sequence of Figure
-
     Returns
     -------
     list of dict
@@ -72,8 +68,7 @@ def drawing(figure: Figure, buckets: int = TRACE_POINTS // 2) -> dict[str, Any]:
 
     Parameters
     ----------
-    figure : Figure
-    buckets : int
+    buckets
         Stretches of the envelope of each trace.
 
     Returns

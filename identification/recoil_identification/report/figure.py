@@ -36,7 +36,7 @@ class Trace:
 
     Parameters
     ----------
-    name : str
+    name
         As the legend and the cursor's read-out show it.
     x, y : array-like, shape (n_samples,)
         ``x`` is finite; ``y`` may have gaps (NaN), which stay gaps.
@@ -44,13 +44,13 @@ class Trace:
         What the curve is, which decides how it is drawn. The k-th measured and the k-th filtered trace of a
         panel share a hue, and the k-th model and the k-th set of points the next one. The first reference is
         grey. A band is the curve ``y`` between ``y_low`` and ``y_high``.
-    unit : str
+    unit
         Of ``y``, shown in the cursor's read-out.
     y_low, y_high : array-like, shape (n_samples,), or None
         Limits of a band; needed for a band, refused elsewhere.
-    visible : bool
+    visible
         False: the trace is drawn once its name in the legend is clicked.
-    hue : int or None
+    hue
         Number of its colour; None takes the next one of its kind.
 
     Raises
@@ -117,19 +117,16 @@ class Panel:
 
     Parameters
     ----------
-    y_label : str
+    y_label
         Quantity and unit.
-    traces : tuple of Trace
-    lines : tuple of HorizontalLine
-    spans : tuple of Span
     y_scale : {"linear", "log"}
-    y_shown : tuple of float, or None
+    y_shown
         The range that is shown first; None shows everything within the x range that is shown first.
-    x_label : str or None
+    x_label
         Gives the panel an x axis of its own; None shares the figure's, and zooms with it.
     x_scale : {"linear", "log"}
         Of the panel's own x axis.
-    x_shown : tuple of float, or None
+    x_shown
         First range of the panel's own x axis.
     """
 
@@ -150,15 +147,15 @@ class Figure:
 
     Parameters
     ----------
-    key : str
+    key
         Short and unique in a report; names the image that a reader saves.
-    title, caption : str
+    title, caption
         The caption is one sentence that says what to see.
-    x_label : str
+    x_label
         Quantity and unit of the x axis that the panels share.
-    panels : tuple of Panel
+    panels
         From top to bottom.
-    shown : tuple of float, or None
+    shown
         The range of the shared x axis that is shown first, and drawn finest; None shows all.
     x_scale : {"linear", "log"}
         Of the shared x axis.
@@ -194,11 +191,11 @@ def bucket_starts(
     Parameters
     ----------
     x : ndarray, shape (n_samples,)
-    buckets : int
+    buckets
         How many at most.
-    log : bool
+    log
         Equal width on a logarithmic x axis; needs an ascending ``x``, and is ignored where none is positive.
-    shown : tuple of float, or None
+    shown
         A part of an ascending ``x`` to cut finer: three quarters of the buckets fall on it.
 
     Returns
@@ -238,7 +235,7 @@ def envelope_indices(y: FloatArray, starts: IndexArray) -> IndexArray:
     ----------
     y : ndarray, shape (n_samples,)
         NaN and infinity are gaps.
-    starts : ndarray of int
+    starts
         As `bucket_starts` gives them.
 
     Returns

@@ -30,18 +30,17 @@ class Quantity:
 
     Attributes
     ----------
-    name : str
+    name
         In words, for example ``stiffness of the elevating gear``.
-    symbol : str
+    symbol
         Key in the report, for example ``k_elevating``.
-    value, u : float
+    value, u
         NaN for the value where it was not identified.
-    unit : str
-    basis : str
+    basis
         How it was found, or why it was not, in a few words.
-    expected, u_expected : float or None
+    expected, u_expected
         What the rig file declares, to compare with.
-    interval : tuple of float or None
+    interval
         95 % coverage interval where it is not the value and 1.96 u on both sides.
     """
 
@@ -73,10 +72,9 @@ class Table:
 
     Attributes
     ----------
-    title, caption : str
-    columns : tuple of str
+    columns
         With their units.
-    rows : tuple of tuple of str
+    rows
         As printed; numbers rounded by `recoil_identification.report.rounding`.
     """
 
@@ -112,22 +110,19 @@ class Finding:
 
     Attributes
     ----------
-    target : str
+    target
         Its name on the command line.
-    title : str
+    title
         Of the page.
-    summary : str
+    summary
         One or two sentences: what was identified from which channels by which method.
-    quantities : tuple of Quantity
-    figures : tuple of Figure
+    figures
         In reading order, keys unique.
-    series : Series or None
-    tables : tuple of Table
-    reasons : tuple of str
+    reasons
         Why the result is not valid, one sentence each; empty if it is.
-    notes : tuple of str
+    notes
         What a reader should know although it does not make the result invalid.
-    parameters : mapping
+    parameters
         JSON values: what was chosen, for the provenance.
     """
 

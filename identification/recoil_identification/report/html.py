@@ -33,11 +33,11 @@ def write_page(folder: Path, page: str, name: str = PAGE_NAME) -> Path:
 
     Parameters
     ----------
-    folder : Path
+    folder
         Created where it is missing. An older page in it is replaced, at once and whole.
-    page : str
+    page
         Of `render_page` or `render_target_page`.
-    name : str
+    name
         Of the file.
 
     Returns
@@ -97,10 +97,10 @@ def render_page(report: Mapping[str, Any], figures: Sequence[Figure]) -> str:
 
     Parameters
     ----------
-    report : mapping
+    report
         The report, schema ``recoil-daq/report/1``. ``methods``, ``truth``, ``summary`` and ``E_n`` are shown
         if they are there.
-    figures : sequence of Figure
+    figures
         In reading order.
 
     Returns
@@ -146,9 +146,9 @@ def render_target_page(document: Mapping[str, Any], figures: Sequence[Figure]) -
 
     Parameters
     ----------
-    document : mapping
+    document
         Of `recoil_identification.report.target_document.target_document`.
-    figures : sequence of Figure
+    figures
         In reading order.
 
     Returns

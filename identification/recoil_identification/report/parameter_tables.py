@@ -30,8 +30,7 @@ def expressions(base: BaseParameters, names: Sequence[str], scales: Array) -> tu
 
     Parameters
     ----------
-    base : BaseParameters
-    names : sequence of str
+    names
         Of the p standard parameters.
     scales : ndarray, shape (p,)
         Natural size of each.
@@ -53,7 +52,6 @@ def declared(mechanism: Mechanism, combination: Array) -> tuple[float | None, fl
 
     Parameters
     ----------
-    mechanism : Mechanism
     combination : ndarray, shape (12,)
     """
 

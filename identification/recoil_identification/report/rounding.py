@@ -15,7 +15,7 @@ def rounded(value: float | None, u: float | None) -> tuple[str, str]:
 
     Parameters
     ----------
-    value, u : float or None
+    value, u
         In one unit. None and NaN are "no number".
 
     Returns

@@ -37,13 +37,10 @@ def stiffness_figures(
 
     Parameters
     ----------
-    record : CarriageRecord
-    supports : mapping of str to Support
+    supports
         As recorded.
-    found : SupportEstimates
     judged : ndarray, shape (9,)
         Parameters, NaN where not identified.
-    traces : mapping of str to RestoringTrace
     """
     step = record.step_s
     inside = (record.times_s >= record.interval_s[0]) & (record.times_s <= record.interval_s[1])

@@ -24,7 +24,7 @@ def verdict(report: Report) -> Row:
 
     Parameters
     ----------
-    report : mapping
+    report
         Schema ``recoil-daq/report/1``.
 
     Returns
@@ -63,10 +63,6 @@ def started(report: Report) -> str | None:
 
 def facts(report: Report) -> list[tuple[str, str]]:
     """Label and text of what stands in small print under the verdict.
-
-    Parameters
-    ----------
-    report : mapping
 
     Returns
     -------

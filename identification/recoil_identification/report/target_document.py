@@ -22,11 +22,9 @@ def target_document(shot: Shot, found: Finding, *, version: str, shot_file: Inpu
 
     Parameters
     ----------
-    shot : Shot
-    found : Finding
-    version : str
+    version
         Of the package.
-    shot_file : InputFile
+    shot_file
         The shot file itself, for the provenance.
 
     Returns

@@ -31,12 +31,11 @@ class Friction:
 
     Attributes
     ----------
-    declared_n, u_declared_n : float
-    value_n, u_n : float
+    value_n, u_n
         By declaration and shot together.
-    by_shot_n, u_by_shot_n : float
+    by_shot_n, u_by_shot_n
         By the shot alone, with the calibrations of the other sensors; infinite uncertainty where it tells nothing.
-    gain_bits : float
+    gain_bits
         Information that the shot added to the declaration; infinite where nothing was declared of its uncertainty.
     """
 
@@ -72,14 +71,13 @@ def packing_friction(
 
     Parameters
     ----------
-    regression : Regression
+    regression
         Filtered.
-    calibration : Calibration
+    calibration
         Of it, with the declaration.
     scales, u_bias_m_s2, camera
         As the calibration was made with.
-    declared_n : float
-    u_further_n : float
+    u_further_n
         Standard uncertainty of a force that acts like friction and that the calibration does not know.
 
     Raises
@@ -113,8 +111,7 @@ def posterior_u(calibration: Calibration, u_declared_n: float) -> float:
 
     Parameters
     ----------
-    calibration : Calibration
-    u_declared_n : float
+    u_declared_n
         With which it was made.
     """
     departure, significance = calibration.departures.get(FRICTION, 0.0), calibration.significances.get(FRICTION, 0.0)

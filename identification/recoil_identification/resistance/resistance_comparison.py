@@ -30,15 +30,14 @@ class ResistanceOverTime:
 
     Attributes
     ----------
-    motion_n, u_motion_n : ndarray
+    motion_n, u_motion_n
         By breech gauge and motion, behind the low-pass; NaN where not trusted.
-    brake_n, recuperator_n : ndarray
+    brake_n, recuperator_n
         By the gauges, as recorded.
-    friction_n : ndarray
+    friction_n
         As identified.
-    law_n : ndarray
+    law_n
         The fitted law; NaN where there is none.
-    breech_n : ndarray
     """
 
     motion_n: Array
@@ -86,18 +85,7 @@ def resistance_over_time(
     m: Mechanism,
     scales: ScaleUncertainty,
 ) -> ResistanceOverTime:
-    """Compare the resistance by the motion, by the gauges and by the law, on the instants of the record.
-
-    Parameters
-    ----------
-    found : Identification
-    record : ResistanceRecord
-    gas : FittedGas or str
-    brake : FittedBrake or str
-    friction : Friction
-    m : Mechanism
-    scales : ScaleUncertainty
-    """
+    """Compare the resistance by the motion, by the gauges and by the law, on the instants of the record."""
     first = int(np.searchsorted(found.filtered.times_s, record.times_s[0] - 1e-9))
     part = slice(first, first + record.times_s.size)
     regression, calibration = found.filtered, found.calibration

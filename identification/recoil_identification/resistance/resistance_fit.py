@@ -26,7 +26,6 @@ class FittedGas:
 
     Attributes
     ----------
-    law : GasLaw
     errors : mapping of str to ndarray, shape (3,)
         By cause: change of ln p0, ln L and n if it is off by its standard uncertainty.
     """
@@ -46,7 +45,6 @@ class FittedBrake:
 
     Attributes
     ----------
-    profile : BrakeProfile
     travel_m : ndarray, shape (n,)
     logarithm, u_random : ndarray, shape (n,)
         Of c in N s2/m2.

@@ -39,15 +39,15 @@ class GasLaw:
 
     Attributes
     ----------
-    pressure_pa : float
+    pressure_pa
         p0, in battery.
-    length_m : float
+    length_m
         L, volume over piston area.
-    exponent : float
+    exponent
         n.
     covariance : ndarray, shape (3, 3)
         Of ln p0, ln L and n, from the residuals with their autocorrelation.
-    residual_pa : float
+    residual_pa
         Standard deviation.
     """
 
@@ -144,11 +144,11 @@ class BrakeProfile:
     coefficients : ndarray, shape (n_coefficients,)
     covariance : ndarray, shape (n_coefficients, n_coefficients)
         Random errors.
-    weight : float
+    weight
         Of the smoothness.
-    variance : float
+    variance
         Of the rows by the residuals; 1 if their errors are as supposed.
-    reach_m : tuple of float
+    reach_m
         Travel between which there are rows.
     """
 
@@ -193,10 +193,10 @@ def fit_brake_profile(
     ----------
     travel_m, velocity_m_s, force_n : ndarray, shape (n,)
         In order of time, finite; rows with independent errors.
-    u_force_n : float
+    u_force_n
         Random error of a force.
     u_velocity_m_s : ndarray, shape (n,)
-    weight : float, optional
+    weight
         Of the smoothness; by cross-validation if left out.
 
     Returns

@@ -43,24 +43,24 @@ class ResistanceRecord:
     times_s, travel_m, velocity_m_s, u_velocity_m_s : ndarray, shape (n,)
     brake_pa, recuperator_pa : ndarray, shape (n,)
         As recorded, lost samples NaN.
-    terms : Terms
+    terms
         For the balances.
     rows : mapping of str to ndarray, shape (n_blocks,)
         Means of blocks of the columns above, and of the velocity's square as ``square``; blocks with a lost sample
         are left out.
-    u_scale : float
+    u_scale
         Relative standard uncertainty of travel and velocity.
-    u_travel_m : float
+    u_travel_m
         Standard uncertainty of the travel at the end beside its scale.
-    u_gauges : tuple of float
+    u_gauges
         Relative, of breech, brake and recuperator force.
-    u_zero_pa : mapping of str to float
+    u_zero_pa
         By role.
-    u_clock_s : mapping of str to float
+    u_clock_s
         By role: of the gauge's instants against the motion's.
     left_pa : mapping of (str, str) to ndarray, shape (n,)
         By role and cause: what a repair may have left.
-    zero_assumed : bool
+    zero_assumed
         Whether the recuperator's zero is `ASSUMED_ZERO`.
     """
 
@@ -88,12 +88,8 @@ def resistance_record(
 
     Parameters
     ----------
-    shot : Shot
-    rig : Rig
-    prepared : Prepared
-    found : Identification
+    found
         Of the mass; it holds the regression as recorded, with the accelerometer's lateness taken off.
-    scales : ScaleUncertainty
 
     Raises
     ------

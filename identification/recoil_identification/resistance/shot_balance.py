@@ -34,21 +34,18 @@ class Terms:
 
     Attributes
     ----------
-    step_s : float
     forces_n : mapping of str to ndarray, shape (n,)
         Positive if they drive the part to the rear: ``breech`` positive, resistances negative; zero while it is held.
     carried_m_s2 : ndarray, shape (n,)
         c, zero while the part is held.
     velocity_m_s, u_velocity_m_s : ndarray, shape (n,)
-    mass_kg : float
     force_errors_n : mapping of str to ndarray, shape (n,)
         By cause, the error of the total force if the cause is off by its standard uncertainty.
-    noise_n : float
+    noise_n
         White noise of the total force, per sample.
-    u_mass_kg : float
-    u_velocity_scale : float
+    u_velocity_scale
         Relative standard uncertainty of the velocity's scale.
-    u_clock_s : float
+    u_clock_s
         Standard uncertainty of the instants of the motion against those of the forces.
     """
 
@@ -71,7 +68,6 @@ class Balance:
 
     Attributes
     ----------
-    quantity, unit : str
     parts : mapping of str to ndarray, shape (n,)
         Work or impulse since the release by each force, ``motion`` (kinetic energy or momentum, negative), and
         ``gravity and carriage`` (negative if they take).
@@ -103,9 +99,9 @@ class BalancePoint:
 
     Attributes
     ----------
-    left, u : float
+    left, u
         What is left, and its standard uncertainty.
-    given : float
+    given
         By the breech force.
     """
 

@@ -49,7 +49,6 @@ class CarriageRecord:
     Attributes
     ----------
     times_s : ndarray, shape (n,)
-    step_s : float
     channels : mapping of str to ndarray, shape (n,)
         By role: `MOTION_ROLES`, the three pressures, which are zero until the part is released, and
         ``recoil_acceleration``, moved to the recoiling part's centre of mass.
@@ -57,15 +56,15 @@ class CarriageRecord:
         As in `recoil_identification.regression.Regression`.
     travel_m, velocity_m_s : ndarray, shape (n,)
         Of recoil.
-    static_m_s2 : float
+    static_m_s2
         a' at rest in battery.
-    r_x, r_y : float
+    r_x, r_y
         Where the carriage's accelerometers sit, from the trunnion A, m.
     trusted : ndarray of bool, shape (n,)
         False near lost samples.
-    interval_s : tuple of float
+    interval_s
         From the onset of force to the end of recoil.
-    narrowest : AnalogLowPass or None
+    narrowest
         Whose response all channels have.
     """
 
@@ -136,9 +135,7 @@ def with_response(samples: Array, step_s: float, wanted: AnalogLowPass, own: Ana
     ----------
     samples : ndarray, shape (n,)
         Without missing values.
-    step_s : float
-    wanted : AnalogLowPass
-    own : AnalogLowPass or None
+    own
         What the channel has passed already.
 
     Returns
@@ -159,11 +156,6 @@ def with_response(samples: Array, step_s: float, wanted: AnalogLowPass, own: Ana
 
 def carriage_record(prepared: Prepared, rig: Rig) -> CarriageRecord:
     """Thin out the channels of a shot that tell loads and displacements.
-
-    Parameters
-    ----------
-    prepared : Prepared
-    rig : Rig
 
     Raises
     ------

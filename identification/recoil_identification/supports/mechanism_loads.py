@@ -40,12 +40,11 @@ class MeasuredMotion:
 
     Attributes
     ----------
-    step_s : float
     w1, w2 : ndarray, shape (n,)
         Angular rates of carriage and tipping part, rad/s.
     f_x, f_y : ndarray, shape (n,)
         Specific force of the carriage at the accelerometers, carriage axes, m/s^2.
-    r_x, r_y : float
+    r_x, r_y
         Their place from the trunnion A, m.
     breech_force_n : ndarray, shape (n,)
         P.
@@ -53,7 +52,7 @@ class MeasuredMotion:
         a' of equation (36): of the recoiling part without gravity, rearward.
     travel_m, velocity_m_s : ndarray, shape (n,)
         Of recoil.
-    rest : int
+    rest
         How many samples lie before the first force; at least one.
     """
 
@@ -92,13 +91,13 @@ class Loads:
 
     Attributes
     ----------
-    elevating_moment_n_m : ndarray
+    elevating_moment_n_m
         M_C, weight included.
-    ground_x_n : ndarray
+    ground_x_n
         Horizontal reaction at C and friction at D together.
-    ground_c_n, ground_d_n : ndarray
+    ground_c_n, ground_d_n
         Vertical reactions at C and D; negative where the foot presses on the ground.
-    sliding : ndarray
+    sliding
         sigma of the foot D.
     """
 
@@ -115,15 +114,6 @@ def state_of(mechanism: Mechanism, motion: MeasuredMotion) -> State:
     The accelerometers' readings are moved to the base point C, turned upright and freed of gravity, as
     `recoil_rigs.mechanism.carriage_specific_force` solved for ``xi''`` and ``eta''``; the travel's acceleration
     is that of `recoil_rigs.mechanism.relative_acceleration`.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-    motion : MeasuredMotion
-
-    Returns
-    -------
-    State
     """
     m, step = mechanism, motion.step_s
     dw1, dw2 = np.gradient(motion.w1, step), np.gradient(motion.w2, step)
@@ -168,15 +158,9 @@ def loads_of(mechanism: Mechanism, state: State, breech_force_n: Array, sliding_
 
     Parameters
     ----------
-    mechanism : Mechanism
-    state : State
     breech_force_n : ndarray, shape (n,)
-    sliding_m_s : float
+    sliding_m_s
         See `SLIDING_M_S`.
-
-    Returns
-    -------
-    Loads
     """
     required = np.einsum("nij,nj->ni", mass_matrix(mechanism, state.q), state.qdd)
     required += velocity_terms(mechanism, state.q, state.qd)

@@ -49,13 +49,12 @@ class RestoringFit:
         Coefficients of the drift columns.
     covariance : ndarray, shape (wanted, wanted)
         Of the parameters, by the residual with its autocorrelation.
-    residual_share : float
+    residual_share
         Standard deviation of the residual over that of the load, behind the band-pass.
     singular_values : ndarray, shape (n_columns,)
         Of the columns scaled to unit length, drift included, descending.
-    weakest : mapping of str to float
+    weakest
         The combination of columns that the data tell least of.
-    rows : int
     """
 
     parameters: Array
@@ -82,7 +81,7 @@ def fit_restoring_force(support: FilteredSupport) -> RestoringFit:
 
     Parameters
     ----------
-    support : FilteredSupport
+    support
         At rows that carry about independent errors, see `rows_of`.
 
     Returns
@@ -150,7 +149,6 @@ class RestoringTrace:
         End of each window.
     parameters, u : ndarray, shape (n, wanted)
         NaN where the window says too little, or the support had lifted off; u by the residual's scatter.
-    window_s : float
     """
 
     times_s: Array
@@ -164,10 +162,9 @@ def trace_restoring_force(support: FilteredSupport, window_s: float) -> Restorin
 
     Parameters
     ----------
-    support : FilteredSupport
+    support
         Without a high-pass: in a short window a constant takes the drift's place. Rows where the support has
         lifted off are left out.
-    window_s : float
     """
     X = np.column_stack([support.columns[:, : support.wanted], np.ones(support.load.size)])
     y, step = support.load, support.step_s

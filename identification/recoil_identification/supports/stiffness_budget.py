@@ -71,11 +71,11 @@ class SupportEstimates:
         Covariance by noise and residual.
     changes : mapping of str to ndarray, shape (9,)
         By source: what one standard uncertainty of it does to all parameters.
-    fits : mapping of str to RestoringFit
+    fits
         By support.
-    bands : mapping of str to Band
+    bands
         The one that was chosen for each support: with the least uncertainty.
-    lifted_s : mapping of str to float
+    lifted_s
         By support: for how long within the interval it had lifted off.
     """
 
@@ -107,15 +107,10 @@ def estimate_supports(record: CarriageRecord, signals: Signals, shot: Shot, rig:
 
     Parameters
     ----------
-    record : CarriageRecord
-    signals : Signals
+    signals
         For the zeros' uncertainties and the noise.
-    shot, rig : Shot, Rig
+    shot, rig
         For clocks, rates and what the rig file declares of sensors and mechanism.
-
-    Returns
-    -------
-    SupportEstimates
     """
     low_pass = LOW_PASS_HZ
     if record.narrowest is not None:
@@ -240,13 +235,11 @@ def noisy_records(
 
     Parameters
     ----------
-    record : CarriageRecord
-    signals : Signals
+    signals
         Gives the noise.
-    shot : Shot
+    shot
         Gives the channels' own rates.
-    draws : int
-    zeros : bool
+    zeros
         Whether an error of the zero is drawn as well.
 
     Yields

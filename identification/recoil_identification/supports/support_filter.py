@@ -27,10 +27,9 @@ class Band:
 
     Attributes
     ----------
-    low_pass_hz : float
-    high_pass_hz : float
+    high_pass_hz
         0 for none.
-    drift_order : int
+    drift_order
         Highest power of the time since the shot among the drift columns.
     """
 
@@ -45,7 +44,6 @@ class Support:
 
     Attributes
     ----------
-    name : str
     times_s : ndarray, shape (n,)
         Uniform.
     load : ndarray, shape (n,)
@@ -67,8 +65,7 @@ class Support:
 
         Parameters
         ----------
-        band : Band
-        start_s : float
+        start_s
             Of the shot.
         rows : ndarray of int, shape (n_rows,)
             Which samples are wanted behind the band-pass.
@@ -91,14 +88,14 @@ class FilteredSupport:
     Attributes
     ----------
     times_s : ndarray, shape (n,)
-    step_s : float
+    step_s
         Between neighbours.
     load : ndarray, shape (n,)
     columns : ndarray, shape (n, n_columns)
         Drift columns last.
-    names : tuple of str
+    names
         Of the columns.
-    wanted : int
+    wanted
         How many of the columns' parameters are wanted; the others are the drift's.
     contact : ndarray, shape (n,)
         1 where the support bears.

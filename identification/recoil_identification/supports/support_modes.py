@@ -34,7 +34,6 @@ def ground_modes(mechanism: Mechanism, stiffness_n_m: Array, damping_n_s_m: Arra
 
     Parameters
     ----------
-    mechanism : Mechanism
     stiffness_n_m, damping_n_s_m : ndarray, shape (3,)
         Along at C, vertical at C, vertical at D.
 
@@ -64,7 +63,6 @@ def derived_values(mechanism: Mechanism, values: Array) -> Array:
 
     Parameters
     ----------
-    mechanism : Mechanism
     values : ndarray, shape (9,)
         In the order of `recoil_identification.supports.stiffness_budget.SYMBOLS`.
     """

@@ -34,14 +34,11 @@ def trace_supports(
 
     Parameters
     ----------
-    record : CarriageRecord
-    noisy : sequence of CarriageRecord
+    noisy
         The same with drawn errors of the sensors added, two or more; see
         `recoil_identification.supports.stiffness_budget.noisy_records`.
-    mechanism : Mechanism
-    found : SupportEstimates
+    found
         Of the whole shot: its bands, and its systematic share of the uncertainty.
-    window_s : float
 
     Returns
     -------

@@ -65,9 +65,9 @@ class Assumptions:
 
     Attributes
     ----------
-    contact_share : float
+    contact_share
         See `CONTACT_SHARE`.
-    sliding_m_s : float
+    sliding_m_s
         See `recoil_identification.supports.mechanism_loads.SLIDING_M_S`.
     """
 
@@ -79,12 +79,6 @@ def supports_of(
     record: CarriageRecord, mechanism: Mechanism, assumptions: Assumptions | None = None
 ) -> dict[str, Support]:
     """Find loads and deflections of all supports.
-
-    Parameters
-    ----------
-    record : CarriageRecord
-    mechanism : Mechanism
-    assumptions : Assumptions, optional
 
     Returns
     -------

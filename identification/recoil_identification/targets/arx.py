@@ -88,14 +88,6 @@ def find(case: Case) -> Finding:
     own; at the recorder's rate the fit would describe the stress waves, and leave the gain at zero frequency
     to chance.
 
-    Parameters
-    ----------
-    case : Case
-
-    Returns
-    -------
-    Finding
-
     Raises
     ------
     IdentificationError

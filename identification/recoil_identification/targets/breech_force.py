@@ -51,10 +51,6 @@ class _Compared(NamedTuple):
 def find(case: Case) -> Finding:
     """Identify the breech force over time, its peak and its impulse, without the breech gauge.
 
-    Parameters
-    ----------
-    case : Case
-
     Raises
     ------
     IdentificationError

@@ -52,10 +52,6 @@ class _Parts:
 def find(case: Case) -> Finding:
     """Identify the law of the recoil resistance of one shot, and check its energy and momentum.
 
-    Parameters
-    ----------
-    case : Case
-
     Raises
     ------
     IdentificationError

@@ -56,14 +56,6 @@ NAMES = {
 def find(case: Case) -> Finding:
     """Identify stiffness and damping of the supports of one shot.
 
-    Parameters
-    ----------
-    case : Case
-
-    Returns
-    -------
-    Finding
-
     Raises
     ------
     IdentificationError

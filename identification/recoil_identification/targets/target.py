@@ -23,10 +23,8 @@ class Case:
 
     Parameters
     ----------
-    shot : Shot
+    shot
         With its alignments.
-    rig : Rig
-    options : Options
     """
 
     shot: Shot

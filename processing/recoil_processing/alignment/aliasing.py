@@ -46,13 +46,13 @@ def folded_samples(
     ----------
     times_s : ndarray, shape (n,)
         The source's instants on the reference clock, increasing; those beyond the record hold nothing.
-    start_s, step_s : float
+    start_s, step_s
         Time base of the reference.
     reference : ndarray, shape (n_reference,)
         Without missing samples.
-    anti_alias : AnalogLowPass
+    anti_alias
         The source's.
-    integral : bool
+    integral
         Whether the source samples the reference's integral.
 
     Yields

@@ -58,15 +58,13 @@ def judge_motion(
 
     Parameters
     ----------
-    clock : str
-    fit : MotionFit or str
+    fit
         A sentence if there was nothing to align by.
-    u_gain : float
+    u_gain
         Standard uncertainty of the ratio of the two sensors' scales, from their calibrations.
-    noise_density : float
+    noise_density
         The accelerometer's white noise density before the shot, (m/s^2)^2/Hz, two-sided.
-    frame_period_s : float
-    against, method : str
+    against, method
         What it was aligned by, in words, and as it is reported.
 
     Returns
@@ -201,12 +199,10 @@ def judge_edges(clock: str, fit: EdgeFit | str, *, u_edge_s: float, method: str 
 
     Parameters
     ----------
-    clock : str
-    fit : EdgeFit or str
+    fit
         A sentence if there was nothing to align by.
-    u_edge_s : float
+    u_edge_s
         Standard uncertainty of one pair.
-    method : str
 
     Returns
     -------

@@ -17,9 +17,9 @@ def with_uncertainty(found: ClockAlignment, u_offset_s: float, **details: object
 
     Parameters
     ----------
-    found : ClockAlignment
+    found
         A failed one stays as it is.
-    u_offset_s : float
+    u_offset_s
         Standard uncertainty of the offset, all in all.
     **details
         JSON types.
@@ -39,8 +39,7 @@ def with_second_opinion(found: ClockAlignment, other: ClockAlignment, at_s: floa
 
     Parameters
     ----------
-    found, other : ClockAlignment
-    at_s : float
+    at_s
         Instant of the source's clock at which they are compared.
     """
     if found.status == "failed":

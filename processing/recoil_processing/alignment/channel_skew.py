@@ -36,17 +36,17 @@ class Skew:
 
     Attributes
     ----------
-    skew_s, u_s : float
+    skew_s, u_s
         And its standard uncertainty: ``second(t) = gain * first(t - skew) + constant``.
-    gain, u_gain : float
+    gain, u_gain
         Second over first; low by the share of noise in the first's low-passed power.
-    correlation : float
+    correlation
         Largest normalised correlation of the two, signed as the gain.
-    cutoff_hz : float
+    cutoff_hz
         -3 dB point of the low-pass that both passed.
-    residual_share : float
+    residual_share
         Root mean square of what is not proportional over that of the second.
-    rows : float
+    rows
         How many instants the skew rests on.
     """
 
@@ -85,8 +85,7 @@ def measure_skew(first: Array, second: Array, rate_hz: float, cutoff_hz: float) 
     ----------
     first, second : ndarray, shape (n,)
         On the same instants, in any units; lost samples NaN, and nothing within the filter's reach of them is used.
-    rate_hz : float
-    cutoff_hz : float
+    cutoff_hz
         -3 dB point of the common low-pass: below the gap between the motion and the ringing.
 
     Returns

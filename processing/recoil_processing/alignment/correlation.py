@@ -25,13 +25,13 @@ class CoarseLag:
 
     Attributes
     ----------
-    offset_s : float
+    offset_s
         To be added to the source's times to get the reference's.
-    correlation : float
+    correlation
         Normalised correlation there, at most 1.
-    second_peak : float
+    second_peak
         Highest correlation outside the best lag's own lobe; 0 if there is nothing outside.
-    at_search_edge : bool
+    at_search_edge
         Whether the best lag is the first or last one possible.
     """
 
@@ -61,12 +61,11 @@ def coarse_lag(
     ----------
     source_times_s, source : ndarray, shape (n_source,)
         On the source's clock, strictly increasing; NaN are left out.
-    start_s, step_s : float
+    start_s, step_s
         Time base of the reference.
     reference : ndarray, shape (n_reference,)
         Without missing samples.
-    step_of_search_s : float
-    exclusion_s : float
+    exclusion_s
         Half width around the best lag in which no second peak is looked for. Beyond it the lobe goes
         on as long as the correlation falls: the flank of a slow motion is not a second peak.
 

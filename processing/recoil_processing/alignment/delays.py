@@ -34,10 +34,9 @@ class DelayPart:
 
     Attributes
     ----------
-    cause : str
-    delay_s : float
+    delay_s
         By which stamps are late on account of it.
-    u_s : float
+    u_s
         Standard uncertainty.
     """
 
@@ -52,7 +51,7 @@ class Delay:
 
     Attributes
     ----------
-    parts : tuple of DelayPart
+    parts
         Independent of one another; none where nothing is declared.
     """
 
@@ -90,15 +89,15 @@ def filter_delay(
 
     Parameters
     ----------
-    cutoff_hz : float
+    cutoff_hz
         Its -3 dB point.
-    kind : str, optional
+    kind
         ``bessel`` or ``butterworth``. Without it the delay may be anything from none, where the recorder takes
         it out, to that of a Butterworth low-pass of order `SLOWEST_ORDER`: nothing is corrected, and
         the uncertainty is the root mean square of that range.
-    order : int, optional
+    order
         `USUAL_ORDER` if left out.
-    u_delay_s : float, optional
+    u_delay_s
         Standard uncertainty; `U_CORNER` of the delay if left out.
 
     Raises
@@ -119,9 +118,9 @@ def mount_delay(resonance_hz: float, damping: float) -> DelayPart:
 
     Parameters
     ----------
-    resonance_hz : float
+    resonance_hz
         Undamped natural frequency fn.
-    damping : float
+    damping
         Damping ratio zeta.
 
     Raises
@@ -140,8 +139,7 @@ def exposure_delay(exposure_s: float, stamp: ExposureStamp | None = None) -> Del
 
     Parameters
     ----------
-    exposure_s : float
-    stamp : str, optional
+    stamp
         What of the exposure a frame's time is: ``start``, ``middle`` or ``end``. Left out, the start is taken, as
         most cameras stamp it; that it might be anything up to the middle is the standard uncertainty
         ``exposure / (2 sqrt 3)``, the root mean square of that range.

@@ -68,19 +68,19 @@ def find_frame_faults(
 
     Parameters
     ----------
-    model : MotionModel
+    model
         With the file's times.
-    solution : MotionSolution
+    solution
         Its fit.
-    solver : MotionSolver
+    solver
         That made it.
     rows : ndarray of int, shape (n_frames,)
         Which frames of the file the model has.
     repeated : ndarray of bool, shape (n_file_frames,)
         Frames of the file that repeat the position before exactly: they show where a picture was written twice.
-    period_s : float
+    period_s
         Of the frames.
-    drift_allowance : float
+    drift_allowance
         As the fit used it.
 
     Returns

@@ -18,19 +18,19 @@ class FrameFault:
 
     Attributes
     ----------
-    index : int
+    index
         First frame of the file, counted from 0, that is wrong; a repeated picture is that frame itself.
-    first, last : int
+    first, last
         Range of such frames that holds the true one with a probability of `CREDIBLE`.
-    time_s : float
+    time_s
         Time that the file gives for it, on the camera's clock.
-    missing : int
+    missing
         1 for a picture that is missing, -1 for one that was written twice, 0 for a jump of the track.
-    period_s : float
+    period_s
         By which the later times are early (late).
-    log_likelihood_gain : float
+    log_likelihood_gain
         By how much the correction raises the log-likelihood.
-    jump_m : float
+    jump_m
         By which the later positions are too large.
     """
 
@@ -62,7 +62,7 @@ def correct_times(times_s: Array, faults: Sequence[FrameFault]) -> tuple[Array, 
     ----------
     times_s : ndarray, shape (n_frames,)
         As in the file.
-    faults : sequence of FrameFault
+    faults
         Jumps of the track change no time.
 
     Returns

@@ -87,13 +87,13 @@ class LagRows(ReadOnlyArrays):
             The source, low-passed, `GRID_PER_PERIOD` times per period of the cut-off.
         trusted : ndarray of bool, shape (n_grid,)
             False where a gap is within the filter's reach.
-        start_s, step_s : float
+        start_s, step_s
             Time base of the reference.
         target : ndarray, shape (n_reference,)
             The reference, low-passed alike.
         target_trusted : ndarray of bool, shape (n_reference,), optional
             All of it if left out. Where it is not, at the lag that the two are at already, rows are left out.
-        low_pass : LowPass
+        low_pass
             The filter of both; within its reach of the reference's ends no row is used.
         """
         from scipy.interpolate import CubicSpline
@@ -117,19 +117,17 @@ class LagSolution(ReadOnlyArrays):
 
     Attributes
     ----------
-    shift_s, drift, gain : float
-    u_shift_s : float
+    u_shift_s
         Standard uncertainty of the mapped time in the middle of the motion.
-    u_drift, u_gain : float
-    residual_share : float
+    residual_share
         Root mean square of the residual over that of the source's signal.
-    rows : float
+    rows
         How many rows the shift rests on: the square of the sum of their information over the sum of its squares.
     influence : ndarray, shape (n_inside,)
         By how much the mapped time in the middle of the motion moves with the value of each row.
     inside : ndarray of bool, shape (n_rows,)
         The rows that were used.
-    converged : bool
+    converged
         Whether the last step was negligible.
     """
 
@@ -151,10 +149,9 @@ def solve_lag(rows: LagRows, shift_s: float, *, drift_allowance: float) -> LagSo
 
     Parameters
     ----------
-    rows : LagRows
-    shift_s : float
+    shift_s
         To start from.
-    drift_allowance : float
+    drift_allowance
         Standard deviation of the drift's prior, which has the mean 0; without a drift if 0.
 
     Returns

@@ -56,10 +56,9 @@ class Lattice:
 
     Attributes
     ----------
-    frequency_hz : float
-    phase : float
+    phase
         Of the mean stamp counted from the first one, in steps.
-    coherence : float
+    coherence
         Rayleigh's R.
     """
 

@@ -82,19 +82,19 @@ def align_motion(
         On the camera's clock, strictly increasing.
     displacement_m : ndarray, shape (n_frames,)
         Lost frames NaN; they are left out, not filled.
-    start_s, step_s : float
+    start_s, step_s
         Time base of the acceleration on the reference clock.
     acceleration_m_s2 : ndarray, shape (n_samples,)
         Second derivative of the same motion, positive alike, bias taken off as far as known; without
         missing samples.
-    acceleration_sigma_m_s2 : float
+    acceleration_sigma_m_s2
         Its white noise per sample.
-    drift_allowance : float
+    drift_allowance
         Standard uncertainty of the clocks' rate ratio before this record is seen.
-    onset_s : float, optional
+    onset_s
         First instant of force on the reference clock, at which the accelerometer's zero may shift. That it did is
         taken only where the record cannot be explained without it, and is far likelier with it.
-    kicks_s : tuple of float
+    kicks_s
         Instants on the reference clock where samples of the acceleration were lost and bridged: from each on its
         integral may be wrong by a velocity, which is one more unknown.
 

@@ -20,56 +20,55 @@ class MotionFit(ReadOnlyArrays):
 
     Attributes
     ----------
-    offset_s, drift : float
+    offset_s, drift
         ``t_ref = (1 + drift) t_cam + offset_s``.
-    u_offset_s : float
+    u_offset_s
         Standard uncertainty of the mapped time in the middle of the motion.
-    u_drift : float
-    gain, u_gain : float
+    gain, u_gain
         Camera scale over accelerometer scale, and its standard uncertainty.
-    u_bias_m_s2 : float
+    u_bias_m_s2
         Standard uncertainty of c2.
-    gain_bias_correlation : float
+    gain_bias_correlation
         Correlation of the estimates of gain and c2.
-    integration_constants : tuple of float
+    integration_constants
         c0 in m, c1 in m/s, c2 in m/s^2, on the *camera's* time counted from `origin_s`.
-    origin_s : float
+    origin_s
         Camera time that c0 to c2 count from.
-    marker_sigma_m : float
+    marker_sigma_m
         Noise of the marker, from its third differences.
-    acceleration_density : float
+    acceleration_density
         Noise density of the accelerometer that explains the record, (m/s^2)^2/Hz, two-sided.
-    innovation_statistic : float
+    innovation_statistic
         Mean squared normalised residual; 1 if model and noise levels fit.
-    coarse_offset_s : float
+    coarse_offset_s
         What the velocity correlation said.
-    correlation : float
+    correlation
         Its peak, 1 at the most.
-    second_peak : float
+    second_peak
         Highest correlation outside that peak.
-    at_search_edge : bool
+    at_search_edge
         Whether that peak lies at the first or the last lag possible.
     candidates_s, log_likelihood : ndarray, shape (n_candidates,)
         The likelihood around the offset, less its maximum.
-    free_drift, u_free_drift : float
+    free_drift, u_free_drift
         The drift that the record would choose without its prior: far off, the frame rate is wrong.
-    frames, frames_set_aside : int
+    frames, frames_set_aside
         How many frames were used, and how many were not because they contradict their neighbours.
-    converged : bool
+    converged
         Whether the last step towards the offset was negligible.
-    drift_allowance : float
+    drift_allowance
         Standard uncertainty of the drift before the record was seen.
-    velocity_offset_s, u_velocity_offset_s : float
+    velocity_offset_s, u_velocity_offset_s
         What velocities alone say of the offset, the drift being the same, and the standard uncertainty of the
         mapped time in the middle of the motion by them; NaN and infinity where they say nothing.
-    frame_faults : tuple of FrameFault
+    frame_faults
         Places from which on the file's times are wrong by a frame period, or its positions by a jump; the other
         figures are those of the file as it is.
-    best_log_likelihood : float
+    best_log_likelihood
         At the fit, up to a constant of the record.
-    shifted_zero_m_s2 : float or None
+    shifted_zero_m_s2
         By how much the accelerometer's zero shifted at the shot; None where the record is explained without it.
-    corrected : MotionFit or None
+    corrected
         The fit to the times that `recoil_processing.alignment.frame_fault.correct_times` gives, and without the jump.
     """
 

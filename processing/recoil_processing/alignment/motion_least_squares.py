@@ -38,14 +38,14 @@ class MotionModel(ReadOnlyArrays):
     ----------
     times_s, positions_m : ndarray, shape (n_frames,)
         Frames with a position, on the camera's clock.
-    origin_s : float
+    origin_s
         Middle of the camera's record.
-    integral : DoubleIntegral
+    integral
         Of the acceleration, on the reference clock.
-    shifted_from_s : float or None
+    shifted_from_s
         Instant of the reference clock from which on the acceleration's zero may be another; None if it is the same
         throughout.
-    kicks_s : tuple of float
+    kicks_s
         Instants of the reference clock at which the acceleration's integral may be wrong by a velocity: samples that
         were lost there and bridged.
     """
@@ -89,21 +89,19 @@ class MotionSolution(ReadOnlyArrays):
 
     Attributes
     ----------
-    shift_s, drift : float
+    shift_s, drift
         Behind the step.
-    gain, constants : float, tuple of float
+    gain, constants
         k; c0, c1, c2.
     errors : ndarray, shape (n_errors,)
         Coefficients of the model's errors, in the camera's scale.
     covariance : ndarray, shape (6 + n_errors, 6 + n_errors)
         Of k, shift, drift, c0, c1, c2, and of those coefficients; never less than the residuals call for.
-    log_likelihood : float
-    innovation_statistic : float
+    innovation_statistic
         Mean squared normalised residual.
     inside : ndarray of bool, shape (n_frames,)
         The frames that fall into the recorder's record.
-    walk : WalkFilter
-    converged : bool
+    converged
         Whether the step was negligible.
     residual : ndarray, shape (n_inside + 1,)
         What the columns leave of the whitened positions; the last one is the drift's prior.
@@ -146,16 +144,15 @@ def gauss_newton_step(
 
     Parameters
     ----------
-    model : MotionModel
-    shift_s, drift : float
+    shift_s, drift
         To start from.
-    marker_variance : float
+    marker_variance
         Of the camera's white noise, m^2.
-    density : float
+    density
         Of the accelerometer's white noise, (m/s^2)^2/Hz, two-sided.
-    drift_allowance : float
+    drift_allowance
         Standard deviation of the drift's prior, which has the mean 0.
-    previous : MotionSolution, optional
+    previous
         A step at the same noise levels, whose filter serves again if it was for the same frames.
 
     Returns
@@ -217,8 +214,6 @@ def profile(model: MotionModel, solution: MotionSolution, around_s: Array) -> Ar
 
     Parameters
     ----------
-    model : MotionModel
-    solution : MotionSolution
     around_s : ndarray, shape (n_shifts,)
         Differences from the solution's shift.
 

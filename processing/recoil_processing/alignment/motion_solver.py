@@ -29,9 +29,9 @@ class MotionSolver:
 
     Attributes
     ----------
-    marker_variance : float
+    marker_variance
         Of the camera's white noise, m^2.
-    densities : sequence of float
+    densities
         Rising candidates for the noise density of the accelerometer, (m/s^2)^2/Hz, two-sided; at least one.
     """
 

@@ -46,9 +46,9 @@ class Pairing(ReadOnlyArrays):
     ----------
     source, reference : ndarray of int, shape (n_pairs,)
         Indices of the pairs, increasing.
-    rivals : int
+    rivals
         How many other offsets fit as well.
-    rate : float
+    rate
         Period of the reference's train over that of the source's; 1 where they have none.
     """
 
@@ -71,9 +71,9 @@ def pair_pulses(
     ----------
     source_s, reference_s : ndarray, shape (n_source,), (n_reference,)
         Each on its own clock, strictly increasing.
-    tolerance_s : float
+    tolerance_s
         By how much a pair may lie off; it is kept below a quarter of the shortest interval, or of the period.
-    near_s : (float, float), optional
+    near_s
         An offset that is known from elsewhere (reference less source, in the middle of the source's instants),
         and by how much it may be off: no other offset is a candidate then.
 

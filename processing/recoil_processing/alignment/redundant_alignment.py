@@ -42,25 +42,23 @@ class RedundantFit:
 
     Attributes
     ----------
-    offset_s, drift : float
+    offset_s, drift
         ``t_ref = (1 + drift) t_source + offset_s``.
-    u_offset_s : float
+    u_offset_s
         Standard uncertainty of the mapped time in the middle of the motion.
-    u_alias_s : float
+    u_alias_s
         Its part that is due to ringing above half the source's sampling rate.
-    u_drift : float
-    gain, u_gain : float
+    gain, u_gain
         Source over reference.
-    coarse_offset_s, correlation, second_peak : float
+    coarse_offset_s, correlation, second_peak
         Of the cross-correlation that came first.
-    at_search_edge : bool
-    cutoff_hz : float
+    cutoff_hz
         -3 dB point of the low-pass that both signals passed.
-    residual_share : float
+    residual_share
         Root mean square of the residual over that of the source's signal.
-    rows : float
+    rows
         How many rows the offset rests on.
-    converged : bool
+    converged
         Whether the last step towards the offset was negligible.
     """
 
@@ -99,17 +97,17 @@ def align_redundant(
     ----------
     source_times_s, source : ndarray, shape (n_source,)
         On the source's clock, strictly increasing; lost samples NaN. What lies near gaps is not used.
-    start_s, step_s : float
+    start_s, step_s
         Time base of the reference signal.
     reference : ndarray, shape (n_reference,)
         The same quantity, without missing samples.
-    drift_allowance : float
+    drift_allowance
         Standard uncertainty of the clocks' rate ratio before this record is seen.
-    cutoff_hz : float, optional
+    cutoff_hz
         -3 dB point of the common low-pass; 0.15 of the slower rate, 300 Hz at most, if left out.
-    derivative : bool
+    derivative
         Whether it is the source's derivative that repeats the reference.
-    source_filter : AnalogLowPass, optional
+    source_filter
         The source's anti-alias filter; a gentle one near half its sampling rate if left out.
 
     Returns

@@ -42,15 +42,15 @@ class EvenStamps(ReadOnlyArrays):
     ----------
     times_s : ndarray, shape (n,)
         On the line; the stamps as given where the source does not sample evenly.
-    line : str
+    line
         Which line was taken; ``none`` where the source does not sample evenly.
-    step_s : float
+    step_s
         Period of the source; NaN where it has none.
-    scatter_s : float
+    scatter_s
         Standard deviation of the stamps about the line, 0 without one.
-    wait_s : float
+    wait_s
         By how much the stamps are later than the line in the mean, 0 without one.
-    u_line_s : float
+    u_line_s
         Standard uncertainty of the line against the beat and its shortest way, 0 without one.
     """
 

@@ -41,20 +41,20 @@ class EdgeFit:
 
     Attributes
     ----------
-    offset_s, u_offset_s, drift, u_drift : float
+    offset_s, u_offset_s, drift, u_drift
         The uncertainty of the offset is that of the mapped time in the middle of the edges.
-    edges : int
+    edges
         How many pairs of edges were used.
-    residual_s : float
+    residual_s
         Largest departure of a pair from the line; 0 for one pair.
-    set_aside : int
+    set_aside
         Pairs that lie off the line through the others.
-    rivals : int
+    rivals
         How many other offsets pair the edges as well.
-    unpaired_source, unpaired_reference : tuple of float
+    unpaired_source, unpaired_reference
         Instants of edges without a counterpart, s, each on its own clock; only those between the first and the last
         pair.
-    all_source, all_reference : int
+    all_source, all_reference
         How many edges each side has.
     """
 
@@ -129,11 +129,11 @@ def align_edges(
     ----------
     source_edges_s, reference_edges_s : ndarray, shape (n_source,), (n_reference,)
         Strictly increasing.
-    u_edge_s : float
+    u_edge_s
         Standard uncertainty of the difference of one pair.
-    drift_allowance : float
+    drift_allowance
         Standard uncertainty of the clocks' rate ratio before the edges are seen.
-    near_s : (float, float), optional
+    near_s
         An offset that is known from elsewhere, in the middle of the source's edges, and by how much it may be off.
 
     Returns

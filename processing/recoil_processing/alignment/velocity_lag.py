@@ -43,11 +43,6 @@ def camera_velocity(times_s: Array, positions_m: Array) -> tuple[Array, Array]:
 def mean_accelerations(model: MotionModel, span_s: float) -> tuple[tuple[Array, Array], Array]:
     """Mean accelerations over a span: what a zero that shifts is small against, where a velocity is not.
 
-    Parameters
-    ----------
-    model : MotionModel
-    span_s : float
-
     Returns
     -------
     (times_s, camera), reference : tuple of ndarray, ndarray
@@ -78,16 +73,15 @@ def velocity_shift(
 
     Parameters
     ----------
-    model : MotionModel
-    shift_s, drift : float
+    shift_s, drift
         To start from; the drift is held.
-    marker_variance : float
+    marker_variance
         Of the camera's white noise, m^2.
-    density : float
+    density
         Of the accelerometer's white noise, (m/s^2)^2/Hz, two-sided.
-    u_drift : float
+    u_drift
         Standard uncertainty of the drift.
-    since_s : float
+    since_s
         Camera time from the model's origin at which the mapped time's uncertainty is asked for.
 
     Returns

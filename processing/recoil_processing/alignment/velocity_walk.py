@@ -50,9 +50,9 @@ class WalkFilter(ReadOnlyArrays):
         ----------
         times_s : ndarray, shape (n,)
             Strictly increasing, n at least 1.
-        marker_variance : float
+        marker_variance
             Of the positions' white noise, m^2.
-        density : float
+        density
             Of the acceleration that drives the walk, (m/s^2)^2/Hz, two-sided.
 
         Raises

@@ -23,11 +23,10 @@ class AnalogLowPass:
 
     Attributes
     ----------
-    cutoff_hz : float
+    cutoff_hz
         Its -3 dB point.
-    kind : str
+    kind
         ``bessel`` or ``butterworth``.
-    order : int
 
     Raises
     ------

@@ -44,13 +44,13 @@ class LowPass:
 
     Attributes
     ----------
-    cutoff_hz : float
+    cutoff_hz
         -3 dB point of the two passes together.
-    half_order : int
+    half_order
         Order of one pass; the net order is twice that.
     padding : {"odd", "even", "constant"}
         How a record is continued at its ends, see `recoil_processing.filters.padding`.
-    padding_periods : float
+    padding_periods
         Over how many periods of the cut-off, ``padding_periods * rate_hz / cutoff_hz`` samples, rounded
         up; over the whole record where that is shorter.
 
@@ -147,7 +147,7 @@ class LowPass:
         ----------
         samples : ndarray of float64, shape (n_samples,) or (n_samples, n_channels)
             Without missing values; see `apply_with_gaps`.
-        rate_hz : float
+        rate_hz
             Samples per second.
 
         Returns
@@ -171,7 +171,7 @@ class LowPass:
         ----------
         samples : ndarray of float64, shape (n_samples,)
             Missing ones are NaN.
-        rate_hz : float
+        rate_hz
             Samples per second.
 
         Returns

@@ -43,7 +43,7 @@ class ChannelFrequencyClass:
 
     Attributes
     ----------
-    number : float
+    number
         60, 180, 600 and 1000 are the standards'; any other is filtered alike.
 
     Raises

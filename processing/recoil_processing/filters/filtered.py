@@ -36,8 +36,7 @@ class Filtered(Mapping[str, Array]):
         Read-only, in the order in which they were given. The table itself is this mapping too.
     trusted : ndarray of bool, shape (n_samples,)
         True where no column depends on a missing sample of its own.
-    zero_phase : ZeroPhaseFilter
-    rate_hz : float
+    rate_hz
         Samples per second.
 
     Raises
@@ -129,15 +128,10 @@ def filter_alike(zero_phase: ZeroPhaseFilter, columns: Mapping[str, Array], rate
 
     Parameters
     ----------
-    zero_phase : ZeroPhaseFilter
     columns : mapping of str to ndarray, shape (n_samples,)
         As recorded, at the same instants; missing samples NaN. None is changed.
-    rate_hz : float
+    rate_hz
         Samples per second, of all of them.
-
-    Returns
-    -------
-    Filtered
 
     Raises
     ------

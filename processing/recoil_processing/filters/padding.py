@@ -33,7 +33,6 @@ def before(samples: Array, length: int, kind: PaddingKind) -> Array:
     ----------
     samples : ndarray, shape (n, ...)
         The record's beginning, more than `length` samples of it where the padding reflects.
-    length : int
     kind : {"odd", "even", "constant"}
 
     Returns

@@ -34,7 +34,6 @@ def sweep(sections: Array, state: Array, rows: Array, *, backward: bool = False)
         Changed in place.
     rows : ndarray, shape (n, ...)
         Not changed.
-    backward : bool
 
     Returns
     -------
@@ -57,7 +56,7 @@ class TwoPass:
     sections : ndarray, shape (n_sections, 6)
         ``b0 b1 b2 1 a1 a2`` of one pass.
     padding : {"odd", "even", "constant"}
-    padding_samples : int
+    padding_samples
         At either end; a record that is shorter is continued by all that it has but one.
     start : {"steady", "mean of ten"}
         Each pass starts as if its first sample had always been there, or by the rule of the standards

@@ -32,21 +32,21 @@ class FilterDescription:
 
     Attributes
     ----------
-    kind : str
+    kind
         ``butterworth`` or ``channel frequency class``.
-    order : int or None
+    order
         Of one pass.
-    passes : int
+    passes
         How often a sample passes the filter: 2, forward and backward.
-    minus_3_db_hz, minus_6_db_hz : float
+    minus_3_db_hz, minus_6_db_hz
         Where the amplitude of all passes together is ``1/sqrt(2)`` and ``1/2``.
-    padding : str
+    padding
         How the record is continued at its ends: ``odd``, ``even`` or ``constant``.
-    padding_s : float
+    padding_s
         Over which time.
-    rate_hz : float or None
+    rate_hz
         Sampling rate for which this holds; None is for the limit of high rates.
-    parameters : mapping of str to float
+    parameters
         What else defines the filter.
     """
 
@@ -85,7 +85,7 @@ class ZeroPhaseFilter(Protocol):
         ----------
         samples : ndarray of float64, shape (n_samples,) or (n_samples, n_channels)
             Without missing values.
-        rate_hz : float
+        rate_hz
             Samples per second.
 
         Returns
@@ -106,7 +106,6 @@ class ZeroPhaseFilter(Protocol):
         Parameters
         ----------
         samples : ndarray of float64, shape (n_samples,)
-        rate_hz : float
 
         Returns
         -------
@@ -207,10 +206,8 @@ def apply_bridged(zero_phase: ZeroPhaseFilter, samples: Array, rate_hz: float) -
 
     Parameters
     ----------
-    zero_phase : ZeroPhaseFilter
     samples : ndarray of float64, shape (n_samples,)
         Missing ones are NaN.
-    rate_hz : float
 
     Returns
     -------

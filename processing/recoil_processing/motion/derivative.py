@@ -21,7 +21,6 @@ def second_derivative(samples: Array, step_s: float) -> Array:
     ----------
     samples : ndarray, shape (n,)
         n at least 3; the three at each end are differentiated by gradients.
-    step_s : float
 
     Returns
     -------

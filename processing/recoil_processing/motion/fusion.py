@@ -55,22 +55,22 @@ class FusedMotion(ReadOnlyArrays):
         scale is not in them: it is a factor to all three.
     bridged : ndarray of bool, shape (n,)
         Where the accelerometer lost samples.
-    gain, u_gain : float
+    gain, u_gain
         k, camera's scale over the accelerometer's.
-    bias_m_s2, u_bias_m_s2 : float
+    bias_m_s2, u_bias_m_s2
         c2: what is added to the scaled acceleration.
-    innovation_statistic : float
+    innovation_statistic
         Mean squared normalised innovation; 1 if model and noise levels fit.
-    shift_s, u_shift_s : float
+    shift_s, u_shift_s
         What the motion says is left of the clocks' offset, to be added to the frames' times, and its standard
         uncertainty by the noises alone. It is not used: beyond a few uncertainties of both, the clocks are wrong.
     frame_times_s, residual_m : ndarray, shape (n_frames,)
         The frames that were used, and the camera less the result there.
-    frames_set_aside : int
+    frames_set_aside
         Frames that contradict their neighbours.
-    acceleration_density : float
+    acceleration_density
         Noise density of the accelerometer that was found likeliest, (m/s^2)^2/Hz, two-sided.
-    log_likelihood : float
+    log_likelihood
         Of the positions, up to a constant.
     """
 
@@ -122,17 +122,17 @@ def fuse(
     displacement_m : ndarray, shape (n_frames,)
         Lost frames NaN; they are left out, not filled. Single frames that contradict their neighbours are left
         out too.
-    start_s, step_s : float
+    start_s, step_s
         Time base of the acceleration.
     acceleration_m_s2 : ndarray, shape (n,)
         Second derivative of the displacement, positive alike; lost samples bridged.
-    marker_sigma_m : float
+    marker_sigma_m
         White noise of the displacement.
-    acceleration_density : float or sequence of float
+    acceleration_density
         Of the accelerometer's noise, (m/s^2)^2/Hz, two-sided; of several, rising, the likeliest is taken.
-    u_offset_s : float
+    u_offset_s
         Standard uncertainty of the mapped times in the middle of the motion.
-    u_drift : float
+    u_drift
         Of the clocks' rate ratio.
     bridged : ndarray of bool, shape (n,), optional
         Samples of the acceleration that are bridges across lost ones. The motion there is taken to be as

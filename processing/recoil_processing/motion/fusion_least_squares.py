@@ -31,9 +31,9 @@ class FusionSolution(ReadOnlyArrays):
 
     Attributes
     ----------
-    smoother : WalkSmoother
+    smoother
         Over frames, gaps' edges and the record's ends.
-    origin_s : float
+    origin_s
         Instant that the constants count from: the middle of the frames.
     constants : ndarray, shape (4,)
         k, c0, c1, c2.
@@ -46,10 +46,9 @@ class FusionSolution(ReadOnlyArrays):
     clock_constants, clock_walk : ndarray, shape (4, 2) and (n_nodes, 2, 2)
         What constants and walk take up of a unit of the clocks' offset in the middle of the motion, which is the mean
         of the frames' times weighted by the squared velocity, and of their drift about it.
-    statistic : float
+    statistic
         Mean squared normalised innovation.
-    log_likelihood : float
-    shift_s, u_shift_s : float
+    shift_s, u_shift_s
         Of the clocks' offset, by this motion.
     """
 
@@ -127,13 +126,13 @@ def solve_fusion(
     ----------
     times_s, positions_m : ndarray, shape (n_frames,)
         Frames with a position, within the record.
-    integral : DoubleIntegral
+    integral
         Of the acceleration.
-    gaps : sequence of BridgedGap
+    gaps
         Of the acceleration.
-    marker_variance : float
+    marker_variance
         Of the camera's white noise, m^2.
-    density : float
+    density
         Of the accelerometer's noise outside the gaps, (m/s^2)^2/Hz, two-sided.
 
     Returns

@@ -40,20 +40,20 @@ class ScaleAndZero(ReadOnlyArrays):
 
     Attributes
     ----------
-    gain : float
+    gain
         k, camera's scale over the accelerometer's.
-    bias_m_s2 : float
+    bias_m_s2
         b, in the accelerometer's scale.
     shifts_m_s2 : ndarray, shape (n_shifts,)
         s_j.
     covariance : ndarray, shape (2 + n_shifts, 2 + n_shifts)
         Of gain, bias and shifts; never less than the residuals call for.
-    density : float
+    density
         Of the accelerometer's noise that the positions were whitened with, (m/s^2)^2/Hz, two-sided.
-    misfit : float
+    misfit
         Sum of the squared whitened residuals and the logarithm of the noise's determinant: twice the negative
         log-likelihood up to a constant.
-    innovation_statistic : float
+    innovation_statistic
         Mean squared whitened residual; 1 if model and noise levels fit.
     """
 
@@ -74,13 +74,13 @@ class CameraMotion(ReadOnlyArrays):
     ----------
     times_s, positions_m : ndarray, shape (n_frames,)
         Frames with a position, on the accelerometer's clock, within its record.
-    integral : DoubleIntegral
+    integral
         Of what the accelerometer reads.
-    marker_variance : float
+    marker_variance
         Of the camera's white noise, m^2.
-    u_offset_s : float
+    u_offset_s
         Standard uncertainty of the clocks' offset.
-    u_bias_m_s2 : float
+    u_bias_m_s2
         Standard uncertainty of the accelerometer's zero from the pre-trigger baseline; infinite if
         there was none.
     """
@@ -99,7 +99,7 @@ class CameraMotion(ReadOnlyArrays):
         ----------
         shapes : ndarray, shape (n_samples, n_shapes)
             In which the zero may have shifted, at the accelerometer's samples.
-        density : float
+        density
             Of the accelerometer's noise, (m/s^2)^2/Hz, two-sided.
 
         Returns
@@ -138,8 +138,7 @@ class CameraMotion(ReadOnlyArrays):
         Parameters
         ----------
         shapes : ndarray, shape (n_samples, n_shapes)
-        chosen : sequence of int
-        densities : sequence of float
+        densities
             Rising; the search ends where the likelihood falls.
         """
         best: tuple[float, WhitenedTrack] | None = None
@@ -162,10 +161,9 @@ class WhitenedTrack(ReadOnlyArrays):
     ----------
     triangle : ndarray, shape (n_columns, n_columns)
         Of travel, velocity, 1, t, -t^2/2, shapes and positions.
-    frames : int
-    log_determinant : float
+    log_determinant
         Of the noise.
-    density, u_offset_s, u_bias_m_s2 : float
+    density, u_offset_s, u_bias_m_s2
         As of `CameraMotion`.
     """
 
@@ -181,7 +179,7 @@ class WhitenedTrack(ReadOnlyArrays):
 
         Parameters
         ----------
-        chosen : sequence of int
+        chosen
             Numbers of the shapes.
         """
         columns = [0, *range(1, _ZERO), _ZERO, *(_ZERO + 1 + j for j in chosen)]
@@ -236,11 +234,9 @@ def camera_motion(
     ----------
     frame_times_s, positions_m : ndarray, shape (n,)
         On the accelerometer's clock, strictly increasing; lost frames NaN.
-    integral : DoubleIntegral
-    gain : float
+    gain
         Camera's scale over the accelerometer's, roughly.
-    marker_sigma_m : float
-    u_offset_s, u_bias_m_s2 : float
+    u_offset_s, u_bias_m_s2
         As of `CameraMotion`.
 
     Raises

@@ -106,7 +106,7 @@ class WalkSmoother:
         times_s : ndarray, shape (n,)
             Strictly increasing, n at least 2.
         seen : ndarray of bool, shape (n,)
-        marker_variance : float
+        marker_variance
             Of the positions' white noise, m^2.
         densities : ndarray, shape (n - 1,)
             Positive, (m/s^2)^2/Hz, two-sided.
@@ -192,7 +192,7 @@ class WalkSmoother:
         Parameters
         ----------
         states : ndarray, shape (n, 2, n_columns)
-        at : Between
+        at
             m instants.
 
         Returns
@@ -216,7 +216,7 @@ class WalkSmoother:
 
         Parameters
         ----------
-        at : Between
+        at
             m instants.
 
         Returns

@@ -45,9 +45,8 @@ def check_clipping(samples: Array, low: float, high: float, *, unit: str) -> Out
     ----------
     samples : ndarray, shape (n,)
         Lost samples NaN.
-    low, high : float
+    low, high
         Declared range, in the unit that is named; see `recoil_processing.repairs.clipping.find_clipped`.
-    unit : str
 
     Returns
     -------
@@ -86,7 +85,7 @@ def check_flat_tops(samples: Array, *, declared: bool = False) -> Outcome:
         Lost samples NaN. An extreme near the median is where the signal rests, and a signal of two
         values is a switch; neither is clipped. Nor is the rounded top of a slow signal, of which one step
         below holds nearly as many samples.
-    declared : bool
+    declared
         Whether the rig declares a range.
     """
     present = samples[np.isfinite(samples)]

@@ -30,14 +30,14 @@ def check_impulse(excess_n_s: float, momentum_kg_m_s: float, u_rel: float, *, ma
 
     Parameters
     ----------
-    excess_n_s : float
+    excess_n_s
         Integral of the net force by the gauges less the specification mass times the velocity by the
         accelerometer, from the release to the largest velocity.
-    momentum_kg_m_s : float
+    momentum_kg_m_s
         Specification mass times the largest velocity by the accelerometer.
-    u_rel : float
+    u_rel
         Standard uncertainty of the excess over the momentum, from the mass, the sensors and the friction.
-    mass_kg : float
+    mass_kg
         The specification mass.
     """
     limit = LIMITS["impulse_share"]
@@ -69,9 +69,9 @@ def check_braking(excess_n_s: float, momentum_kg_m_s: float, u_rel: float) -> Ou
 
     Parameters
     ----------
-    excess_n_s : float
+    excess_n_s
         As of `check_impulse`, from the largest velocity to the end of recoil.
-    momentum_kg_m_s, u_rel : float
+    momentum_kg_m_s, u_rel
         As of `check_impulse`.
 
     Returns
@@ -134,9 +134,9 @@ def check_skew(skew_s: float, u_s: float, *, significant: bool) -> Outcome:
 
     Parameters
     ----------
-    skew_s, u_s : float
+    skew_s, u_s
         By how much the acceleration is late, and its standard uncertainty.
-    significant : bool
+    significant
         Whether it differs significantly from zero.
     """
     limit = LIMITS["skew_s"]

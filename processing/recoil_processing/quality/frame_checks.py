@@ -119,7 +119,7 @@ def check_frame_rate(times_s: Array, numbers: NDArray[np.int64] | None, declared
         Strictly increasing.
     numbers : ndarray, shape (n,), or None
         Frame numbers; None if the file has none.
-    declared_hz : float or None
+    declared_hz
         None if the rig declares none.
     """
     if times_s.size < LEAST_FRAMES:

@@ -40,9 +40,8 @@ def check_baseline(samples: Array, in_baseline: Flags, static: float | None, *, 
         Lost samples NaN.
     in_baseline : ndarray of bool, shape (n,)
         Before the shot.
-    static : float or None
+    static
         What the sensor reads at rest if its zero is right, in the unit; None if that is not known.
-    unit : str
     """
     present = np.isfinite(samples)
     baseline = samples[in_baseline & present]
@@ -84,7 +83,6 @@ def check_steady_baseline(samples: Array, in_baseline: Flags, *, unit: str) -> O
         Lost samples NaN.
     in_baseline : ndarray of bool, shape (n,)
         Before the shot.
-    unit : str
     """
     present = np.isfinite(samples)
     baseline = samples[in_baseline & present]
@@ -122,7 +120,7 @@ def check_filtered_noise(filtered: Array, in_baseline: Flags, pulse: Flags, *, n
         Behind the low-pass; what is not trusted NaN.
     in_baseline, pulse : ndarray of bool, shape (n,)
         Before the shot, out of reach of the filter; and in it.
-    needed : bool
+    needed
         Whether the mass depends on this channel directly: only then the limit for 1 % of mass warns.
     """
     baseline, signal = filtered[in_baseline & np.isfinite(filtered)], filtered[pulse & np.isfinite(filtered)]
@@ -159,7 +157,6 @@ def check_level_after(samples: Array, in_baseline: Flags, after: Flags, *, unit:
         Lost samples NaN.
     in_baseline, after : ndarray of bool, shape (n,)
         Before the shot; and after it, where the signal should be back.
-    unit : str
     """
     present = np.isfinite(samples)
     before, behind = samples[in_baseline & present], samples[after & present]
@@ -190,13 +187,12 @@ def check_zero_shift(bias: float, u_bias: float, peak: float, *, unit: str, agai
 
     Parameters
     ----------
-    bias, u_bias : float
+    bias, u_bias
         Constant acceleration by which it disagrees with another sensor, after its offset before the shot
         was taken off, and the standard uncertainty of that.
-    peak : float
+    peak
         Of the acceleration.
-    unit : str
-    against : str
+    against
         What it is compared with.
     """
     if not (math.isfinite(bias) and peak > 0):

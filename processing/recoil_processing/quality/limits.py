@@ -24,13 +24,13 @@ class Limit:
 
     Attributes
     ----------
-    warn, fail : float
+    warn, fail
         Verdict beyond it.
-    what : str
+    what
         Of which figure, with its unit.
-    source : str
+    source
         Where the limit comes from.
-    below : bool
+    below
         Whether beyond means below.
     """
 

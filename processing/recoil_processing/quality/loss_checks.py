@@ -34,7 +34,7 @@ def check_losses(samples: Array, rate_hz: float) -> Outcome:
     ----------
     samples : ndarray, shape (n,)
         Lost samples NaN.
-    rate_hz : float
+    rate_hz
         Samples per second.
     """
     if samples.size == 0:
@@ -64,7 +64,7 @@ def check_held(samples: Array, rate_hz: float) -> Outcome:
     ----------
     samples : ndarray, shape (n,)
         Lost samples NaN.
-    rate_hz : float
+    rate_hz
         Samples per second.
     """
     present = samples[np.isfinite(samples)]
@@ -110,7 +110,7 @@ def check_time_steps(times_s: Array, *, even: bool) -> Outcome:
     ----------
     times_s : ndarray, shape (n,)
         Strictly increasing.
-    even : bool
+    even
         Whether the instants should be even, as a recorder's; a message's stamp is late by what the bus
         makes it wait, and only gaps count.
     """

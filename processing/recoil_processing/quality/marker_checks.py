@@ -59,7 +59,6 @@ def check_marker_noise(times_s: Array, positions: Array, *, unit: str) -> Outcom
         Of the frames, strictly increasing.
     positions : ndarray, shape (n,)
         NaN where the frame was lost.
-    unit : str
     """
     kept = np.where(held_ends(positions), np.nan, positions)
     whole = noise_sigma(kept)
@@ -141,7 +140,6 @@ def check_jumps(times_s: Array, positions: Array, *, unit: str) -> Outcome:
         Of the frames, strictly increasing.
     positions : ndarray, shape (n,)
         NaN where the frame was lost.
-    unit : str
     """
     jumps = np.flatnonzero(find_jumps(times_s, positions))
     if jumps.size == 0:
@@ -166,7 +164,6 @@ def check_distance(first: Array, second: Array, *, unit: str) -> Outcome:
     ----------
     first, second : ndarray, shape (n, n_axes)
         Positions in the same frames; NaN where lost.
-    unit : str
     """
     distance = np.sqrt(np.sum((first - second) ** 2, axis=1))
     present = distance[np.isfinite(distance)]
@@ -230,11 +227,11 @@ def check_residual(frames: int, off: int, innovation: float, allowed: tuple[floa
 
     Parameters
     ----------
-    frames, off : int
+    frames, off
         Frames that were fused; and those that lie further off than noise.
-    innovation : float
+    innovation
         Mean squared normalised innovation.
-    allowed : (float, float)
+    allowed
         From and to.
     """
     share = off / max(frames + off, 1)

@@ -32,13 +32,13 @@ class VelocityError:
 
     Attributes
     ----------
-    largest_m_s : float
+    largest_m_s
         Where it is largest, signed: accelerometer less camera.
-    peak_m_s : float
+    peak_m_s
         Largest velocity by the camera.
-    zero_m_s2 : float
+    zero_m_s2
         Constant acceleration since the first instant that explains most of the differences.
-    left_m_s : float
+    left_m_s
         The largest difference without it.
     """
 
@@ -62,7 +62,7 @@ def velocity_error(times_s: Array, positions_m: Array, travel_m: Array, start_s:
         Of the mark; lost frames NaN.
     travel_m : ndarray, shape (n,)
         By the accelerometer, at the same instants.
-    start_s : float
+    start_s
         Since when a zero may have shifted.
 
     Returns
@@ -95,10 +95,6 @@ def velocity_error(times_s: Array, positions_m: Array, travel_m: Array, start_s:
 
 def check_velocity(error: VelocityError) -> Outcome:
     """Compare the accelerometer's velocity with the camera's.
-
-    Parameters
-    ----------
-    error : VelocityError
 
     Returns
     -------
@@ -134,10 +130,10 @@ def check_carriage(excess: float, u: float) -> Outcome:
 
     Parameters
     ----------
-    excess : float
+    excess
         Share of that part which would have to be taken off to agree with the camera: 0 if the sensor is right,
         2 if it is turned, ``1 - 1/g`` if it reads g times too much.
-    u : float
+    u
         Its standard uncertainty, that of the sensor's scale included.
 
     Returns
@@ -166,7 +162,7 @@ def check_rest_to_rest(final_m_s: float, peak_m_s: float) -> Outcome:
 
     Parameters
     ----------
-    final_m_s, peak_m_s : float
+    final_m_s, peak_m_s
         Velocity by the accelerometer at rest after the shot, and its largest.
     """
     share = abs(final_m_s) / peak_m_s if peak_m_s > 0 else math.nan

@@ -25,8 +25,7 @@ class ShotPeaks:
 
     Attributes
     ----------
-    shot : str
-    raw, filtered : float
+    raw, filtered
         As recorded, and behind the low-pass; in one and the same unit.
     """
 
@@ -40,12 +39,11 @@ def shot_peaks(shot: str, samples: Array, rate_hz: float, low_pass: LowPass) -> 
 
     Parameters
     ----------
-    shot : str
     samples : ndarray, shape (n,)
         Offset taken off; lost samples NaN.
-    rate_hz : float
+    rate_hz
         Samples per second.
-    low_pass : LowPass
+    low_pass
         One and the same for all shots that are compared.
 
     Raises
@@ -65,7 +63,7 @@ def check_repeat_peaks(peaks: Sequence[ShotPeaks]) -> Outcome:
 
     Parameters
     ----------
-    peaks : sequence of ShotPeaks
+    peaks
         Of one channel, on one rig, with one charge.
     """
     if len(peaks) < LEAST_SHOTS:

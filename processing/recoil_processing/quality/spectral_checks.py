@@ -33,9 +33,9 @@ def check_gap(depth_db: float, valley_hz: float, shoulder_hz: float) -> Outcome:
 
     Parameters
     ----------
-    depth_db : float
+    depth_db
         Of the valley below the shoulder of the ringing.
-    valley_hz, shoulder_hz : float
+    valley_hz, shoulder_hz
         Where they are.
     """
     limit = LIMITS["gap_depth_db"]
@@ -56,11 +56,11 @@ def check_no_gap(reason: str, ringing: float, peak: float) -> Outcome:
 
     Parameters
     ----------
-    reason : str
+    reason
         Why there is none.
-    ringing : float
+    ringing
         Root mean square of what lies above the usual cut-off, during the shot.
-    peak : float
+    peak
         Of what lies below it.
     """
     limit = LIMITS["ringing_share"]
@@ -84,9 +84,9 @@ def last_octave_fall_db(
         Without missing samples.
     in_baseline, pulse : ndarray of bool, shape (n,)
         Before the shot, and in it, each in one piece.
-    rate_hz : float
+    rate_hz
         Samples per second.
-    above_hz : float
+    above_hz
         Where ringing begins: the pulse's own band lies below.
 
     Returns
@@ -119,9 +119,9 @@ def check_aliasing(fall_db: float, rate_hz: float) -> Outcome:
 
     Parameters
     ----------
-    fall_db : float
+    fall_db
         As `last_octave_fall_db` gives it.
-    rate_hz : float
+    rate_hz
         Samples per second.
     """
     limit = LIMITS["aliasing_db"]
@@ -142,13 +142,12 @@ def check_hum(amplitude: float, frequency_hz: float, peak: float, *, unit: str) 
 
     Parameters
     ----------
-    amplitude : float
+    amplitude
         Of all its harmonics together; 0 where none stands out of the noise.
-    frequency_hz : float
+    frequency_hz
         Of the mains.
-    peak : float
+    peak
         Of the pulse.
-    unit : str
     """
     if not amplitude > 0:
         return "ok", "no hum above the noise"
@@ -177,11 +176,11 @@ def check_srs_symmetry(acceleration: Array, rate_hz: float, lowest_hz: float, ri
     ----------
     acceleration : ndarray, shape (n,)
         Around the shot, its level at rest taken off; without missing samples.
-    rate_hz : float
+    rate_hz
         Samples per second.
-    lowest_hz : float
+    lowest_hz
         Above the pulse's band, ``3 / T`` at the least. The spectra are compared from there to a tenth of the rate.
-    ringing_over_pulse : float
+    ringing_over_pulse
         Largest magnitude above the pulse's band over the pulse's: by the force if it was measured, for clipped ringing
         adds to what the accelerometer shows as the pulse.
     """

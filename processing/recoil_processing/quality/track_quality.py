@@ -159,7 +159,7 @@ def check_battery(times_s: Array, positions_m: Array, sigma_m: float) -> Outcome
         Of the frames, strictly increasing.
     positions_m : ndarray, shape (n,)
         NaN where the frame was lost.
-    sigma_m : float
+    sigma_m
         Noise of a position.
 
     Returns
@@ -190,7 +190,7 @@ def rest_begin(times_s: Array, positions_m: Array, sigma_m: float) -> int | None
         Of the frames, strictly increasing.
     positions_m : ndarray, shape (n,)
         NaN where the frame was lost.
-    sigma_m : float
+    sigma_m
         Noise of a position.
     """
     ends = _rests(times_s, positions_m, sigma_m)

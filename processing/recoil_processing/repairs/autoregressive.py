@@ -43,11 +43,9 @@ class Interpolation(ReadOnlyArrays):
     u : ndarray, shape (n,)
         Standard uncertainty of an unknown sample if the model were true and its coefficients known; 0 of a known one.
         It is a lower bound.
-    order : int
-    iterations : int
-    settled : bool
+    settled
         Whether the last iteration moved nothing by more than `SETTLED`.
-    at_bound : int
+    at_bound
         Unknown samples that the bounds hold.
     """
 
@@ -76,7 +74,6 @@ def interpolate_unknown(
     unknown : ndarray of bool, shape (n,)
     lowest, highest : ndarray, shape (n,), optional
         Bounds of the unknown samples, one to each at most; infinite where there is none.
-    most_order : int
 
     Returns
     -------

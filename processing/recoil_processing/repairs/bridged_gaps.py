@@ -24,11 +24,11 @@ class BridgedGap:
 
     Attributes
     ----------
-    first, last : int
+    first, last
         The samples that are there on either side; the record's ends where it begins or ends with the gap.
-    start_s, duration_s : float
+    start_s, duration_s
         Between those two, from the record's start.
-    error : float
+    error
         Root mean square by which the bridge may be wrong, in the samples' unit.
     """
 
@@ -59,7 +59,6 @@ def bridge_errors(samples: Array, bridged: Flags, step_s: float) -> list[Bridged
     samples : ndarray, shape (n,)
         Bridged.
     bridged : ndarray of bool, shape (n,)
-    step_s : float
 
     Returns
     -------

@@ -28,15 +28,15 @@ class ClippedRun:
 
     Attributes
     ----------
-    start, stop : int
+    start, stop
         First sample, one beyond the last.
-    side : int
+    side
         +1 at the upper end of the range, -1 at the lower one.
-    width : float
+    width
         Of the wave whose tip it is, samples.
-    peak : float
+    peak
         What the repair reaches, in the samples' unit; NaN where none was tried.
-    refusal : str
+    refusal
         Why it is masked; empty if it was repaired.
     """
 
@@ -62,10 +62,9 @@ def judge_by_wave(samples: Array, alike: Flags, start: int, stop: int, side: int
         Lost ones NaN.
     alike : ndarray of bool, shape (n_samples,)
         All that is clipped at the same end.
-    start, stop : int
-    side : int
+    side
         +1 at the upper end, -1 at the lower one.
-    flat_within : float
+    flat_within
         By which clipped samples may differ.
 
     Returns
@@ -115,9 +114,9 @@ def judge_by_peak(run: ClippedRun, end: float) -> ClippedRun:
 
     Parameters
     ----------
-    run : ClippedRun
+    run
         With its peak.
-    end : float
+    end
         Of the range, at which it was clipped.
     """
     over = run.peak / end if run.side * end > 0 else math.inf

@@ -73,8 +73,7 @@ class ClippingRepair(ReadOnlyArrays):
         Masked ones NaN.
     u : ndarray, shape (n_samples,)
         Standard uncertainty of the repaired ones, a lower bound: as if the model of the wave were true. 0 elsewhere.
-    runs : tuple of ClippedRun
-    repairs : tuple of Repair
+    repairs
         At most one of what was repaired and one of what was masked.
     """
 
@@ -91,13 +90,9 @@ def find_clipped(samples: Array, low: float, high: float) -> Clipped:
     ----------
     samples : ndarray, shape (n_samples,)
         Lost ones NaN; they are not clipped, infinite ones are.
-    low, high : float
+    low, high
         Declared range. Within `END_SHARE` of it from an end counts as clipped; an end at zero is where a one-sided
         gauge rests, and only what lies as far beyond it counts.
-
-    Returns
-    -------
-    Clipped
 
     Raises
     ------
@@ -119,9 +114,9 @@ def repair_clipping(samples: Array, low: float, high: float, *, unit: str = "") 
     ----------
     samples : ndarray, shape (n_samples,)
         Evenly spaced, as recorded; lost ones NaN.
-    low, high : float
+    low, high
         Declared range, see `find_clipped`.
-    unit : str
+    unit
         Of the samples, for the sentences.
 
     Returns

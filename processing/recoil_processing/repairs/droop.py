@@ -35,7 +35,6 @@ class DroopCorrection(ReadOnlyArrays):
         ``u_rest t / T``, is the same error in all of them and grows linearly.
     by_constant : ndarray, shape (n_samples,)
         What a time constant that is too long by its standard uncertainty leaves, with its sign.
-    repair : Repair
     """
 
     samples: Array
@@ -60,19 +59,14 @@ def invert_droop(
     ----------
     samples : ndarray, shape (n_samples,)
         Evenly spaced; lost ones NaN. They are bridged by straight lines for the integral, and stay lost.
-    step_s : float
-    time_constant_s : float
+    time_constant_s
         Declared T.
-    rest : float
+    rest
         Level at rest, from the pre-trigger baseline.
-    u_time_constant_s, u_rest : float
+    u_time_constant_s, u_rest
         Standard uncertainties of these two.
-    noise : float
+    noise
         Standard deviation of white noise of the samples; integrated it walks by ``noise sqrt(t step) / T``.
-
-    Returns
-    -------
-    DroopCorrection
 
     Raises
     ------

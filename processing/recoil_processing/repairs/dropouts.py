@@ -42,9 +42,9 @@ class DropOuts(ReadOnlyArrays):
     lost, held, mistimed : ndarray of bool, shape (n_samples,)
         NaN or infinite; repeats of a stuck converter, without the first sample of each run, which was measured; stamp
         off.
-    absent : int
+    absent
         Samples that the stamps say were never recorded: steps of several periods.
-    repeats_countable : bool
+    repeats_countable
         Whether the noise is above the resolution, so that a repeat means a drop-out.
     """
 
@@ -109,10 +109,6 @@ def find_drop_outs(samples: Array, times_s: Array | None = None, *, spared: Flag
         Stamps of a source whose instants should be even. Leave them out where a bus makes messages late.
     spared : ndarray of bool, shape (n_samples,), optional
         Where equal values are no hold: what is clipped, see `recoil_processing.repairs.clipping.find_clipped`.
-
-    Returns
-    -------
-    DropOuts
 
     Raises
     ------

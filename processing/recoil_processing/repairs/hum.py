@@ -42,11 +42,11 @@ class Hum(ReadOnlyArrays):
 
     Attributes
     ----------
-    lines : tuple of HumLine
+    lines
         By harmonic; none where none stands out or it is not identifiable.
-    identifiable : bool
+    identifiable
         Whether the pre-trigger baseline is long enough to identify it, and its mains.
-    origin_s : float
+    origin_s
         t0 of the lines, from the first sample.
     samples : ndarray, shape (n_samples,)
         Without the lines.
@@ -55,9 +55,9 @@ class Hum(ReadOnlyArrays):
     quadrature : ndarray, shape (n_samples,)
         What an error of the phases by their standard uncertainty leaves: the lines a quarter of a period later, as
         high as what is left of them.
-    reason : str
+    reason
         What was found, or why nothing is identifiable, in words.
-    repairs : tuple of Repair
+    repairs
         One, or none.
     """
 
@@ -96,21 +96,17 @@ def subtract_hum(
     ----------
     samples : ndarray, shape (n_samples,)
         Evenly spaced; lost ones NaN.
-    rate_hz : float
+    rate_hz
         Samples per second.
     in_baseline : ndarray of bool, shape (n_samples,)
         The pre-trigger baseline.
-    mains_hz : sequence of float
+    mains_hz
         Frequencies that the mains may have. Where the pre-trigger baseline does not identify which it is, nothing is
         taken off: name the country's.
-    harmonics : int
+    harmonics
         That are looked at.
-    unit : str
+    unit
         Of the samples, for the sentence.
-
-    Returns
-    -------
-    Hum
 
     Raises
     ------

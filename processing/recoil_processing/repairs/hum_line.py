@@ -20,14 +20,13 @@ class HumLine:
 
     Attributes
     ----------
-    harmonic : int
+    harmonic
         Of the mains; 1 is its own frequency.
-    frequency_hz, u_frequency_hz : float
-    amplitude, u_amplitude : float
+    amplitude, u_amplitude
         In the unit of the samples.
-    phase_rad, u_phase_rad : float
+    phase_rad, u_phase_rad
         At t0, the middle of the pre-trigger baseline, where it is known best.
-    excess_db : float
+    excess_db
         Over its neighbours.
     """
 

@@ -45,7 +45,6 @@ class Baseline(ReadOnlyArrays):
     ----------
     times_s, samples : ndarray, shape (n,)
         Times from their middle.
-    rate_hz, length_s : float
     """
 
     times_s: Array

@@ -60,13 +60,13 @@ class Repair(ReadOnlyArrays):
 
     Attributes
     ----------
-    kind : str
+    kind
         One of `STEPS`.
     flags : ndarray of bool, shape (n_samples,)
         Samples it touched; no other one has changed.
-    sentence : str
+    sentence
         What was done and why, in words.
-    figures : mapping of str to float
+    figures
         What was found, units in the names.
 
     Raises
@@ -112,7 +112,7 @@ class Repaired(ReadOnlyArrays):
     ----------
     samples : ndarray, shape (n_samples,)
         Masked ones NaN.
-    repairs : tuple of Repair
+    repairs
         In the order in which they were done.
     """
 
@@ -125,12 +125,8 @@ class Repaired(ReadOnlyArrays):
         Parameters
         ----------
         samples : ndarray, shape (n_samples,)
-        *repairs : Repair
+        *repairs
             What the step did; none if it found nothing to do.
-
-        Returns
-        -------
-        Repaired
 
         Raises
         ------

@@ -26,11 +26,11 @@ class RecordedMotion:
 
     Attributes
     ----------
-    motion : CameraMotion
+    motion
         On the grid of the signals.
-    densities : tuple of float
+    densities
         Of the accelerometer's noise that are tried, (m/s^2)^2/Hz, two-sided.
-    u_rel : float
+    u_rel
         Relative standard uncertainty of the camera's own scale.
     """
 
@@ -55,12 +55,10 @@ def recorded_motion(
 
     Parameters
     ----------
-    signals : Signals
     acceleration_m_s2 : ndarray, shape (n,)
         Second derivative of the travel by the accelerometers, on the grid.
-    camera : Channel or None
+    camera
         Displacement, without the delay of its chain.
-    alignment : ClockAlignment or None
     """
     d = motion_fit(alignment)
     if camera is None or alignment is None or d is None:

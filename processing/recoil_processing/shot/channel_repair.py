@@ -43,8 +43,7 @@ class ChannelRepair(ReadOnlyArrays):
 
     Attributes
     ----------
-    channel, role : str
-    repair : Repair
+    repair
         Of the channel's own samples, or of the grid's.
     spans_s : ndarray, shape (n_runs, 2)
         First and last instant of every stretch that was touched, on the reference clock; none where it was all of it.
@@ -85,7 +84,6 @@ class Levelled(ReadOnlyArrays):
     Attributes
     ----------
     samples : ndarray, shape (n,)
-    repairs : tuple of Repair
     left : mapping of str to ndarray, shape (n,)
         What a repair may have left wrong, by its cause: one error of standard size, in all samples at once.
     """
@@ -104,11 +102,11 @@ def mend_samples(channel: Channel, spec: ChannelSpec, kind: str) -> Repaired:
 
     Parameters
     ----------
-    channel : Channel
+    channel
         As recorded.
-    spec : ChannelSpec
+    spec
         For the range of its sensor.
-    kind : str
+    kind
         Of its source.
     """
     known = _MENDED.get(channel)
@@ -138,12 +136,11 @@ def level_samples(samples: Array, step_s: float, in_baseline: Flags, spec: Chann
     ----------
     samples : ndarray, shape (n,)
         Lost ones NaN; some of the pre-trigger baseline is there.
-    step_s : float
     in_baseline : ndarray of bool, shape (n,)
         The pre-trigger baseline.
-    spec : ChannelSpec
+    spec
         For the sensor's time constant.
-    noise : float
+    noise
         Standard deviation per sample in the pre-trigger baseline.
     """
     done, left = Repaired(samples), dict[str, Array]()

@@ -15,10 +15,9 @@ def filtered_channel(channel: Channel, zero_phase: ZeroPhaseFilter, version: str
 
     Parameters
     ----------
-    channel : Channel
+    channel
         Evenly spaced.
-    zero_phase : ZeroPhaseFilter
-    version : str
+    version
         Of the program, for the history.
 
     Raises

@@ -37,9 +37,9 @@ class Instants(ReadOnlyArrays):
     ----------
     times_s : ndarray, shape (n_samples,)
         Of the physics: on the source's even beat where it has one, the delay taken off.
-    stamps : EvenStamps
+    stamps
         How the beat was found; ``line`` is ``none`` where the stamps are taken as they are.
-    delay : Delay
+    delay
         What was taken off.
     """
 
@@ -71,8 +71,7 @@ def delay_of(spec: ChannelSpec, source: Source) -> Delay:
 
     Parameters
     ----------
-    spec : ChannelSpec
-    source : Source
+    source
         The channel's.
     """
     sensor = spec.sensor
@@ -107,10 +106,8 @@ def instants(channel: Channel, shot: Shot, rig: Rig) -> Instants:
 
     Parameters
     ----------
-    channel : Channel
-    shot : Shot
+    shot
         That may have the counter's channel.
-    rig : Rig
     """
     spec = rig.channel(channel.name)
     source = rig.source(spec.source)

@@ -26,7 +26,6 @@ def release_index(times_s: Array, net_force_n: Array, onset_s: float) -> int:
     ----------
     times_s, net_force_n : ndarray, shape (n,)
         Breech force less brake, recuperator and friction; NaN where lost.
-    onset_s : float
 
     Returns
     -------
@@ -66,7 +65,7 @@ class StopReleaseImpulse(NamedTuple):
     ----------
     per_s : ndarray, shape (n,)
         Its shape over time, of unit impulse; zero throughout where the release was not recorded.
-    u_n_s : float
+    u_n_s
         Standard uncertainty of its impulse.
     """
 
@@ -85,7 +84,6 @@ def stop_release_impulse(times_s: Array, net_force_n: Array, onset_s: float) -> 
     ----------
     times_s, net_force_n : ndarray, shape (n,)
         On a uniform grid; breech force less brake, recuperator and friction; NaN where lost.
-    onset_s : float
 
     Raises
     ------
@@ -112,7 +110,6 @@ def end_of_travel(times_s: Array, velocity_m_s: Array, onset_s: float) -> float:
     ----------
     times_s, velocity_m_s : ndarray, shape (n,)
         Without missing samples.
-    onset_s : float
 
     Returns
     -------

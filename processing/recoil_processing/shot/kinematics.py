@@ -62,7 +62,7 @@ class AngularMotion(ReadOnlyArrays):
         Rotation of the tipping part relative to the carriage since rest.
     f_x, f_y : ndarray, shape (n,)
         Specific force of the carriage in its own axes.
-    r_x, r_y : float
+    r_x, r_y
         Where the carriage's accelerometers sit, from A.
     """
 
@@ -124,9 +124,6 @@ def relative_to_tipping_part(
     ----------
     inertial : ndarray, shape (n,)
         a' of equation (36), without missing samples.
-    mechanism : Mechanism
-    motion : AngularMotion
-    step_s : float
     free : ndarray, shape (n,), optional
         0 where the part is held, 1 where it is free; free throughout if left out.
     """
@@ -154,13 +151,13 @@ def kinematic_acceleration(
     Parameters
     ----------
     signals, rig, motion
-    camera : Channel
+    camera
         Displacement on its own clock.
-    alignment : ClockAlignment
+    alignment
         Of that clock.
-    low_pass : LowPass
+    low_pass
         The filter of the regression; a displacement can only be differentiated behind it.
-    longest_gap_s : float
+    longest_gap_s
         As of `recoil_identification.signals.on_grid`.
 
     Returns
@@ -202,7 +199,6 @@ def bridged_kicks(signals: Signals, acceleration: Array) -> tuple[float, ...]:
 
     Parameters
     ----------
-    signals : Signals
     acceleration : ndarray, shape (n,)
         Of `travel_acceleration`.
 
@@ -223,12 +219,11 @@ def fused_motion(
 
     Parameters
     ----------
-    signals : Signals
     acceleration : ndarray, shape (n,)
         Second derivative of the travel by the accelerometers; lost samples bridged.
-    camera : Channel or None
+    camera
         Displacement, without the delay of its chain.
-    alignment : ClockAlignment or None
+    alignment
         Of its clock. The noise levels are those that an alignment by motion found; otherwise they are estimated
         from the track's third differences, and from the pre-trigger baseline and the likelihood.
 

@@ -35,7 +35,6 @@ class Regression(ReadOnlyArrays):
     Attributes
     ----------
     times_s : ndarray, shape (n,)
-    step_s : float
     acceleration_m_s2 : ndarray, shape (n,)
         a' of equation (36).
     forces_n : ndarray, shape (n, 4)
@@ -51,11 +50,11 @@ class Regression(ReadOnlyArrays):
         `interval.stop_release_impulse`; filtered with the rest, because it is the regressor of that impulse.
     trusted : ndarray of bool, shape (n,)
         False where a sample was lost or lies within the filter's reach of a lost one.
-    interval_s : tuple of float
+    interval_s
         From the onset of force to the end of recoil travel.
-    u_release_n_s : float
+    u_release_n_s
         Standard uncertainty of the impulse while the part is let go, N s; 0 where that was not recorded.
-    table : Filtered or None
+    table
         All of these columns as one and the same filter left them; None for recorded signals.
     shifts : ndarray, shape (n, n_shifts), or None
         Shapes that a shift of the accelerometer's zero at the shot may have, see
@@ -150,7 +149,7 @@ class Regression(ReadOnlyArrays):
         Parameters
         ----------
         acceleration_m_s2 : ndarray, shape (n,)
-        made_of : Filtered
+        made_of
             What it was computed from: it must have passed the regression's filter.
 
         Raises
@@ -173,13 +172,11 @@ def build_regression(
 
     Parameters
     ----------
-    signals : Signals
-    mechanism : Mechanism
     acceleration_m_s2 : ndarray, shape (n,)
         a' by the inertial route; NaN where lost.
     velocity_m_s : ndarray, shape (n,)
         Of recoil; its sign is that of the friction.
-    static_m_s2 : float
+    static_m_s2
         a' at rest in battery, which the battery stop balances while it holds the part.
 
     Raises

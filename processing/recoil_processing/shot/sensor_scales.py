@@ -14,11 +14,11 @@ class ScaleUncertainty:
 
     Attributes
     ----------
-    acceleration : float
+    acceleration
         Of the accelerometer's sensitivity, relative.
-    gauges : tuple of float
+    gauges
         Of breech, brake and recuperator force, gauge and area together, relative.
-    friction_n : float
+    friction_n
         Of the packing friction, N: absolute, because a friction that is declared as zero may have one.
     """
 

@@ -44,10 +44,10 @@ class Offset:
 
     Attributes
     ----------
-    value, u : float
+    value, u
         In SI units of the channel; the uncertainty is the noise's over the root of the samples, infinite
         where there was no pre-trigger baseline, and zero where nothing is known of the channel at rest.
-    noise : float
+    noise
         Standard deviation per sample in the pre-trigger baseline, SI; NaN where there was none.
     """
 
@@ -62,17 +62,17 @@ class Signals:
 
     Attributes
     ----------
-    start_s, step_s : float
+    start_s, step_s
         The grid.
     series : mapping of str to ndarray, shape (n,)
         By role; only roles that the shot has.
-    offsets : mapping of str to Offset
+    offsets
         By role.
-    baseline_s : tuple of float
+    baseline_s
         Begin and end of the pre-trigger baseline; equal if there is none.
-    onset_s : float
+    onset_s
         First instant of force.
-    repairs : tuple of ChannelRepair
+    repairs
         What was done to the samples, in the order in which it was.
     left : mapping of (str, str) to ndarray, shape (n,)
         By role and cause: an error of standard size that a repair may have left in the series.
@@ -135,15 +135,10 @@ def collect_signals(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignmen
 
     Parameters
     ----------
-    shot : Shot
-    rig : Rig
+    rig
         For the mechanism and the sensors' delays and time constants.
-    alignments : mapping of str to ClockAlignment
+    alignments
         By clock; a channel whose clock is missing here, or failed, is left out.
-
-    Returns
-    -------
-    Signals
 
     Raises
     ------
@@ -204,14 +199,7 @@ def collect_signals(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignmen
 
 
 def at_instants(channel: Channel, shot: Shot, rig: Rig) -> Channel:
-    """Return a channel whose stamps are those of the physics, see `recoil_processing.shot.instants`.
-
-    Parameters
-    ----------
-    channel : Channel
-    shot : Shot
-    rig : Rig
-    """
+    """Return a channel whose stamps are those of the physics, see `recoil_processing.shot.instants`."""
     base, found = channel.time_base, instants(channel, shot, rig)
     if not found.stamps.even and found.delay.delay_s == 0:
         return channel
@@ -223,11 +211,10 @@ def on_grid(channel: Channel, alignment: ClockAlignment | None, grid_s: Array, *
 
     Parameters
     ----------
-    channel : Channel
-    alignment : ClockAlignment or None
+    alignment
         None for a channel of the reference clock.
     grid_s : ndarray, shape (n,)
-    longest_gap_s : float
+    longest_gap_s
         What may be bridged although it is longer than `LONGEST_STEP`.
 
     Returns

@@ -29,9 +29,9 @@ def campaign_cutoff(channels: Mapping[str, Sequence[ShotSpectrum]], *, half_orde
 
     Parameters
     ----------
-    channels : mapping of str to sequence of ShotSpectrum
+    channels
         Name of the channel -> one spectrum for each shot, from `recoil_processing.spectra.spectral_gap.shot_spectrum`.
-    half_order : int
+    half_order
         One of `HALF_ORDERS`.
 
     Returns
@@ -67,13 +67,8 @@ def channel_cutoff(shots: Sequence[ShotSpectrum], *, half_order: int = 4) -> Cut
 
     Parameters
     ----------
-    shots : sequence of ShotSpectrum
+    shots
         One for each shot, at least one.
-    half_order : int
-
-    Returns
-    -------
-    CutoffChoice
 
     Raises
     ------

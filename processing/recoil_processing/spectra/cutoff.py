@@ -52,19 +52,18 @@ class CutoffChoice:
 
     Attributes
     ----------
-    cutoff_hz : float or None
+    cutoff_hz
         -3 dB point of the two passes of a `LowPass`; None where nothing is to be taken off, or nothing can be.
-    half_order : int
-    valley_hz, shoulder_hz, depth_db : float
+    valley_hz, shoulder_hz, depth_db
         The gap, see `recoil_processing.spectra.spectral_gap.SpectralGap`; NaN where there is none.
-    predicted_error : float
+    predicted_error
         Norm of the error that is left over that of the motion; NaN without a cut-off.
     confidence : {"sure", "doubtful", "none"}
         A gap of 10 dB or more (6 dB in the mean of several shots) below which the spectrum falls as that of a motion;
         one of 6 to 10 dB, or below which it does not fall so; none.
-    reason : str
+    reason
         In words.
-    nothing_to_take_off : bool
+    nothing_to_take_off
         True where there is no cut-off because the record needs none; False where it was refused.
     """
 
@@ -98,17 +97,12 @@ def choose_cutoff(
     ----------
     samples : ndarray, shape (n_samples,)
         Lost ones NaN.
-    rate_hz : float
-    onset_index : int or None
+    onset_index
         First sample of the shot; None takes the whole record for its window.
-    quantity : str
+    quantity
         See `recoil_processing.spectra.spectral_gap.ROLL_OFF`.
-    half_order : int or None
+    half_order
         One of `HALF_ORDERS`; None takes the one of least predicted error.
-
-    Returns
-    -------
-    CutoffChoice
 
     Raises
     ------
@@ -125,16 +119,12 @@ def cutoff_of(shot: ShotSpectrum, *, half_order: int | None = 4, sure_from_db: f
 
     Parameters
     ----------
-    shot : ShotSpectrum
+    shot
         Of one shot, or the mean of several.
-    half_order : int or None
+    half_order
         As in `choose_cutoff`.
-    sure_from_db : float
+    sure_from_db
         Depth from which a gap is sure; down to 6 dB it is doubtful.
-
-    Returns
-    -------
-    CutoffChoice
 
     Raises
     ------
@@ -199,11 +189,6 @@ def split(shot: ShotSpectrum, gap: SpectralGap) -> tuple[Array, Array]:
     decade below. The ringing is what was measured above the valley less the motion there; below the valley
     it falls by the power of the frequency that a mode's double (or single) zero at frequency zero brings,
     down to the white floor.
-
-    Parameters
-    ----------
-    shot : ShotSpectrum
-    gap : SpectralGap
 
     Returns
     -------

@@ -53,13 +53,13 @@ class ShotSpectrum:
 
     Attributes
     ----------
-    spectrum : Spectrum
+    spectrum
         From `recoil_processing.spectra.spectrum.smooth`.
-    lowest_hz : float
+    lowest_hz
         Where the search begins: `SEARCH_FROM` over the rise time.
-    rise_time_s : float
+    rise_time_s
         10 to 90 % of the integrated signal.
-    roll_off : float
+    roll_off
         See `ROLL_OFF`.
     """
 
@@ -75,11 +75,11 @@ class SpectralGap:
 
     Attributes
     ----------
-    valley_hz : float
+    valley_hz
         The deepest point below the ringing.
-    shoulder_hz : float
+    shoulder_hz
         Where the ringing begins: the density has risen by the threshold over the valley.
-    depth_db : float
+    depth_db
         From the valley to the highest density above it.
     """
 
@@ -102,13 +102,12 @@ def find_gap(
     ----------
     samples : ndarray, shape (n_samples,)
         Lost ones NaN.
-    rate_hz : float
-    onset_index : int or None
+    onset_index
         First sample of the shot; the spectrum is that of 5 ms before to 120 ms after it, as far as the
         record goes. None takes the whole record.
-    quantity : str
+    quantity
         One of `ROLL_OFF`.
-    threshold_db : float
+    threshold_db
         Least depth.
 
     Returns
@@ -180,10 +179,9 @@ def shot_window(count: int, rate_hz: float, onset_index: int | None) -> tuple[in
 
     Parameters
     ----------
-    count : int
+    count
         Samples of the record.
-    rate_hz : float
-    onset_index : int or None
+    onset_index
         None takes the whole record.
 
     Raises
@@ -214,7 +212,6 @@ def rise_time_s(motion: Array, rate_hz: float) -> float | str:
     ----------
     motion : ndarray, shape (n,)
         Its level at rest taken off.
-    rate_hz : float
 
     Returns
     -------
@@ -239,11 +236,10 @@ def gap_of(spectrum: Spectrum, lowest_hz: float, threshold_db: float) -> Spectra
 
     Parameters
     ----------
-    spectrum : Spectrum
+    spectrum
         From `recoil_processing.spectra.spectrum.smooth`.
-    lowest_hz : float
+    lowest_hz
         Where the search begins.
-    threshold_db : float
 
     Returns
     -------

@@ -42,7 +42,7 @@ class Spectrum(ReadOnlyArrays):
         Increasing.
     density : ndarray, shape (n,)
         Square of the signal's unit per hertz.
-    resolution_hz : float
+    resolution_hz
         Half width of the lobe that a line shows as: nothing narrower can be distinguished.
     """
 
@@ -58,7 +58,6 @@ def multitaper(samples: Array, rate_hz: float) -> Spectrum:
     ----------
     samples : ndarray, shape (n_samples,)
         Finite. Its level at rest should have been taken off; nothing is taken off here.
-    rate_hz : float
 
     Returns
     -------
@@ -97,7 +96,7 @@ def slepian_tapers(count: int) -> Array:
 
     Parameters
     ----------
-    count : int
+    count
         Samples.
 
     Returns
@@ -124,7 +123,7 @@ def smooth(spectrum: Spectrum) -> Spectrum:
 
     Parameters
     ----------
-    spectrum : Spectrum
+    spectrum
         On an even grid that begins at 0.
 
     Returns
@@ -151,7 +150,7 @@ def average_normalised(spectra: Sequence[Spectrum]) -> Spectrum:
 
     Parameters
     ----------
-    spectra : sequence of Spectrum
+    spectra
         From `smooth`. A louder shot counts no more than a quieter one.
 
     Returns

@@ -35,7 +35,7 @@ def free_windows(shot: Array, shortest: int) -> tuple[Window, ...]:
     ----------
     shot : ndarray, shape (n,)
         From the shot on.
-    shortest : int
+    shortest
         Samples of a window that is worth fitting.
 
     Returns
@@ -90,9 +90,8 @@ def hankel_covariance(shot: Array, windows: tuple[Window, ...], lag: int) -> Arr
     Parameters
     ----------
     shot : ndarray, shape (n,)
-    windows : tuple of (begin, end)
+    windows
         Those of no more than `lag` samples are left out.
-    lag : int
 
     Returns
     -------

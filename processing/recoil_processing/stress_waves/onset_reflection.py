@@ -28,8 +28,7 @@ def onset_known_well_enough(low_pass: LowPass, u_onset_s: float) -> bool:
 
     Parameters
     ----------
-    low_pass : LowPass
-    u_onset_s : float
+    u_onset_s
         Standard uncertainty of the onset.
 
     Raises
@@ -56,11 +55,9 @@ def filter_about_onset(
     ----------
     samples : ndarray, shape (n_samples,) or (n_samples, n_channels)
         Finite.
-    rate_hz : float
-    low_pass : LowPass
-    onset_s : float
+    onset_s
         First instant of the motion, after the first sample; it is rounded to half a sample.
-    u_onset_s : float
+    u_onset_s
         Its standard uncertainty.
 
     Returns

@@ -55,14 +55,14 @@ class Mode:
 
     Attributes
     ----------
-    frequency_hz : float
+    frequency_hz
         Undamped natural frequency: the modulus of the pole over two pi.
-    damping_ratio : float
+    damping_ratio
         Share of the critical damping.
-    energy_share : float
+    energy_share
         Energy of this mode over that of the recorded signal since the shot: its share of what was taken off,
         in the windows after the knocks, times the share of that in the record.
-    amplitude : float
+    amplitude
         Largest amplitude at the beginning of a window, in the signal's unit.
     """
 
@@ -81,14 +81,13 @@ def ringing_modes(
     ----------
     residual : ndarray, shape (n_samples,)
         Recorded less filtered, finite.
-    rate_hz : float
-    lowest_hz : float
+    lowest_hz
         No mode is looked for below: what lies there is left over from the motion. The valley of the
         spectral gap is the place.
     recorded : ndarray, shape (n_samples,), optional
         The recorded signal, its level at rest taken off, for the shares of energy; without it they are
         shares of the residual.
-    first : int
+    first
         First sample of the shot.
 
     Returns

@@ -62,11 +62,11 @@ def absolute_acceleration_filter(
 
     Parameters
     ----------
-    frequency_hz : float
+    frequency_hz
         Natural frequency, positive.
-    rate_hz : float
+    rate_hz
         Samples per second.
-    quality : float
+    quality
         ``1 / (2 zeta)``, above one half.
 
     Returns
@@ -104,12 +104,11 @@ def shock_response(
     ----------
     acceleration : ndarray, shape (n,)
         Of the base, from rest; without missing samples.
-    rate_hz : float
+    rate_hz
         Samples per second.
     frequencies_hz : ndarray, shape (m,)
         Natural frequencies. Above a tenth of the rate the peaks between the samples are missed: at a
         tenth by up to 5 %.
-    quality : float
 
     Returns
     -------

@@ -26,17 +26,17 @@ class StressWaveReport(ReadOnlyArrays):
 
     Attributes
     ----------
-    choice : CutoffChoice
+    choice
         The cut-off, its confidence and reason; the valley for a figure.
     filtered : ndarray, shape (n_samples,)
         The record itself, lost samples NaN, where there is no cut-off.
     trusted : ndarray of bool, shape (n_samples,)
         False where a sample was lost, or the filter reaches one.
-    onset_reflected : bool
+    onset_reflected
         Whether the record was reflected about its onset, see `recoil_processing.stress_waves.onset_reflection`.
-    modes : tuple of Mode
+    modes
         What rings, by falling share of energy; empty without a cut-off.
-    ringing_share : float
+    ringing_share
         Energy of what was taken off over that of the record, in the window around the shot; 0 without a cut-off.
     frequency_hz, density_before, density_after : ndarray, shape (n_frequencies,)
         Smoothed spectra of that window, unit squared per hertz; empty where the window is too short.
@@ -73,23 +73,18 @@ def strip_stress_waves(
     ----------
     samples : ndarray, shape (n_samples,)
         Lost ones NaN.
-    rate_hz : float
-    onset_s : float or None
+    onset_s
         First instant of the motion, after the first sample; None where it is not known at all.
-    u_onset_s : float
+    u_onset_s
         Its standard uncertainty; the record is reflected about the onset where that is small enough.
-    quantity : str
+    quantity
         See `recoil_processing.spectra.spectral_gap.ROLL_OFF`.
-    choice : CutoffChoice or None
+    choice
         A cut-off chosen before, for the campaign or for all channels; None chooses one for this record.
-    half_order : int or None
+    half_order
         As in `recoil_processing.spectra.cutoff.choose_cutoff`; a choice brings its own.
-    find_modes : bool
+    find_modes
         Whether to look for the modes, which takes longer than all the rest.
-
-    Returns
-    -------
-    StressWaveReport
 
     Raises
     ------

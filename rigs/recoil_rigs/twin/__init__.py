@@ -42,12 +42,9 @@ class TwinShot:
 
     Attributes
     ----------
-    shot : str
-    folder : Path
-    files : tuple of Path
+    files
         The recorders' files, to be ingested, in the order of the rig's sources.
-    rig_file, truth_file : Path
-    truth : mapping
+    truth
         The content of ``truth_file``.
     """
 
@@ -66,21 +63,17 @@ def simulate_shot(rig: Rig, folder: Path, *, seed: int, shot: str, campaign_seed
 
     Parameters
     ----------
-    rig : Rig
+    rig
         With a complete mechanism; its table ``[twin]`` holds the settings, see `TwinSettings`.
-    folder : Path
+    folder
         Is made if it is not there.
-    seed : int
+    seed
         Not negative.
-    shot : str
+    shot
         The shot's identifier; part of the file names.
-    campaign_seed : int, optional
+    campaign_seed
         Shots with the same one share their sensors: the errors of scales and friction are drawn by it, all else by
         `seed`.
-
-    Returns
-    -------
-    TwinShot
 
     Raises
     ------

@@ -28,14 +28,11 @@ class CanItem:
 
     Attributes
     ----------
-    at_s : float
+    at_s
         When the interface has it, on the play's clock.
-    stamp_s : float
+    stamp_s
         What the interface's clock says then, counted from the play's start.
-    identifier : int
-    extended : bool
-    data : bytes
-    error : bool
+    error
         An error frame.
     """
 
@@ -69,13 +66,8 @@ def can_items(
 
     Parameters
     ----------
-    rig : Rig
-    source : Source
-    shots : sequence of TwinShot
-    timeline : Timeline
-    steps : sequence of ClockStep
+    steps
         Of the interface's clock.
-    seed : int
     """
     clocks = [shot.truth["sources"][source.name]["clock"] for shot in shots]
     clock = DeviceClock(timeline.boundaries_s(), [c["drift"] for c in clocks], steps)

@@ -41,10 +41,7 @@ def rigid_rows(
 
     Parameters
     ----------
-    m : Mechanism
-    s : TwinSettings
-    friction_n : float
-    rest : Rest
+    rest
         Of the mechanism before anything let go.
     """
     sin, cos = math.sin, math.cos

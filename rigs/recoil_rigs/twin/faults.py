@@ -48,17 +48,16 @@ class Faults:
 
     Attributes
     ----------
-    lost_frames : float
+    lost_frames
         Share of the frames that never arrive.
-    error_frames : float
+    error_frames
         Share of the frames of a bus that an error frame follows.
-    dropped_bytes, flipped_bytes : float
+    dropped_bytes, flipped_bytes
         Share of the bytes of a port that are lost, or arrive with one bit changed.
-    stalls : tuple of Interval
+    stalls
         The device holds everything back, and then gives it at once.
-    unplugged : tuple of Interval
+    unplugged
         The device is gone; what it would have said is lost.
-    clock_steps : tuple of ClockStep
     """
 
     lost_frames: float = 0.0
@@ -106,27 +105,25 @@ class Played:
 
     Attributes
     ----------
-    frames : int
+    frames
         That the device made.
-    sent : int
+    sent
         That were given to the host whole.
-    lost : int
+    lost
         That never arrived, by `Faults.lost_frames`.
-    unplugged : int
+    unplugged
         That were made while the device was gone.
-    damaged : int
+    damaged
         That lost bytes or got bits flipped.
-    error_frames : int
-    bytes_sent, bytes_dropped, bytes_flipped : int
+    bytes_sent, bytes_dropped, bytes_flipped
         Of a port.
-    stray_bytes : int
+    stray_bytes
         Bytes outside of frames that the port gave; part of `bytes_sent`.
-    unread_bytes : int
+    unread_bytes
         Sent, and gone with the port before the host read them.
-    not_open : int
+    not_open
         Frames made while the host had not opened the channel, or did not read the port.
-    stalls, disconnects : int
-    latest_s : float
+    latest_s
         By how much the player was behind its own time at worst.
     """
 

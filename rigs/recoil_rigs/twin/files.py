@@ -63,12 +63,10 @@ def track_text(
     ----------
     frames : ndarray of int, shape (n,)
         Numbers of the frames in the file.
-    frame_rate_hz : float
     positions : mapping of str to ndarray, shape (n, 2)
         X and Y of each feature, by its name.
     lost : ndarray of bool, shape (n,)
         Frames in which the markers were not found.
-    unit : str
     """
     header = ["Frame", "Time (s)"] + [f"{name} - {axis} ({unit})" for name in positions for axis in "XY"]
     lines = [",".join(header)]
@@ -156,9 +154,9 @@ def serial_capture(name: str, records: Sequence[tuple[int, bytes]]) -> bytes:
 
     Parameters
     ----------
-    name : str
+    name
         Of the source.
-    records : sequence of (int, bytes)
+    records
         Host time in ns and bytes, in order.
     """
     log_id = hashlib.sha256(name.encode()).digest()[:8]

@@ -39,11 +39,9 @@ def truth(role: str, mechanism: Mechanism, motion: Motion, position: tuple[float
 
     Parameters
     ----------
-    role : str
+    role
         A key of `recoil_rigs.rig.ROLES`.
-    mechanism : Mechanism
-    motion : Motion
-    position : (float, float)
+    position
         Of an accelerometer, from its body's reference point in the body's axes, m.
     """
     w1, dw1 = motion.qd[:, 2], motion.qdd[:, 2]
@@ -88,8 +86,7 @@ def stress_waves(times_s: Array, t_fire_s: float, t_end_s: float, rng: np.random
     ----------
     times_s : ndarray, shape (n,)
         Uniform.
-    t_fire_s, t_end_s : float
-    rng : numpy.random.Generator
+    rng
         Draws the modes and the pulses.
     """
     from scipy.signal import lfilter
@@ -132,8 +129,7 @@ def chain(signal: Array, step_s: float, sensor: Sensor) -> Array:
     ----------
     signal : ndarray, shape (n,)
         On a uniform grid.
-    step_s : float
-    sensor : Sensor
+    sensor
         ``time_constant_s``: a first-order high-pass; ``filter_hz``: a Bessel low-pass of fourth order,
         -3 dB there.
     """
@@ -170,9 +166,9 @@ class Errors:
 
     Attributes
     ----------
-    gain : float
+    gain
         Factor on the true value.
-    offset : float
+    offset
         Added to it.
     """
 
@@ -195,16 +191,15 @@ def digitise(
     ----------
     values : ndarray, shape (n,)
         In the unit of the file.
-    full_range : (float, float) or None
+    full_range
         Of the sensor, in the same unit; without one nothing is clipped or stepped.
-    u_rel : float
+    u_rel
         Relative standard uncertainty of the sensor's scale.
-    settings : TwinSettings
-    rng : numpy.random.Generator
+    rng
         Of this channel.
     zero_shift : ndarray, shape (n,)
         By how much the zero has shifted, share of full scale.
-    scale_error : float, optional
+    scale_error
         By how many standard uncertainties the sensor's scale is off; drawn if left out.
     """
     low, high = full_range if full_range is not None else (-np.inf, np.inf)

@@ -25,10 +25,9 @@ class Rest:
 
     Attributes
     ----------
-    ground_c_n, ground_d_n : float
+    ground_c_n, ground_d_n
         Ground at C and D, upward.
-    elevating_moment_n_m : float
-    stop_n : float
+    stop_n
         Rearward push of the stop.
     """
 
@@ -60,9 +59,7 @@ def rest_in_battery(m: Mechanism, settings: TwinSettings, sag_n_m: float = 0.0) 
 
     Parameters
     ----------
-    m : Mechanism
-    settings : TwinSettings
-    sag_n_m : float
+    sag_n_m
         What the sag of a flexible tube adds to the weights' moment about the trunnion, positive if it
         lowers the muzzle.
     """
@@ -93,11 +90,8 @@ def loads_of(m: Mechanism, s: TwinSettings, friction_n: float, rest: Rest) -> Ca
 
     Parameters
     ----------
-    m : Mechanism
-    s : TwinSettings
-    friction_n : float
+    friction_n
         Packing friction while it slides.
-    rest : Rest
 
     Returns
     -------

@@ -33,20 +33,19 @@ class Motion(ReadOnlyArrays):
 
     Attributes
     ----------
-    times_s : ndarray
+    times_s
         Uniform, from 0; rest before.
     q, qd, qdd : ndarray, shape (n, 5)
         State, rate and acceleration in the order of `recoil_rigs.mechanism`.
-    breech_pressure_pa, brake_pressure_pa, recuperator_pressure_pa : ndarray
-    friction_n : ndarray
+    friction_n
         Packing friction, positive against recoil.
-    contact_n : ndarray
+    contact_n
         What the stop, and the throttling of the counter-recoil, push rearward.
-    elevating_moment_n_m, ground_x_n, ground_y_n, ground_d_n, ground_friction_n : ndarray
+    elevating_moment_n_m, ground_x_n, ground_y_n, ground_d_n, ground_friction_n
         Loads in the signs of `recoil_rigs.mechanism.generalized_forces`.
-    t_fire_s, t_end_s : float
+    t_fire_s, t_end_s
         First rise of the breech force; end of recoil travel, NaN if it lies behind the record.
-    released_kg, t_release_s : float
+    released_kg, t_release_s
         What lets go of the recoiling mass, and when; 0 and NaN if nothing does.
     modal, modal_rate, modal_acceleration : ndarray, shape (n, n_modes)
         Of the flexible tube, m, m/s and m/s^2; without columns if it is rigid.
@@ -93,11 +92,11 @@ def breech_pressure(times_s: Array, peak_pa: float, rise_s: float, decay_s: floa
 
     Parameters
     ----------
-    times_s : ndarray
+    times_s
         From the first rise; zero before.
-    peak_pa : float
+    peak_pa
         Its largest value.
-    rise_s, decay_s : float
+    rise_s, decay_s
         Time constants.
     """
 
@@ -122,13 +121,11 @@ def _step(evaluate: Equations, y: State, k1: State, forces: tuple[float, float],
 
     Parameters
     ----------
-    evaluate : callable
-    y, k1 : tuple
+    y, k1
         State and its accelerations at the start.
-    forces : (float, float)
+    forces
         Breech force in the middle of the step and at its end.
-    step : float
-    slip : float
+    slip
         Largest deflection of the packing's bristle, m.
     """
     n = len(y) // 2
@@ -177,12 +174,11 @@ def simulate_motion(
 
     Parameters
     ----------
-    mechanism : Mechanism
+    mechanism
         With the true recoiling mass, before anything lets go.
-    settings : TwinSettings
-    peak_pressure_pa : float
+    peak_pressure_pa
         Of this shot.
-    friction_n : float
+    friction_n
         True packing friction.
 
     Raises

@@ -36,18 +36,17 @@ class TwinPlayer:
 
     Parameters
     ----------
-    rig : Rig
-    shots : sequence of TwinShot
+    shots
         At least one.
-    silence_before_s, silence_after_s : float
+    silence_before_s, silence_after_s
         Of each shot.
-    speed : float
+    speed
         How many times faster than real time; the devices' own clocks are not sped up.
-    transports : mapping of str to str, optional
+    transports
         By source; else the rig's ``device = { virtual = "..." }``, else the first of `TRANSPORTS`.
-    faults : mapping of str to Faults, optional
+    faults
         By source; else the rig's ``device = { virtual = "...", faults = { ... } }``, see `Faults.from_table`.
-    seed : int
+    seed
         Of the quiet frames and of the faults.
 
     Raises

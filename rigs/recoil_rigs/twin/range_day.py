@@ -43,15 +43,13 @@ class RangeDay:
 
     Parameters
     ----------
-    rig : Rig
-    shots : int
-    drop_into : Path or None
+    drop_into
         Folder that gets the files of the sources that are not played; None if nobody watches.
-    first : int
+    first
         Number of the first shot.
-    seed : int
+    seed
         Of the first shot; the next has the next.
-    silence_before_s, silence_after_s : float
+    silence_before_s, silence_after_s
         Of each shot.
     **play
         Handed on to `TwinPlayer`: transports, faults.

@@ -29,10 +29,9 @@ class SerialItem:
 
     Attributes
     ----------
-    at_s : float
+    at_s
         When the last byte has come over the line, on the play's clock.
-    data : bytes
-    whole : bool
+    whole
         Whether it is a good frame; else bytes between frames.
     """
 
@@ -56,13 +55,10 @@ class SensorFrame:
 
     Attributes
     ----------
-    sync : bytes
-    length : int
     order : {"little", "big"}
-    counter, clock : _Place or None
-    tick_s : float
+    tick_s
         Of the sensor's clock.
-    check : tuple or None
+    check
         Checksum's name, first byte covered, size and byte order.
     """
 
@@ -185,12 +181,8 @@ def serial_items(
 
     Parameters
     ----------
-    source : Source
-    shots : sequence of TwinShot
-    timeline : Timeline
-    steps : sequence of ClockStep
+    steps
         Of the sensor's clock.
-    seed : int
     """
     layout = SensorFrame.of(source.framing or {})
     recorded = [

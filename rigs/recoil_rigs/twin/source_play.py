@@ -25,21 +25,18 @@ class SourcePlay:
 
     Parameters
     ----------
-    name : str
-    items : iterator of CanItem or SerialItem
+    items
         In the order of their times.
-    transport : VirtualBus or PseudoTerminal
+    transport
         To be plugged in before it begins.
-    faults : Faults
-    stop : threading.Event
+    stop
         Ends the play when it is set.
-    seed : sequence of int
+    seed
         Of the faults that are drawn.
 
     Attributes
     ----------
-    played : Played
-    failure : BaseException or None
+    failure
         What ended the thread before its time.
     """
 

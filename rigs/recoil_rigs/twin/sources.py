@@ -48,11 +48,9 @@ class SourceFile:
 
     Attributes
     ----------
-    source : str
-    name : str
+    name
         Of the file.
-    content : bytes
-    truth : mapping
+    truth
         What the file hides, JSON types only.
     """
 
@@ -68,21 +66,16 @@ class Scene:
 
     Attributes
     ----------
-    rig : Rig
-    settings : TwinSettings
-    mechanism : Mechanism
+    mechanism
         With the true recoiling mass.
-    motion : Motion
     modes : ndarray, shape (n_modes, n)
         Stress waves, see `recoil_rigs.twin.instruments.stress_waves`.
-    roles : mapping of str to str
+    roles
         Channel -> role whose quantity it measures.
-    seed : int
-    shot : str
-    campaign_seed : int or None
+    campaign_seed
         What the shots of a campaign share, the errors of the sensors' scales and of the friction, is drawn by it; by
         `seed` if it is None.
-    gains, offsets : dict of str to float
+    gains, offsets
         Errors drawn, by channel; offsets in the unit of the file. Filled as channels are sampled.
     """
 

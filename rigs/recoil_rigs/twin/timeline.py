@@ -16,11 +16,10 @@ class Timeline:
 
     Attributes
     ----------
-    starts_s : tuple of float
+    starts_s
         When each record's zero on the reference clock is.
-    record_s : float
+    record_s
         Length of a record.
-    end_s : float
     """
 
     starts_s: tuple[float, ...]
@@ -47,11 +46,11 @@ class Timeline:
 
         Parameters
         ----------
-        shot : int
+        shot
             Counted from 0.
-        first_s, period_s : float
+        first_s, period_s
             The record's first sample, and the source's period; infinite if it has none.
-        last_s : float
+        last_s
             The sample before, of the part of the play before this one.
         """
         if math.isinf(period_s):
@@ -72,11 +71,10 @@ class DeviceClock:
 
     Parameters
     ----------
-    boundaries_s : sequence of float
+    boundaries_s
         When each drift begins.
-    drifts : sequence of float
+    drifts
         ``play = (1 + drift) * device + constant``, as in the truth of a shot.
-    steps : sequence of ClockStep
     """
 
     def __init__(self, boundaries_s: Sequence[float], drifts: Sequence[float], steps: Sequence[ClockStep] = ()) -> None:

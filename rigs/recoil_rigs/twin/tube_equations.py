@@ -14,11 +14,7 @@ def tube_equations(m: Mechanism, tube: FlexibleTube, s: TwinSettings, friction_n
 
     Parameters
     ----------
-    m : Mechanism
-    tube : FlexibleTube
-    s : TwinSettings
-    friction_n : float
-    rest : Rest
+    rest
         Of the mechanism before anything let go, the tube's sag included.
 
     Returns

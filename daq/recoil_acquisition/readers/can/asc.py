@@ -45,9 +45,8 @@ def read_asc(text: bytes, encoding: str = "utf-8") -> CanLog:
 
     Parameters
     ----------
-    text : bytes
+    text
         With ``\n`` line ends.
-    encoding : str
 
     Returns
     -------

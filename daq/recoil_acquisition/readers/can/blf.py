@@ -33,9 +33,9 @@ def read_blf(path: Path, content: bytes) -> CanLog:
 
     Parameters
     ----------
-    path : Path
+    path
         For messages.
-    content : bytes
+    content
         The whole file.
 
     Returns

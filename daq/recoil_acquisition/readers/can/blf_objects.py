@@ -42,11 +42,11 @@ def read_objects(path: Path, objects: bytes, found: FrameList) -> bool:
 
     Parameters
     ----------
-    path : Path
+    path
         For messages.
-    objects : bytes
+    objects
         Of all containers in one piece.
-    found : FrameList
+    found
         The frames are added to it, and what is no data frame is counted.
 
     Returns

@@ -51,7 +51,7 @@ def read_candump(text: bytes) -> CanLog:
 
     Parameters
     ----------
-    text : bytes
+    text
         With ``\n`` line ends.
 
     Returns

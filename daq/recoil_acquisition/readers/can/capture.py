@@ -39,18 +39,11 @@ def open_bus(path: Path, source: CapturedSource, declared: Declarations) -> CanC
 class CanCaptureRecording(CanRecording):
     """One opened bus of a capture.
 
-    Parameters
-    ----------
-    path : Path
-    source : CapturedSource
-    database : cantools.database.can.Database
-    declared : Declarations
-
     Attributes
     ----------
     device_ns, host_ns : ndarray of int64, shape (n_frames,)
         Both stamps of every data frame, as recorded.
-    clock_fit : ClockFit or None
+    clock_fit
         How they relate; None if the interface gave no stamps of its own.
     """
 

@@ -30,12 +30,11 @@ class MessageCounter:
 
     Attributes
     ----------
-    name : str
+    name
         ``Message.Signal``.
-    key : int
+    key
         Identifier of the message, with bit 31 for 29 bits.
-    layout : SignalLayout
-    layouts : dict of str to SignalLayout
+    layouts
         All signals of the message.
     """
 
@@ -51,9 +50,9 @@ class MessageCount:
 
     Attributes
     ----------
-    name : str
+    name
         ``Message.Signal``.
-    channels : tuple of CounterGaps
+    channels
         Of each channel of the log that has such messages.
     """
 
@@ -84,10 +83,9 @@ def declared_counters(names: Sequence[str], database: CanDatabase, path: Path) -
 
     Parameters
     ----------
-    names : sequence of str
+    names
         Such as ``Message.Signal``.
-    database : CanDatabase
-    path : Path
+    path
         The log, for messages.
 
     Returns
@@ -132,8 +130,7 @@ def count_messages(counter: MessageCounter, frames: CanFrames) -> MessageCount:
 
     Parameters
     ----------
-    counter : MessageCounter
-    frames : CanFrames
+    frames
         Of each channel of the log the messages are counted for themselves.
     """
     chosen = frames.key == counter.key

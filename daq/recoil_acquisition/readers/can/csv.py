@@ -34,7 +34,7 @@ def read_can_csv(text: bytes) -> CanLog:
 
     Parameters
     ----------
-    text : bytes
+    text
         With ``\n`` line ends; the first line is the header, or a frame where the writer appended.
 
     Returns

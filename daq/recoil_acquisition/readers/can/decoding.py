@@ -27,12 +27,11 @@ class BitRun:
 
     Attributes
     ----------
-    byte : int
-    shift : int
+    shift
         Bits of the byte below the run.
-    count : int
+    count
         Bits of the run.
-    place : int
+    place
         Place of the run's lowest bit in the signal.
     """
 
@@ -47,12 +46,11 @@ def bit_runs_of(start: int, length: int, *, little_endian: bool) -> tuple[BitRun
 
     Parameters
     ----------
-    start : int
+    start
         As in a DBC file: the least significant bit of a little-endian signal, the most significant
         of a big-endian one; bit b of byte n has number 8 n + b.
-    length : int
+    length
         Bits of the signal.
-    little_endian : bool
     """
     if little_endian:
         places = [start + k for k in range(length)]
@@ -76,7 +74,7 @@ def gather(data: NDArray[np.uint8], pieces: tuple[BitRun, ...]) -> UInt64Array:
     Parameters
     ----------
     data : ndarray of uint8, shape (n_frames, width)
-    pieces : tuple of Piece
+    pieces
         Within the width.
 
     Returns
@@ -105,16 +103,13 @@ class SignalLayout:
 
     Attributes
     ----------
-    name, unit : str
-    pieces : tuple of Piece
-    length : int
-    kind : str
+    kind
         ``unsigned``, ``signed`` or ``float``.
-    scale, offset : float
+    scale, offset
         ``value = scale * raw + offset``.
-    multiplexer : str
+    multiplexer
         Name of the signal that says when this one is in the frame; empty if it always is.
-    multiplexer_ids : tuple of int
+    multiplexer_ids
         Its values that say so.
     """
 
@@ -161,10 +156,6 @@ class SignalLayout:
 def layout_of(signal: Any) -> SignalLayout | None:
     """Take a signal's layout from a parsed database.
 
-    Parameters
-    ----------
-    signal : cantools.database.Signal
-
     Returns
     -------
     SignalLayout or None
@@ -192,8 +183,7 @@ def present(
 
     Parameters
     ----------
-    layout : SignalLayout
-    layouts : dict of str to SignalLayout
+    layouts
         All signals of the message.
     data : ndarray of uint8, shape (n_frames, width)
     length : ndarray of int64, shape (n_frames,)

@@ -57,13 +57,11 @@ class CanLog:
 
     Attributes
     ----------
-    frames : CanFrames
-    absolute_start : AbsoluteStart or None
-    notes : tuple of str
+    notes
         Damage and repairs.
-    incomplete : str
+    incomplete
         How it shows that the log was cut off; empty if nothing shows that.
-    metadata : mapping
+    metadata
         Counts of what is no data frame, and what the header says.
     """
 
@@ -102,9 +100,9 @@ class FrameList:
 
     Attributes
     ----------
-    place : int
+    place
         Where in the log the frame stands that is added next; it counts on by itself.
-    error_frames, remote_frames, other_events, damaged : int
+    error_frames, remote_frames, other_events, damaged
         Entries that are no data frames; they are counted and left out.
     """
 
@@ -146,7 +144,7 @@ class FrameList:
 
         Parameters
         ----------
-        from_first : bool
+        from_first
             Count from the first frame.
         """
         blocks = [*self._blocks, self._block()]

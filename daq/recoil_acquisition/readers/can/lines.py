@@ -37,18 +37,16 @@ class LineShape:
 
     Attributes
     ----------
-    whole, fraction : (int, int)
+    whole, fraction
         Decimal digits of the seconds before and behind the point, from and up to a character; up to nine each,
         ten before the point.
-    negative : bool
-    identifier : (int, int)
+    identifier
         Hexadecimal digits.
-    extended : bool
+    extended
         Whether the identifier has 29 bits.
-    data : tuple of int
+    data
         Where the two hexadecimal digits of each byte begin.
-    channel : int
-    end : int
+    end
         What follows this character is free.
     """
 
@@ -68,9 +66,8 @@ class TextLines:
 
     Attributes
     ----------
-    text : bytes
     start, length : ndarray of int64, shape (n_lines,)
-    cut : bytes
+    cut
         What stands behind the last line end.
     """
 
@@ -99,10 +96,9 @@ def read_uniform_lines(
 
     Parameters
     ----------
-    lines : TextLines
-    learn : callable
+    learn
         Returns the shape of a line, None if it is no plain frame.
-    found : FrameList
+    found
         The frames are added to it, each one's place being its line.
 
     Returns

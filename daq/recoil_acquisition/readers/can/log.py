@@ -30,10 +30,9 @@ class LogReader:
 
     Attributes
     ----------
-    name : str
-    read : callable
+    read
         Reads the frames of a file.
-    is_own : callable
+    is_own
         Whether a text, unpacked, begins as this format does; a binary format is known by its sign.
     """
 

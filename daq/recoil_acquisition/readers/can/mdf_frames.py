@@ -35,11 +35,8 @@ def variable_samples(
 
     Parameters
     ----------
-    frames : Records
-    together : list of Records
+    together
         All that are stored together with the frames.
-    blocks : DataBlocks
-    unwritten : Unfinished
 
     Raises
     ------
@@ -78,12 +75,10 @@ def frames_of(content: bytes, records: Records, samples: VariableSamples | None,
 
     Parameters
     ----------
-    content : bytes
+    content
         All of the file.
-    records : Records
-    samples : VariableSamples or None
+    samples
         See `variable_samples`.
-    unwritten : Unfinished
 
     Raises
     ------

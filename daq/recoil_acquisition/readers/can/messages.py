@@ -52,8 +52,6 @@ class Messages(ReadOnlyArrays):
 
     Attributes
     ----------
-    name : str
-    layouts : dict of str to SignalLayout
     time_s : ndarray of float64, shape (n_frames,)
         Strictly increasing.
     length : ndarray of int64, shape (n_frames,)
@@ -73,10 +71,9 @@ class FaultyMessage:
 
     Attributes
     ----------
-    name : str
-    key : int
+    key
         Identifier, with bit 31 for 29 bits.
-    fault : str
+    fault
         As cantools found it.
     """
 
@@ -91,9 +88,9 @@ class CanDatabase:
 
     Attributes
     ----------
-    messages : tuple of cantools.database.can.Message
+    messages
         The sound ones.
-    faulty : tuple of FaultyMessage
+    faulty
         None of their signals is read.
     """
 
@@ -127,9 +124,9 @@ def load_database(text: str, path: Path) -> CanDatabase:
 
     Parameters
     ----------
-    text : str
+    text
         DBC, KCD, SYM or ARXML.
-    path : Path
+    path
         The log that needs it, for messages.
 
     Raises
@@ -210,11 +207,9 @@ def messages_of(message: Any, frames: CanFrames, chosen: NDArray[np.intp], notes
 
     Parameters
     ----------
-    message : cantools.database.can.Message
-    frames : CanFrames
     chosen : ndarray of int, shape (n_frames,)
         Which frames are of that message.
-    notes : list of str
+    notes
         What is to be said of them is added.
     """
     time_s = np.take(frames.time_s, chosen)

@@ -46,11 +46,7 @@ class CanRecording(Recording):
 
     Parameters
     ----------
-    path : Path
-    reader : str
-    log : CanLog
-    database : CanDatabase
-    declared : Declarations
+    declared
         Its clock, and its counters: gaps and missing messages of each are counted (`MessageCount`).
 
     Raises

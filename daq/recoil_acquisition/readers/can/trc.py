@@ -45,10 +45,9 @@ class TraceHeader:
 
     Attributes
     ----------
-    version : str
-    columns : str
+    columns
         One letter each.
-    start_days : str
+    start_days
         As stated; empty if it is not.
     """
 
@@ -74,11 +73,10 @@ def read_trc(path: Path, text: bytes, encoding: str = "utf-8") -> CanLog:
 
     Parameters
     ----------
-    path : Path
+    path
         For messages.
-    text : bytes
+    text
         With ``\n`` line ends.
-    encoding : str
 
     Returns
     -------

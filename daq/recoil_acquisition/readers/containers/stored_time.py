@@ -27,12 +27,11 @@ class StoredTime:
 
     Attributes
     ----------
-    time_base : TimeBase
-    kept : ndarray of int64 or None
+    kept
         Indices of the samples that the time base has; None if it has all.
-    note : str
+    note
         Notes on it; empty if there are none.
-    dropped : int
+    dropped
         Number of samples that the time base leaves out.
     """
 
@@ -64,11 +63,9 @@ def time_from_stamps(
 
     Parameters
     ----------
-    clock : str
     times_s : ndarray of float64, shape (n,)
-    resolution_s : float
+    resolution_s
         Of the numbers as stored.
-    start : AbsoluteStart or None
 
     Raises
     ------
@@ -103,9 +100,8 @@ def time_from_datenum(clock: str, days: NDArray[np.float64], origin: str) -> Sto
 
     Parameters
     ----------
-    clock : str
     days : ndarray of float64, shape (n,)
-    origin : str
+    origin
         Where they were read, for `AbsoluteStart.origin`.
 
     Raises

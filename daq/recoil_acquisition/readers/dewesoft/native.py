@@ -138,11 +138,9 @@ class _Found:
 
     Parameters
     ----------
-    path : Path
-    folder : Path
-    found : dict
+    found
         What the child said.
-    clock : str
+    clock
         Name of the source.
     """
 

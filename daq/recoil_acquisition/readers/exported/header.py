@@ -28,15 +28,11 @@ class ExportedHeader:
 
     Attributes
     ----------
-    path : Path
-    signals : tuple of SignalHeader
+    signals
         With as many samples as the file promises.
-    count : int
-    start_s : float
-    step_s : float or None
+    step_s
         None where instants are stamped.
-    absolute_start : AbsoluteStart or None
-    metadata : mapping
+    metadata
         All that the file says.
     """
 
@@ -53,10 +49,9 @@ class ExportedHeader:
 
         Parameters
         ----------
-        clock : str
         times_s : ndarray of float64, shape (n_rows,)
             The file's time column.
-        place : str
+        place
             Of that column, for messages.
 
         Raises
@@ -95,9 +90,7 @@ def exported_header(document: Any, path: Path, *, most: int) -> ExportedHeader:
 
     Parameters
     ----------
-    document : JSON types
-    path : Path
-    most : int
+    most
         Samples per channel that a file of this size can hold.
 
     Raises

@@ -23,14 +23,13 @@ def exported_recording(
 
     Parameters
     ----------
-    reader : str
+    reader
         Name of the reader.
-    header : ExportedHeader
-    clock : str
+    clock
         Name of the source.
-    row_count : int
+    row_count
         Rows that are there; fewer than promised where the file was cut.
-    read_columns : callable
+    read_columns
         Reads the time and the channels, each of shape (n_rows,); asked once, when the first sample is.
     """
     short = header.count - row_count

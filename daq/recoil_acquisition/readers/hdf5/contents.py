@@ -20,12 +20,11 @@ class Dataset:
 
     Attributes
     ----------
-    vector : Hdf5Vector
-    own : mapping
+    own
         Its attributes.
-    above : sequence of mapping
+    above
         Those of the groups it is in, the nearest one first.
-    scale : str or None
+    scale
         Name of its dimension scale.
     """
 
@@ -51,12 +50,11 @@ class Contents:
 
     Attributes
     ----------
-    groups : mapping
+    groups
         Attributes of every group by its name, that of the root empty.
-    datasets : tuple of Dataset
-    time_names : frozenset of str
+    time_names
         Names of the datasets that are times: by their own names, or as the scale of another.
-    notes : tuple of str
+    notes
         Datasets that are left out, and why.
     """
 

@@ -19,10 +19,9 @@ class DatasetTimes:
 
     Parameters
     ----------
-    contents : Contents
-    clock : str
+    clock
         Name of the source.
-    notes : list of str
+    notes
         Gets notes on the times that are read.
     """
 

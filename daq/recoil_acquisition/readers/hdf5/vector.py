@@ -43,13 +43,10 @@ class Hdf5Vector:
 
     Attributes
     ----------
-    path : Path
-    name : str
+    name
         Its full name in the file.
-    axis : int
+    axis
         The axis that has more than one entry; the others have one.
-    shape : tuple of int
-    dtype : dtype
     """
 
     path: Path
@@ -85,9 +82,9 @@ class Room:
 
     Parameters
     ----------
-    path : Path
+    path
         For messages.
-    size : int
+    size
         Bytes of the file.
     """
 
@@ -125,9 +122,7 @@ def vector_of(path: Path, dataset: Any, file_size: int) -> Hdf5Vector | str:
 
     Parameters
     ----------
-    path : Path
-    dataset : h5py.Dataset
-    file_size : int
+    file_size
         Bytes of the file.
     """
     dtype, shape = dataset.dtype, dataset.shape

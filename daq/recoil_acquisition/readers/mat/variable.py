@@ -16,11 +16,9 @@ class MatVariable:
 
     Attributes
     ----------
-    name : str
-    count : int
-    dtype : dtype
+    dtype
         As stored in MATLAB's workspace.
-    load : callable
+    load
         Reads all of it, shape (count,).
     """
 
@@ -36,16 +34,15 @@ class MatContents:
 
     Attributes
     ----------
-    version : str
-    header : str
+    header
         Its descriptive text.
-    vectors : tuple of MatVariable
+    vectors
         With two samples or more.
-    scalars, texts : dict
+    scalars, texts
         Single numbers and rows of characters.
-    left_out : tuple of str
+    left_out
         What is neither, with the reason.
-    incomplete : str
+    incomplete
         How it shows that the file was cut off.
     """
 

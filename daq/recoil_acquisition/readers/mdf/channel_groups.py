@@ -56,18 +56,17 @@ class MdfChannel:
 
     Attributes
     ----------
-    at : int
+    at
         Address of the block.
-    name : str
-    kind, sync, data_type : int
+    kind, sync, data_type
         Type of channel, of what it synchronises over, and of its data, as numbered by the standard.
-    bit, byte, bits : int
+    bit, byte, bits
         First bit, in the first byte of a record, and number of bits.
-    flags, invalid_at : int
+    flags, invalid_at
         The bit of the invalidation bytes that says that a sample is not valid, where a flag says that there is one.
-    conversion_at, data_at, unit_at, comment_at : int
+    conversion_at, data_at, unit_at, comment_at
         Addresses of its conversion, of its samples of variable length and of texts, or 0.
-    is_composed : bool
+    is_composed
         Whether it is a structure or an array.
     """
 
@@ -94,11 +93,11 @@ class DataGroup:
 
     Attributes
     ----------
-    at, data_at : int
+    at, data_at
         Addresses of the block and of its records.
-    id_bytes : int
+    id_bytes
         Size of the number before each record that says of which group it is; 0 if there is one group alone.
-    unpacked : int
+    unpacked
         Bytes that its packed blocks state that they unpack to, as far as they can; 0 of the head of a file.
     """
 
@@ -114,18 +113,17 @@ class ChannelGroup:
 
     Attributes
     ----------
-    at : int
+    at
         Address of the block.
-    stored : DataGroup
+    stored
         Where the records are.
-    record_id, count, flags : int
-    width, invalidation_width : int
+    width, invalidation_width
         Bytes of a record, and of its invalidation bits behind them.
-    channels : tuple of Channel
+    channels
         Each structure is followed by its parts.
-    channel_count : int
+    channel_count
         Channels beside the time, parts of structures not counted.
-    name_at : int
+    name_at
         Address of its name, or 0.
     """
 
@@ -167,9 +165,9 @@ def iter_groups(data: Any, *, strict: bool = True) -> Iterator[ChannelGroup]:
 
     Parameters
     ----------
-    data : bytes or mmap
+    data
         All of a file, or its head.
-    strict : bool
+    strict
         Whether the data are all of a file: a chain that leaves them is an error then, and groups of a bus are checked;
         of a head it is the end of what can be read.
 

@@ -53,10 +53,9 @@ def whole_numbers(content: bytes, records: Records, channel: MdfChannel) -> NDAr
 
     Parameters
     ----------
-    content : bytes
+    content
         All of the file.
-    records : Records
-    channel : Channel
+    channel
         Stored in the records, or virtual.
 
     Raises

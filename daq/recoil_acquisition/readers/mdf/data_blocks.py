@@ -39,9 +39,9 @@ class DataBlocks:
 
     Parameters
     ----------
-    content : bytes
+    content
         The whole file.
-    open_at : int
+    open_at
         Address of a block whose recorder did not write its length: it reaches to the next block, or the file's end.
     """
 

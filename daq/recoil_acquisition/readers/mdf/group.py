@@ -20,13 +20,7 @@ Kept = NDArray[np.int64] | None
 
 
 class StoredGroups:
-    """Channel groups whose records are stored together.
-
-    Parameters
-    ----------
-    path : Path
-    groups : tuple of ChannelGroup
-    """
+    """Channel groups whose records are stored together."""
 
     def __init__(self, path: Path, groups: tuple[ChannelGroup, ...]) -> None:
         self._path, self._groups = path, groups
@@ -59,16 +53,7 @@ class StoredGroups:
 
 @dataclass(frozen=True, eq=False)
 class NumberChannel:
-    """A channel of numbers.
-
-    Attributes
-    ----------
-    stored : StoredGroups
-    group : ChannelGroup
-    channel : Channel
-    conversion : NumberConversion
-    kept : Kept
-    """
+    """A channel of numbers."""
 
     stored: StoredGroups
     group: ChannelGroup

@@ -59,7 +59,7 @@ def is_bus_logging(head: bytes) -> bool:
 
     Parameters
     ----------
-    head : bytes
+    head
         The first `recoil_acquisition.readers.head.HEAD_BYTES` bytes, or all of the file.
     """
     groups = list(iter_groups(head, strict=False)) if is_mdf4(head) else []

@@ -27,16 +27,15 @@ def time_of_group(
 
     Parameters
     ----------
-    content : bytes
+    content
         All of the file.
-    records : Records
+    records
         Of the group.
-    clock : str
+    clock
         Name of the source.
-    start : AbsoluteStart or None
-    notes : list of str
+    notes
         Gets notes on the stamps.
-    label : str
+    label
         Of the group, for messages.
     """
     group = records.group

@@ -30,9 +30,8 @@ class NumberConversion:
 
     Attributes
     ----------
-    kind : int
+    kind
         As the standard numbers them.
-    values : tuple of float
     """
 
     kind: int
@@ -79,9 +78,8 @@ def number_conversion(content: bytes, channel: MdfChannel) -> NumberConversion |
 
     Parameters
     ----------
-    content : bytes
+    content
         All of the file.
-    channel : Channel
     """
     try:
         kind, values = conversion_values(content, channel)

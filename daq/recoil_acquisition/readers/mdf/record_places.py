@@ -29,9 +29,9 @@ def record_places(
     Parameters
     ----------
     data : ndarray of uint8, shape (n_bytes,)
-    strides : mapping of int to int
+    strides
         By the number of a channel group, the bytes of its records with the number; 0 if each begins with its length.
-    id_bytes : int
+    id_bytes
         Size of the number.
 
     Returns

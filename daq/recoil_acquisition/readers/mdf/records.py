@@ -39,12 +39,11 @@ class Records:
 
     Attributes
     ----------
-    group : ChannelGroup
     rows : ndarray of uint8, shape (n_records, width)
         With the invalidation bytes; empty for a group of variable length.
-    samples : VariableSamples or None
+    samples
         Those of a group of variable length.
-    last_at : int
+    last_at
         Where the last one begins in the data that several groups share; -1 if there is none, or one group alone.
     """
 
@@ -123,7 +122,7 @@ class VariableSamples:
         Parameters
         ----------
         offsets : ndarray of uint64, shape (n,)
-        most : int
+        most
             Bytes of the longest sample that is taken.
 
         Returns
@@ -195,9 +194,9 @@ def split(data: NDArray[np.uint8], groups: Sequence[ChannelGroup], *, counted: b
     Parameters
     ----------
     data : ndarray of uint8, shape (n_bytes,)
-    groups : sequence of ChannelGroup
+    groups
         All groups that are stored together.
-    counted : bool
+    counted
         Whether the number of records is written where a group is stored alone; if not, and where several groups are
         stored together, there are as many as the data hold.
 

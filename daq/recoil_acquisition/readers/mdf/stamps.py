@@ -21,9 +21,8 @@ def times_ns(content: bytes, records: Records) -> tuple[NDArray[np.int64], NDArr
 
     Parameters
     ----------
-    content : bytes
+    content
         All of the file.
-    records : Records
 
     Returns
     -------

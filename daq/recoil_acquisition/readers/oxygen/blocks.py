@@ -75,7 +75,7 @@ class SampleBlocks:
 
     Attributes
     ----------
-    kind : int
+    kind
         `SYNC` or `ASYNC`.
     offset, length : ndarray of int64, shape (n_blocks,)
         First byte and number of bytes of each payload.
@@ -96,20 +96,18 @@ class BlockIndex:
 
     Attributes
     ----------
-    path : Path
-    version : int
+    version
         Of the format, from the file's head.
-    library : str
+    library
         The writer's name and version.
-    configs : tuple of TextBlock
+    configs
         Blocks of type 1.
-    texts : tuple of TextBlock
+    texts
         Blocks of type 9.
-    samples : dict of int to SampleBlocks
+    samples
         By segment, level 0 only.
-    incomplete : str
+    incomplete
         How it shows that the file was not finished; empty if it was.
-    notes : tuple of str
     """
 
     path: Path

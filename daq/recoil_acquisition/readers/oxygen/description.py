@@ -23,11 +23,9 @@ class Description:
 
     Attributes
     ----------
-    segments : mapping of int to SegmentSetup
-    setup : Setup
+    setup
         The last one.
-    events : list of Event
-    start : AbsoluteStart or None
+    start
         Of the acquisition.
     """
 

@@ -70,13 +70,11 @@ class SampleLayout:
 
     Attributes
     ----------
-    path : Path
-    blocks : SampleBlocks
-    sample_format : str
+    sample_format
         A key of `WIDTHS`.
-    offset, stride : int
+    offset, stride
         Bytes within a synchronous block.
-    is_packed : bool
+    is_packed
         Whether payloads are LZ4.
     """
 
@@ -176,9 +174,9 @@ def cut_to_windows(blocks: SampleBlocks, windows: list[tuple[int, int]]) -> Piec
 
     Parameters
     ----------
-    blocks : SampleBlocks
+    blocks
         They must not overlap.
-    windows : list of (first, end)
+    windows
         Ticks, the end excluded, in order.
     """
     parts = []
@@ -210,11 +208,11 @@ class StampedPieces:
     Attributes
     ----------
     block : ndarray of int64, shape (n_pieces,)
-    chosen : tuple of slice or ndarray
+    chosen
         Per piece, which samples of the block belong to the channel.
     ends : ndarray of int64, shape (n_pieces,)
         How many samples there are up to the end of a piece.
-    met, repeated, backward : int
+    met, repeated, backward
         Samples within the windows, and those of them that are left out for their stamps.
     """
 

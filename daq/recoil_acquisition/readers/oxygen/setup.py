@@ -33,17 +33,15 @@ class ChannelSetup:
 
     Attributes
     ----------
-    name, unit : str
-    frequency : str
+    frequency
         ``SYNC`` or ``ASYNC``.
-    sample_format : str
-    frequency_hz : float
+    frequency_hz
         Of its time base; NaN if it is not stated.
-    gain, offset : float
+    gain, offset
         From stored numbers to its unit.
-    segment, bit_offset, bit_stride : int
+    segment, bit_offset, bit_stride
         Where its samples are in a block.
-    refused : str
+    refused
         Why it cannot be decoded; empty if it can.
     """
 

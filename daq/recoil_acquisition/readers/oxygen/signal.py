@@ -34,12 +34,11 @@ class Signal:
 
     Attributes
     ----------
-    setup : ChannelSetup
-    layout : SampleLayout
+    layout
         Of its samples in their blocks.
-    pieces : Pieces or StampedPieces
+    pieces
         Of the blocks, within the storing windows.
-    is_gapless : bool
+    is_gapless
         Whether no sample is missing between the first and the last one.
     """
 
@@ -77,17 +76,13 @@ def signal_of(
 
     Parameters
     ----------
-    name : str
-    channel : ChannelSetup
-    index : BlockIndex
-    segments : mapping of int to SegmentSetup
-    windows : Windows
+    windows
         In which samples were to be stored.
-    file : binary file
+    file
         The same file, opened: the stamps of asynchronous samples are read.
-    notes : list of str
+    notes
         Gets what is missing.
-    is_shared : bool
+    is_shared
         Whether other channels are in the same blocks.
 
     Raises

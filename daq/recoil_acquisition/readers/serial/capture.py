@@ -91,16 +91,7 @@ def _reads(source: CapturedSource) -> Iterator[tuple[int, bytes | None]]:
 
 
 class SerialRecording(Recording):
-    """One opened capture.
-
-    Parameters
-    ----------
-    path : Path
-    reader : str
-    capture : PortStream
-    framing : Framing
-    clock : str
-    """
+    """One opened capture."""
 
     def __init__(self, path: Path, reader: str, capture: PortStream, framing: Framing, clock: str) -> None:
         self.path = path

@@ -24,7 +24,7 @@ def back_dated(
         Byte of the stream behind each read.
     frame_ends : ndarray of int64, shape (n_frames,)
         Byte of the stream behind each frame.
-    byte_s : float
+    byte_s
         How long a byte takes on the line; 0 to leave the frames at their read.
 
     Returns
@@ -55,7 +55,7 @@ def without_steps(
         Stamps of the device in the order of the frames.
     host_s : ndarray of float64, shape (n_frames,)
         The host's, as `back_dated` gives them; frames without either are not compared.
-    host_zero_ns : int
+    host_zero_ns
         The host's clock at its time zero.
     counts : ndarray of int64, shape (n_frames,), or None
         The frames' packet counter, unwrapped.

@@ -58,8 +58,7 @@ class TdmsChannel:
 
     Attributes
     ----------
-    path : Path
-    group, name : str
+    group, name
         Of the channel in the file.
     """
 

@@ -33,14 +33,13 @@ class ColumnStore:
 
     Parameters
     ----------
-    block : Block
-    seconds : callable, optional
+    seconds
         Turns the cells of the column of stamps into numbers; ValueError with the row as ``args[1]``.
-    stamp_column : int, optional
+    stamp_column
         The column of stamps.
-    text_columns : sequence of int
+    text_columns
         Further columns that hold no numbers; they are NaN.
-    remedy : str, optional
+    remedy
         What the user can do where a stamp cannot be read.
     """
 

@@ -97,11 +97,6 @@ def rate_from_stamps(seconds: Times, resolution_s: float) -> tuple[float, tuple[
     Row ``i`` is stamped at ``t0 + i / rate``, cut or rounded to the resolution. A rate agrees if
     ``stamp - i / rate`` stays within one resolution over all rows.
 
-    Parameters
-    ----------
-    seconds : Times
-    resolution_s : float
-
     Returns
     -------
     rate_hz : float

@@ -18,7 +18,7 @@ class NumberFile:
 
     Parameters
     ----------
-    path : Path
+    path
         The file whose numbers are kept, for messages.
 
     Raises

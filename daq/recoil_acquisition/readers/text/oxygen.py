@@ -49,16 +49,15 @@ class Reading:
 
     Attributes
     ----------
-    separator : str
-    header_row : int
+    header_row
         Index of its line.
-    first_row : int
+    first_row
         Index of the first row of numbers.
-    headings : tuple of (str, str)
+    headings
         Name and unit of each column.
-    absolute : bool
+    absolute
         Whether the first column holds stamps.
-    rows : tuple of tuple of str
+    rows
         Cells of the first rows.
     """
 

@@ -31,19 +31,17 @@ def text_recording(
 
     Parameters
     ----------
-    reader : str
+    reader
         Name of the reader.
-    block : Block
+    block
         Where the numbers are.
-    clock : str
+    clock
         Name of the source.
-    headings : sequence of (str, str)
+    headings
         Name and unit of every column of the block.
-    time : TimeSource
-    metadata : mapping
-    text_columns : sequence of int
+    text_columns
         Columns that hold no numbers; they are left out, as is the column of time.
-    notes : sequence of str
+    notes
         What the reader has to say already.
     """
     left_out = {time.column, *text_columns}

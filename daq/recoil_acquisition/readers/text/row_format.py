@@ -14,19 +14,17 @@ class RowFormat:
 
     Attributes
     ----------
-    path : Path
+    path
         The file, for messages.
-    encoding : str
+    encoding
         Of the rows' bytes.
-    separator : str
-    columns : tuple of str
+    columns
         Names of the columns, for messages.
-    width : int
+    width
         Number of cells per row: one more than there are columns where rows end with a separator.
-    decimal_comma : bool
-    missing : tuple of str
+    missing
         Further texts, or numbers, that stand for a lost sample.
-    comment : str
+    comment
         What begins a line that is no row; empty if there are none.
     """
 

@@ -17,8 +17,7 @@ class RowParser:
 
     Parameters
     ----------
-    rows : RowFormat
-    text_columns : sequence of int
+    text_columns
         Columns that are text; their numbers are NaN.
     """
 
@@ -36,11 +35,11 @@ class RowParser:
 
         Parameters
         ----------
-        parts : callable
+        parts
             Gives complete rows in parts, each row ended by ``\n``; called again for another attempt.
-        line : int
+        line
             Number of the first one's line, from 1.
-        count : int
+        count
             How many there are.
 
         Returns

@@ -33,10 +33,9 @@ class RowStream:
 
     Parameters
     ----------
-    rows : RowFormat
-    text_columns : sequence of int
+    text_columns
         Columns that are text; their numbers are NaN.
-    lost : bool
+    lost
         Whether cells may stand for lost samples. Without, such rows are refused, and others are read
         sooner because no cell is looked up among the spellings of a lost one.
     """
@@ -51,9 +50,9 @@ class RowStream:
 
         Parameters
         ----------
-        parts : iterator of bytes
+        parts
             Complete rows in parts, each row ended by ``\n``; a ``\r`` before it belongs to its last cell, as space.
-        count : int
+        count
             How many rows there are.
         """
         every_row = self._lost or bool(self._text_columns)

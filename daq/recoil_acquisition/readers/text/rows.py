@@ -38,8 +38,7 @@ def iter_rows(block: TextBlock, *, named: bool = False) -> Iterator[tuple[slice,
 
     Parameters
     ----------
-    block : Block
-    named : bool
+    named
         Whether the first column is text; its numbers are NaN.
 
     Yields

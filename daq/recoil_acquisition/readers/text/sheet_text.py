@@ -40,8 +40,7 @@ class Sheet:
 
     Attributes
     ----------
-    name : str
-    text : str
+    text
         Its rows from the first one on, each with its line end; cells without a value are empty.
     """
 

@@ -19,12 +19,11 @@ def parse_strictly(
 
     Parameters
     ----------
-    rows : RowFormat
-    text : bytes
+    text
         Complete rows, each ended by ``\n``.
-    line : int
+    line
         Number of the first one's line, from 1.
-    text_columns : sequence of int
+    text_columns
         Columns that are text; their numbers are NaN.
 
     Returns

@@ -34,11 +34,10 @@ class RowRange:
 
     Attributes
     ----------
-    start, stop : int
+    start, stop
         Bytes of the file.
-    line : int
+    line
         Number of the first row's line, from 1.
-    rows : int
     """
 
     start: int
@@ -53,20 +52,17 @@ class TextBlock:
 
     Attributes
     ----------
-    file : Text
-    start, stop : int
+    start, stop
         Bytes of the complete rows; ``stop`` lies before the last row's line end.
-    first_line : int
+    first_line
         Number of the first row's line in the file, from 1.
-    separator : str
-    columns : tuple of str
+    columns
         Names of the columns, for messages.
-    decimal_comma : bool
-    dropped : str
+    dropped
         Why a last row was left out; empty if none was.
-    missing : tuple of str
+    missing
         Further texts, or numbers, that stand for a lost sample.
-    comment : str
+    comment
         What begins a line that is no row; empty if there are none.
     """
 

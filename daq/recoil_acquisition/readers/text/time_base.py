@@ -34,23 +34,23 @@ class TimeSource:
 
     Attributes
     ----------
-    column : int or None
+    column
         Column of time; None where the rate alone is declared.
-    unit_s : float or None
+    unit_s
         Unit of a relative time; None if the column holds stamps, or there is none.
-    parse : callable or None
+    parse
         Reads a stamp.
-    rate_hz : float or None
+    rate_hz
         Sample rate that the file or the rig states.
-    rate_origin : str
+    rate_origin
         What states it.
-    start : AbsoluteStart or None
+    start
         Start that the file states apart from the column.
-    origin : str
+    origin
         Where stamps were read.
-    wraps : bool
+    wraps
         Whether stamps are times of day, which begin anew at midnight.
-    remedy : str
+    remedy
         What the user can do if the time cannot be used.
     """
 
@@ -70,9 +70,7 @@ class PrintedColumn:
 
     Parameters
     ----------
-    columns : ColumnStore
-    column : int
-    unit_s : float
+    unit_s
         Unit of the print.
     """
 

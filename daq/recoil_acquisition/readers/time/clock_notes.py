@@ -14,8 +14,7 @@ def notes_of_clock(fit: ClockFit, whose: str) -> list[str]:
 
     Parameters
     ----------
-    fit : ClockFit
-    whose : str
+    whose
         Whose clock it is: ``interface``, ``device``.
 
     Returns

@@ -43,8 +43,7 @@ def uniform_from_printed(
 
     Parameters
     ----------
-    times_s : Times
-    resolution_s : float
+    resolution_s
         The last printed digit.
     numbers : ndarray of int64, shape (n_rows,), optional
         Increasing numbers of the rows; 0, 1, 2 ... if left out.
@@ -73,8 +72,6 @@ def start_agreeing(
 
     Parameters
     ----------
-    times_s : Times
-    step_s, resolution_s : float
     numbers : ndarray of int64, shape (n_rows,), optional
         Of the rows; 0, 1, 2 ... if left out.
 

@@ -29,12 +29,11 @@ class Stamp:
 
     Attributes
     ----------
-    second : datetime
+    second
         Without a zone and without a fraction.
-    fraction_ns : int
-    decimals : int
+    decimals
         How many were printed.
-    zone : str
+    zone
         ``UTC``, an offset such as ``+02:00``, or ``unknown``.
     """
 
@@ -114,13 +113,12 @@ class Stamps:
 
     Parameters
     ----------
-    parse : callable
+    parse
         Of a cell to a `Stamp`; ValueError if it is none.
 
     Attributes
     ----------
-    first : Stamp or None
-    resolution_s : float
+    resolution_s
         The last printed digit.
     """
 

@@ -39,10 +39,9 @@ def read_track_table(file: TextFile, reader: str, declared_hz: float | None) -> 
 
     Parameters
     ----------
-    file : TextFile
-    reader : str
+    reader
         Name of the format's reader.
-    declared_hz : float or None
+    declared_hz
         The frame rate that the rig declares.
 
     Raises

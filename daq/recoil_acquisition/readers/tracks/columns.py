@@ -32,15 +32,15 @@ class Column:
 
     Attributes
     ----------
-    kind : str
+    kind
         ``frame``, ``time``, ``position``, ``angle``, ``score`` (how sure the tracking is) or ``derived``.
-    name : str
+    name
         Its heading without the unit.
-    unit : str
+    unit
         As the file spells it; empty if it states none.
-    feature : str
+    feature
         The feature whose coordinate, angle or score it is; may be empty.
-    axis : str
+    axis
         ``X``, ``Y`` or ``Z`` of a position.
     """
 
@@ -74,9 +74,9 @@ def columns_from_headings(rows: Sequence[Sequence[str]], width: int) -> tuple[Co
 
     Parameters
     ----------
-    rows : sequence of sequence of str
+    rows
         Cells of the header's last rows, from top to bottom.
-    width : int
+    width
         Number of columns of numbers.
 
     Returns

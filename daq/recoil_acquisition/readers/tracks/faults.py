@@ -44,9 +44,8 @@ class TrackFaults:
 
     Attributes
     ----------
-    repeated_frames : tuple of int
+    repeated_frames
         Frame numbers at which every feature is exactly where it was in the frame before.
-    notes : tuple of str
     """
 
     repeated_frames: tuple[int, ...]

@@ -32,10 +32,8 @@ class FrameClock:
     ----------
     numbers : ndarray of int64, shape (n_frames,)
         Strictly increasing.
-    rate_hz : float
-    start_s : float
+    start_s
         Time of frame number 0 as the file's time column has it; 0 without one.
-    notes : tuple of str
     """
 
     numbers: NDArray[np.int64]
@@ -56,16 +54,11 @@ def frame_clock(
 
     Parameters
     ----------
-    block : Block
+    block
         The numbers as printed.
     values : ndarray of float64, shape (n_frames, n_columns)
-    columns : sequence of Column
-    declared_hz : float or None
+    declared_hz
         The frame rate that the rig declares.
-
-    Returns
-    -------
-    FrameClock
 
     Raises
     ------
@@ -92,9 +85,9 @@ def counted_clock(numbers: NDArray[np.int64], declared_hz: float | None, path: P
     ----------
     numbers : ndarray of int64, shape (n_frames,)
         Strictly increasing.
-    declared_hz : float or None
+    declared_hz
         The frame rate that the rig declares.
-    path : Path
+    path
         The file, for the message.
 
     Raises

@@ -25,9 +25,7 @@ class HeadedText:
 
     Attributes
     ----------
-    file : LongText
-    separator : str
-    rows : tuple of sequence of str
+    rows
         Cells of the first rows, those of the header and some of the numbers.
     """
 
@@ -40,10 +38,9 @@ class HeadedText:
 
         Parameters
         ----------
-        labels : sequence of str
+        labels
             Names of the columns, for messages.
-        header_rows : int
-        text_columns : int
+        text_columns
             First columns that hold no numbers, and so say nothing about the decimal mark.
 
         Raises

@@ -34,18 +34,13 @@ class TrackTable(ReadOnlyArrays):
 
     Attributes
     ----------
-    path : Path
-    reader : str
+    reader
         Name of the format's reader.
-    columns : tuple of Column
     values : ndarray of float64, shape (n_frames, n_columns)
         In the file's units; NaN where the file has no number.
-    clock : FrameClock
-    metadata : mapping
-    notes : tuple of str
-    incomplete : str
+    incomplete
         How it shows that the file was cut off; empty if nothing shows that.
-    minus_one_is_lost : bool
+    minus_one_is_lost
         Whether a feature whose coordinates are all exactly -1 is lost.
     """
 
@@ -106,9 +101,8 @@ def track_recording(table: TrackTable, declared: Declarations) -> Recording:
 
     Parameters
     ----------
-    table : TrackTable
+    table
         Its values are taken over and changed: lost coordinates become NaN.
-    declared : Declarations
 
     Raises
     ------

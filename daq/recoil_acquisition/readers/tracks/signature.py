@@ -77,7 +77,7 @@ def signature(lines: Sequence[str]) -> str:
 
     Parameters
     ----------
-    lines : sequence of str
+    lines
         The file's first lines.
 
     Returns

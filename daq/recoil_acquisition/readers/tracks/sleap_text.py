@@ -123,13 +123,12 @@ def _paths(
     Parameters
     ----------
     values : ndarray of float64, shape (n_rows, n_columns)
-    kept : sequence of int
+    kept
         Columns that are taken.
     row, animal : ndarray of intp, shape (n_rows,)
         Frame and animal of each row.
-    shape : tuple of int
+    shape
         Number of frames and of animals.
-    block : Block
 
     Returns
     -------

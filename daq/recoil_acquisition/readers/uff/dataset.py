@@ -35,24 +35,16 @@ class UffDataset:
 
     Attributes
     ----------
-    at, data_at, data_end : int
+    at, data_at, data_end
         Bytes where it begins, where its values begin and end.
-    binary : bool
-    big_endian : bool
-    lines : tuple of str
+    lines
         The eleven lines of its header.
-    function, direction, node : int
-    entity : str
-    ordinate : int
+    ordinate
         `SINGLE` or `DOUBLE`, or a complex type.
-    count : int
-    even : bool
-    start, step : float
+    start, step
         Of an even abscissa, in its unit.
-    abscissa_kind : int
-    abscissa_unit, unit, label : str
+    abscissa_unit, unit, label
         Empty for ``NONE``.
-    stated_bytes : int
     """
 
     at: int

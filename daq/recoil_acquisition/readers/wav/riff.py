@@ -28,13 +28,12 @@ class SoundFormat:
 
     Attributes
     ----------
-    code : int
+    code
         `PCM` or `FLOAT`, or one that is not covered.
-    channels, bits, frame_bytes : int
+    channels, bits, frame_bytes
         ``bits`` are those of the container of one sample.
-    valid_bits : int
+    valid_bits
         Those that carry the value, at the upper end of the container.
-    rate_hz : int
     """
 
     code: int

@@ -91,7 +91,7 @@ def fit_noise(pieces: Sequence[Array], most_order: int = MOST_ORDER) -> Autoregr
     ----------
     pieces : sequence of ndarray, shape (n_i,)
         Consecutive samples of mean zero each, with gaps of any length between the pieces.
-    most_order : int
+    most_order
         No more than every `SAMPLES_PER_COEFFICIENT`-th sample allows is tried.
 
     Raises
@@ -139,7 +139,6 @@ def long_run_variance(scores: Sequence[Array], most_order: int = MOST_ORDER) -> 
     ----------
     scores : sequence of ndarray, shape (n_i,)
         Pieces; their mean is zero.
-    most_order : int
     """
     noise = fit_noise(scores, most_order)
     samples = sum(score.size for score in scores)
@@ -152,7 +151,7 @@ def newey_west(scores: Array, lags: int) -> Array:
     Parameters
     ----------
     scores : ndarray, shape (n, n_parameters)
-    lags : int
+    lags
         Up to which neighbours are taken for correlated.
 
     Returns

@@ -29,11 +29,9 @@ class CameraTrack(ReadOnlyArrays):
     ----------
     times_s, positions_m : ndarray, shape (n,)
         Frames of the motion that have a position and agree with their neighbours, on the force's clock.
-    release_s : float
-    rest_m : float
+    rest_m
         Mean of the frames before the release; NaN without any.
-    rest_frames : int
-    set_aside : int
+    set_aside
         Frames that contradict their neighbours.
     """
 
@@ -54,8 +52,7 @@ class CameraTrack(ReadOnlyArrays):
         ----------
         frame_times_s, displacement_m : ndarray, shape (n_frames,)
             Strictly increasing; lost frames NaN.
-        release_s, end_s : float
-        rough : DoubleIntegral
+        rough
             Of roughly the motion's acceleration, to see which frames contradict their neighbours.
 
         Raises
@@ -104,7 +101,7 @@ class CameraTrack(ReadOnlyArrays):
         Parameters
         ----------
         columns : ndarray, shape (n, n_columns)
-        density_ratio : float
+        density_ratio
             Of the walk over the marker's variance, 1/s^3.
 
         Returns

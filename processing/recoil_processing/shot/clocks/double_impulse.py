@@ -47,28 +47,27 @@ class DoubleImpulseMass(ReadOnlyArrays):
 
     Attributes
     ----------
-    mass_kg, u_kg : float
+    mass_kg, u_kg
         And its standard uncertainty by the random errors of camera and force.
-    u_shift_kg, u_zero_kg : float
+    u_shift_kg, u_zero_kg
         By what was known of the clocks' offset and of the zero beforehand.
-    start_m : float
+    start_m
         x0.
-    velocity_m_s, zero_m_s2, shift_s : float
+    velocity_m_s, zero_m_s2, shift_s
         v0, c and tau; 0 where they were held.
-    marker_sigma_m : float
+    marker_sigma_m
         Standard deviation of the marker's noise.
-    density : float
+    density
         Of the walk, (m/s^2)^2/Hz, two-sided.
-    inflation : float
+    inflation
         Of the density over that of the force's noise.
     residuals : ndarray, shape (n,)
         Of the independent rows, over the marker's noise.
     sensitivities_kg : ndarray, shape (n_perturbations,)
         By how much the mass is too large if the force is by one of the perturbations.
-    scale_sensitivity_kg : float
+    scale_sensitivity_kg
         By how much per relative error of the displacement's scale.
-    frames, set_aside : int
-    u_shift_s : float
+    u_shift_s
         Standard uncertainty of `shift_s`, with what was known of it; 0 where it was held.
     force_errors : ndarray, shape (n_errors,)
         Of the force, as the camera track and what was known of them say.
@@ -126,25 +125,25 @@ def double_impulse_mass(
     ----------
     frame_times_s, displacement_m : ndarray, shape (n_frames,)
         On the force's clock, strictly increasing; lost frames NaN.
-    start_s, step_s : float
+    start_s, step_s
         Time base of the force.
     force_n : ndarray, shape (n,)
         Finite, zero before the release.
     other_m_s2 : ndarray, shape (n,), optional
         The displacement's acceleration that is no force over mass, zero before the release.
-    release_s : float
+    release_s
         From when on the part is free.
-    end_s : float
+    end_s
         Up to when frames are used.
-    rough_mass_kg : float
+    rough_mass_kg
         To a few percent.
-    force_sigma_n : float
+    force_sigma_n
         White noise of the force per sample.
-    u_shift_s, u_velocity_m_s, u_zero_m_s2 : float
+    u_shift_s, u_velocity_m_s, u_zero_m_s2
         Standard uncertainties of tau, v0 and c, which are zero to this; 0 to hold them, infinite to free them.
-    levels : (float, float), optional
+    levels
         Marker's noise in m and the walk's density, if they are known; otherwise the likeliest.
-    least_levels : (float, float)
+    least_levels
         What they are never taken to be better than.
     perturbations_n : ndarray, shape (n, n_perturbations), optional
         Errors that the force may have, finite, zero before the release.

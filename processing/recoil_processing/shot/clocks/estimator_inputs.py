@@ -50,7 +50,7 @@ class ForceErrors(ReadOnlyArrays):
     ----------
     per_unit : ndarray, shape (n, 4)
         Of each gauge per relative error, and of the friction per newton.
-    zeros, clocks : sequence of (str, ndarray)
+    zeros, clocks
         Source and error of one standard uncertainty, shape (n,); two errors per clock, one in each direction.
     """
 
@@ -66,15 +66,7 @@ class ForceErrors(ReadOnlyArrays):
 
 @dataclass(frozen=True, eq=False)
 class EstimatorInputs:
-    """Both sides of one shot, and what every estimator takes of them.
-
-    Attributes
-    ----------
-    filtered, recorded : Regression
-    signals : Signals
-    shot : Shot
-    rig : Rig
-    """
+    """Both sides of one shot, and what every estimator takes of them."""
 
     filtered: Regression
     recorded: Regression

@@ -56,15 +56,13 @@ def align_by_force(
 
     Parameters
     ----------
-    shot : Shot
-    rig : Rig
-    own : Channel
+    own
         The camera's displacement.
-    other : Channel
+    other
         The breech pressure, on the reference clock.
-    drift_allowance : float
+    drift_allowance
         Standard uncertainty of the clocks' rate ratio before the record is seen.
-    found : mapping of str to ClockAlignment
+    found
         The clocks aligned so far: brake and recuperator may be on one of them.
     """
     clock = own.time_base.clock
@@ -121,10 +119,9 @@ def refined(
 
     Parameters
     ----------
-    forced : ForcedRecoil
     times_s, positions_m : ndarray, shape (n_frames,)
         On the camera's clock.
-    offset_s, drift : float
+    offset_s, drift
         To begin with; the drift is kept.
 
     Raises

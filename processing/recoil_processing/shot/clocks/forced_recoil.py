@@ -53,12 +53,9 @@ class ForcedRecoil(ReadOnlyArrays):
 
     Attributes
     ----------
-    shot, rig : Shot, Rig
-    signals : Signals
-    motion : AngularMotion
-    recorded : Regression
+    recorded
         The forces; its acceleration is zero throughout, for none was measured.
-    mass_kg : float
+    mass_kg
         Over which the forces are the acceleration.
     acceleration_m_s2 : ndarray, shape (n,)
         Second derivative of the travel, lost samples of the forces bridged.
@@ -86,7 +83,7 @@ class ForcedRecoil(ReadOnlyArrays):
         Parameters
         ----------
         shot, rig, signals
-        mass_kg : float, optional
+        mass_kg
             The specification mass if left out.
         velocity_m_s : ndarray, shape (n,), optional
             Of recoil, whose sign is that of the friction; the one that the forces give if left out.
@@ -140,7 +137,7 @@ class ForcedRecoil(ReadOnlyArrays):
 
         Parameters
         ----------
-        found : DoubleImpulseMass
+        found
             Of `camera_track_mass`.
         """
         r, errors = self.recorded, found.force_errors
@@ -169,11 +166,11 @@ class ForcedRecoil(ReadOnlyArrays):
         ----------
         frame_times_s, displacement_m : ndarray, shape (n_frames,)
             On the reference clock; lost frames NaN.
-        u_shift_s : float
+        u_shift_s
             What is known of these times beforehand; infinite for nothing.
         further_n : ndarray, shape (n, n_errors), optional
             Errors of the force beyond its scales, each of one standard uncertainty.
-        levels : (float, float), optional
+        levels
             As of `double_impulse_mass`.
 
         Raises

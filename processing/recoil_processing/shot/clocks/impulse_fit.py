@@ -42,9 +42,9 @@ class ImpulseFit(ReadOnlyArrays):
         And to one standard uncertainty of what was known of each unknown.
     residuals : ndarray, shape (n_rows,)
         Over the marker's noise.
-    sigma, density : float
+    sigma, density
         Marker's noise, m, and the walk's density, (m/s^2)^2/Hz.
-    log_likelihood : float
+    log_likelihood
         Up to a constant.
     """
 
@@ -63,12 +63,10 @@ class ImpulseFit(ReadOnlyArrays):
 
         Parameters
         ----------
-        track : CameraTrack
         table : ndarray, shape (n, n_unknowns + 1)
             Columns of the unknowns, and the positions as the last.
         priors : ndarray, shape (n_unknowns,)
             Standard uncertainties, in the columns' scale; infinite where nothing was known.
-        sigma, density : float
         """
         rows, log_determinant = track.whiten(table, density / sigma**2)
         rows /= sigma
@@ -107,11 +105,11 @@ class ImpulseFit(ReadOnlyArrays):
         ----------
         track, table, priors
             As of `of`.
-        sigma : float
+        sigma
             A first guess of the marker's noise.
-        densities : sequence of float
+        densities
             Rising.
-        least_sigma : float
+        least_sigma
             What the marker's noise is never taken to be better than.
 
         Raises

@@ -48,14 +48,11 @@ def align_by_motion(
 
     Parameters
     ----------
-    shot : Shot
-    rig : Rig
-    source : Source
-    against : str
+    against
         Name of the reference clock's channel.
-    drift_allowance : float
+    drift_allowance
         Standard uncertainty of the clocks' rate ratio before the record is seen.
-    found : mapping of str to ClockAlignment
+    found
         The clocks aligned so far: what moves the carriage may be on one of them.
     """
     spec = rig.motion_channel(source)
@@ -109,16 +106,13 @@ def align_by_comparison(
 
     Parameters
     ----------
-    shot : Shot
-    rig : Rig
-    own, other : Channel
+    own, other
         Of the source, and the one of the reference clock that `reference` was made of.
-    reference : tuple
+    reference
         Start, step, and what the source's channel should show but for its gain.
-    drift_allowance : float
-    method : str
+    method
         As it is reported.
-    derivative : bool
+    derivative
         Whether it is the derivative of the source's channel that should.
     """
     one, two = instants(own, shot, rig), instants(other, shot, rig)

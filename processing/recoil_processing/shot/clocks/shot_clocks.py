@@ -37,9 +37,8 @@ def align_clocks(shot: Shot, rig: Rig) -> tuple[ClockAlignment, ...]:
 
     Parameters
     ----------
-    shot : Shot
+    shot
         Assembled, without alignments.
-    rig : Rig
 
     Returns
     -------

@@ -34,11 +34,11 @@ def check_acquisition(
 
     Parameters
     ----------
-    acquisition : Acquisition or None
+    acquisition
         None for files that were recorded otherwise: their own counters are checked all the same.
-    recordings : mapping of str to Recording
+    recordings
         By source.
-    essential : collection of str
+    essential
         Sources that have a channel with a role: what they lose can fail the shot.
 
     Returns
@@ -74,7 +74,7 @@ def check_clock_fits(clock_fits: Mapping[str, Mapping[str, Any]]) -> tuple[Quali
 
     Parameters
     ----------
-    clock_fits : mapping of str to mapping
+    clock_fits
         By source, as `recoil_acquisition.clock_fit.ClockFit.to_json`.
     """
     checks = []

@@ -44,11 +44,6 @@ LEAST_TRAVEL = 100.0
 def check_frames(source: Source, recording: Recording) -> Iterator[QualityCheck]:
     """Check a camera's frames as a whole: its frame rate, its pictures, and marks that sit on one body.
 
-    Parameters
-    ----------
-    source : Source
-    recording : Recording
-
     Yields
     ------
     QualityCheck
@@ -75,11 +70,9 @@ def check_track(
 
     Parameters
     ----------
-    channel : Channel
+    channel
         A displacement of a camera.
-    spec : ChannelSpec
-    source : Source
-    recording : Recording or None
+    recording
         Its recording, where it is at hand: duplicated pictures are then distinguished from a mark that is stuck.
 
     Yields
@@ -108,8 +101,7 @@ def check_fusion(channel: Channel, alignment: ClockAlignment | None) -> Iterator
 
     Parameters
     ----------
-    channel : Channel
-    alignment : ClockAlignment or None
+    alignment
         Of the camera's clock.
 
     Yields
@@ -128,9 +120,9 @@ def rest_after(channel: Channel, alignment: ClockAlignment | None) -> float | No
 
     Parameters
     ----------
-    channel : Channel
+    channel
         The recoil displacement.
-    alignment : ClockAlignment or None
+    alignment
         Of the camera's clock.
 
     Returns

@@ -36,12 +36,9 @@ def check_carriage_by_camera(
 
     Parameters
     ----------
-    shot : Shot
-    rig : Rig
-    recoil : Recoil
-    camera : Channel
+    camera
         Displacement on its own clock.
-    alignment : ClockAlignment or None
+    alignment
         Of that clock.
 
     Yields

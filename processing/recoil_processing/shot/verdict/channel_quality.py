@@ -82,17 +82,15 @@ def check_channel(
 
     Parameters
     ----------
-    channel : Channel
-    rig : Rig
     reference_s : ndarray, shape (n,), or None
         Instants of the samples on the reference clock; None if the channel's clock could not be aligned.
-    onset_s : float or None
+    onset_s
         Onset of force on the reference clock; None if there is none.
-    rest_s : float or None
+    rest_s
         Since when the mechanism rests again, on the reference clock; None if it is not known.
-    counted : bool
+    counted
         Whether a counter shows which frames of the source are missing.
-    driven_m_s2 : float or None
+    driven_m_s2
         Largest acceleration that the breech force gives the recoiling part; None if it was not measured.
 
     Yields

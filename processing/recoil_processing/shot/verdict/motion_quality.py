@@ -60,18 +60,15 @@ class Recoil(ReadOnlyArrays):
 
     Attributes
     ----------
-    signals : Signals
-    motion : AngularMotion
     acceleration : ndarray, shape (n,)
         Of the travel by the accelerometers, lost samples bridged.
-    travel : DoubleIntegral
+    travel
         Of the recoil by the accelerometer, on the reference clock.
-    low_pass : LowPass
-    regression : Regression or None
+    regression
         None where a pressure is missing or nothing recoils.
-    force_problem : str
+    force_problem
         Why there is none although every pressure is there; empty otherwise.
-    sign : (verdict, detail) or None
+    sign
         Of the correlation of force and acceleration; None without a breech pressure.
     """
 
@@ -124,17 +121,10 @@ def check_motion(
 
     Parameters
     ----------
-    shot : Shot
-    rig : Rig
-    recoil : Recoil
-    camera_rest_s : float or None
+    camera_rest_s
         Since when the camera sees the mechanism at rest again, on the reference clock; None if it does not.
-    zero_by_camera : bool
+    zero_by_camera
         Whether the camera shows a shift of the accelerometer's zero; if not, the forces do.
-
-    Yields
-    ------
-    QualityCheck
     """
     accelerometer = shot.by_role("recoil_acceleration")
     if accelerometer is None:
@@ -163,7 +153,6 @@ def check_camera_velocity(recoil: Recoil, times_s: Array, positions_m: Array) ->
 
     Parameters
     ----------
-    recoil : Recoil
     times_s : ndarray, shape (n,)
         Of the frames, on the reference clock.
     positions_m : ndarray, shape (n,)

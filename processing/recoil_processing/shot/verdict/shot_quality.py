@@ -44,12 +44,9 @@ def check_shot(
 
     Parameters
     ----------
-    shot : Shot
-    rig : Rig
-    alignments : sequence of ClockAlignment
-    recordings : mapping of str to Recording
+    recordings
         By source: what their readers noted becomes part of the verdict.
-    on : date
+    on
         Day of the shot, for the calibrations' due dates.
 
     Returns
