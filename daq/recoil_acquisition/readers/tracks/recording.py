@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.quantity import find_unit
-from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
 from recoil_acquisition.readers.recording import Recording, StoredChannel
 from recoil_acquisition.readers.text.cells import unique_names
@@ -29,7 +28,7 @@ LOW_LIKELIHOOD = 0.6
 
 
 @dataclass(frozen=True, eq=False)
-class TrackTable(ReadOnlyArrays):
+class TrackTable:
     """The content of a file of tracks.
 
     Attributes
