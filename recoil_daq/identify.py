@@ -13,7 +13,7 @@ from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store import read_shot
 from recoil_daq import __version__
 from recoil_daq.printed import Printed
-from recoil_daq.report_folder import publish, refuse_existing
+from recoil_daq.report_folder import publish, refuse_existing, refuse_unwritable
 from recoil_identification.analysis import Options, identify_shot
 from recoil_identification.report.document import REPORT_FILE, TRACE_FILE, report_document, write_document, write_trace
 from recoil_identification.report.figures import report_figures
@@ -192,6 +192,7 @@ def identify_file(
     progress("read")
     shot = read_shot(source)
     folder = Path(out) / shot.name
+    refuse_unwritable(folder)
     if not overwrite:
         refuse_existing(folder, (REPORT_FILE, TRACE_FILE, PAGE_NAME))
     rig = parse_rig(shot.rig_text, source, shot.databases or {}, refuse_doubts=False)

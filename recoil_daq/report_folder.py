@@ -38,6 +38,23 @@ def refuse_existing(folder: Path, names: Sequence[str]) -> None:
             )
 
 
+def refuse_unwritable(folder: Path) -> None:
+    """Refuse a folder that cannot be made or written into, before the work that it is for.
+
+    Raises
+    ------
+    StoreError
+        Naming where it would stand.
+    """
+    nearest = next(place for place in (folder.absolute(), *folder.absolute().parents) if place.exists())
+    reason = "Not a directory"
+    if nearest.is_dir():
+        if os.access(nearest, os.W_OK | os.X_OK, effective_ids=os.access in os.supports_effective_ids):
+            return
+        reason = "Permission denied"
+    raise StoreError(f"cannot write here: {reason}", path=folder.parent, remedy="choose --out")
+
+
 def publish(folder: Path, write: Callable[[Path], None]) -> None:
     """Let files be written beside their place, then put them there together.
 

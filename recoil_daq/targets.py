@@ -10,7 +10,7 @@ from typing import Any
 from recoil_acquisition.store import read_shot
 from recoil_daq import __version__
 from recoil_daq.identify import Progress, described
-from recoil_daq.report_folder import publish, refuse_existing
+from recoil_daq.report_folder import publish, refuse_existing, refuse_unwritable
 from recoil_identification.analysis import Options
 from recoil_identification.report.finding import Finding
 from recoil_identification.report.html import render_target_page, write_page
@@ -71,6 +71,7 @@ def identify_targets(
     progress("read")
     shot = read_shot(source)
     folder = Path(out) / shot.name
+    refuse_unwritable(folder)
     if not overwrite:
         refuse_existing(folder, [f"{name}.{suffix}" for name in targets for suffix in ("json", "html", "csv")])
     case = Case(shot, parse_rig(shot.rig_text, source, shot.databases or {}, refuse_doubts=False), options or Options())

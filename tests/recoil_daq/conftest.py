@@ -1,8 +1,10 @@
 """One simulated shot of each bundled rig, shared by all tests of this folder."""
 
+import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import pytest
 from typer.testing import CliRunner, Result
@@ -41,6 +43,27 @@ def stored(field_shot: TwinShot, tmp_path_factory: pytest.TempPathFactory) -> Pa
     )
     assert result.exit_code == 0, result.output
     return out / "0001.h5"
+
+
+class Identified(NamedTuple):
+    """What a command line printed, and the folder of reports that it made; not to be changed."""
+
+    result: Result
+    reports: Path
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """The contents of the shot's ``report.json``."""
+        return json.loads((self.reports / "0001" / "report.json").read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="session")
+def identified(stored: Path, tmp_path_factory: pytest.TempPathFactory) -> Identified:
+    """The field shot's report by the default options."""
+    out = tmp_path_factory.mktemp("identified")
+    result = CliRunner().invoke(app, ["identify", str(stored), "--out", str(out)])
+    assert result.exit_code == 0, result.output
+    return Identified(result, out)
 
 
 @pytest.fixture

@@ -123,10 +123,10 @@ def test_a_folder_that_cannot_be_made_is_refused(run, files, tmp_path):
 
 
 @pytest.fixture
-def ordinary_user(run, stored, tmp_path) -> Iterator[Path]:
+def ordinary_user(identified) -> Iterator[Path]:
     """Be an ordinary user, whom permissions bind, for the test; gives a folder that every user can reach."""
-    # everything that the commands import is imported now: the interpreter may lie where only the superuser reads
-    assert run("identify", stored, "--out", tmp_path / "first").exit_code == 0
+    # everything that the commands import was imported for that: the interpreter may lie where only the superuser reads
+    assert identified.report["valid"]
     folder = Path(tempfile.mkdtemp(prefix="recoil-daq-"))
     folder.chmod(0o755)
     superuser = os.geteuid() == 0
@@ -164,10 +164,13 @@ def test_no_permission_to_read_is_refused(run, files, ordinary_user):
     refused(run("ingest", "field-2013", *copies, "--out", out), out, copies[0].name, "Permission denied")
 
 
-def test_a_report_folder_that_cannot_be_made_is_refused(run, stored, tmp_path):
+@pytest.mark.parametrize("targets", [(), ("--target", "resistance")])
+def test_a_report_folder_that_cannot_be_made_is_refused_before_the_work(run, stored, tmp_path, monkeypatch, targets):
+    monkeypatch.setattr("recoil_daq.identify.identify_shot", lambda *_: pytest.fail("it was identified"))
+    monkeypatch.setattr("recoil_daq.targets.target_function", lambda *_: pytest.fail("it was looked for"))
     (tmp_path / "file").write_text("")
-    result = run("identify", stored, "--out", tmp_path / "file" / "reports")
-    refused(result, tmp_path / "out", "cannot write")
+    result = run("identify", stored, "--out", tmp_path / "file" / "reports", *targets)
+    refused(result, tmp_path / "out", "cannot write", "Not a directory")
 
 
 def test_an_existing_shot_file_is_kept(run, files, tmp_path):

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -83,15 +84,12 @@ def test_ingest_as_json_is_one_document(run, field_shot: TwinShot, tmp_path):
     assert document["alignment"][0]["clock"] == "camera"
 
 
-def test_identify_writes_a_complete_report(run, stored: Path, tmp_path):
-    result = run("identify", stored, "--out", tmp_path)
-    assert result.exit_code == 0, result.output
-    folder = tmp_path / "0001"
+def test_identify_writes_a_complete_report(identified):
+    folder, report = identified.reports / "0001", identified.report
     assert sorted(f.name for f in folder.iterdir()) == ["mass.csv", "plotly.min.js", "report.html", "report.json"]
-    report = json.loads((folder / "report.json").read_text())
     assert report["valid"] is True
-    assert "VALID" in result.output
-    assert f"{report['mass']['value']:.2f} kg" in result.output
+    assert "VALID" in identified.result.output
+    assert f"{report['mass']['value']:.2f} kg" in identified.result.output
     lines = (folder / "mass.csv").read_text().splitlines()
     assert lines[0] == "time_s,mass_kg,u_kg,identified"
     assert len(lines) > 5000
@@ -121,9 +119,8 @@ def test_a_memory_longer_than_the_interval_is_refused(run, stored: Path, tmp_pat
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_terminal_says_what_speaks_for_and_against_the_mass(run, stored: Path, tmp_path):
-    lines = run("identify", stored, "--out", tmp_path).stdout.splitlines()
-    report = json.loads((tmp_path / "0001" / "report.json").read_text(encoding="utf-8"))
+def test_the_terminal_says_what_speaks_for_and_against_the_mass(identified):
+    lines, report = identified.result.stdout.splitlines(), identified.report
     assert any(f"E_n {report['E_n']:+.2f}, RPE" in line for line in lines)
     assert report["rpe_percent"]["meaning"] in lines
     assert report["notes"]
@@ -156,10 +153,9 @@ def test_the_date_of_a_shot_goes_from_its_files_into_report_and_page(run, mixed_
     assert f"started {shown['started']} (0001_can.blf" in (tmp_path / "1" / "report.html").read_text(encoding="utf-8")
 
 
-def test_identify_reports_the_method_that_was_asked_for(run, stored: Path, tmp_path, field_shot: TwinShot):
-    default = run("identify", stored, "--out", tmp_path / "a", "--json")
-    paper = run("identify", stored, "--out", tmp_path / "b", "--method", "paper", "--json")
-    default_report = json.loads(default.stdout)["reports"][0]
+def test_identify_reports_the_method_that_was_asked_for(run, stored: Path, identified, tmp_path, field_shot: TwinShot):
+    paper = run("identify", stored, "--out", tmp_path, "--method", "paper", "--json")
+    default_report = identified.report
     paper_report = json.loads(paper.stdout)["reports"][0]
     truth = field_shot.truth["m3"]
     assert abs(default_report["mass"]["value"] / truth - 1) < 0.012
@@ -170,8 +166,8 @@ def test_identify_reports_the_method_that_was_asked_for(run, stored: Path, tmp_p
     assert {m["name"] for m in default_report["methods"]} == {"calibrated", "reverse", "forward", "paper", "kinematic"}
 
 
-def test_a_report_is_not_overwritten_unless_asked(run, stored: Path, tmp_path):
-    assert run("identify", stored, "--out", tmp_path).exit_code == 0
+def test_a_report_is_not_overwritten_unless_asked(run, stored: Path, identified, tmp_path):
+    shutil.copytree(identified.reports, tmp_path, dirs_exist_ok=True)
     (tmp_path / "0001" / "notes.txt").write_text("mine")
     before = (tmp_path / "0001" / "report.json").read_bytes()
     again = run("identify", stored, "--out", tmp_path)
@@ -247,19 +243,17 @@ def test_a_shot_that_was_recorded_without_uncertainties_is_identified_and_not_va
     ]
 
 
-def test_what_is_taken_as_exact_is_said_in_check_verdict_and_report(run, field_shot: TwinShot, stored, tmp_path):
+def test_what_is_taken_as_exact_is_said_in_check_verdict_and_report(run, field_shot: TwinShot, identified, tmp_path):
     said = "taken as exact: bore_area, brake_area, recuperator_area"
     ingest = ("ingest", "field-2013", *field_shot.files, "--shot", "9", "--out", tmp_path)
-    for command in (("check", "field-2013"), ingest, ("identify", stored, "--out", tmp_path / "reports")):
-        result = run(*command)
+    for result in (run("check", "field-2013"), run(*ingest), identified.result):
         assert result.exit_code == 0
         assert said in result.stdout.splitlines()
     for command in (("check", "field-2013"), (*ingest, "--overwrite")):
         rows = json.loads(run(*command, "--json").stdout)["assumptions"]
         assert (rows[0]["quantity"], rows[0]["taken"]) == ("bore_area", "taken as exact")
-    folder = tmp_path / "reports" / "0001"
-    assert json.loads((folder / "report.json").read_text(encoding="utf-8"))["assumptions"] == rows
-    assert f"<li>{said}</li>" in (folder / "report.html").read_text(encoding="utf-8")
+    assert identified.report["assumptions"] == rows
+    assert f"<li>{said}</li>" in (identified.reports / "0001" / "report.html").read_text(encoding="utf-8")
 
 
 def test_check_reports_an_overdue_calibration(run, tmp_path, field_shot: TwinShot):
