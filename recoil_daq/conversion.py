@@ -13,7 +13,8 @@ from typing import IO, Any
 from recoil_acquisition.child_process import apart, own_command
 from recoil_acquisition.new_file import remove_partials
 
-_BELOW_NORMAL = 10
+_BELOW_NORMAL = 5
+"""Nice value: it gives way to the acquisition, and is done before the next shot where other programs are busy too."""
 
 
 class Conversion:

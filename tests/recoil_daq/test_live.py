@@ -85,7 +85,7 @@ def day(
     out: Path, display: Watched, *, shots: int = 1, rig: Rig | None = None, watch: bool = True, **play: Any
 ) -> tuple[LiveOutcome, dict[str, Any]]:
     days: list[RangeDay] = []
-    options = LiveOptions(out, shots, watch=None if watch else out / "elsewhere", files_within_s=20.0 if watch else 0.5)
+    options = LiveOptions(out, shots, watch=None if watch else out / "elsewhere", files_within_s=60.0 if watch else 0.5)
     silence = {"silence_before_s": RECORD_BEGINS_S, "silence_after_s": 0.6}
     rig = rig or with_twin("mixed", **SHORTER)
     outcome = run_live(rig, options, display, play={**silence, **play}, watch_day=days.append)
