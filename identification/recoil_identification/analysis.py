@@ -155,7 +155,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         filter_choice=choice,
         mass_low_pass=mass_low_pass,
         zero_shift=zero_shift,
-        monte_carlo=propagate(calibration.problem.draws(further)),
+        monte_carlo=propagate(calibration.draws(further)),
         endogeneity=_endogeneity(recorded),
         constancy=constancy,
         window_choice=window_choice,

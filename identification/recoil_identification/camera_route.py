@@ -8,7 +8,7 @@ from recoil_acquisition.channel import Channel
 from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_identification.corrections import Corrections
 from recoil_identification.mass import ACCELERATION, MassEstimate, reverse_mass
-from recoil_identification.sensor_observations import CAMERA_SCALE
+from recoil_identification.sensor_priors import CAMERA_SCALE
 from recoil_identification.uncertainty import (
     clock_contributions,
     cutoff_contribution,

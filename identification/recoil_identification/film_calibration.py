@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from recoil_identification.budget import BudgetRow
 from recoil_identification.mass import FRICTION, GAUGES, RANDOM, MassEstimate, correlation_factor, independent_rows
-from recoil_identification.sensor_observations import CAMERA_SCALE, RELEASE
+from recoil_identification.sensor_priors import CAMERA_SCALE, RELEASE
 from recoil_processing.shot.clocks.double_impulse import DoubleImpulseMass
 from recoil_processing.shot.regression import Regression, spaced_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import ClockAlignment, Shot
-from recoil_identification.sensor_observations import CameraScale
+from recoil_identification.sensor_priors import CameraScale
 from recoil_identification.skew import without_skew
 from recoil_processing.motion.fusion import FusedMotion
 from recoil_processing.shot.camera_motion import motion_fit

@@ -10,7 +10,7 @@ from recoil_identification.calibration import LARGEST_RESIDUAL, LARGEST_SIGNIFIC
 from recoil_identification.constancy.mass_constancy import MassConstancy
 from recoil_identification.corrections import Corrections
 from recoil_identification.mass import ACCELERATION, RANDOM, MassEstimate
-from recoil_identification.sensor_observations import CAMERA_SCALE, RELEASE
+from recoil_identification.sensor_priors import CAMERA_SCALE, RELEASE
 from recoil_identification.trace import MassTrace
 from recoil_identification.zero_shift import ZeroShift
 from recoil_processing.shot.regression import Regression

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_identification.calibration import LARGEST_SIGNIFICANCE, Calibration, calibrated_mass
-from recoil_identification.sensor_observations import CAMERA_SCALE, CAMERA_SHIFT, CameraScale
+from recoil_identification.sensor_priors import CAMERA_SCALE, CAMERA_SHIFT, CameraScale
 from recoil_processing.filters import LowPass
 from recoil_processing.motion.scale_and_zero import ScaleAndZero
 from recoil_processing.shot.camera_motion import RecordedMotion

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from recoil_identification.calibrated_draws import CalibratedProblem
 from recoil_identification.calibration import Calibration
+from recoil_identification.inference.solve import solve
+from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.mass import MassEstimate
-from recoil_identification.sensor_observations import UNKNOWNS
 
 
 def a_calibration(
@@ -17,27 +17,25 @@ def a_calibration(
     friction_n: float = 0.0,
     acceleration: float = 0.0,
     bias_m_s2: float = 0.0,
+    u_ln_mass: float = 1.0,
 ) -> Calibration:
-    """Say that these are the errors of the sensors; what was minimised is empty."""
-    none, unknowns = np.zeros(0), np.zeros(UNKNOWNS)
-    triangle = np.zeros((UNKNOWNS - 1, UNKNOWNS - 1))
-    problem = CalibratedProblem(
-        estimate.mass_kg, unknowns, triangle, 1.0, 1.0, 1.0, np.eye(UNKNOWNS), np.ones(UNKNOWNS)
-    )
+    """Say that these are the errors of the sensors; nothing was solved for."""
+    none = np.zeros(0)
+    nothing = solve([Unknown("ln mass")], [], [Prior.of("stated", "ln mass", u_ln_mass)])
     return Calibration(
-        estimate,
-        np.array(gauges),
-        friction_n,
-        acceleration,
-        bias_m_s2,
-        0.0,
-        none,
-        none,
-        {},
-        {},
-        1.0,
-        1.0,
-        0.0,
-        np.zeros((UNKNOWNS, UNKNOWNS)),
-        problem,
+        estimate=estimate,
+        gauge_errors=np.array(gauges),
+        friction_error_n=friction_n,
+        acceleration_error=acceleration,
+        bias_m_s2=bias_m_s2,
+        release_m_s=0.0,
+        shifts_m_s2=none,
+        u_shifts_m_s2=none,
+        departures={},
+        significances={},
+        largest_residual_m_s2=1.0,
+        noise_m_s2=1.0,
+        misfit=0.0,
+        m0_kg=estimate.mass_kg,
+        inferred=nothing,
     )

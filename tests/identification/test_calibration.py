@@ -10,7 +10,7 @@ import pytest
 from recoil_identification import calibration
 from recoil_identification.calibration import Calibration
 from recoil_identification.mass import ACCELERATION, FRICTION, GAUGES, RANDOM, MassEstimate, reverse_mass
-from recoil_identification.sensor_observations import CAMERA_SCALE, CAMERA_ZERO, ZERO, CameraScale
+from recoil_identification.sensor_priors import CAMERA_SCALE, CAMERA_ZERO, ZERO, CameraScale
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.regression import Regression, spaced_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty

@@ -9,8 +9,9 @@ import pytest
 from scipy import stats
 
 from recoil_identification.budget import BudgetRow
-from recoil_identification.calibrated_draws import CalibratedProblem
+from recoil_identification.mass import MassEstimate
 from recoil_identification.monte_carlo import LEAST_BLOCKS, MonteCarlo, numerical_tolerance, propagate
+from tests.builders.calibrations import a_calibration
 from tests.builders.virtual_shots import identified
 
 
@@ -61,16 +62,13 @@ def test_draws_that_are_not_finite_give_no_distribution_and_too_few_blocks_are_r
         propagate(lambda rng, n: rng.standard_normal(n), most_blocks=1)
 
 
+STATED = MassEstimate("calibrated", 100.0, (BudgetRow("random", 0.0, "A"),), 10, 0.0)
+
+
 def test_a_rectangular_contribution_is_drawn_as_one():
-    # a problem that says everything of the mass: only the contribution is left
-    one = np.zeros((1, 7))
-    one[0, 0] = 1.0
-    problem = CalibratedProblem(
-        100.0, np.zeros(7), np.zeros((6, 6)), 1.0, 1.0, 1e6, np.vstack([one, np.eye(7)[1:]]), np.full(7, 1e-9)
-    )
-    masses = problem.draws([BudgetRow("cut-off", 1.0, "B", distribution="rectangular")])(
-        np.random.default_rng(0), 20_000
-    )
+    # everything is known of the mass: only the contribution is left
+    known = a_calibration(STATED, u_ln_mass=1e-9)
+    masses = known.draws([BudgetRow("cut-off", 1.0, "B", distribution="rectangular")])(np.random.default_rng(0), 20_000)
     assert np.abs(masses - 100.0).max() < math.sqrt(3.0) + 1e-3
     assert masses.std() == pytest.approx(1.0, rel=0.02)
 
@@ -87,16 +85,10 @@ def test_the_budget_of_a_shot_agrees_with_its_draws(name):
 
 
 def test_draws_of_a_strongly_uncertain_scale_keep_what_is_not_linear():
-    columns = np.zeros((50, 6))
-    columns[:, 0] = 1000.0
-    u = np.array([1e-9, 1e-9, 1e-9, 1e-9, 0.15, 1e-9])
-    problem = CalibratedProblem.of(100.0, np.zeros(7), columns, 1e-3, 1e-9, 1e6, np.eye(7)[1:], u)
-    masses = problem.draws(())(np.random.default_rng(1), 40_000)
-    assert masses.std() == pytest.approx(15.0, rel=0.02)
-    # a = g F / m is measured, g is drawn: m = m0 (1 + dg), so this one is linear and has no bias at all
-    assert masses.mean() == pytest.approx(100.0, abs=0.3)
-    u = np.array([0.05, 1e-9, 1e-9, 1e-9, 1e-9, 1e-9])
-    problem = CalibratedProblem.of(100.0, np.zeros(7), columns, 1e-3, 1e-9, 1e6, np.eye(7)[1:], u)
-    masses = problem.draws(())(np.random.default_rng(1), 40_000)
-    # F / (1 + dF): the mean of 1 / (1 + dF) is 1 + u^2 + 3 u^4
-    assert masses.mean() == pytest.approx(100.0 * (1 + 0.05**2 + 3 * 0.05**4), rel=8e-4)
+    uncertain = a_calibration(
+        MassEstimate("calibrated", 100.0, (BudgetRow("random", 0.0, "A"),), 10, 0.0), u_ln_mass=0.15
+    )
+    masses = uncertain.draws(())(np.random.default_rng(1), 40_000)
+    assert np.log(masses).std() == pytest.approx(0.15, rel=0.02)
+    # the mean of e^x
+    assert masses.mean() == pytest.approx(100.0 * math.exp(0.15**2 / 2), rel=3e-3)

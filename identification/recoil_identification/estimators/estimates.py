@@ -29,7 +29,7 @@ from recoil_identification.estimators.joint_smoother import joint_mass
 from recoil_identification.estimators.prewhitening import prewhitened_mass
 from recoil_identification.estimators.weak_form import HALF_WIDTH_S, WeakMass, weak_mass
 from recoil_identification.mass import ACCELERATION, FRICTION, GAUGES, RANDOM, MassEstimate
-from recoil_identification.sensor_observations import CAMERA_SCALE, RELEASE
+from recoil_identification.sensor_priors import CAMERA_SCALE, RELEASE
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.clocks.double_impulse import double_impulse_mass
 from recoil_processing.shot.clocks.estimator_inputs import EstimatorInputs

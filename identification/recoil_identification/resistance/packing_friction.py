@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 from recoil_identification.calibration import Calibration, calibrated_mass
 from recoil_identification.mass import FRICTION
-from recoil_identification.sensor_observations import CameraScale
+from recoil_identification.sensor_priors import CameraScale
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 

@@ -11,7 +11,7 @@ from recoil_identification.analysis import Identification, scale_uncertainty
 from recoil_identification.estimators.estimates import WIDTH, FilmedShot, further_estimates, other_acceleration
 from recoil_identification.mass import ACCELERATION, FRICTION, GAUGES, RANDOM, MassEstimate
 from recoil_identification.preparation import prepare
-from recoil_identification.sensor_observations import CAMERA_SCALE, RELEASE
+from recoil_identification.sensor_priors import CAMERA_SCALE, RELEASE
 from tests.builders.virtual_shots import identified, virtual_shot
 
 RIGS = ("field-2013", "mixed")

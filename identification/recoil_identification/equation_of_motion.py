@@ -1,0 +1,89 @@
+"""The equation of motion (36) with its sensors' errors, as rows of an inference.
+
+The accelerometer reads ``a = e^al a' + b`` while the part is free, gauge j reads ``F_j = e^g_j F_j,true``, and the
+friction is declared by ``df`` too large, so that with the mass ``m = m0 e^mu``
+
+    a = e^(al - mu) [sum_j F_j e^-g_j + R - df s] / m0 + b + v d + S z + noise
+
+with the friction's direction s. While the part is let go, battery stop and packing push it on with what no gauge
+reads: an impulse d at the release that gives it the velocity v. The columns of S are shapes in which the
+accelerometer's zero may have shifted at the shot.
+
+Logarithms are taken because the rows do not change under a common factor of mass and forces, nor under one of mass
+and acceleration: in logarithms these directions are the same everywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_identification.inference.unknown import Unknown
+from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
+
+Array = NDArray[np.float64]
+
+LARGEST_STEP = 0.3
+"""Of a scale in one iteration: a shot that no calibration fits would otherwise throw a scale far off."""
+
+MASS = Unknown("ln mass", largest_step=LARGEST_STEP)
+GAUGES = tuple(Unknown(f"ln {role}", scope="sensor", largest_step=LARGEST_STEP) for role in PRESSURE_ROLES)
+FRICTION = Unknown("friction declared too large", "N", "rig")
+ACCELERATION = Unknown("ln recoil_acceleration", scope="sensor", largest_step=LARGEST_STEP)
+ZERO = Unknown("zero of recoil_acceleration", "m/s^2")
+RELEASE = Unknown("velocity at the release", "m/s")
+
+
+def shift(number: int) -> Unknown:
+    """Return the size of one of the shapes, counted from 0, in which the zero may have shifted."""
+    return Unknown(f"shift {number + 1} of the zero", "m/s^2")
+
+
+@dataclass(frozen=True, eq=False)
+class EquationOfMotion:
+    """Rows of a filtered regression.
+
+    Attributes
+    ----------
+    regression
+        With the columns of all samples.
+    rows : ndarray of int, shape (n_rows,)
+        Those that count.
+    m0_kg
+        First estimate of the mass.
+    sigma_m_s2
+        Standard deviation of a row's error.
+    """
+
+    regression: Regression
+    rows: NDArray[np.intp]
+    m0_kg: float
+    sigma_m_s2: float
+
+    @cached_property
+    def all_unknowns(self) -> tuple[Unknown, ...]:
+        """Mass, gauges, friction, accelerometer, its zero, release and shifts."""
+        shapes = 0 if self.regression.shifts is None else self.regression.shifts.shape[1]
+        return (MASS, *GAUGES, FRICTION, ACCELERATION, ZERO, RELEASE, *(shift(i) for i in range(shapes)))
+
+    @property
+    def unknowns(self) -> tuple[str, ...]:
+        """Their names."""
+        return tuple(unknown.name for unknown in self.all_unknowns)
+
+    def linearised(self, values: Mapping[str, float]) -> tuple[Array, Array]:
+        """Return what the equation leaves of the acceleration, and its derivatives, over the standard deviation."""
+        r, at = self.regression, self.rows
+        shifts = np.zeros((at.size, 0)) if r.shifts is None else r.shifts[at]
+        added = np.column_stack([r.released[at], r.release_per_s[at], shifts])
+        per_force = np.exp(values[ACCELERATION.name] - values[MASS.name]) / self.m0_kg
+        gauges = r.forces_n[at, :3] * np.exp([-values[gauge.name] for gauge in GAUGES]) * per_force
+        friction = r.friction_direction[at] * per_force
+        rigid = gauges.sum(axis=1) + r.forces_n[at, 3] * per_force - values[FRICTION.name] * friction
+        modelled = rigid + added @ np.array([values[u.name] for u in self.all_unknowns[6:]])
+        derivatives = np.column_stack([-rigid, -gauges, -friction, rigid, added])
+        return (r.acceleration_m_s2[at] - modelled) / self.sigma_m_s2, derivatives / self.sigma_m_s2

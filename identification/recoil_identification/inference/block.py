@@ -1,0 +1,63 @@
+"""Rows of a record that a model explains by unknowns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.read_only import ReadOnlyArrays
+
+Array = NDArray[np.float64]
+
+
+class Block(Protocol):
+    """Rows whose errors are independent of one another, of standard deviation one."""
+
+    @property
+    def unknowns(self) -> tuple[str, ...]:
+        """Names of those that the model hangs on, in the order of its derivatives."""
+        ...
+
+    def linearised(self, values: Mapping[str, float]) -> tuple[Array, Array]:
+        """Return what the model leaves of the rows, and its derivatives.
+
+        Parameters
+        ----------
+        values
+            Of all unknowns, by name.
+
+        Returns
+        -------
+        left : ndarray, shape (n_rows,)
+            Recorded less modelled, over the standard deviation of each row's error.
+        derivatives : ndarray, shape (n_rows, n_unknowns)
+            Of the modelled rows by the block's own unknowns, over the same.
+        """
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class LinearBlock(ReadOnlyArrays):
+    """Rows that are linear in the unknowns: ``columns @ unknowns`` is ``recorded``, with errors.
+
+    Attributes
+    ----------
+    columns : ndarray, shape (n_rows, n_unknowns)
+    recorded : ndarray, shape (n_rows,)
+    sigma
+        Standard deviation of a row's error.
+    """
+
+    unknowns: tuple[str, ...]
+    columns: Array
+    recorded: Array
+    sigma: float
+
+    def linearised(self, values: Mapping[str, float]) -> tuple[Array, Array]:
+        """Return what the columns leave of the rows, and the columns, over the standard deviation."""
+        modelled = self.columns @ np.array([values[name] for name in self.unknowns])
+        return (self.recorded - modelled) / self.sigma, self.columns / self.sigma

@@ -1,0 +1,128 @@
+"""What blocks and priors together say of the unknowns."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_identification.inference.unknown import Unknown
+
+Array = NDArray[np.float64]
+
+LEAST_REDUNDANCY = 1e-6
+"""Below this share of its variance everything else says nothing about a prior, and it has no normalised residual."""
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate(ReadOnlyArrays):
+    """Values of the unknowns, and where their uncertainties come from.
+
+    Attributes
+    ----------
+    values : ndarray, shape (n_unknowns,)
+    covariance : ndarray, shape (n_unknowns, n_unknowns)
+    determined : ndarray of bool, shape (n_unknowns,)
+        False for an unknown that neither rows nor priors determine.
+    sources
+        Names of the rows of all priors that are not exact.
+    contributions : ndarray, shape (n_unknowns, n_sources)
+        Of each source to each unknown: by how much the unknown rises if the source's value rises by its standard
+        uncertainty, the part apart that it shares with the sources before it in the same prior. The squares over
+        the sources, and those of the rows' errors, add up to the variance.
+    u_sources : ndarray, shape (n_sources,)
+        The standard uncertainty that a contribution stands for.
+    departures : ndarray, shape (n_sources,)
+        How far the unknowns are off each source, over its standard uncertainty.
+    normalised_residuals : ndarray, shape (n_sources,)
+        The same over its own standard deviation, everything else being right: standard normal (W. Baarda, A testing
+        procedure for use in geodetic networks, 1968). 0 where nothing else says anything about the source.
+    misfit
+        Sum of the squares that was minimised.
+    rows
+        Of all blocks.
+    triangle : ndarray, shape (n_unknowns, n_unknowns + 1)
+        Square-root information of the blocks without any prior, about `values`: ``|R (x - values) - y|^2``.
+    steps
+        Of the iteration.
+    converged
+        Whether the last one moved nothing any more.
+    """
+
+    unknowns: tuple[Unknown, ...]
+    values: Array
+    covariance: Array
+    determined: NDArray[np.bool_]
+    sources: tuple[str, ...]
+    contributions: Array
+    u_sources: Array
+    departures: Array
+    normalised_residuals: Array
+    misfit: float
+    rows: int
+    triangle: Array
+    steps: int
+    converged: bool
+
+    def value(self, name: str) -> float:
+        """Return the value of an unknown."""
+        return float(self.values[self._place(name)])
+
+    def u(self, name: str) -> float:
+        """Return the standard uncertainty of an unknown; infinite if nothing determines it."""
+        at = self._place(name)
+        return math.sqrt(float(self.covariance[at, at])) if self.determined[at] else math.inf
+
+    def u_random(self, name: str) -> float:
+        """Return the part of it that comes from the errors of the rows."""
+        at = self._place(name)
+        return float(np.linalg.norm(self.triangle[:, :-1] @ self.covariance[:, at]))
+
+    def contribution(self, source: str, name: str) -> float:
+        """Return by how much an unknown rises if a source's value rises by its standard uncertainty."""
+        return float(self.contributions[self._place(name), self._source(source)])
+
+    def departure(self, source: str) -> float:
+        """Return how far the unknowns are off a source, in its standard uncertainties."""
+        return float(self.departures[self._source(source)])
+
+    def normalised_residual(self, source: str) -> float:
+        """Return the normalised residual of a source."""
+        return float(self.normalised_residuals[self._source(source)])
+
+    def draws(
+        self,
+        name: str,
+        rng: np.random.Generator,
+        count: int,
+        degrees_of_freedom: float = math.inf,
+        widened: float = 1.0,
+    ) -> Array:
+        """Draw values of an unknown from its distribution, shape (count,).
+
+        Parameters
+        ----------
+        degrees_of_freedom
+            With which the size of the rows' errors is known: their part is then of Student's t.
+        widened
+            Factor on their size, for what they are correlated.
+        """
+        random = widened * self.u_random(name) * rng.standard_normal(count)
+        if math.isfinite(degrees_of_freedom):
+            random *= np.sqrt(degrees_of_freedom / rng.chisquare(degrees_of_freedom, count))
+        known = self.contributions[self._place(name)] @ rng.standard_normal((len(self.sources), count))
+        return np.asarray(self.value(name) + random + known)
+
+    def __str__(self) -> str:
+        rows = [(one.name, self.value(one.name), self.u(one.name), one.unit) for one in self.unknowns]
+        lines = [f"{name:<32}{value:>12.5g}{u:>12.2g}  {unit}" for name, value, u, unit in rows]
+        return "\n".join([f"{'unknown':<32}{'value':>12}{'u':>12}  unit", *lines])
+
+    def _place(self, name: str) -> int:
+        return [unknown.name for unknown in self.unknowns].index(name)
+
+    def _source(self, source: str) -> int:
+        return self.sources.index(source)

@@ -1,0 +1,171 @@
+"""The unknowns by least squares from blocks of rows and from priors: Gauss and Newton's iteration, by triangles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_identification.inference.block import Block
+from recoil_identification.inference.estimate import LEAST_REDUNDANCY, Estimate
+from recoil_identification.inference.unknown import Prior, Unknown, exactly_known
+
+Array = NDArray[np.float64]
+
+MOST_STEPS = 50
+NEGLIGIBLE = 1e-6
+"""Length of a step, in standard uncertainties, that moves nothing any more."""
+LARGEST_SHARE_LEFT = 1e-6
+"""Of an unknown, in directions that are not determined, up to which it is determined all the same."""
+LEAST_PIVOT = 1e-12
+"""Singular value over the largest one, of columns of length one, below which a direction is not determined."""
+
+
+def solve(
+    unknowns: Sequence[Unknown],
+    blocks: Sequence[Block],
+    priors: Sequence[Prior],
+    start: Mapping[str, float] | None = None,
+) -> Estimate:
+    """Find the values that blocks and priors together make likeliest.
+
+    Parameters
+    ----------
+    unknowns
+        Those of all blocks and priors, and no others.
+    start
+        Values to begin with, by name; 0 where there is none.
+
+    Raises
+    ------
+    ValueError
+        If two unknowns or sources share a name, or a block or a prior names an unknown that is none.
+    """
+    names = [unknown.name for unknown in unknowns]
+    sources = tuple(source for prior in priors if not prior.exact for source in prior.sources)
+    for kind, listed in (("unknown", names), ("source", sources)):
+        if len(set(listed)) < len(listed):
+            raise ValueError(f"each {kind} needs a name of its own: {', '.join(sorted(listed))}")
+    places = {name: at for at, name in enumerate(names)}
+    named = {name for block in blocks for name in block.unknowns} | {
+        name for prior in priors for name in prior.unknowns
+    }
+    if strangers := named - places.keys():
+        raise ValueError(f"no unknown: {', '.join(sorted(strangers))}; there are {', '.join(names)}")
+    exact = exactly_known(priors)
+    known = _Known.of([prior for prior in priors if not prior.exact], places)
+    values = np.array([exact.get(name, (start or {}).get(name, 0.0)) for name in names])
+    free = np.array([name not in exact for name in names])
+    limits = np.array([unknown.largest_step for unknown in unknowns])
+    converged = False
+    steps = 0
+    while True:
+        triangle, misfit, rows = _triangle(blocks, dict(zip(names, values.tolist(), strict=True)), places)
+        solution = _solution(triangle, known, values, free)
+        if converged or steps == MOST_STEPS:
+            break
+        step = solution.step * min(1.0, 1.0 / max(float(np.max(np.abs(solution.step) / limits)), 1.0))
+        values = values + step
+        steps += 1
+        converged = float(np.linalg.norm(solution.rows @ step)) < NEGLIGIBLE
+    off = known.rows @ values - known.values
+    whitened = np.linalg.solve(known.root, off)
+    contributions = solution.covariance @ known.whitened.T
+    return Estimate(
+        unknowns=tuple(unknowns),
+        values=values,
+        covariance=solution.covariance,
+        determined=solution.determined,
+        sources=sources,
+        contributions=contributions,
+        u_sources=np.diag(known.root).copy(),
+        departures=off / np.sqrt(np.diag(known.covariance)),
+        normalised_residuals=known.normalised(off, solution.covariance),
+        misfit=misfit + float(whitened @ whitened),
+        rows=rows,
+        triangle=triangle,
+        steps=steps,
+        converged=converged,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Known:
+    """All priors as one: rows about all unknowns, their values and covariance."""
+
+    rows: Array
+    values: Array
+    covariance: Array
+    root: Array
+    whitened: Array
+
+    @classmethod
+    def of(cls, priors: Sequence[Prior], places: Mapping[str, int]) -> _Known:
+        n = sum(len(prior.sources) for prior in priors)
+        rows, values, covariance = np.zeros((n, len(places))), np.zeros(n), np.zeros((n, n))
+        at = 0
+        for prior in priors:
+            part = slice(at, at + len(prior.sources))
+            rows[part, [places[name] for name in prior.unknowns]] = prior.rows
+            values[part], covariance[part, part] = prior.values, prior.covariance
+            at = part.stop
+        root = np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
+        return cls(rows, values, covariance, root, np.asarray(np.linalg.solve(root, rows), dtype=np.float64))
+
+    def normalised(self, off: Array, covariance: Array) -> Array:
+        """Return each row's residual over its own standard deviation: Baarda's w, of correlated observations too."""
+        weights = np.linalg.inv(self.covariance)
+        own = self.covariance - self.rows @ covariance @ self.rows.T
+        variances = np.diag(weights @ own @ weights)
+        told = variances > LEAST_REDUNDANCY * np.diag(weights)
+        return np.where(told, (weights @ off) / np.sqrt(np.where(told, variances, 1.0)), 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Solution:
+    """One step, the covariance, which unknowns are determined, and all rows."""
+
+    step: Array
+    covariance: Array
+    determined: NDArray[np.bool_]
+    rows: Array
+
+
+def _triangle(
+    blocks: Sequence[Block], values: Mapping[str, float], places: Mapping[str, int]
+) -> tuple[Array, float, int]:
+    """Return all blocks' rows as a triangle of derivatives and what is left, their misfit, and how many they are."""
+    parts = [np.zeros((0, len(places) + 1))]
+    for block in blocks:
+        left, derivatives = block.linearised(values)
+        part = np.zeros((left.size, len(places) + 1))
+        part[:, [places[name] for name in block.unknowns]] = derivatives
+        part[:, -1] = left
+        parts.append(part)
+    stacked = np.vstack(parts)
+    misfit = float(stacked[:, -1] @ stacked[:, -1])
+    triangle = np.zeros((len(places), len(places) + 1))
+    reduced = np.asarray(np.linalg.qr(stacked, mode="r"))[: len(places)]
+    triangle[: reduced.shape[0]] = reduced
+    return triangle, misfit, stacked.shape[0]
+
+
+def _solution(triangle: Array, known: _Known, values: Array, free: NDArray[np.bool_]) -> _Solution:
+    """Solve for one step from the present values."""
+    left = np.linalg.solve(known.root, known.values - known.rows @ values)
+    rows = np.vstack([triangle[:, :-1], known.whitened])
+    target = np.concatenate([triangle[:, -1], left])
+    own = rows[:, free]
+    scale = np.sqrt((own**2).sum(axis=0))
+    scale[scale == 0] = 1.0
+    u, sizes, directions = np.linalg.svd(own / scale, full_matrices=False)
+    told = sizes > LEAST_PIVOT * sizes.max(initial=0.0)
+    inverse = (directions[told].T / sizes[told]) @ u[:, told].T / scale[:, np.newaxis]
+    step, covariance = np.zeros(values.size), np.zeros((values.size, values.size))
+    step[free] = inverse @ target
+    covariance[np.ix_(free, free)] = inverse @ inverse.T
+    determined = np.ones(values.size, dtype=bool)
+    determined[free] = (directions[told] ** 2).sum(axis=0) > 1.0 - LARGEST_SHARE_LEFT
+    return _Solution(step, covariance, determined, rows)

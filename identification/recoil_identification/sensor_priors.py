@@ -1,0 +1,115 @@
+"""What is known of the sensors besides the shot's rows: certificates, the pre-trigger baseline, the camera.
+
+Each is a prior of the unknowns of `recoil_identification.equation_of_motion`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_identification import equation_of_motion as motion
+from recoil_identification.inference.unknown import Prior
+from recoil_identification.mass import ACCELERATION, FRICTION, GAUGES
+from recoil_processing.shot.sensor_scales import ScaleUncertainty
+
+Array = NDArray[np.float64]
+
+ZERO = "recoil_acceleration zero"
+RELEASE = "release from the battery stop"
+CAMERA_SCALE = "camera scale"
+CAMERA_ZERO = "camera zero of the acceleration"
+CAMERA_SHIFT = "camera shift of the acceleration's zero"
+"""Names of the further budget rows."""
+
+LEAST_OWN_SHARE = 1e-6
+"""Of a variance of the camera's fit, that is its own and not shared with the others: rounding must not take it away."""
+
+
+@dataclass(frozen=True, eq=False)
+class CameraScale(ReadOnlyArrays):
+    """What the camera says of the accelerometer.
+
+    Attributes
+    ----------
+    gain
+        Camera's scale over the accelerometer's.
+    zeros_m_s2 : ndarray, shape (1 + n_shifts,)
+        By how much the accelerometer reads too high throughout, and the size of each shape in which its zero
+        shifted, in its own scale.
+    covariance : ndarray, shape (2 + n_shifts, 2 + n_shifts)
+        Of these estimates, the gain's first, by the fit of the displacement alone.
+    u_rel
+        Relative standard uncertainty of the camera's own scale.
+    kick
+        Which of the shapes, if any, is an impulse: its size is in m/s.
+    """
+
+    gain: float
+    zeros_m_s2: Array
+    covariance: Array
+    u_rel: float
+    kick: int | None = None
+
+    @classmethod
+    def of_constant(
+        cls, gain: float, u_gain: float, constant_m_s2: float, u_constant_m_s2: float, correlation: float, u_rel: float
+    ) -> CameraScale:
+        """Take gain and constant of an alignment by motion: the constant is the gain times what the zero lacks.
+
+        Parameters
+        ----------
+        constant_m_s2, u_constant_m_s2
+            Constant acceleration in the camera's scale that the accelerometer lacks.
+        correlation
+            Of these two estimates.
+        """
+        own = correlation * u_gain * u_constant_m_s2
+        change = np.array([[1.0, 0.0], [constant_m_s2 / gain**2, -1.0 / gain]])
+        covariance = change @ np.array([[u_gain**2, own], [own, u_constant_m_s2**2]]) @ change.T
+        return cls(gain, np.array([-constant_m_s2 / gain]), covariance, u_rel)
+
+    def prior(self) -> Prior:
+        """Return what it says of the accelerometer's scale, zero and shifts.
+
+        With the camera's own scale error ka the fit finds ``ln gain = ka - al``.
+        """
+        shapes = range(self.zeros_m_s2.size - 1)
+        covariance = self.covariance.copy()
+        covariance[0] /= -self.gain
+        covariance[:, 0] /= -self.gain
+        covariance[0, 0] += self.u_rel**2
+        covariance[np.diag_indices_from(covariance)] *= 1.0 + LEAST_OWN_SHARE
+        return Prior(
+            (CAMERA_SCALE, CAMERA_ZERO, *(f"{CAMERA_SHIFT} {i + 1}" for i in shapes)),
+            (motion.ACCELERATION.name, motion.ZERO.name, *(motion.shift(i).name for i in shapes)),
+            np.eye(covariance.shape[0]),
+            np.append(-math.log(self.gain), self.zeros_m_s2),
+            covariance,
+        )
+
+    def unit(self, source: str) -> str:
+        """Return the unit of one of the prior's rows."""
+        if source == CAMERA_SCALE:
+            return "1"
+        return "m/s" if self.kick is not None and source == f"{CAMERA_SHIFT} {self.kick + 1}" else "m/s^2"
+
+
+def sensor_priors(scales: ScaleUncertainty, u_zero_m_s2: float, u_release_m_s: float) -> list[Prior]:
+    """Return certificates, the pre-trigger baseline and the release as priors; an infinite zero has none."""
+    priors = [
+        *(
+            Prior.of(source, gauge.name, u)
+            for source, gauge, u in zip(GAUGES, motion.GAUGES, scales.gauges, strict=True)
+        ),
+        Prior.of(FRICTION, motion.FRICTION.name, scales.friction_n),
+        Prior.of(ACCELERATION, motion.ACCELERATION.name, scales.acceleration),
+        Prior.of(RELEASE, motion.RELEASE.name, u_release_m_s),
+    ]
+    if math.isfinite(u_zero_m_s2):
+        priors.insert(5, Prior.of(ZERO, motion.ZERO.name, u_zero_m_s2))
+    return priors

@@ -1,0 +1,224 @@
+"""Blocks and priors are solved as generalized least squares, and what follows of them is what a refit shows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.optimize import least_squares
+
+from recoil_identification.inference.block import LinearBlock
+from recoil_identification.inference.estimate import Estimate
+from recoil_identification.inference.solve import solve
+from recoil_identification.inference.unknown import Prior, Unknown
+
+NAMES = ("a", "b", "c", "d")
+UNKNOWNS = tuple(Unknown(name) for name in NAMES)
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def covariance(rng: np.random.Generator, size: int) -> np.ndarray:
+    root = np.tril(rng.normal(size=(size, size))) + 2.0 * np.eye(size)
+    return root @ root.T
+
+
+def problem(seed: int) -> tuple[list[LinearBlock], list[Prior]]:
+    """Two blocks about three of four unknowns each, and priors: a pair that is correlated, and one alone."""
+    rng = np.random.default_rng(seed)
+    blocks = [
+        LinearBlock(names, rng.normal(size=(9, 3)), rng.normal(size=9), float(rng.uniform(0.1, 3.0)))
+        for names in (("a", "b", "c"), ("d", "c", "a"))
+    ]
+    pair = Prior(("p", "q"), ("b", "d", "a"), rng.normal(size=(2, 3)), rng.normal(size=2), covariance(rng, 2))
+    return blocks, [pair, Prior.of("r", "c", float(rng.uniform(0.1, 3.0)), float(rng.normal()))]
+
+
+def dense(blocks: list[LinearBlock], priors: list[Prior]) -> tuple[np.ndarray, np.ndarray]:
+    """Values and covariance by normal equations, summed up one by one."""
+    information, right = np.zeros((4, 4)), np.zeros(4)
+    for part in [*blocks, *priors]:
+        if isinstance(part, LinearBlock):
+            rows, seen, weight = part.columns, part.recorded, np.eye(part.recorded.size) / part.sigma**2
+        else:
+            rows, seen, weight = part.rows, part.values, np.linalg.inv(part.covariance)
+        full = np.zeros((seen.size, 4))
+        for column, name in zip(rows.T, part.unknowns, strict=True):
+            full[:, NAMES.index(name)] = column
+        information += full.T @ weight @ full
+        right += full.T @ weight @ seen
+    return np.linalg.solve(information, right), np.linalg.inv(information)
+
+
+@given(SEEDS)
+def test_it_is_generalized_least_squares(seed: int) -> None:
+    blocks, priors = problem(seed)
+    found = solve(UNKNOWNS, blocks, priors)
+    values, expected = dense(blocks, priors)
+    np.testing.assert_allclose(found.values, values, rtol=1e-8, atol=1e-9)
+    np.testing.assert_allclose(found.covariance, expected, rtol=1e-8, atol=1e-10)
+    assert found.converged
+    assert found.rows == 18
+    assert found.value("c") == found.values[2]
+    assert found.u("c") == pytest.approx(np.sqrt(expected[2, 2]))
+
+
+@given(SEEDS)
+def test_the_contributions_add_up_to_the_variance(seed: int) -> None:
+    found = solve(UNKNOWNS, *problem(seed))
+    for at, name in enumerate(NAMES):
+        total = found.u_random(name) ** 2 + float((found.contributions[at] ** 2).sum())
+        assert total == pytest.approx(found.u(name) ** 2, rel=1e-9)
+
+
+@given(SEEDS)
+def test_a_contribution_is_what_a_refit_finds_when_the_source_moves_by_its_uncertainty(seed: int) -> None:
+    blocks, priors = problem(seed)
+    found = solve(UNKNOWNS, blocks, priors)
+    moved = solve(UNKNOWNS, blocks, [priors[0], replace(priors[1], values=priors[1].values + found.u_sources[2])])
+    np.testing.assert_allclose(moved.values - found.values, found.contributions[:, 2], rtol=1e-6, atol=1e-9)
+    # of a correlated pair the first takes along what it shares with the second
+    root = np.linalg.cholesky(priors[0].covariance)
+    moved = solve(UNKNOWNS, blocks, [replace(priors[0], values=priors[0].values + root[:, 0]), priors[1]])
+    np.testing.assert_allclose(moved.values - found.values, found.contributions[:, 0], rtol=1e-6, atol=1e-9)
+
+
+@given(SEEDS)
+def test_the_square_of_a_normalised_residual_is_what_the_misfit_falls_by_without_the_source(seed: int) -> None:
+    blocks, (pair, alone) = problem(seed)
+    found = solve(UNKNOWNS, blocks, [pair, alone])
+    only_q = Prior(("q",), pair.unknowns, pair.rows[1:], pair.values[1:], pair.covariance[1:, 1:])
+    for source, others in (("p", [only_q, alone]), ("r", [pair])):
+        fall = found.misfit - solve(UNKNOWNS, blocks, others).misfit
+        assert found.normalised_residual(source) ** 2 == pytest.approx(fall, rel=1e-6, abs=1e-8)
+    off = found.value("c") - alone.values[0]
+    assert found.departure("r") == pytest.approx(off / np.sqrt(alone.covariance[0, 0]))
+    assert np.sign(found.normalised_residual("r")) == np.sign(off)
+
+
+@given(SEEDS)
+def test_the_triangle_holds_all_that_the_blocks_say(seed: int) -> None:
+    blocks, priors = problem(seed)
+    found = solve(UNKNOWNS, blocks, priors)
+    again = LinearBlock(
+        NAMES, found.triangle[:, :-1], found.triangle[:, -1] + found.triangle[:, :-1] @ found.values, 1.0
+    )
+    summarised = solve(UNKNOWNS, [again], priors)
+    np.testing.assert_allclose(summarised.values, found.values, rtol=1e-8, atol=1e-9)
+    np.testing.assert_allclose(summarised.covariance, found.covariance, rtol=1e-8, atol=1e-10)
+
+
+def test_what_is_known_exactly_is_neither_moved_nor_a_source() -> None:
+    blocks, priors = problem(1)
+    found = solve(UNKNOWNS, blocks, [*priors, Prior.of("drawing", "a", 0.0, 0.25)])
+    assert found.value("a") == 0.25
+    assert found.u("a") == 0.0
+    assert found.sources == ("p", "q", "r")
+    nearly = solve(UNKNOWNS, blocks, [*priors, Prior.of("drawing", "a", 1e-7, 0.25)])
+    np.testing.assert_allclose(found.values, nearly.values, atol=1e-6)
+    np.testing.assert_allclose(found.covariance, nearly.covariance, atol=1e-6)
+    with pytest.raises(ValueError, match=r"a cannot be exactly 0\.25 and 0\.5"):
+        solve(UNKNOWNS, blocks, [Prior.of("one", "a", 0.0, 0.25), Prior.of("other", "a", 0.0, 0.5)])
+
+
+def test_what_nothing_determines_says_so_and_disturbs_nothing_else() -> None:
+    blocks, priors = problem(2)
+    with_another = solve([*UNKNOWNS, Unknown("e")], blocks, priors)
+    found = solve(UNKNOWNS, blocks, priors)
+    assert with_another.u("e") == np.inf
+    np.testing.assert_allclose(with_another.values[:4], found.values, rtol=1e-9)
+    np.testing.assert_allclose(with_another.covariance[:4, :4], found.covariance, rtol=1e-9)
+    # of a sum of which only the whole is seen neither part is determined
+    both = LinearBlock(("a", "b"), np.ones((5, 2)), np.arange(5.0), 1.0)
+    found = solve(UNKNOWNS[:3], [both], [Prior.of("r", "c", 1.0)])
+    assert [found.u(name) for name in "abc"] == [np.inf, np.inf, pytest.approx(1.0)]
+
+
+def test_a_source_that_nothing_else_says_anything_about_has_no_normalised_residual() -> None:
+    found = solve([Unknown("a")], [], [Prior.of("only", "a", 2.0, 3.0)])
+    assert (found.value("a"), found.u("a")) == (3.0, 2.0)
+    assert found.normalised_residual("only") == 0.0
+    assert found.departure("only") == 0.0
+
+
+@dataclass(frozen=True)
+class Decay:
+    """``e^size e^(-rate t)``, seen with errors."""
+
+    seen: np.ndarray
+    times: np.ndarray
+    unknowns: tuple[str, ...] = ("size", "rate")
+
+    def linearised(self, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
+        modelled = np.exp(values["size"] - values["rate"] * self.times)
+        return (self.seen - modelled) / 0.01, np.column_stack([modelled, -self.times * modelled]) / 0.01
+
+
+def test_a_model_that_is_not_linear_is_solved_to_the_minimum() -> None:
+    times = np.linspace(0.0, 3.0, 40)
+    seen = 2.0 * np.exp(-0.7 * times) + 0.01 * np.random.default_rng(4).standard_normal(40)
+    unknowns = [Unknown("size", largest_step=0.3), Unknown("rate", largest_step=0.3)]
+    found = solve(unknowns, [Decay(seen, times)], [Prior.of("guess", "rate", 0.5, 1.0)])
+    peer = least_squares(
+        lambda p: np.append((seen - np.exp(p[0] - p[1] * times)) / 0.01, (p[1] - 1.0) / 0.5), [0.0, 0.0], xtol=1e-14
+    )
+    np.testing.assert_allclose(found.values, peer.x, rtol=1e-7)
+    np.testing.assert_allclose(found.covariance, np.linalg.inv(peer.jac.T @ peer.jac), rtol=1e-5)
+    assert found.misfit == pytest.approx(2.0 * peer.cost, rel=1e-9)
+    assert found.converged
+    # no step was longer than it may be: from 0 to 0.7 in thirds at best
+    assert found.steps >= 3
+    assert solve(unknowns, [Decay(seen, times)], [], {"size": peer.x[0], "rate": peer.x[1]}).steps < found.steps
+
+
+@given(SEEDS)
+def test_draws_are_those_of_the_estimate(seed: int) -> None:
+    found = solve(UNKNOWNS, *problem(seed))
+    drawn = found.draws("b", np.random.default_rng(seed), 20_000)
+    assert drawn.mean() == pytest.approx(found.value("b"), abs=5 * found.u("b") / np.sqrt(20_000))
+    assert drawn.std() == pytest.approx(found.u("b"), rel=0.03)
+
+
+def test_a_size_of_the_errors_that_is_hardly_known_widens_the_draws() -> None:
+    blocks, _ = problem(3)
+    wide = Prior(("w",), ("d",), np.ones((1, 1)), np.zeros(1), np.array([[1e6]]))
+    found = solve(UNKNOWNS, blocks, [wide])
+    drawn = found.draws("a", np.random.default_rng(5), 200_000, degrees_of_freedom=5.0, widened=2.0)
+    # the variance of Student's t of five degrees of freedom is 5 / 3
+    assert drawn.std() == pytest.approx(2.0 * np.sqrt(5 / 3) * found.u_random("a"), rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("unknowns", "priors", "says"),
+    [
+        ((*UNKNOWNS, Unknown("a")), [], "each unknown needs a name of its own"),
+        (UNKNOWNS, [Prior.of("r", "c", 1.0), Prior.of("r", "a", 1.0)], "each source needs a name of its own"),
+        (UNKNOWNS, [Prior.of("r", "mass", 1.0)], "no unknown: mass; there are a, b, c, d"),
+        (UNKNOWNS[:3], [], "no unknown: d"),
+    ],
+)
+def test_names_must_be_known_and_single(unknowns: tuple[Unknown, ...], priors: list[Prior], says: str) -> None:
+    with pytest.raises(ValueError, match=says):
+        solve(unknowns, problem(1)[0], priors)
+
+
+@pytest.mark.parametrize(
+    ("rows", "values", "matrix", "says"),
+    [
+        (np.ones((1, 1)), np.zeros(2), np.eye(2), "cannot have the shapes"),
+        (np.ones((2, 1)), np.array([0.0, np.nan]), np.eye(2), "must be finite"),
+        (np.ones((2, 1)), np.zeros(2), np.diag([1.0, 0.0]), "positive definite"),
+        (np.ones((2, 1)), np.zeros(2), np.array([[1.0, 0.5], [0.2, 1.0]]), "symmetric"),
+    ],
+)
+def test_a_prior_that_is_none_is_refused(rows: np.ndarray, values: np.ndarray, matrix: np.ndarray, says: str) -> None:
+    with pytest.raises(ValueError, match=says):
+        Prior(("p", "q"), ("a",), rows, values, matrix)
+
+
+def test_an_estimate_prints_its_unknowns() -> None:
+    found: Estimate = solve([Unknown("zero", "m/s^2")], [], [Prior.of("baseline", "zero", 0.158, 0.02)])
+    assert str(found).splitlines()[1].split() == ["zero", "0.02", "0.16", "m/s^2"]
