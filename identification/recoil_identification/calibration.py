@@ -24,7 +24,9 @@ from recoil_identification.equation_of_motion import EquationOfMotion
 from recoil_identification.inference.estimate import Estimate
 from recoil_identification.inference.solve import solve
 from recoil_identification.mass import (
+    ACCELERATION,
     FRICTION,
+    GAUGES,
     RANDOM,
     MassEstimate,
     correlation_factor,
@@ -45,8 +47,8 @@ LARGEST_SIGNIFICANCE = 3.29
 SMALLEST_RESIDUAL = 3e-4
 """Share of the acceleration's peak that rows are never taken to be better than: neither is a gauge's straightness
 better, nor what a rigid part that slides and strikes is written down as."""
-UNITS = {FRICTION: "N", ZERO: "m/s^2", RELEASE: "m/s"}
-"""Of the sources that are no scale."""
+UNITS = {**dict.fromkeys((*GAUGES, ACCELERATION), "1"), FRICTION: "N", ZERO: "m/s^2", RELEASE: "m/s"}
+"""Of the sources."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +120,9 @@ class Calibration:
         block = EquationOfMotion(regression, np.arange(regression.times_s.size), self.m0_kg, 1.0)
         values = {unknown.name: self.inferred.value(unknown.name) for unknown in self.inferred.unknowns}
         _, derivatives = block.linearised(values)
-        variances, directions = np.linalg.eigh(self.inferred.covariance[1:, 1:])
+        # of those that the equation has, the mass apart
+        n = len(block.unknowns)
+        variances, directions = np.linalg.eigh(self.inferred.covariance[1:n, 1:n])
         return np.asarray(derivatives[:, 1:] @ (directions * np.sqrt(np.maximum(variances, 0.0))))
 
     def draws(self, further: Sequence[BudgetRow]) -> Draw:
@@ -174,11 +178,12 @@ def calibrated_mass(
     rows = spaced_rows(regression)
     priors = sensor_priors(scales, u_bias_m_s2, regression.u_release_n_s / first.mass_kg)
     if camera is not None:
-        priors.append(camera.prior())
+        priors += camera.priors()
     # of the whole motion, lost samples and all: what is left of a pulse that was lost does not tell the noise's size
     peak = float(np.max(np.abs(regression.acceleration_m_s2[regression.inside])))
     # of the unknowns the mass and the shifts are not restricted, and zero and release hardly
     free = 3 + (0 if regression.shifts is None else regression.shifts.shape[1])
+    further = [] if camera is None else [motion.CAMERA]
     noise, sigma = first.residual_m_s2 if noise_m_s2 is None else noise_m_s2, 0.0
     start: dict[str, float] = {}
     for _ in range(50):
@@ -186,7 +191,7 @@ def calibrated_mass(
         if abs(sigma - before) <= 1e-6 * sigma:
             break
         block = EquationOfMotion(regression, rows, first.mass_kg, sigma)
-        inferred = solve(block.all_unknowns, [block], priors, start)
+        inferred = solve([*block.all_unknowns, *further], [block], priors, start)
         start = {unknown.name: inferred.value(unknown.name) for unknown in inferred.unknowns}
         residual = sigma * block.linearised(start)[0]
         deviation = math.sqrt(float(residual @ residual) / max(rows.size - free, 1))
@@ -200,9 +205,9 @@ def calibrated_mass(
     for source, u in zip(inferred.sources, inferred.u_sources.tolist(), strict=True):
         change = mass * inferred.contribution(source, motion.MASS.name)
         # a sensor that reads high has a value that lies too low
-        unit = UNITS.get(source, "1") if camera is None or not source.startswith("camera") else camera.unit(source)
+        unit = UNITS[source] if source in UNITS else "1" if camera is None else camera.unit(source)
         budget.append(BudgetRow(source, abs(change), "B", -change / u, unit))
-    shifts = [unknown.name for unknown in inferred.unknowns[8:]]
+    shifts = [unknown.name for unknown in block.all_unknowns[8:]]
     return Calibration(
         estimate=MassEstimate("calibrated", mass, tuple(budget), int(rows.size), deviation),
         gauge_errors=np.expm1([inferred.value(gauge.name) for gauge in motion.GAUGES]),

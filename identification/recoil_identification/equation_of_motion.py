@@ -36,6 +36,8 @@ FRICTION = Unknown("friction declared too large", "N", "rig")
 ACCELERATION = Unknown("ln recoil_acceleration", scope="sensor", largest_step=LARGEST_STEP)
 ZERO = Unknown("zero of recoil_acceleration", "m/s^2")
 RELEASE = Unknown("velocity at the release", "m/s")
+CAMERA = Unknown("ln camera", scope="sensor", largest_step=LARGEST_STEP)
+"""Of the camera's scale: in no row of the equation, but in what its alignment says of the accelerometer."""
 
 
 def shift(number: int) -> Unknown:

@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 ZERO = "recoil_acceleration zero"
 RELEASE = "release from the battery stop"
 CAMERA_SCALE = "camera scale"
+CAMERA_GAIN = "gain of the camera's alignment"
 CAMERA_ZERO = "camera zero of the acceleration"
 CAMERA_SHIFT = "camera shift of the acceleration's zero"
 """Names of the further budget rows."""
@@ -73,28 +74,30 @@ class CameraScale(ReadOnlyArrays):
         covariance = change @ np.array([[u_gain**2, own], [own, u_constant_m_s2**2]]) @ change.T
         return cls(gain, np.array([-constant_m_s2 / gain]), covariance, u_rel)
 
-    def prior(self) -> Prior:
-        """Return what it says of the accelerometer's scale, zero and shifts.
+    def priors(self) -> list[Prior]:
+        """Return the certificate of its scale, and what its alignment says of the accelerometer's scale and zeros.
 
-        With the camera's own scale error ka the fit finds ``ln gain = ka - al``.
+        With the errors ka and al of both scales the alignment finds ``ln gain = ka - al``.
         """
         shapes = range(self.zeros_m_s2.size - 1)
         covariance = self.covariance.copy()
         covariance[0] /= -self.gain
         covariance[:, 0] /= -self.gain
-        covariance[0, 0] += self.u_rel**2
         covariance[np.diag_indices_from(covariance)] *= 1.0 + LEAST_OWN_SHARE
-        return Prior(
-            (CAMERA_SCALE, CAMERA_ZERO, *(f"{CAMERA_SHIFT} {i + 1}" for i in shapes)),
-            (motion.ACCELERATION.name, motion.ZERO.name, *(motion.shift(i).name for i in shapes)),
-            np.eye(covariance.shape[0]),
+        rows = np.eye(covariance.shape[0], covariance.shape[0] + 1)
+        rows[0, -1] = -1.0
+        seen = Prior(
+            (CAMERA_GAIN, CAMERA_ZERO, *(f"{CAMERA_SHIFT} {i + 1}" for i in shapes)),
+            (motion.ACCELERATION.name, motion.ZERO.name, *(motion.shift(i).name for i in shapes), motion.CAMERA.name),
+            rows,
             np.append(-math.log(self.gain), self.zeros_m_s2),
             covariance,
         )
+        return [Prior.of(CAMERA_SCALE, motion.CAMERA.name, self.u_rel), seen]
 
     def unit(self, source: str) -> str:
-        """Return the unit of one of the prior's rows."""
-        if source == CAMERA_SCALE:
+        """Return the unit of one of the sources of `priors`."""
+        if source in (CAMERA_SCALE, CAMERA_GAIN):
             return "1"
         return "m/s" if self.kick is not None and source == f"{CAMERA_SHIFT} {self.kick + 1}" else "m/s^2"
 

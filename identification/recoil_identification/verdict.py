@@ -10,7 +10,7 @@ from recoil_identification.calibration import LARGEST_RESIDUAL, LARGEST_SIGNIFIC
 from recoil_identification.constancy.mass_constancy import MassConstancy
 from recoil_identification.corrections import Corrections
 from recoil_identification.mass import ACCELERATION, RANDOM, MassEstimate
-from recoil_identification.sensor_priors import CAMERA_SCALE, RELEASE
+from recoil_identification.sensor_priors import CAMERA_GAIN, CAMERA_SCALE, RELEASE
 from recoil_identification.trace import MassTrace
 from recoil_identification.zero_shift import ZeroShift
 from recoil_processing.shot.regression import Regression
@@ -152,7 +152,8 @@ def doubted_sensors(calibration: Corrections) -> list[str]:
     not tell, so all that are beyond the limit are named. By how much the others say that it is off is its
     departure over its redundancy, the square of departure over significance.
     """
-    beyond = {s: w for s, w in calibration.significances.items() if abs(w) > LARGEST_SIGNIFICANCE and s != RELEASE}
+    sensors = {s: w for s, w in calibration.significances.items() if s not in (RELEASE, CAMERA_GAIN)}
+    beyond = {s: w for s, w in sensors.items() if abs(w) > LARGEST_SIGNIFICANCE}
     return [
         f"{source} contradicts the other sensors: it reads {'high' if w > 0 else 'low'} by "
         f"{w * w / abs(calibration.departures[source]):.3g} of its standard uncertainties if they are right "
@@ -162,7 +163,7 @@ def doubted_sensors(calibration: Corrections) -> list[str]:
 
 
 def _not_shared(source: str) -> bool:
-    return source in (RANDOM, ACCELERATION, CAMERA_SCALE)
+    return source in (RANDOM, ACCELERATION, CAMERA_SCALE, CAMERA_GAIN)
 
 
 def notes_on(

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_identification.calibration import LARGEST_SIGNIFICANCE, Calibration, calibrated_mass
-from recoil_identification.sensor_priors import CAMERA_SCALE, CAMERA_SHIFT, CameraScale
+from recoil_identification.sensor_priors import CAMERA_GAIN, CAMERA_SCALE, CAMERA_SHIFT, CameraScale
 from recoil_processing.filters import LowPass
 from recoil_processing.motion.scale_and_zero import ScaleAndZero
 from recoil_processing.shot.camera_motion import RecordedMotion
@@ -192,7 +192,7 @@ def calibrated_with_zero_shift(
 
 
 def _by_camera(source: str) -> bool:
-    return source == CAMERA_SCALE or source.startswith(CAMERA_SHIFT)
+    return source in (CAMERA_SCALE, CAMERA_GAIN) or source.startswith(CAMERA_SHIFT)
 
 
 def _described(shape: Shape, sizes: Array, u: Array, fall: float) -> ZeroShift:

@@ -10,7 +10,7 @@ import pytest
 from recoil_identification import calibration
 from recoil_identification.calibration import Calibration
 from recoil_identification.mass import ACCELERATION, FRICTION, GAUGES, RANDOM, MassEstimate, reverse_mass
-from recoil_identification.sensor_priors import CAMERA_SCALE, CAMERA_ZERO, ZERO, CameraScale
+from recoil_identification.sensor_priors import CAMERA_GAIN, CAMERA_ZERO, ZERO, CameraScale
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.regression import Regression, spaced_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
@@ -204,7 +204,7 @@ def test_a_sensitivity_is_what_the_mass_does_when_the_sensor_reads_high(source, 
     assert budget[source].sensitivity_per == units.get(source, "1")
 
 
-@pytest.mark.parametrize(("source", "key", "size"), [(CAMERA_SCALE, "gain", 1e-4), (CAMERA_ZERO, "bias_m_s2", 0.01)])
+@pytest.mark.parametrize(("source", "key", "size"), [(CAMERA_GAIN, "gain", 1e-4), (CAMERA_ZERO, "bias_m_s2", 0.01)])
 def test_a_cameras_sensitivity_is_what_the_mass_does_when_the_camera_reads_high(source, key, size):
     uncorrelated = replace(CAMERA, correlation=0.0)
     masses = [
