@@ -31,6 +31,7 @@ from recoil_identification.mass import forward_mass, reverse_mass
 from recoil_identification.method_result import method_result
 from recoil_identification.monte_carlo import propagate
 from recoil_identification.preparation import camera_scale, prepare
+from recoil_identification.shot_summary import shot_summary
 from recoil_identification.skew import find_skew, skew_contribution
 from recoil_identification.stress_waves import find_stress_waves
 from recoil_identification.trace_window import trace_window
@@ -155,6 +156,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         filter_choice=choice,
         mass_low_pass=mass_low_pass,
         zero_shift=zero_shift,
+        summary=shot_summary(calibration, rig, further, narrow.u_release_n_s),
         monte_carlo=propagate(calibration.draws(further)),
         endogeneity=_endogeneity(recorded),
         constancy=constancy,

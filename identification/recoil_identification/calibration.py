@@ -23,6 +23,7 @@ from recoil_identification.budget import BudgetRow
 from recoil_identification.equation_of_motion import EquationOfMotion
 from recoil_identification.inference.estimate import Estimate
 from recoil_identification.inference.solve import solve
+from recoil_identification.inference.unknown import Prior
 from recoil_identification.mass import (
     ACCELERATION,
     FRICTION,
@@ -34,7 +35,7 @@ from recoil_identification.mass import (
     reverse_mass,
 )
 from recoil_identification.monte_carlo import Draw
-from recoil_identification.sensor_priors import RELEASE, ZERO, CameraScale, sensor_priors
+from recoil_identification.sensor_priors import CAMERA_SCALE, RELEASE, ZERO, CameraScale, certificates, own_knowledge
 from recoil_processing.shot.regression import Regression, spaced_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 
@@ -47,7 +48,7 @@ LARGEST_SIGNIFICANCE = 3.29
 SMALLEST_RESIDUAL = 3e-4
 """Share of the acceleration's peak that rows are never taken to be better than: neither is a gauge's straightness
 better, nor what a rigid part that slides and strikes is written down as."""
-UNITS = {**dict.fromkeys((*GAUGES, ACCELERATION), "1"), FRICTION: "N", ZERO: "m/s^2", RELEASE: "m/s"}
+UNITS = {**dict.fromkeys((*GAUGES, ACCELERATION, CAMERA_SCALE), "1"), FRICTION: "N", ZERO: "m/s^2", RELEASE: "m/s"}
 """Of the sources."""
 
 
@@ -85,6 +86,8 @@ class Calibration:
         First estimate of the mass, from which `inferred` counts.
     inferred
         All unknowns.
+    own
+        What this shot alone knows beside its rows, see `recoil_identification.sensor_priors`.
     """
 
     estimate: MassEstimate
@@ -102,6 +105,7 @@ class Calibration:
     misfit: float
     m0_kg: float
     inferred: Estimate
+    own: tuple[Prior, ...]
 
     def correct(self, regression: Regression) -> tuple[Array, Array]:
         """Return a' and F' with the sensors' errors and the release taken off, shape (n,) each."""
@@ -176,9 +180,8 @@ def calibrated_mass(
     """
     first = reverse_mass(regression, scales)
     rows = spaced_rows(regression)
-    priors = sensor_priors(scales, u_bias_m_s2, regression.u_release_n_s / first.mass_kg)
-    if camera is not None:
-        priors += camera.priors()
+    common = certificates(scales, regression.u_release_n_s / first.mass_kg, camera)
+    own = own_knowledge(u_bias_m_s2, camera)
     # of the whole motion, lost samples and all: what is left of a pulse that was lost does not tell the noise's size
     peak = float(np.max(np.abs(regression.acceleration_m_s2[regression.inside])))
     # of the unknowns the mass and the shifts are not restricted, and zero and release hardly
@@ -191,7 +194,7 @@ def calibrated_mass(
         if abs(sigma - before) <= 1e-6 * sigma:
             break
         block = EquationOfMotion(regression, rows, first.mass_kg, sigma)
-        inferred = solve([*block.all_unknowns, *further], [block], priors, start)
+        inferred = solve([*block.all_unknowns, *further], [block], [*common, *own], start)
         start = {unknown.name: inferred.value(unknown.name) for unknown in inferred.unknowns}
         residual = sigma * block.linearised(start)[0]
         deviation = math.sqrt(float(residual @ residual) / max(rows.size - free, 1))
@@ -224,6 +227,7 @@ def calibrated_mass(
         misfit=inferred.misfit,
         m0_kg=first.mass_kg,
         inferred=inferred,
+        own=tuple(own),
     )
 
 

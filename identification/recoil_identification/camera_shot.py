@@ -97,6 +97,7 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
         filter_choice=choice,
         mass_low_pass=choice.low_pass,
         zero_shift=None,
+        summary=None,
         monte_carlo=None,
         endogeneity=None,
         constancy=constancy,

@@ -21,6 +21,7 @@ from recoil_identification.filter_choice import FilterChoice
 from recoil_identification.mass import MassEstimate
 from recoil_identification.memory.window_length import WindowChoice
 from recoil_identification.monte_carlo import MonteCarlo
+from recoil_identification.shot_summary import ShotSummary
 from recoil_identification.skew import RecorderSkew
 from recoil_identification.stress_waves import StressWaves
 from recoil_identification.trace import MassTrace
@@ -131,6 +132,8 @@ class Identification:
         That of the fit of the mass, the force's own band within it.
     zero_shift
         Of the recoiling part's accelerometer; None, as skew and peaks, where the mass is the camera's.
+    summary
+        For what combines the shot with others; None where the mass is the camera's.
     monte_carlo
         Of the mass by the calibrated method; None where a draw has no mass.
     endogeneity
@@ -173,6 +176,7 @@ class Identification:
     filter_choice: FilterChoice
     mass_low_pass: LowPass
     zero_shift: ZeroShift | None
+    summary: ShotSummary | None
     monte_carlo: MonteCarlo | None
     endogeneity: Endogeneity | None
     constancy: MassConstancy | None

@@ -74,8 +74,8 @@ class CameraScale(ReadOnlyArrays):
         covariance = change @ np.array([[u_gain**2, own], [own, u_constant_m_s2**2]]) @ change.T
         return cls(gain, np.array([-constant_m_s2 / gain]), covariance, u_rel)
 
-    def priors(self) -> list[Prior]:
-        """Return the certificate of its scale, and what its alignment says of the accelerometer's scale and zeros.
+    def alignment(self) -> Prior:
+        """Return what its alignment says of the accelerometer's scale and zeros, in its own scale.
 
         With the errors ka and al of both scales the alignment finds ``ln gain = ka - al``.
         """
@@ -86,33 +86,40 @@ class CameraScale(ReadOnlyArrays):
         covariance[np.diag_indices_from(covariance)] *= 1.0 + LEAST_OWN_SHARE
         rows = np.eye(covariance.shape[0], covariance.shape[0] + 1)
         rows[0, -1] = -1.0
-        seen = Prior(
+        return Prior(
             (CAMERA_GAIN, CAMERA_ZERO, *(f"{CAMERA_SHIFT} {i + 1}" for i in shapes)),
             (motion.ACCELERATION.name, motion.ZERO.name, *(motion.shift(i).name for i in shapes), motion.CAMERA.name),
             rows,
             np.append(-math.log(self.gain), self.zeros_m_s2),
             covariance,
         )
-        return [Prior.of(CAMERA_SCALE, motion.CAMERA.name, self.u_rel), seen]
 
     def unit(self, source: str) -> str:
-        """Return the unit of one of the sources of `priors`."""
-        if source in (CAMERA_SCALE, CAMERA_GAIN):
+        """Return the unit of one of the sources of `alignment`."""
+        if source == CAMERA_GAIN:
             return "1"
         return "m/s" if self.kick is not None and source == f"{CAMERA_SHIFT} {self.kick + 1}" else "m/s^2"
 
 
-def sensor_priors(scales: ScaleUncertainty, u_zero_m_s2: float, u_release_m_s: float) -> list[Prior]:
-    """Return certificates, the pre-trigger baseline and the release as priors; an infinite zero has none."""
+def certificates(scales: ScaleUncertainty, u_release_m_s: float, camera: CameraScale | None) -> list[Prior]:
+    """Return what other shots know as well: the sensors' scales, the friction, and how the stop lets go."""
+    gauges = zip(GAUGES, motion.GAUGES, scales.gauges, strict=True)
     priors = [
-        *(
-            Prior.of(source, gauge.name, u)
-            for source, gauge, u in zip(GAUGES, motion.GAUGES, scales.gauges, strict=True)
-        ),
+        *(Prior.of(source, gauge.name, u) for source, gauge, u in gauges),
         Prior.of(FRICTION, motion.FRICTION.name, scales.friction_n),
         Prior.of(ACCELERATION, motion.ACCELERATION.name, scales.acceleration),
         Prior.of(RELEASE, motion.RELEASE.name, u_release_m_s),
     ]
-    if math.isfinite(u_zero_m_s2):
-        priors.insert(5, Prior.of(ZERO, motion.ZERO.name, u_zero_m_s2))
-    return priors
+    return priors if camera is None else [*priors, Prior.of(CAMERA_SCALE, motion.CAMERA.name, camera.u_rel)]
+
+
+def own_knowledge(u_zero_m_s2: float, camera: CameraScale | None) -> list[Prior]:
+    """Return what this shot alone knows: the zero from the pre-trigger baseline, and the camera's alignment.
+
+    Parameters
+    ----------
+    u_zero_m_s2
+        Infinite if there was no baseline.
+    """
+    priors = [Prior.of(ZERO, motion.ZERO.name, u_zero_m_s2)] if math.isfinite(u_zero_m_s2) else []
+    return priors if camera is None else [*priors, camera.alignment()]

@@ -38,4 +38,5 @@ def a_calibration(
         misfit=0.0,
         m0_kg=estimate.mass_kg,
         inferred=nothing,
+        own=(),
     )

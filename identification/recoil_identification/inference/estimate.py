@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_identification.inference.unknown import Unknown
+from recoil_identification.inference.unknown import Prior, Unknown, exactly_known
 
 Array = NDArray[np.float64]
 
@@ -92,6 +93,36 @@ class Estimate(ReadOnlyArrays):
     def normalised_residual(self, source: str) -> float:
         """Return the normalised residual of a source."""
         return float(self.normalised_residuals[self._source(source)])
+
+    def about(self, names: Sequence[str], priors: Sequence[Prior]) -> tuple[Array, Array]:
+        """Return all that the blocks and some priors say of some unknowns, whatever the others are.
+
+        Parameters
+        ----------
+        names
+            Of the unknowns that are kept.
+        priors
+            Of any unknowns; those of `names` keep what they say.
+
+        Returns
+        -------
+        triangle : ndarray, shape (n_names, n_names)
+        seen : ndarray, shape (n_names,)
+            Square-root information about the values of the estimate: ``|R (x - values) - y|^2``.
+        """
+        parts = [self.triangle]
+        for prior in (one for one in priors if not one.exact):
+            rows = np.zeros((len(prior.sources), len(self.unknowns) + 1))
+            rows[:, [self._place(name) for name in prior.unknowns]] = prior.rows
+            rows[:, -1] = prior.values - rows[:, :-1] @ self.values
+            parts.append(np.linalg.solve(np.linalg.cholesky(prior.covariance), rows))
+        kept = [self._place(name) for name in names]
+        fixed = [self._place(name) for name in exactly_known(priors)]
+        others = [at for at in range(len(self.unknowns)) if at not in (*kept, *fixed)]
+        stacked = np.vstack([*parts, np.zeros((len(self.unknowns) + 1, len(self.unknowns) + 1))])
+        reduced = np.asarray(np.linalg.qr(stacked[:, [*others, *kept, -1]], mode="r"))
+        below = reduced[len(others) : len(others) + len(kept), len(others) :]
+        return below[:, :-1], below[:, -1]
 
     def draws(
         self,

@@ -98,6 +98,7 @@ def report_document(
             }
             for row in sorted(estimate.budget, key=lambda row: -row.u_kg)
         ],
+        "campaign": _campaign(found),
         "uncertainty": _uncertainty(found),
         "endogeneity": _endogeneity(found),
         "constancy": _constancy(found),
@@ -220,6 +221,13 @@ def _constancy(found: Identification) -> dict[str, Any] | None:
         "interval_s": list(test.step.interval_s),
         "detail": str(test),
     }
+
+
+def _campaign(found: Identification) -> dict[str, Any] | None:
+    """Return what combines this shot with others; None where the mass is the camera's."""
+    if found.summary is None or found.zero_shift is None or found.fitted.low_pass is None:
+        return None
+    return found.summary.to_json(cutoff_hz=found.fitted.low_pass.cutoff_hz, zero_shift=found.zero_shift.demanded)
 
 
 def _uncertainty(found: Identification) -> dict[str, Any]:

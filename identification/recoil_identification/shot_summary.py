@@ -1,0 +1,146 @@
+"""A shot's own information on mass and scales, for what combines many shots of a rig.
+
+The likelihood of a shot about what other shots share is kept as a triangle, without any certificate in it, so that
+each certificate counts once however many shots there are. What is the shot's alone, its zeros and the alignment of its
+camera, is taken out by an orthogonal reduction: the shot's own columns first, and what is left below them is about the
+shared ones (G. J. Bierman, Factorization Methods for Discrete Sequential Estimation, 1977).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_identification import equation_of_motion as motion
+from recoil_identification.budget import BudgetRow, combined_u
+from recoil_identification.calibration import Calibration
+from recoil_processing.shot.regression import PRESSURE_ROLES
+from recoil_rigs.assumptions import AREAS
+from recoil_rigs.rig import Rig
+
+Array = NDArray[np.float64]
+
+SCHEMA = 1
+COMMON_SOURCES = ("low-pass cut-off",)
+"""Contributions from outside of the inference that shots with one cut-off share."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One of the shared unknowns.
+
+    Attributes
+    ----------
+    influences
+        What it may be off by, each with its identity and its relative standard uncertainty: two shots, and two
+        campaigns, that name the same identity share the same error.
+    """
+
+    name: str
+    influences: tuple[tuple[str, float], ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class ShotSummary(ReadOnlyArrays):
+    """What a shot says of the shared unknowns: ``|R (x - reference) - y|^2``.
+
+    Attributes
+    ----------
+    reference : ndarray, shape (n,)
+        The logarithm of the mass in kg first, scales as logarithms, the friction as a share of what is declared, the
+        release in its standard uncertainties.
+    triangle : ndarray, shape (n, n)
+        R. It is singular: a common factor of mass and forces changes no row.
+    seen : ndarray, shape (n,)
+        y.
+    own_u_rel
+        Relative standard uncertainty of the mass that no column holds.
+    """
+
+    parameters: tuple[Parameter, ...]
+    reference: Array
+    triangle: Array
+    seen: Array
+    own_u_rel: float
+
+    def to_json(self, *, cutoff_hz: float, zero_shift: bool) -> dict[str, Any]:
+        """Return it as the report has it."""
+        return {
+            "schema": SCHEMA,
+            "parameters": [
+                {"name": one.name, "influences": [list(influence) for influence in one.influences]}
+                for one in self.parameters
+            ],
+            "reference": self.reference.tolist(),
+            "R": self.triangle.tolist(),
+            "y": self.seen.tolist(),
+            "own_u_rel": self.own_u_rel,
+            "cutoff_hz": cutoff_hz,
+            "zero_shift": zero_shift,
+        }
+
+
+def shot_summary(calibration: Calibration, rig: Rig, further: Sequence[BudgetRow], u_release_n_s: float) -> ShotSummary:
+    """Summarise a shot.
+
+    Parameters
+    ----------
+    further
+        Contributions to the mass from outside of the inference.
+    u_release_n_s
+        Standard uncertainty of the impulse at the release.
+    """
+    inferred = calibration.inferred
+    friction_n, u_release_m_s = rig.mechanism.friction, u_release_n_s / calibration.m0_kg
+    shared = {
+        motion.MASS: (Parameter("ln mass"), 1.0),
+        **{
+            gauge: (Parameter(gauge.name, _gauge(rig, role, area)), 1.0)
+            for gauge, role, area in zip(motion.GAUGES, PRESSURE_ROLES, AREAS, strict=True)
+        },
+        motion.FRICTION: (Parameter("friction share", _friction(rig)), friction_n or 1.0),
+        motion.ACCELERATION: (Parameter("ln recoil_acceleration", _scale(rig, "recoil_acceleration")), 1.0),
+        motion.RELEASE: (Parameter("release"), u_release_m_s or 1.0),
+        motion.CAMERA: (Parameter("ln camera", _scale(rig, "recoil_displacement")), 1.0),
+    }
+    present = [unknown for unknown in shared if unknown in inferred.unknowns]
+    names = [unknown.name for unknown in present]
+    triangle, seen = inferred.about(names, calibration.own)
+    units = np.array([shared[unknown][1] for unknown in present])
+    reference = np.array([inferred.value(name) for name in names]) / units
+    reference[0] += math.log(calibration.m0_kg)
+    return ShotSummary(
+        parameters=tuple(shared[unknown][0] for unknown in present),
+        reference=reference,
+        triangle=triangle * units,
+        seen=seen,
+        own_u_rel=combined_u([row for row in further if row.source not in COMMON_SOURCES])
+        / calibration.estimate.mass_kg,
+    )
+
+
+def _scale(rig: Rig, role: str) -> tuple[tuple[str, float], ...]:
+    channel = rig.by_role(role)
+    if channel is None:
+        return ()
+    sensor = channel.sensor
+    calibrated = "" if sensor.calibrated is None else f":{sensor.calibrated.isoformat()}"
+    # without a serial number a sensor is known by its place
+    identity = sensor.serial or f"{rig.name}/{channel.name}"
+    return ((f"sensor:{role}:{identity}{calibrated}", sensor.u_rel),)
+
+
+def _gauge(rig: Rig, role: str, area: str) -> tuple[tuple[str, float], ...]:
+    u_area = rig.mechanism.u.get(area, 0.0) / getattr(rig.mechanism, area)
+    return (*_scale(rig, role), (f"rig:{rig.name}:{area}", u_area))
+
+
+def _friction(rig: Rig) -> tuple[tuple[str, float], ...]:
+    u_friction, friction_n = rig.mechanism.u.get("friction", 0.0), rig.mechanism.friction
+    return ((f"rig:{rig.name}:friction", u_friction / (friction_n or 1.0)),)

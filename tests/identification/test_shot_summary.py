@@ -1,0 +1,79 @@
+"""A shot's summary and the certificates give the shot's mass back, and state whose errors are whose."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from recoil_identification.inference.block import LinearBlock
+from recoil_identification.inference.solve import solve
+from recoil_identification.inference.unknown import Prior, Unknown
+from tests.builders.virtual_shots import identified, virtual_shot
+
+
+@pytest.mark.parametrize("name", ["field-2013", "mixed"])
+def test_the_summary_with_the_certificates_is_the_shot(name: str) -> None:
+    found, rig = identified(name), virtual_shot(name).rig
+    summary, own = found.summary, found.calibration.inferred
+    assert summary is not None
+    names = tuple(one.name for one in summary.parameters)
+    assert names[0] == "ln mass"
+    about = LinearBlock(names, summary.triangle, summary.seen + summary.triangle @ summary.reference, 1.0)
+    priors = [
+        Prior.of(one.name, one.name, math.hypot(*(u for _, u in one.influences)))
+        for one in summary.parameters
+        if one.influences
+    ]
+    # the release in its standard uncertainties
+    priors.append(Prior.of("release", "release", 1.0))
+    again = solve([Unknown(each) for each in names], [about], priors)
+    assert math.exp(again.value("ln mass")) == pytest.approx(found.calibration.estimate.mass_kg, rel=1e-10)
+    assert again.u("ln mass") == pytest.approx(own.u("ln mass"), rel=1e-9)
+    assert again.value("friction share") == pytest.approx(
+        found.calibration.friction_error_n / rig.mechanism.friction, rel=1e-6
+    )
+
+
+def test_a_common_factor_of_mass_and_forces_changes_no_row() -> None:
+    summary = identified("mixed").summary
+    assert summary is not None
+    names = [one.name for one in summary.parameters]
+    # as the mass grows, gauges that show the same have read too low, and the friction's share that is too large falls
+    direction = np.array([-1.0 if each.endswith("_pressure") else 0.0 for each in names])
+    direction[0] = 1.0
+    direction[names.index("friction share")] = summary.reference[names.index("friction share")] - 1.0
+    changed = np.linalg.norm(summary.triangle @ direction)
+    assert changed < 1e-9 * np.linalg.norm(summary.triangle[:, 0])
+
+
+def test_influences_are_known_by_what_they_are() -> None:
+    virtual = virtual_shot("mixed")
+    summary = identified("mixed").summary
+    assert summary is not None
+    by_name = {one.name: dict(one.influences) for one in summary.parameters}
+    breech = virtual.rig.by_role("breech_pressure")
+    assert breech is not None
+    sensor = breech.sensor
+    identity = sensor.serial or f"mixed/{breech.name}"
+    assert by_name["ln breech_pressure"] == {
+        f"sensor:breech_pressure:{identity}" + (f":{sensor.calibrated}" if sensor.calibrated else ""): sensor.u_rel,
+        "rig:mixed:bore_area": 0.0,
+    }
+    assert by_name["friction share"] == {"rig:mixed:friction": pytest.approx(0.1)}
+    assert by_name["release"] == by_name["ln mass"] == {}
+    assert set(by_name) >= {"ln recoil_acceleration", "ln camera"}
+
+
+def test_the_reports_campaign_is_the_summary() -> None:
+    found = identified("mixed")
+    assert found.summary is not None
+    document = found.summary.to_json(cutoff_hz=179.0, zero_shift=False)
+    assert document["schema"] == 1
+    assert document["cutoff_hz"] == 179.0
+    assert document["zero_shift"] is False
+    np.testing.assert_array_equal(document["R"], found.summary.triangle)
+    assert document["reference"][0] == pytest.approx(math.log(found.calibration.estimate.mass_kg), rel=1e-12)
+    clocks = [row for row in found.results["calibrated"].estimate.budget if row.source.startswith("alignment")]
+    assert document["own_u_rel"] >= math.hypot(*(row.u_kg for row in clocks)) / found.chosen.estimate.mass_kg
