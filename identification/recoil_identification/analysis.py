@@ -87,7 +87,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
     low_pass = choice.low_pass
     scales = scale_uncertainty(rig)
     offset = signals.offsets["recoil_acceleration"]
-    told = (
+    filmed = (
         camera_scale(camera, camera_clock),
         recorded_motion(signals, prepared.acceleration_m_s2, camera, camera_clock),
     )
@@ -95,7 +95,9 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
     mass_low_pass = mass_filter(recorded, choice)
 
     def calibrated(regression: Regression) -> tuple[Regression, Regression, Regression, Calibration, ZeroShift]:
-        shifted, narrow, found, shift = calibrated_with_zero_shift(regression, mass_low_pass, scales, offset.u, *told)
+        shifted, narrow, found, shift = calibrated_with_zero_shift(
+            regression, mass_low_pass, scales, offset.u, *by_camera
+        )
         # the trace, the skew and the figures need the whole band
         return shifted, narrow, narrow if mass_low_pass == low_pass else shifted.filtered(low_pass), found, shift
 

@@ -43,8 +43,8 @@ Array = NDArray[np.float64]
 
 LARGEST_RESIDUAL = 0.01
 """Share of the acceleration's peak that may be noise; for what is beyond, the sensors must answer."""
-LARGEST_SIGNIFICANCE = 3.29
-"""Of a sensor's departure from its calibration; by chance one of 1000 goes beyond, as in Baarda's w-test."""
+CRITICAL_VALUE = 3.29
+"""Of a normalised residual; by chance one of 1000 goes beyond, as in Baarda's w-test."""
 SMALLEST_RESIDUAL = 3e-4
 """Share of the acceleration's peak that rows are never taken to be better than: neither is a gauge's straightness
 better, nor what a rigid part that slides and strikes is written down as."""
@@ -70,18 +70,18 @@ class Calibration:
         Velocity that stop and packing gave the part while they let it go.
     shifts_m_s2, u_shifts_m_s2 : ndarray, shape (n_shifts,)
         Size of each shape of the regression's `shifts`, and its standard uncertainty.
-    departures
+    pulls
         By how many of its standard uncertainties each sensor is off; those known exactly are left out.
-    significances
-        The same over the departure's own standard deviation (Baarda's w-test of one observation among
-        the others): standard normal if all calibrations hold. It exceeds the departure where the shot
+    normalised_residuals
+        The same over its own standard deviation (Baarda's w-test of one observation among
+        the others): standard normal if all calibrations hold. It exceeds the pull where the shot
         can tell little of a sensor; 0 where it can tell nothing.
     largest_residual_m_s2
         `LARGEST_RESIDUAL` of this shot's acceleration; a residual beyond it is no noise.
     noise_m_s2
         Standard deviation of the residual, widened by its correlation.
     misfit
-        What was minimised: squares of residuals over the noise, and of departures over their uncertainties.
+        What was minimised: squares of residuals over the noise, and of pulls over their uncertainties.
     m0_kg
         First estimate of the mass, from which `inferred` counts.
     inferred
@@ -98,8 +98,8 @@ class Calibration:
     release_m_s: float
     shifts_m_s2: Array
     u_shifts_m_s2: Array
-    departures: dict[str, float]
-    significances: dict[str, float]
+    pulls: dict[str, float]
+    normalised_residuals: dict[str, float]
     largest_residual_m_s2: float
     noise_m_s2: float
     misfit: float
@@ -220,8 +220,8 @@ def calibrated_mass(
         release_m_s=inferred.value(motion.RELEASE.name),
         shifts_m_s2=np.array([inferred.value(name) for name in shifts]),
         u_shifts_m_s2=np.array([inferred.u(name) for name in shifts]),
-        departures={source: inferred.departure(source) for source in inferred.sources},
-        significances={source: inferred.normalised_residual(source) for source in inferred.sources},
+        pulls={source: inferred.pull(source) for source in inferred.sources},
+        normalised_residuals={source: inferred.normalised_residual(source) for source in inferred.sources},
         largest_residual_m_s2=LARGEST_RESIDUAL * peak,
         noise_m_s2=own_noise,
         misfit=inferred.misfit,

@@ -23,13 +23,13 @@ class Corrections(Protocol):
         ...
 
     @property
-    def departures(self) -> Mapping[str, float]:
+    def pulls(self) -> Mapping[str, float]:
         """By how many of its standard uncertainties each sensor is off."""
         ...
 
     @property
-    def significances(self) -> Mapping[str, float]:
-        """The same over the departure's own standard deviation."""
+    def normalised_residuals(self) -> Mapping[str, float]:
+        """The same over its own standard deviation."""
         ...
 
     def correct(self, regression: Regression) -> tuple[Array, Array]:

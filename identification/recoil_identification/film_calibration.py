@@ -50,7 +50,7 @@ class FilmCalibration:
         Of gauge and friction errors.
     u_camera
         Relative standard uncertainty of the camera's scale.
-    departures, significances
+    pulls, normalised_residuals
         As of `recoil_identification.calibration.Calibration`.
     """
 
@@ -60,8 +60,8 @@ class FilmCalibration:
     release_m_s: float
     covariance: Array
     u_camera: float
-    departures: dict[str, float]
-    significances: dict[str, float]
+    pulls: dict[str, float]
+    normalised_residuals: dict[str, float]
 
     @classmethod
     def of(
@@ -85,7 +85,7 @@ class FilmCalibration:
             "A",
             degrees_of_freedom=independent_rows(found.residuals, OWN_UNKNOWNS),
         )
-        budget, departures, significances = [random], {}, {}
+        budget, pulls, normalised_residuals = [random], {}, {}
         for j, (source, unit) in enumerate(zip((*GAUGES, FRICTION), UNITS, strict=True)):
             if not u[j] > 0:
                 continue
@@ -93,8 +93,8 @@ class FilmCalibration:
             budget.append(BudgetRow(source, abs(answer), "B", answer / float(u[j]), unit))
             off = float(found.force_errors[j] / u[j])
             redundancy = 1.0 - float(found.force_error_covariance[j, j]) / float(u[j]) ** 2
-            departures[source] = off
-            significances[source] = off / math.sqrt(redundancy) if redundancy > LEAST_REDUNDANCY else 0.0
+            pulls[source] = off
+            normalised_residuals[source] = off / math.sqrt(redundancy) if redundancy > LEAST_REDUNDANCY else 0.0
         budget.append(BudgetRow(RELEASE, found.u_zero_kg, "B"))
         answer = found.scale_sensitivity_kg
         budget.append(BudgetRow(CAMERA_SCALE, abs(answer) * u_camera, "B", answer))
@@ -105,8 +105,8 @@ class FilmCalibration:
             found.velocity_m_s,
             found.force_error_covariance[: u.size, : u.size].copy(),
             u_camera,
-            departures,
-            significances,
+            pulls,
+            normalised_residuals,
         )
 
     def with_residual(self, regression: Regression) -> FilmCalibration:

@@ -99,9 +99,9 @@ def mass_trace(
     inside = regression.inside
     systematic = np.full(mass.shape, systematic_rel)
     if errors_m_s2 is not None and errors_m_s2.shape[1]:
-        answers = limited_memory_least_squares(x[:, None], errors_m_s2, window, partial=True).parameters[:, 0, :]
+        sensitivities = limited_memory_least_squares(x[:, None], errors_m_s2, window, partial=True).parameters[:, 0, :]
         with np.errstate(invalid="ignore"):
-            systematic = np.hypot(systematic, np.sqrt((answers**2).sum(axis=1)) * np.abs(mass))
+            systematic = np.hypot(systematic, np.sqrt((sensitivities**2).sum(axis=1)) * np.abs(mass))
     u = np.abs(mass) * np.hypot(relative, systematic)
     reasons: dict[str, int] = {}
     unsound = inside & ~sound

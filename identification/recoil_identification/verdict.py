@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Mapping
 
 from recoil_acquisition.shot import Shot
-from recoil_identification.calibration import LARGEST_RESIDUAL, LARGEST_SIGNIFICANCE, Calibration
+from recoil_identification.calibration import CRITICAL_VALUE, LARGEST_RESIDUAL, Calibration
 from recoil_identification.constancy.mass_constancy import MassConstancy
 from recoil_identification.corrections import Corrections
 from recoil_identification.mass import ACCELERATION, RANDOM, MassEstimate
@@ -150,14 +150,14 @@ def doubted_sensors(calibration: Corrections) -> list[str]:
 
     One wrong sensor pulls on those that it is compared with; which of them it is the shot alone may
     not tell, so all that are beyond the limit are named. By how much the others say that it is off is its
-    departure over its redundancy, the square of departure over significance.
+    pull over its redundancy, the square of pull over normalised residual.
     """
-    sensors = {s: w for s, w in calibration.significances.items() if s not in (RELEASE, CAMERA_GAIN)}
-    beyond = {s: w for s, w in sensors.items() if abs(w) > LARGEST_SIGNIFICANCE}
+    sensors = {s: w for s, w in calibration.normalised_residuals.items() if s not in (RELEASE, CAMERA_GAIN)}
+    beyond = {s: w for s, w in sensors.items() if abs(w) > CRITICAL_VALUE}
     return [
         f"{source} contradicts the other sensors: it reads {'high' if w > 0 else 'low'} by "
-        f"{w * w / abs(calibration.departures[source]):.3g} of its standard uncertainties if they are right "
-        f"({abs(w):.1f} standard deviations, limit {LARGEST_SIGNIFICANCE:g})"
+        f"{w * w / abs(calibration.pulls[source]):.3g} of its standard uncertainties if they are right "
+        f"({abs(w):.1f} standard deviations, limit {CRITICAL_VALUE:g})"
         for source, w in sorted(beyond.items(), key=lambda item: -abs(item[1]))
     ]
 

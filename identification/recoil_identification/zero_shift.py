@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_identification.calibration import LARGEST_SIGNIFICANCE, Calibration, calibrated_mass
+from recoil_identification.calibration import CRITICAL_VALUE, Calibration, calibrated_mass
 from recoil_identification.sensor_priors import CAMERA_GAIN, CAMERA_SCALE, CAMERA_SHIFT, CameraScale
 from recoil_processing.filters import LowPass
 from recoil_processing.motion.scale_and_zero import ScaleAndZero
@@ -163,9 +163,9 @@ def calibrated_with_zero_shift(
             seen = {}
 
     def fitted(shape: Shape, noise_m_s2: float | None = None) -> Calibration:
-        told = _scale(filmed, seen[shape], shape) if filmed is not None and seen else None
+        scale = _scale(filmed, seen[shape], shape) if filmed is not None and seen else None
         regression = replace(plain, shifts=filtered[:, shape])
-        return calibrated_mass(regression, scales, u_bias_m_s2, told, noise_m_s2=noise_m_s2)
+        return calibrated_mass(regression, scales, u_bias_m_s2, scale, noise_m_s2=noise_m_s2)
 
     # the noise is that of the fullest shape: what a shift leaves unexplained must not excuse it
     least = LEAST_NOISE * float(np.max(np.abs(plain.acceleration_m_s2[plain.used])))
@@ -173,7 +173,9 @@ def calibrated_with_zero_shift(
     criteria = {}
     for shape in shapes:
         fit = fitted(shape, noise)
-        if shape and any(abs(fit.significances[s]) > LARGEST_SIGNIFICANCE for s in fit.significances if _by_camera(s)):
+        if shape and any(
+            abs(fit.normalised_residuals[s]) > CRITICAL_VALUE for s in fit.normalised_residuals if _by_camera(s)
+        ):
             # a gauge that is a little off looks like a zero that decays with the pulse; the camera saw none
             continue
         if _KICK in shape and abs(fit.shifts_m_s2[0]) < LEAST_STEP_SIGMA * fit.u_shifts_m_s2[0]:

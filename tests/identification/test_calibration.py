@@ -141,7 +141,7 @@ def test_with_nothing_left_free_it_is_the_reverse_estimate():
     assert found.estimate.mass_kg == pytest.approx(reverse.mass_kg, rel=1e-9)
     assert found.estimate.u_kg == pytest.approx(reverse.u_kg, rel=0.02)
     assert [r.source for r in found.estimate.budget] == [RANDOM]
-    assert found.departures == {}
+    assert found.pulls == {}
 
 
 def test_as_the_calibrations_tighten_it_tends_to_the_reverse_estimate():
@@ -224,7 +224,7 @@ def test_the_stated_interval_covers_the_mass_as_often_as_it_says(with_camera):
     rng = np.random.default_rng(20130901)
     sigma, draws = 2.0, 400
     size = spaced_rows(exact()).size
-    inside, z, significances = 0, [], []
+    inside, z, normalised_residuals = 0, [], []
     for _ in range(draws):
         gauges = tuple(rng.normal(0.0, SCALES.gauges))
         acceleration, friction = rng.normal(0.0, SCALES.acceleration), rng.normal(0.0, SCALES.friction_n)
@@ -247,15 +247,15 @@ def test_the_stated_interval_covers_the_mass_as_often_as_it_says(with_camera):
         low, high = found.estimate.interval_kg
         inside += low <= MASS_KG <= high
         z.append((found.estimate.mass_kg - MASS_KG) / found.estimate.u_kg)
-        significances.append(
-            list({k: v for k, v in found.significances.items() if with_camera or k != ACCELERATION}.values())
+        normalised_residuals.append(
+            list({k: v for k, v in found.normalised_residuals.items() if with_camera or k != ACCELERATION}.values())
         )
     assert 0.92 <= inside / draws <= 0.98
     assert abs(np.mean(z)) < 4 / math.sqrt(draws)
     # what a sensor's departure is measured by has a standard deviation of one, and is nothing where without
     # the camera the accelerometer's scale and the mass cannot be told apart
-    assert with_camera or found.significances[ACCELERATION] == 0.0
-    np.testing.assert_allclose(np.std(significances, axis=0), 1.0, atol=0.15)
+    assert with_camera or found.normalised_residuals[ACCELERATION] == 0.0
+    np.testing.assert_allclose(np.std(normalised_residuals, axis=0), 1.0, atol=0.15)
 
 
 def test_correlated_errors_of_the_rows_widen_the_random_uncertainty():
@@ -309,14 +309,14 @@ def test_the_errors_left_are_those_that_draws_of_the_sensors_leave():
 
 def test_a_sensor_beyond_its_uncertainty_stands_out():
     found = calibrated_mass(measured(gauges=(0.06, 0.0, 0.0), noise=alternating(1.0)), SCALES, U_BIAS, CAMERA)
-    assert max(found.significances, key=lambda s: abs(found.significances[s])) == GAUGES[0]
-    assert found.significances[GAUGES[0]] > 5
-    assert 0 < found.departures[GAUGES[0]] < found.significances[GAUGES[0]]
+    assert max(found.normalised_residuals, key=lambda s: abs(found.normalised_residuals[s])) == GAUGES[0]
+    assert found.normalised_residuals[GAUGES[0]] > 5
+    assert 0 < found.pulls[GAUGES[0]] < found.normalised_residuals[GAUGES[0]]
 
 
 def test_a_misfit_is_not_taken_for_noise():
     found = calibrated_mass(measured(gauges=(0.8, 0.0, 0.0), noise=alternating(1.0)), SCALES, U_BIAS, None)
-    assert max(abs(w) for w in found.significances.values()) > 10
+    assert max(abs(w) for w in found.normalised_residuals.values()) > 10
     assert found.largest_residual_m_s2 == pytest.approx(
         0.01 * np.abs(exact().acceleration_m_s2[spaced_rows(exact())]).max(), rel=0.01
     )
@@ -325,6 +325,6 @@ def test_a_misfit_is_not_taken_for_noise():
 def test_without_a_silence_the_zero_is_found_from_the_shot_itself():
     found = calibrated_mass(measured(bias_m_s2=4.0, noise=alternating(1.0)), SCALES, math.inf, None)
     assert found.bias_m_s2 == pytest.approx(4.0, abs=2.0)
-    assert ZERO not in found.departures
+    assert ZERO not in found.pulls
     biased = calibrated_mass(measured(bias_m_s2=4.0, noise=alternating(1.0)), SCALES, 1e-3, None)
     assert abs(found.estimate.mass_kg - MASS_KG) < abs(biased.estimate.mass_kg - MASS_KG) + found.estimate.u_kg

@@ -102,7 +102,7 @@ class MassConstancy:
 
 def sensor_columns(
     forces_n: Array,
-    sliding: Array,
+    friction_direction: Array,
     released: Array,
     mass_kg: float,
     scales: ScaleUncertainty,
@@ -119,7 +119,7 @@ def sensor_columns(
     ----------
     forces_n : ndarray, shape (n, 4)
         In the order of `recoil_identification.regression.FORCES`.
-    sliding, released : ndarray, shape (n,)
+    friction_direction, released : ndarray, shape (n,)
         As in `recoil_identification.regression.Regression`.
     u_zero_m_s2
         Infinite for a zero that is not known.
@@ -129,13 +129,13 @@ def sensor_columns(
         Standard uncertainty of each gauge's delay against the accelerometer.
     """
     columns = [forces_n[:, j] / mass_kg * u for j, u in enumerate(scales.gauges)]
-    columns.append(sliding / mass_kg * scales.friction_n)
+    columns.append(friction_direction / mass_kg * scales.friction_n)
     if math.isfinite(u_zero_m_s2):
         columns.append(released * u_zero_m_s2)
     if rates_n_s is not None:
         columns += [rates_n_s[:, j] / mass_kg * u for j, u in enumerate(u_delays_s)]
     kept = [column for column in columns if np.any(column)]
-    return np.column_stack(kept) if kept else np.zeros((sliding.size, 0))
+    return np.column_stack(kept) if kept else np.zeros((friction_direction.size, 0))
 
 
 def mass_constancy(

@@ -159,7 +159,7 @@ def step_test(
     # a step between two rows is the same wherever between them it is
     instants = np.interp(0.5 * (places[1:] + places[:-1]), np.arange(inner.size), inner)
 
-    def told(at_s: Array) -> tuple[Array, Array, Array]:
+    def identifiable(at_s: Array) -> tuple[Array, Array, Array]:
         """Return the instants of which the rows can tell, their columns less what the others say, and the energy."""
         whole = rows.steps(rise(times_s[:, None] - at_s))
         left = rows.without(whole)
@@ -167,7 +167,7 @@ def step_test(
         enough = energy > LEAST_REDUNDANCY * np.maximum((whole**2).sum(axis=0), np.finfo(np.float64).tiny)
         return at_s[enough], left[:, enough], energy[enough]
 
-    instants, columns, energy = told(instants)
+    instants, columns, energy = identifiable(instants)
     if not instants.size:
         raise ValueError("the other regressors explain every step; none could be told")
     unit = columns / np.sqrt(energy)
@@ -178,8 +178,8 @@ def step_test(
     spacing = float(np.max(np.diff(instants), initial=0.0))
     fine = near + 2 * spacing * np.linspace(-1, 1, FINER)
     fine = fine[(fine >= inner[0]) & (fine <= inner[-1])]
-    all_told = told(np.union1d(instants, fine))
-    u_change, instant_s, interval_s = _most_likely(rows.residual, *all_told)
+    all_instants = identifiable(np.union1d(instants, fine))
+    u_change, instant_s, interval_s = _most_likely(rows.residual, *all_instants)
     before, step, left = rows.fit(rows.steps(rise(times_s[:, None] - np.array([instant_s])))[:, 0])
     return StepTest(
         instants_s=instants,

@@ -7,7 +7,7 @@
 ``joint``       force, accelerometer and camera
 
 Random errors are those of each estimator; what it answers to a scale, a friction, a zero or a clock that is off, it
-tells itself, to first order: these errors of the force are its probes.
+tells itself, to first order: these errors of the force are its perturbations.
 """
 
 from __future__ import annotations
@@ -145,10 +145,10 @@ class _Estimators:
             used=self.inputs.used,
             force_sigma_n=self.inputs.baseline_noise.force,
             quiet_sigma_m_s2=self.inputs.baseline_noise.slow_acceleration,
-            probes_n=self.inputs.perturbations.per_unit,
+            perturbations_n=self.inputs.perturbations.per_unit,
             most_order=self.inputs.most_order,
         )
-        budget = [*self.by_force(found.answers_kg), self.by_accelerometer(-found.mass_kg), *self.without_cutoff()]
+        budget = [*self.by_force(found.sensitivities_kg), self.by_accelerometer(-found.mass_kg), *self.without_cutoff()]
         return self.stated("ar-gls", found.mass_kg, found.u_kg, budget, found.rows)
 
     def weak(self) -> MassEstimate:
@@ -161,14 +161,14 @@ class _Estimators:
                 used=self.inputs.used,
                 force_sigma_n=self.inputs.baseline_noise.slow_force,
                 quiet_sigma_m_s2=self.inputs.baseline_noise.slow_acceleration,
-                probes_n=self.inputs.perturbations.per_unit,
+                perturbations_n=self.inputs.perturbations.per_unit,
             )
 
         found = averaged(1.0)
         masses = [found.mass_kg, *(averaged(factor).mass_kg for factor in WIDTH_FACTORS)]
         choice = BudgetRow(WIDTH, 0.5 * (max(masses) - min(masses)) / math.sqrt(3.0), "B")
         budget = [
-            *self.by_force(found.answers_kg),
+            *self.by_force(found.sensitivities_kg),
             self.by_accelerometer(-found.mass_kg),
             *self.without_cutoff(),
             choice,
@@ -194,8 +194,8 @@ class _Estimators:
         )
         scale_kg = found.scale_sensitivity_kg
         scale = BudgetRow(CAMERA_SCALE, abs(scale_kg) * filmed.camera.u_rel, "B", scale_kg)
-        by_force, answers_kg = self.by_force(found.sensitivities_kg[:4]), found.sensitivities_kg[4:]
-        budget = self.by_camera(filmed, by_force, answers_kg, scale, found.u_shift_kg)
+        by_force, sensitivities_kg = self.by_force(found.sensitivities_kg[:4]), found.sensitivities_kg[4:]
+        budget = self.by_camera(filmed, by_force, sensitivities_kg, scale, found.u_shift_kg)
         budget.append(BudgetRow(RELEASE, found.u_zero_kg, "B"))
         return self.stated("camera-gls", found.mass_kg, found.u_kg, budget, found.frames)
 
@@ -220,22 +220,22 @@ class _Estimators:
             u_gain=self.scales.acceleration,
             u_scale=filmed.camera.u_rel,
         )
-        probes = self.inputs.perturbations
+        perturbations = self.inputs.perturbations
         u = np.array([*self.scales.gauges, self.scales.friction_n, r.u_release_n_s])
         found = joint_mass(
             recoil,
             known,
             # the force that is measured lacks what the battery stop pushes with
-            force_errors_n=np.column_stack([probes.per_unit, -r.release_per_s]),
+            force_errors_n=np.column_stack([perturbations.per_unit, -r.release_per_s]),
             u_force_errors=u,
-            probes_n=probes.table[:, probes.per_unit.shape[1] :],
+            perturbations_n=perturbations.table[:, perturbations.per_unit.shape[1] :],
             most_order=self.inputs.most_order,
         )
         scale = BudgetRow(CAMERA_SCALE, found.u_scale_kg, "B")
-        *by_sensors, by_release = found.force_answers_kg / np.where(u > 0, u, 1.0)
+        *by_sensors, by_release = found.force_sensitivities_kg / np.where(u > 0, u, 1.0)
         by_force = self.by_force(np.array(by_sensors))
         by_force.append(BudgetRow(RELEASE, abs(by_release) * u[-1], "B", by_release, "N s"))
-        budget = self.by_camera(filmed, by_force, found.answers_kg, scale, found.u_shift_kg)
+        budget = self.by_camera(filmed, by_force, found.sensitivities_kg, scale, found.u_shift_kg)
         budget.append(BudgetRow(ACCELERATION, found.u_gain_kg, "B"))
         return self.stated("joint", found.mass_kg, found.u_kg, budget, found.frames + found.rows)
 
@@ -243,9 +243,9 @@ class _Estimators:
         """Return what moves the displacement and is no force over mass, from the release on, shape (n,)."""
         return np.asarray(bridge(filmed.other_m_s2, otherwise=0.0) * (self.inputs.recorded.released > 0))
 
-    def by_force(self, answers_kg: Array) -> list[BudgetRow]:
+    def by_force(self, sensitivities_kg: Array) -> list[BudgetRow]:
         """Weigh the answers to the gauges' scales and the friction with their uncertainties."""
-        *gauges, friction = (float(answer) for answer in answers_kg)
+        *gauges, friction = (float(answer) for answer in sensitivities_kg)
         rows = [BudgetRow(n, abs(c) * u, "B", c) for n, c, u in zip(GAUGES, gauges, self.scales.gauges, strict=True)]
         return [*rows, BudgetRow(FRICTION, abs(friction) * self.scales.friction_n, "B", friction, "N")]
 
@@ -254,13 +254,18 @@ class _Estimators:
         return BudgetRow(ACCELERATION, abs(answer_kg) * self.scales.acceleration, "B", answer_kg)
 
     def by_camera(
-        self, filmed: FilmedShot, by_force: list[BudgetRow], answers_kg: Array, scale: BudgetRow, u_shift_kg: float
+        self,
+        filmed: FilmedShot,
+        by_force: list[BudgetRow],
+        sensitivities_kg: Array,
+        scale: BudgetRow,
+        u_shift_kg: float,
     ) -> list[BudgetRow]:
         """Weigh the answers of a route by the camera to zeros and clocks; a clock's larger direction counts."""
-        probes = self.inputs.perturbations
-        zeros = answers_kg[: len(probes.zeros)]
+        perturbations = self.inputs.perturbations
+        zeros = sensitivities_kg[: len(perturbations.zeros)]
         clocks: dict[str, float] = {}
-        for (source, _), answer in zip(probes.clocks, answers_kg[zeros.size :], strict=True):
+        for (source, _), answer in zip(perturbations.clocks, sensitivities_kg[zeros.size :], strict=True):
             clocks[source] = max(clocks.get(source, 0.0), abs(float(answer)))
         own = f"alignment of clock {filmed.alignment.clock}"
         # forces on the camera's own clock would move with it; no recorder of pressures has one
@@ -269,7 +274,7 @@ class _Estimators:
             *by_force,
             scale,
             *(BudgetRow(source, u, "B") for source, u in clocks.items()),
-            *(BudgetRow(n, abs(float(c)), "A") for (n, _), c in zip(probes.zeros, zeros, strict=True)),
+            *(BudgetRow(n, abs(float(c)), "A") for (n, _), c in zip(perturbations.zeros, zeros, strict=True)),
         ]
 
     def without_cutoff(self) -> tuple[BudgetRow, ...]:

@@ -25,7 +25,7 @@ UNKNOWNS = 7
 
 @dataclass(frozen=True, eq=False)
 class JointSolution:
-    """One step of all unknowns, their covariance, and the answers of 1/m to rows and to one u of each prior."""
+    """One step of all unknowns, their covariance, and the sensitivities of 1/m to rows and to one u of each prior."""
 
     step: Array
     covariance: Array
@@ -231,11 +231,11 @@ class JointModel:
         by_rows = inverse[0, : full.shape[0] - finite.size]
         return JointSolution(step, covariance, by_rows, by_priors)
 
-    def answers(self, p: Array, found: JointSolution, levels: NoiseLevels, probes: Array) -> Array:
-        """Return by how much errors of the force lower 1/m, shape (n_probes,)."""
+    def sensitivities(self, p: Array, found: JointSolution, levels: NoiseLevels, perturbations: Array) -> Array:
+        """Return by how much errors of the force lower 1/m, shape (n_perturbations,)."""
         r, w = self.recoil, self.force_share(levels.acceleration)
         # what the model has too much of, in the accelerometer's rows and in the camera's
-        sizes = p[MASS] * probes
+        sizes = p[MASS] * perturbations
         _, columns = self.accelerations(p)
         rows = self.independent(np.column_stack([columns, (1.0 + p[GAIN]) * sizes]), levels.acceleration)
         driven = [DoubleIntegral.of(size, r.start_s, r.step_s).at(self.film.times_s)[0] for size in sizes.T]

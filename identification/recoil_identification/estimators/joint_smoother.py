@@ -73,14 +73,14 @@ class JointMass:
         What is added to the camera's times.
     gain_error, scale_error
         g and c.
-    force_errors, force_answers_kg : ndarray, shape (n_errors,)
+    force_errors, force_sensitivities_kg : ndarray, shape (n_errors,)
         Of the force as found, and by how much the mass is too large if one of them is off by its u beforehand.
     frame_times_s, travel_m, velocity_m_s : ndarray, shape (n,)
         Smoothed, at the frames of the motion; the travel in the camera's scale and from its origin, the velocity true.
     residual_m : ndarray, shape (n,)
         Camera less travel.
-    answers_kg : ndarray, shape (n_probes,)
-        By how much the mass is too large if the force is by one of the probes.
+    sensitivities_kg : ndarray, shape (n_perturbations,)
+        By how much the mass is too large if the force is by one of the perturbations.
     """
 
     mass_kg: float
@@ -98,13 +98,13 @@ class JointMass:
     gain_error: float
     scale_error: float
     force_errors: Array
-    force_answers_kg: Array
+    force_sensitivities_kg: Array
     levels: NoiseLevels
     frame_times_s: Array
     travel_m: Array
     velocity_m_s: Array
     residual_m: Array
-    answers_kg: Array
+    sensitivities_kg: Array
     frames: int
     set_aside: int
     rows: int
@@ -119,7 +119,7 @@ def joint_mass(
     levels: NoiseLevels | None = None,
     force_errors_n: Array | None = None,
     u_force_errors: Array | None = None,
-    probes_n: Array | None = None,
+    perturbations_n: Array | None = None,
     most_order: int = MOST_ORDER,
 ) -> JointMass:
     """Estimate the mass by force, accelerometer and camera.
@@ -132,7 +132,7 @@ def joint_mass(
         Errors that the force may have, each by one unit of it, finite, zero before the release: further unknowns.
     u_force_errors : ndarray, shape (n_errors,), optional
         What is known of them beforehand; 0 to hold one.
-    probes_n : ndarray, shape (n, n_probes), optional
+    perturbations_n : ndarray, shape (n, n_perturbations), optional
         Errors of the force that are no unknowns, of the same kind.
     most_order
         Of the accelerometer's autoregressive errors.
@@ -190,8 +190,8 @@ def joint_mass(
         iterations += 1
     if found is None:
         raise ValueError("there must be an iteration")
-    probes = none if probes_n is None else probes_n
-    return _result(model, p, found, NoiseLevels(noise, sigma, density), probes, iterations, moved <= SETTLED)
+    perturbations = none if perturbations_n is None else perturbations_n
+    return _result(model, p, found, NoiseLevels(noise, sigma, density), perturbations, iterations, moved <= SETTLED)
 
 
 def _result(
@@ -199,7 +199,7 @@ def _result(
     p: Array,
     found: JointSolution,
     levels: NoiseLevels,
-    probes: Array,
+    perturbations: Array,
     iterations: int,
     settled: bool,
 ) -> JointMass:
@@ -213,7 +213,7 @@ def _result(
     mass = 1.0 / float(p[MASS])
     by = mass**2 * np.abs(found.by_priors)
     u = np.sqrt(np.diag(found.covariance))
-    answers = mass**2 * model.answers(p, found, levels, probes)
+    sensitivities = mass**2 * model.sensitivities(p, found, levels, perturbations)
     return JointMass(
         mass_kg=mass,
         u_kg=mass**2 * float(np.linalg.norm(found.by_rows)),
@@ -230,13 +230,13 @@ def _result(
         gain_error=float(p[GAIN]),
         scale_error=float(p[SCALE]),
         force_errors=p[UNKNOWNS:].copy(),
-        force_answers_kg=mass**2 * found.by_priors[UNKNOWNS:],
+        force_sensitivities_kg=mass**2 * found.by_priors[UNKNOWNS:],
         levels=levels,
         frame_times_s=t,
         travel_m=travel,
         velocity_m_s=model.velocity(p, levels.acceleration) + states[:, 1, 0],
         residual_m=model.film.positions_m - travel,
-        answers_kg=answers,
+        sensitivities_kg=sensitivities,
         frames=int(t.size),
         set_aside=model.film.set_aside,
         rows=int(np.count_nonzero(model.recoil.used)),

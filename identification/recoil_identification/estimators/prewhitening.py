@@ -61,8 +61,8 @@ class PrewhitenedMass:
         Of the acceleration's errors.
     nuisance : ndarray, shape (n_nuisance,)
         Coefficients of the further columns.
-    answers_kg : ndarray, shape (n_probes,)
-        By how much the mass is too large if the force is by one of the probes.
+    sensitivities_kg : ndarray, shape (n_perturbations,)
+        By how much the mass is too large if the force is by one of the perturbations.
     whiteness
         Largest autocorrelation of the whitened residuals within `MOST_ORDER` lags, over its standard deviation.
     """
@@ -75,7 +75,7 @@ class PrewhitenedMass:
     plain_kg: float
     noise: AutoregressiveNoise
     nuisance: Array
-    answers_kg: Array
+    sensitivities_kg: Array
     rows: int
     iterations: int
     settled: bool
@@ -87,7 +87,7 @@ def prewhitened_mass(
     force_n: Array,
     *,
     nuisance: Array | None = None,
-    probes_n: Array | None = None,
+    perturbations_n: Array | None = None,
     used: NDArray[np.bool_] | None = None,
     force_sigma_n: float = 0.0,
     quiet_sigma_m_s2: float = 0.0,
@@ -102,7 +102,7 @@ def prewhitened_mass(
         Evenly sampled, unfiltered.
     nuisance : ndarray, shape (n, n_nuisance), optional
         Further columns of the acceleration, such as a shifted zero, each with an unknown coefficient.
-    probes_n : ndarray, shape (n, n_probes), optional
+    perturbations_n : ndarray, shape (n, n_perturbations), optional
         Errors that the force may have; finite where samples are used.
     used : ndarray of bool, shape (n,), optional
         Samples to use; a gap ends one piece and begins another.
@@ -160,10 +160,12 @@ def prewhitened_mass(
     # what the further columns cannot explain of the force is what the mass is told by
     own = table[used, 0]
     own = own - table[used, 1:-1] @ np.linalg.lstsq(table[used, 1:-1], own, rcond=None)[0]
-    probes = np.zeros((force_n.size, 0)) if probes_n is None else probes_n
-    answers = np.zeros(0)
-    if probes.shape[1]:
-        answers = found.influence @ np.vstack([current.whiten(probes[begin:end]) for begin, end in runs(used)])
+    perturbations = np.zeros((force_n.size, 0)) if perturbations_n is None else perturbations_n
+    sensitivities = np.zeros(0)
+    if perturbations.shape[1]:
+        sensitivities = found.influence @ np.vstack(
+            [current.whiten(perturbations[begin:end]) for begin, end in runs(used)]
+        )
     u_quiet = mass**2 * math.hypot(quiet_sigma_m_s2, force_sigma_n / mass) / math.sqrt(float(own @ own))
     return PrewhitenedMass(
         mass_kg=mass,
@@ -174,7 +176,7 @@ def prewhitened_mass(
         plain_kg=1.0 / plain if plain > 0 else math.inf,
         noise=current,
         nuisance=found.solution[1:],
-        answers_kg=mass * answers,
+        sensitivities_kg=mass * sensitivities,
         rows=int(np.count_nonzero(used)),
         iterations=iterations,
         settled=given or moved <= SETTLED,

@@ -50,8 +50,8 @@ class WeakMass:
         Functions that reach across samples that are not to be used.
     residuals : ndarray, shape (n_rows,)
         Of independent rows, over the noise.
-    answers_kg : ndarray, shape (n_probes,)
-        By how much the mass is too large if the force is by one of the probes.
+    sensitivities_kg : ndarray, shape (n_perturbations,)
+        By how much the mass is too large if the force is by one of the perturbations.
     """
 
     mass_kg: float
@@ -60,7 +60,7 @@ class WeakMass:
     rows: int
     rows_left_out: int
     residuals: Array
-    answers_kg: Array
+    sensitivities_kg: Array
 
 
 def weak_mass(
@@ -72,7 +72,7 @@ def weak_mass(
     used: Flags | None = None,
     force_sigma_n: float = 0.0,
     quiet_sigma_m_s2: float = 0.0,
-    probes_n: Array | None = None,
+    perturbations_n: Array | None = None,
 ) -> WeakMass:
     """Estimate by averages of the acceleration on averages of the force.
 
@@ -86,7 +86,7 @@ def weak_mass(
         White noise of the force per sample; what it adds to the averages' power is taken off.
     quiet_sigma_m_s2
         White noise of the acceleration per sample in the silence before the shot; the noise is no less.
-    probes_n : ndarray, shape (n, n_probes), optional
+    perturbations_n : ndarray, shape (n, n_perturbations), optional
         Errors that the force may have.
 
     Raises
@@ -102,10 +102,10 @@ def weak_mass(
     stride = max(1, half // PER_HALF_WIDTH)
     offsets_s = np.linspace(-half * step_s, half * step_s, 2 * half + 1)
     kernel = np.maximum(1.0 - (offsets_s / half_width_s) ** 2, 0.0) ** ORDER
-    probes = np.zeros((times_s.size, 0)) if probes_n is None else probes_n
+    perturbations = np.zeros((times_s.size, 0)) if perturbations_n is None else perturbations_n
     if part.stop - part.start < kernel.size:
         return _estimate(np.zeros((0, 2)), np.zeros((0, 0)), 0.0, 0.0, 0)
-    columns = np.where(used[:, None], np.column_stack([force_n, acceleration_m_s2, probes]), 0.0)[part]
+    columns = np.where(used[:, None], np.column_stack([force_n, acceleration_m_s2, perturbations]), 0.0)[part]
     whole = np.convolve(~used[part], np.ones(kernel.size), mode="valid")[::stride] < 0.5
     averages = np.column_stack([np.convolve(column, kernel, mode="valid")[::stride] for column in columns.T])[whole]
     # functions of one shape at whole strides: their products depend on how far they are apart
@@ -145,7 +145,9 @@ def _independent(covariance: Array, averages: Array) -> Array:
     return np.asarray((directions[:, kept] / np.sqrt(variances[kept])).T @ averages)
 
 
-def _estimate(averages: Array, probes: Array, least_noise: float, force_sigma_n: float, left_out: int) -> WeakMass:
+def _estimate(
+    averages: Array, perturbations: Array, least_noise: float, force_sigma_n: float, left_out: int
+) -> WeakMass:
     if averages.shape[0] < LEAST_ROWS:
         raise IdentificationError(
             f"only {averages.shape[0]} functions of bounded support fit between the samples that can be used",
@@ -169,5 +171,5 @@ def _estimate(averages: Array, probes: Array, least_noise: float, force_sigma_n:
     robust = math.sqrt(float((f * residual) @ (f * residual)))
     u_inverse = max(noise * math.sqrt(power), robust) / (power - noise_power)
     over = residual / noise if noise > 0 else residual
-    answers = f @ probes / (power - noise_power) / inverse
-    return WeakMass(1.0 / inverse, u_inverse / inverse**2, noise, int(f.size), left_out, over, answers)
+    sensitivities = f @ perturbations / (power - noise_power) / inverse
+    return WeakMass(1.0 / inverse, u_inverse / inverse**2, noise, int(f.size), left_out, over, sensitivities)

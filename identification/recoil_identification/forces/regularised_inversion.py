@@ -124,10 +124,10 @@ def _cross_validated(
 
     ratio = float(np.trace(gram) / np.trace(bend))
     # what is told by the rows and beforehand; a trace of the penalty keeps it regular and changes no figure
-    told = gram + np.diag(known) + 10.0 ** DECADES[0] * ratio * bend
-    told += RIDGE * np.diag(np.diag(told))
-    scale = 1.0 / np.sqrt(np.diag(told))
-    values, vectors = eigh(ratio * bend * np.outer(scale, scale), told * np.outer(scale, scale))
+    information = gram + np.diag(known) + 10.0 ** DECADES[0] * ratio * bend
+    information += RIDGE * np.diag(np.diag(information))
+    scale = 1.0 / np.sqrt(np.diag(information))
+    values, vectors = eigh(ratio * bend * np.outer(scale, scale), information * np.outer(scale, scale))
     vectors = scale[:, None] * vectors
     values = np.maximum(values, 0.0)
     seen, projected = np.einsum("ij,jk,ki->i", vectors.T, gram, vectors), vectors.T @ (rows.T @ data)

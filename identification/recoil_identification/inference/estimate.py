@@ -36,7 +36,7 @@ class Estimate(ReadOnlyArrays):
         the sources, and those of the rows' errors, add up to the variance.
     u_sources : ndarray, shape (n_sources,)
         The standard uncertainty that a contribution stands for.
-    departures : ndarray, shape (n_sources,)
+    pulls : ndarray, shape (n_sources,)
         How far the unknowns are off each source, over its standard uncertainty.
     normalised_residuals : ndarray, shape (n_sources,)
         The same over its own standard deviation, everything else being right: standard normal (W. Baarda, A testing
@@ -60,7 +60,7 @@ class Estimate(ReadOnlyArrays):
     sources: tuple[str, ...]
     contributions: Array
     u_sources: Array
-    departures: Array
+    pulls: Array
     normalised_residuals: Array
     misfit: float
     rows: int
@@ -86,9 +86,9 @@ class Estimate(ReadOnlyArrays):
         """Return by how much an unknown rises if a source's value rises by its standard uncertainty."""
         return float(self.contributions[self._place(name), self._source(source)])
 
-    def departure(self, source: str) -> float:
+    def pull(self, source: str) -> float:
         """Return how far the unknowns are off a source, in its standard uncertainties."""
-        return float(self.departures[self._source(source)])
+        return float(self.pulls[self._source(source)])
 
     def normalised_residual(self, source: str) -> float:
         """Return the normalised residual of a source."""

@@ -81,7 +81,7 @@ def solve(
         sources=sources,
         contributions=contributions,
         u_sources=np.diag(known.root).copy(),
-        departures=off / np.sqrt(np.diag(known.covariance)),
+        pulls=off / np.sqrt(np.diag(known.covariance)),
         normalised_residuals=known.normalised(off, solution.covariance),
         misfit=misfit + float(whitened @ whitened),
         rows=rows,
@@ -119,8 +119,8 @@ class _Known:
         weights = np.linalg.inv(self.covariance)
         own = self.covariance - self.rows @ covariance @ self.rows.T
         variances = np.diag(weights @ own @ weights)
-        told = variances > LEAST_REDUNDANCY * np.diag(weights)
-        return np.where(told, (weights @ off) / np.sqrt(np.where(told, variances, 1.0)), 0.0)
+        judged = variances > LEAST_REDUNDANCY * np.diag(weights)
+        return np.where(judged, (weights @ off) / np.sqrt(np.where(judged, variances, 1.0)), 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,11 +161,11 @@ def _solution(triangle: Array, known: _Known, values: Array, free: NDArray[np.bo
     scale = np.sqrt((own**2).sum(axis=0))
     scale[scale == 0] = 1.0
     u, sizes, directions = np.linalg.svd(own / scale, full_matrices=False)
-    told = sizes > LEAST_PIVOT * sizes.max(initial=0.0)
-    inverse = (directions[told].T / sizes[told]) @ u[:, told].T / scale[:, np.newaxis]
+    kept = sizes > LEAST_PIVOT * sizes.max(initial=0.0)
+    inverse = (directions[kept].T / sizes[kept]) @ u[:, kept].T / scale[:, np.newaxis]
     step, covariance = np.zeros(values.size), np.zeros((values.size, values.size))
     step[free] = inverse @ target
     covariance[np.ix_(free, free)] = inverse @ inverse.T
     determined = np.ones(values.size, dtype=bool)
-    determined[free] = (directions[told] ** 2).sum(axis=0) > 1.0 - LARGEST_SHARE_LEFT
+    determined[free] = (directions[kept] ** 2).sum(axis=0) > 1.0 - LARGEST_SHARE_LEFT
     return _Solution(step, covariance, determined, rows)

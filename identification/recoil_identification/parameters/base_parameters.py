@@ -92,7 +92,7 @@ def structural_base(
 
 
 @dataclass(frozen=True, eq=False)
-class ToldByShot:
+class IdentifiablePart:
     """The combinations that one shot tells, the best determined first.
 
     Attributes
@@ -112,9 +112,9 @@ class ToldByShot:
     pivots: Array
 
 
-def told_by_shot(
+def identifiable_part(
     triangle: Array, response: Array, scales: Array, largest_u: float, doubt: Array | None = None
-) -> ToldByShot:
+) -> IdentifiablePart:
     """Find the combinations that a whitened regression tells, by column-pivoted QR.
 
     Parameters
@@ -149,4 +149,4 @@ def told_by_shot(
     combinations = scaled * size[:, np.newaxis] / scales
     values = size * (inverse @ (q.T @ response)[:rank])
     base = BaseParameters(leading, combinations)
-    return ToldByShot(base, values, np.sqrt(np.diag(covariance)), covariance, pivots)
+    return IdentifiablePart(base, values, np.sqrt(np.diag(covariance)), covariance, pivots)

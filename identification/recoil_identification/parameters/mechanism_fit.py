@@ -28,7 +28,12 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_identification.mass import correlation_factor
-from recoil_identification.parameters.base_parameters import BaseParameters, ToldByShot, structural_base, told_by_shot
+from recoil_identification.parameters.base_parameters import (
+    BaseParameters,
+    IdentifiablePart,
+    identifiable_part,
+    structural_base,
+)
 from recoil_identification.parameters.load_cells import usable_equations
 from recoil_identification.parameters.mechanism_rows import MechanismRows
 from recoil_rigs.mechanism_regressor import PARAMETERS, Geometry, regressor
@@ -41,7 +46,7 @@ PREFERRED = tuple(PARAMETERS.index(name) for name in (
 ))  # fmt: skip
 """Parameters that lead a combination before others do: those of the carriage rather than the tipping part's."""
 LARGEST_U = 0.15
-"""Standard uncertainty, in natural scales, beyond which a combination is not told."""
+"""Standard uncertainty, in natural scales, beyond which a combination is not identifiable."""
 LEAST_ROWS = 20
 """Of an equation of motion; fewer say nothing of its noise."""
 SMALLEST_SIGMA, LARGEST_SIGMA = 1e-6, 0.01
@@ -68,7 +73,7 @@ class MechanismFit:
         What the equations that can be used could tell with motions of any kind.
     values, covariance : ndarray, shape (r,) and (r, r)
         Its combinations by this shot; standard uncertainties are infinite where the shot says nothing.
-    told
+    identifiable
         What this shot does tell of them, combined from the columns of `structural`.
     errors : ndarray, shape (n_errors,)
         Sensors' errors as the shot and the calibrations say.
@@ -87,7 +92,7 @@ class MechanismFit:
     structural: BaseParameters
     values: Array
     covariance: Array
-    told: ToldByShot
+    identifiable: IdentifiablePart
     errors: Array
     joint_covariance: Array
     sigmas: Array
@@ -210,8 +215,8 @@ def fit_mechanism(
         response = q.T @ right
         n = u.size
         free, seen = triangle[n:, n:] / scales, response[n:]
-        told = told_by_shot(free, seen, scales, largest_u)
-        before, theta = theta, _basic(told, scales.size)
+        identifiable = identifiable_part(free, seen, scales, largest_u)
+        before, theta = theta, _basic(identifiable, scales.size)
         errors_before = errors
         errors = u * np.linalg.solve(triangle[:n, :n], response[:n] - triangle[:n, n:] @ (theta / scales))
         Y, Q = both_sides(errors)
@@ -227,7 +232,7 @@ def fit_mechanism(
     shift = np.linalg.lstsq(free.T * scales[:, np.newaxis], score * scales, rcond=1e-12)[0]
     # the variance of a variance from n independent samples is 2 / n of its square
     doubt = np.outer(shift, shift) * 2.0 / max(2.0 * rows.cutoff_hz * rows.silence_s, 1.0)
-    told = told_by_shot(free, seen + shift, scales, largest_u, doubt)
+    identifiable = identifiable_part(free, seen + shift, scales, largest_u, doubt)
     inverse = np.linalg.pinv(free * scales, rcond=1e-12) * scales[:, np.newaxis]
     whole = np.linalg.pinv(triangle, rcond=1e-12) * width[:, np.newaxis]
     residuals = np.full(used.shape, np.nan)
@@ -236,7 +241,7 @@ def fit_mechanism(
         structural=structural,
         values=inverse @ (seen + shift),
         covariance=inverse @ (np.eye(scales.size) + doubt) @ inverse.T,
-        told=told,
+        identifiable=identifiable,
         errors=errors,
         joint_covariance=whole @ whole.T,
         sigmas=sigmas,
@@ -254,10 +259,10 @@ def _truncated(Y: Array, Q: Array, equation: NDArray[np.int64], scales: Array) -
     return np.asarray(scales * scaled)
 
 
-def _basic(told: ToldByShot, count: int) -> Array:
-    """Return the solution in which parameters that do not lead a told combination are zero."""
+def _basic(identifiable: IdentifiablePart, count: int) -> Array:
+    """Return the solution in which parameters that do not lead an identifiable combination are zero."""
     theta = np.zeros(count)
-    theta[list(told.base.leading)] = told.values
+    theta[list(identifiable.base.leading)] = identifiable.values
     return theta
 
 

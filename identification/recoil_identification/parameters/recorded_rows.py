@@ -74,7 +74,7 @@ def mechanism_rows(
         "x": prepared.travel_m,
         "dx": prepared.velocity_m_s,
         "released": recorded.released,
-        "sliding": recorded.friction_direction,
+        "friction_direction": recorded.friction_direction,
         "breech": m.bore_area * s["breech_pressure"],
         **loads,
         **{f"{name} released": column for name, column in zip(FORCES, recorded.forces_n.T, strict=True)},

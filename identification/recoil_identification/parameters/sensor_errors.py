@@ -94,7 +94,7 @@ def sensor_errors(
         if name == "breech":
             forces["breech"] = c["breech"]
         add(f"{role} scale and area", u, "1", forces)
-    add("packing friction", m.u.get("friction", 0.0), "N", {"friction released": c["sliding"]})
+    add("packing friction", m.u.get("friction", 0.0), "N", {"friction released": c["friction_direction"]})
     for load, role in LOAD_CELLS.items():
         if load in c:
             add(f"{role} scale", u_of(role), "1", {load: c[load] - rest[load]})

@@ -118,10 +118,10 @@ def report_document(
         "sensors": [
             {
                 "source": source,
-                "departure_sigma": departure,
-                "significance": found.calibration.significances[source],
+                "pull": pull,
+                "normalised_residual": found.calibration.normalised_residuals[source],
             }
-            for source, departure in found.calibration.departures.items()
+            for source, pull in found.calibration.pulls.items()
         ],
         "valid": found.valid,
         "reasons": list(found.reasons),

@@ -77,11 +77,11 @@ def table_of_combinations(rig: Rig, rows: MechanismRows, fit: MechanismFit) -> T
     scales = natural_scales(rows.geometry, rig.mechanism.m3)[list(fit.structural.leading)]
     lines = []
     for text, j, value, u, row in zip(
-        expressions(fit.told.base, names, scales),
-        fit.told.base.leading,
-        fit.told.values,
-        fit.told.u,
-        fit.told.base.combinations,
+        expressions(fit.identifiable.base, names, scales),
+        fit.identifiable.base.leading,
+        fit.identifiable.values,
+        fit.identifiable.u,
+        fit.identifiable.base.combinations,
         strict=True,
     ):
         expected, _ = declared(rig.mechanism, row @ fit.structural.combinations)
@@ -140,7 +140,7 @@ def figure_of_equations(rows: MechanismRows, fit: MechanismFit) -> Figure:
 
 def figure_of_pivots(fit: MechanismFit) -> Figure:
     """Draw how fast the combinations get worse."""
-    shown = np.where(np.isfinite(fit.told.pivots), fit.told.pivots, np.nan)
+    shown = np.where(np.isfinite(fit.identifiable.pivots), fit.identifiable.pivots, np.nan)
     count = np.arange(1.0, shown.size + 1.0)
     bars = Trace("standard uncertainty over natural scale", count, shown, "points", "1")
     limit = HorizontalLine(f"limit {LARGEST_U:g}", LARGEST_U, "limit")

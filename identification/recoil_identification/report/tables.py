@@ -245,9 +245,9 @@ def conditioning(report: Report) -> list[str]:
             for key, how in (("step_m_s2", "that stays"), ("decaying_m_s2", "that decays"))
             if shift.get("u_" + key)
         ]
-        told = "force and camera" if shift.get("confirmed") else "the force alone"
+        witnesses = "force and camera" if shift.get("confirmed") else "the force alone"
         sentences.append(
-            f"The accelerometer's zero shifted at the shot, as {told} tell: {' and '.join(parts)}; taken off."
+            f"The accelerometer's zero shifted at the shot, as {witnesses} show: {' and '.join(parts)}; taken off."
         )
     skew = report.get("skew") or {}
     if skew.get("corrected_s"):

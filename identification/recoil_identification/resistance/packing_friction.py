@@ -114,7 +114,7 @@ def posterior_u(calibration: Calibration, u_declared_n: float) -> float:
     u_declared_n
         With which it was made.
     """
-    departure, significance = calibration.departures.get(FRICTION, 0.0), calibration.significances.get(FRICTION, 0.0)
-    if not u_declared_n > 0 or significance == 0:
+    pull, normalised = calibration.pulls.get(FRICTION, 0.0), calibration.normalised_residuals.get(FRICTION, 0.0)
+    if not u_declared_n > 0 or normalised == 0:
         return u_declared_n
-    return u_declared_n * math.sqrt(max(1.0 - (departure / significance) ** 2, 0.0))
+    return u_declared_n * math.sqrt(max(1.0 - (pull / normalised) ** 2, 0.0))

@@ -52,7 +52,7 @@ class CarriageRecord:
     channels : mapping of str to ndarray, shape (n,)
         By role: `MOTION_ROLES`, the three pressures, which are zero until the part is released, and
         ``recoil_acceleration``, moved to the recoiling part's centre of mass.
-    sliding, released : ndarray, shape (n,)
+    friction_direction, released : ndarray, shape (n,)
         As in `recoil_identification.regression.Regression`.
     travel_m, velocity_m_s : ndarray, shape (n,)
         Of recoil.
@@ -71,7 +71,7 @@ class CarriageRecord:
     times_s: Array
     step_s: float
     channels: Mapping[str, Array]
-    sliding: Array
+    friction_direction: Array
     released: Array
     travel_m: Array
     velocity_m_s: Array
@@ -92,7 +92,7 @@ class CarriageRecord:
         m, c = mechanism, self.channels
         recoils = self.times_s <= self.interval_s[1]
         breech, brake, recuperator = (c[r] * getattr(m, a) for r, a in zip(PRESSURE_ROLES, AREAS, strict=True))
-        force = breech - brake - recuperator + m.friction * self.sliding
+        force = breech - brake - recuperator + m.friction * self.friction_direction
         return MeasuredMotion(
             step_s=self.step_s,
             w1=c["carriage_rate"],
@@ -183,7 +183,7 @@ def carriage_record(prepared: Prepared, rig: Rig) -> CarriageRecord:
     for number, (role, area, sign) in enumerate(zip(PRESSURE_ROLES, AREAS, (1.0, -1.0, -1.0), strict=True)):
         columns[role] = sign * recorded.forces_n[:, number] / getattr(rig.mechanism, area)
     columns["recoil_acceleration"] = prepared.inertial_m_s2
-    columns |= {"sliding": recorded.friction_direction, "released": recorded.released}
+    columns |= {"friction_direction": recorded.friction_direction, "released": recorded.released}
     columns |= {"travel": prepared.travel_m, "velocity": prepared.velocity_m_s}
     rate = signals.rate_hz
     stride = max(1, int(rate / THINNED_RATE_HZ))
@@ -204,7 +204,7 @@ def carriage_record(prepared: Prepared, rig: Rig) -> CarriageRecord:
         times_s=times[kept],
         step_s=step,
         channels={role: thinned[role] for role in (*MOTION_ROLES, "recoil_acceleration", *PRESSURE_ROLES)},
-        sliding=thinned["sliding"],
+        friction_direction=thinned["friction_direction"],
         released=thinned["released"],
         travel_m=thinned["travel"],
         velocity_m_s=thinned["velocity"],

@@ -26,7 +26,7 @@ from recoil_rigs.mechanism import Mechanism
 
 Array = NDArray[np.float64]
 
-LARGEST_SIGNIFICANCE = 3.29
+CRITICAL_VALUE = 3.29
 """Of a difference in its standard uncertainties; by chance one of 1000 goes beyond."""
 STATISTIC = (0.5, 2.0)
 """Mean squared normalised innovation of a model that fits."""
@@ -126,8 +126,8 @@ def _by_gauge(found: MotionForce) -> _Compared | None:
 def _quantities(kalman: _Compared, inverted: _Compared, gauge: _Compared | None, m: Mechanism) -> tuple[Quantity, ...]:
     def against(value: _Stated, expected: _Stated | None, *words: str) -> Quantity:
         name, symbol, unit, basis = words
-        told = (None, None) if expected is None else expected
-        return Quantity(name, symbol, *value, unit, basis, *told)
+        declared = (None, None) if expected is None else expected
+        return Quantity(name, symbol, *value, unit, basis, *declared)
 
     area, u_area = m.bore_area, m.u.get("bore_area", 0.0) / m.bore_area
     pressure = _Stated(kalman.peak.value / area, math.hypot(kalman.peak.u, kalman.peak.value * u_area) / area)
@@ -178,8 +178,7 @@ def _table(quantities: tuple[Quantity, ...]) -> Table:
     )
     return Table(
         "Differences",
-        f"Between the methods, and from the breech gauge; beyond {LARGEST_SIGNIFICANCE} standard uncertainties one is "
-        "off.",
+        f"Between the methods, and from the breech gauge; beyond {CRITICAL_VALUE} standard uncertainties one is off.",
         ("difference", "value", "standard uncertainty", "unit", "in standard uncertainties"),
         rows,
     )
@@ -208,7 +207,7 @@ def _reasons(found: MotionForce, quantities: tuple[Quantity, ...]) -> tuple[str,
     reasons += [
         f"{q.name}: {significant(q.value, 3)} {q.unit}, {abs(q.value) / q.u:.1f} of its standard uncertainties"
         for q in quantities
-        if q.symbol.endswith("_difference") and q.u > 0 and abs(q.value) > LARGEST_SIGNIFICANCE * q.u
+        if q.symbol.endswith("_difference") and q.u > 0 and abs(q.value) > CRITICAL_VALUE * q.u
     ]
     if found.inverted.inversion.at_bound:
         reasons.append("cross-validation found no weight of the regularisation within the range that was tried")

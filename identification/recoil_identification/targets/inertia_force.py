@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_identification.budget import COVERAGE_FACTOR
-from recoil_identification.calibration import LARGEST_SIGNIFICANCE
+from recoil_identification.calibration import CRITICAL_VALUE
 from recoil_identification.parameters.base_parameters import BaseParameters
 from recoil_identification.parameters.inertia_forces import (
     FORCES,
@@ -97,7 +97,7 @@ def find(case: Case) -> Finding:
     difference, u_difference = _against_gauges(slow, mass, u_mass)
     ratio = np.abs(difference / u_difference)[slow.recoils]
     agreement = float(np.mean(ratio <= COVERAGE_FACTOR)) if ratio.size else math.nan
-    plausible = float(np.mean(ratio <= LARGEST_SIGNIFICANCE)) if ratio.size else math.nan
+    plausible = float(np.mean(ratio <= CRITICAL_VALUE)) if ratio.size else math.nan
     reasons = [f"the recoiling mass is doubtful: {reason}" for reason in case.identified.reasons]
     if case.identified.inertial.zero_shift.demanded:
         reasons.append(
@@ -105,7 +105,7 @@ def find(case: Case) -> Finding:
         )
     if not plausible >= LEAST_AGREEMENT:
         reasons.append(
-            f"inertia force and gauges differ by more than {LARGEST_SIGNIFICANCE} standard uncertainties in "
+            f"inertia force and gauges differ by more than {CRITICAL_VALUE} standard uncertainties in "
             f"{100 * (1 - plausible):.0f} % of the recoil: a sensor, an area or the mass is off by more than declared."
         )
     other = case.identified.chosen.estimate

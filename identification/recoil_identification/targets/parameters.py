@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_identification.calibration import LARGEST_SIGNIFICANCE
+from recoil_identification.calibration import CRITICAL_VALUE
 from recoil_identification.parameters.load_cells import LOAD_CELLS, lost_equations, measured_loads
 from recoil_identification.parameters.mechanism_fit import (
     LARGEST_U,
@@ -61,10 +61,10 @@ def find(case: Case) -> Finding:
     rig = case.rig
     quantities = _quantities(rig, rows, fit)
     missing = lost_equations(fit.usable, rows.measured)
-    told = len(fit.told.values)
+    count = len(fit.identifiable.values)
     summary = (
-        f"{told} combinations of the {len(PARAMETERS)} masses, first moments and inertias of the three bodies from the "
-        f"equations {', '.join(EQUATIONS[i] for i in fit.usable)}, by least squares with every sensor's error as a "
+        f"{count} combinations of the {len(PARAMETERS)} masses, first moments and inertias of the three bodies from "
+        f"the equations {', '.join(EQUATIONS[i] for i in fit.usable)}, by least squares with every sensor's error as a "
         f"further unknown, behind one low-pass at {rows.cutoff_hz:.0f} Hz."
     )
     notes = [f"{missing}."] if missing else []
@@ -85,7 +85,7 @@ def find(case: Case) -> Finding:
             "equations": [EQUATIONS[i] for i in fit.usable],
             "rows": fit.rows,
             "structural_rank": len(fit.structural.leading),
-            "numerical_rank": told,
+            "numerical_rank": count,
             "largest_u_in_natural_scales": LARGEST_U,
         },
     )
@@ -223,8 +223,8 @@ def _reasons(case: Case, rows: MechanismRows, fit: MechanismFit) -> tuple[str, .
                 f"largest load, more than {100 * LARGEST_RESIDUAL:.0f} %."
             )
     for error, size, posterior in zip(rows.errors, fit.errors, fit.u_errors, strict=True):
-        told = error.u**2 - float(posterior) ** 2
-        if told > 1e-6 * error.u**2 and abs(size) > LARGEST_SIGNIFICANCE * math.sqrt(told) and abs(size) > error.u:
+        gained = error.u**2 - float(posterior) ** 2
+        if gained > 1e-6 * error.u**2 and abs(size) > CRITICAL_VALUE * math.sqrt(gained) and abs(size) > error.u:
             reasons.append(
                 f"{error.name}: the shot wants an error of {significant(size, 2)}, {abs(size) / error.u:.1f} of its "
                 "standard uncertainties."

@@ -97,9 +97,9 @@ def test_a_shifted_camera_clock_is_found_where_it_may_be():
 def test_the_answers_are_the_changes_of_the_mass_by_errors_of_the_force():
     shot, known = recoil(7)
     breech = np.where(T >= 0, TRUE.forces_n[:, 0], 0.0)
-    found = joint_mass(shot, known, probes_n=breech[:, None])
+    found = joint_mass(shot, known, perturbations_n=breech[:, None])
     moved = joint_mass(replace(shot, force_n=shot.force_n + 1e-3 * breech), known, levels=found.levels)
-    assert found.answers_kg[0] == pytest.approx((moved.mass_kg - found.mass_kg) / 1e-3, rel=0.005)
+    assert found.sensitivities_kg[0] == pytest.approx((moved.mass_kg - found.mass_kg) / 1e-3, rel=0.005)
 
 
 def test_what_is_no_estimate_says_why():

@@ -88,8 +88,8 @@ def test_lost_samples_part_the_record_and_are_not_looked_at():
 def test_the_answers_are_the_changes_of_the_mass_by_errors_of_the_force():
     a, force, noise = recorded(7)
     forces = np.where(LEAD[:, None], record_recoil(7).forces_n, 0.0) * (TRUE.times_s >= 0)[:, None]
-    found = prewhitened_mass(a, force, used=LEAD, probes_n=forces, **noise)
-    for column, answer in zip(forces.T, found.answers_kg, strict=True):
+    found = prewhitened_mass(a, force, used=LEAD, perturbations_n=forces, **noise)
+    for column, answer in zip(forces.T, found.sensitivities_kg, strict=True):
         moved = prewhitened_mass(a, force + 1e-3 * column, used=LEAD, noise=found.noise, **noise)
         assert answer == pytest.approx((moved.mass_kg - found.mass_kg) / 1e-3, abs=0.005 * MASS_KG)
 

@@ -45,8 +45,8 @@ def test_the_answers_are_the_changes_of_the_mass_by_errors_of_the_force():
     shot = record_recoil(4)
     forces = np.where((T >= 0)[:, None], shot.forces_n, 0.0)
     force = forces.sum(axis=1)
-    found = weak_mass(T, shot.acceleration_m_s2, force, used=LEAD, probes_n=forces)
-    for column, answer in zip(forces.T, found.answers_kg, strict=True):
+    found = weak_mass(T, shot.acceleration_m_s2, force, used=LEAD, perturbations_n=forces)
+    for column, answer in zip(forces.T, found.sensitivities_kg, strict=True):
         moved = weak_mass(T, shot.acceleration_m_s2, force + 1e-3 * column, used=LEAD).mass_kg
         assert answer == pytest.approx((moved - found.mass_kg) / 1e-3, abs=0.005 * MASS_KG)
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recoil_identification.parameters.base_parameters import structural_base, told_by_shot
+from recoil_identification.parameters.base_parameters import identifiable_part, structural_base
 from recoil_identification.parameters.mechanism_fit import PREFERRED, natural_scales, structural_parameters
 from recoil_identification.report.parameter_tables import expressions
 from recoil_rigs.mechanism_regressor import PARAMETERS, Geometry, regressor
@@ -67,7 +67,7 @@ def test_what_a_shot_tells_is_unbiased_whatever_it_does_not_tell():
     misses = []
     for _ in range(300):
         q, r = np.linalg.qr(design)
-        told = told_by_shot(r, q.T @ (design @ theta + rng.normal(size=200)), np.ones(3), 1.0)
+        told = identifiable_part(r, q.T @ (design @ theta + rng.normal(size=200)), np.ones(3), 1.0)
         assert len(told.values) == 2
         misses.append((told.values - told.base.combinations @ theta) / told.u)
     misses = np.array(misses)
@@ -76,7 +76,7 @@ def test_what_a_shot_tells_is_unbiased_whatever_it_does_not_tell():
 
 
 def test_where_nothing_is_told_there_is_no_value():
-    told = told_by_shot(np.zeros((3, 3)), np.zeros(3), np.ones(3), 0.1)
+    told = identifiable_part(np.zeros((3, 3)), np.zeros(3), np.ones(3), 0.1)
     assert told.values.size == 0
     assert np.isinf(told.pivots).all()
 

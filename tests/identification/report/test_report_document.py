@@ -101,10 +101,10 @@ def test_the_budget_is_sorted_and_says_what_a_sensitivity_is_per():
 def test_every_sensor_is_listed_with_its_departure_and_how_significant_it_is():
     calibration = identified("mixed").calibration
     sensors = {s["source"]: s for s in document()["sensors"]}
-    assert sensors.keys() == calibration.departures.keys()
+    assert sensors.keys() == calibration.pulls.keys()
     for source, sensor in sensors.items():
-        assert sensor["departure_sigma"] == calibration.departures[source]
-        assert sensor["significance"] == calibration.significances[source]
+        assert sensor["pull"] == calibration.pulls[source]
+        assert sensor["normalised_residual"] == calibration.normalised_residuals[source]
 
 
 def test_the_inputs_are_the_shot_file_and_what_it_was_made_from():
