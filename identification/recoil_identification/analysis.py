@@ -95,9 +95,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
     mass_low_pass = mass_filter(recorded, choice)
 
     def calibrated(regression: Regression) -> tuple[Regression, Regression, Regression, Calibration, ZeroShift]:
-        shifted, narrow, found, shift = calibrated_with_zero_shift(
-            regression, mass_low_pass, scales, offset.u, *by_camera
-        )
+        shifted, narrow, found, shift = calibrated_with_zero_shift(regression, mass_low_pass, scales, offset.u, *filmed)
         # the trace, the skew and the figures need the whole band
         return shifted, narrow, narrow if mass_low_pass == low_pass else shifted.filtered(low_pass), found, shift
 
