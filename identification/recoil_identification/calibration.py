@@ -45,6 +45,8 @@ LARGEST_RESIDUAL = 0.01
 """Share of the acceleration's peak that may be noise; for what is beyond, the sensors must answer."""
 CRITICAL_VALUE = 3.29
 """Of a normalised residual; by chance one of 1000 goes beyond, as in Baarda's w-test."""
+FURTHEST_DRAW = 1.0
+"""Of the mass's logarithm."""
 SMALLEST_RESIDUAL = 3e-4
 """Share of the acceleration's peak that rows are never taken to be better than: neither is a gauge's straightness
 better, nor what a rigid part that slides and strikes is written down as."""
@@ -136,12 +138,19 @@ class Calibration:
         ----------
         further
             Contributions from outside of this inference; they are added as they stand, with their distribution.
+
+        Returns
+        -------
+        callable
+            A draw is NaN that is off by more than `FURTHEST_DRAW`.
         """
         random, own = self.estimate.budget[0], self.inferred.u_random(motion.MASS.name)
         widened = random.u_kg / (self.estimate.mass_kg * own) if own > 0 else 1.0
 
         def draw(rng: np.random.Generator, count: int) -> Array:
             logs = self.inferred.draws(motion.MASS.name, rng, count, random.degrees_of_freedom, widened)
+            # so far off no model holds that is linear in the logarithms
+            logs[np.abs(logs - self.inferred.value(motion.MASS.name)) > FURTHEST_DRAW] = np.nan
             masses = self.m0_kg * np.exp(logs)
             for row in further:
                 if row.distribution == "rectangular":

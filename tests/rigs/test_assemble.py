@@ -263,7 +263,7 @@ NONE_TOLD_APART = SOURCES.replace('match = "*_left.*"\n', "")
         ([("log.blf", "can")], SOURCES, r"log\.blf: a can file fits no source of rig 'stand'; expected recorder \("),
         ([("x.bin", "")], SOURCES, r"x\.bin: a file that no reader recognises fits no source"),
         ([("film.csv", "camera")], NONE_TOLD_APART, "fits several sources: left, right"),
-        ([("a_left.csv", "camera")], BOTH_FIT, "fits several sources: left, right; tell them apart"),
+        ([("a_left.csv", "camera")], BOTH_FIT, "fits several sources: left, right; assign each with"),
         ([("a.csv", "dewetron"), ("b.csv", "dewetron")], SOURCES, "source 'recorder' already has a.csv; give one file"),
     ],
 )

@@ -15,6 +15,10 @@ from recoil_identification.inference.unknown import Prior, Unknown, exactly_know
 Array = NDArray[np.float64]
 
 MOST_STEPS = 50
+MOST_HALVINGS = 30
+"""Of a step that would raise the misfit."""
+ROUNDING = 1e-12
+"""Share of the misfit by which it may seem to rise."""
 NEGLIGIBLE = 1e-6
 """Length of a step, in standard uncertainties, that moves nothing any more."""
 LARGEST_SHARE_LEFT = 1e-6
@@ -59,19 +63,26 @@ def solve(
     values = np.array([exact.get(name, (start or {}).get(name, 0.0)) for name in names])
     free = np.array([name not in exact for name in names])
     limits = np.array([unknown.largest_step for unknown in unknowns])
-    converged = False
-    steps = 0
+    converged, steps = False, 0
+    triangle, misfit, rows = _triangle(blocks, values, places)
     while True:
-        triangle, misfit, rows = _triangle(blocks, dict(zip(names, values.tolist(), strict=True)), places)
         solution = _solution(triangle, known, values, free)
         if converged or steps == MOST_STEPS:
             break
-        step = solution.step * min(1.0, 1.0 / max(float(np.max(np.abs(solution.step) / limits)), 1.0))
+        step = solution.step / max(float(np.max(np.abs(solution.step) / limits)), 1.0)
+        before = misfit + known.misfit(values)
+        for _ in range(MOST_HALVINGS):
+            triangle, misfit, rows = _triangle(blocks, values + step, places)
+            if misfit + known.misfit(values + step) <= before * (1.0 + ROUNDING):
+                break
+            step = 0.5 * step  # beyond what the linear model holds for
+        else:  # nothing lowers it any more
+            triangle, misfit, rows = _triangle(blocks, values, places)
+            break
         values = values + step
         steps += 1
         converged = float(np.linalg.norm(solution.rows @ step)) < NEGLIGIBLE
     off = known.rows @ values - known.values
-    whitened = np.linalg.solve(known.root, off)
     contributions = solution.covariance @ known.whitened.T
     return Estimate(
         unknowns=tuple(unknowns),
@@ -83,7 +94,7 @@ def solve(
         u_sources=np.diag(known.root).copy(),
         pulls=off / np.sqrt(np.diag(known.covariance)),
         normalised_residuals=known.normalised(off, solution.covariance),
-        misfit=misfit + float(whitened @ whitened),
+        misfit=misfit + known.misfit(values),
         rows=rows,
         triangle=triangle,
         steps=steps,
@@ -114,6 +125,11 @@ class _Known:
         root = np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
         return cls(rows, values, covariance, root, np.asarray(np.linalg.solve(root, rows), dtype=np.float64))
 
+    def misfit(self, values: Array) -> float:
+        """Return the sum of squares of the rows' residuals, over their covariance."""
+        whitened = np.linalg.solve(self.root, self.rows @ values - self.values)
+        return float(whitened @ whitened)
+
     def normalised(self, off: Array, covariance: Array) -> Array:
         """Return each row's residual over its own standard deviation: Baarda's w, of correlated observations too."""
         weights = np.linalg.inv(self.covariance)
@@ -133,13 +149,12 @@ class _Solution:
     rows: Array
 
 
-def _triangle(
-    blocks: Sequence[Block], values: Mapping[str, float], places: Mapping[str, int]
-) -> tuple[Array, float, int]:
+def _triangle(blocks: Sequence[Block], values: Array, places: Mapping[str, int]) -> tuple[Array, float, int]:
     """Return all blocks' rows as a triangle of derivatives and what is left, their misfit, and how many they are."""
+    named = dict(zip(places, values.tolist(), strict=True))
     parts = [np.zeros((0, len(places) + 1))]
     for block in blocks:
-        left, derivatives = block.linearised(values)
+        left, derivatives = block.linearised(named)
         part = np.zeros((left.size, len(places) + 1))
         part[:, [places[name] for name in block.unknowns]] = derivatives
         part[:, -1] = left

@@ -222,3 +222,14 @@ def test_a_prior_that_is_none_is_refused(rows: np.ndarray, values: np.ndarray, m
 def test_an_estimate_prints_its_unknowns() -> None:
     found: Estimate = solve([Unknown("zero", "m/s^2")], [], [Prior.of("baseline", "zero", 0.158, 0.02)])
     assert str(found).splitlines()[1].split() == ["zero", "0.02", "0.16", "m/s^2"]
+
+
+def test_a_step_that_would_raise_the_misfit_is_halved_until_it_does_not() -> None:
+    times = np.linspace(0.0, 3.0, 40)
+    seen = 2.0 * np.exp(-0.7 * times)
+    # from so far off the linear model overshoots by orders of magnitude
+    unknowns = [Unknown("size", largest_step=20.0), Unknown("rate", largest_step=20.0)]
+    found = solve(unknowns, [Decay(seen, times)], [], {"size": -2.0, "rate": 2.0})
+    assert found.converged
+    assert found.steps < 12  # steps that it may not take back go astray for 39
+    np.testing.assert_allclose(found.values, [np.log(2.0), 0.7], rtol=1e-6)
