@@ -36,6 +36,13 @@ def test_frames_that_were_held_back_are_late_by_as_much() -> None:
     assert found[3410:] == pytest.approx(0.0, abs=1e-3)
 
 
+def test_a_delay_that_lasts_becomes_the_usual_way_after_half_of_five_seconds() -> None:
+    due_s = STEP_S * np.arange(9000)
+    found = late_s(due_s, np.where(due_s > 5.0, 0.3, 0.0))
+    assert found[5100:7000] == pytest.approx(0.3, abs=2e-3)
+    assert found[8200:] == pytest.approx(0.0, abs=2e-3)
+
+
 def test_at_the_beginning_nothing_is_known() -> None:
     due_s = STEP_S * np.arange(600)
     assert not late_s(due_s, np.where(due_s > 0.5, 0.3, 0.0)).any()
@@ -51,9 +58,10 @@ def test_a_stamp_that_is_wrong_moves_no_other_frame(wrong_s) -> None:
 
 
 @pytest.mark.parametrize("step_s", [-2000.0, -0.4, -0.01, 0.4, 2000.0])
-def test_a_clock_that_is_set_is_no_delay(step_s) -> None:
+@pytest.mark.parametrize("first", [8000, 8004])
+def test_a_clock_that_is_set_between_two_reads_or_within_one_is_no_delay(step_s, first) -> None:
     due_s = STEP_S * np.arange(20_000)
-    clock_s = due_s + np.where(due_s > 8.0, step_s, 0.0)
+    clock_s = due_s + np.where(np.arange(due_s.size) >= first, step_s, 0.0)
     assert late_s(due_s, np.zeros(due_s.size), clock_s) == pytest.approx(0.0, abs=2e-3)
 
 

@@ -111,6 +111,20 @@ def test_the_triangle_holds_all_that_the_blocks_say(seed: int) -> None:
     np.testing.assert_allclose(summarised.covariance, found.covariance, rtol=1e-8, atol=1e-10)
 
 
+@given(SEEDS)
+def test_what_is_left_of_some_unknowns_holds_all_that_the_blocks_and_some_priors_say_of_them(seed: int) -> None:
+    blocks, (pair, alone) = problem(seed)
+    found = solve(UNKNOWNS, blocks, [pair, alone])
+    for priors in ([pair], [pair, Prior.of("drawing", "d", 0.0, found.value("d"))]):
+        whole = solve(UNKNOWNS, blocks, [*priors, alone])
+        rows, seen = whole.about(["c", "a"], priors)
+        assert rows.shape == (2, 2)
+        at = np.array([whole.value("c"), whole.value("a")])
+        left = solve([Unknown("c"), Unknown("a")], [LinearBlock(("c", "a"), rows, seen + rows @ at, 1.0)], [alone])
+        np.testing.assert_allclose(left.values, at, rtol=1e-7, atol=1e-8)
+        np.testing.assert_allclose(left.covariance, whole.covariance[np.ix_([2, 0], [2, 0])], rtol=1e-7, atol=1e-9)
+
+
 def test_what_is_known_exactly_is_neither_moved_nor_a_source() -> None:
     blocks, priors = problem(1)
     found = solve(UNKNOWNS, blocks, [*priors, Prior.of("drawing", "a", 0.0, 0.25)])
