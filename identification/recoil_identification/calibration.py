@@ -83,7 +83,7 @@ class Calibration:
     noise_m_s2
         Standard deviation of the residual, widened by its correlation.
     misfit
-        What was minimised: squares of residuals over the noise, and of pulls over their uncertainties.
+        What was minimised: the squares of residuals over the noise, and of the pulls.
     m0_kg
         First estimate of the mass, from which `inferred` counts.
     inferred
@@ -132,7 +132,7 @@ class Calibration:
         return np.asarray(derivatives[:, 1:] @ (directions * np.sqrt(np.maximum(variances, 0.0))))
 
     def draws(self, further: Sequence[BudgetRow]) -> Draw:
-        """Return what draws masses.
+        """Return what draws masses, linearly in the logarithms of mass and scales.
 
         Parameters
         ----------
@@ -177,8 +177,7 @@ def calibrated_mass(
     regression
         Filtered.
     u_bias_m_s2
-        Standard uncertainty of the accelerometer's zero from the silence before the shot; infinite if
-        there was none.
+        Standard uncertainty of the accelerometer's zero from the pre-trigger baseline; infinite if there was none.
     noise_m_s2
         Of a row; found from the residuals if left out.
 
@@ -195,7 +194,7 @@ def calibrated_mass(
     peak = float(np.max(np.abs(regression.acceleration_m_s2[regression.inside])))
     # of the unknowns the mass and the shifts are not restricted, and zero and release hardly
     free = 3 + (0 if regression.shifts is None else regression.shifts.shape[1])
-    further = [] if camera is None else [motion.CAMERA]
+    beside = [] if camera is None else [motion.CAMERA]
     noise, sigma = first.residual_m_s2 if noise_m_s2 is None else noise_m_s2, 0.0
     start: dict[str, float] = {}
     for _ in range(50):
@@ -203,7 +202,7 @@ def calibrated_mass(
         if abs(sigma - before) <= 1e-6 * sigma:
             break
         block = EquationOfMotion(regression, rows, first.mass_kg, sigma)
-        inferred = solve([*block.all_unknowns, *further], [block], [*common, *own], start)
+        inferred = solve([*block.all_unknowns, *beside], [block], [*common, *own], start)
         start = {unknown.name: inferred.value(unknown.name) for unknown in inferred.unknowns}
         residual = sigma * block.linearised(start)[0]
         deviation = math.sqrt(float(residual @ residual) / max(rows.size - free, 1))

@@ -30,12 +30,12 @@ Array = NDArray[np.float64]
 LARGEST_STEP = 0.3
 """Of a scale in one iteration: a shot that no calibration fits would otherwise throw a scale far off."""
 
-MASS = Unknown("ln mass", largest_step=LARGEST_STEP)
+MASS = Unknown("ln mass", scope="rig", largest_step=LARGEST_STEP)
 GAUGES = tuple(Unknown(f"ln {role}", scope="sensor", largest_step=LARGEST_STEP) for role in PRESSURE_ROLES)
 FRICTION = Unknown("friction declared too large", "N", "rig")
 ACCELERATION = Unknown("ln recoil_acceleration", scope="sensor", largest_step=LARGEST_STEP)
 ZERO = Unknown("zero of recoil_acceleration", "m/s^2")
-RELEASE = Unknown("velocity at the release", "m/s")
+RELEASE = Unknown("velocity at the release", "m/s", "rig")
 CAMERA = Unknown("ln camera", scope="sensor", largest_step=LARGEST_STEP)
 """Of the camera's scale: in no row of the equation, but in what its alignment says of the accelerometer."""
 

@@ -20,6 +20,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification import equation_of_motion as motion
 from recoil_identification.budget import BudgetRow, combined_u
 from recoil_identification.calibration import Calibration
+from recoil_identification.inference.unknown import Prior
 from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_rigs.assumptions import AREAS
 from recoil_rigs.rig import Rig
@@ -38,8 +39,8 @@ class Parameter:
     Attributes
     ----------
     influences
-        What it may be off by, each with its identity and its relative standard uncertainty: two shots, and two
-        campaigns, that name the same identity share the same error.
+        What it may be off by, each with its identity and its standard uncertainty in the parameter's own unit: two
+        shots, and two campaigns, that name the same identity share the same error.
     """
 
     name: str
@@ -53,8 +54,8 @@ class ShotSummary(ReadOnlyArrays):
     Attributes
     ----------
     reference : ndarray, shape (n,)
-        The logarithm of the mass in kg first, scales as logarithms, the friction as a share of what is declared, the
-        release in its standard uncertainties.
+        The logarithm of the mass in kg first, scales as logarithms, the friction that is declared too large as a share
+        of what is declared (in N where none is), the release in its standard uncertainties.
     triangle : ndarray, shape (n, n)
         R. It is singular: a common factor of mass and forces changes no row.
     seen : ndarray, shape (n,)
@@ -98,30 +99,32 @@ def shot_summary(calibration: Calibration, rig: Rig, further: Sequence[BudgetRow
     """
     inferred = calibration.inferred
     friction_n, u_release_m_s = rig.mechanism.friction, u_release_n_s / calibration.m0_kg
-    shared = {
+    gauges = zip(motion.GAUGES, PRESSURE_ROLES, AREAS, strict=True)
+    stated = {
         motion.MASS: (Parameter("ln mass"), 1.0),
-        **{
-            gauge: (Parameter(gauge.name, _gauge(rig, role, area)), 1.0)
-            for gauge, role, area in zip(motion.GAUGES, PRESSURE_ROLES, AREAS, strict=True)
-        },
-        motion.FRICTION: (Parameter("friction share", _friction(rig)), friction_n or 1.0),
+        **{gauge: (Parameter(gauge.name, _gauge(rig, role, area)), 1.0) for gauge, role, area in gauges},
+        motion.FRICTION: (Parameter("friction share" if friction_n else "friction", _friction(rig)), friction_n or 1.0),
         motion.ACCELERATION: (Parameter("ln recoil_acceleration", _scale(rig, "recoil_acceleration")), 1.0),
-        motion.RELEASE: (Parameter("release"), u_release_m_s or 1.0),
+        motion.RELEASE: (Parameter("release"), u_release_m_s),
         motion.CAMERA: (Parameter("ln camera", _scale(rig, "recoil_displacement")), 1.0),
     }
-    present = [unknown for unknown in shared if unknown in inferred.unknowns]
-    names = [unknown.name for unknown in present]
-    triangle, seen = inferred.about(names, calibration.own)
-    units = np.array([shared[unknown][1] for unknown in present])
+    own = list(calibration.own)
+    if not u_release_m_s:  # nothing was given at the release
+        del stated[motion.RELEASE]
+        own.append(Prior.of("release", motion.RELEASE.name, 0.0))
+    shared = [unknown for unknown in inferred.unknowns if unknown.scope != "shot" and unknown in stated]
+    names = [unknown.name for unknown in shared]
+    triangle, seen = inferred.about(names, own)
+    units = np.array([stated[unknown][1] for unknown in shared])
     reference = np.array([inferred.value(name) for name in names]) / units
     reference[0] += math.log(calibration.m0_kg)
+    outside = [row for row in further if row.source not in COMMON_SOURCES]
     return ShotSummary(
-        parameters=tuple(shared[unknown][0] for unknown in present),
+        parameters=tuple(stated[unknown][0] for unknown in shared),
         reference=reference,
         triangle=triangle * units,
         seen=seen,
-        own_u_rel=combined_u([row for row in further if row.source not in COMMON_SOURCES])
-        / calibration.estimate.mass_kg,
+        own_u_rel=combined_u(outside) / calibration.estimate.mass_kg,
     )
 
 

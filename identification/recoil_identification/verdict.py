@@ -60,6 +60,8 @@ def reasons_against(
     """
     reasons = reasons_against_record(shot, rig, signals, trace, filtered)
     reasons += doubted_sensors(calibration)
+    if not calibration.inferred.converged:
+        reasons.append("mass and sensors' errors did not settle: check areas, units and signals of the pressures")
     if shift.demanded and not shift.confirmed:
         reasons.append(
             f"either the accelerometer's zero shifted at the shot {shift}, or a gauge is off: without a camera that is "

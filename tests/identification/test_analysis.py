@@ -328,3 +328,11 @@ def test_the_cutoff_by_the_spectra_is_lowered_for_the_slowest_force():
     assert found.filtered.low_pass.cutoff_hz == pytest.approx(0.2 * slow.time_base.rate_hz)
     assert found.filter_choice.basis == "shot"
     assert identify_shot(virtual.shot, virtual.rig, Options(cutoff_hz=150.0)).filtered.low_pass.cutoff_hz == 150.0
+
+
+def test_what_did_not_settle_is_not_valid(monkeypatch):
+    virtual = virtual_shot()
+    monkeypatch.setattr("recoil_identification.inference.solve.MOST_STEPS", 0)
+    found = identify_shot(virtual.shot, virtual.rig, Options())
+    assert not found.calibration.inferred.converged
+    assert any("did not settle" in reason for reason in found.reasons)

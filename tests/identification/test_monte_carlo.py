@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy import stats
 
 from recoil_identification.budget import BudgetRow
+from recoil_identification.equation_of_motion import EquationOfMotion
+from recoil_identification.inference.solve import solve
 from recoil_identification.mass import MassEstimate
 from recoil_identification.monte_carlo import LEAST_BLOCKS, MonteCarlo, numerical_tolerance, propagate
+from recoil_identification.preparation import camera_scale
+from recoil_identification.sensor_priors import certificates
+from recoil_processing.shot.regression import spaced_rows
+from recoil_processing.shot.sensor_scales import scale_uncertainty
 from tests.builders.calibrations import a_calibration
-from tests.builders.virtual_shots import identified
+from tests.builders.virtual_shots import identified, virtual_shot
 
 
 def drawn_of(draw, **options) -> MonteCarlo:
@@ -92,3 +99,32 @@ def test_draws_of_a_strongly_uncertain_scale_keep_what_is_not_linear():
     assert np.log(masses).std() == pytest.approx(0.15, rel=0.02)
     # the mean of e^x
     assert masses.mean() == pytest.approx(100.0 * math.exp(0.15**2 / 2), rel=3e-3)
+
+
+@pytest.mark.parametrize("name", ["field-2013", "mixed"])
+def test_a_drawn_shot_that_is_solved_anew_is_where_the_linear_draw_has_it(name):
+    found, rng = identified(name), np.random.default_rng(7)
+    calibration, rows = found.calibration, spaced_rows(found.fitted)
+    inferred = calibration.inferred
+    camera = camera_scale(found.camera, found.alignments["camera"])
+    known = certificates(
+        scale_uncertainty(virtual_shot(name).rig), found.fitted.u_release_n_s / calibration.m0_kg, camera
+    )
+    block = EquationOfMotion(found.fitted, rows, calibration.m0_kg, calibration.noise_m_s2)
+    values = {one.name: inferred.value(one.name) for one in inferred.unknowns}
+    design = np.zeros((rows.size, len(inferred.unknowns)))
+    design[:, : len(block.unknowns)] = block.linearised(values)[1]
+    apart = []
+    for _ in range(20):
+        noise, drawn, moved = rng.standard_normal(rows.size), [], []
+        for prior in (*known, *calibration.own):
+            errors = rng.standard_normal(len(prior.sources))
+            drawn.append(errors)
+            moved.append(replace(prior, values=prior.values + np.linalg.cholesky(prior.covariance) @ errors))
+        acceleration = found.fitted.acceleration_m_s2.copy()
+        acceleration[rows] += calibration.noise_m_s2 * noise
+        noisy = replace(block, regression=replace(found.fitted, acceleration_m_s2=acceleration))
+        solved = solve(inferred.unknowns, [noisy], moved, values).value("ln mass")
+        linear = inferred.contributions[0] @ np.concatenate(drawn) + inferred.covariance[0] @ design.T @ noise
+        apart.append(solved - inferred.value("ln mass") - linear)
+    assert np.abs(apart).max() < 0.02 * inferred.u("ln mass")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from recoil_identification.inference.block import LinearBlock
 from recoil_identification.inference.solve import solve
 from recoil_identification.inference.unknown import Prior, Unknown
+from recoil_identification.shot_summary import shot_summary
 from tests.builders.virtual_shots import identified, virtual_shot
 
 
@@ -77,3 +79,23 @@ def test_the_reports_campaign_is_the_summary() -> None:
     assert document["reference"][0] == pytest.approx(math.log(found.calibration.estimate.mass_kg), rel=1e-12)
     clocks = [row for row in found.results["calibrated"].estimate.budget if row.source.startswith("alignment")]
     assert document["own_u_rel"] >= math.hypot(*(row.u_kg for row in clocks)) / found.chosen.estimate.mass_kg
+
+
+def test_without_a_friction_and_a_release_their_errors_stay_what_is_known() -> None:
+    found, rig = identified("mixed"), virtual_shot("mixed").rig
+    frictionless = replace(rig, mechanism=replace(rig.mechanism, friction=0.0))
+    summary = shot_summary(found.calibration, frictionless, (), 0.0)
+    names = [one.name for one in summary.parameters]
+    assert "release" not in names
+    at = names.index("friction")
+    assert summary.parameters[at].influences == (("rig:mixed:friction", rig.mechanism.u["friction"]),)
+    assert summary.reference[at] == found.calibration.friction_error_n
+    whole = found.summary
+    assert whole is not None
+    # what is known exactly takes nothing from what the shot says of the others
+    kept = [i for i, one in enumerate(whole.parameters) if one.name != "release"]
+    np.testing.assert_allclose(
+        (summary.triangle.T @ summary.triangle)[:at, :at],
+        (whole.triangle.T @ whole.triangle)[np.ix_(kept, kept)][:at, :at],
+        rtol=1e-8,
+    )

@@ -3,6 +3,8 @@
 A shot is cut out of every source around the instant of its trigger. An interface, its driver or the machine may
 deliver a frame late without anyone's having been late to read it: dated by its arrival, it would move the window of all
 other sources. The interface's stamps go on evenly meanwhile, so that the difference of both clocks shows by how much.
+An interface's clock that is set back runs backwards, which shows it; set back by less than a pause of the bus, it looks
+like a delay until the usual difference is the new one, at most 2.5 s.
 """
 
 from __future__ import annotations
@@ -19,8 +21,10 @@ LONGEST_S = 1.0
 """What seems held back for longer is no delay but another setting of the interface's clock."""
 _BUCKET_NS = 250_000_000
 _BUCKETS = 20
-"""The least differences of five seconds; their median is none of a stamp that was wrong, nor of a short delay."""
+"""The least difference of each quarter of a second is kept for five; their median is that of no wrong stamp and of no
+delay that lasts less than half of them."""
 _FEWEST_BUCKETS = 4
+"""Before as many are there, nothing is known."""
 
 
 class HeldBack:

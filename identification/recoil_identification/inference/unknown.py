@@ -14,6 +14,8 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 
 Array = NDArray[np.float64]
 Scope = Literal["sensor", "rig", "shot"]
+ROUNDING = 1e-9
+"""Correlation by which the two halves of a covariance may differ."""
 
 
 @dataclass(frozen=True)
@@ -107,4 +109,5 @@ def _is_covariance(matrix: Array) -> bool:
         np.linalg.cholesky(matrix)
     except np.linalg.LinAlgError:
         return False
-    return bool(np.allclose(matrix, matrix.T, rtol=1e-9, atol=0.0))
+    size = np.sqrt(np.diag(matrix))
+    return bool(np.all(np.abs(matrix - matrix.T) <= ROUNDING * np.outer(size, size)))

@@ -233,6 +233,11 @@ def test_a_prior_that_is_none_is_refused(rows: np.ndarray, values: np.ndarray, m
         Prior(("p", "q"), ("a",), rows, values, matrix)
 
 
+def test_a_covariance_whose_halves_differ_by_rounding_is_one() -> None:
+    matrix = np.array([[1.0, 1e-16], [-1e-16, 4.0]])
+    Prior(("p", "q"), ("a", "b"), np.eye(2), np.zeros(2), matrix)
+
+
 def test_an_estimate_prints_its_unknowns() -> None:
     found: Estimate = solve([Unknown("zero", "m/s^2")], [], [Prior.of("baseline", "zero", 0.158, 0.02)])
     assert str(found).splitlines()[1].split() == ["zero", "0.02", "0.16", "m/s^2"]
