@@ -168,7 +168,7 @@ def coverage(report: Report) -> list[str]:
             f"{fixed(drawn['mean_kg'], 2)} kg, u {significant(drawn['u_kg'], 3)} kg, 95 % interval {low} kg to {high} "
             f"kg; the ends of the interval above differ from it by {below} kg and {above} kg, "
             f"{'within' if drawn['agrees'] else 'beyond'} the numerical tolerance of {plain(drawn['tolerance_kg'])} kg"
-            f"{'' if drawn['converged'] else ', which the draws have not reached'}."
+            f"{' and the scatter of the draws' if drawn['converged'] else ', which the draws have not reached'}."
         )
     if stated.get("frisch_bracket_kg"):
         low, high = (fixed(limit, 2) for limit in stated["frisch_bracket_kg"])
