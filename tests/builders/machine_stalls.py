@@ -12,14 +12,16 @@ writer, reader = os.openpty() if hasattr(os, "openpty") else os.pipe()[::-1]
 nap_s, largest_s = 0.002, 0.0
 over = threading.Event()
 threading.Thread(target=lambda: (sys.stdin.read(), over.set()), daemon=True).start()
+ended_s = time.monotonic() - time.process_time()
 print(flush=True)
 while not over.is_set():
-    began_s = time.monotonic() - time.process_time()
+    began_s = ended_s  # not read anew: a stop between two rounds belongs to one of them
     time.sleep(nap_s)
     os.write(writer, b"\\n")
     os.read(reader, 1)
-    largest_s = max(largest_s, time.monotonic() - time.process_time() - began_s - nap_s)
-print(largest_s)
+    ended_s = time.monotonic() - time.process_time()
+    largest_s = max(largest_s, ended_s - began_s - nap_s)
+print(max(largest_s, time.monotonic() - time.process_time() - ended_s))
 """
 
 
