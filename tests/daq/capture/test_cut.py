@@ -10,6 +10,7 @@ import pytest
 
 from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.capture.cut import (
+    Cut,
     acquisition_in,
     capture_has,
     cuts_of,
@@ -26,7 +27,7 @@ from recoil_acquisition.capture.session_record import (
     operator_records,
 )
 from recoil_acquisition.capture.shot_record import CounterSpan, acquisition_of
-from recoil_acquisition.devices.device import IDLE, Block, Counters, event_block
+from recoil_acquisition.devices.device import IDLE, LATE_S, Block, Counters, event_block
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.log.capture import read_capture
 from recoil_acquisition.log.folder import Log, open_log
@@ -168,3 +169,22 @@ def test_a_source_is_late_where_nobody_read_and_not_where_it_is_busy(tmp_path: P
     silent = [read(10.0, 9.99), read(10.7, 10.69)]
     cuts = cuts_of(log_of(tmp_path / "silent", silent), RECORD, None, None)
     assert cuts["bus"].late_s == pytest.approx(0.01)
+
+
+def test_a_shots_record_counts_reads_and_bytes_of_each_source_and_dates_its_events_from_the_trigger(
+    tmp_path: Path,
+) -> None:
+    blocks = [*both(40), event_block("port", int(10.75e9), "reopened", "again")]
+    cuts = cuts_of(log_of(tmp_path / "j", blocks), RECORD, int(10.2e9), int(11e9))
+    bus, port = with_cuts(BEGUN, cuts, "0001.rdlog").sources
+    of_port = [block for block in blocks if block.source == "port" and block.kind == "serial"]
+    # reads at 10.20 to 10.39 s
+    assert (port.blocks, port.bytes) == (20, sum(len(block.payload) for block in of_port[20:]))
+    assert bus.blocks == 20
+    assert [(event.time_s, event.name) for event in port.events] == [(0.25, "reopened")]
+
+
+@pytest.mark.parametrize(("late_s", "late"), [(LATE_S, False), (LATE_S + 1e-3, True)])
+def test_a_source_is_late_beyond_a_quarter_of_a_second(late_s: float, late: bool) -> None:
+    cuts = {"bus": Cut(1, 10, late_s), "port": Cut()}
+    assert with_cuts(BEGUN, cuts, "0001.rdlog").sources[0].late is late

@@ -48,6 +48,18 @@ def test_at_the_beginning_nothing_is_known() -> None:
     assert not late_s(due_s, np.where(due_s > 0.5, 0.3, 0.0)).any()
 
 
+def test_after_a_second_it_is_known_how_late_frames_usually_are() -> None:
+    due_s = STEP_S * np.arange(1500)
+    found = late_s(due_s, np.where(due_s >= 1.1, 0.3, 0.0))
+    assert found[1100:1200] == pytest.approx(0.3, abs=2e-3)
+
+
+def test_frames_that_share_a_stamp_are_no_clock_that_was_set_back() -> None:
+    due_s = np.repeat(2 * STEP_S * np.arange(1500), 2)
+    found = late_s(due_s, np.where(due_s >= 2.5, 0.3, 0.0), block=9)
+    assert found[due_s >= 2.5] == pytest.approx(0.3, abs=3e-3)
+
+
 @pytest.mark.parametrize("wrong_s", [-40.0, -1e-2, 1e-2, 1e6])
 def test_a_stamp_that_is_wrong_moves_no_other_frame(wrong_s) -> None:
     due_s = STEP_S * np.arange(6000)

@@ -93,3 +93,11 @@ def test_a_missing_record_joins_no_two_halves_of_frames() -> None:
     (joined,) = outrun(SOURCES, falling, recorded, [])
     assert joined.value == pytest.approx(80.0)
     assert outrun(SOURCES, falling, [*recorded[:2], None, recorded[2]], []) == []
+
+
+def test_a_crossing_in_the_last_block_is_decided_although_no_other_source_has_come_so_far() -> None:
+    recorded = [block for block in blocks({9}, 10) if block.source == "bus"]
+    (found,) = outrun(
+        SOURCES, replace(TRIGGER, conditions=(Edge("pressure", 50e3, 20e3), Edge("rate", 50.0, 20.0))), recorded, []
+    )
+    assert (found.channel, found.outcome) == ("pressure", "trigger")
