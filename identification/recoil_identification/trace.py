@@ -8,8 +8,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.mass import correlation_factor
-from recoil_identification.memory.limited_memory import limited_memory_least_squares
+from recoil_identification.memory.limited_memory import limited_memory_least_squares, window_sums
 from recoil_processing.shot.regression import Regression, spaced_rows
 
 Array = NDArray[np.float64]
@@ -20,7 +21,7 @@ LARGEST_RELATIVE_U = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class MassTrace:
+class MassTrace(ReadOnlyArrays):
     """The mass that the last `window_s` of samples give, at every sample of the identification interval.
 
     Attributes
@@ -99,9 +100,11 @@ def mass_trace(
     inside = regression.inside
     systematic = np.full(mass.shape, systematic_rel)
     if errors_m_s2 is not None and errors_m_s2.shape[1]:
-        sensitivities = limited_memory_least_squares(x[:, None], errors_m_s2, window, partial=True).parameters[:, 0, :]
-        with np.errstate(invalid="ignore"):
-            systematic = np.hypot(systematic, np.sqrt((sensitivities**2).sum(axis=1)) * np.abs(mass))
+        known = np.isfinite(x) & np.isfinite(errors_m_s2).all(axis=1)
+        force, errors = np.where(known, x, 0.0), np.where(known, errors_m_s2.T, 0.0)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            sensitivities = window_sums(force * errors, window) / window_sums(force**2, window)
+            systematic = np.hypot(systematic, np.sqrt((sensitivities**2).sum(axis=0)) * np.abs(mass))
     u = np.abs(mass) * np.hypot(relative, systematic)
     reasons: dict[str, int] = {}
     unsound = inside & ~sound

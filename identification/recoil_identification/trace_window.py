@@ -90,7 +90,7 @@ def choose_trace_window(regression: Regression, acceleration_m_s2: Array, force_
     choice = choose_window(
         np.where(trusted, force_n[rows], np.nan)[:, np.newaxis],
         np.where(trusted, acceleration_m_s2[rows], np.nan),
-        windows=windows,
+        windows,
         ahead=ahead,
     )
     return choice.window * step_s, choice

@@ -14,9 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.filters import LowPass, filter_alike
 from recoil_processing.gaps import bridge
-from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
+from recoil_processing.shot.regression import PRESSURE_ROLES, SIGNS, Regression
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.assumptions import AREAS
 
@@ -24,11 +25,11 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 ROWS_PER_CUTOFF = 2.5
-"""Samples per period of the cut-off, as `recoil_identification.regression.spaced_rows`."""
+"""Samples per period of the cut-off, as `recoil_processing.shot.regression.spaced_rows`."""
 
 
 @dataclass(frozen=True, eq=False)
-class DecimatedRecord:
+class DecimatedRecord(ReadOnlyArrays):
     """Input and output of a system on an even grid.
 
     Attributes
@@ -111,7 +112,7 @@ def decimated(
 
 
 def force_noise_n(signals: Signals, areas_m2: Mapping[str, float], low_pass: LowPass) -> float:
-    """Return the standard deviation of the gauges' noise in the force behind a low-pass, from the silence.
+    """Return the standard deviation of the gauges' noise in the force behind a low-pass, from the pre-trigger baseline.
 
     Parameters
     ----------
@@ -121,16 +122,16 @@ def force_noise_n(signals: Signals, areas_m2: Mapping[str, float], low_pass: Low
     Returns
     -------
     float
-        NaN without a silence.
+        NaN without a baseline.
     """
     begin, end = signals.baseline_s
     net = sum(
         sign * areas_m2[area] * bridge(signals.series[role], otherwise=0.0)
-        for sign, role, area in zip((1.0, -1.0, -1.0), PRESSURE_ROLES, AREAS, strict=True)
+        for sign, role, area in zip(SIGNS, PRESSURE_ROLES, AREAS, strict=True)
     )
     times = signals.times_s
     # the filter carries the pulse into the last period of its cut-off before the onset
-    silent = (times >= begin) & (times < end - 1.0 / low_pass.cutoff_hz)
-    if int(silent.sum()) < 2:
+    baseline = (times >= begin) & (times < end - 1.0 / low_pass.cutoff_hz)
+    if int(baseline.sum()) < 2:
         return float("nan")
-    return float(np.std(low_pass.apply(np.asarray(net, dtype=np.float64), signals.rate_hz)[silent]))
+    return float(np.std(low_pass.apply(np.asarray(net, dtype=np.float64), signals.rate_hz)[baseline]))

@@ -1,23 +1,27 @@
-"""An ARX model as a value: its orders, its coefficients with their covariance, and how well it fits.
+"""ARX models, equations (32) to (35): their orders, their estimation by least squares, and what they simulate.
 
 ::
 
     y(k) = -a_1 y(k-1) - ... - a_na y(k-na) + b_0 u(k-d) + ... + b_nb u(k-d-nb) + e(k)
 
-Equations (32) to (35) of the paper. The polynomial B has ``nb + 1`` coefficients, as there; MATLAB's
-``nb`` counts one more. The mass is the case na = nb = d = 0.
+The polynomial B has ``nb + 1`` coefficients, as in the paper; MATLAB's ``nb`` counts one more. The mass is the case
+na = nb = d = 0. A row of the regression exists where all its samples were measured: a lost sample (NaN) leaves out
+every row that needs it and is never bridged.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_identification.memory.limited_memory import LeastSquaresFit, least_squares
+
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, order=True)
@@ -32,37 +36,16 @@ class ArxOrders:
         Order of B: ``nb + 1`` inputs; the paper's n.
     delay
         Samples by which the input is late, d.
-
-    Raises
-    ------
-    ValueError
-        If one is negative.
-    TypeError
-        If one is not an integer.
     """
 
     na: int = 0
     nb: int = 0
     delay: int = 0
 
-    def __post_init__(self) -> None:
-        for name in ("na", "nb", "delay"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | np.integer):
-                raise TypeError(f"{name} must be an integer number, found {value!r}")
-            if value < 0:
-                raise ValueError(f"{name} must not be negative, found {value}")
-            object.__setattr__(self, name, int(value))
-
     @property
     def n_parameters(self) -> int:
         """Coefficients to estimate, na + nb + 1."""
         return self.na + self.nb + 1
-
-    @property
-    def memory(self) -> int:
-        """Samples before an instant that its row needs."""
-        return max(self.na, self.delay + self.nb)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -75,7 +58,7 @@ class ArxOrders:
 
 
 @dataclass(frozen=True, eq=False)
-class ArxModel:
+class ArxModel(ReadOnlyArrays):
     """An estimated model.
 
     Attributes
@@ -125,69 +108,169 @@ class ArxModel:
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     @property
-    def noise_variance(self) -> float:
-        """Of e, from the residuals and their degrees of freedom, squared units of the output."""
-        return self.residual_sum_of_squares / (self.n_rows - self.orders.n_parameters)
-
-    @property
     def loss(self) -> float:
         """Mean square of the residuals, the loss function V."""
         return self.residual_sum_of_squares / self.n_rows
 
     @property
-    def fpe(self) -> float:
-        """Akaike's final prediction error, ``V (1 + p/N) / (1 - p/N)`` (Ann. Inst. Stat. Math. 21, 1969, 243)."""
-        share = self.orders.n_parameters / self.n_rows
-        return self.loss * (1.0 + share) / (1.0 - share)
-
-    @property
-    def aic(self) -> float:
-        """Akaike's information criterion; see `information_criteria`."""
-        return information_criteria(self.residual_sum_of_squares, self.n_rows, self.orders.n_parameters).aic
-
-    @property
-    def aicc(self) -> float:
-        """The same corrected for few rows."""
-        return information_criteria(self.residual_sum_of_squares, self.n_rows, self.orders.n_parameters).aicc
-
-    @property
     def bic(self) -> float:
-        """Bayes' criterion."""
-        return information_criteria(self.residual_sum_of_squares, self.n_rows, self.orders.n_parameters).bic
+        """Bayes' criterion, ``N (ln(2 pi V) + 1) + p ln N`` (G. Schwarz, Ann. Stat. 6, 1978, 461-464).
+
+        The variance of the errors is not counted as a parameter, as in statsmodels' OLS; minus infinity for a perfect
+        fit.
+        """
+        deviance = self.n_rows * (math.log(2.0 * math.pi * self.loss) + 1.0) if self.loss > 0.0 else -math.inf
+        return deviance + self.orders.n_parameters * math.log(self.n_rows)
 
 
-class Criteria(NamedTuple):
-    """Information criteria; smaller is better, and only the difference on the same rows means anything."""
-
-    aic: float
-    aicc: float
-    bic: float
-
-
-def information_criteria(residual_sum_of_squares: float, n_rows: int, n_parameters: int) -> Criteria:
-    """Compute information criteria of a regression with normal errors.
-
-    The variance of the errors is not counted as a parameter, as in MATLAB's ``aic`` and statsmodels' OLS.
+def arx_regressors(input_: Array, output: Array, orders: ArxOrders) -> Array:
+    """Set up the rows phi(k) of equation (35).
 
     Parameters
     ----------
-    n_rows, n_parameters
-        More rows than parameters.
+    input_, output : ndarray, shape (n_samples,)
+        Evenly sampled; NaN for a lost sample.
 
     Returns
     -------
-    Criteria
-        Minus infinity for a perfect fit; `aicc` is infinite where rows are too few for its correction.
-
-    Notes
-    -----
-    ``N (ln(2 pi V) + 1) + 2 p`` (H. Akaike, IEEE Trans. Autom. Control 19, 1974, 716-723), with
-    ``2 p (p + 1) / (N - p - 1)`` more for few rows (C. M. Hurvich and C.-L. Tsai, Biometrika 76, 1989,
-    297-307), and with ``p ln N`` in the place of ``2 p`` (G. Schwarz, Ann. Stat. 6, 1978, 461-464).
+    ndarray, shape (n_samples, n_parameters)
+        Row k is ``[-y(k-1) .. -y(k-na), u(k-d) .. u(k-d-nb)]``; NaN where a sample was lost or the
+        record had not begun.
     """
-    mean_square = residual_sum_of_squares / n_rows
-    deviance = n_rows * (math.log(2.0 * math.pi * mean_square) + 1.0) if mean_square > 0.0 else -math.inf
-    spare = n_rows - n_parameters - 1
-    few = 2.0 * n_parameters * (n_parameters + 1) / spare if spare > 0 else math.inf
-    aic = deviance + 2.0 * n_parameters
-    return Criteria(aic, aic + few if math.isfinite(few) else math.inf, deviance + n_parameters * math.log(n_rows))
+    columns = [(-output, i) for i in range(1, orders.na + 1)]
+    columns += [(input_, orders.delay + j) for j in range(orders.nb + 1)]
+    rows = np.full((input_.size, orders.n_parameters), np.nan)
+    for column, (series, lag) in enumerate(columns):
+        rows[lag:, column] = series[: max(series.size - lag, 0)]
+    return rows
+
+
+def estimate_arx(
+    input_: Array, output: Array, orders: ArxOrders, *, step_s: float = 1.0, rows: Flags | None = None
+) -> ArxModel:
+    """Estimate a model from a whole record by orthogonal factorisation.
+
+    Parameters
+    ----------
+    input_, output : ndarray, shape (n_samples,)
+        Evenly sampled; NaN for a lost sample. Never modified.
+    step_s
+        Time between samples.
+    rows : ndarray of bool, shape (n_samples,), optional
+        Instants whose equations are fitted; their past may lie outside. All if left out.
+
+    Raises
+    ------
+    IdentificationError
+        If there is no number to give: too few rows, an input without signal, or regressors that cannot
+        be told apart.
+    """
+    fit = _fitted(arx_regressors(input_, output, orders), output, rows)
+    return ArxModel(
+        orders, fit.parameters, fit.variance * fit.covariance_factor, fit.residual_sum_of_squares, fit.count, step_s
+    )
+
+
+def _fitted(regressors: Array, output: Array, rows: Flags | None) -> LeastSquaresFit:
+    return least_squares(regressors, output) if rows is None else least_squares(regressors[rows], output[rows])
+
+
+def robust_covariance(model: ArxModel, input_: Array, output: Array, *, rows: Flags | None = None) -> Array:
+    """Return the parameters' covariance for residuals that are correlated in time and of changing size.
+
+    Bartlett's kernel over ``4 (N / 100)^(2/9)`` lags (W. K. Newey and K. D. West, Econometrica 55, 1987, 703-708),
+    with the factor ``N / (N - p)`` for the parameters that were fitted. Lags count samples of the record, also
+    across a gap.
+
+    Parameters
+    ----------
+    input_, output : ndarray, shape (n_samples,)
+        What it was estimated from.
+    rows : ndarray of bool, shape (n_samples,), optional
+        As for `estimate_arx`.
+
+    Returns
+    -------
+    ndarray, shape (n_parameters, n_parameters)
+    """
+    regressors = arx_regressors(input_, output, model.orders)
+    factor = _fitted(regressors, output, rows).covariance_factor
+    scores = regressors * (output - regressors @ model.parameters)[:, np.newaxis]
+    present = np.isfinite(scores).all(axis=1)
+    if rows is not None:
+        present &= rows
+    scores[~present] = 0.0
+    count = int(present.sum())
+    most = int(4.0 * (count / 100.0) ** (2.0 / 9.0))
+    meat = scores.T @ scores
+    for lag in range(1, min(most, output.size - 1) + 1):
+        shifted = scores[lag:].T @ scores[:-lag]
+        meat += (1.0 - lag / (most + 1.0)) * (shifted + shifted.T)
+    return np.asarray(factor @ meat @ factor * count / (count - model.orders.n_parameters))
+
+
+def residuals(model: ArxModel, input_: Array, output: Array) -> Array:
+    """Return e(k), the errors of predicting one sample ahead, shape (n_samples,); NaN where a row lacks samples."""
+    return np.asarray(output - arx_regressors(input_, output, model.orders) @ model.parameters)
+
+
+def simulate(model: ArxModel, input_: Array, output: Array) -> Array:
+    """Simulate the output from the measured input alone.
+
+    Parameters
+    ----------
+    input_, output : ndarray, shape (n_samples,)
+        NaN for a lost sample. The record begins at rest; behind a gap of the input the measured output gives the
+        state in which the simulation begins anew, and nothing else.
+
+    Returns
+    -------
+    ndarray, shape (n_samples,)
+        NaN where the input was lost, and until a state is known again behind that.
+    """
+    from scipy.signal import lfilter, lfiltic
+
+    inputs, outputs = model.numerator.size - 1, model.orders.na
+    simulated = np.full(input_.size, np.nan)
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], np.isfinite(input_), [False]])))
+    for start, stop in ends.reshape(-1, 2):
+        first, past_u, past_y = int(start), np.zeros(inputs), np.zeros(outputs)
+        if start > 0:
+            first = max(start + inputs, outputs)
+            while first < stop and not np.isfinite(output[first - outputs : first]).all():
+                first += 1
+            past_u, past_y = input_[first - inputs : first], output[first - outputs : first]
+        if first >= stop:
+            continue
+        if inputs == outputs == 0:
+            simulated[first:stop] = model.numerator[0] * input_[first:stop]
+            continue
+        state = lfiltic(model.numerator, model.denominator, past_y[::-1], past_u[::-1])
+        simulated[first:stop] = lfilter(model.numerator, model.denominator, input_[first:stop], zi=state)[0]
+    return simulated
+
+
+def fit_percent(measured: Array, modelled: Array, rows: Flags) -> float:
+    """Return ``100 (1 - ||y - y_model|| / ||y - mean(y)||)``, what MATLAB's ``compare`` prints as fit.
+
+    Parameters
+    ----------
+    measured, modelled : ndarray, shape (n_samples,)
+        Instants at which either is NaN do not count.
+    rows : ndarray of bool, shape (n_samples,)
+        Instants that count.
+
+    Returns
+    -------
+    float
+        100 for a perfect model, 0 for one no better than the mean, negative below that, without limit for an
+        unstable one; NaN where the output does not vary.
+    """
+    present = np.isfinite(measured) & np.isfinite(modelled) & rows
+    if not present.any():
+        return math.nan
+    y = measured[present]
+    spread = float(np.linalg.norm(y - y.mean()))
+    with np.errstate(over="ignore"):  # an unstable model may leave float64: it explains nothing
+        left = float(np.linalg.norm(y - modelled[present]))
+    return 100.0 * (1.0 - left / spread) if spread > 0 else math.nan

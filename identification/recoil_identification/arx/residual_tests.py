@@ -11,16 +11,18 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from recoil_identification.memory.windows import FloatArray
+from recoil_acquisition.read_only import ReadOnlyArrays
+
+Array = NDArray[np.float64]
 
 LEVEL = 0.99
-"""Of the bands; one lag of a hundred lies outside by chance."""
+"""Of bands and verdicts; one lag of a hundred lies outside by chance."""
 
 
 @dataclass(frozen=True, eq=False)
-class ResidualTest:
+class ResidualTest(ReadOnlyArrays):
     """Correlation by lag with its band, and all lags together.
 
     Attributes
@@ -30,7 +32,7 @@ class ResidualTest:
     correlation : ndarray, shape (n_lags,)
         Normalised: between -1 and 1.
     band : ndarray, shape (n_lags,)
-        Half width within which it lies by chance at each lag, at `level`.
+        Half width within which it lies by chance at each lag, at `LEVEL`.
     statistic
         Chi-squared if nothing is left in the residuals.
     p_value
@@ -40,18 +42,17 @@ class ResidualTest:
     """
 
     lags: NDArray[np.int64]
-    correlation: FloatArray
-    band: FloatArray
+    correlation: Array
+    band: Array
     statistic: float
     degrees_of_freedom: int
     p_value: float
-    level: float
     count: int
 
     @property
     def passed(self) -> bool:
         """Whether chance explains all lags together at the level; never without a degree of freedom."""
-        return self.p_value >= 1.0 - self.level
+        return self.p_value >= 1.0 - LEVEL
 
     @property
     def outside(self) -> NDArray[np.int64]:
@@ -60,19 +61,17 @@ class ResidualTest:
         return np.asarray(self.lags[beyond & ~((self.lags == 0) & (self.correlation == 1.0))])
 
 
-def whiteness(residual: ArrayLike, lags: int = 20, *, n_dynamic: int = 0, level: float = LEVEL) -> ResidualTest:
+def whiteness(residual: Array, lags: int, *, n_dynamic: int = 0) -> ResidualTest:
     """Test residuals for correlation in time by the statistic of Ljung and Box.
 
     Parameters
     ----------
-    residual : array_like, shape (n_samples,)
+    residual : ndarray, shape (n_samples,)
         In order of time; NaN for a gap. The mean is not taken off.
     lags
         The largest; at least one more than `n_dynamic`.
     n_dynamic
         Coefficients of past outputs that were fitted, na: they cost degrees of freedom.
-    level
-        Of the bands and of the verdict.
 
     Returns
     -------
@@ -82,8 +81,7 @@ def whiteness(residual: ArrayLike, lags: int = 20, *, n_dynamic: int = 0, level:
     Raises
     ------
     ValueError
-        If the residuals have more than one axis, are fewer than two more than the lags, are infinite or all
-        zero, or a number is out of range.
+        If the residuals are fewer than two more than the lags, or all zero.
 
     Notes
     -----
@@ -91,9 +89,7 @@ def whiteness(residual: ArrayLike, lags: int = 20, *, n_dynamic: int = 0, level:
     (G. M. Ljung and G. E. P. Box, Biometrika 65, 1978, 297-303); each lag has the variance 1 / N. With
     gaps, N - k is the number of products at lag k, and its band widens accordingly.
     """
-    e, present = _checked_residual(residual, lags, level)
-    if not 0 <= n_dynamic < lags:
-        raise ValueError(f"n_dynamic must lie between 0 and {lags - 1}, one less than the lags, found {n_dynamic}")
+    e, present = _checked_residual(residual, lags)
     count = int(present.sum())
     power = float(e @ e) / count
     at = np.arange(lags + 1)
@@ -106,32 +102,25 @@ def whiteness(residual: ArrayLike, lags: int = 20, *, n_dynamic: int = 0, level:
     # of the variance of each lag: (N - k) / N^2 for a whole record
     weights = np.where(used, count * (count + 2.0) / whole[1:] * products[1:] / whole[1:], 0.0)
     statistic = float(np.sum(weights * correlation[1:] ** 2))
-    band = np.full(lags + 1, _quantile(level) / math.sqrt(count))
+    band = np.full(lags + 1, _quantile() / math.sqrt(count))
     band[1:] *= np.where(used, np.sqrt(whole[1:] / np.maximum(products[1:], 1)), math.inf)
     degrees = int(used.sum()) - n_dynamic
-    return ResidualTest(at, correlation, band, statistic, degrees, _exceedance(statistic, degrees), level, count)
+    return ResidualTest(at, correlation, band, statistic, degrees, _exceedance(statistic, degrees), count)
 
 
-def independence(
-    residual: ArrayLike,
-    input_: ArrayLike,
-    lags: int = 20,
-    *,
-    regressors: ArrayLike | None = None,
-    level: float = LEVEL,
-) -> ResidualTest:
+def independence(residual: Array, input_: Array, lags: int, regressors: Array) -> ResidualTest:
     """Test residuals for what the input at other lags would explain.
 
     Parameters
     ----------
-    residual, input_ : array_like, shape (n_samples,)
+    residual, input_ : ndarray, shape (n_samples,)
         In order of time; NaN for a gap.
     lags
         The largest, on both sides: at negative lags the residual leads the input, which tells of feedback
         or of an input that is late.
-    regressors : array_like, shape (n_samples, n_parameters), optional
-        What was fitted. With it the bands are exact for white residuals and narrower where the fit has made
-        the correlation small; without, they are those of residuals that were not fitted.
+    regressors : ndarray, shape (n_samples, n_parameters)
+        What was fitted: the bands are exact for white residuals, and narrower where the fit has made the correlation
+        small.
 
     Returns
     -------
@@ -142,7 +131,7 @@ def independence(
     Raises
     ------
     ValueError
-        As `whiteness`; for shapes that differ, or an input that is zero throughout.
+        As `whiteness`, or if the input is zero throughout.
 
     Notes
     -----
@@ -150,18 +139,12 @@ def independence(
     variance ``s^2 z'(I - P)z`` and ``e'Z (s^2 Z'(I - P)Z)^+ Z'e`` is chi-squared: the score test of the
     lags left out (T. S. Breusch and A. R. Pagan, Rev. Econ. Stud. 47, 1980, 239-253).
     """
-    e, present = _checked_residual(residual, lags, level)
-    u = np.asarray(input_, dtype=np.float64)
-    if u.shape != e.shape:
-        raise ValueError(f"input must have the shape of the residuals {e.shape}, found {u.shape}")
-    fitted = np.zeros((e.size, 0)) if regressors is None else np.asarray(regressors, dtype=np.float64)
-    if fitted.ndim != 2 or fitted.shape[0] != e.size:
-        raise ValueError(f"regressors must have {e.size} rows, found the shape {fitted.shape}")
+    e, present = _checked_residual(residual, lags)
     at = np.arange(-lags, lags + 1)
     # the lags' own gaps count as zero: the product there is lost, the residual is not
-    shifted = np.column_stack([_late(np.nan_to_num(u), int(k)) for k in at])
-    present &= np.isfinite(fitted).all(axis=1)
-    e, shifted, fitted = e[present], shifted[present], fitted[present]
+    shifted = np.column_stack([_late(np.nan_to_num(input_), int(k)) for k in at])
+    present &= np.isfinite(regressors).all(axis=1)
+    e, shifted, fitted = e[present], shifted[present], regressors[present]
     energy = (shifted**2).sum(axis=0)
     if not energy.any():
         raise ValueError("the input is zero throughout")
@@ -173,21 +156,15 @@ def independence(
     known = own_energy > 1e-9 * np.maximum(energy, 1e-300)
     scale = np.sqrt(float(e @ e) * np.maximum(energy, 1e-300))
     correlation = np.where(known, (e @ own) / scale, 0.0)
-    band = np.where(known, _quantile(level) * np.sqrt(variance * own_energy) / scale, math.inf)
+    band = np.where(known, _quantile() * np.sqrt(variance * own_energy) / scale, math.inf)
     causal = known & (at >= 0)
     statistic, degrees = _score(e, own[:, causal], variance)
-    return ResidualTest(at, correlation, band, statistic, degrees, _exceedance(statistic, degrees), level, int(e.size))
+    return ResidualTest(at, correlation, band, statistic, degrees, _exceedance(statistic, degrees), int(e.size))
 
 
-def _checked_residual(residual: ArrayLike, lags: int, level: float) -> tuple[FloatArray, NDArray[np.bool_]]:
+def _checked_residual(residual: Array, lags: int) -> tuple[Array, NDArray[np.bool_]]:
     """Return residuals with zeros in the gaps, and where they are present."""
-    e = np.array(residual, dtype=np.float64)
-    if e.ndim != 1 or np.isinf(e).any():
-        raise ValueError(f"residuals must be one finite series, NaN for a gap, found the shape {e.shape}")
-    if lags < 1:
-        raise ValueError(f"lags must be 1 or more, found {lags}")
-    if not 0.0 < level < 1.0:
-        raise ValueError(f"level must lie between 0 and 1, found {level}")
+    e = np.array(residual)
     present = np.isfinite(e)
     if int(present.sum()) < lags + 2:
         raise ValueError(f"{int(present.sum())} residuals are too few for {lags} lags; expected {lags + 2} or more")
@@ -197,7 +174,7 @@ def _checked_residual(residual: ArrayLike, lags: int, level: float) -> tuple[Flo
     return e, present
 
 
-def _late(series: FloatArray, lag: int) -> FloatArray:
+def _late(series: Array, lag: int) -> Array:
     """Return a series that is late by a lag, with zeros beyond its ends."""
     moved = np.zeros_like(series)
     if lag >= 0:
@@ -207,7 +184,7 @@ def _late(series: FloatArray, lag: int) -> FloatArray:
     return moved
 
 
-def _score(e: FloatArray, own: FloatArray, variance: float) -> tuple[float, int]:
+def _score(e: Array, own: Array, variance: float) -> tuple[float, int]:
     """Sum the squares of the residuals along the directions that the columns span, and count these."""
     if own.shape[1] == 0:
         return 0.0, 0
@@ -216,10 +193,10 @@ def _score(e: FloatArray, own: FloatArray, variance: float) -> tuple[float, int]
     return float(np.sum((kept.T @ e) ** 2) / variance), kept.shape[1]
 
 
-def _quantile(level: float) -> float:
+def _quantile() -> float:
     from scipy.special import ndtri
 
-    return float(ndtri(0.5 + 0.5 * level))
+    return float(ndtri(0.5 + 0.5 * LEVEL))
 
 
 def _exceedance(statistic: float, degrees_of_freedom: int) -> float:

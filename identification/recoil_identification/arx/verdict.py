@@ -9,7 +9,7 @@ import numpy as np
 from recoil_identification.arx.choice import ArxChoice
 from recoil_identification.arx.mass import GainMass
 from recoil_identification.arx.model import ArxOrders
-from recoil_identification.arx.residual_tests import ResidualTest
+from recoil_identification.arx.residual_tests import LEVEL, ResidualTest
 from recoil_identification.arx.response import poles
 from recoil_identification.budget import COVERAGE_FACTOR
 
@@ -54,17 +54,17 @@ def reasons_against_model(
         )
     if not choice.white.passed:
         reasons.append(
-            f"residuals are not white in any band that was tried ({_told(choice.white)}): the standard errors of the "
-            "coefficients and the bands of the responses are those of errors that these are not"
+            f"residuals are not white in any band that was tried ({_test_text(choice.white)}): the standard errors of "
+            "the coefficients and the bands of the responses are those of errors that these are not"
         )
     if not choice.independent.passed:
         reasons.append(
-            f"residuals still follow the force ({_told(choice.independent)}): something acts on force or acceleration "
-            "that no model of these orders describes"
+            f"residuals still follow the force ({_test_text(choice.independent)}): something acts on force or "
+            "acceleration that no model of these orders describes"
         )
     bias, limit = attenuation * mass.mass_kg, LARGEST_ATTENUATION * mass.u_kg
     if math.isnan(bias):
-        reasons.append("no silence before the shot: the noise of the force, which biases the gain, is not known")
+        reasons.append("no pre-trigger baseline: the noise of the force, which biases the gain, is not known")
     elif abs(bias) > limit:
         reasons.append(
             f"noise of the pressures is {attenuation:.1e} of the force's energy: the mass comes out high by "
@@ -88,7 +88,7 @@ def notes_on_model(choice: ArxChoice, mass: GainMass, static: GainMass) -> tuple
         Of the model, and of na = nb = d = 0.
     """
     notes = []
-    best, orders = choice.table.best.orders, choice.model.orders
+    best, orders = choice.table.ranked[0][0].orders, choice.model.orders
     if orders != best:
         notes.append(
             f"the least BIC is that of {best}, which is unstable or leaves residuals that are not white; the next one "
@@ -104,6 +104,6 @@ def notes_on_model(choice: ArxChoice, mass: GainMass, static: GainMass) -> tuple
     return tuple(notes)
 
 
-def _told(test: ResidualTest) -> str:
+def _test_text(test: ResidualTest) -> str:
     lags = ", ".join(str(lag) for lag in test.outside) or "none alone"
-    return f"p = {test.p_value:.1e}, limit {1.0 - test.level:.2g}; lags outside their bands: {lags}"
+    return f"p = {test.p_value:.1e}, limit {1.0 - LEVEL:.2g}; lags outside their bands: {lags}"

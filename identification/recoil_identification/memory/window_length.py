@@ -16,15 +16,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_identification.memory.limited_memory import limited_memory_least_squares
-from recoil_identification.memory.window_factors import FloatArray
+from recoil_identification.memory.limited_memory import Array, limited_memory_least_squares
 
-SHORTEST = 10
-"""Samples of the shortest window that is tried unasked; four per parameter where that is more."""
-STEPS_PER_OCTAVE = 2
-"""Windows that are tried unasked for each doubling."""
 LEAST_BATCHES = 8
-"""Batches of predictions, each as long as the longest window, from which their scatter is told."""
+"""Batches of predictions, each as long as the longest window, from which their scatter is found."""
 
 
 @dataclass(frozen=True)
@@ -42,15 +37,12 @@ class TriedWindow:
     u_excess
         Its standard uncertainty, from the scatter of batches as long as the longest window, so that errors that are
         correlated in time are counted as such. Zero for the best window.
-    relative_standard_error
-        Median standard error of the first parameter over its magnitude, for errors that are independent.
     """
 
     window: int
     rms_error: float
     excess: float
     u_excess: float
-    relative_standard_error: float
 
 
 @dataclass(frozen=True)
@@ -78,12 +70,9 @@ class WindowChoice:
 def choose_window(
     regressors: ArrayLike,
     response: ArrayLike,
+    windows: Sequence[int],
     *,
-    windows: Sequence[int] | None = None,
     ahead: int = 1,
-    weights: ArrayLike | None = None,
-    tolerance: float = 1.0,
-    workers: int = 1,
 ) -> WindowChoice:
     """Choose a window by the error of what its estimates predict.
 
@@ -93,21 +82,15 @@ def choose_window(
         A row with a NaN is a missing sample.
     response : array_like, shape (n_samples,)
     windows
-        Lengths to try; if omitted, from `SHORTEST` samples to an eighth of the record, two for each doubling.
+        Lengths to try, two or more.
     ahead
         Samples between the end of a window and the response that it predicts. Give more than the samples over which
         the errors are correlated, behind a low-pass filter for one: short windows would follow the errors.
-    weights : array_like, shape (n_samples,), optional
-        As for `limited_memory_least_squares`; squared errors are weighted alike.
-    tolerance
-        Standard uncertainties of its excess by which a longer window may be worse than the best.
-    workers
-        As for `limited_memory_least_squares`.
 
     Raises
     ------
     ValueError
-        For windows that are too short or given twice, or limits out of range; otherwise as
+        For windows that are too short or given twice, or nothing ahead; otherwise as
         `limited_memory_least_squares`.
     IdentificationError
         If the record is too short, or too little of it identified, to compare windows.
@@ -119,22 +102,16 @@ def choose_window(
         )
     if ahead < 1:
         raise ValueError(f"ahead must be at least 1, found {ahead}")
-    if not tolerance >= 0.0:
-        raise ValueError(f"tolerance must not be negative, found {tolerance}")
-    n_samples, n_parameters = columns.shape
-    lengths = _lengths(n_samples, n_parameters) if windows is None else sorted(int(w) for w in windows)
+    lengths = sorted(int(window) for window in windows)
     if len(lengths) < 2 or len(set(lengths)) < len(lengths):
         raise ValueError(f"windows must be two different lengths or more, found {list(lengths)}")
-    root = np.sqrt(np.ones(n_samples) if weights is None else np.asarray(weights, dtype=np.float64))[ahead:]
-    squares, relative = [], []
+    squares = []
     for window in lengths:
-        estimates = limited_memory_least_squares(columns, outputs, window, weights=weights, workers=workers)
+        estimates = limited_memory_least_squares(columns, outputs, window)
         predicted = np.einsum("ij,ij->i", columns[ahead:], estimates.parameters[:-ahead])
-        squares.append((root * (outputs[ahead:] - predicted)) ** 2)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            relative.append(np.abs(estimates.standard_errors[:-ahead, 0] / estimates.parameters[:-ahead, 0]))
+        squares.append((outputs[ahead:] - predicted) ** 2)
     table = np.array(squares)
-    common = np.isfinite(table).all(axis=0) & (root > 0.0)
+    common = np.isfinite(table).all(axis=0)
     n_predictions = int(common.sum())
     if n_predictions < LEAST_BATCHES:
         raise IdentificationError(
@@ -153,36 +130,21 @@ def choose_window(
             rms_error=float(np.sqrt(mean[i])),
             excess=float((mean[i] - mean[best]) / scale),
             u_excess=_u_mean(table[i] - table[best], lengths[-1] + ahead) / scale,
-            relative_standard_error=float(np.median(relative[i][common])),
         )
         for i, window in enumerate(lengths)
     )
-    chosen = max(i for i, one in enumerate(tried) if one.excess <= tolerance * one.u_excess or i == best)
-    return WindowChoice(lengths[chosen], tried, n_predictions, _reason(tried, chosen, best, ahead, tolerance))
+    chosen = max(i for i, one in enumerate(tried) if one.excess <= one.u_excess or i == best)
+    return WindowChoice(lengths[chosen], tried, n_predictions, _reason(tried, chosen, best, ahead))
 
 
-def _lengths(n_samples: int, n_parameters: int) -> list[int]:
-    """Lengths from a few samples to an eighth of the record, in equal ratios."""
-    shortest, longest = max(SHORTEST, 4 * n_parameters), n_samples // 8
-    if longest < 2 * shortest:
-        raise IdentificationError(
-            "the record is too short to choose a window from",
-            expected=f"{16 * shortest} samples or more",
-            found=str(n_samples),
-            remedy="give the windows to try",
-        )
-    count = 1 + round(STEPS_PER_OCTAVE * np.log2(longest / shortest))
-    return sorted({round(length) for length in np.geomspace(shortest, longest, count)})
-
-
-def _u_mean(values: FloatArray, batch: int) -> float:
+def _u_mean(values: Array, batch: int) -> float:
     """Give the standard uncertainty of a mean, from means of batches: nearly independent where values are not."""
     count = max(values.size // batch, min(LEAST_BATCHES, values.size))
     means = np.array([part.mean() for part in np.array_split(values, count)])
     return float(means.std(ddof=1) / np.sqrt(count))
 
 
-def _reason(tried: Sequence[TriedWindow], chosen: int, best: int, ahead: int, tolerance: float) -> str:
+def _reason(tried: Sequence[TriedWindow], chosen: int, best: int, ahead: int) -> str:
     """Say in a sentence why a window was chosen."""
     window, of = tried[chosen].window, f"{tried[0].window} to {tried[-1].window} samples"
     step = "the next response" if ahead == 1 else f"the response {ahead} samples later"
@@ -191,8 +153,7 @@ def _reason(tried: Sequence[TriedWindow], chosen: int, best: int, ahead: int, to
     else:
         text = (
             f"of windows of {of} the one of {tried[best].window} predicts {step} best,"
-            f" and {window} is the longest whose mean squared error is within {tolerance:g} standard uncertainties"
-            " of it"
+            f" and {window} is the longest whose mean squared error is within one standard uncertainty of it"
         )
     if chosen == len(tried) - 1:
         return f"{text}: the record shows no variation that a shorter memory would follow"

@@ -5,19 +5,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_identification.arx.choice import OrderTable
 from recoil_identification.arx.decimated_record import DecimatedRecord
-from recoil_identification.arx.mass import GainMassTrace
 from recoil_identification.arx.model import ArxModel
-from recoil_identification.arx.orders import OrderTable
-from recoil_identification.arx.residual_tests import ResidualTest
-from recoil_identification.arx.response import frequency_response, poles, step_response, zeros
+from recoil_identification.arx.residual_tests import LEVEL, ResidualTest
+from recoil_identification.arx.response import frequency_response
 from recoil_identification.budget import COVERAGE_FACTOR
 from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Span, Trace
 
 Array = NDArray[np.float64]
 TIME = "time on the reference clock, s"
-STEP_SAMPLES = 40
-"""Samples of the step response."""
 SHOWN_CRITERION = 60.0
 """Above the least one; a candidate beyond it is far from any choice."""
 
@@ -77,7 +74,7 @@ def residual_figure(white: ResidualTest, independent: ResidualTest, step_s: floa
     for test, label in ((white, "autocorrelation"), (independent, "cross-correlation with the force")):
         shown = slice(1, None) if test is white else slice(None)
         lags, band = 1e3 * step_s * test.lags[shown], np.where(np.isfinite(test.band), test.band, 0.0)[shown]
-        level = f"{100 * test.level:g} % band"
+        level = f"{100 * LEVEL:g} % band"
         panels.append(
             Panel(
                 label,
@@ -115,8 +112,9 @@ def frequency_figure(model: ArxModel, covariance: Array, specification_kg: float
     return Figure(
         "arx-frequency-response",
         "Frequency response from force to acceleration",
-        "A rigid mass has the magnitude 1/m and no phase at every frequency, here m by specification; 95 % bands by "
-        "the residuals, without the sensors' scales.",
+        "A rigid mass has the magnitude 1/m and no phase at every frequency, here m by specification. Signals as the "
+        "shot's calibration corrects them: look at the shape, the level is the shot's own. 95 % bands by the "
+        "residuals.",
         "frequency, Hz",
         (
             Panel(
@@ -141,121 +139,27 @@ def frequency_figure(model: ArxModel, covariance: Array, specification_kg: float
     )
 
 
-def step_figure(model: ArxModel, covariance: Array, specification_kg: float) -> Figure:
-    """Draw the response to one newton more, with its 95 % band.
-
-    Parameters
-    ----------
-    covariance : ndarray, shape (n_parameters, n_parameters)
-    """
-    response = step_response(model, STEP_SAMPLES, covariance)
-    half = COVERAGE_FACTOR * response.u
-    values, times = response.values, 1e3 * response.times_s
-    return Figure(
-        "arx-step",
-        "Step response",
-        "Acceleration after a step of the force by 1 N; a rigid mass answers at once, and then no more. 95 % band by "
-        "the residuals.",
-        "time, ms",
-        (
-            Panel(
-                "a', m/s^2 per N",
-                (Trace("step response, 95 % interval", times, values, "band", "1/kg", values - half, values + half),),
-                (HorizontalLine(f"1 / {specification_kg:g} kg", 1.0 / specification_kg, "specification"),),
-            ),
-        ),
-    )
-
-
-def pole_figure(model: ArxModel) -> Figure:
-    """Draw poles and zeros in the z plane beside the unit circle."""
-    turn = np.linspace(0.0, 2.0 * np.pi, 361)
-    of_model, of_zeros = poles(model).values, zeros(model)
-    near = np.abs(np.concatenate([of_model, of_zeros[np.abs(of_zeros) < 3.0]]))
-    reach = 1.1 * float(np.max(near, initial=1.0))
-    return Figure(
-        "arx-poles",
-        "Poles and zeros",
-        "Poles within the unit circle are stable; a zero upon a pole cancels it, which is how noise is modelled "
-        "where force and acceleration are proportional.",
-        "real part",
-        (
-            Panel(
-                "imaginary part",
-                (
-                    Trace("unit circle", np.cos(turn), np.sin(turn), "reference"),
-                    Trace("poles", of_model.real, of_model.imag, "points"),
-                    Trace("zeros", of_zeros.real, of_zeros.imag, "points"),
-                ),
-                y_shown=(-reach, reach),
-            ),
-        ),
-        shown=(-reach, reach),
-    )
-
-
 def order_figure(table: OrderTable, chosen: ArxModel) -> Figure:
     """Draw the criterion of every candidate over its number of parameters."""
-    found = [c for c in table.candidates if c.model is not None]
-    count = np.array([c.orders.n_parameters for c in found], dtype=np.float64)
-    score = np.array([c.score(table.criterion) for c in found])
+    models = [model for model, _ in table.ranked]
+    count = np.array([model.orders.n_parameters for model in models], dtype=np.float64)
+    above = np.array([model.bic for model in models]) - models[0].bic
     numbers = np.unique(count)
-    least = np.array([score[count == n].min() for n in numbers])
-    of_chosen = next(c.score(table.criterion) for c in found if c.orders == chosen.orders)
-    name, best = table.criterion.upper(), float(score.min())
+    least = np.array([above[count == n].min() for n in numbers])
     return Figure(
         "arx-orders",
         "Choice of the orders",
-        f"{name} above the least one of all candidates, all fitted to the same rows; chosen: {chosen.orders}.",
+        f"BIC above the least one of all candidates, all fitted to the same rows; chosen: {chosen.orders}.",
         "number of parameters",
         (
             Panel(
-                f"{name} above the least",
+                "BIC above the least",
                 (
-                    Trace("candidates", count, score - best, "points"),
-                    Trace("least of the number", numbers, least - best, "model"),
-                    Trace("chosen", [chosen.orders.n_parameters], [of_chosen - best], "points"),
+                    Trace("candidates", count, above, "points"),
+                    Trace("least of the number", numbers, least, "model"),
+                    Trace("chosen", [chosen.orders.n_parameters], [chosen.bic - models[0].bic], "points"),
                 ),
                 y_shown=(-0.05 * SHOWN_CRITERION, SHOWN_CRITERION),
             ),
         ),
-    )
-
-
-def mass_figure(
-    record: DecimatedRecord, trace: GainMassTrace, mass_kg: float, specification_kg: float, orders_text: str
-) -> Figure:
-    """Draw the mass over time by both memories.
-
-    Parameters
-    ----------
-    mass_kg, specification_kg
-        Of the whole interval; by specification.
-    orders_text
-        Of the models.
-    """
-    half = COVERAGE_FACTOR * trace.u_forgetting_kg
-    mass, t = trace.forgetting_kg, record.times_s
-    inside = t[record.rows]
-    return Figure(
-        "arx-mass",
-        "Mass by the gain at zero frequency, over time",
-        f"Recursive estimates ({orders_text}) with forgetting factor {trace.forgetting:.4f}, and from the last "
-        f"{trace.window} rows alone; the band is that of the residuals, without the sensors' scales.",
-        TIME,
-        (
-            Panel(
-                "mass, kg",
-                (
-                    Trace("forgetting, 95 % interval", t, mass, "band", "kg", mass - half, mass + half),
-                    Trace("finite history", t, trace.finite_kg, "reference", "kg"),
-                ),
-                (
-                    HorizontalLine(f"specification {specification_kg:g} kg", specification_kg, "specification"),
-                    HorizontalLine(f"whole interval {mass_kg:.1f} kg", mass_kg, "mean"),
-                ),
-                y_shown=(0.97 * specification_kg, 1.03 * specification_kg),
-            ),
-        ),
-        shown=(float(inside[0]), float(inside[-1])),
     )

@@ -233,13 +233,13 @@ def _campaign(found: Identification) -> dict[str, Any] | None:
 def _uncertainty(found: Identification) -> dict[str, Any]:
     """State how the interval came about, and what a Monte Carlo method says of it."""
     estimate = found.chosen.estimate
-    ends = [found.results[name].estimate.mass_kg for name in ("forward", "reverse") if name in found.results]
+    bracket = found.frisch_bracket_kg
     stated: dict[str, Any] = {
         "degrees_of_freedom": estimate.degrees_of_freedom,
         "coverage": COVERAGE,
         "coverage_factor": estimate.coverage_factor,
         "U_kg": estimate.coverage_factor * estimate.u_kg,
-        "frisch_bracket_kg": sorted(ends) or None,
+        "frisch_bracket_kg": None if bracket is None else list(bracket),
         "monte_carlo": None,
     }
     drawn = found.monte_carlo

@@ -173,8 +173,9 @@ def coverage(report: Report) -> list[str]:
     if stated.get("frisch_bracket_kg"):
         low, high = (fixed(limit, 2) for limit in stated["frisch_bracket_kg"])
         sentences.append(
-            f"Frisch's bracket, force on acceleration and acceleration on force, both filtered: {low} kg to {high} kg; "
-            "its width is what noise in both can do to a regression of one on the other."
+            f"Frisch's bracket, force on acceleration and acceleration on force, both filtered and without what the "
+            f"method takes off them: {low} kg to {high} kg; its width is what noise in both can do to a regression of "
+            "one on the other."
         )
     for key in ("endogeneity", "constancy"):
         detail = (report.get(key) or {}).get("detail")

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.preparation import Prepared
 from recoil_identification.supports.mechanism_loads import MeasuredMotion
 from recoil_processing.filters import LowPass, filter_alike
@@ -43,7 +44,7 @@ BEFORE_S, BEHIND_S = 0.1, 0.15
 
 
 @dataclass(frozen=True, eq=False)
-class CarriageRecord:
+class CarriageRecord(ReadOnlyArrays):
     """The channels on one thinned grid, alike filtered, SI.
 
     Attributes

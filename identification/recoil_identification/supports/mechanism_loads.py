@@ -22,6 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.double_integral import integrate
 from recoil_rigs.mechanism import Mechanism, generalized_forces, mass_matrix, relative_acceleration, velocity_terms
 
@@ -35,7 +36,7 @@ accelerometers' noise has not walked far, long enough to average the gyros'."""
 
 
 @dataclass(frozen=True, eq=False)
-class MeasuredMotion:
+class MeasuredMotion(ReadOnlyArrays):
     """What the sensors say of one shot, on one uniform grid that begins at rest, SI.
 
     Attributes
@@ -71,7 +72,7 @@ class MeasuredMotion:
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class State(ReadOnlyArrays):
     """The model's coordinates, ``[xi, eta, alpha, beta, x]``, shape (n, 5) each.
 
     Attributes
@@ -86,7 +87,7 @@ class State:
 
 
 @dataclass(frozen=True, eq=False)
-class Loads:
+class Loads(ReadOnlyArrays):
     """Loads in the signs of `recoil_rigs.mechanism.generalized_forces`, shape (n,) each.
 
     Attributes

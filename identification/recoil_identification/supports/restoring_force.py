@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.mass import correlation_factor
 from recoil_identification.memory.limited_memory import WindowStatus, limited_memory_least_squares
 from recoil_identification.supports.support_filter import FilteredSupport, Rows
@@ -39,7 +40,7 @@ SMALLEST_SINGULAR_VALUE = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class RestoringFit:
+class RestoringFit(ReadOnlyArrays):
     """Parameters of one support.
 
     Attributes
@@ -140,7 +141,7 @@ def rows_of(times_s: Array, interval_s: tuple[float, float], trusted: Flags, low
 
 
 @dataclass(frozen=True, eq=False)
-class RestoringTrace:
+class RestoringTrace(ReadOnlyArrays):
     """Parameters over time by limited memory.
 
     Attributes
@@ -171,9 +172,7 @@ def trace_restoring_force(support: FilteredSupport, window_s: float) -> Restorin
     window = max(round(window_s / step), 2 * X.shape[1])
     scale = np.maximum(np.linalg.norm(X, axis=0), 1e-300)
     weights = (support.contact > 0.5).astype(np.float64)
-    found = limited_memory_least_squares(
-        X / scale, y, window, weights=weights, minimum_count=2 * X.shape[1], operator="qr"
-    )
+    found = limited_memory_least_squares(X / scale, y, window, weights=weights, minimum_count=2 * X.shape[1])
     parameters = found.parameters[:, : support.wanted] / scale[: support.wanted]
     errors = found.standard_errors[:, : support.wanted] / scale[: support.wanted]
     whole = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import Shot
 from recoil_identification.supports.carriage_record import MOTION_ROLES, CarriageRecord
 from recoil_identification.supports.restoring_force import RestoringFit, fit_restoring_force, rows_of
@@ -60,7 +61,7 @@ class Variant:
 
 
 @dataclass(frozen=True, eq=False)
-class SupportEstimates:
+class SupportEstimates(ReadOnlyArrays):
     """All parameters with their joint uncertainty.
 
     Attributes

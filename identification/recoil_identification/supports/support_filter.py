@@ -15,6 +15,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.filters import LowPass
 
 Array = NDArray[np.float64]
@@ -39,7 +40,7 @@ class Band:
 
 
 @dataclass(frozen=True, eq=False)
-class Support:
+class Support(ReadOnlyArrays):
     """Load and deflection of one support, as recorded.
 
     Attributes
@@ -82,7 +83,7 @@ class Support:
 
 
 @dataclass(frozen=True, eq=False)
-class FilteredSupport:
+class FilteredSupport(ReadOnlyArrays):
     """Both sides of ``load = sum_j parameter_j column_j`` behind one band-pass, at rows of the record.
 
     Attributes

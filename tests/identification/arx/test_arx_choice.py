@@ -1,16 +1,20 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_identification.arx.choice import ArxChoice, choose_model, count_of_lags
+from recoil_identification.arx.choice import ArxChoice, choose_model, compare_orders, order_grid
 from recoil_identification.arx.decimated_record import DecimatedRecord
-from recoil_identification.arx.mass import GainMass, mass_of_gain, refitted
-from recoil_identification.arx.model import ArxOrders
-from recoil_identification.arx.orders import order_grid
+from recoil_identification.arx.mass import GainMass, mass_of_gain
+from recoil_identification.arx.model import ArxOrders, estimate_arx
 from recoil_identification.arx.verdict import notes_on_model, reasons_against_model
 from tests.builders.arx_systems import PULSE_MASS_KG as MASS_KG
+from tests.builders.arx_systems import arx_record
 from tests.builders.arx_systems import pulse_record as record
 
 GRID = order_grid(range(3), range(3), (0, 1))
@@ -26,9 +30,7 @@ def test_the_widest_band_is_kept_where_its_residuals_pass():
 
 
 def masses(choice: ArxChoice) -> tuple[GainMass, GainMass]:
-    return tuple(
-        mass_of_gain(model, choice.record, (), 0.003) for model in (choice.model, refitted(choice.record, ArxOrders()))
-    )
+    return tuple(mass_of_gain(choice.record, orders, (), 0.003) for orders in (choice.model.orders, ArxOrders()))
 
 
 def with_leak(share: float) -> DecimatedRecord:
@@ -81,7 +83,7 @@ def test_past_samples_that_change_the_mass_are_a_note_and_beyond_its_interval_a_
 
 @pytest.mark.parametrize(
     ("attenuation", "fit", "word"),
-    [(0.01, 99.0, "errors in variables"), (np.nan, 99.0, "silence"), (1e-6, 60.0, "60 %"), (1e-6, np.nan, "nan %")],
+    [(0.01, 99.0, "errors in variables"), (np.nan, 99.0, "baseline"), (1e-6, 60.0, "60 %"), (1e-6, np.nan, "nan %")],
 )
 def test_what_biases_the_gain_is_a_reason(attenuation, fit, word):
     choice = choose_model(lambda share: record(share=share), (1.0,), GRID)
@@ -98,17 +100,6 @@ def test_an_unstable_model_is_a_reason_and_is_passed_over_where_it_can_be():
     assert any("unstable" in reason for reason in reasons)
 
 
-def test_there_must_be_a_band():
-    with pytest.raises(ValueError, match="no band"):
-        choose_model(lambda share: record(share=share), (), GRID)
-
-
-def test_a_test_looks_at_fewer_lags_of_a_short_record_but_at_more_than_na():
-    assert count_of_lags(200, 2) == 20
-    assert count_of_lags(40, 2) == 10
-    assert count_of_lags(40, 12) == 13
-
-
 def test_residuals_too_few_to_be_tested_are_refused():
     one = record()
     few = DecimatedRecord(
@@ -116,3 +107,75 @@ def test_residuals_too_few_to_be_tested_are_refused():
     )
     with pytest.raises(IdentificationError, match="cannot be tested"):
         choose_model(lambda _: few, (1.0,), [ArxOrders(1, 0)])
+
+
+# ---------------------------------------------------------------------------------------------- orders
+
+WIDE = order_grid(range(4), range(3), range(4))
+
+
+def of_system(n_samples: int, seed: int, **system: object) -> DecimatedRecord:
+    """Take a record of a known system as force and acceleration, all rows of the interval."""
+    u, y = arx_record(n_samples, seed, **system)
+    return DecimatedRecord(np.arange(n_samples) * 0.01, u, y, np.ones(n_samples, dtype=bool), 0.01, 1, None)
+
+
+def test_the_orders_and_the_delay_of_a_known_system_are_recovered():
+    found = [compare_orders(of_system(400, 50 + seed, noise=0.3), WIDE).ranked[0][0].orders for seed in range(20)]
+    assert found.count(ArxOrders(2, 1, 1)) >= 16
+
+
+@settings(max_examples=20)
+@given(st.integers(0, 5), st.integers(0, 2**31))
+def test_a_delay_is_recovered(delay, seed):
+    table = compare_orders(of_system(300, seed, system=((-0.6,), (1.0,), delay)), order_grid([1], [0], range(6)))
+    assert table.ranked[0][0].orders.delay == delay
+
+
+def test_every_candidate_is_fitted_to_the_rows_that_the_largest_can_use():
+    one = of_system(200, 1)
+    u, y = one.force_n.copy(), one.acceleration_m_s2.copy()
+    u[50], y[120] = np.nan, np.nan
+    table = compare_orders(replace(one, force_n=u, acceleration_m_s2=y), WIDE)
+    # the largest candidate needs y to k - 3 and u to k - 5
+    expected = np.arange(200) >= 5
+    expected[50:56] = False
+    expected[120:124] = False
+    np.testing.assert_array_equal(table.rows, expected)
+    assert {model.n_rows for model, _ in table.ranked} == {int(expected.sum())}
+    model = next(model for model, _ in table.ranked if model.orders == ArxOrders(2, 1, 1))
+    alone = estimate_arx(u, y, ArxOrders(2, 1, 1), step_s=0.01, rows=expected)
+    np.testing.assert_array_equal(model.parameters, alone.parameters)
+
+
+def test_the_ranking_ascends_and_near_models_are_within_the_margin():
+    table = compare_orders(of_system(300, 3), WIDE)
+    scores = [model.bic for model, _ in table.ranked]
+    assert scores == sorted(scores)
+    assert len(table.near(4.0)) == sum(score <= scores[0] + 4.0 for score in scores) > 0
+
+
+def test_a_model_that_is_too_small_leaves_residuals_that_are_not_white():
+    table = compare_orders(of_system(400, 6), [ArxOrders(0, 0, 1), ArxOrders(2, 1, 1)])
+    small, large = table.candidates
+    assert small.white.p_value < 1e-6
+    assert large.white.p_value > 0.01
+
+
+def test_a_candidate_that_cannot_be_estimated_stays_in_the_table_with_its_reason():
+    one = replace(of_system(60, 1), force_n=np.ones(60))
+    table = compare_orders(one, [ArxOrders(0, 0, 0), ArxOrders(0, 1, 0)])
+    assert table.candidates[1].model is None
+    assert "told apart" in table.candidates[1].refusal
+    assert [model.orders for model, _ in table.ranked] == [ArxOrders()]
+
+
+def test_a_record_that_no_candidate_fits_is_refused_with_the_cause():
+    with pytest.raises(IdentificationError, match="no model of any order"):
+        compare_orders(replace(of_system(40, 1), force_n=np.zeros(40)), WIDE)
+
+
+def test_a_perfect_fit_has_no_whiteness_but_wins():
+    one = of_system(60, 1)
+    table = compare_orders(replace(one, acceleration_m_s2=0.5 * one.force_n), [ArxOrders(0, 1), ArxOrders()])
+    assert table.ranked[0][0].b[0] == pytest.approx(0.5)

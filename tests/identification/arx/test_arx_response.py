@@ -5,18 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recoil_identification.arx.estimation import estimate_arx
-from recoil_identification.arx.model import ArxModel, ArxOrders
-from recoil_identification.arx.response import (
-    Gain,
-    dc_gain,
-    frequency_response,
-    impulse_response,
-    inverse,
-    poles,
-    step_response,
-    zeros,
-)
+from recoil_identification.arx.model import ArxModel, ArxOrders, estimate_arx
+from recoil_identification.arx.response import Gain, dc_gain, frequency_response, inverse, poles, zeros
 from tests.builders.arx_systems import arx_record
 
 ORDERS = ArxOrders(2, 1, 1)
@@ -89,33 +79,6 @@ def test_the_bands_of_the_frequency_response_are_the_covariances():
     assert ours.u_log_magnitude[0] == pytest.approx(dc_gain(MODEL).u / dc_gain(MODEL).value)
 
 
-@pytest.mark.parametrize("response", [impulse_response, step_response])
-def test_time_responses_are_those_of_scipy_with_the_covariances_band(response):
-    from scipy.signal import dimpulse, dstep
-
-    theirs = {impulse_response: dimpulse, step_response: dstep}[response]
-    # in powers of z
-    system = (np.array([1.0, 0.5]), np.array([1.0, -1.5, 0.7]), 1.0)
-    steps, (values,) = theirs(system, n=30)
-    ours = response(MODEL, 30)
-    np.testing.assert_allclose(ours.values, values[:, 0], atol=1e-12)
-    np.testing.assert_allclose(ours.times_s, 0.01 * steps, atol=1e-12)
-    np.testing.assert_allclose(ours.u, by_differences(lambda m: response(m, 30).values), rtol=1e-4, atol=1e-12)
-
-
-def test_the_step_response_ends_at_the_gain_at_zero_frequency():
-    response = step_response(MODEL, 400)
-    assert response.values[-1] == pytest.approx(dc_gain(MODEL).value, rel=1e-9)
-    assert response.u[-1] == pytest.approx(dc_gain(MODEL).u, rel=1e-6)
-
-
-def test_a_response_shorter_than_the_delay_is_zero():
-    model = with_parameters([1.0], ArxOrders(0, 0, 5))
-    np.testing.assert_array_equal(impulse_response(model, 3).values, 0.0)
-    np.testing.assert_array_equal(impulse_response(model, 7).values, [0, 0, 0, 0, 0, 1, 0])
-    np.testing.assert_array_equal(impulse_response(model, 3).u, 0.0)
-
-
 def test_poles_and_zeros_are_the_roots():
     found = poles(MODEL)
     np.testing.assert_allclose(np.abs(found.values), np.sqrt(0.7), rtol=1e-12)
@@ -125,12 +88,6 @@ def test_poles_and_zeros_are_the_roots():
     s = np.log(found.values[0]) / 0.01
     assert found.frequency_hz[0] == pytest.approx(abs(s) / (2 * np.pi))
     assert found.damping[0] == pytest.approx(-s.real / abs(s))
-
-
-def test_the_uncertainty_of_a_poles_modulus_is_the_covariances():
-    three = with_parameters([-1.9, 1.22, -0.24, 1.0], ArxOrders(3, 0))
-    found = poles(three)
-    np.testing.assert_allclose(found.u_modulus, by_differences(lambda m: np.abs(poles(m).values), three), rtol=1e-4)
 
 
 def test_an_unstable_model_is_told():
@@ -149,11 +106,6 @@ def test_a_pole_at_the_origin_has_no_frequency():
     found = poles(with_parameters([-0.5, 0.0, 1.0], ArxOrders(2, 0)))
     np.testing.assert_allclose(found.values, [0.5, 0.0])
     assert np.isnan(found.frequency_hz[1])
-    assert found.u_modulus[1] > 0
-
-
-def test_a_repeated_pole_moves_without_bound():
-    assert np.isinf(poles(with_parameters([0.0, 0.0, 1.0], ArxOrders(2, 0))).u_modulus).all()
 
 
 @settings(max_examples=25)
@@ -181,14 +133,3 @@ def test_the_bands_hold_the_truth_as_often_as_stated():
         held += (low <= truth.magnitude) & (truth.magnitude <= high)
     assert abs(held_gain / 300 - 0.95) < 0.04
     assert (np.abs(held / 300 - 0.95) < 0.04).all()
-
-
-@pytest.mark.parametrize("wrong", [[-1.0], [51.0], [np.nan], [[1.0]]])
-def test_frequencies_beyond_half_the_rate_are_refused(wrong):
-    with pytest.raises(ValueError, match="half the sampling rate"):
-        frequency_response(MODEL, wrong)
-
-
-def test_a_response_of_no_samples_is_refused():
-    with pytest.raises(ValueError, match="count"):
-        step_response(MODEL, 0)

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recoil_identification.arx.estimation import arx_regressors, estimate_arx, residuals
-from recoil_identification.arx.model import ArxOrders
+from recoil_identification.arx.model import ArxOrders, arx_regressors, estimate_arx, residuals
 from recoil_identification.arx.residual_tests import independence, whiteness
 from tests.builders.arx_systems import arx_record
 
@@ -63,7 +62,6 @@ def test_residuals_with_gaps_are_tested_at_their_true_lags_as_strictly():
 def test_the_bands_are_those_of_the_normal_distribution():
     found = whiteness(coloured(400, 3), 5)
     np.testing.assert_allclose(found.band, 2.5758293 / 20.0, rtol=1e-7)
-    assert whiteness(coloured(400, 3), 5, level=0.95).band[1] == pytest.approx(1.959964 / 20.0, rel=1e-6)
 
 
 def test_residuals_of_the_right_model_pass_both_tests_as_often_as_stated():
@@ -74,7 +72,7 @@ def test_residuals_of_the_right_model_pass_both_tests_as_often_as_stated():
         model = estimate_arx(u, y, orders)
         e = residuals(model, u, y)
         white += whiteness(e, 20, n_dynamic=2).passed
-        independent += independence(e, u, 20, regressors=arx_regressors(u, y, orders)).passed
+        independent += independence(e, u, 20, arx_regressors(u, y, orders)).passed
     assert white >= 288
     assert independent >= 288
 
@@ -83,7 +81,7 @@ def test_a_delay_that_was_missed_shows_at_its_lag():
     u, y = arx_record(400, 4, system=((), (1.0, 0.0, 0.0, 0.4), 0))
     orders = ArxOrders()
     model = estimate_arx(u, y, orders)
-    found = independence(residuals(model, u, y), u, 10, regressors=arx_regressors(u, y, orders))
+    found = independence(residuals(model, u, y), u, 10, arx_regressors(u, y, orders))
     assert not found.passed
     assert list(found.outside) == [3]
 
@@ -93,7 +91,7 @@ def test_feedback_shows_at_a_negative_lag_and_is_no_part_of_the_statistic():
     e = rng.standard_normal(500)
     u = rng.standard_normal(500)
     u[2:] += 0.5 * e[:-2]
-    found = independence(e, u, 8)
+    found = independence(e, u, 8, np.zeros((500, 0)))
     assert list(found.outside) == [-2]
     assert found.passed
 
@@ -102,7 +100,7 @@ def test_a_fitted_lag_has_no_correlation_left_and_no_band():
     u, y = arx_record(300, 6)
     orders = ArxOrders(0, 1, 1)
     e = residuals(estimate_arx(u, y, orders), u, y)
-    found = independence(e, u, 5, regressors=arx_regressors(u, y, orders))
+    found = independence(e, u, 5, arx_regressors(u, y, orders))
     fitted = np.isin(found.lags, [1, 2])
     assert np.isinf(found.band[fitted]).all()
     np.testing.assert_array_equal(found.correlation[fitted], 0.0)
@@ -113,7 +111,7 @@ def test_a_fitted_lag_has_no_correlation_left_and_no_band():
 def test_without_a_fit_the_correlation_is_the_plain_one():
     rng = np.random.default_rng(7)
     e, u = rng.standard_normal(200), rng.standard_normal(200)
-    found = independence(e, u, 3)
+    found = independence(e, u, 3, np.zeros((200, 0)))
     for lag in range(-3, 4):
         late = np.array([u[k - lag] if 0 <= k - lag < 200 else 0.0 for k in range(200)])
         expected = e @ late / np.sqrt((e @ e) * (late @ late))
@@ -127,7 +125,7 @@ def test_the_score_test_is_that_of_an_auxiliary_regression():
     u, y = arx_record(300, 8, system=((), (1.0, 0.1), 0))
     orders = ArxOrders()
     e = residuals(estimate_arx(u, y, orders), u, y)
-    found = independence(e, u, 4, regressors=arx_regressors(u, y, orders))
+    found = independence(e, u, 4, arx_regressors(u, y, orders))
     lagged = np.column_stack([np.concatenate([np.zeros(k), u[: 300 - k]]) for k in range(5)])
     auxiliary = sm.OLS(e, lagged).fit()
     explained = 1.0 - (auxiliary.resid @ auxiliary.resid) / (e @ e)
@@ -140,7 +138,8 @@ def test_the_score_test_is_that_of_an_auxiliary_regression():
 def test_scales_and_signs_do_not_matter(log_e, log_u, seed):
     rng = np.random.default_rng(seed)
     e, u = rng.standard_normal(80), rng.standard_normal(80)
-    one, scaled = independence(e, u, 5), independence(-(10.0**log_e) * e, 10.0**log_u * u, 5)
+    none = np.zeros((80, 0))
+    one, scaled = independence(e, u, 5, none), independence(-(10.0**log_e) * e, 10.0**log_u * u, 5, none)
     np.testing.assert_allclose(scaled.correlation, -one.correlation, rtol=1e-9, atol=1e-13)
     assert scaled.statistic == pytest.approx(one.statistic, rel=1e-8)
     assert whiteness(10.0**log_e * e, 5).statistic == pytest.approx(whiteness(e, 5).statistic, rel=1e-9)
@@ -149,18 +148,11 @@ def test_scales_and_signs_do_not_matter(log_e, log_u, seed):
 @pytest.mark.parametrize(
     ("call", "match"),
     [
-        (lambda: whiteness(np.ones((3, 3)), 1), "one finite series"),
-        (lambda: whiteness([1.0, np.inf, 2.0, 3.0], 1), "one finite series"),
-        (lambda: whiteness(np.ones(30), 0), "lags"),
-        (lambda: whiteness(np.ones(30), 5, n_dynamic=5), "n_dynamic"),
-        (lambda: whiteness(np.ones(30), 5, level=1.0), "level"),
         (lambda: whiteness(np.ones(6), 5), "too few"),
         (lambda: whiteness(np.zeros(30), 5), "zero throughout"),
-        (lambda: independence(np.ones(30), np.ones(29), 5), "shape"),
-        (lambda: independence(np.ones(30), np.zeros(30), 5), "zero throughout"),
-        (lambda: independence(np.ones(30), np.ones(30), 5, regressors=np.ones(30)), "rows"),
+        (lambda: independence(np.ones(30), np.zeros(30), 5, np.zeros((30, 0))), "zero throughout"),
     ],
 )
-def test_mistakes_of_the_caller_are_value_errors(call, match):
+def test_residuals_that_cannot_be_tested_are_refused(call, match):
     with pytest.raises(ValueError, match=match):
         call()

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
+import math
 import tracemalloc
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_identification.memory import limited_memory
 from recoil_identification.memory.limited_memory import (
-    REASONS,
     WindowedEstimates,
-    WindowOperator,
     WindowStatus,
     least_squares,
     limited_memory_least_squares,
+    window_sums,
 )
 from tests.builders.window_oracles import direct_qr, exact, relative_error
 
@@ -27,9 +27,18 @@ FIELDS = (
     "degrees_of_freedom",
     "count",
     "smallest_pivot",
-    "operator",
+    "factorised",
     "status",
 )
+
+
+@pytest.fixture(params=["as it is", "products", "rows"])
+def way(request, monkeypatch) -> None:
+    """Whether windows are solved as the guards say, all from sums of products, or all from their own rows."""
+    if request.param != "as it is":
+        least = -1.0 if request.param == "products" else np.inf
+        monkeypatch.setattr(limited_memory, "GUARDED_PIVOT", least)
+        monkeypatch.setattr(limited_memory, "GUARDED_RESIDUAL", least)
 
 
 def shot_then_silence(n_samples: int, n_parameters: int = 5, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
@@ -70,56 +79,52 @@ def shot() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return regressors, response, direct_qr(regressors, response, 200)
 
 
-@pytest.mark.parametrize("operator", ["auto", "qr"])
-def test_every_window_of_a_shot_followed_by_silence_equals_its_own_factorisation(shot, operator):
+def test_every_window_of_a_shot_followed_by_silence_equals_its_own_factorisation(shot):
     regressors, response, truth = shot
-    estimates = limited_memory_least_squares(regressors, response, 200, operator=operator)
+    estimates = limited_memory_least_squares(regressors, response, 200)
     assert estimates.identified[199:].all()
     assert relative_error(estimates.parameters[199:], truth[199:]).max() < 1e-10
+    assert 0.0 < estimates.factorised.mean() < 0.1
 
 
-def test_rotations_and_reflections_are_exact_to_thirteen_digits_where_a_shot_enters_and_leaves_the_window(shot):
+def test_reflections_are_exact_to_thirteen_digits_where_a_shot_enters_and_leaves_the_window(shot):
     regressors, response, _ = shot
     last = [1_000, 3_001, 3_003, 3_150, 3_500, 3_796, 3_797, 3_798, 3_799, 3_900, 23_001, 29_999]
     truth = np.array([exact(regressors[k - 199 : k + 1], response[k - 199 : k + 1]) for k in last])
-    rotated = limited_memory_least_squares(regressors, response, 200, operator="qr").parameters[last]
     reflected = [least_squares(regressors[k - 199 : k + 1], response[k - 199 : k + 1]).parameters for k in last]
-    assert relative_error(rotated, truth).max() < 1e-13
     assert relative_error(np.array(reflected), truth).max() < 1e-13
 
 
 @pytest.mark.parametrize("tiny", [1e-6, 1e-12, 1e-30])
-def test_rotations_survive_a_block_that_begins_with_next_to_nothing_of_one_regressor(tiny):
+def test_a_block_may_begin_with_next_to_nothing_of_one_regressor(tiny):
     regressors, response = white_record(23, 60, 3)
     regressors[::10, 0] *= tiny
-    estimates = limited_memory_least_squares(regressors, response, 10, operator="qr")
-    last = range(9, 60)
-    truth = np.array([exact(regressors[k - 9 : k + 1], response[k - 9 : k + 1]) for k in last])
-    assert relative_error(estimates.parameters[9:], truth).max() < 1e-12
+    estimates = limited_memory_least_squares(regressors, response, 10)
+    truth = np.array([exact(regressors[k - 9 : k + 1], response[k - 9 : k + 1]) for k in range(9, 60)])
+    assert relative_error(estimates.parameters[9:], truth).max() < 1e-10
 
 
-@pytest.mark.parametrize("operator", ["auto", "gram", "qr"])
-@pytest.mark.parametrize(
-    "seed", [3207, 4430, 4704, 7915]
-)  # products of these leave float64 unless the least are dropped
-def test_magnitudes_over_three_hundred_decades_give_numbers_or_reasons_but_no_warning(seed, operator):
+@pytest.mark.parametrize("seed", [3207, 4430, 4704, 7915])  # products of these leave float64
+@pytest.mark.usefixtures("way")
+def test_magnitudes_over_three_hundred_decades_give_numbers_or_reasons_but_no_warning(seed):
     rng = np.random.default_rng(seed)
     regressors = rng.choice([-1.0, 1.0], (40, 4)) * 10.0 ** rng.uniform(-300, 0, (40, 4))
     response = rng.choice([-1.0, 1.0], 40) * 10.0 ** rng.uniform(-300, 0, 40)
     with np.errstate(all="raise"):
-        estimates = limited_memory_least_squares(regressors, response, 8, operator=operator, partial=True)
+        estimates = limited_memory_least_squares(regressors, response, 8, partial=True)
     assert np.isfinite(estimates.parameters[estimates.identified]).all()
     assert np.isfinite(estimates.standard_errors[estimates.identified]).all()
 
 
-def test_products_alone_fail_where_a_shot_leaves_the_window_and_say_so_by_the_pivot(shot):
+def test_products_alone_fail_where_a_shot_leaves_the_window_and_say_so_by_the_pivot(shot, monkeypatch):
     regressors, response, truth = shot
-    alone = limited_memory_least_squares(regressors, response, 200, operator="gram")
+    for guard in ("GUARDED_PIVOT", "GUARDED_RESIDUAL"):
+        monkeypatch.setattr(limited_memory, guard, -1.0)
+    alone = limited_memory_least_squares(regressors, response, 200)
     error = relative_error(alone.parameters[199:], truth[199:])
+    assert not alone.factorised.any()
     assert error.max() > 1e-8
     assert (error < 1e-13 / alone.smallest_pivot[199:]).all()
-    guarded = limited_memory_least_squares(regressors, response, 200)
-    assert set(np.unique(guarded.operator)) == {WindowOperator.GRAM, WindowOperator.QR}
 
 
 def test_a_shot_followed_by_silence_agrees_with_statsmodels_where_that_has_nothing_large_to_subtract(shot):
@@ -146,8 +151,8 @@ def test_standard_errors_agree_with_statsmodels():
     np.testing.assert_allclose(ours.residual_sum_of_squares[49:], theirs.ssr[49:], rtol=1e-9)
 
 
-@pytest.mark.parametrize("operator", ["auto", "gram", "qr"])
-def test_weighted_windows_with_missing_samples_equal_lstsq_of_the_samples_present(operator):
+@pytest.mark.usefixtures("way")
+def test_weighted_windows_with_missing_samples_equal_lstsq_of_the_samples_present():
     rng = np.random.default_rng(11)
     regressors, response = white_record(11, 400, 3)
     weights = rng.uniform(0.1, 9.0, 400)
@@ -155,7 +160,7 @@ def test_weighted_windows_with_missing_samples_equal_lstsq_of_the_samples_presen
     response[rng.integers(0, 400, 15)] = np.nan
     weights[rng.integers(0, 400, 15)] = 0.0
     present = ~np.isnan(regressors).any(axis=1) & ~np.isnan(response) & (weights > 0)
-    estimates = limited_memory_least_squares(regressors, response, 20, weights=weights, operator=operator)
+    estimates = limited_memory_least_squares(regressors, response, 20, weights=weights)
     assert estimates.identified[19:].all()
     for k in range(19, 400):
         used = np.arange(k - 19, k + 1)[present[k - 19 : k + 1]]
@@ -225,22 +230,20 @@ def test_a_window_longer_than_the_record_is_never_full():
     np.testing.assert_allclose(partial.parameters[-1], least_squares(regressors, response).parameters, rtol=1e-12)
 
 
-@pytest.mark.parametrize("operator", ["auto", "gram", "qr"])
 @pytest.mark.parametrize("n_samples", [0, 1, 2])
-def test_a_record_of_next_to_nothing_gives_no_number_and_no_fault(n_samples, operator):
-    estimates = limited_memory_least_squares(
-        np.ones((n_samples, 2)), np.ones(n_samples), 5, operator=operator, partial=True
-    )
+@pytest.mark.usefixtures("way")
+def test_a_record_of_next_to_nothing_gives_no_number_and_no_fault(n_samples):
+    estimates = limited_memory_least_squares(np.ones((n_samples, 2)), np.ones(n_samples), 5, partial=True)
     assert estimates.parameters.shape == (n_samples, 2)
     assert not estimates.identified.any()
 
 
-@pytest.mark.parametrize("operator", ["auto", "gram", "qr"])
-def test_silence_gives_no_excitation_and_neither_infinity_nor_warning(operator):
+@pytest.mark.usefixtures("way")
+def test_silence_gives_no_excitation_and_neither_infinity_nor_warning():
     regressors, response = white_record(10, 300, 2)
     regressors[100:200, 1] = 0.0
     with np.errstate(all="raise"):
-        estimates = limited_memory_least_squares(regressors, response, 30, operator=operator)
+        estimates = limited_memory_least_squares(regressors, response, 30)
     silent = np.zeros(300, dtype=bool)
     silent[129:200] = True
     assert (estimates.status[silent] == WindowStatus.NO_EXCITATION).all()
@@ -251,46 +254,16 @@ def test_silence_gives_no_excitation_and_neither_infinity_nor_warning(operator):
     assert (estimates.smallest_pivot[silent] == 0.0).all()
 
 
-@pytest.mark.parametrize("operator", ["auto", "gram", "qr"])
-def test_a_record_of_zeros_gives_no_excitation(operator):
-    estimates = limited_memory_least_squares(np.zeros((50, 2)), np.zeros(50), 10, operator=operator)
+@pytest.mark.usefixtures("way")
+def test_a_record_of_zeros_gives_no_excitation():
+    estimates = limited_memory_least_squares(np.zeros((50, 2)), np.zeros(50), 10)
     assert (estimates.status[9:] == WindowStatus.NO_EXCITATION).all()
 
 
-@pytest.mark.parametrize("operator", ["auto", "gram", "qr"])
-def test_the_least_excitation_is_a_weighted_sum_of_squares_in_the_callers_units(operator):
-    regressors, response = white_record(12, 200, 2)
-    regressors *= [3e-4, 5e3]
-    weights = np.random.default_rng(12).uniform(0.0, 40.0, 200)
-    energy = np.array(
-        [(weights[k - 9 : k + 1, np.newaxis] * regressors[k - 9 : k + 1] ** 2).sum(axis=0) for k in range(9, 200)]
-    )
-    limits = np.median(energy, axis=0) * 1.0000001
-    options = {"weights": weights, "operator": operator}
-    estimates = limited_memory_least_squares(regressors, response, 10, min_excitation=limits, **options)
-    np.testing.assert_array_equal(estimates.identified[9:], (energy >= limits).all(axis=1))
-    assert set(np.unique(estimates.status[9:])) == {WindowStatus.IDENTIFIED, WindowStatus.NO_EXCITATION}
-    one_limit = limited_memory_least_squares(regressors, response, 10, min_excitation=limits[0], **options)
-    np.testing.assert_array_equal(one_limit.identified[9:], (energy >= limits[0]).all(axis=1))
-    out_of_reach = limited_memory_least_squares(regressors, response, 10, min_excitation=1e308, **options)
-    assert not out_of_reach.identified.any()
-
-
-def test_the_relative_error_of_the_first_parameter_decides_what_is_identified():
-    regressors, response = white_record(13, 500, 2)
-    free = limited_memory_least_squares(regressors, response, 10)
-    ratio = free.standard_errors[9:, 0] / np.abs(free.parameters[9:, 0])
-    limit = float(np.median(ratio)) * (1.0 + 1e-12)  # a product and a quotient round apart
-    limited = limited_memory_least_squares(regressors, response, 10, max_relative_error=limit)
-    np.testing.assert_array_equal(limited.identified[9:], ratio <= limit)
-    assert (limited.status[9:][ratio > limit] == WindowStatus.NO_EXCITATION).all()
-
-
-@pytest.mark.parametrize("operator", ["auto", "gram", "qr"])
-def test_regressors_that_are_the_same_are_collinear(operator):
+def test_regressors_that_are_the_same_are_collinear():
     regressors, response = white_record(14, 200, 3)
     regressors[80:160, 2] = 2.0 * regressors[80:160, 0] - regressors[80:160, 1]
-    estimates = limited_memory_least_squares(regressors, response, 20, operator=operator)
+    estimates = limited_memory_least_squares(regressors, response, 20)
     same = np.zeros(200, dtype=bool)
     same[99:160] = True
     assert (estimates.status[same] == WindowStatus.COLLINEAR).all()
@@ -299,22 +272,24 @@ def test_regressors_that_are_the_same_are_collinear(operator):
     assert (estimates.smallest_pivot[same] < 1e-12).all()
 
 
-def test_regressors_that_differ_by_a_hundred_thousandth_are_told_apart():
+def test_regressors_that_differ_by_a_hundred_thousandth_are_told_apart(monkeypatch):
     regressors, response = white_record(15, 2_000, 2)
     regressors[:, 1] = regressors[:, 0] + 1e-5 * regressors[:, 1]
     estimates = limited_memory_least_squares(regressors, response, 100)
-    assert (estimates.operator[99:] == WindowOperator.QR).all()
+    assert estimates.factorised[99:].all()
     assert relative_error(estimates.parameters[99:], direct_qr(regressors, response, 100)[99:]).max() < 1e-9
-    alone = limited_memory_least_squares(regressors, response, 100, operator="gram")
+    monkeypatch.setattr(limited_memory, "GUARDED_PIVOT", -1.0)
+    alone = limited_memory_least_squares(regressors, response, 100)
     assert relative_error(alone.parameters[99:], estimates.parameters[99:]).max() > 1e-7
 
 
-def test_the_residual_sum_of_a_next_to_perfect_fit_is_not_lost_in_cancellation():
+def test_the_residual_sum_of_a_next_to_perfect_fit_is_not_lost_in_cancellation(monkeypatch):
     rng = np.random.default_rng(16)
     regressors = rng.standard_normal((300, 2)) + 5.0
     response = regressors @ [782.0, 3.0] + 1e-6 * rng.standard_normal(300)
     estimates = limited_memory_least_squares(regressors, response, 40)
-    alone = limited_memory_least_squares(regressors, response, 40, operator="gram")
+    monkeypatch.setattr(limited_memory, "GUARDED_RESIDUAL", -1.0)
+    alone = limited_memory_least_squares(regressors, response, 40)
     truth = np.empty(261)
     for k in range(39, 300):
         wide = regressors[k - 39 : k + 1].astype(np.longdouble)
@@ -327,24 +302,23 @@ def test_the_residual_sum_of_a_next_to_perfect_fit_is_not_lost_in_cancellation()
     assert np.abs(alone.residual_sum_of_squares[39:] / truth - 1.0).max() > 0.1
 
 
-@pytest.mark.parametrize("operator", ["auto", "gram", "qr"])
 @pytest.mark.parametrize(("of_regressors", "of_response"), [(1e-200, 1e-180), (1e200, 1e-50), (1e-140, 1e140)])
-def test_units_far_from_one_change_nothing(operator, of_regressors, of_response):
+@pytest.mark.usefixtures("way")
+def test_units_far_from_one_change_nothing(of_regressors, of_response):
     regressors, response = white_record(17, 200, 2)
-    plain = limited_memory_least_squares(regressors, response, 20, operator=operator)
-    far = limited_memory_least_squares(regressors * of_regressors, response * of_response, 20, operator=operator)
+    plain = limited_memory_least_squares(regressors, response, 20)
+    far = limited_memory_least_squares(regressors * of_regressors, response * of_response, 20)
     assert far.identified[19:].all()
     factor = of_response / of_regressors
     np.testing.assert_allclose(far.parameters, plain.parameters * factor, rtol=1e-11)
     np.testing.assert_allclose(far.standard_errors, plain.standard_errors * factor, rtol=1e-11)
 
 
-@pytest.mark.parametrize("operator", ["auto", "gram", "qr"])
-def test_a_decay_down_to_the_end_of_float64_ends_without_excitation_and_without_warning(operator):
+def test_a_decay_down_to_the_end_of_float64_ends_without_excitation_and_without_warning():
     time = np.arange(3_000.0)
     regressors = np.column_stack([np.exp(-time / 4.0), np.sin(time) * np.exp(-time / 3.0)])
     with np.errstate(all="raise", under="ignore"):
-        estimates = limited_memory_least_squares(regressors, regressors @ [2.0, 3.0], 10, operator=operator)
+        estimates = limited_memory_least_squares(regressors, regressors @ [2.0, 3.0], 10)
     assert estimates.identified[9:60].all()
     np.testing.assert_allclose(estimates.parameters[9:60], np.tile([2.0, 3.0], (51, 1)), rtol=1e-6)
     assert (estimates.status[-100:] == WindowStatus.NO_EXCITATION).all()
@@ -413,31 +387,30 @@ def test_what_came_before_a_window_does_not_change_it(seed, shape, lead):
 
 
 @settings(max_examples=40, deadline=None)
-@given(seeds, st.integers(6, 40), st.integers(1, 6), st.sampled_from(["gram", "auto", "qr"]))
-def test_splitting_a_record_between_blocks_changes_nothing(seed, window, blocks, operator):
+@given(seeds, st.integers(6, 40), st.integers(1, 6))
+def test_splitting_a_record_between_blocks_changes_nothing(seed, window, blocks):
     regressors, response = white_record(seed, window * (blocks + 3) + 5, 3)
     regressors[0], response[0] = 4.0, 8.0  # the largest of all: both parts are scaled alike
     regressors[window * blocks], response[window * blocks] = 4.0, 8.0
-    whole = limited_memory_least_squares(regressors, response, window, operator=operator)
+    whole = limited_memory_least_squares(regressors, response, window)
     cut = window * blocks
-    later = limited_memory_least_squares(
-        regressors[cut - window :], response[cut - window :], window, operator=operator
-    )
+    later = limited_memory_least_squares(regressors[cut - window :], response[cut - window :], window)
     assert_same(rows_of(later, slice(window, None)), rows_of(whole, slice(cut, None)), rtol=1e-12)
 
 
 @settings(max_examples=40, deadline=None)
-@given(seeds, shapes)
-def test_products_and_rotations_agree(seed, shape):
-    n_parameters, window = shape[0], shape[0] + 5 + shape[1]
-    regressors, response = white_record(seed, window + shape[2], n_parameters)
-    gram = limited_memory_least_squares(regressors, response, window, operator="gram")
-    qr = limited_memory_least_squares(regressors, response, window, operator="qr")
-    np.testing.assert_array_equal(gram.status, qr.status)
-    error = np.abs(gram.parameters - qr.parameters)[window - 1 :].max(axis=1)
-    largest = np.fmax(np.abs(qr.parameters)[window - 1 :].max(axis=1), 1.0)  # the response alone is of the order of one
-    assert (error < 1e-13 * largest / qr.smallest_pivot[window - 1 :]).all()
-    np.testing.assert_allclose(gram.smallest_pivot, qr.smallest_pivot, rtol=1e-6)
+@given(seeds, st.integers(1, 60), st.integers(0, 200))
+def test_sums_of_windows_are_those_of_their_own_samples(seed, window, n_samples):
+    values = np.random.default_rng(seed).standard_normal((2, n_samples))
+    truth = [[math.fsum(row[max(k - window + 1, 0) : k + 1]) for k in range(n_samples)] for row in values]
+    np.testing.assert_allclose(window_sums(values, window), np.reshape(truth, values.shape), rtol=0, atol=1e-13)
+
+
+def test_a_record_is_worked_through_in_parts_that_leave_no_seam(monkeypatch):
+    regressors, response = shot_then_silence(3_000, n_parameters=3)
+    whole = limited_memory_least_squares(regressors, response, 70)
+    monkeypatch.setattr(limited_memory, "NUMBERS_AT_ONCE", 1)
+    assert_same(limited_memory_least_squares(regressors, response, 70), whole, rtol=1e-12)
 
 
 # ------------------------------------------------------------------------------ contract with callers
@@ -450,25 +423,20 @@ def test_the_callers_arrays_are_never_modified():
     kept = regressors.copy(), response.copy(), weights.copy()
     for values in (regressors, response, weights):
         values.flags.writeable = False
-    for operator in ("auto", "gram", "qr"):
-        limited_memory_least_squares(regressors, response, 20, weights=weights, operator=operator)
+    limited_memory_least_squares(regressors, response, 20, weights=weights)
     least_squares(regressors, response, weights)
     for values, copy in zip((regressors, response, weights), kept, strict=True):
         np.testing.assert_array_equal(values, copy)
 
 
-def test_scratch_memory_does_not_grow_with_the_record():
-    regressors, response = white_record(20, 200_000, 5)
-    for operator in ("auto", "qr"):
-        peaks = []
-        for n_samples in (100_000, 200_000):
-            tracemalloc.start()
-            limited_memory_least_squares(regressors[:n_samples], response[:n_samples], 200, operator=operator)
-            peaks.append(tracemalloc.get_traced_memory()[1])
-            tracemalloc.stop()
-        results = 100_000 * (2 * 5 + 4) * 8
-        assert peaks[1] - peaks[0] < 1.5 * results
-        assert peaks[1] < 64 * 2**20 + 3 * results
+def test_scratch_memory_beside_the_record_and_its_results_is_some_tens_of_megabytes():
+    regressors, response = white_record(20, 400_000, 5)
+    tracemalloc.start()
+    limited_memory_least_squares(regressors, response, 200)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    # rows, parameters, errors and what is found of each window, each twice at most
+    assert peak < 2 * 400_000 * (6 + 5 * 5) * 8 + 64 * 2**20
 
 
 @pytest.mark.parametrize(
@@ -484,12 +452,6 @@ def test_scratch_memory_does_not_grow_with_the_record():
         ({"weights": np.full(10, np.nan)}, r"weights must be finite and not negative"),
         ({"weights": np.full(10, -1.0)}, r"weights must be finite and not negative"),
         ({"window": 2}, r"at least 3, found 2"),
-        ({"operator": "svd"}, r"operator must be"),
-        ({"min_excitation": [1.0, 1.0, 1.0]}, r"min_excitation must be one number or 2"),
-        ({"min_excitation": -1.0}, r"min_excitation must be finite and not negative"),
-        ({"min_excitation": np.nan}, r"min_excitation must be finite and not negative"),
-        ({"max_relative_error": 0.0}, r"max_relative_error must be positive"),
-        ({"max_relative_error": np.nan}, r"max_relative_error must be positive"),
         ({"minimum_count": 2}, r"minimum_count must lie between 3 and the window 5"),
         ({"minimum_count": 6}, r"minimum_count must lie between 3 and the window 5"),
     ],
@@ -500,18 +462,11 @@ def test_a_callers_mistake_is_named(changed, message):
         limited_memory_least_squares(**arguments)
 
 
-@pytest.mark.parametrize(
-    "changed", [{"window": 5.0}, {"window": True}, {"minimum_count": 3.5}, {"response": np.ones(10, dtype=complex)}]
-)
+@pytest.mark.parametrize("changed", [{"window": 5.0}, {"window": True}, {"response": np.ones(10, dtype=complex)}])
 def test_a_value_of_the_wrong_type_is_a_type_error(changed):
     arguments = {"regressors": np.ones((10, 2)), "response": np.ones(10), "window": 5} | changed
     with pytest.raises(TypeError):
         limited_memory_least_squares(**arguments)
-
-
-def test_every_status_has_its_reason():
-    assert set(REASONS) == set(WindowStatus)
-    assert all(REASONS.values())
 
 
 # ------------------------------------------------------------------------------------ one whole record
@@ -531,17 +486,17 @@ def test_least_squares_of_a_whole_record_equals_lstsq_and_the_textbook_covarianc
     np.testing.assert_allclose(fit.parameters, expected / [1e-3, 1.0, 1e4, 1e7], rtol=1e-11)
     np.testing.assert_allclose(fit.residual_sum_of_squares, residual[0], rtol=1e-11)
     np.testing.assert_allclose(fit.covariance_factor, np.linalg.inv(scaled.T @ scaled), rtol=1e-8, atol=0)
-    assert (fit.count, fit.degrees_of_freedom) == (497, 493)
+    assert fit.count == 497
     np.testing.assert_allclose(fit.standard_errors, np.sqrt(np.diag(fit.covariance_factor) * residual[0] / 493))
 
 
 def test_least_squares_of_one_window_is_that_windows_estimate():
     regressors, response = shot_then_silence(600, n_parameters=3)
-    windows = limited_memory_least_squares(regressors, response, 40, operator="qr")
+    windows = limited_memory_least_squares(regressors, response, 40)
     for last in (50, 75, 300):
         fit = least_squares(regressors[last - 39 : last + 1], response[last - 39 : last + 1])
-        np.testing.assert_allclose(windows.parameters[last], fit.parameters, rtol=1e-10)
-        np.testing.assert_allclose(windows.standard_errors[last], fit.standard_errors, rtol=1e-10)
+        np.testing.assert_allclose(windows.parameters[last], fit.parameters, rtol=1e-9)
+        np.testing.assert_allclose(windows.standard_errors[last], fit.standard_errors, rtol=1e-6)
         assert windows.smallest_pivot[last] == pytest.approx(fit.smallest_pivot, rel=1e-6)
 
 
@@ -556,105 +511,3 @@ def test_least_squares_of_one_window_is_that_windows_estimate():
 def test_a_whole_record_without_a_number_is_an_error_that_says_why(regressors, message):
     with pytest.raises(IdentificationError, match=message):
         least_squares(regressors, np.ones(len(regressors)))
-
-
-# --------------------------------------------------------- many outputs, residuals, workers, memory used again
-
-
-def outputs_record(seed: int, n_samples: int, n_outputs: int = 3) -> tuple[np.ndarray, np.ndarray]:
-    rng = np.random.default_rng(seed)
-    regressors = rng.standard_normal((n_samples, 2))
-    response = regressors @ rng.standard_normal((2, n_outputs)) + 0.1 * rng.standard_normal((n_samples, n_outputs))
-    return regressors, response * 10.0 ** np.arange(-3, n_outputs - 3)
-
-
-@pytest.mark.parametrize("operator", ["auto", "gram", "qr"])
-def test_outputs_together_give_what_each_gives_alone(operator):
-    regressors, response = outputs_record(30, 300)
-    response[100] = np.nan
-    regressors[150:200, 1] = regressors[150:200, 0]
-    weights = np.random.default_rng(30).uniform(0.5, 2.0, 300)
-    together = limited_memory_least_squares(regressors, response, 20, weights=weights, operator=operator)
-    assert together.parameters.shape == (300, 2, 3)
-    assert together.residual_sum_of_squares.shape == (300, 3)
-    for o in range(3):
-        alone = limited_memory_least_squares(regressors, response[:, o], 20, weights=weights, operator=operator)
-        for name in ("status", "count", "smallest_pivot", "degrees_of_freedom"):
-            np.testing.assert_array_equal(getattr(together, name), getattr(alone, name))
-        for name in ("parameters", "standard_errors"):
-            np.testing.assert_allclose(getattr(together, name)[:, :, o], getattr(alone, name), rtol=1e-9)
-        np.testing.assert_allclose(together.residual_sum_of_squares[:, o], alone.residual_sum_of_squares, rtol=1e-9)
-
-
-def test_one_output_as_a_table_has_one_dimension_more():
-    regressors, response = white_record(31, 100, 2)
-    flat = limited_memory_least_squares(regressors, response, 20)
-    table = limited_memory_least_squares(regressors, response[:, np.newaxis], 20)
-    np.testing.assert_array_equal(table.parameters[:, :, 0], flat.parameters)
-    np.testing.assert_array_equal(table.residual_sum_of_squares[:, 0], flat.residual_sum_of_squares)
-
-
-def test_rows_are_recomputed_by_rotations_where_any_output_is_next_to_perfectly_explained():
-    regressors, response = outputs_record(32, 200, 2)
-    response[:, 1] = regressors @ [1.0, 2.0]
-    assert (limited_memory_least_squares(regressors, response, 20).operator[19:] == WindowOperator.QR).all()
-
-
-@pytest.mark.parametrize("n_outputs", [None, 2])
-def test_the_residuals_of_a_window_are_those_of_its_own_estimate(n_outputs):
-    regressors, response = outputs_record(34, 100, 2)
-    response = response if n_outputs else response[:, 0]
-    response[50] = np.nan
-    estimates = limited_memory_least_squares(regressors, response, 20, partial=True)
-    for last in (10, 30, 55, 99):
-        used = slice(max(last - 19, 0), last + 1)
-        present = ~np.isnan(response[used] if not n_outputs else response[used, 0])
-        truth = np.linalg.lstsq(regressors[used][present], response[used][present], rcond=None)[0]
-        residuals = estimates.residuals(last, regressors, response)
-        assert residuals.shape == response[used].shape
-        np.testing.assert_allclose(
-            residuals[present], response[used][present] - regressors[used][present] @ truth, rtol=0, atol=1e-13
-        )
-        assert np.isnan(residuals[~present]).all()
-        np.testing.assert_allclose(np.nansum(residuals**2, axis=0), estimates.residual_sum_of_squares[last], rtol=1e-9)
-    assert np.isnan(estimates.residuals(1, regressors, response)).all()
-    with pytest.raises(IndexError, match="between 0 and 99, found 100"):
-        estimates.residuals(100, regressors, response)
-    with pytest.raises(ValueError, match="regressors must have the shape"):
-        estimates.residuals(50, regressors[1:], response)
-    with pytest.raises(ValueError, match="response must have the shape"):
-        estimates.residuals(50, regressors, response[1:])
-
-
-@pytest.mark.parametrize("operator", ["auto", "qr"])
-def test_the_number_of_workers_changes_no_bit(operator):
-    regressors, response = shot_then_silence(80_000, n_parameters=2)
-    regressors[1000:1010] = np.nan
-    few, many = (
-        limited_memory_least_squares(regressors, response, 300, operator=operator, workers=workers)
-        for workers in (1, 3)
-    )
-    assert_same(many, few)
-    assert few.operator.any()
-
-
-def test_workers_must_be_a_number_of_threads():
-    with pytest.raises(ValueError, match="workers must be at least 1, found 0"):
-        limited_memory_least_squares(np.ones((9, 1)), np.ones(9), 3, workers=0)
-    with pytest.raises(TypeError, match="workers must be an integer"):
-        limited_memory_least_squares(np.ones((9, 1)), np.ones(9), 3, workers=1.5)
-
-
-@pytest.mark.parametrize("n_parameters", [1, 2])
-def test_memory_is_used_again_and_gives_what_new_memory_gives(n_parameters):
-    first, second = white_record(35, 500, n_parameters), white_record(36, 500, n_parameters)
-    old = limited_memory_least_squares(*first, 50)
-    new = limited_memory_least_squares(*second, 50, out=old)
-    assert np.shares_memory(new.parameters, old.parameters)
-    assert np.shares_memory(new.marks, old.marks)
-    assert_same(new, limited_memory_least_squares(*second, 50))
-    with pytest.raises(ValueError, match="out must hold parameters of the shape"):
-        limited_memory_least_squares(first[0][1:], first[1][1:], 50, out=old)
-    part = replace(old, parameters=np.repeat(old.parameters, 2, axis=0)[::2])
-    with pytest.raises(ValueError, match="returned, whole"):
-        limited_memory_least_squares(*first, 50, out=part)
