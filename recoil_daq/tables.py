@@ -200,12 +200,17 @@ def print_report(report: Reported) -> None:
     rpe = d["rpe_percent"]
     console.print(
         f"mass {_fixed(d['mass']['value'], 2)} kg, 95 % interval [{_fixed(low, 2)}, {_fixed(high, 2)}] kg, "
-        f"E_n {_fixed(d['E_n'], 2, sign=True)}, "
-        f"RPE {_fixed(rpe['value'], 2)} % [{_fixed(rpe['U95'][0], 2)}, {_fixed(rpe['U95'][1], 2)}]",
+        f"E_n {_fixed(d['E_n'], 2, sign=True)}"
+        + (
+            ", no RPE: the method gives no mass over time of its own"
+            if rpe["value"] is None
+            else f", RPE {_fixed(rpe['value'], 2)} % [{_fixed(rpe['U95'][0], 2)}, {_fixed(rpe['U95'][1], 2)}]"
+        ),
         markup=False,
         soft_wrap=True,
     )
-    console.print(rpe["meaning"], markup=False, soft_wrap=True)
+    if rpe["value"] is not None:
+        console.print(rpe["meaning"], markup=False, soft_wrap=True)
     said = d["filter"]
     basis = {"given": "as asked for", "shot": "by this shot's spectra", "campaign": "by the spectra of all shots"}
     console.print(

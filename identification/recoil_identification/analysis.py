@@ -8,9 +8,10 @@ import numpy as np
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import Shot
-from recoil_identification.calibration import Calibration
+from recoil_identification.calibration import Calibration, calibrated_mass
 from recoil_identification.camera_route import mass_by_camera
 from recoil_identification.camera_shot import identify_by_camera
+from recoil_identification.causes import causes_of
 from recoil_identification.constancy.mass_constancy import MassConstancy, constancy_of
 from recoil_identification.default_method import DEFAULTS, default_method
 from recoil_identification.estimators.endogeneity import Endogeneity, durbin_wu_hausman
@@ -35,14 +36,14 @@ from recoil_identification.shot_summary import shot_summary
 from recoil_identification.skew import find_skew, skew_contribution
 from recoil_identification.stress_waves import find_stress_waves
 from recoil_identification.trace_window import trace_window
-from recoil_identification.uncertainty import further_contributions
+from recoil_identification.uncertainty import further_contributions, note_on_cutoff
 from recoil_identification.verdict import notes_on, reasons_against
 from recoil_identification.zero_shift import ZeroShift, calibrated_with_zero_shift
 from recoil_processing.quality.repeatability import shot_peaks
 from recoil_processing.shot.camera_motion import recorded_motion
-from recoil_processing.shot.regression import Regression
+from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
 from recoil_processing.shot.sensor_scales import ScaleUncertainty, scale_uncertainty
-from recoil_rigs.assumptions import assumptions_of
+from recoil_rigs.assumptions import AREAS, assumptions_of
 from recoil_rigs.rig import Rig
 
 __all__ = [
@@ -106,16 +107,22 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         recorded, narrow, filtered, calibration, zero_shift = calibrated(recorded)
         skew = find_skew(filtered, calibration, corrected_s=skew.corrected_s + skew.due_s, steps=skew.steps + 1)
     further = (
-        *further_contributions(recorded, narrow, calibration, signals, shot, rig),
+        *further_contributions(narrow, calibration, signals, shot, rig),
         *skew_contribution(narrow, calibration, skew),
     )
+    areas_m2 = dict(zip(PRESSURE_ROLES, (getattr(rig.mechanism, area) for area in AREAS), strict=True))
+    causes = causes_of(narrow, signals, shot, areas_m2, skew.u_left_s)
+    calibration = calibrated_mass(narrow, scales, offset.u, calibration.camera, causes=causes)
     estimates = {
         "calibrated": calibration.estimate,
         "reverse": reverse_mass(narrow, scales),
         "forward": forward_mass(narrow, scales),
         "paper": replace(forward_mass(recorded, scales), method="paper"),
     }
-    estimates = {k: replace(e, budget=(*e.budget, *further)) for k, e in estimates.items()}
+    estimates = {
+        name: one if name == "calibrated" else replace(one, budget=(*one.budget, *further))
+        for name, one in estimates.items()
+    }
     if options.compare or method in FURTHER:
         film = None
         if camera is not None and camera_clock is not None:
@@ -132,14 +139,15 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         )
     constancy = _constancy(filtered, calibration, scales, offset.u)
     regressions = {name: filtered if name != "paper" else recorded for name in estimates}
-    notes: tuple[str, ...] = ()
+    on_cutoff = note_on_cutoff(recorded, narrow, calibration)
+    notes = () if on_cutoff is None else (on_cutoff,)
     if camera is not None and camera_clock is not None and camera_clock.status != "failed":
         try:
             regressions["kinematic"], estimates["kinematic"] = mass_by_camera(
                 recorded, signals, prepared.motion, shot, rig, camera, camera_clock, low_pass, scales, calibration
             )
         except IdentificationError as error:
-            notes = (f"no mass by the camera: {error}",)
+            notes = (*notes, f"no mass by the camera: {error}")
     window_s, window_choice = trace_window(options.window_s, filtered, *calibration.correct(filtered))
     results = {
         name: method_result(estimate, regressions[name], calibration, window_s, rig)
@@ -156,8 +164,8 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         filter_choice=choice,
         mass_low_pass=mass_low_pass,
         zero_shift=zero_shift,
-        summary=shot_summary(calibration, rig, further, narrow.u_release_n_s),
-        monte_carlo=propagate(calibration.draws(further)),
+        summary=shot_summary(calibration, rig, narrow.u_release_n_s),
+        monte_carlo=propagate(calibration.draws()),
         endogeneity=_endogeneity(recorded),
         constancy=constancy,
         window_choice=window_choice,

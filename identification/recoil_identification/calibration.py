@@ -18,16 +18,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification import equation_of_motion as motion
 from recoil_identification.budget import BudgetRow
+from recoil_identification.causes import Cause
 from recoil_identification.equation_of_motion import EquationOfMotion
 from recoil_identification.inference.estimate import Estimate
 from recoil_identification.inference.solve import solve
-from recoil_identification.inference.unknown import Prior
+from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.mass import (
-    ACCELERATION,
     FRICTION,
-    GAUGES,
     RANDOM,
     MassEstimate,
     correlation_factor,
@@ -35,7 +35,7 @@ from recoil_identification.mass import (
     reverse_mass,
 )
 from recoil_identification.monte_carlo import Draw
-from recoil_identification.sensor_priors import CAMERA_SCALE, RELEASE, ZERO, CameraScale, certificates, own_knowledge
+from recoil_identification.sensor_priors import RELEASE, ZERO, CameraScale, certificates, own_knowledge
 from recoil_processing.shot.regression import Regression, spaced_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 
@@ -50,12 +50,12 @@ FURTHEST_DRAW = 1.0
 SMALLEST_RESIDUAL = 3e-4
 """Share of the acceleration's peak that rows are never taken to be better than: neither is a gauge's straightness
 better, nor what a rigid part that slides and strikes is written down as."""
-UNITS = {**dict.fromkeys((*GAUGES, ACCELERATION, CAMERA_SCALE), "1"), FRICTION: "N", ZERO: "m/s^2", RELEASE: "m/s"}
-"""Of the sources."""
+UNITS = {FRICTION: "N", ZERO: "m/s^2", RELEASE: "m/s"}
+"""Of the sources that are no scales."""
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
+class Calibration(ReadOnlyArrays):
     """Mass and sensor errors as this shot and the calibrations together say.
 
     Attributes
@@ -90,6 +90,10 @@ class Calibration:
         All unknowns.
     own
         What this shot alone knows beside its rows, see `recoil_identification.sensor_priors`.
+    camera
+        What was taken from the camera's alignment.
+    causes
+        What else may be wrong.
     """
 
     estimate: MassEstimate
@@ -108,6 +112,8 @@ class Calibration:
     m0_kg: float
     inferred: Estimate
     own: tuple[Prior, ...]
+    camera: CameraScale | None = None
+    causes: tuple[Cause, ...] = ()
 
     def correct(self, regression: Regression) -> tuple[Array, Array]:
         """Return a' and F' with the sensors' errors and the release taken off, shape (n,) each."""
@@ -123,7 +129,7 @@ class Calibration:
 
         Each column is one standard uncertainty of an error that is independent of the others.
         """
-        block = EquationOfMotion(regression, np.arange(regression.times_s.size), self.m0_kg, 1.0)
+        block = EquationOfMotion(regression, np.arange(regression.times_s.size), self.m0_kg, 1.0, self.causes)
         values = {unknown.name: self.inferred.value(unknown.name) for unknown in self.inferred.unknowns}
         _, derivatives = block.linearised(values)
         # of those that the equation has, the mass apart
@@ -131,13 +137,8 @@ class Calibration:
         variances, directions = np.linalg.eigh(self.inferred.covariance[1:n, 1:n])
         return np.asarray(derivatives[:, 1:] @ (directions * np.sqrt(np.maximum(variances, 0.0))))
 
-    def draws(self, further: Sequence[BudgetRow]) -> Draw:
+    def draws(self) -> Draw:
         """Return what draws masses, linearly in the logarithms of mass and scales.
-
-        Parameters
-        ----------
-        further
-            Contributions from outside of this inference; they are added as they stand, with their distribution.
 
         Returns
         -------
@@ -151,13 +152,7 @@ class Calibration:
             logs = self.inferred.draws(motion.MASS.name, rng, count, random.degrees_of_freedom, widened)
             # so far off no model holds that is linear in the logarithms
             logs[np.abs(logs - self.inferred.value(motion.MASS.name)) > FURTHEST_DRAW] = np.nan
-            masses = self.m0_kg * np.exp(logs)
-            for row in further:
-                if row.distribution == "rectangular":
-                    masses = masses + row.u_kg * math.sqrt(3.0) * rng.uniform(-1.0, 1.0, count)
-                else:
-                    masses = masses + row.u_kg * rng.standard_normal(count)
-            return np.asarray(masses)
+            return np.asarray(self.m0_kg * np.exp(logs))
 
         return draw
 
@@ -169,6 +164,7 @@ def calibrated_mass(
     camera: CameraScale | None,
     *,
     noise_m_s2: float | None = None,
+    causes: tuple[Cause, ...] = (),
 ) -> Calibration:
     """Estimate the mass with the sensors' scales as restricted unknowns.
 
@@ -180,6 +176,8 @@ def calibrated_mass(
         Standard uncertainty of the accelerometer's zero from the pre-trigger baseline; infinite if there was none.
     noise_m_s2
         Of a row; found from the residuals if left out.
+    causes
+        What else may be wrong, on the regression's grid.
 
     Raises
     ------
@@ -189,20 +187,19 @@ def calibrated_mass(
     first = reverse_mass(regression, scales)
     rows = spaced_rows(regression)
     common = certificates(scales, regression.u_release_n_s / first.mass_kg, camera)
-    own = own_knowledge(u_bias_m_s2, camera)
+    own = [*own_knowledge(u_bias_m_s2, camera), *(cause.prior for cause in causes)]
     # of the whole motion, lost samples and all: what is left of a pulse that was lost does not tell the noise's size
     peak = float(np.max(np.abs(regression.acceleration_m_s2[regression.inside])))
     # of the unknowns the mass and the shifts are not restricted, and zero and release hardly
     free = 3 + (0 if regression.shifts is None else regression.shifts.shape[1])
-    beside = [] if camera is None else [motion.CAMERA]
     noise, sigma = first.residual_m_s2 if noise_m_s2 is None else noise_m_s2, 0.0
     start: dict[str, float] = {}
     for _ in range(50):
         before, sigma = sigma, _plausible(noise, peak)
         if abs(sigma - before) <= 1e-6 * sigma:
             break
-        block = EquationOfMotion(regression, rows, first.mass_kg, sigma)
-        inferred = solve([*block.all_unknowns, *beside], [block], [*common, *own], start)
+        block = EquationOfMotion(regression, rows, first.mass_kg, sigma, causes)
+        inferred = solve([*block.all_unknowns, *_beside(block, common)], [block], [*common, *own], start)
         start = {unknown.name: inferred.value(unknown.name) for unknown in inferred.unknowns}
         residual = sigma * block.linearised(start)[0]
         deviation = math.sqrt(float(residual @ residual) / max(rows.size - free, 1))
@@ -213,12 +210,15 @@ def calibrated_mass(
     widened = own_noise / sigma
     random_kg = mass * widened * inferred.u_random(motion.MASS.name)
     budget = [BudgetRow(RANDOM, random_kg, "A", degrees_of_freedom=degrees_of_freedom)]
+    stated = {source: ("B", "1") for prior in common for source in prior.sources}
+    stated |= {source: ("B", unit) for source, unit in UNITS.items()}
+    stated |= {cause.source: (cause.kind, cause.unit) for cause in causes}
     for source, u in zip(inferred.sources, inferred.u_sources.tolist(), strict=True):
         change = mass * inferred.contribution(source, motion.MASS.name)
         # a sensor that reads high has a value that lies too low
-        unit = UNITS[source] if source in UNITS else "1" if camera is None else camera.unit(source)
-        budget.append(BudgetRow(source, abs(change), "B", -change / u, unit))
-    shifts = [unknown.name for unknown in block.all_unknowns[8:]]
+        kind, unit = stated.get(source, ("B", "1" if camera is None else camera.unit(source)))
+        budget.append(BudgetRow(source, abs(change), kind, -change / u, unit))
+    shifts = [] if regression.shifts is None else [motion.shift(i).name for i in range(regression.shifts.shape[1])]
     return Calibration(
         estimate=MassEstimate("calibrated", mass, tuple(budget), int(rows.size), deviation),
         gauge_errors=np.expm1([inferred.value(gauge.name) for gauge in motion.GAUGES]),
@@ -236,7 +236,16 @@ def calibrated_mass(
         m0_kg=first.mass_kg,
         inferred=inferred,
         own=tuple(own),
+        camera=camera,
+        causes=causes,
     )
+
+
+def _beside(block: EquationOfMotion, priors: Sequence[Prior]) -> list[Unknown]:
+    """Return the unknowns that are in no row: the camera's scale, areas and standards."""
+    names = dict.fromkeys(name for prior in priors for name in prior.unknowns)
+    others = [name for name in names if name not in block.unknowns]
+    return [motion.CAMERA if name == motion.CAMERA.name else Unknown(name, scope="sensor") for name in others]
 
 
 def _plausible(noise_m_s2: float, peak_m_s2: float) -> float:

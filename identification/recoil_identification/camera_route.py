@@ -11,8 +11,6 @@ from recoil_identification.mass import ACCELERATION, MassEstimate, reverse_mass
 from recoil_identification.sensor_priors import CAMERA_SCALE
 from recoil_identification.uncertainty import (
     clock_contributions,
-    cutoff_contribution,
-    other_cutoffs,
     zero_contributions,
 )
 from recoil_processing.filters import LowPass
@@ -69,21 +67,15 @@ def mass_by_camera(
     IdentificationError
         If too few frames are left.
     """
-
-    def behind(filter_: LowPass) -> Regression:
-        return regression_by_camera(
-            recorded, signals, motion, rig, camera, alignment, filter_, longest_gap_s=longest_gap_s
-        )
-
     slow = LowPass(min(low_pass.cutoff_hz, LARGEST_CUTOFF_HZ), low_pass.half_order)
     own_scales = replace(scales, acceleration=camera.u_rel)
-    regression = behind(slow)
+    regression = regression_by_camera(
+        recorded, signals, motion, rig, camera, alignment, slow, longest_gap_s=longest_gap_s
+    )
     estimate = reverse_mass(regression, own_scales)
-    others = [reverse_mass(behind(other), own_scales).mass_kg for other in other_cutoffs(slow, recorded.rate_hz)]
     budget = [replace(row, source=CAMERA_SCALE) if row.source == ACCELERATION else row for row in estimate.budget]
     budget += clock_contributions(regression, calibration, shot, "recoil_displacement")
     budget += zero_contributions(regression, calibration, signals, rig)
-    budget.append(cutoff_contribution([estimate.mass_kg, *others]))
     return regression, replace(estimate, method="kinematic", budget=tuple(budget))
 
 

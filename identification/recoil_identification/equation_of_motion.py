@@ -7,7 +7,8 @@ friction is declared by ``df`` too large, so that with the mass ``m = m0 e^mu``
 
 with the friction's direction s. While the part is let go, battery stop and packing push it on with what no gauge
 reads: an impulse d at the release that gives it the velocity v. The columns of S are shapes in which the
-accelerometer's zero may have shifted at the shot.
+accelerometer's zero may have shifted at the shot; what else may be wrong (`recoil_identification.causes`) adds to the
+readings F_j, and to that of the accelerometer, shapes of unknown size.
 
 Logarithms are taken because the rows do not change under a common factor of mass and forces, nor under one of mass
 and acceleration: in logarithms these directions are the same everywhere.
@@ -22,6 +23,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_identification.causes import Cause
 from recoil_identification.inference.unknown import Unknown
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
 
@@ -46,7 +49,7 @@ def shift(number: int) -> Unknown:
 
 
 @dataclass(frozen=True, eq=False)
-class EquationOfMotion:
+class EquationOfMotion(ReadOnlyArrays):
     """Rows of a filtered regression.
 
     Attributes
@@ -59,18 +62,22 @@ class EquationOfMotion:
         First estimate of the mass.
     sigma_m_s2
         Standard deviation of a row's error.
+    causes
+        What else may be wrong.
     """
 
     regression: Regression
     rows: NDArray[np.intp]
     m0_kg: float
     sigma_m_s2: float
+    causes: tuple[Cause, ...] = ()
 
     @cached_property
     def all_unknowns(self) -> tuple[Unknown, ...]:
-        """Mass, gauges, friction, accelerometer, its zero, release and shifts."""
+        """Mass, gauges, friction, accelerometer, its zero, release, shifts and causes."""
         shapes = 0 if self.regression.shifts is None else self.regression.shifts.shape[1]
-        return (MASS, *GAUGES, FRICTION, ACCELERATION, ZERO, RELEASE, *(shift(i) for i in range(shapes)))
+        shifts = (shift(i) for i in range(shapes))
+        return (MASS, *GAUGES, FRICTION, ACCELERATION, ZERO, RELEASE, *shifts, *(one.unknown for one in self.causes))
 
     @property
     def unknowns(self) -> tuple[str, ...]:
@@ -81,11 +88,19 @@ class EquationOfMotion:
         """Return what the equation leaves of the acceleration, and its derivatives, over the standard deviation."""
         r, at = self.regression, self.rows
         shifts = np.zeros((at.size, 0)) if r.shifts is None else r.shifts[at]
-        added = np.column_stack([r.released[at], r.release_per_s[at], shifts])
+        added = np.column_stack(
+            [r.released[at], r.release_per_s[at], shifts, *(one.acceleration_m_s2[at] for one in self.causes)]
+        )
+        sizes = np.array([values[unknown.name] for unknown in self.all_unknowns[6:]])
+        first = sizes.size - len(self.causes)
         per_force = np.exp(values[ACCELERATION.name] - values[MASS.name]) / self.m0_kg
-        gauges = r.forces_n[at, :3] * np.exp([-values[gauge.name] for gauge in GAUGES]) * per_force
-        friction = r.friction_direction[at] * per_force
+        scales = np.exp([-values[gauge.name] for gauge in GAUGES]) * per_force
+        readings, felt = r.forces_n[at, :3], added.copy()
+        for column, one in enumerate(self.causes, first):
+            readings = readings + sizes[column] * one.forces_n[at]
+            felt[:, column] += one.forces_n[at] @ scales
+        gauges, friction = readings * scales, r.friction_direction[at] * per_force
         rigid = gauges.sum(axis=1) + r.forces_n[at, 3] * per_force - values[FRICTION.name] * friction
-        modelled = rigid + added @ np.array([values[u.name] for u in self.all_unknowns[6:]])
-        derivatives = np.column_stack([-rigid, -gauges, -friction, rigid, added])
+        derivatives = np.column_stack([-rigid, -gauges, -friction, rigid, felt])
+        modelled = rigid + added @ sizes
         return (r.acceleration_m_s2[at] - modelled) / self.sigma_m_s2, derivatives / self.sigma_m_s2

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.budget import BudgetRow
 from recoil_identification.mass import FRICTION, GAUGES, RANDOM, MassEstimate, correlation_factor, independent_rows
 from recoil_identification.sensor_priors import CAMERA_SCALE, RELEASE
@@ -32,7 +33,7 @@ OWN_UNKNOWNS = 4
 
 
 @dataclass(frozen=True, eq=False)
-class FilmCalibration:
+class FilmCalibration(ReadOnlyArrays):
     """Mass and gauge errors as this shot's film and the calibrations together say.
 
     Attributes

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_identification.force_errors import NamedErrors, force_errors
 from recoil_processing.motion.fusion import FusedMotion
@@ -25,7 +26,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class FilmedRecoil:
+class FilmedRecoil(ReadOnlyArrays):
     """A film and the forces on one clock, and the mass that brings them in line.
 
     Attributes

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.double_integral import integrate
 from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ACCELERATIONS, RATE_ROLES, ForcedRecoil
 from recoil_processing.shot.kinematics import AngularMotion, relative_to_tipping_part
@@ -23,7 +24,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class NamedErrors:
+class NamedErrors(ReadOnlyArrays):
     """Errors of the force by their sources.
 
     Attributes

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import ClockAlignment
 from recoil_identification.calibration import Calibration
 from recoil_identification.constancy.mass_constancy import MassConstancy
@@ -29,7 +30,7 @@ from recoil_identification.zero_shift import ZeroShift
 from recoil_processing.filters import LowPass
 from recoil_processing.motion.fusion import FusedMotion
 from recoil_processing.quality.repeatability import ShotPeaks
-from recoil_processing.shot.regression import Regression
+from recoil_processing.shot.regression import Regression, spaced_rows
 from recoil_processing.shot.signals import Signals
 from recoil_processing.spectra.cutoff import CutoffChoice
 
@@ -95,6 +96,8 @@ class Result:
 
     Attributes
     ----------
+    rpe_percent
+        Of its trace; NaN for a method that has none of its own.
     rpe_interval_percent
         95 %.
     """
@@ -115,7 +118,7 @@ class Inertial(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Identification:
+class Identification(ReadOnlyArrays):
     """Everything that was found out about one shot.
 
     Attributes
@@ -224,6 +227,25 @@ class Identification:
                 remedy="record one, or take another --method",
             )
         return Inertial(self.calibration, self.zero_shift, self.skew, self.peaks)
+
+    @property
+    def frisch_bracket_kg(self) -> tuple[float, float] | None:
+        """Masses by force on acceleration and by acceleration on force, ascending; None where the mass is the camera's.
+
+        Of the signals that the mass is of: those of `calibrated` are without the errors that it found of the sensors.
+        """
+        if "reverse" not in self.results:
+            return None
+        fitted = self.fitted
+        rows, sides = spaced_rows(fitted), (fitted.acceleration_m_s2, fitted.force_n)
+        if self.method == "calibrated":
+            sides = self.calibration.correct(fitted)
+        acceleration, force = (side[rows] for side in sides)
+        ends = (
+            float(force @ acceleration / (acceleration @ acceleration)),
+            float(force @ force / (acceleration @ force)),
+        )
+        return min(ends), max(ends)
 
     @property
     def valid(self) -> bool:

@@ -15,6 +15,8 @@ from recoil_rigs.rig import Rig
 
 CORRECTED = ("calibrated", "camera")
 """Methods whose trace is by both sides of the equation of motion with the sensors' errors taken off."""
+OWN_TRACE = (*CORRECTED, "reverse", "forward", "paper", "kinematic")
+"""Methods that a sliding window can follow; the trace beside the others is that of `reverse`, none of theirs."""
 
 
 def method_result(
@@ -52,6 +54,8 @@ def method_result(
         errors_m_s2=left,
         largest_relative_u=guard,
     )
+    if estimate.method not in OWN_TRACE:
+        return Result(estimate, trace, math.nan, (math.nan, math.nan))
     m = rig.mechanism
     return Result(
         estimate,

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_identification.sensor_priors import CameraScale
 from recoil_identification.skew import without_skew
@@ -31,7 +32,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Prepared:
+class Prepared(ReadOnlyArrays):
     """A shot's equation of motion as recorded.
 
     Attributes

@@ -15,6 +15,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification import equation_of_motion as motion
 from recoil_identification.inference.unknown import Prior
 from recoil_identification.mass import ACCELERATION, FRICTION, GAUGES
+from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 
 Array = NDArray[np.float64]
@@ -27,6 +28,8 @@ CAMERA_ZERO = "camera zero of the acceleration"
 CAMERA_SHIFT = "camera shift of the acceleration's zero"
 """Names of the further budget rows."""
 
+LEAST_OWN = 1e-9
+"""Of a sensor's scale, relative, where its certificate leaves nothing beside its standard and its area."""
 LEAST_OWN_SHARE = 1e-6
 """Of a variance of the camera's fit, that is its own and not shared with the others: rounding must not take it away."""
 
@@ -102,15 +105,37 @@ class CameraScale(ReadOnlyArrays):
 
 
 def certificates(scales: ScaleUncertainty, u_release_m_s: float, camera: CameraScale | None) -> list[Prior]:
-    """Return what other shots know as well: the sensors' scales, the friction, and how the stop lets go."""
-    gauges = zip(GAUGES, motion.GAUGES, scales.gauges, strict=True)
-    priors = [
-        *(Prior.of(source, gauge.name, u) for source, gauge, u in gauges),
-        Prior.of(FRICTION, motion.FRICTION.name, scales.friction_n),
-        Prior.of(ACCELERATION, motion.ACCELERATION.name, scales.acceleration),
-        Prior.of(RELEASE, motion.RELEASE.name, u_release_m_s),
+    """Return what other shots know as well: the sensors' scales, the friction, and how the stop lets go.
+
+    A scale of which a part is an area's or a standard's is off by that part and by the sensor's own: the part is an
+    unknown beside the scales, one for all sensors that share it.
+    """
+    of_roles = [
+        *zip(GAUGES, PRESSURE_ROLES, motion.GAUGES, scales.gauges, strict=True),
+        (ACCELERATION, "recoil_acceleration", motion.ACCELERATION, scales.acceleration),
     ]
-    return priors if camera is None else [*priors, Prior.of(CAMERA_SCALE, motion.CAMERA.name, camera.u_rel)]
+    if camera is not None:
+        of_roles.append((CAMERA_SCALE, "recoil_displacement", motion.CAMERA, camera.u_rel))
+    of_scales: list[Prior] = []
+    parts: dict[str, float] = {}
+    for source, role, scale, u in of_roles:
+        listed = scales.parts.get(role, ())
+        parts |= dict(listed)
+        if not listed:
+            of_scales.append(Prior.of(source, scale.name, u))
+            continue
+        own = math.sqrt(max(u**2 - math.fsum(part**2 for _, part in listed), LEAST_OWN**2))
+        names = (scale.name, *(f"ln {name}" for name, _ in listed))
+        rows = np.array([[1.0, *(-1.0 for _ in listed)]])
+        of_scales.append(Prior((source,), names, rows, np.zeros(1), np.array([[own**2]])))
+    return [
+        *of_scales[:3],
+        Prior.of(FRICTION, motion.FRICTION.name, scales.friction_n),
+        of_scales[3],
+        Prior.of(RELEASE, motion.RELEASE.name, u_release_m_s),
+        *of_scales[4:],
+        *(Prior.of(name, f"ln {name}", u) for name, u in parts.items()),
+    ]
 
 
 def own_knowledge(u_zero_m_s2: float, camera: CameraScale | None) -> list[Prior]:

@@ -1,15 +1,14 @@
 """A shot's own information on mass and scales, for what combines many shots of a rig.
 
 The likelihood of a shot about what other shots share is kept as a triangle, without any certificate in it, so that
-each certificate counts once however many shots there are. What is the shot's alone, its zeros and the alignment of its
-camera, is taken out by an orthogonal reduction: the shot's own columns first, and what is left below them is about the
-shared ones (G. J. Bierman, Factorization Methods for Discrete Sequential Estimation, 1977).
+each certificate counts once however many shots there are. What is the shot's alone, its zeros, its clocks and the
+alignment of its camera, is taken out by an orthogonal reduction: the shot's own columns first, and what is left below
+them is about the shared ones (G. J. Bierman, Factorization Methods for Discrete Sequential Estimation, 1977).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +17,6 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification import equation_of_motion as motion
-from recoil_identification.budget import BudgetRow, combined_u
 from recoil_identification.calibration import Calibration
 from recoil_identification.inference.unknown import Prior
 from recoil_processing.shot.regression import PRESSURE_ROLES
@@ -28,8 +26,6 @@ from recoil_rigs.rig import Rig
 Array = NDArray[np.float64]
 
 SCHEMA = 1
-COMMON_SOURCES = ("low-pass cut-off",)
-"""Contributions from outside of the inference that shots with one cut-off share."""
 
 
 @dataclass(frozen=True)
@@ -60,15 +56,12 @@ class ShotSummary(ReadOnlyArrays):
         R. It is singular: a common factor of mass and forces changes no row.
     seen : ndarray, shape (n,)
         y.
-    own_u_rel
-        Relative standard uncertainty of the mass that no column holds.
     """
 
     parameters: tuple[Parameter, ...]
     reference: Array
     triangle: Array
     seen: Array
-    own_u_rel: float
 
     def to_json(self, *, cutoff_hz: float, zero_shift: bool) -> dict[str, Any]:
         """Return it as the report has it."""
@@ -81,19 +74,18 @@ class ShotSummary(ReadOnlyArrays):
             "reference": self.reference.tolist(),
             "R": self.triangle.tolist(),
             "y": self.seen.tolist(),
-            "own_u_rel": self.own_u_rel,
+            # relative standard uncertainty of the mass that no column holds: there is nothing without one
+            "own_u_rel": 0.0,
             "cutoff_hz": cutoff_hz,
             "zero_shift": zero_shift,
         }
 
 
-def shot_summary(calibration: Calibration, rig: Rig, further: Sequence[BudgetRow], u_release_n_s: float) -> ShotSummary:
+def shot_summary(calibration: Calibration, rig: Rig, u_release_n_s: float) -> ShotSummary:
     """Summarise a shot.
 
     Parameters
     ----------
-    further
-        Contributions to the mass from outside of the inference.
     u_release_n_s
         Standard uncertainty of the impulse at the release.
     """
@@ -118,13 +110,11 @@ def shot_summary(calibration: Calibration, rig: Rig, further: Sequence[BudgetRow
     units = np.array([stated[unknown][1] for unknown in shared])
     reference = np.array([inferred.value(name) for name in names]) / units
     reference[0] += math.log(calibration.m0_kg)
-    outside = [row for row in further if row.source not in COMMON_SOURCES]
     return ShotSummary(
         parameters=tuple(stated[unknown][0] for unknown in shared),
         reference=reference,
         triangle=triangle * units,
         seen=seen,
-        own_u_rel=combined_u(outside) / calibration.estimate.mass_kg,
     )
 
 
@@ -136,7 +126,11 @@ def _scale(rig: Rig, role: str) -> tuple[tuple[str, float], ...]:
     calibrated = "" if sensor.calibrated is None else f":{sensor.calibrated.isoformat()}"
     # without a serial number a sensor is known by its place
     identity = sensor.serial or f"{rig.name}/{channel.name}"
-    return ((f"sensor:{role}:{identity}{calibrated}", sensor.u_rel),)
+    own = math.sqrt(sensor.u_rel**2 - sensor.u_reference_rel**2)
+    of_sensor = (f"sensor:{role}:{identity}{calibrated}", own)
+    if not sensor.u_reference_rel:
+        return (of_sensor,)
+    return (of_sensor, (f"standard:{sensor.reference}", sensor.u_reference_rel))
 
 
 def _gauge(rig: Rig, role: str, area: str) -> tuple[tuple[str, float], ...]:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from recoil_identification.budget import BudgetRow
 from recoil_identification.calibration import Calibration
+from recoil_identification.causes import SKEW
 from recoil_identification.uncertainty import corrected_mass
 from recoil_processing.alignment.channel_skew import LEAST_NORMALISED_SKEW, measure_skew
 from recoil_processing.shot.regression import Regression
@@ -32,7 +33,6 @@ MOST_SKEW_S = 2e-3
 """More is no skew of a recorder: an accelerometer would hang on another clock, or on a soft mount."""
 U_CHAINS_S = 2e-6
 """Standard uncertainty of the delays of sound chains against one another: a tenth of a usual filter's tolerance."""
-SOURCE = "skew of acceleration and force"
 
 
 @dataclass(frozen=True)
@@ -60,6 +60,11 @@ class RecorderSkew:
     due_s: float
     steps: int
     reason: str
+
+    @property
+    def u_left_s(self) -> float:
+        """Standard uncertainty of what is left: all of it where it was not told from zero; infinite if unknown."""
+        return math.hypot(self.u_s, self.skew_s - self.corrected_s) if math.isfinite(self.u_s) else math.inf
 
 
 def find_skew(
@@ -112,13 +117,13 @@ def skew_contribution(filtered: Regression, calibration: Calibration, skew: Reco
 
     That is its standard uncertainty, and all of it where it was not told from zero and left.
     """
-    if not math.isfinite(skew.u_s):
+    left_s = skew.u_left_s
+    if not math.isfinite(left_s):
         return []
-    left_s = math.hypot(skew.u_s, skew.skew_s - skew.corrected_s)
     mass = corrected_mass(filtered, calibration)
 
     def change(by_s: float) -> float:
         moved = without_skew(filtered.times_s, filtered.acceleration_m_s2, by_s)
         return abs(corrected_mass(replace(filtered, acceleration_m_s2=moved), calibration) - mass)
 
-    return [BudgetRow(SOURCE, max(change(left_s), change(-left_s)), "A")]
+    return [BudgetRow(SKEW, max(change(left_s), change(-left_s)), "A")]

@@ -1,7 +1,8 @@
 """Contributions to the mass's uncertainty that no sensor's certificate states.
 
-They are found by moving the cause by its standard uncertainty and estimating again: the clocks'
-offsets, the sensors' zeros, what repairs may have left, and the choice of the filter.
+They are found by moving the cause by its standard uncertainty and estimating again: the clocks' offsets, the sensors'
+zeros, and what repairs may have left. This is for the estimators that have no unknown for them; the inference has, see
+`recoil_identification.causes`.
 """
 
 from __future__ import annotations
@@ -24,22 +25,19 @@ from recoil_rigs.rig import Rig
 
 CUTOFF_FACTORS = (0.7, 1.4)
 """Cut-offs that a careful analyst might have chosen instead, as factors on the one chosen."""
+LARGEST_CUTOFF_EFFECT = 9e-4
+"""Of the mass by them, relative: as much is the noise of other samples, which the random part has already."""
 
 
 def further_contributions(
-    recorded: Regression,
-    filtered: Regression,
-    calibration: Corrections,
-    signals: Signals,
-    shot: Shot,
-    rig: Rig,
+    filtered: Regression, calibration: Corrections, signals: Signals, shot: Shot, rig: Rig
 ) -> tuple[BudgetRow, ...]:
-    """Evaluate the clocks, the gauges' zeros, the repairs and the filter for the route by the accelerometer.
+    """Evaluate the clocks, the gauges' zeros and the repairs for the route by the accelerometer.
 
     Parameters
     ----------
-    recorded, filtered
-        Before and behind the low-pass.
+    filtered
+        Behind the low-pass.
     calibration
         Gives the correction under which the mass is evaluated.
     signals
@@ -51,16 +49,26 @@ def further_contributions(
     -------
     tuple of BudgetRow
     """
-    masses = [corrected_mass(filtered, calibration)]
-    if filtered.low_pass is not None:
-        others = other_cutoffs(filtered.low_pass, recorded.rate_hz)
-        masses += [corrected_mass(recorded.filtered(other), calibration) for other in others]
     return (
         *clock_contributions(filtered, calibration, shot, "recoil_acceleration"),
         *zero_contributions(filtered, calibration, signals, rig),
         *repair_contributions(filtered, calibration, signals, rig),
-        cutoff_contribution(masses),
     )
+
+
+def note_on_cutoff(recorded: Regression, filtered: Regression, calibration: Corrections) -> str | None:
+    """Say by how much other cut-offs would move the mass, where that is more than other noise would."""
+    if filtered.low_pass is None:
+        return None
+    mass = corrected_mass(filtered, calibration)
+    for other in other_cutoffs(filtered.low_pass, recorded.rate_hz):
+        change = corrected_mass(recorded.filtered(other), calibration) / mass - 1.0
+        if abs(change) > LARGEST_CUTOFF_EFFECT:
+            return (
+                f"a cut-off of {other.cutoff_hz:.0f} Hz would move the mass by {100 * change:+.2g} %, more than other "
+                f"noise does ({100 * LARGEST_CUTOFF_EFFECT:.2g} %): look for what is left of the stress waves"
+            )
+    return None
 
 
 def corrected_mass(regression: Regression, calibration: Corrections) -> float:
@@ -152,9 +160,3 @@ def other_cutoffs(low_pass: LowPass, rate_hz: float) -> list[LowPass]:
     """Return the filters that might have been chosen instead, as far as the grid's rate allows them."""
     others = [LowPass(factor * low_pass.cutoff_hz, low_pass.half_order) for factor in CUTOFF_FACTORS]
     return [other for other in others if other.design_hz < 0.5 * rate_hz]
-
-
-def cutoff_contribution(masses_kg: Sequence[float]) -> BudgetRow:
-    """Take the masses by several cut-offs for the ends of a rectangular distribution: half width over root 3."""
-    half = 0.5 * (max(masses_kg) - min(masses_kg))
-    return BudgetRow("low-pass cut-off", half / math.sqrt(3.0), "B", distribution="rectangular")

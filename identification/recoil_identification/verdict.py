@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping
 
 from recoil_acquisition.shot import Shot
 from recoil_identification.calibration import CRITICAL_VALUE, LARGEST_RESIDUAL, Calibration
+from recoil_identification.causes import SKEW
 from recoil_identification.constancy.mass_constancy import MassConstancy
 from recoil_identification.corrections import Corrections
 from recoil_identification.mass import ACCELERATION, RANDOM, MassEstimate
@@ -24,6 +25,8 @@ LARGEST_LOSS = 0.8
 """Of the squares of the force: the mass then hangs on the slow rest of the motion, and on the friction."""
 CERTAINLY_VARIES = 0.01
 """Level below which a mass is not taken for constant any more; from 0.05 on it is a note."""
+ALIKE = 0.3
+"""Difference of two normalised residuals below which the shot does not tell which of both it is."""
 LARGEST_ROUTE_GAP = 3.0
 """Combined standard uncertainties by which the two routes to the acceleration may differ."""
 
@@ -155,13 +158,25 @@ def doubted_sensors(calibration: Corrections) -> list[str]:
     pull over its redundancy, the square of pull over normalised residual.
     """
     sensors = {s: w for s, w in calibration.normalised_residuals.items() if s not in (RELEASE, CAMERA_GAIN)}
-    beyond = {s: w for s, w in sensors.items() if abs(w) > CRITICAL_VALUE}
-    return [
-        f"{source} contradicts the other sensors: it reads {'high' if w > 0 else 'low'} by "
-        f"{w * w / abs(calibration.pulls[source]):.3g} of its standard uncertainties if they are right "
-        f"({abs(w):.1f} standard deviations, limit {CRITICAL_VALUE:g})"
-        for source, w in sorted(beyond.items(), key=lambda item: -abs(item[1]))
-    ]
+    beyond = sorted((item for item in sensors.items() if abs(item[1]) > CRITICAL_VALUE), key=lambda item: -abs(item[1]))
+    doubts = []
+    while beyond:
+        source, w = beyond[0]
+        alike = [other for other, of_other in beyond if abs(w) - abs(of_other) < ALIKE]
+        beyond = [item for item in beyond if item[0] not in alike]
+        doubts.append(
+            f"{' or '.join(alike)} contradicts the other sensors: it {_sense(source, w)} by "
+            f"{w * w / abs(calibration.pulls[source]):.3g} of its standard uncertainties if they are right "
+            f"({abs(w):.1f} standard deviations, limit {CRITICAL_VALUE:g})"
+        )
+    return doubts
+
+
+def _sense(source: str, w: float) -> str:
+    """Say in which direction something is off."""
+    if source == SKEW or source.startswith("alignment of clock"):
+        return "is late" if w > 0 else "is early"
+    return "reads high" if w > 0 else "reads low"
 
 
 def _not_shared(source: str) -> bool:

@@ -175,6 +175,7 @@ def faults_of_channels(
             problem = f"{what}: {channel.source!r} is not declared; {did_you_mean(channel.source, source_names)}"
             faults.append(Fault(f"{where}.source", problem))
         faults += _faults_of_role(where, channel, [c for _, c in channels])
+        faults += _faults_of_standard(where, channel, [c for _, c in channels])
         faults += _faults_of_unit(where, channel, sound_sources.get(channel.source))
     return faults
 
@@ -207,6 +208,17 @@ def _faults_of_role(where: str, channel: ChannelSpec, channels: Sequence[Channel
         problem = f"role {channel.role!r} needs quantity {ROLES[channel.role]!r}, found {channel.quantity!r}"
         faults.append(Fault(f"{where}.quantity", problem))
     return faults
+
+
+def _faults_of_standard(where: str, channel: ChannelSpec, channels: Sequence[ChannelSpec]) -> list[Fault]:
+    """Name another sensor that says something else of the same standard."""
+    sensor = channel.sensor
+    stated = {c.name: c.sensor.u_reference_rel for c in channels if sensor.reference == c.sensor.reference != ""}
+    others = [f"{name} {u:g}" for name, u in stated.items() if u != sensor.u_reference_rel]
+    if not others:
+        return []
+    problem = f"{sensor.u_reference_rel:g} of {sensor.reference!r}, of which {', '.join(others)} is stated; state one"
+    return [Fault(f"{where}.sensor.u_reference_rel", problem)]
 
 
 def _faults_of_unit(where: str, channel: ChannelSpec, source: Source | None) -> list[Fault]:

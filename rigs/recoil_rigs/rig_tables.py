@@ -216,7 +216,7 @@ class Sensor(DeclaredTable):
     ``delay_s`` is the delay of the whole chain behind the sensor, its anti-alias filter included; without it that of
     ``filter_hz`` counts, by ``filter_type`` and ``filter_order``. ``resonance_hz`` and ``resonance_damping`` are those
     of the sensor on its mount, and come on top. The 0 of a ``u_rel`` that is left out is no statement, see
-    `states_u_rel`.
+    `states_u_rel`. Sensors that name one ``reference`` are off together by what their standard is off.
     """
 
     model: str = ""
@@ -224,6 +224,8 @@ class Sensor(DeclaredTable):
     calibrated: dt.date | None = None
     due: dt.date | None = None
     u_rel: NotNegative = 0.0
+    reference: str = Field(default="", description="the standard that it was calibrated against, as a name")
+    u_reference_rel: NotNegative = Field(default=0.0, description="the part of `u_rel` that the standard brings")
     range: Pair | None = Field(default=None, description="an array [lowest, highest] in the channel's SI unit")
     sensitivity: Positive | None = None
     sensitivity_unit: Literal["pC", "mV", "V"] | None = None
@@ -246,6 +248,10 @@ class Sensor(DeclaredTable):
             faults.append("`range` must be [lowest, highest]")
         if (self.sensitivity is None) != (self.sensitivity_unit is None):
             faults.append("`sensitivity` and `sensitivity_unit` go together")
+        if self.u_reference_rel and not self.reference:
+            faults.append("`u_reference_rel` needs `reference`, the standard's name")
+        if self.u_reference_rel > self.u_rel:
+            faults.append("`u_reference_rel` is a part of `u_rel` and cannot be larger")
         if self.filter_hz is None and (self.filter_type is not None or self.filter_order is not None):
             faults.append("`filter_type` and `filter_order` need `filter_hz`")
         if self.time_constant_s is None and self.u_time_constant_s is not None:

@@ -53,6 +53,24 @@ def test_the_papers_method_is_low_by_errors_in_variables(name):
     assert found.results["paper"].rpe_percent > 2
 
 
+def test_frischs_bracket_is_about_the_mass_that_it_stands_beside():
+    found = identified("field-2013")
+    low, high = found.frisch_bracket_kg
+    # sensors' errors taken off, the mass is between both regressions, but for the weights of its rows
+    assert low - 0.1 < found.chosen.estimate.mass_kg < high + 0.1
+    plain = replace(found, method="reverse").frisch_bracket_kg
+    assert plain[1] == pytest.approx(found.results["reverse"].estimate.mass_kg, rel=1e-12)
+    assert plain[0] == pytest.approx(found.results["forward"].estimate.mass_kg, rel=1e-12)
+
+
+def test_a_method_without_a_mass_over_time_has_no_rpe():
+    virtual = virtual_shot("field-2013")
+    found = identify_shot(virtual.shot, virtual.rig, Options(method="tls"))
+    assert math.isnan(found.chosen.rpe_percent)
+    assert all(math.isnan(end) for end in found.chosen.rpe_interval_percent)
+    assert found.results["reverse"].rpe_percent > 0
+
+
 @pytest.mark.parametrize("name", RIGS)
 def test_the_interval_is_that_of_the_recoil(name):
     found, truth = identified(name), virtual_shot(name).truth

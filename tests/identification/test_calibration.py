@@ -328,3 +328,68 @@ def test_without_a_silence_the_zero_is_found_from_the_shot_itself():
     assert ZERO not in found.pulls
     biased = calibrated_mass(measured(bias_m_s2=4.0, noise=alternating(1.0)), SCALES, 1e-3, None)
     assert abs(found.estimate.mass_kg - MASS_KG) < abs(biased.estimate.mass_kg - MASS_KG) + found.estimate.u_kg
+
+
+# ------------------------------------------------------------------------------------------ areas and standards
+
+
+def with_parts(**parts: tuple[tuple[str, float], ...]) -> ScaleUncertainty:
+    return replace(SCALES, parts=parts)
+
+
+def by_source(found: Calibration) -> dict[str, float]:
+    return {row.source: row.u_kg for row in found.estimate.budget}
+
+
+def test_an_area_has_a_row_of_its_own_and_moves_nothing():
+    regression = measured(noise=alternating(1.0))
+    whole, apart = (
+        calibrated_mass(regression, scales, U_BIAS, CAMERA)
+        for scales in (SCALES, with_parts(breech_pressure=(("bore_area", 0.004),)))
+    )
+    assert apart.estimate.mass_kg == pytest.approx(whole.estimate.mass_kg, rel=1e-9)
+    assert apart.estimate.u_kg == pytest.approx(whole.estimate.u_kg, rel=1e-6)
+    rows, before = by_source(apart), by_source(whole)[GAUGES[0]]
+    # 0.6 % in all
+    assert rows["bore_area"] == pytest.approx(before * 0.004 / 0.006, rel=1e-6)
+    assert rows[GAUGES[0]] == pytest.approx(before * math.sqrt(0.006**2 - 0.004**2) / 0.006, rel=1e-6)
+
+
+def test_what_a_standard_is_off_all_its_gauges_are_off_together():
+    regression = measured(noise=alternating(1.0))
+    standard = (("standard dead weight", 0.003),)
+    roles = ("breech_pressure", "brake_pressure", "recuperator_pressure")
+    shared = calibrated_mass(regression, with_parts(**dict.fromkeys(roles, standard)), U_BIAS, CAMERA)
+    alone = calibrated_mass(regression, SCALES, U_BIAS, CAMERA)
+    assert shared.estimate.u_kg > 1.1 * alone.estimate.u_kg
+    # a common factor of all forces is one of the mass, but for what accelerometer and camera know better
+    assert by_source(shared)["standard dead weight"] / MASS_KG == pytest.approx(0.003, rel=0.1)
+    # by the textbook: the same covariance written out
+    sigma, u = shared.noise_m_s2, np.array(SCALES.gauges)
+    rows = spaced_rows(regression)
+    forces = regression.forces_n[rows]
+    columns = np.column_stack([
+        -forces.sum(axis=1), -forces[:, :3], -regression.friction_direction[rows], forces.sum(axis=1)
+    ]) / MASS_KG  # fmt: skip
+    columns = np.column_stack([columns, regression.released[rows], regression.release_per_s[rows]]) / sigma
+    known = np.zeros((8, 8))
+    known[1:4, 1:4] = np.linalg.inv(np.diag(u**2 - 0.003**2) + 0.003**2)
+    known[4, 4], known[6, 6] = SCALES.friction_n**-2, U_BIAS**-2
+    camera, scale = CAMERA(), SCALES.acceleration
+    own = (
+        np.array([[-1.0 / camera.gain, 0.0], [0.0, 1.0]]) @ camera.covariance @ [[-1.0 / camera.gain, 0.0], [0.0, 1.0]]
+    )
+    known[5, 5] += scale**-2
+    known[np.ix_([5, 6], [5, 6])] += np.linalg.inv(own + np.diag([camera.u_rel**2, 0.0]))
+    kept = [0, 1, 2, 3, 4, 5, 6] + ([7] if np.any(columns[:, 7]) else [])
+    if 7 in kept:
+        known[7, 7] = (alone.m0_kg / regression.u_release_n_s) ** 2
+    covariance = np.linalg.inv((columns.T @ columns + known)[np.ix_(kept, kept)])
+    assert shared.inferred.u("ln mass") == pytest.approx(math.sqrt(covariance[0, 0]), rel=5e-3)
+
+
+def test_a_standard_that_is_all_of_a_certificate_leaves_the_sensor_nothing_of_its_own():
+    parts = dict.fromkeys(("breech_pressure", "brake_pressure"), (("standard s", 0.004),))
+    found = calibrated_mass(measured(noise=alternating(1.0)), with_parts(**parts), U_BIAS, CAMERA)
+    assert by_source(found)[GAUGES[1]] == pytest.approx(0.0, abs=1e-3)
+    assert found.inferred.converged

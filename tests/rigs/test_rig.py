@@ -524,6 +524,35 @@ def test_zero_uncertainty_counts_where_it_is_written() -> None:
     assert not rig_of().channel("trigger").sensor.states_u_rel
 
 
+def test_sensors_name_the_standard_that_they_share() -> None:
+    shared = ', reference = "deadweight-7", u_reference_rel = 0.003'
+    rig = rig_of(changed(("u_rel = 0.005", "u_rel = 0.005" + shared), ("u_rel = 0.004", "u_rel = 0.004" + shared)))
+    assert [rig.channel(n).sensor.reference for n in ("acc_recoil", "p_breech")] == ["deadweight-7"] * 2
+    assert rig.channel("p_breech").sensor.u_reference_rel == 0.003
+
+
+@pytest.mark.parametrize(
+    ("added", "fault"),
+    [
+        (", u_reference_rel = 0.003", "`u_reference_rel` needs `reference`, the standard's name"),
+        (', reference = "s", u_reference_rel = 0.006', "`u_reference_rel` is a part of `u_rel` and cannot be larger"),
+    ],
+)
+def test_what_a_standard_brings_is_a_part_of_the_sensors_uncertainty(added: str, fault: str) -> None:
+    assert only_fault_of(("u_rel = 0.005", "u_rel = 0.005" + added)).endswith(fault)
+
+
+def test_one_standard_has_one_uncertainty() -> None:
+    faults = faults_of(
+        ("u_rel = 0.005", 'u_rel = 0.005, reference = "s", u_reference_rel = 0.003'),
+        ("u_rel = 0.004", 'u_rel = 0.004, reference = "s", u_reference_rel = 0.002'),
+    )
+    assert [str(fault) for fault in faults] == [
+        "channel[0] 'acc_recoil'.sensor.u_reference_rel: 0.003 of 's', of which p_breech 0.002 is stated; state one",
+        "channel[1] 'p_breech'.sensor.u_reference_rel: 0.002 of 's', of which acc_recoil 0.003 is stated; state one",
+    ]
+
+
 def test_a_recorded_shots_rig_is_read_with_its_doubts() -> None:
     text = changed((", u_rel = 0.004", ""))
     rig = parse_rig(text, PATH, {"rig.dbc": DATABASE}, refuse_doubts=False)

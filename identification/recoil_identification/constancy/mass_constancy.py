@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.calibration import SMALLEST_RESIDUAL
 from recoil_identification.constancy.mass_step import DRAWS, StepTest, step_test
 from recoil_identification.constancy.recursive_residuals import (
@@ -46,7 +47,7 @@ DECAYS = (0.01, 0.02, 0.04, 0.08, 0.16)
 
 
 @dataclass(frozen=True, eq=False)
-class MassConstancy:
+class MassConstancy(ReadOnlyArrays):
     """What a shot says of the constancy of its mass.
 
     Attributes

@@ -17,6 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
+
 Array = NDArray[np.float64]
 
 DRAWS = 20_000
@@ -34,7 +36,7 @@ LEAST_REDUNDANCY = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class StepTest:
+class StepTest(ReadOnlyArrays):
     """The test for one step at an unknown instant, and the step that fits best.
 
     Attributes

@@ -17,6 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
+
 Array = NDArray[np.float64]
 
 _CUSUM_BOUNDS = {0.05: 0.948, 0.01: 1.143}
@@ -28,7 +30,7 @@ LARGEST_FACTOR = 6.0
 
 
 @dataclass(frozen=True, eq=False)
-class Cusum:
+class Cusum(ReadOnlyArrays):
     """A cumulative sum of recursive residuals, or of their squares, and its bounds.
 
     Attributes

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_identification.budget import BudgetRow
 from recoil_identification.estimators.errors_in_variables import deming_mass
@@ -40,17 +41,16 @@ from recoil_rigs.rig import Rig
 
 Array = NDArray[np.float64]
 
-CUTOFF = "low-pass cut-off"
 WIDTH = "width of the test functions"
-"""Names of the budget rows of what an analyst chooses."""
+"""Name of the budget row of what an analyst chooses."""
 WIDTH_FACTORS = (0.7, 1.4)
-"""As the factors on the cut-off."""
+"""Widths that a careful analyst might have chosen instead, as factors on the one chosen."""
 LEAST_NOISE_M_S2 = 1e-12
 """Of an accelerometer, in the place of zero."""
 
 
 @dataclass(frozen=True, eq=False)
-class FilmedShot:
+class FilmedShot(ReadOnlyArrays):
     """What a camera adds.
 
     Attributes
@@ -148,7 +148,7 @@ class _Estimators:
             perturbations_n=self.inputs.perturbations.per_unit,
             most_order=self.inputs.most_order,
         )
-        budget = [*self.by_force(found.sensitivities_kg), self.by_accelerometer(-found.mass_kg), *self.without_cutoff()]
+        budget = [*self.by_force(found.sensitivities_kg), self.by_accelerometer(-found.mass_kg), *self.further]
         return self.stated("ar-gls", found.mass_kg, found.u_kg, budget, found.rows)
 
     def weak(self) -> MassEstimate:
@@ -170,7 +170,7 @@ class _Estimators:
         budget = [
             *self.by_force(found.sensitivities_kg),
             self.by_accelerometer(-found.mass_kg),
-            *self.without_cutoff(),
+            *self.further,
             choice,
         ]
         return self.stated("weak", found.mass_kg, found.u_kg, budget, found.rows)
@@ -276,10 +276,6 @@ class _Estimators:
             *(BudgetRow(source, u, "B") for source, u in clocks.items()),
             *(BudgetRow(n, abs(float(c)), "A") for (n, _), c in zip(perturbations.zeros, zeros, strict=True)),
         ]
-
-    def without_cutoff(self) -> tuple[BudgetRow, ...]:
-        """Return the further contributions but that of the low-pass, which no series as recorded has passed."""
-        return tuple(row for row in self.further if row.source != CUTOFF)
 
     def stated(
         self, method: str, mass_kg: float, u_kg: float, systematic: Sequence[BudgetRow], rows: int

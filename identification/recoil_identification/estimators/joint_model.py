@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.estimators.joint_recoil import Knowledge, NoiseLevels, Recoil
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.shot.clocks.autoregressive_noise import AutoregressiveNoise, runs
@@ -24,7 +25,7 @@ UNKNOWNS = 7
 
 
 @dataclass(frozen=True, eq=False)
-class JointSolution:
+class JointSolution(ReadOnlyArrays):
     """One step of all unknowns, their covariance, and the sensitivities of 1/m to rows and to one u of each prior."""
 
     step: Array
@@ -34,7 +35,7 @@ class JointSolution:
 
 
 @dataclass(frozen=True, eq=False)
-class JointModel:
+class JointModel(ReadOnlyArrays):
     """What the unknowns make of a recoil, and its derivatives.
 
     Attributes

@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.estimators.joint_model import (
     GAIN,
     MASS,
@@ -56,7 +57,7 @@ LONGEST_STEP_S = 5e-4
 
 
 @dataclass(frozen=True, eq=False)
-class JointMass:
+class JointMass(ReadOnlyArrays):
     """Mass by all three.
 
     Attributes

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.shot.clocks.autoregressive_noise import (
     MOST_ORDER,
     AutoregressiveNoise,
@@ -41,7 +42,7 @@ LEAST_ROWS = 20
 
 
 @dataclass(frozen=True, eq=False)
-class PrewhitenedMass:
+class PrewhitenedMass(ReadOnlyArrays):
     """Mass by generalized least squares.
 
     Attributes

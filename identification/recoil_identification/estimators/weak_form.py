@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.read_only import ReadOnlyArrays
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -34,7 +35,7 @@ LEAST_ROWS = 5
 
 
 @dataclass(frozen=True, eq=False)
-class WeakMass:
+class WeakMass(ReadOnlyArrays):
     """Mass by the weak form.
 
     Attributes

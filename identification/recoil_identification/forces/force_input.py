@@ -23,6 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.forces.input_smoother import InputModel, Smoothed, follow_intensities
 from recoil_identification.forces.measured_force import FilmedTravel, MeasuredForce
 from recoil_processing.filters import LowPass
@@ -51,7 +52,7 @@ LEAST_SHARE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class InputEstimate:
+class InputEstimate(ReadOnlyArrays):
     """The force that moved the part.
 
     Attributes

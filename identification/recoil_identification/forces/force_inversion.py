@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.forces.measured_force import FilmedTravel, MeasuredForce
 from recoil_identification.forces.regularised_inversion import Inversion, invert
 from recoil_processing.double_integral import DoubleIntegral
@@ -38,7 +39,7 @@ LEAST_ROWS = 30
 
 
 @dataclass(frozen=True, eq=False)
-class InvertedForce:
+class InvertedForce(ReadOnlyArrays):
     """The force by regularised inversion.
 
     Attributes

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_identification.forces.measured_force import U_FREE_CLOCK_S, FilmedTravel, MeasuredForce
 from recoil_processing.filters import LowPass
@@ -46,7 +47,7 @@ RESISTANCE = (("brake_pressure", "brake_area"), ("recuperator_pressure", "recupe
 
 
 @dataclass(frozen=True, eq=False)
-class ForceRecord:
+class ForceRecord(ReadOnlyArrays):
     """What the estimators of the breech force start from.
 
     Attributes

@@ -21,6 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
+
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
@@ -97,7 +99,7 @@ class InputModel:
 
 
 @dataclass(frozen=True, eq=False)
-class Smoothed:
+class Smoothed(ReadOnlyArrays):
     """The state given all that was seen.
 
     Attributes

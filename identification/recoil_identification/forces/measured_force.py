@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
+
 Array = NDArray[np.float64]
 
 U_FREE_CLOCK_S = 1e-4
@@ -15,7 +17,7 @@ U_FREE_CLOCK_S = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class FilmedTravel:
+class FilmedTravel(ReadOnlyArrays):
     """What a camera saw of the travel, on the clock of the force.
 
     Attributes
@@ -38,7 +40,7 @@ class FilmedTravel:
 
 
 @dataclass(frozen=True, eq=False)
-class MeasuredForce:
+class MeasuredForce(ReadOnlyArrays):
     """The force as accelerometer and gauges show it, at evenly spaced instants.
 
     Attributes

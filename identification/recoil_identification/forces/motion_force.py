@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.forces.force_input import InputEstimate, estimate_input
 from recoil_identification.forces.force_inversion import InvertedForce, invert_force
 from recoil_identification.forces.force_record import ForceRecord
@@ -21,7 +22,7 @@ REST_OF_GAUGE_S = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class MotionForce:
+class MotionForce(ReadOnlyArrays):
     """The force by both methods, on the instants of the first, and by the gauge.
 
     Attributes

@@ -18,6 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
+
 Array = NDArray[np.float64]
 
 DECADES = (-12.0, 12.0)
@@ -30,7 +32,7 @@ RIDGE = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
-class Inversion:
+class Inversion(ReadOnlyArrays):
     """The solution of one problem.
 
     Attributes

@@ -118,8 +118,9 @@ class Estimate(ReadOnlyArrays):
             parts.append(np.linalg.solve(np.linalg.cholesky(prior.covariance), rows))
         kept = [self._place(name) for name in names]
         fixed = [self._place(name) for name in exactly_known(priors)]
-        others = [at for at in range(len(self.unknowns)) if at not in (*kept, *fixed)]
         stacked = np.vstack([*parts, np.zeros((len(self.unknowns) + 1, len(self.unknowns) + 1))])
+        # what is in no row takes nothing away
+        others = [at for at in range(len(self.unknowns)) if at not in (*kept, *fixed) and bool(np.any(stacked[:, at]))]
         reduced = np.asarray(np.linalg.qr(stacked[:, [*others, *kept, -1]], mode="r"))
         below = reduced[len(others) : len(others) + len(kept), len(others) :]
         return below[:, :-1], below[:, -1]

@@ -21,6 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
+
 Array = NDArray[np.float64]
 
 STRUCTURAL_TOLERANCE = 1e-9
@@ -28,7 +30,7 @@ STRUCTURAL_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class BaseParameters:
+class BaseParameters(ReadOnlyArrays):
     """Combinations of p standard parameters.
 
     Attributes
@@ -92,7 +94,7 @@ def structural_base(
 
 
 @dataclass(frozen=True, eq=False)
-class IdentifiablePart:
+class IdentifiablePart(ReadOnlyArrays):
     """The combinations that one shot tells, the best determined first.
 
     Attributes

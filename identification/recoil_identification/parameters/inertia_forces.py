@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.parameters.mechanism_fit import MechanismFit
 from recoil_identification.parameters.mechanism_rows import MechanismRows
 from recoil_rigs.mechanism import Mechanism
@@ -84,7 +85,7 @@ def mass_alone(mechanism: Mechanism) -> tuple[tuple[int, ...], Array]:
 
 
 @dataclass(frozen=True, eq=False)
-class InertiaForces:
+class InertiaForces(ReadOnlyArrays):
     """Inertia forces over time, with standard uncertainties.
 
     Attributes

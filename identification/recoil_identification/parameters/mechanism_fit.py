@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.mass import correlation_factor
 from recoil_identification.parameters.base_parameters import (
     BaseParameters,
@@ -55,7 +56,7 @@ MOST_ITERATIONS = 12
 
 
 @dataclass(frozen=True, eq=False)
-class Observation:
+class Observation(ReadOnlyArrays):
     """What is known of the sensors' errors: ``weights @ errors = value``, with standard uncertainty ``u``."""
 
     weights: Array
@@ -64,7 +65,7 @@ class Observation:
 
 
 @dataclass(frozen=True, eq=False)
-class MechanismFit:
+class MechanismFit(ReadOnlyArrays):
     """What one shot says of the mechanism.
 
     Attributes

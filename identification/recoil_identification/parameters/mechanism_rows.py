@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.parameters.sensor_errors import SensorError
 from recoil_processing.shot.regression import FORCES
 from recoil_rigs.mechanism_regressor import LOADS, Geometry, load_directions, regressor
@@ -24,7 +25,7 @@ Columns = Mapping[str, Array]
 
 
 @dataclass(frozen=True, eq=False)
-class MechanismRows:
+class MechanismRows(ReadOnlyArrays):
     """Rows of the equations of motion.
 
     Attributes

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.analysis import Identification
 from recoil_identification.resistance.packing_friction import Friction
 from recoil_identification.resistance.resistance_fit import FittedBrake, FittedGas
@@ -25,7 +26,7 @@ LEAST_SAMPLES = 50
 
 
 @dataclass(frozen=True, eq=False)
-class ResistanceOverTime:
+class ResistanceOverTime(ReadOnlyArrays):
     """The resistance from the release to the end of recoil, N, shape (n,) each.
 
     Attributes

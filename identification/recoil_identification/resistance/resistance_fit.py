@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.resistance.resistance_law import BrakeProfile, GasLaw, fit_brake_profile, fit_gas_law
 from recoil_identification.resistance.resistance_record import ResistanceRecord
 from recoil_processing.gaps import bridge
@@ -21,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class FittedGas:
+class FittedGas(ReadOnlyArrays):
     """Gas law of the recuperator.
 
     Attributes
@@ -40,7 +41,7 @@ class FittedGas:
 
 
 @dataclass(frozen=True, eq=False)
-class FittedBrake:
+class FittedBrake(ReadOnlyArrays):
     """Throttle of the brake, at some travels.
 
     Attributes

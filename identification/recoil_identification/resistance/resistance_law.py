@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.forces.regularised_inversion import invert
 from recoil_identification.mass import correlation_factor
 
@@ -34,7 +35,7 @@ LEAST_SIGNAL = 8.0
 
 
 @dataclass(frozen=True, eq=False)
-class GasLaw:
+class GasLaw(ReadOnlyArrays):
     """A polytropic gas law.
 
     Attributes
@@ -134,7 +135,7 @@ def _gas_rows(theta: Array, x: Array, p: Array) -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True, eq=False)
-class BrakeProfile:
+class BrakeProfile(ReadOnlyArrays):
     """The throttle of the brake along the travel.
 
     Attributes

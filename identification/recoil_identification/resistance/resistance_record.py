@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import Shot
 from recoil_identification.analysis import Identification
 from recoil_identification.preparation import Prepared
@@ -35,7 +36,7 @@ PARTS = ("breech", "brake", "recuperator", "friction")
 
 
 @dataclass(frozen=True, eq=False)
-class ResistanceRecord:
+class ResistanceRecord(ReadOnlyArrays):
     """A shot from the release to the end of recoil.
 
     Attributes

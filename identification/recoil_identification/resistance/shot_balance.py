@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.budget import COVERAGE_FACTOR
 from recoil_processing.double_integral import integrate
 
@@ -29,7 +30,7 @@ VIOLATED = 3.29
 
 
 @dataclass(frozen=True, eq=False)
-class Terms:
+class Terms(ReadOnlyArrays):
     """What acts on the part over time, and what errors it may have.
 
     Attributes
@@ -63,7 +64,7 @@ class Terms:
 
 
 @dataclass(frozen=True, eq=False)
-class Balance:
+class Balance(ReadOnlyArrays):
     """One balance over time.
 
     Attributes

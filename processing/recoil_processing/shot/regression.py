@@ -26,6 +26,8 @@ Flags = NDArray[np.bool_]
 FORCES = ("breech", "brake", "recuperator", "friction")
 """Order of the force columns."""
 PRESSURE_ROLES = ("breech_pressure", "brake_pressure", "recuperator_pressure")
+SIGNS = (1.0, -1.0, -1.0)
+"""Of the gauges' forces in F': the breech drives, the others hold."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,10 +199,7 @@ def build_regression(
     friction_direction = -np.where(times <= end_s, 1.0, np.sign(velocity_m_s))
     forces = np.column_stack(
         [
-            *(
-                sign * s[role] * getattr(m, area)
-                for sign, role, area in zip((1, -1, -1), PRESSURE_ROLES, AREAS, strict=True)
-            ),
+            *(sign * s[role] * getattr(m, area) for sign, role, area in zip(SIGNS, PRESSURE_ROLES, AREAS, strict=True)),
             m.friction * friction_direction,
         ]
     )

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
+from recoil_processing.shot.regression import PRESSURE_ROLES
+from recoil_rigs.assumptions import AREAS
 from recoil_rigs.rig import Rig
+
+MOTION_ROLES = ("recoil_acceleration", "recoil_displacement")
 
 
 @dataclass(frozen=True)
@@ -20,28 +25,31 @@ class ScaleUncertainty:
         Of breech, brake and recuperator force, gauge and area together, relative.
     friction_n
         Of the packing friction, N: absolute, because a friction that is declared as zero may have one.
+    parts
+        By role, what of these uncertainties is not the sensor's own: name of the area or of the standard, and its
+        relative standard uncertainty. Sensors that were calibrated against one standard share its part.
     """
 
     acceleration: float
     gauges: tuple[float, float, float]
     friction_n: float
+    parts: Mapping[str, tuple[tuple[str, float], ...]] = field(default_factory=dict)
 
 
 def scale_uncertainty(rig: Rig) -> ScaleUncertainty:
     """Collect the standard uncertainties of the sensors' scales, areas included, and of the friction."""
-    m = rig.mechanism
-
-    def gauge(role: str, area: str) -> float:
-        spec = rig.by_role(role)
-        return math.hypot(spec.sensor.u_rel if spec else 0.0, m.u.get(area, 0.0) / getattr(m, area))
-
-    accelerometer = rig.by_role("recoil_acceleration")
-    return ScaleUncertainty(
-        accelerometer.sensor.u_rel if accelerometer else 0.0,
-        (
-            gauge("breech_pressure", "bore_area"),
-            gauge("brake_pressure", "brake_area"),
-            gauge("recuperator_pressure", "recuperator_area"),
-        ),
-        m.u.get("friction", 0.0),
-    )
+    m, parts = rig.mechanism, {}
+    total = dict.fromkeys((*PRESSURE_ROLES, *MOTION_ROLES), 0.0)
+    areas = dict(zip(PRESSURE_ROLES, AREAS, strict=True))
+    for role in total:
+        channel, listed = rig.by_role(role), []
+        if role in areas and (u_area := m.u.get(areas[role], 0.0) / getattr(m, areas[role])):
+            listed.append((areas[role], u_area))
+        own = channel.sensor.u_rel if channel else 0.0
+        total[role] = math.hypot(own, *(u for _, u in listed))
+        if channel and channel.sensor.u_reference_rel:
+            listed.append((f"standard {channel.sensor.reference}", channel.sensor.u_reference_rel))
+        if listed:
+            parts[role] = tuple(listed)
+    breech, brake, recuperator = (total[role] for role in PRESSURE_ROLES)
+    return ScaleUncertainty(total["recoil_acceleration"], (breech, brake, recuperator), m.u.get("friction", 0.0), parts)

@@ -1,0 +1,121 @@
+"""What else may be wrong in the rows of a shot, each a shape of known form and unknown size.
+
+The zeros of the pressure gauges, the offsets of clocks, what repairs may have left, and the delay between the chains of
+acceleration and force move the mass through the same rows as the sensors' scales do. So they are unknowns of the same
+inference (`recoil_identification.equation_of_motion`), with what is known of their sizes as priors: what they cost the
+mass is then what moving them and estimating anew would give.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.shot import Shot
+from recoil_identification.inference.unknown import Prior, Unknown
+from recoil_processing.shot.regression import PRESSURE_ROLES, SIGNS, Regression
+from recoil_processing.shot.signals import Signals
+
+Array = NDArray[np.float64]
+
+SKEW = "skew of acceleration and force"
+
+
+@dataclass(frozen=True, eq=False)
+class Cause(ReadOnlyArrays):
+    """An error whose size is zero to its standard uncertainty.
+
+    Attributes
+    ----------
+    source
+        Name of its row in the budget.
+    unit
+        Of its size.
+    u
+        Standard uncertainty of its size.
+    kind
+        Of the evaluation of `u`: A by statistics, B otherwise.
+    forces_n : ndarray, shape (n, 3)
+        What a size of one makes the readings of breech, brake and recuperator force lack, signed as these are, on the
+        regression's grid and behind its filter.
+    acceleration_m_s2 : ndarray, shape (n,)
+        What it adds to the reading of the acceleration.
+    """
+
+    source: str
+    unit: str
+    u: float
+    kind: str
+    forces_n: Array
+    acceleration_m_s2: Array
+
+    @property
+    def unknown(self) -> Unknown:
+        """Its size."""
+        return Unknown(self.source, self.unit)
+
+    @property
+    def prior(self) -> Prior:
+        """What is known of its size."""
+        return Prior.of(self.source, self.source, self.u)
+
+
+def causes_of(
+    regression: Regression, signals: Signals, shot: Shot, areas_m2: Mapping[str, float], u_skew_s: float
+) -> tuple[Cause, ...]:
+    """List the causes of a shot.
+
+    Parameters
+    ----------
+    regression
+        Filtered.
+    signals
+        Gives the uncertainties of the gauges' zeros by the pre-trigger baseline, and what repairs may have left. A
+        gauge whose zero is not known at all has no cause: no number could be given.
+    shot
+        Tells which channel hangs on which clock, and how well that is aligned.
+    areas_m2
+        Of the forces, by role of the gauge.
+    u_skew_s
+        Standard uncertainty of the delay between the chains of acceleration and force; infinite if it was not measured.
+    """
+    n = regression.times_s.size
+    none, unmoved = np.zeros((n, 3)), np.zeros(n)
+
+    def of_gauge(role: str, error_pa: Array) -> Array:
+        """Take an error of its reading off one gauge's force."""
+        column = PRESSURE_ROLES.index(role)
+        forces = np.zeros((n, 3))
+        forces[:, column] = -SIGNS[column] * areas_m2[role] * error_pa
+        return forces
+
+    found = []
+    for role in PRESSURE_ROLES:
+        u_pa = signals.offsets[role].u if role in signals.offsets else 0.0
+        if math.isfinite(u_pa) and u_pa > 0:
+            found.append(Cause(f"{role} zero", "Pa", u_pa, "A", of_gauge(role, regression.released), unmoved))
+    for (role, repair), left in signals.left.items():
+        error = left * regression.released
+        if role in PRESSURE_ROLES:
+            found.append(Cause(f"{role} {repair}", "1", 1.0, "B", of_gauge(role, error), unmoved))
+        elif role == "recoil_acceleration":
+            found.append(Cause(f"{role} {repair}", "1", 1.0, "B", none, error))
+    # a recording that is late by dt lacks dt times its slope
+    slopes_n_s = np.gradient(regression.forces_n[:, :3], regression.step_s, axis=0)
+    jerk_m_s3 = np.gradient(regression.acceleration_m_s2, regression.step_s)
+    channels = [shot.by_role(role) for role in (*PRESSURE_ROLES, "recoil_acceleration")]
+    clocks = [None if channel is None else channel.time_base.clock for channel in channels]
+    for clock in sorted({clock for clock in clocks if clock is not None} - {shot.reference_clock}):
+        u_s = shot.alignment(clock).u_offset_s
+        if math.isfinite(u_s) and u_s > 0:
+            on_it = np.array([each == clock for each in clocks])
+            moved = -jerk_m_s3 if on_it[3] else unmoved
+            found.append(Cause(f"alignment of clock {clock}", "s", u_s, "B", slopes_n_s * on_it[:3], moved))
+    if math.isfinite(u_skew_s) and u_skew_s > 0:
+        found.append(Cause(SKEW, "s", u_skew_s, "A", none, -jerk_m_s3))
+    return tuple(found)

@@ -1,0 +1,112 @@
+"""What else may be wrong costs the mass what moving it and estimating anew gives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from recoil_identification.calibration import calibrated_mass
+from recoil_identification.causes import SKEW
+from recoil_identification.identified import Identification
+from recoil_identification.mass import FRICTION, GAUGES
+from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
+from recoil_processing.shot.sensor_scales import scale_uncertainty
+from recoil_rigs.assumptions import AREAS
+from tests.builders.virtual_shots import identified, virtual_shot
+
+RIGS = ["field-2013", "mixed"]
+SIGN = (1.0, -1.0, -1.0)
+Change = Callable[[Regression, float], Regression]
+
+
+def late(regression: Regression, column: np.ndarray, by_s: float) -> np.ndarray:
+    return np.interp(regression.times_s - by_s, regression.times_s, column)
+
+
+def changes(name: str) -> dict[str, Change]:
+    """What each source does to the columns as recorded, by one of its own standard uncertainty times a factor."""
+    virtual, found = virtual_shot(name), identified(name)
+    u = {row.source: row.u_source for row in found.calibration.estimate.budget}
+    made: dict[str, Change] = {}
+
+    def of_force(column: int, change: Callable[[Regression], np.ndarray]) -> Change:
+        def changed(recorded: Regression, factor: float) -> Regression:
+            forces = recorded.forces_n.copy()
+            forces[:, column] += factor * change(recorded)
+            return replace(recorded, forces_n=forces)
+
+        return changed
+
+    def shifted(columns: list[int], acceleration: bool, by_s: float) -> Change:
+        def changed(recorded: Regression, factor: float) -> Regression:
+            forces = recorded.forces_n.copy()
+            for column in columns:
+                forces[:, column] = late(recorded, forces[:, column], factor * by_s)
+            moved = late(recorded, recorded.acceleration_m_s2, factor * by_s)
+            return replace(
+                recorded, forces_n=forces, acceleration_m_s2=moved if acceleration else recorded.acceleration_m_s2
+            )
+
+        return changed
+
+    for column, (role, area) in enumerate(zip(PRESSURE_ROLES, AREAS, strict=True)):
+        scale = np.expm1(u[GAUGES[column]])
+        made[GAUGES[column]] = of_force(column, lambda r, c=column, s=scale: s * r.forces_n[:, c])
+        if (source := f"{role} zero") in u:
+            newtons = SIGN[column] * getattr(virtual.rig.mechanism, area) * u[source]
+            made[source] = of_force(column, lambda r, n=newtons: n * r.released)
+    made[FRICTION] = of_force(3, lambda r, n=u[FRICTION]: n * r.friction_direction)
+    clocks = {role: virtual.shot.by_role(role).time_base.clock for role in (*PRESSURE_ROLES, "recoil_acceleration")}
+    for source, u_s in u.items():
+        if source.startswith("alignment of clock"):
+            clock = source.rpartition(" ")[2]
+            columns = [i for i, role in enumerate(PRESSURE_ROLES) if clocks[role] == clock]
+            made[source] = shifted(columns, clocks["recoil_acceleration"] == clock, u_s)
+    made[SKEW] = shifted([], True, u[SKEW])
+    return made
+
+
+def refitted_kg(found: Identification, name: str, recorded: Regression) -> float:
+    calibration = found.calibration
+    again = calibrated_mass(
+        recorded.filtered(found.mass_low_pass),
+        scale_uncertainty(virtual_shot(name).rig),
+        found.signals.offsets["recoil_acceleration"].u,
+        calibration.camera,
+        noise_m_s2=calibration.noise_m_s2,
+        causes=calibration.causes,
+    )
+    return again.estimate.mass_kg
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_every_row_is_what_moving_its_source_and_estimating_anew_gives(name: str) -> None:
+    found = identified(name)
+    estimate = found.calibration.estimate
+    rows = {row.source: row for row in estimate.budget}
+    made = changes(name)
+    assert {"breech_pressure zero", "brake_pressure zero", SKEW} <= made.keys()
+    for source, change in made.items():
+        up, down = (refitted_kg(found, name, change(found.recorded, sign)) for sign in (1.0, -1.0))
+        row = rows[source]
+        assert row.sensitivity is not None
+        assert row.sensitivity * row.u_source == pytest.approx((up - down) / 2, abs=0.02 * estimate.u_kg), source
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_causes_hardly_move_a_sound_shot_and_are_in_its_uncertainty(name: str) -> None:
+    found = identified(name)
+    calibration = found.calibration
+    bare = calibrated_mass(
+        found.fitted,
+        scale_uncertainty(virtual_shot(name).rig),
+        found.signals.offsets["recoil_acceleration"].u,
+        calibration.camera,
+    )
+    with_causes = calibration.estimate
+    assert abs(with_causes.mass_kg - bare.estimate.mass_kg) < 0.3 * with_causes.u_kg
+    assert with_causes.u_kg > bare.estimate.u_kg
+    assert all(abs(calibration.normalised_residuals[cause.source]) < 3.29 for cause in calibration.causes)
