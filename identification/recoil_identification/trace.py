@@ -102,7 +102,7 @@ def mass_trace(
     if errors_m_s2 is not None and errors_m_s2.shape[1]:
         known = np.isfinite(x) & np.isfinite(errors_m_s2).all(axis=1)
         force, errors = np.where(known, x, 0.0), np.where(known, errors_m_s2.T, 0.0)
-        with np.errstate(invalid="ignore", divide="ignore"):
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):  # where next to no force tells anything
             sensitivities = window_sums(force * errors, window) / window_sums(force**2, window)
             systematic = np.hypot(systematic, np.sqrt((sensitivities**2).sum(axis=0)) * np.abs(mass))
     u = np.abs(mass) * np.hypot(relative, systematic)

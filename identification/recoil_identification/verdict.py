@@ -26,7 +26,11 @@ LARGEST_LOSS = 0.8
 CERTAINLY_VARIES = 0.01
 """Level below which a mass is not taken for constant any more; from 0.05 on it is a note."""
 ALIKE = 0.3
-"""Difference of two normalised residuals below which the shot does not tell which of both it is."""
+"""Difference of two normalised residuals below which one explains the shot as well as the other."""
+ROUNDING = 1e-6
+"""Difference of two that are one and the same."""
+FAR = 3.0
+"""Factor on how far, in its standard uncertainties, something would have to be off, beyond which another is taken."""
 LARGEST_ROUTE_GAP = 3.0
 """Combined standard uncertainties by which the two routes to the acceleration may differ."""
 
@@ -155,21 +159,36 @@ def doubted_sensors(calibration: Corrections) -> list[str]:
 
     One wrong sensor pulls on those that it is compared with; which of them it is the shot alone may
     not tell, so all that are beyond the limit are named. By how much the others say that it is off is its
-    pull over its redundancy, the square of pull over normalised residual.
+    pull over its redundancy, the square of pull over normalised residual. What would have to be off by far more of its
+    standard uncertainties than another that explains the shot as well is no explanation.
     """
-    sensors = {s: w for s, w in calibration.normalised_residuals.items() if s not in (RELEASE, CAMERA_GAIN)}
-    beyond = sorted((item for item in sensors.items() if abs(item[1]) > CRITICAL_VALUE), key=lambda item: -abs(item[1]))
+    beyond = {
+        source: (abs(w), w * w / abs(calibration.pulls[source]))
+        for source, w in calibration.normalised_residuals.items()
+        if source not in (RELEASE, CAMERA_GAIN) and abs(w) > CRITICAL_VALUE
+    }
+    named = [
+        source
+        for source, (size, off) in sorted(beyond.items(), key=lambda item: -item[1][0])
+        if not any(other >= size - ALIKE and FAR * other_off < off for other, other_off in beyond.values())
+    ]
     doubts = []
-    while beyond:
-        source, w = beyond[0]
-        alike = [other for other, of_other in beyond if abs(w) - abs(of_other) < ALIKE]
-        beyond = [item for item in beyond if item[0] not in alike]
+    while named:
+        source, w = named[0], calibration.normalised_residuals[named[0]]
+        same = [other for other in named if _indistinguishable(source, other, beyond)]
+        named = [other for other in named if other not in same]
         doubts.append(
-            f"{' or '.join(alike)} contradicts the other sensors: it {_sense(source, w)} by "
-            f"{w * w / abs(calibration.pulls[source]):.3g} of its standard uncertainties if they are right "
+            f"{' or '.join(same)} contradicts the other sensors: it {_sense(source, w)} by "
+            f"{beyond[source][1]:.3g} of its standard uncertainties if they are right "
             f"({abs(w):.1f} standard deviations, limit {CRITICAL_VALUE:g})"
         )
     return doubts
+
+
+def _indistinguishable(one: str, other: str, beyond: Mapping[str, tuple[float, float]]) -> bool:
+    """Return whether a shot cannot tell which of two is off: they share a column, or are the two ends of one scale."""
+    apart = abs(beyond[one][0] - beyond[other][0])
+    return apart < (ALIKE if {one, other} == {ACCELERATION, CAMERA_SCALE} else ROUNDING)
 
 
 def _sense(source: str, w: float) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from recoil_identification.analysis import Options, identify_shot
-from recoil_identification.skew import SOURCE
+from recoil_identification.causes import SKEW
 from recoil_processing.alignment.channel_skew import Skew, measure_skew
 from tests.builders.virtual_shots import VirtualShot, identified, virtual_shot
 
@@ -45,7 +45,7 @@ def test_a_skew_is_taken_out_together_with_the_clock_that_was_aligned_by_the_lat
     assert skewed.skew.corrected_s == pytest.approx(5e-4, abs=4 * skewed.skew.u_s)
     assert skewed.chosen.estimate.mass_kg == pytest.approx(sound.chosen.estimate.mass_kg, rel=2e-4)
     assert skewed.valid
-    (row,) = [row for row in skewed.chosen.estimate.budget if row.source == SOURCE]
+    (row,) = [row for row in skewed.chosen.estimate.budget if row.source == SKEW]
     assert 0.0 < row.u_kg < 0.1
 
 

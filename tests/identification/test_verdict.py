@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import pytest
 
 from recoil_identification.budget import BudgetRow
-from recoil_identification.mass import MassEstimate
+from recoil_identification.mass import ACCELERATION, GAUGES, MassEstimate
+from recoil_identification.sensor_priors import CAMERA_SCALE
 from recoil_identification.verdict import CERTAINLY_VARIES, doubted_sensors, varies
 
 
@@ -47,9 +48,23 @@ def test_a_source_beyond_the_critical_value_is_named_with_its_size_and_direction
     assert "alignment of clock can contradicts the other sensors: it is early by 6.25" in reason
 
 
+def named(residuals: dict[str, float], pulls: dict[str, float] | None = None) -> list[str]:
+    reasons = doubted_sensors(Doubted(residuals, pulls or dict.fromkeys(residuals, 2.0)))
+    return [reason.partition(" contradicts")[0] for reason in reasons]
+
+
 def test_sources_that_the_shot_cannot_tell_apart_are_named_together() -> None:
-    residuals = {"camera scale": -6.0, "recoil_acceleration": 5.8, "breech_pressure": 5.6, "brake_pressure": -3.5}
-    reasons = doubted_sensors(Doubted(residuals, dict.fromkeys(residuals, 2.0)))
-    assert [reason.partition(" contradicts")[0] for reason in reasons] == [
-        "camera scale or recoil_acceleration", "breech_pressure", "brake_pressure"
+    scales = {CAMERA_SCALE: -6.0, ACCELERATION: 5.8, GAUGES[0]: 5.6, GAUGES[1]: -3.5}
+    assert named(scales) == [f"{CAMERA_SCALE} or {ACCELERATION}", GAUGES[0], GAUGES[1]]
+    # a gauge, its area and its standard are one column
+    assert named({GAUGES[0]: 4.0, "bore_area": 4.0, "standard s": 4.0}) == [f"{GAUGES[0]} or bore_area or standard s"]
+
+
+def test_what_would_have_to_be_absurdly_wrong_is_no_explanation_beside_what_need_not() -> None:
+    residuals = {"brake_pressure zero": 4.2, GAUGES[0]: 4.0}
+    # off by 441 and by 8 standard uncertainties
+    assert named(residuals, {"brake_pressure zero": 0.04, GAUGES[0]: 2.0}) == [GAUGES[0]]
+    # but where nothing else explains the shot as well it is
+    assert named({**residuals, GAUGES[0]: 3.5}, {"brake_pressure zero": 0.04, GAUGES[0]: 2.0}) == [
+        "brake_pressure zero", GAUGES[0]
     ]  # fmt: skip

@@ -95,7 +95,8 @@ def test_the_budget_is_sorted_and_says_what_a_sensitivity_is_per():
     assert per["packing friction"] == "N"
     assert per["recoil_acceleration zero"] == "m/s^2"
     assert per["breech_pressure sensitivity and area"] == "1"
-    assert per["alignment of clock can"] is None
+    assert per["alignment of clock can"] == "s"
+    assert per["breech_pressure zero"] == "Pa"
 
 
 def test_every_sensor_is_listed_with_its_departure_and_how_significant_it_is():

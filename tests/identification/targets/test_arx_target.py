@@ -82,7 +82,7 @@ def test_the_mass_owes_the_shots_mass_nothing_and_says_why_both_differ():
     # a gauge that reads 1 % high shows in full but for the share of the other forces
     assert other.quantity("m_dc").value - one.quantity("m_dc").value > 3.0
     note = other.notes[-1]
-    assert f"{case.identified.mass_kg:.1f} kg" in note
+    assert f"{case.identified.chosen.estimate.mass_kg:.1f} kg" in note
     assert note.startswith("m_dc differs by ")
 
 
