@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from recoil_acquisition.errors import CorruptFileError, ReadError, StoreError
-from recoil_acquisition.log.capture import capture_holds, read_capture, write_capture
+from recoil_acquisition.log.capture import capture_holds, extents, read_capture, write_capture
 from recoil_acquisition.log.folder import Log, open_log
 from recoil_acquisition.log.record import OWN, UNNUMBERED, Kind
 from recoil_acquisition.log.writer import LogWriter
@@ -161,3 +161,31 @@ def test_files_that_are_no_capture_are_said(tmp_path):
         read_capture(tmp_path / "missing.rdlog")
     shutil.rmtree(tmp_path)
     assert not Path(tmp_path).exists()
+
+
+def test_what_a_range_holds_of_each_source_is_its_first_and_last_number_and_its_bytes(log):
+    records = [record for record in log.records() if record.source != OWN]
+    start_ns, stop_ns = records[len(records) // 4].host_ns, records[len(records) // 2].host_ns
+    for span in ((None, None), (start_ns, stop_ns)):
+        within = [record for record in log.records(start_ns=span[0], stop_ns=span[1]) if record.source != OWN]
+        expected = {}
+        for source in {record.source for record in within}:
+            own = [record for record in within if record.source == source]
+            numbers = [record.source_number for record in own]
+            whole = [
+                record
+                for record in records
+                if record.source == source and numbers[0] <= record.source_number <= numbers[-1]
+            ]
+            expected[source] = numbers[0], numbers[-1], sum(len(record.payload) for record in whole)
+        assert extents(log, *span) == expected
+        assert len(expected) == 4
+
+
+def test_a_source_of_which_a_capture_has_nothing_left_is_lost_as_a_whole(log, tmp_path):
+    path = tmp_path / "0001.rdlog"
+    write_capture(log, path, None, None, {"schema": "x"})
+    held = extents(log, None, None)
+    path.write_bytes(b"".join(one.content for one in read_file(path) if one.source != 2))
+    lost = [loss for loss in read_capture(path).losses if loss.source == 2]
+    assert [(loss.first, loss.last) for loss in lost] == [held[2][:2]]

@@ -1,0 +1,143 @@
+"""Tables of a rig file are strict, and every fault of one has its key's path and the rig file's own words."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+import pytest
+from pydantic import Field
+
+from recoil_acquisition.declaration import (
+    STRICT,
+    DeclaredTable,
+    Finite,
+    NotNegative,
+    Positive,
+    Text,
+    checked,
+    declared,
+    declared_rows,
+)
+from recoil_acquisition.errors import Fault
+
+
+class Part(DeclaredTable):
+    size: Positive
+    share: NotNegative = 0.0
+
+
+class Round(DeclaredTable):
+    kind: Literal["round"]
+    radius: Positive
+
+
+class Square(DeclaredTable):
+    kind: Literal["square"]
+    side: Positive = Field(description="the length of a side, m")
+
+
+class Whole(DeclaredTable):
+    name: Text
+    level: Finite = 0.0
+    parts: Annotated[tuple[Part, ...], Field(strict=False)] = ()
+    shape: Annotated[Round | Square, Field(discriminator="kind")] | None = None
+    rates: dict[str, Positive] = Field(default_factory=dict)
+
+    def contradictions(self) -> list[tuple[str, str]]:
+        return [("level", "must not be 7")] if self.level == 7.0 else []
+
+
+def faults_of(**table: Any) -> list[Fault]:
+    faults: list[Fault] = []
+    made = declared(Whole, {"name": "one"} | table, "whole", faults)
+    assert (made is None) == bool(faults)
+    return faults
+
+
+def test_a_sound_table_is_made_without_a_fault() -> None:
+    faults: list[Fault] = []
+    made = declared(Whole, {"name": "one", "parts": [{"size": 2}], "rates": {"a": 1.0}}, "whole", faults)
+    assert faults == []
+    assert made is not None
+    assert (made.parts[0].size, made.parts[0].share, made.rates) == (2.0, 0.0, {"a": 1.0})
+
+
+@pytest.mark.parametrize(
+    ("table", "key", "problem"),
+    [
+        ({"level": math.inf}, "whole.level", "must be a finite number, found inf"),
+        ({"level": math.nan}, "whole.level", "must be a finite number, found nan"),
+        ({"level": "1"}, "whole.level", "must be a finite number, found '1'"),
+        ({"level": True}, "whole.level", "must be a finite number, found True"),
+        ({"name": ""}, "whole.name", "must not be empty, found ''"),
+        ({"level": 7.0}, "whole.level", "must not be 7"),
+        ({"parts": [{"size": 1}, {"size": 0}]}, "whole.parts[1].size", "must be greater than 0, found 0"),
+        ({"parts": [{"size": 1, "share": math.inf}]}, "whole.parts[0].share", "must be a finite number, found inf"),
+        ({"parts": [{"share": 0.5}]}, "whole.parts[0].size", "is missing"),
+        ({"rates": {"left": -1.0}}, "whole.rates.left", "must be greater than 0, found -1.0"),
+        ({"shape": {"kind": "square"}}, "whole.shape.side", "is missing: the length of a side, m"),
+        ({"shape": {"kind": "square", "side": "x"}}, "whole.shape.side", "must be the length of a side, m, found 'x'"),
+        ({"shape": {"kind": "round", "side": 1.0}}, "whole.shape.radius", "is missing"),
+        ({"shape": {}}, "whole.shape.kind", "is missing; one of round, square"),
+        ({"name": 3 * "a" + 70 * "b", "level": 70 * "c"}, "whole.level", None),
+    ],
+)
+def test_a_fault_has_its_keys_path_and_what_would_be_right(
+    table: dict[str, Any], key: str, problem: str | None
+) -> None:
+    fault = faults_of(**table)[0]
+    assert fault.key == key
+    if problem is not None:
+        assert fault.problem == problem
+
+
+def test_long_values_are_cut_to_sixty_characters() -> None:
+    (fault,) = faults_of(level=80 * "c")
+    assert fault.problem.endswith("found '" + 56 * "c" + "...")
+    (whole,) = faults_of(level=58 * "c")
+    assert whole.problem.endswith("found '" + 58 * "c" + "'")
+
+
+def test_an_unknown_key_and_an_unknown_kind_name_the_nearest() -> None:
+    (fault,) = faults_of(levle=1.0)
+    assert (fault.key, fault.problem.startswith("unknown key")) == ("whole.levle", True)
+    assert "`level`" in fault.problem
+    (fault,) = faults_of(shape={"kind": "sqare", "side": 1.0})
+    assert fault.key == "whole.shape.kind"
+    assert "square" in fault.problem
+
+
+def test_rows_are_known_by_number_and_name_and_sound_ones_are_kept() -> None:
+    faults: list[Fault] = []
+    rows = declared_rows(
+        {"whole": [{"name": "a"}, {"name": "b", "level": "x"}, {"level": 1.0}]}, "whole", Whole, faults
+    )
+    assert [(where, one.name) for where, one in rows] == [("whole[0] 'a'", "a")]
+    assert [fault.key for fault in faults] == ["whole[1] 'b'.level", "whole[2].name"]
+    for tables in ({}, {"whole": []}, {"whole": {}}, {"whole": [1]}):
+        faults = []
+        assert declared_rows(tables, "whole", Whole, faults) == []
+        assert [str(fault) for fault in faults] == ["whole: at least one table [[whole]] is needed"]
+
+
+@dataclass(frozen=True)
+class Kept:
+    """What the program wrote."""
+
+    number: int
+    level: float
+    __pydantic_config__ = STRICT
+
+
+def test_what_the_program_wrote_is_read_as_strictly() -> None:
+    assert checked(Kept, {"number": 3, "level": 1.5}) == checked(Kept, {"number": 3, "level": 1.5}) == Kept(3, 1.5)
+    for document, fault in (
+        ({"number": "3", "level": 1.0}, "number must be a whole number"),
+        ({"number": 3}, "level is missing"),
+        ({"number": 3, "level": 1.0, "more": 1}, "more is unknown"),
+        ({"number": 3, "level": math.nan}, "level must be a finite number"),
+    ):
+        with pytest.raises(ValueError, match=fault):
+            checked(Kept, document)
