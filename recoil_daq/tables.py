@@ -202,7 +202,7 @@ def print_report(report: Reported) -> None:
         f"mass {_fixed(d['mass']['value'], 2)} kg, 95 % interval [{_fixed(low, 2)}, {_fixed(high, 2)}] kg, "
         f"E_n {_fixed(d['E_n'], 2, sign=True)}"
         + (
-            ", no RPE: the method gives no mass over time of its own"
+            ", no RPE: there is no mass over time by this method"
             if rpe["value"] is None
             else f", RPE {_fixed(rpe['value'], 2)} % [{_fixed(rpe['U95'][0], 2)}, {_fixed(rpe['U95'][1], 2)}]"
         ),

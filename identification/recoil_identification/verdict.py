@@ -174,13 +174,13 @@ def doubted_sensors(calibration: Corrections) -> list[str]:
     ]
     doubts = []
     while named:
-        source, w = named[0], calibration.normalised_residuals[named[0]]
-        same = [other for other in named if _indistinguishable(source, other, beyond)]
-        named = [other for other in named if other not in same]
+        source, *same = [other for other in named if _indistinguishable(named[0], other, beyond)]
+        named = [other for other in named if other not in (source, *same)]
+        senses = {one: _sense(one, calibration.normalised_residuals[one]) for one in (source, *same)}
         doubts.append(
-            f"{' or '.join(same)} contradicts the other sensors: it {_sense(source, w)} by "
-            f"{beyond[source][1]:.3g} of its standard uncertainties if they are right "
-            f"({abs(w):.1f} standard deviations, limit {CRITICAL_VALUE:g})"
+            f"{source} contradicts the other sensors: it {senses[source]} by {beyond[source][1]:.3g} of its standard "
+            f"uncertainties if they are right ({beyond[source][0]:.1f} standard deviations, limit {CRITICAL_VALUE:g})"
+            + "".join(f", or {one} {senses[one]} by {beyond[one][1]:.3g} of its own" for one in same)
         )
     return doubts
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 import pytest
@@ -50,12 +51,18 @@ def test_a_source_beyond_the_critical_value_is_named_with_its_size_and_direction
 
 def named(residuals: dict[str, float], pulls: dict[str, float] | None = None) -> list[str]:
     reasons = doubted_sensors(Doubted(residuals, pulls or dict.fromkeys(residuals, 2.0)))
-    return [reason.partition(" contradicts")[0] for reason in reasons]
+    return [
+        " or ".join([reason.partition(" contradicts")[0], *re.findall(r", or (.+?) reads", reason)])
+        for reason in reasons
+    ]
 
 
 def test_sources_that_the_shot_cannot_tell_apart_are_named_together() -> None:
     scales = {CAMERA_SCALE: -6.0, ACCELERATION: 5.8, GAUGES[0]: 5.6, GAUGES[1]: -3.5}
     assert named(scales) == [f"{CAMERA_SCALE} or {ACCELERATION}", GAUGES[0], GAUGES[1]]
+    (pair, *_) = doubted_sensors(Doubted(scales, dict.fromkeys(scales, 2.0)))
+    assert "it reads low by 18 of its standard uncertainties" in pair
+    assert pair.endswith(f", or {ACCELERATION} reads high by 16.8 of its own")
     # a gauge, its area and its standard are one column
     assert named({GAUGES[0]: 4.0, "bore_area": 4.0, "standard s": 4.0}) == [f"{GAUGES[0]} or bore_area or standard s"]
 
