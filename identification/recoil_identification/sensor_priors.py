@@ -17,6 +17,7 @@ from recoil_identification.inference.unknown import Prior
 from recoil_identification.mass import ACCELERATION, FRICTION, GAUGES
 from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
+from recoil_rigs.assumptions import AREAS
 
 Array = NDArray[np.float64]
 
@@ -125,9 +126,11 @@ def certificates(scales: ScaleUncertainty, u_release_m_s: float, camera: CameraS
             of_scales.append(Prior.of(source, scale.name, u))
             continue
         own = math.sqrt(max(u**2 - math.fsum(part**2 for _, part in listed), LEAST_OWN**2))
+        # an area that is listed has a row of its own
+        own_source = source.removesuffix(" and area") if any(name in AREAS for name, _ in listed) else source
         names = (scale.name, *(f"ln {name}" for name, _ in listed))
         rows = np.array([[1.0, *(-1.0 for _ in listed)]])
-        of_scales.append(Prior((source,), names, rows, np.zeros(1), np.array([[own**2]])))
+        of_scales.append(Prior((own_source,), names, rows, np.zeros(1), np.array([[own**2]])))
     return [
         *of_scales[:3],
         Prior.of(FRICTION, motion.FRICTION.name, scales.friction_n),
