@@ -230,7 +230,8 @@ def test_a_release_that_cannot_be_is_refused_with_its_key(settings: dict[str, fl
 def test_where_nothing_lets_go_or_bends_shots_are_what_they_were_before_anything_could(
     tmp_path: Path, name: str
 ) -> None:
-    simulate_shot(rig_with(name, sample_rate_hz=20e3, duration_s=0.3), tmp_path / "a", seed=11, shot="0042")
+    rig = rig_with(name, sample_rate_hz=20e3, duration_s=0.3, tube_modes=0)
+    simulate_shot(rig, tmp_path / "a", seed=11, shot="0042")
     for file, digest in BEFORE[name].items():
         assert hashlib.sha256(content_of(tmp_path / "a" / file)).hexdigest()[:32] == digest, file
 

@@ -1,8 +1,8 @@
 """The equations of `recoil_rigs.flexible_tube` for one state at a time, in plain floats.
 
 Bending acts on the recoiling part through three velocities only: v5 and v6 of its centre of mass along and across the
-bore. The modes, whose mass matrix is diagonal, are taken out there, and what remains of them, a symmetric matrix and
-a force of three, joins the rigid bodies' rows, their two translations turned into the axes of the bore.
+bore, and its angular rate w2. The modes, whose mass matrix is diagonal, are taken out there; what remains of them, a
+symmetric matrix and a force of three, joins the rigid bodies' rows, their two translations turned into the bore's axes.
 """
 
 from __future__ import annotations
