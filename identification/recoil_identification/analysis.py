@@ -41,6 +41,7 @@ from recoil_identification.verdict import notes_on, reasons_against
 from recoil_identification.zero_shift import ZeroShift, calibrated_with_zero_shift
 from recoil_processing.quality.repeatability import shot_peaks
 from recoil_processing.shot.camera_motion import recorded_motion
+from recoil_processing.shot.clocks.estimator_inputs import EstimatorInputs
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
 from recoil_processing.shot.sensor_scales import ScaleUncertainty, scale_uncertainty
 from recoil_rigs.assumptions import AREAS, assumptions_of
@@ -94,9 +95,12 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
     )
 
     mass_low_pass = mass_filter(recorded, choice)
+    quiet = EstimatorInputs(recorded, recorded, signals, shot, rig).baseline_noise
 
     def calibrated(regression: Regression) -> tuple[Regression, Regression, Regression, Calibration, ZeroShift]:
-        shifted, narrow, found, shift = calibrated_with_zero_shift(regression, mass_low_pass, scales, offset.u, *filmed)
+        shifted, narrow, found, shift = calibrated_with_zero_shift(
+            regression, mass_low_pass, scales, offset.u, *filmed, quiet
+        )
         # the trace, the skew and the figures need the whole band
         return shifted, narrow, narrow if mass_low_pass == low_pass else shifted.filtered(low_pass), found, shift
 
@@ -112,7 +116,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
     )
     areas_m2 = dict(zip(PRESSURE_ROLES, (getattr(rig.mechanism, area) for area in AREAS), strict=True))
     causes = causes_of(narrow, signals, shot, areas_m2, skew.u_left_s)
-    calibration = calibrated_mass(narrow, scales, offset.u, calibration.camera, causes=causes)
+    calibration = calibrated_mass(narrow, scales, offset.u, calibration.camera, noise=calibration.noise, causes=causes)
     estimates = {
         "calibrated": calibration.estimate,
         "reverse": reverse_mass(narrow, scales),

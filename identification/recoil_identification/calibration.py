@@ -30,26 +30,20 @@ from recoil_identification.mass import (
     FRICTION,
     RANDOM,
     MassEstimate,
-    correlation_factor,
-    independent_rows,
     reverse_mass,
 )
 from recoil_identification.monte_carlo import Draw
+from recoil_identification.row_noise import RowNoise, row_noise
 from recoil_identification.sensor_priors import RELEASE, ZERO, CameraScale, certificates, own_knowledge
 from recoil_processing.shot.regression import Regression, spaced_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 
 Array = NDArray[np.float64]
 
-LARGEST_RESIDUAL = 0.01
-"""Share of the acceleration's peak that may be noise; for what is beyond, the sensors must answer."""
 CRITICAL_VALUE = 3.29
 """Of a normalised residual; by chance one of 1000 goes beyond, as in Baarda's w-test."""
 FURTHEST_DRAW = 1.0
 """Of the mass's logarithm."""
-SMALLEST_RESIDUAL = 3e-4
-"""Share of the acceleration's peak that rows are never taken to be better than: neither is a gauge's straightness
-better, nor what a rigid part that slides and strikes is written down as."""
 UNITS = {FRICTION: "N", ZERO: "m/s^2", RELEASE: "m/s"}
 """Of the sources that are no scales."""
 
@@ -78,10 +72,8 @@ class Calibration(ReadOnlyArrays):
         The same over its own standard deviation (Baarda's w-test of one observation among
         the others): standard normal if all calibrations hold. It exceeds the pull where the shot
         can tell little of a sensor; 0 where it can tell nothing.
-    largest_residual_m_s2
-        `LARGEST_RESIDUAL` of this shot's acceleration; a residual beyond it is no noise.
-    noise_m_s2
-        Standard deviation of the residual, widened by its correlation.
+    noise
+        Of the rows.
     misfit
         What was minimised: the squares of residuals over the noise, and of the pulls.
     m0_kg
@@ -106,8 +98,7 @@ class Calibration(ReadOnlyArrays):
     u_shifts_m_s2: Array
     pulls: dict[str, float]
     normalised_residuals: dict[str, float]
-    largest_residual_m_s2: float
-    noise_m_s2: float
+    noise: RowNoise
     misfit: float
     m0_kg: float
     inferred: Estimate
@@ -129,7 +120,9 @@ class Calibration(ReadOnlyArrays):
 
         Each column is one standard uncertainty of an error that is independent of the others.
         """
-        block = EquationOfMotion(regression, np.arange(regression.times_s.size), self.m0_kg, 1.0, self.causes)
+        block = EquationOfMotion(
+            regression, np.arange(regression.times_s.size), self.m0_kg, np.ones(regression.times_s.size), self.causes
+        )
         values = {unknown.name: self.inferred.value(unknown.name) for unknown in self.inferred.unknowns}
         _, derivatives = block.linearised(values)
         # of those that the equation has, the mass apart
@@ -145,11 +138,10 @@ class Calibration(ReadOnlyArrays):
         callable
             A draw is NaN that is off by more than `FURTHEST_DRAW`.
         """
-        random, own = self.estimate.budget[0], self.inferred.u_random(motion.MASS.name)
-        widened = random.u_kg / (self.estimate.mass_kg * own) if own > 0 else 1.0
+        degrees_of_freedom = self.noise.degrees_of_freedom
 
         def draw(rng: np.random.Generator, count: int) -> Array:
-            logs = self.inferred.draws(motion.MASS.name, rng, count, random.degrees_of_freedom, widened)
+            logs = self.inferred.draws(motion.MASS.name, rng, count, degrees_of_freedom)
             # so far off no model holds that is linear in the logarithms
             logs[np.abs(logs - self.inferred.value(motion.MASS.name)) > FURTHEST_DRAW] = np.nan
             return np.asarray(self.m0_kg * np.exp(logs))
@@ -163,7 +155,7 @@ def calibrated_mass(
     u_bias_m_s2: float,
     camera: CameraScale | None,
     *,
-    noise_m_s2: float | None = None,
+    noise: RowNoise | None = None,
     causes: tuple[Cause, ...] = (),
 ) -> Calibration:
     """Estimate the mass with the sensors' scales as restricted unknowns.
@@ -174,8 +166,8 @@ def calibrated_mass(
         Filtered.
     u_bias_m_s2
         Standard uncertainty of the accelerometer's zero from the pre-trigger baseline; infinite if there was none.
-    noise_m_s2
-        Of a row; found from the residuals if left out.
+    noise
+        On the regression's grid; that of the rows themselves if left out.
     causes
         What else may be wrong, on the regression's grid.
 
@@ -185,30 +177,19 @@ def calibrated_mass(
         If the interval has too few rows, or force and acceleration have nothing in common.
     """
     first = reverse_mass(regression, scales)
+    noise = row_noise(regression, first.mass_kg) if noise is None else noise
     rows = spaced_rows(regression)
     common = certificates(scales, regression.u_release_n_s / first.mass_kg, camera)
     own = [*own_knowledge(u_bias_m_s2, camera), *(cause.prior for cause in causes)]
-    # of the whole motion, lost samples and all: what is left of a pulse that was lost does not tell the noise's size
-    peak = float(np.max(np.abs(regression.acceleration_m_s2[regression.inside])))
+    block = EquationOfMotion(regression, rows, first.mass_kg, noise.sigma_m_s2[rows], causes)
+    inferred = solve([*block.all_unknowns, *_beside(block, common)], [block], [*common, *own])
+    residual = block.sigma_m_s2 * block.linearised({one.name: inferred.value(one.name) for one in inferred.unknowns})[0]
     # of the unknowns the mass and the shifts are not restricted, and zero and release hardly
     free = 3 + (0 if regression.shifts is None else regression.shifts.shape[1])
-    noise, sigma = first.residual_m_s2 if noise_m_s2 is None else noise_m_s2, 0.0
-    start: dict[str, float] = {}
-    for _ in range(50):
-        before, sigma = sigma, _plausible(noise, peak)
-        if abs(sigma - before) <= 1e-6 * sigma:
-            break
-        block = EquationOfMotion(regression, rows, first.mass_kg, sigma, causes)
-        inferred = solve([*block.all_unknowns, *_beside(block, common)], [block], [*common, *own], start)
-        start = {unknown.name: inferred.value(unknown.name) for unknown in inferred.unknowns}
-        residual = sigma * block.linearised(start)[0]
-        deviation = math.sqrt(float(residual @ residual) / max(rows.size - free, 1))
-        own_noise = deviation * correlation_factor(residual)
-        noise = own_noise if noise_m_s2 is None else noise_m_s2
+    deviation = math.sqrt(float(residual @ residual) / max(rows.size - free, 1))
     mass = first.mass_kg * math.exp(inferred.value(motion.MASS.name))
-    degrees_of_freedom = independent_rows(residual, free)
-    widened = own_noise / sigma
-    random_kg = mass * widened * inferred.u_random(motion.MASS.name)
+    random_kg = mass * inferred.u_random(motion.MASS.name)
+    degrees_of_freedom = noise.degrees_of_freedom
     budget = [BudgetRow(RANDOM, random_kg, "A", degrees_of_freedom=degrees_of_freedom)]
     stated = {source: ("B", "1") for prior in common for source in prior.sources}
     stated |= {source: ("B", unit) for source, unit in UNITS.items()}
@@ -230,8 +211,7 @@ def calibrated_mass(
         u_shifts_m_s2=np.array([inferred.u(name) for name in shifts]),
         pulls={source: inferred.pull(source) for source in inferred.sources},
         normalised_residuals={source: inferred.normalised_residual(source) for source in inferred.sources},
-        largest_residual_m_s2=LARGEST_RESIDUAL * peak,
-        noise_m_s2=own_noise,
+        noise=noise,
         misfit=inferred.misfit,
         m0_kg=first.mass_kg,
         inferred=inferred,
@@ -246,11 +226,3 @@ def _beside(block: EquationOfMotion, priors: Sequence[Prior]) -> list[Unknown]:
     names = dict.fromkeys(name for prior in priors for name in prior.unknowns)
     others = [name for name in names if name not in block.unknowns]
     return [motion.CAMERA if name == motion.CAMERA.name else Unknown(name, scope="sensor") for name in others]
-
-
-def _plausible(noise_m_s2: float, peak_m_s2: float) -> float:
-    """Return the noise that rows are weighted with.
-
-    What is too large for noise shall not excuse the sensors, and what is too small not accuse them.
-    """
-    return min(max(noise_m_s2, SMALLEST_RESIDUAL * peak_m_s2), LARGEST_RESIDUAL * peak_m_s2)

@@ -60,8 +60,8 @@ class EquationOfMotion(ReadOnlyArrays):
         Those that count.
     m0_kg
         First estimate of the mass.
-    sigma_m_s2
-        Standard deviation of a row's error.
+    sigma_m_s2 : ndarray, shape (n_rows,)
+        Standard deviation of each row's error.
     causes
         What else may be wrong.
     """
@@ -69,7 +69,7 @@ class EquationOfMotion(ReadOnlyArrays):
     regression: Regression
     rows: NDArray[np.intp]
     m0_kg: float
-    sigma_m_s2: float
+    sigma_m_s2: Array
     causes: tuple[Cause, ...] = ()
 
     @cached_property
@@ -103,4 +103,4 @@ class EquationOfMotion(ReadOnlyArrays):
         rigid = gauges.sum(axis=1) + r.forces_n[at, 3] * per_force - values[FRICTION.name] * friction
         derivatives = np.column_stack([-rigid, -gauges, -friction, rigid, felt])
         modelled = rigid + added @ sizes
-        return (r.acceleration_m_s2[at] - modelled) / self.sigma_m_s2, derivatives / self.sigma_m_s2
+        return (r.acceleration_m_s2[at] - modelled) / self.sigma_m_s2, derivatives / self.sigma_m_s2[:, np.newaxis]

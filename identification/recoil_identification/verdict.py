@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Mapping
 
 from recoil_acquisition.shot import Shot
-from recoil_identification.calibration import CRITICAL_VALUE, LARGEST_RESIDUAL, Calibration
+from recoil_identification.calibration import CRITICAL_VALUE, Calibration
 from recoil_identification.causes import SKEW
 from recoil_identification.constancy.mass_constancy import MassConstancy
 from recoil_identification.corrections import Corrections
@@ -31,6 +31,8 @@ ROUNDING = 1e-6
 """Difference of two that are one and the same."""
 FAR = 3.0
 """Factor on how far, in its standard uncertainties, something would have to be off, beyond which another is taken."""
+LARGEST_SIZE = 3.0
+"""Of what is left of the rows whatever the sensors read, over the noise."""
 LARGEST_ROUTE_GAP = 3.0
 """Combined standard uncertainties by which the two routes to the acceleration may differ."""
 
@@ -74,11 +76,12 @@ def reasons_against(
             f"either the accelerometer's zero shifted at the shot {shift}, or a gauge is off: without a camera that is "
             "aligned the shot cannot tell"
         )
-    residual, limit = calibration.estimate.residual_m_s2, calibration.largest_residual_m_s2
-    if residual > limit:
+    size = calibration.noise.size
+    if size > LARGEST_SIZE:
         reasons.append(
-            f"mass and forces leave {residual:.3g} m/s^2 of the acceleration unexplained, limit {limit:.3g} m/s^2 "
-            f"({100 * LARGEST_RESIDUAL:g} % of its peak): check areas, units and signals of the pressures"
+            f"mass and forces leave {calibration.estimate.residual_m_s2:.3g} m/s^2 of the acceleration unexplained, "
+            f"{size:.1f} times the noise even if every sensor is off and the mass changes (limit {LARGEST_SIZE:g}): "
+            "check areas, units and signals of the pressures"
         )
     if "kinematic" in estimates:
         inertial, camera = estimates["reverse"], estimates["kinematic"]

@@ -19,10 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_identification.calibration import CRITICAL_VALUE, Calibration, calibrated_mass
+from recoil_identification.mass import reverse_mass
+from recoil_identification.row_noise import row_noise
 from recoil_identification.sensor_priors import CAMERA_GAIN, CAMERA_SCALE, CAMERA_SHIFT, CameraScale
 from recoil_processing.filters import LowPass
 from recoil_processing.motion.scale_and_zero import ScaleAndZero
 from recoil_processing.shot.camera_motion import RecordedMotion
+from recoil_processing.shot.clocks.estimator_inputs import BaselineNoise
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 
@@ -30,8 +33,6 @@ Array = NDArray[np.float64]
 
 TIME_CONSTANTS_S = (0.01, 0.02, 0.05, 0.1)
 """Of decays that are tried: shorter ones are part of the pulse, longer ones are steps over one recoil."""
-LEAST_NOISE = 2e-4
-"""Of the rows, share of the acceleration's peak: a shift that is smaller does not matter to the mass."""
 LEAST_STEP_SIGMA = 4.0
 """Standard uncertainties that a step must have for a kick to be its own."""
 MARGIN = 10.0
@@ -115,6 +116,7 @@ def calibrated_with_zero_shift(
     u_bias_m_s2: float,
     camera: CameraScale | None,
     filmed: RecordedMotion | None = None,
+    quiet: BaselineNoise | None = None,
 ) -> tuple[Regression, Regression, Calibration, ZeroShift]:
     """Estimate the mass with the sensors' errors, a shift of the zero among them where the shot demands one.
 
@@ -126,6 +128,8 @@ def calibrated_with_zero_shift(
         As of `calibrated_mass`, for a zero that does not shift.
     filmed
         Without it a shift is not to be told from a gauge that is off: see `ZeroShift.confirmed`.
+    quiet
+        Noise of the pre-trigger baseline; that of the rows themselves counts without it.
 
     Returns
     -------
@@ -142,37 +146,37 @@ def calibrated_with_zero_shift(
         As of `calibrated_mass`.
     """
     plain = recorded.filtered(low_pass)
-    unshifted = calibrated_mass(plain, scales, u_bias_m_s2, camera)
+    first_kg = reverse_mass(plain, scales).mass_kg
     left_s = recorded.times_s[-1] - recorded.interval_s[0]
     decays = [_DECAYS + i for i, tau in enumerate(TIME_CONSTANTS_S) if tau < left_s]
     if not (math.isfinite(u_bias_m_s2) and decays):
-        # without a silence a zero that shifted is like one that was never known
-        return recorded, plain, unshifted, ZeroShift()
+        # without a baseline a zero that shifted is like one that was never known
+        noise = row_noise(plain, first_kg, quiet)
+        return recorded, plain, calibrated_mass(plain, scales, u_bias_m_s2, camera, noise=noise), ZeroShift()
     columns = shift_columns(recorded)
     film = None
     if filmed is not None:
         film = filmed.motion.likeliest(columns, (_STEP, _KICK), filmed.densities)
     full = plain.with_shifts(columns)
     filtered = np.zeros(columns.shape) if full.shifts is None else full.shifts
-    fullest: list[Shape] = [(_STEP, _KICK), *((_STEP, j) for j in decays)]
+    # with every shape released: what a shift leaves unexplained must not excuse it
+    noise = row_noise(full, first_kg, quiet)
+    unshifted = calibrated_mass(plain, scales, u_bias_m_s2, camera, noise=noise)
     seen: dict[Shape, ScaleAndZero] = {}
-    shapes: list[Shape] = [(), (_STEP,), *((j,) for j in decays), *fullest]
+    shapes: list[Shape] = [(), (_STEP,), *((j,) for j in decays), (_STEP, _KICK), *((_STEP, j) for j in decays)]
     if film is not None:
         seen = {shape: found for shape in shapes if (found := film.solve(shape)) is not None}
         if len(seen) < len(shapes):
             seen = {}
 
-    def fitted(shape: Shape, noise_m_s2: float | None = None) -> Calibration:
+    def fitted(shape: Shape) -> Calibration:
         scale = _scale(filmed, seen[shape], shape) if filmed is not None and seen else None
         regression = replace(plain, shifts=filtered[:, shape])
-        return calibrated_mass(regression, scales, u_bias_m_s2, scale, noise_m_s2=noise_m_s2)
+        return calibrated_mass(regression, scales, u_bias_m_s2, scale, noise=noise)
 
-    # the noise is that of the fullest shape: what a shift leaves unexplained must not excuse it
-    least = LEAST_NOISE * float(np.max(np.abs(plain.acceleration_m_s2[plain.used])))
-    noise = max(min(fitted(shape).noise_m_s2 for shape in fullest), least)
     criteria = {}
     for shape in shapes:
-        fit = fitted(shape, noise)
+        fit = fitted(shape)
         if shape and any(
             abs(fit.normalised_residuals[s]) > CRITICAL_VALUE for s in fit.normalised_residuals if _by_camera(s)
         ):

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from recoil_identification.calibration import Calibration
 from recoil_identification.inference.solve import solve
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.mass import MassEstimate
+from recoil_identification.row_noise import RowNoise
 
 
 def a_calibration(
@@ -33,8 +36,7 @@ def a_calibration(
         u_shifts_m_s2=none,
         pulls={},
         normalised_residuals={},
-        largest_residual_m_s2=1.0,
-        noise_m_s2=1.0,
+        noise=RowNoise(np.ones(1), 1.0, math.inf),
         misfit=0.0,
         m0_kg=estimate.mass_kg,
         inferred=nothing,

@@ -76,7 +76,7 @@ def refitted_kg(found: Identification, name: str, recorded: Regression) -> float
         scale_uncertainty(virtual_shot(name).rig),
         found.signals.offsets["recoil_acceleration"].u,
         calibration.camera,
-        noise_m_s2=calibration.noise_m_s2,
+        noise=calibration.noise,
         causes=calibration.causes,
     )
     return again.estimate.mass_kg
@@ -105,6 +105,7 @@ def test_causes_hardly_move_a_sound_shot_and_are_in_its_uncertainty(name: str) -
         scale_uncertainty(virtual_shot(name).rig),
         found.signals.offsets["recoil_acceleration"].u,
         calibration.camera,
+        noise=calibration.noise,
     )
     with_causes = calibration.estimate
     assert abs(with_causes.mass_kg - bare.estimate.mass_kg) < 0.3 * with_causes.u_kg

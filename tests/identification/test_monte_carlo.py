@@ -99,7 +99,8 @@ def test_a_drawn_shot_that_is_solved_anew_is_where_the_linear_draw_has_it(name):
     known = certificates(
         scale_uncertainty(virtual_shot(name).rig), found.fitted.u_release_n_s / calibration.m0_kg, camera
     )
-    block = EquationOfMotion(found.fitted, rows, calibration.m0_kg, calibration.noise_m_s2, calibration.causes)
+    sigma = calibration.noise.sigma_m_s2[rows]
+    block = EquationOfMotion(found.fitted, rows, calibration.m0_kg, sigma, calibration.causes)
     values = {one.name: inferred.value(one.name) for one in inferred.unknowns}
     design = np.zeros((rows.size, len(inferred.unknowns)))
     design[:, : len(block.unknowns)] = block.linearised(values)[1]
@@ -111,7 +112,7 @@ def test_a_drawn_shot_that_is_solved_anew_is_where_the_linear_draw_has_it(name):
             drawn.append(errors)
             moved.append(replace(prior, values=prior.values + np.linalg.cholesky(prior.covariance) @ errors))
         acceleration = found.fitted.acceleration_m_s2.copy()
-        acceleration[rows] += calibration.noise_m_s2 * noise
+        acceleration[rows] += sigma * noise
         noisy = replace(block, regression=replace(found.fitted, acceleration_m_s2=acceleration))
         solved = solve(inferred.unknowns, [noisy], moved, values).value("ln mass")
         linear = inferred.contributions[0] @ np.concatenate(drawn) + inferred.covariance[0] @ design.T @ noise

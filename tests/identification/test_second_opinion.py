@@ -35,7 +35,7 @@ def second_opinion(
     series: tuple[np.ndarray, ...],
     seen: np.ndarray,
     m0: float,
-    sigma: float,
+    sigma: np.ndarray,
     known: list[tuple[np.ndarray, np.ndarray, np.ndarray]],
 ) -> tuple[float, float]:
     """Return the mass and its standard uncertainty; known are rows, values and covariances of what is known."""
@@ -44,7 +44,8 @@ def second_opinion(
     for _ in range(30):
         model = reading(x, *series, m0)
         slopes = np.column_stack([reading(x + 1j * STEP * np.eye(n)[i], *series, m0).imag / STEP for i in range(n)])
-        normal, right = slopes.T @ slopes / sigma**2, slopes.T @ (seen - model) / sigma**2
+        weighted = slopes.T / sigma**2
+        normal, right = weighted @ slopes, weighted @ (seen - model)
         for rows, values, covariance in known:
             weight = np.linalg.inv(covariance)
             normal += rows.T @ weight @ rows
@@ -103,6 +104,7 @@ def test_a_program_that_shares_nothing_finds_the_same_mass_and_uncertainty(name:
     shared = d["gain_bias_correlation"] * d["u_gain"] * d["u_bias_m_s2"]
     own = change @ np.array([[d["u_gain"] ** 2, shared], [shared, d["u_bias_m_s2"] ** 2]]) @ change.T
     known.append((np.eye(n)[[5, 6]], np.array([-np.log(gain), zero]), own + np.diag([u_camera**2, 0.0])))
-    mass, uncertainty = second_opinion(series, rows.acceleration_m_s2[at], m0, found.calibration.noise_m_s2, known)
+    sigma = found.calibration.noise.sigma_m_s2[at]
+    mass, uncertainty = second_opinion(series, rows.acceleration_m_s2[at], m0, sigma, known)
     assert mass == pytest.approx(found.calibration.estimate.mass_kg, rel=1e-6)
     assert uncertainty == pytest.approx(found.calibration.estimate.u_kg, rel=2e-6)

@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_identification.calibration import SMALLEST_RESIDUAL
 from recoil_identification.constancy.mass_step import DRAWS, StepTest, step_test
 from recoil_identification.constancy.recursive_residuals import (
     Cusum,
@@ -40,6 +39,8 @@ from recoil_processing.shot.sensor_scales import ScaleUncertainty
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
+SMALLEST_RESIDUAL = 3e-4
+"""Share of the acceleration's peak that rows are never taken to be better than."""
 LARGEST_ROWS = 1200
 """More rows are thinned: the covariance of all of them is taken apart."""
 DECAYS = (0.01, 0.02, 0.04, 0.08, 0.16)

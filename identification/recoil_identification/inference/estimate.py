@@ -131,7 +131,6 @@ class Estimate(ReadOnlyArrays):
         rng: np.random.Generator,
         count: int,
         degrees_of_freedom: float = math.inf,
-        widened: float = 1.0,
     ) -> Array:
         """Draw values of an unknown from its distribution, shape (count,).
 
@@ -139,10 +138,8 @@ class Estimate(ReadOnlyArrays):
         ----------
         degrees_of_freedom
             With which the size of the rows' errors is known: their part is then of Student's t.
-        widened
-            Factor on their size, for what they are correlated.
         """
-        random = widened * self.u_random(name) * rng.standard_normal(count)
+        random = self.u_random(name) * rng.standard_normal(count)
         if math.isfinite(degrees_of_freedom):
             random *= np.sqrt(degrees_of_freedom / rng.chisquare(degrees_of_freedom, count))
         known = self.contributions[self._place(name)] @ rng.standard_normal((len(self.sources), count))

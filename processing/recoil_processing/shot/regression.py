@@ -229,7 +229,7 @@ def build_regression(
     )
 
 
-def spaced_rows(regression: Regression, per_cutoff: float = 2.5) -> NDArray[np.int64]:
+def spaced_rows(regression: Regression, per_cutoff: float = 2.0) -> NDArray[np.int64]:
     """Return the indices of rows of a filtered regression that carry about independent errors.
 
     White noise behind a low-pass at fc is uncorrelated at intervals of about ``1 / (2 fc)``; rows are

@@ -200,9 +200,9 @@ def test_a_size_of_the_errors_that_is_hardly_known_widens_the_draws() -> None:
     blocks, _ = problem(3)
     wide = Prior(("w",), ("d",), np.ones((1, 1)), np.zeros(1), np.array([[1e6]]))
     found = solve(UNKNOWNS, blocks, [wide])
-    drawn = found.draws("a", np.random.default_rng(5), 200_000, degrees_of_freedom=5.0, widened=2.0)
+    drawn = found.draws("a", np.random.default_rng(5), 200_000, degrees_of_freedom=5.0)
     # the variance of Student's t of five degrees of freedom is 5 / 3
-    assert drawn.std() == pytest.approx(2.0 * np.sqrt(5 / 3) * found.u_random("a"), rel=0.03)
+    assert drawn.std() == pytest.approx(np.sqrt(5 / 3) * found.u_random("a"), rel=0.03)
 
 
 @pytest.mark.parametrize(

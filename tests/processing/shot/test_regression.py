@@ -153,7 +153,7 @@ def test_rows_are_spaced_by_the_filters_memory_and_keep_to_the_trusted_interval(
     np.testing.assert_array_equal(spaced_rows(recorded), np.flatnonzero(recorded.inside))
     filtered = recorded.filtered(LowPass(300.0))
     rows = spaced_rows(filtered)
-    assert (np.diff(rows) == int(20_000 / 750)).all()
+    assert (np.diff(rows) == int(20_000 / 600)).all()
     trusted = filtered.trusted.copy()
     trusted[1000:1500] = False
     left = spaced_rows(replace(filtered, trusted=trusted))

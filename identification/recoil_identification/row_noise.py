@@ -1,0 +1,112 @@
+"""The errors of a regression's rows: how large they are before the shot, and whether they are larger in it.
+
+What a model leaves of a shot is no measure of its noise: a gauge that is off leaves much, and must not be excused by
+it. So the noise is that of the pre-trigger baseline behind the filter, and for the rest, which is proportional to what
+is measured (straightness of the gauges, the mechanism's own give), a share of the acceleration at each instant. Only
+its size as a whole is taken from the shot, with every scale, the friction, zero shifts and a mass that changes
+released, and between narrow limits (restricted maximum likelihood).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_processing.shot.clocks.estimator_inputs import BaselineNoise
+from recoil_processing.shot.regression import Regression, spaced_rows
+
+Array = NDArray[np.float64]
+
+PROPORTIONAL = 1e-3
+"""Standard deviation of what is proportional to the acceleration, share of it."""
+LEAST_SIZE, LARGEST_SIZE = 0.9, 2.0
+"""Limits between which the shot tells the size of the noise, over that of the baseline."""
+HATS = 12
+"""Pieces over the interval in which the mass may change, for the size."""
+LEAST_LEFT = 10
+"""Rows beyond the released columns, for the size to mean anything."""
+LEAST_PIVOT = 1e-9
+"""Singular value over the largest one, of columns of length one, below which the others say the same."""
+LEAST_NOISE_M_S2 = 1e-9
+"""For records without any error."""
+GAIN_POINTS = 4001
+"""Of the filter's gain, for its mean square."""
+
+
+@dataclass(frozen=True, eq=False)
+class RowNoise(ReadOnlyArrays):
+    """Standard deviations of the errors behind a regression's filter.
+
+    Attributes
+    ----------
+    sigma_m_s2 : ndarray, shape (n,)
+        Of every sample of the regression's grid.
+    size
+        What the shot says of the noise over what the baseline does; 1 where there was no baseline, or too few rows.
+    degrees_of_freedom
+        With which the size is known.
+    """
+
+    sigma_m_s2: Array
+    size: float
+    degrees_of_freedom: float
+
+
+def row_noise(regression: Regression, mass_kg: float, quiet: BaselineNoise | None = None) -> RowNoise:
+    """Find the noise of a filtered regression.
+
+    Parameters
+    ----------
+    regression
+        With the columns of all shapes in which the accelerometer's zero may have shifted.
+    mass_kg
+        First estimate.
+    quiet
+        Noise of the pre-trigger baseline; without one the shot alone tells the noise.
+    """
+    rows = spaced_rows(regression)
+    level = 0.0 if quiet is None else math.hypot(quiet.slow_acceleration, quiet.slow_force / mass_kg)
+    level *= math.sqrt(_mean_square_gain(regression))
+    known = level > 0
+    sigma = np.ones(regression.times_s.size)
+    if known:
+        sigma = np.hypot(level, PROPORTIONAL * regression.acceleration_m_s2)
+    size, left = _size(regression, rows, sigma[rows])
+    if not known:
+        return RowNoise(np.full(sigma.size, max(size, LEAST_NOISE_M_S2)), 1.0, left)
+    return RowNoise(min(max(size, LEAST_SIZE), LARGEST_SIZE) * sigma, size, left)
+
+
+def _size(regression: Regression, rows: NDArray[np.int64], sigma: Array) -> tuple[float, float]:
+    """Return the root mean square of what is left of the rows with everything released, and its degrees of freedom."""
+    r = regression
+    columns = [*r.forces_n.T[:3], r.friction_direction, r.released, r.release_per_s]
+    columns += [] if r.shifts is None else [*r.shifts.T]
+    table = np.column_stack(columns)[rows]
+    if rows.size - table.shape[1] - HATS >= LEAST_LEFT:
+        at = np.linspace(r.times_s[rows[0]], r.times_s[rows[-1]], HATS + 1)
+        hats = np.column_stack([np.interp(r.times_s[rows], at, unit) for unit in np.eye(HATS + 1)])
+        table = np.column_stack([table, hats * r.force_n[rows, np.newaxis]])
+    table = table / sigma[:, np.newaxis]
+    table = table / np.maximum(np.linalg.norm(table, axis=0), 1e-300)
+    u, sizes, _ = np.linalg.svd(table, full_matrices=False)
+    spanned = u[:, sizes > LEAST_PIVOT * sizes[0]]
+    response = r.acceleration_m_s2[rows] / sigma
+    residual = response - spanned @ (spanned.T @ response)
+    left = float(max(rows.size - spanned.shape[1], 1))
+    return math.sqrt(float(residual @ residual) / left), left
+
+
+def _mean_square_gain(regression: Regression) -> float:
+    """Return the share of a white noise's variance that passes the regression's filter."""
+    low_pass = regression.low_pass
+    if low_pass is None:
+        return 1.0
+    nyquist_hz = 0.5 * regression.rate_hz
+    frequencies_hz = np.linspace(0.0, min(10.0 * low_pass.cutoff_hz, 0.999 * nyquist_hz), GAIN_POINTS)
+    squared = low_pass.gain(frequencies_hz, regression.rate_hz) ** 2
+    return float(np.mean(squared)) * float(frequencies_hz[-1]) / nyquist_hz

@@ -1,0 +1,120 @@
+"""The noise of a regression's rows: that of the baseline behind the filter, its size told by the shot within limits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from recoil_identification.row_noise import LARGEST_SIZE, LEAST_SIZE, PROPORTIONAL, RowNoise, row_noise
+from recoil_processing.filters import LowPass
+from recoil_processing.shot.clocks.estimator_inputs import BaselineNoise
+from recoil_processing.shot.regression import Regression, spaced_rows
+from tests.builders.bench_shots import MASS_KG, bench_regression
+
+SIGMA_M_S2 = 20.0
+"""Of the accelerometer, per sample."""
+LOW_PASS = LowPass(300.0)
+
+
+@cache
+def exact() -> Regression:
+    """As recorded, with Newton's law in every sample."""
+    recorded = bench_regression()
+    return replace(recorded, acceleration_m_s2=recorded.force_n / MASS_KG)
+
+
+def noisy(seed: int, sigma_m_s2: float = SIGMA_M_S2, **changed: np.ndarray) -> Regression:
+    """Filter the shot with white noise on the accelerometer."""
+    recorded = replace(exact(), **changed)
+    noise = np.random.default_rng(seed).normal(0.0, sigma_m_s2, recorded.times_s.size)
+    return replace(recorded, acceleration_m_s2=recorded.acceleration_m_s2 + noise).filtered(LOW_PASS)
+
+
+def found(regression: Regression, sigma_m_s2: float = SIGMA_M_S2, force_n: float = 0.0) -> RowNoise:
+    return row_noise(regression, MASS_KG, BaselineNoise(slow_acceleration=sigma_m_s2, slow_force=force_n))
+
+
+def test_the_baselines_noise_is_what_the_filter_leaves_of_it():
+    errors = np.concatenate([
+        (noisy(seed).acceleration_m_s2 - noisy(seed, 0.0).acceleration_m_s2)[spaced_rows(noisy(seed))]
+        for seed in range(20)
+    ])  # fmt: skip
+    one = found(noisy(0))
+    rigid = np.argmin(np.abs(noisy(0).acceleration_m_s2))
+    assert one.sigma_m_s2[rigid] == pytest.approx(np.clip(one.size, LEAST_SIZE, LARGEST_SIZE) * errors.std(), rel=0.05)
+
+
+def test_rows_as_far_apart_as_they_are_taken_have_errors_of_their_own():
+    errors = [
+        (noisy(seed).acceleration_m_s2 - noisy(seed, 0.0).acceleration_m_s2)[spaced_rows(noisy(seed))]
+        for seed in range(40)
+    ]
+    neighbours = np.mean([one[1:] @ one[:-1] / (one @ one) for one in errors])
+    assert abs(neighbours) < 0.1
+
+
+def test_noise_of_the_gauges_is_in_it_as_the_mass_takes_it():
+    quiet, loud = (found(noisy(0), force_n=force_n) for force_n in (0.0, MASS_KG * SIGMA_M_S2))
+    still = np.argmin(np.abs(noisy(0).acceleration_m_s2))
+    assert loud.size / quiet.size == pytest.approx(1 / np.sqrt(2), rel=0.02)
+    assert found(noisy(0), 1.0, MASS_KG).sigma_m_s2[still] == pytest.approx(
+        np.sqrt(2) * found(noisy(0), 1.0).sigma_m_s2[still], rel=1e-9
+    )  # both at the largest size
+
+
+def test_what_is_proportional_to_the_motion_counts_where_the_motion_is():
+    regression = noisy(1, 0.01)
+    one = found(regression, 0.01)
+    peak = np.argmax(np.abs(regression.acceleration_m_s2))
+    share = PROPORTIONAL * np.clip(one.size, LEAST_SIZE, LARGEST_SIZE)
+    assert one.sigma_m_s2[peak] == pytest.approx(share * abs(regression.acceleration_m_s2[peak]), rel=0.01)
+    assert one.sigma_m_s2.min() < 0.01 * one.sigma_m_s2[peak]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_size_is_one_if_the_shot_is_as_quiet_as_the_baseline(seed):
+    one = found(noisy(seed))
+    assert one.size == pytest.approx(1.0, abs=4 / np.sqrt(2 * one.degrees_of_freedom))
+
+
+@pytest.mark.parametrize("column", [0, 1, 2])
+def test_a_gauge_that_is_off_is_not_excused_as_noise(column):
+    forces = exact().forces_n.copy()
+    forces[:, column] *= 1.15
+    assert found(noisy(2, forces_n=forces)).size == pytest.approx(found(noisy(2)).size, rel=1e-3)
+
+
+def test_a_mass_that_changes_is_not_excused_as_noise():
+    r = exact()
+    drifting = MASS_KG * (1.0 - 0.04 * np.clip((r.times_s - r.interval_s[0]) / np.ptp(r.interval_s), 0.0, 1.0))
+    changing = noisy(2, acceleration_m_s2=r.force_n / drifting)
+    assert found(changing).size == pytest.approx(found(noisy(2)).size, rel=0.02)
+
+
+def test_the_shot_moves_the_noise_within_limits_only():
+    quieter, louder = found(noisy(3), 10 * SIGMA_M_S2), found(noisy(3), 0.01 * SIGMA_M_S2)
+    assert quieter.size < LEAST_SIZE
+    assert louder.size > LARGEST_SIZE
+    expected = found(noisy(3)).sigma_m_s2 / np.clip(found(noisy(3)).size, LEAST_SIZE, LARGEST_SIZE)
+    still = np.argmin(np.abs(noisy(3).acceleration_m_s2))
+    assert quieter.sigma_m_s2[still] == pytest.approx(LEAST_SIZE * 10 * expected[still], rel=1e-6)
+    assert louder.sigma_m_s2[still] == pytest.approx(LARGEST_SIZE * 0.01 * expected[still], rel=1e-2)
+
+
+def test_without_a_baseline_the_shot_alone_tells():
+    one = row_noise(noisy(4), MASS_KG)
+    assert np.ptp(one.sigma_m_s2) == 0
+    assert one.sigma_m_s2[0] == pytest.approx(
+        found(noisy(4)).size
+        * found(noisy(4), SIGMA_M_S2).sigma_m_s2.min()
+        / np.clip(found(noisy(4)).size, LEAST_SIZE, LARGEST_SIZE),
+        rel=0.1,
+    )
+    assert one.degrees_of_freedom < spaced_rows(noisy(4)).size - 8
+
+
+def test_a_record_without_any_error_has_a_noise_all_the_same():
+    assert row_noise(exact().filtered(LOW_PASS), MASS_KG).sigma_m_s2.min() > 0
