@@ -217,10 +217,7 @@ def open_log(folder: Path) -> Log:
         If the folder cannot be read, holds no log, or holds segments of two logs.
     """
     folder = Path(folder)
-    try:
-        paths = [path for path in segment_paths(folder).values() if not is_hole(path)]
-    except OSError as error:
-        raise StoreError(f"cannot be read: {error.strerror or error}", path=folder) from error
+    paths = _segments_in(folder)
     if not paths:
         raise StoreError("holds no log", path=folder, expected=f"segments such as 000001{SUFFIX}")
     log_id = _one_log_id(paths)
@@ -228,9 +225,9 @@ def open_log(folder: Path) -> Log:
         raise StoreError("holds captures and no log", path=folder, remedy="name the folder of the log itself")
     session = session_in(_beginnings(paths, log_id)) or {}
     spare = session.get("spare")
-    if isinstance(spare, str) and Path(spare).is_dir() and Path(spare) != folder:
-        there = [path for path in segment_paths(Path(spare)).values() if not is_hole(path)]
-        paths += [path for path in there if first_log_id(path, _begin_bytes()) == log_id]
+    # absolute there, while `folder` may be relative
+    if isinstance(spare, str) and Path(spare).is_dir() and Path(spare) != folder.resolve():
+        paths += [path for path in _segments_in(Path(spare)) if first_log_id(path, _begin_bytes()) == log_id]
     begins = [_begin(path, log_id) for path in paths]
     longest = [longest_us for _, longest_us in begins[1:]] + [_closing_longest_us(paths[-1], log_id)]
     segments = zip(paths, begins, longest, strict=True)
@@ -337,6 +334,14 @@ def session_in(records: Iterable[Record]) -> dict[str, Any] | None:
         except (ValueError, KeyError, TypeError):
             continue
     return None
+
+
+def _segments_in(folder: Path) -> list[Path]:
+    """Return the segments of a folder in which something was written."""
+    try:
+        return [path for path in segment_paths(folder).values() if not is_hole(path)]
+    except OSError as error:
+        raise StoreError(f"cannot be read: {error.strerror or error}", path=folder) from error
 
 
 def _holds_captures(folder: Path) -> bool:

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import errno
 import json
-from collections.abc import Iterator
+import os
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from recoil_acquisition.errors import StoreError
 from recoil_acquisition.log import folder as folder_module
-from recoil_acquisition.log.folder import in_order, open_log, session_in
-from recoil_acquisition.log.record import HEAD_SIZE, OWN, SCHEMA, Kind, Record
+from recoil_acquisition.log.capture import write_capture
+from recoil_acquisition.log.folder import find_logs, in_order, open_log, session_in
+from recoil_acquisition.log.record import HEAD_SIZE, LONGEST_PAYLOAD, OWN, SCHEMA, Kind, Record
+from recoil_acquisition.log.writer import LogWriter
 from tests.builders.damaged_logs import write_log
+from tests.builders.naive_log import read_file
 
 
 def record(number: int, payload: bytes = b"", *, source: int = 1, kind: int = Kind.SERIAL) -> Record:
@@ -52,8 +58,8 @@ def test_a_record_that_comes_late_within_the_room_takes_its_place(monkeypatch: p
     assert [one.number for one in in_order(moved, 0)] == list(range(10))
 
 
-def part(number: int, of: int, text: str, **changed: object) -> Record:
-    said = {"schema": SCHEMA, "part": number, "of": of, "text": text} | changed
+def part(number: int, of: int, text: str, changed: Mapping[str, object] | None = None) -> Record:
+    said = {"schema": SCHEMA, "part": number, "of": of, "text": text} | dict(changed or {})
     return record(0, json.dumps(said).encode(), source=OWN, kind=Kind.SESSION)
 
 
@@ -63,6 +69,155 @@ def test_a_session_is_put_together_of_its_parts_and_of_nothing_that_a_device_sen
     assert session_in([foreign, other, part(1, 2, '"right"}'), part(0, 2, '{"rig": ')]) == {"rig": "right"}
     assert session_in([foreign, other]) is None
     assert session_in([part(0, 2, "{")]) is None
+
+
+@pytest.mark.parametrize(
+    "changed", [{"part": "first"}, {"part": None}, {"text": "{"}, {"text": "[1]"}, {"text": "1"}, {"of": 2}]
+)
+def test_what_says_no_session_is_none(changed: dict[str, object]) -> None:
+    assert session_in([part(0, 1, "{}", changed)]) is None
+
+
+def test_a_session_stands_behind_what_says_none() -> None:
+    nonsense = [part(0, 1, "{"), record(0, b"[]", source=OWN, kind=Kind.SESSION)]
+    lacking = [record(0, b'{"schema": "%s"}' % SCHEMA.encode(), source=OWN, kind=Kind.SESSION)]
+    assert session_in([*nonsense, *lacking, part(0, 1, '{"rig": 1}')]) == {"rig": 1}
+
+
+def test_a_log_of_another_version_is_refused() -> None:
+    with pytest.raises(StoreError, match="another version") as caught:
+        session_in([part(0, 1, "{}", {"schema": "recoil-daq/log/2"})])
+    assert (caught.value.expected, caught.value.found) == (SCHEMA, "recoil-daq/log/2")
+
+
+def flip(path: Path, *places: int) -> None:
+    content = bytearray(path.read_bytes())
+    for place in places:
+        content[place] ^= 1
+    path.write_bytes(content)
+
+
+def test_of_the_records_of_a_session_the_sound_ones_are_returned(tmp_path: Path) -> None:
+    written = write_log(tmp_path / "log", 5)
+    first, second = (one for one in written if one.kind == Kind.SESSION)
+    assert [one.number for one in open_log(tmp_path / "log").session_records()] == [first.number]
+    flip(tmp_path / "log" / first.file, first.begin + 70)
+    assert [one.number for one in open_log(tmp_path / "log").session_records()] == [second.number]
+
+
+def test_a_log_is_known_by_what_stands_behind_its_longest_record(tmp_path: Path) -> None:
+    with LogWriter(tmp_path / "log", {}, 0, segment_bytes=4 << 20) as writer:
+        writer.append(0, Kind.SERIAL, 0, bytes(LONGEST_PAYLOAD))
+        writer.append(0, Kind.SERIAL, 1, b"behind")
+    path = tmp_path / "log" / "000001.rdlog"
+    behind = next(one for one in read_file(path) if one.payload == b"behind")
+    flip(path, *(one.begin for one in read_file(path) if one.begin < behind.begin))
+    assert [one.payload for one in open_log(tmp_path / "log").records(0)] == [b"behind"]
+
+
+def test_what_is_damaged_of_a_log_counts_in_bytes_wherever_it_lies(tmp_path: Path) -> None:
+    written = write_log(tmp_path / "log", closed=False)
+    damaged = [one for one in written if one.source == 0][10::100]
+    for one in damaged:
+        flip(tmp_path / "log" / one.file, one.begin)
+    path = tmp_path / "log" / written[-1].file
+    path.write_bytes(path.read_bytes()[:-1])
+    survey = open_log(tmp_path / "log").survey()
+    assert len({one.file for one in damaged}) > 1
+    assert survey.unfinished_bytes == len(written[-1].content) - 1
+    assert survey.damaged_bytes == sum(len(one.content) for one in damaged) + survey.unfinished_bytes
+    assert survey.damaged
+
+
+def test_records_that_are_gone_without_a_trace_are_damage_though_no_byte_is(tmp_path: Path) -> None:
+    written = write_log(tmp_path / "log")
+    (tmp_path / "log" / "000002.rdlog").unlink()
+    survey = open_log(tmp_path / "log").survey()
+    assert (survey.damaged_bytes, survey.damaged) == (0, True)
+    assert survey.lost_records == sum(one.file == "000002.rdlog" for one in written)
+
+
+def test_a_record_that_says_nonsense_of_the_whole_log_is_told(tmp_path: Path) -> None:
+    with LogWriter(tmp_path / "log", {}, 0, segment_bytes=1 << 14) as writer:
+        number = writer.say(Kind.CLOSED, 0, {"sources": {"0": 1}})
+    with pytest.raises(StoreError, match=f"record {number} cannot be understood"):
+        open_log(tmp_path / "log").survey()
+
+
+@pytest.fixture
+def spared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the spare folder in which a log has gone on."""
+    with LogWriter(tmp_path / "log", {}, 0, spare=tmp_path / "spare", segment_bytes=1 << 14) as writer:
+        writer.append(0, Kind.SERIAL, 0, b"first")
+        writer.sync()
+        whole = os.writev
+
+        def fail_once(*_arguments: object) -> int:
+            monkeypatch.setattr(os, "writev", whole)
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+        monkeypatch.setattr(os, "writev", fail_once)
+        writer.append(0, Kind.SERIAL, 1, b"second")
+    return tmp_path / "spare"
+
+
+def test_a_log_whose_spare_folder_holds_something_else_leaves_that_where_it_is(tmp_path: Path, spared: Path) -> None:
+    (spared / "notes.txt").touch()
+    open_log(tmp_path / "log").remove()
+    assert [path.name for path in tmp_path.iterdir()] == [spared.name]
+    assert [path.name for path in spared.iterdir()] == ["notes.txt"]
+
+
+def test_of_a_spare_folder_only_the_segments_of_the_log_itself_are_taken(tmp_path: Path, spared: Path) -> None:
+    (first,) = (path.name for path in (tmp_path / "log").glob("*.rdlog"))
+    own = [segment.path for segment in open_log(tmp_path / "log").segments]
+    assert [path.parent.name for path in own] == ["log", spared.name]
+    foreign = spared / "000009.rdlog"
+    write_log(tmp_path / "other", 5)
+    (tmp_path / "other" / first).rename(foreign)
+    log = open_log(tmp_path / "log")
+    assert [segment.path for segment in log.segments] == own
+    log.remove()
+    assert list(spared.iterdir()) == [foreign]
+
+
+def test_a_spare_folder_that_is_opened_itself_is_read_once_however_it_is_called(
+    tmp_path: Path, spared: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for folder in (spared, Path(spared.name)):
+        log = open_log(folder)
+        assert [segment.path for segment in log.segments] == [folder / "000001.rdlog"]
+        assert [one.payload for one in log.records(0)] == [b"second"]
+
+
+def test_a_spare_folder_that_cannot_be_read_is_told(tmp_path: Path, spared: Path) -> None:
+    (spared / "000009.rdlog").symlink_to(tmp_path / "missing")
+    with pytest.raises(StoreError, match="cannot be read") as caught:
+        open_log(tmp_path / "log")
+    assert caught.value.path == spared
+
+
+def test_a_spare_folder_that_is_gone_leaves_the_rest_of_the_log(tmp_path: Path, spared: Path) -> None:
+    spared.rename(tmp_path / "elsewhere")
+    log = open_log(tmp_path / "log")
+    assert [segment.path.parent.name for segment in log.segments] == ["log"]
+    assert log.session["spare"] == str(spared)
+
+
+def test_files_that_are_called_like_segments_and_are_captures_are_no_log(tmp_path: Path) -> None:
+    write_log(tmp_path / "log", 5)
+    (tmp_path / "shots").mkdir()
+    write_capture(open_log(tmp_path / "log"), tmp_path / "shots" / "100000.rdlog", None, None, {})
+    assert find_logs(tmp_path) == (tmp_path / "log",)
+    with pytest.raises(StoreError, match="holds captures and no log"):
+        open_log(tmp_path / "shots")
+
+
+def test_a_log_that_is_being_written_is_not_left_over(tmp_path: Path) -> None:
+    with LogWriter(tmp_path / "log", {}, 0, segment_bytes=1 << 14):
+        assert find_logs(tmp_path) == ()
+    assert find_logs(tmp_path) == (tmp_path / "log",)
 
 
 def test_the_clock_before_an_instant_is_the_last_of_those_at_the_beginnings_of_segments(tmp_path: Path) -> None:
