@@ -153,6 +153,8 @@ class LogWriter:
         self._unsynced_since: float | None = None
         self._syncing_since: float | None = None
         self._fault: StoreError | None = None
+        self._untold = False  # whether no caller has met the fault yet
+        self._in_doubt = False  # whether the disk refused what it was asked to force
         self._spared = ""
         self._closed = False
         self._reserve = SegmentReserve(self.folder, segment_bytes, reserve_bytes)
@@ -216,9 +218,12 @@ class LogWriter:
         with self._lock:
             if self._closed:
                 raise ValueError("this log is closed")
-            if self._fault is not None:
-                raise StoreError(self._fault.problem, path=self.folder, remedy=self._fault.remedy) from self._fault
-            return self._append(source, kind, host_ns, data, payload_crc, span_us)
+            try:
+                self._refuse_if(self._fault)
+                return self._append(source, kind, host_ns, data, payload_crc, span_us)
+            except StoreError:
+                self._untold = False
+                raise
 
     def say(self, kind: Kind, host_ns: int, content: Mapping[str, Any]) -> int:
         """Write one record of the log itself; as `append`."""
@@ -230,30 +235,14 @@ class LogWriter:
         Raises
         ------
         StoreError
-            If the system cannot, and there is no spare folder to go on in. The log takes no more records then: what a
-            failed synchronisation left in memory cannot be trusted to be written by a later one.
+            If the system cannot, or could not before, and there is no spare folder to go on in. The log takes no more
+            records then: what a failed synchronisation left in memory cannot be trusted to be written by a later one.
         """
-        with self._sync_turn:
-            with self._lock:
-                if self._closed or self._unsynced_since is None:
-                    return
-                self._syncing_since, self._unsynced_since = self._unsynced_since, None
-                current, until = self._segment, self._number
-            try:
-                self._written.sync(current)
-            except OSError as error:
-                with self._lock:
-                    self._unsynced_since = self._syncing_since
-                    self._go_on_elsewhere(error)
-                    current, until = self._segment, self._number
-                try:
-                    self._written.sync(current)
-                except OSError as again:
-                    raise self._break(again) from again
-            finally:
-                self._syncing_since = None
-            with self._lock:
-                self._forget(until)
+        try:
+            self._sync()
+        except StoreError:
+            self._untold = False
+            raise
 
     def release(self, before_ns: int, kept: Sequence[tuple[int, int]] = ()) -> int:
         """Remove the segments of which nobody needs anything, and record that this was on purpose.
@@ -320,8 +309,7 @@ class LogWriter:
         with self._lock:
             if self._closed:
                 return
-            already_broken = self._fault is not None
-            if in_order and not already_broken:
+            if in_order and self._fault is None:
                 with contextlib.suppress(StoreError):  # it is in `_fault`, and raised below
                     self._end()
             self._closed = True
@@ -344,7 +332,8 @@ class LogWriter:
         self._unsynced_since = None
         if failure is not None and self._fault is None:
             self._break(failure)
-        if self._fault is not None and not already_broken:
+        if self._fault is not None and self._untold:
+            self._untold = False
             raise self._fault from failure
 
     def __enter__(self) -> LogWriter:
@@ -413,6 +402,32 @@ class LogWriter:
         if kind in _AT_ONCE:
             self._sync_wanted.set()
         return number
+
+    def _sync(self) -> None:
+        with self._sync_turn:
+            with self._lock:
+                if self._closed or self._unsynced_since is None:
+                    return
+                self._refuse_if(self._fault if self._in_doubt else None)
+                self._syncing_since, self._unsynced_since = self._unsynced_since, None
+                current, until = self._segment, self._number
+            try:
+                self._written.sync(current)
+            except OSError as error:
+                self._in_doubt = True
+                with self._lock:
+                    self._unsynced_since = self._syncing_since
+                    self._go_on_elsewhere(error)
+                    current, until = self._segment, self._number
+                try:
+                    self._written.sync(current)
+                except OSError as again:
+                    raise self._break(again) from again
+                self._in_doubt = False
+            finally:
+                self._syncing_since = None
+            with self._lock:
+                self._forget(until)
 
     def _say(self, kind: Kind, host_ns: int, payload: bytes) -> None:
         self._append(OWN, kind, host_ns, payload, zlib.crc32(payload, self._seed), UNKNOWN)
@@ -502,8 +517,12 @@ class LogWriter:
             remedy="what was written before is intact; make room or change the disk, then start a new recording",
         )
         if self._fault is None:
-            self._fault = fault
+            self._untold, self._fault = True, fault
         return fault
+
+    def _refuse_if(self, fault: StoreError | None) -> None:
+        if fault is not None:
+            raise StoreError(fault.problem, path=self.folder, remedy=fault.remedy) from fault
 
     def _give_up(self) -> None:
         """Leave nothing of what could not be begun."""
@@ -520,12 +539,12 @@ class LogWriter:
             self._sync_wanted.wait(wait_s)
             self._sync_wanted.clear()
             started = time.monotonic()
-            # The fault is kept: the next append raises it
+            # The fault is kept: the next call raises it
             with contextlib.suppress(StoreError):
-                if started - self._clock_s >= CLOCK_EVERY_S:
+                if self._fault is None and started - self._clock_s >= CLOCK_EVERY_S:
                     with self._lock:
                         self._say_clock()
-                self.sync()
+                self._sync()
             wait_s = max(0.0, interval_s - (time.monotonic() - started))
 
     def _keep_reserved(self, interval_s: float) -> None:

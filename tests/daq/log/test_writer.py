@@ -18,10 +18,10 @@ import pytest
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.log import writer as writer_module
 from recoil_acquisition.log.folder import find_logs, open_log, remove_log
-from recoil_acquisition.log.record import HEAD_SIZE, OWN, Kind
+from recoil_acquisition.log.record import HEAD_SIZE, LONGEST_PAYLOAD, OWN, UNKNOWN, Kind, Record
 from recoil_acquisition.log.segment import segment_paths
 from recoil_acquisition.log.sync import SegmentSync
-from recoil_acquisition.log.writer import LogWriter
+from recoil_acquisition.log.writer import LogWriter, merged
 from tests.builders.killed_log import kill_a_writer, random_delays_s
 from tests.builders.naive_log import read_file, read_folder
 
@@ -616,3 +616,365 @@ def test_clocks_stand_at_the_beginning_and_every_ten_seconds(tmp_path, monkeypat
         said = clock.said
         assert said["monotonic_ns"] == clock.host_ns
         assert abs(said["wall_ns"] - time.time_ns() - said["monotonic_ns"] + time.monotonic_ns()) < 50_000_000
+
+
+# --- what a record may hold, and what is said of it
+
+
+def test_the_smallest_segment_takes_a_payload_of_one_byte_and_no_longer_one(tmp_path):
+    def refused(size: int) -> bool:
+        try:
+            writer_in(tmp_path / "j", segment_bytes=size).close()
+        except ValueError:
+            return True
+        return False
+
+    smallest = next(size for size in range(64, SEGMENT) if not refused(size))
+    remove_log(tmp_path / "j")
+    with writer_in(tmp_path / "j", segment_bytes=smallest) as writer:
+        for i in range(20):
+            writer.append(0, 0, i, b"x")
+        with pytest.raises(ValueError, match="must not exceed 1 bytes, not 2"):
+            writer.append(0, 0, 20, b"xx")
+    assert [r.payload for r in open_log(tmp_path / "j").records(0)] == [b"x"] * 20
+
+
+def test_the_longest_payload_is_taken_and_none_that_is_longer(tmp_path):
+    with writer_in(tmp_path / "j", segment_bytes=4 << 20) as writer:
+        writer.append(0, 0, 0, bytes(LONGEST_PAYLOAD))
+        with pytest.raises(ValueError, match="must not exceed"):
+            writer.append(0, 0, 1, bytes(LONGEST_PAYLOAD + 1))
+    assert [len(r.payload) for r in open_log(tmp_path / "j").records(0)] == [LONGEST_PAYLOAD]
+
+
+@pytest.mark.parametrize(
+    ("since_ns", "span_us"),
+    [
+        (0, 0), (1, 1), (1000, 1), (1001, 2),
+        # found empty when the read had returned: nothing can have waited
+        (-1, 0), (-5000, 0),
+        (1000 * (UNKNOWN - 1), UNKNOWN - 1), (1000 * UNKNOWN, None), (10**17, None),
+    ],
+)  # fmt: skip
+def test_a_span_is_rounded_up_to_microseconds_and_unknown_if_it_is_too_long(tmp_path, since_ns, span_us):
+    with writer_in(tmp_path / "j") as writer:
+        writer.append(0, 0, 10**15, b"x", empty_ns=10**15 - since_ns)
+    (record,) = open_log(tmp_path / "j").records(0)
+    assert record.span_us == span_us
+
+
+def test_a_wait_is_rounded_up_to_microseconds_and_unknown_if_it_is_too_long(tmp_path, monkeypatch):
+    now_ns = time.monotonic_ns() + 10**9
+    waits = ((0, 0), (1, 1), (1000, 1), (1001, 2), (1000 * (UNKNOWN - 1), UNKNOWN - 1), (1000 * UNKNOWN, None))
+    with writer_in(tmp_path / "j") as writer:
+        monkeypatch.setattr(time, "monotonic_ns", lambda: now_ns)
+        for since_ns, _ in waits:
+            writer.append(0, 0, now_ns - since_ns, b"x")
+        # dated behind the present: what follows was appended no earlier than it
+        writer.append(0, 0, now_ns + 1500, b"x")
+        writer.append(0, 0, now_ns, b"x")
+        monkeypatch.undo()
+    found = [record.wait_us for record in open_log(tmp_path / "j").records(0)]
+    assert found == [wait_us for _, wait_us in waits] + [0, 2]
+
+
+def test_every_session_and_the_end_say_the_longest_wait_and_span_of_all_before(tmp_path):
+    with writer_in(tmp_path / "j") as writer:
+        for i in range(100):
+            read_ns = time.monotonic_ns() - 10_000 * (i % 7)
+            writer.append(0, 0, read_ns, payload(i), empty_ns=None if i % 3 else read_ns - 10**9 * i)
+    longest_us, stated = 0, []
+    for record in open_log(tmp_path / "j").records():
+        if record.kind in (Kind.SESSION, Kind.CLOSED):
+            assert record.said["longest_us"] == longest_us
+            stated.append(longest_us)
+        assert record.wait_us is not None
+        longest_us = max(longest_us, record.wait_us + (record.span_us or 0))
+    assert len(stated) > 5
+    assert stated[0] == 0
+    assert stated[-1] >= 99 * 10**6
+
+
+def test_behind_a_wait_that_is_unknown_the_longest_is_unknown(tmp_path):
+    with writer_in(tmp_path / "j") as writer:
+        writer.append(0, 0, time.monotonic_ns() - 10**14, b"x")
+        writer.append(0, 0, time.monotonic_ns(), b"x")
+    log = open_log(tmp_path / "j")
+    said = [record.said["longest_us"] for record in log.records(OWN) if record.kind == Kind.CLOSED]
+    assert said == [None, None]
+    assert len(list(log.records(0, stop_ns=0))) == 1
+
+
+def test_a_record_says_its_number_and_what_bytes_of_its_source_came_before(tmp_path):
+    write_records(tmp_path / "j", 100)
+    records = read_folder(tmp_path / "j")
+    assert [one.number for one in records] == list(range(len(records)))
+    for source in (0, 1, 2, OWN):
+        own = [one for one in records if one.source == source]
+        assert [one.source_number for one in own] == list(range(len(own)))
+        assert [one.position for one in own] == [sum(len(one.payload) for one in own[:i]) for i in range(len(own))]
+
+
+def test_a_log_whose_writer_was_left_by_an_error_did_not_end_in_order(tmp_path):
+    def fail() -> None:
+        with writer_in(tmp_path / "j") as writer:
+            writer.append(0, 0, 0, b"x")
+            raise RuntimeError("something else")
+
+    with pytest.raises(RuntimeError, match="something else"):
+        fail()
+    survey = open_log(tmp_path / "j").survey()
+    assert (survey.closed, survey.damaged) == (False, False)
+    assert [r[4] for r in as_tuples(tmp_path / "j")] == [b"x"]
+
+
+def test_a_program_that_forgets_to_close_its_log_can_end(tmp_path):
+    before = set(threading.enumerate())
+    with writer_in(tmp_path / "j"):
+        began = set(threading.enumerate()) - before
+        assert began
+        assert all(thread.daemon for thread in began)
+
+
+# --- space, and what is forced to the disk
+
+
+def test_records_take_of_the_reserved_space_what_they_have_of_bytes(tmp_path):
+    with writer_in(tmp_path / "j", reserve_bytes=4 * SEGMENT) as writer:
+        for i in range(20):
+            writer.append(0, 0, i, b"x" * i)
+        counters = writer.counters
+        assert counters.bytes + counters.reserved_bytes == 4 * SEGMENT
+        assert len(segment_paths(tmp_path / "j")) == 4
+
+
+def test_space_is_reserved_again_as_soon_as_it_was_used_or_released(tmp_path, monkeypatch):
+    monkeypatch.setattr(writer_module, "_LONGEST_SYNC_INTERVAL_S", 3600.0)
+
+    def reserved(count: int) -> bool:
+        ends_s = time.monotonic() + 30.0
+        while writer.counters.reserved_bytes < count * SEGMENT and time.monotonic() < ends_s:
+            time.sleep(0.002)
+        return writer.counters.reserved_bytes >= count * SEGMENT
+
+    with writer_in(tmp_path / "j", reserve_bytes=3 * SEGMENT, sync_interval_s=3600.0) as writer:
+        for i in range(100):
+            writer.append(0, 0, i, payload(i))
+        assert reserved(1)
+        assert writer.counters.reserved_bytes < 2 * SEGMENT
+        writer.sync()
+        writer.release(1 << 62)
+        assert reserved(2)
+
+
+def test_what_is_on_the_disk_is_not_forced_there_again(tmp_path, monkeypatch):
+    with writer_in(tmp_path / "j") as writer:
+        writer.append(0, 0, 0, b"x")
+        writer.sync()
+        forced = []
+        monkeypatch.setattr(os, "fdatasync", forced.append)
+        writer.sync()
+        assert forced == []
+
+
+def test_the_age_of_what_is_not_on_the_disk_is_that_of_the_oldest_until_it_is_there(tmp_path, monkeypatch):
+    asked, answered = threading.Event(), threading.Event()
+
+    def wait(_descriptor: int) -> None:
+        asked.set()
+        answered.wait(30.0)
+
+    with writer_in(tmp_path / "j") as writer:
+        writer.sync()
+        monkeypatch.setattr(os, "fdatasync", wait)
+        writer.append(0, Kind.EVENT, 0, b"{}")
+        assert asked.wait(30.0)
+        time.sleep(0.05)
+        writer.append(0, 0, 1, b"while the first is forced to the disk")
+        assert writer.counters.unsynced_s >= 0.05
+        answered.set()
+
+
+def test_the_age_of_what_is_not_on_the_disk_does_not_begin_anew_with_every_record(tmp_path, monkeypatch):
+    monkeypatch.setattr(writer_module, "_LONGEST_SYNC_INTERVAL_S", 3600.0)
+    with writer_in(tmp_path / "j", sync_interval_s=3600.0) as writer:
+        writer.sync()
+        writer.append(0, 0, 0, b"first")
+        time.sleep(0.05)
+        writer.append(0, 0, 1, b"second")
+        assert writer.counters.unsynced_s >= 0.05
+
+
+def test_after_a_sync_that_failed_no_later_one_succeeds(tmp_path, monkeypatch):
+    writer = writer_in(tmp_path / "j")
+    with monkeypatch.context() as failing:
+        failing.setattr(os, "fdatasync", fail_with(errno.EIO))
+        writer.append(0, 0, 0, b"x")
+        with pytest.raises(StoreError, match="Input/output error"):
+            writer.sync()
+    # the system has forgotten what it could not write, and would say that all is well
+    for _ in range(2):
+        with pytest.raises(StoreError, match="Input/output error"):
+            writer.sync()
+    assert writer.counters.unsynced_s > 0
+    writer.close()
+
+
+def test_what_was_written_before_a_write_failed_is_still_forced_to_the_disk(tmp_path, monkeypatch):
+    writer = writer_in(tmp_path / "j")
+    with monkeypatch.context() as failing:
+        writer.append(0, 0, 0, b"x")
+        failing.setattr(os, "writev", fail_with(errno.EIO))
+        with pytest.raises(StoreError, match="Input/output error"):
+            writer.append(0, 0, 1, b"y")
+    writer.sync()
+    assert writer.counters.unsynced_s == 0.0
+    writer.close()
+
+
+def test_a_failure_that_nobody_was_told_is_told_by_close(tmp_path, monkeypatch):
+    failed = threading.Event()
+
+    def fail(_descriptor: int) -> None:
+        failed.set()
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    writer = writer_in(tmp_path / "j")
+    writer.sync()
+    monkeypatch.setattr(os, "fdatasync", fail)
+    writer.append(0, Kind.EVENT, 0, b"{}")
+    assert failed.wait(30.0)
+    monkeypatch.undo()
+    with pytest.raises(StoreError, match="Input/output error"):
+        writer.close()
+    writer.close()
+
+
+def test_a_log_that_cannot_be_written_takes_nothing_more_of_itself_either(tmp_path, monkeypatch):
+    writer = writer_in(tmp_path / "j")
+    writer.append(0, 0, 0, b"x")
+    monkeypatch.setattr(os, "writev", fail_with(errno.EIO))
+    with pytest.raises(StoreError, match="Input/output error"):
+        writer.append(0, 0, 1, b"y")
+    monkeypatch.undo()
+    records = writer.counters.records
+    monkeypatch.setattr(writer_module, "CLOCK_EVERY_S", 0.0)
+    time.sleep(0.5)
+    assert writer.counters.records == records
+    writer.close()
+
+
+def test_what_was_released_is_listed_as_one_stretch_with_its_bytes(tmp_path):
+    with writer_in(tmp_path / "j") as writer:
+        every: dict[int, Record] = {}
+        for k in range(3):
+            for i in range(100 * k, 100 * k + 100):
+                writer.append(i % 2, 0, i * 1000, payload(i))
+            writer.sync()
+            every |= {record.number: record for record in open_log(tmp_path / "j").records()}
+            assert writer.release((100 * k + 50) * 1000) > 0
+        released = writer.counters.released
+    said = [record.said for record in open_log(tmp_path / "j").records(OWN) if record.kind == Kind.RELEASED]
+    gone = [every[number] for number in range(released)]
+    assert said[-1]["records"] == [[0, released - 1, sum(len(record.payload) for record in gone)]]
+    for source in (0, 1, OWN):
+        own = [record for record in gone if record.source == source]
+        expected = [[0, own[-1].source_number, sum(len(record.payload) for record in own)]]
+        assert said[-1]["sources"][str(source)] == expected
+
+
+def test_nothing_goes_before_the_list_of_what_is_released_is_on_the_disk(tmp_path, monkeypatch):
+    with writer_in(tmp_path / "j") as writer:
+        for i in range(100):
+            writer.append(0, 0, i * 1000, payload(i))
+        writer.sync()
+        before = segment_paths(tmp_path / "j")
+        monkeypatch.setattr(os, "fdatasync", fail_with(errno.EIO))
+        with pytest.raises(StoreError, match="Input/output error"):
+            writer.release(1 << 62)
+        assert before.items() <= segment_paths(tmp_path / "j").items()
+        assert len(before) > 2
+    assert as_tuples(tmp_path / "j") == [(i, 0, 0, i * 1000, payload(i)) for i in range(100)]
+
+
+def test_stretches_of_numbers_that_follow_one_another_are_one():
+    assert merged([]) == []
+    assert merged([(5, 6, 20), (0, 1, 3), (2, 4, 7)]) == [(0, 6, 30)]
+    assert merged([(0, 1, 3), (3, 4, 7)]) == [(0, 1, 3), (3, 4, 7)]
+
+
+# --- what a disk that failed has in doubt
+
+
+def test_what_is_in_doubt_is_read_from_as_many_segments_of_the_spare_folder_as_it_needs(tmp_path, monkeypatch):
+    whole, there, asked = os.fdatasync, threading.Event(), []
+
+    def fail_once_all_is_there(descriptor: int) -> None:
+        asked.append(descriptor)
+        if len(asked) == 1:
+            there.wait(30.0)
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        whole(descriptor)
+
+    with writer_in(tmp_path / "j", spare=tmp_path / "spare") as writer:
+        writer.append(0, 0, 0, payload(0))
+        writer.sync()
+        synced = (tmp_path / "j" / "000001.rdlog").read_bytes()
+        monkeypatch.setattr(os, "fdatasync", fail_once_all_is_there)
+        for i in range(1, 150):
+            writer.append(i % 3, i % 5, i * 1000, payload(i))
+        there.set()
+        writer.sync()
+        assert "Input/output error" in writer.counters.spare
+        # it stands in two folders, or in none that is sure: nothing of it goes
+        assert writer.release(1 << 62) == 0
+    assert len(segment_paths(tmp_path / "spare")) > 3
+    for path in segment_paths(tmp_path / "j").values():
+        path.unlink()
+    (tmp_path / "j" / "000001.rdlog").write_bytes(synced)
+    assert as_tuples(tmp_path / "j") == written(150)
+    survey = open_log(tmp_path / "j").survey()
+    assert (survey.lost_records, survey.losses, survey.closed) == (0, (), True)
+
+
+def test_what_is_held_in_memory_until_it_is_on_the_disk_is_bounded(tmp_path, monkeypatch):
+    monkeypatch.setattr(writer_module, "_LONGEST_SYNC_INTERVAL_S", 3600.0)
+    monkeypatch.setattr(writer_module, "_KEPT_BYTES", 10 * (HEAD_SIZE + 100))
+    options = {"segment_bytes": 1 << 16, "sync_interval_s": 3600.0}
+    with writer_in(tmp_path / "j", spare=tmp_path / "spare", **options) as writer:
+        for i in range(30):
+            writer.append(0, 0, i, bytes([i]) * 100)
+        monkeypatch.setattr(os, "fdatasync", fail_once(errno.EIO))
+        writer.sync()
+    (again,) = segment_paths(tmp_path / "spare").values()
+    assert [one.payload[0] for one in read_file(again) if one.source == 0] == list(range(20, 30))
+    assert [r.payload[0] for r in open_log(tmp_path / "j").records(0)] == list(range(30))
+
+
+def test_what_is_appended_while_the_disk_is_forced_is_in_doubt_until_it_is_forced_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(writer_module, "_KEPT_BYTES", 4 * SEGMENT)  # what was forced there before takes none of it
+    whole, asked = os.fdatasync, []
+
+    def append_then_fail(descriptor: int) -> None:
+        asked.append(descriptor)
+        if len(asked) == 1:
+            writer.append(101 % 3, 101 % 5, 101_000, payload(101))
+        if len(asked) == 2:
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        whole(descriptor)
+
+    with writer_in(tmp_path / "j", spare=tmp_path / "spare", segment_bytes=1 << 16) as writer:
+        for i in range(100):
+            writer.append(i % 3, i % 5, i * 1000, payload(i))
+            writer.sync()
+        synced = (tmp_path / "j" / "000001.rdlog").read_bytes()
+        monkeypatch.setattr(os, "fdatasync", append_then_fail)
+        writer.append(100 % 3, 100 % 5, 100_000, payload(100))
+        writer.sync()
+        writer.sync()
+        assert "Input/output error" in writer.counters.spare
+    size = HEAD_SIZE + len(payload(100))
+    at = len(synced.rstrip(b"\0"))
+    content = (tmp_path / "j" / "000001.rdlog").read_bytes()
+    (tmp_path / "j" / "000001.rdlog").write_bytes(content[: at + size])
+    assert as_tuples(tmp_path / "j") == written(102)
