@@ -12,7 +12,9 @@ from recoil_acquisition.errors import CorruptFileError, ReadError, StoreError
 from recoil_acquisition.log.capture import capture_holds, extents, read_capture, write_capture
 from recoil_acquisition.log.folder import Log, open_log
 from recoil_acquisition.log.record import OWN, UNNUMBERED, Kind
+from recoil_acquisition.log.tally import Loss
 from recoil_acquisition.log.writer import LogWriter
+from tests.builders import rdlog_bytes
 from tests.builders.damaged_logs import write_log
 from tests.builders.naive_log import read_file, read_folder
 
@@ -41,6 +43,9 @@ def test_a_capture_holds_the_range_byte_for_byte_and_can_be_read_without_the_log
     order = [one.kind for one in copied]
     assert order[:3] == [Kind.SESSION, Kind.CLOCK, Kind.SHOT]
     assert order[-2:] == [Kind.SHOT, Kind.SESSION]
+    # the declaration is in no log: nothing is said of when it arrived and of what came before it
+    declared = [one for one in copied if one.number == UNNUMBERED]
+    assert [(one.host_ns, one.source_number, one.position) for one in declared] == [(0, 0, 0)] * 2
 
     capture = read_capture(path)
 
@@ -66,14 +71,18 @@ def test_any_record_that_is_missing_of_a_capture_is_said_and_no_log_is_removed_f
     write_capture(log, path, start, stop, {})
     content = path.read_bytes()
     inside = {r.number for r in log.records(start_ns=start, stop_ns=stop)}
+    beside = {(r.source, r.source_number): r for r in read_capture(path).records}
     for one in read_file(path):
         if one.number not in inside or one.source == OWN:
             continue
         path.write_bytes(content[: one.begin] + content[one.begin + len(one.content) :])
         capture = read_capture(path)
-        assert [(loss.source, loss.first, loss.last) for loss in capture.losses] == [
-            (one.source, one.source_number, one.source_number)
-        ]
+        source, number = one.source, one.source_number
+        before, behind = beside.get((source, number - 1)), beside.get((source, number + 1))
+        # its bytes and its instants are known by what stands before and behind it
+        size = 0 if before is None or behind is None else len(one.payload)
+        from_ns, until_ns = before and before.host_ns, behind and behind.from_ns
+        assert capture.losses == (Loss(source, number, number, size, from_ns, until_ns),)
         assert not capture.complete
         assert not capture_holds(log, path, start, stop)
 
@@ -111,6 +120,42 @@ def test_a_capture_without_its_declaration_is_not_complete(log, tmp_path):
     assert not read_capture(path).complete
 
 
+@pytest.mark.parametrize("holds", [None, "all", {"x": [0, 9]}, {"0": 9}, {"0": [0]}, {"0": ["a", 9]}, {"0": [0, None]}])
+def test_what_is_missing_shows_in_the_numbers_where_a_declaration_does_not_say_what_it_holds(tmp_path, holds):
+    path = tmp_path / "x.rdlog"
+    records = [(0, rdlog_bytes.SERIAL, 1000 * i, bytes(10 * i)) for i in range(5)]
+    content = rdlog_bytes.rdlog({}, records, {"shot": "7", "holds": holds})
+    path.write_bytes(content)
+    assert read_capture(path).losses == ()
+    # it is the second of its source, behind the session and the first
+    path.write_bytes(content.replace(rdlog_bytes.record(2, *records[1], 1, 0), b""))
+    assert read_capture(path).losses == (Loss(0, 1, 1, 10, 0, 2000),)
+
+
+def test_a_capture_of_a_log_without_a_sound_clock_has_none(tmp_path):
+    for one in write_log(tmp_path / "log", 20):
+        path = tmp_path / "log" / one.file
+        content = bytearray(path.read_bytes())
+        content[one.begin + 70] ^= one.kind == Kind.CLOCK
+        path.write_bytes(content)
+    log = open_log(tmp_path / "log")
+    write_capture(log, tmp_path / "x.rdlog", None, None, {})
+    kinds = {record.kind for record in read_capture(tmp_path / "x.rdlog").records}
+    assert kinds == {Kind.SESSION, Kind.SERIAL, Kind.CLOSED}
+    assert capture_holds(log, tmp_path / "x.rdlog", None, None)
+
+
+def test_a_capture_is_read_though_its_beginning_is_damaged(log, tmp_path):
+    path = tmp_path / "whole.rdlog"
+    write_capture(log, path, *middle(log), {"shot": "7"})
+    whole = read_capture(path)
+    path.write_bytes(bytes(100) + path.read_bytes()[100:])
+    capture = read_capture(path)
+    assert set(capture.records) == set(whole.records)
+    assert (capture.session, capture.declaration) == (whole.session, whole.declaration)
+    assert [damage.at for damage in capture.damages] == [0]
+
+
 def test_a_capture_of_another_log_holds_nothing_of_this_one(log, tmp_path):
     write_log(tmp_path / "other")
     write_capture(open_log(tmp_path / "other"), tmp_path / "x.rdlog", None, None, {})
@@ -134,6 +179,22 @@ def test_a_capture_is_not_written_over_and_a_failed_one_leaves_nothing(log, tmp_
     assert [p.name for p in tmp_path.iterdir()] == ["x.rdlog"]
 
 
+def test_a_capture_is_written_where_a_file_cannot_have_two_names(log, tmp_path, monkeypatch):
+    def refuse(*_arguments: object) -> None:
+        raise OSError(1, "Operation not permitted")
+
+    monkeypatch.setattr(Path, "hardlink_to", refuse)
+    write_capture(log, tmp_path / "x.rdlog", None, None, {})
+    assert capture_holds(log, tmp_path / "x.rdlog", None, None)
+    assert [p.name for p in tmp_path.iterdir()] == ["x.rdlog"]
+
+
+def test_a_capture_for_a_folder_that_is_not_there_is_refused(log, tmp_path):
+    with pytest.raises(StoreError, match="cannot be written"):
+        write_capture(log, tmp_path / "missing" / "x.rdlog", None, None, {})
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_capture_of_a_log_that_is_still_written(tmp_path):
     with LogWriter(tmp_path / "log", {"rig": "x"}, 0, segment_bytes=1 << 16) as writer:
         for i in range(500):
@@ -142,15 +203,16 @@ def test_a_capture_of_a_log_that_is_still_written(tmp_path):
     assert sum(record.source == 0 for record in read_capture(tmp_path / "x.rdlog").records) == 100
 
 
-def test_what_the_log_says_of_a_range_afterwards_is_no_part_of_its_capture(tmp_path):
+@pytest.mark.parametrize(("start", "stop"), [(100, 400), (None, 400), (100, None)])
+def test_what_the_log_says_of_a_range_afterwards_is_no_part_of_its_capture(tmp_path, start, stop):
     with LogWriter(tmp_path / "log", {"rig": "x"}, 0, segment_bytes=1 << 16) as writer:
         for i in range(300):
             writer.append(0, Kind.SERIAL, i, bytes(100))
-        write_capture(open_log(tmp_path / "log"), tmp_path / "x.rdlog", 100, 400, {})
+        write_capture(open_log(tmp_path / "log"), tmp_path / "x.rdlog", start, stop, {})
         writer.append(OWN, Kind.SHOT, 250, b'{"shot": "0002"}')
-        assert capture_holds(open_log(tmp_path / "log"), tmp_path / "x.rdlog", 100, 400)
+        assert capture_holds(open_log(tmp_path / "log"), tmp_path / "x.rdlog", start, stop)
         writer.append(0, Kind.SERIAL, 350, bytes(100))
-        assert not capture_holds(open_log(tmp_path / "log"), tmp_path / "x.rdlog", 100, 400)
+        assert not capture_holds(open_log(tmp_path / "log"), tmp_path / "x.rdlog", start, stop)
 
 
 def test_files_that_are_no_capture_are_said(tmp_path):

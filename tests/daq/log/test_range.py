@@ -81,6 +81,36 @@ def test_a_range_is_a_filter_of_all_however_late_something_was_appended(tmp_path
     assert faults_of_windows(tmp_path / "log", 60, 1) == []
 
 
+@pytest.mark.parametrize("step_ns", [0, 1300])
+def test_a_range_is_a_filter_of_all_to_the_nanosecond(tmp_path, monkeypatch, step_ns):
+    choice = random.Random(6)  # noqa: S311 - a test's choice, no secret
+    clock = Clock()
+    monkeypatch.setattr(writer_module, "time", clock)
+    monkeypatch.setattr(writer_module, "anchor", lambda: Anchor(0, clock.now_ns, 0))
+    began_ns = clock.now_ns
+    with LogWriter(tmp_path / "log", {}, 0, segment_bytes=1 << 20) as writer:
+        for i in range(240):
+            clock.now_ns += step_ns
+            read_ns = clock.now_ns - choice.randrange(3000)
+            span_ns = choice.randrange(5000)
+            # one every so often that waits for longest, from the first instant that it may hold until it is appended
+            if i % 80 == 40:
+                read_ns, span_ns = clock.now_ns - 3000, 5000
+            writer.append(0, Kind.SERIAL, read_ns, bytes(12_000), empty_ns=read_ns - span_ns)
+    log = open_log(tmp_path / "log")
+    records = list(log.records(0))
+    longest = [record for record in records if record.host_ns - record.from_ns == 5000]
+    last_begins_ns = log.segments[-1].begin_ns
+    assert len(log.segments) >= 3
+    assert last_begins_ns is not None
+    for start in (began_ns, *(last_begins_ns + off for off in (-1000, -1, 0, 1, 999))):
+        expected = [record for record in records if record.host_ns >= start]
+        assert list(log.records(0, start_ns=start)) == expected
+    for stop in (record.from_ns + off for record in longest for off in (0, 1)):
+        expected = [record for record in records if record.from_ns < stop]
+        assert list(log.records(0, stop_ns=stop)) == expected
+
+
 def test_a_range_is_a_filter_of_all_where_the_log_is_damaged(tmp_path, monkeypatch):
     write_late(tmp_path / "log", monkeypatch, closed=True)
     choice = random.Random(2)  # noqa: S311 - a test's choice, no secret
