@@ -134,8 +134,8 @@ class Log:
         parts: dict[int, Record] = {}
         for record in _beginnings([segment.path for segment in self.segments], self.log_id):
             if record.source == OWN and record.kind == Kind.SESSION:
-                with contextlib.suppress(ValueError, TypeError):
-                    parts.setdefault(int(record.said.get("part", 0)), record)
+                with contextlib.suppress(ValueError, TypeError, KeyError):
+                    parts.setdefault(int(record.said["part"]), record)
         return [parts[i] for i in sorted(parts)]
 
     def clock_before(self, start_ns: int | None) -> Record | None:

@@ -58,6 +58,20 @@ def test_a_record_that_comes_late_within_the_room_takes_its_place(monkeypatch: p
     assert [one.number for one in in_order(moved, 0)] == list(range(10))
 
 
+def test_what_waited_comes_as_soon_as_the_record_before_it_has_come() -> None:
+    taken: list[int] = []
+
+    def one_late() -> Iterator[Record]:
+        for number in (0, 2, 3, 1, 4, 5):
+            taken.append(number)
+            yield record(number)
+
+    came = in_order(one_late(), 0)
+    assert [next(came).number for _ in range(4)] == [0, 1, 2, 3]
+    assert taken == [0, 2, 3, 1]
+    assert [one.number for one in came] == [4, 5]
+
+
 def part(number: int, of: int, text: str, changed: Mapping[str, object] | None = None) -> Record:
     said = {"schema": SCHEMA, "part": number, "of": of, "text": text} | dict(changed or {})
     return record(0, json.dumps(said).encode(), source=OWN, kind=Kind.SESSION)
@@ -103,6 +117,14 @@ def test_of_the_records_of_a_session_the_sound_ones_are_returned(tmp_path: Path)
     assert [one.number for one in open_log(tmp_path / "log").session_records()] == [first.number]
     flip(tmp_path / "log" / first.file, first.begin + 70)
     assert [one.number for one in open_log(tmp_path / "log").session_records()] == [second.number]
+
+
+def test_what_says_no_part_of_a_session_is_none_of_its_records(tmp_path: Path) -> None:
+    with LogWriter(tmp_path / "log", {}, 0, segment_bytes=1 << 14) as writer:
+        for said in ({"text": "{}"}, {"part": "x"}, {"part": None}):
+            writer.say(Kind.SESSION, 0, said)
+        writer.append(1, Kind.SESSION, 0, b'{"part": 1}')
+    assert [one.number for one in open_log(tmp_path / "log").session_records()] == [0]
 
 
 def test_a_log_is_known_by_what_stands_behind_its_longest_record(tmp_path: Path) -> None:
