@@ -14,6 +14,7 @@ from recoil_acquisition.log.folder import Log, open_log
 from recoil_acquisition.log.record import OWN, UNNUMBERED, Kind
 from recoil_acquisition.log.tally import Loss
 from recoil_acquisition.log.writer import LogWriter
+from recoil_acquisition.new_file import partial_path
 from tests.builders import rdlog_bytes
 from tests.builders.damaged_logs import write_log
 from tests.builders.naive_log import read_file, read_folder
@@ -124,12 +125,22 @@ def test_a_capture_without_its_declaration_is_not_complete(log, tmp_path):
 def test_what_is_missing_shows_in_the_numbers_where_a_declaration_does_not_say_what_it_holds(tmp_path, holds):
     path = tmp_path / "x.rdlog"
     records = [(0, rdlog_bytes.SERIAL, 1000 * i, bytes(10 * i)) for i in range(5)]
-    content = rdlog_bytes.rdlog({}, records, {"shot": "7", "holds": holds})
+    alone = (3, rdlog_bytes.SERIAL, 9000, b"alone")
+    content = rdlog_bytes.rdlog({}, [*records, alone], {"shot": "7", "holds": holds})
     path.write_bytes(content)
     assert read_capture(path).losses == ()
     # it is the second of its source, behind the session and the first
     path.write_bytes(content.replace(rdlog_bytes.record(2, *records[1], 1, 0), b""))
     assert read_capture(path).losses == (Loss(0, 1, 1, 10, 0, 2000),)
+
+
+def test_what_a_capture_is_of_is_what_it_declares_first(tmp_path):
+    path = tmp_path / "x.rdlog"
+    kept, other = (
+        rdlog_bytes.record(UNNUMBERED, OWN, kind, 0, b'{"shot": "%d"}' % kind, 0, 0) for kind in (Kind.KEPT, Kind.SHOT)
+    )
+    path.write_bytes(kept + rdlog_bytes.rdlog({}, [], {"shot": "7"}) + other)
+    assert read_capture(path).declaration == {"shot": "7"}
 
 
 def test_a_capture_of_a_log_without_a_sound_clock_has_none(tmp_path):
@@ -186,6 +197,13 @@ def test_a_capture_is_written_where_a_file_cannot_have_two_names(log, tmp_path, 
     monkeypatch.setattr(Path, "hardlink_to", refuse)
     write_capture(log, tmp_path / "x.rdlog", None, None, {})
     assert capture_holds(log, tmp_path / "x.rdlog", None, None)
+    assert [p.name for p in tmp_path.iterdir()] == ["x.rdlog"]
+
+
+def test_what_an_attempt_that_a_crash_ended_left_goes_with_the_next(log, tmp_path):
+    left = partial_path(tmp_path / "x.rdlog")
+    left.write_bytes(b"half")
+    write_capture(log, tmp_path / "x.rdlog", None, None, {})
     assert [p.name for p in tmp_path.iterdir()] == ["x.rdlog"]
 
 

@@ -133,11 +133,12 @@ def test_a_range_that_ends_with_its_segment_too_early_is_found_out(tmp_path, mon
     assert faults_of_windows(tmp_path / "log", 60, 1) != []
 
 
-def test_only_the_range_is_read(tmp_path, monkeypatch):
+@pytest.mark.parametrize("segment_bytes", [4 << 20, 64 << 20])
+def test_only_the_range_is_read(tmp_path, monkeypatch, segment_bytes):
     clock = Clock()
     monkeypatch.setattr(writer_module, "time", clock)
     monkeypatch.setattr(writer_module, "anchor", lambda: Anchor(0, clock.now_ns, 0))
-    with LogWriter(tmp_path / "log", {}, 0, segment_bytes=4 << 20) as writer:
+    with LogWriter(tmp_path / "log", {}, 0, segment_bytes=segment_bytes) as writer:
         for _ in range(8000):
             clock.now_ns += STEP_NS
             writer.append(0, Kind.SERIAL, clock.now_ns, bytes(4000))

@@ -713,6 +713,10 @@ def test_a_record_says_its_number_and_what_bytes_of_its_source_came_before(tmp_p
         own = [one for one in records if one.source == source]
         assert [one.source_number for one in own] == list(range(len(own)))
         assert [one.position for one in own] == [sum(len(one.payload) for one in own[:i]) for i in range(len(own))]
+    data = [[one for one in records if one.source == source] for source in (0, 1, 2)]
+    totals = {str(i): [len(own), sum(len(one.payload) for one in own)] for i, own in enumerate(data)}
+    closed = [record.said["sources"] for record in open_log(tmp_path / "j").records(OWN) if record.kind == Kind.CLOSED]
+    assert closed == [totals, totals]
 
 
 def test_a_log_whose_writer_was_left_by_an_error_did_not_end_in_order(tmp_path):
