@@ -154,6 +154,21 @@ def test_only_the_range_is_read(tmp_path, monkeypatch, segment_bytes):
     assert 80 * 4000 < sum(read) < size / 10
 
 
+def test_a_range_is_a_filter_of_all_where_payloads_hold_copies_of_earlier_records(tmp_path, monkeypatch):
+    clock = Clock()
+    monkeypatch.setattr(writer_module, "time", clock)
+    monkeypatch.setattr(writer_module, "anchor", lambda: Anchor(0, clock.now_ns, 0))
+    with LogWriter(tmp_path / "log", {}, 0, segment_bytes=4 << 20) as writer:
+        first = (tmp_path / "log" / "000001.rdlog").read_bytes().rstrip(b"\0")
+        for _ in range(400):
+            clock.now_ns += STEP_NS
+            writer.append(0, Kind.SERIAL, clock.now_ns, first.rjust(4000))
+    log = open_log(tmp_path / "log")
+    everything = list(log.records(0))
+    for start in (10, 100, 200, 390):
+        assert list(log.records(0, start_ns=everything[start].host_ns)) == everything[start:]
+
+
 def test_records_are_selected_by_source(tmp_path, monkeypatch):
     write_late(tmp_path / "log", monkeypatch, closed=True)
     log = open_log(tmp_path / "log")
