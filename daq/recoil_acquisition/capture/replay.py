@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from recoil_acquisition.capture.engine import LAG_S, SETTLE_S
 from recoil_acquisition.capture.live_source import LiveSource, signals_of
-from recoil_acquisition.devices.device import SERIAL, Block
+from recoil_acquisition.devices.device import Block
 from recoil_acquisition.trigger import Decision, ShotCutter, ShotWindow, Trigger, TriggerDetector
 from recoil_acquisition.trigger.decision import HOLDOFF, MANUAL, WITHIN_POST
 
@@ -62,10 +62,11 @@ def outrun(
         In the order of time.
     """
     names = [channel.name for source in sources for channel in source.channels]
-    every = replace(trigger, post_s=_AT_ONCE_S, holdoff_s=0.0, extend=False)
+    # so that none is lost: of two channels that cross at one instant the second is an extension, until it is ruled on
+    every = replace(trigger, post_s=_AT_ONCE_S, holdoff_s=0.0, extend=True)
     detector = TriggerDetector(every, names, max_lag_s=LAG_S)
     detector.arm(-float("inf"))
-    wanted = [(s, [c for c in s.channels if s.kind == SERIAL or c.name in trigger.channels]) for s in sources]
+    wanted = [(source, [c for c in source.channels if c.name in trigger.channels]) for source in sources]
     signals = {source.name: signals_of(source, channels) for source, channels in wanted if channels}
     crossings: list[Decision] = []
     for block in blocks:
@@ -78,7 +79,7 @@ def outrun(
     crossings += detector.finish()
     found: list[Decision] = []
     for crossing in crossings:
-        if crossing.outcome == "trigger" and not any(_same(crossing, one) for one in decided):
+        if crossing.outcome != "suppressed" and not any(_same(crossing, one) for one in decided):
             found.append(_ruled(crossing, trigger, [*decided, *found]))
     return found
 
@@ -94,7 +95,7 @@ def _ruled(crossing: Decision, trigger: Trigger, before: Sequence[Decision]) -> 
     if crossing.time_s < last_s + trigger.holdoff_s:
         return replace(crossing, outcome="suppressed", reason=HOLDOFF)
     if crossing.time_s >= last_s + trigger.post_s:
-        return crossing
+        return replace(crossing, outcome="trigger")
     if trigger.extend:
         return replace(crossing, outcome="extension")
     return replace(crossing, outcome="suppressed", reason=WITHIN_POST)

@@ -9,10 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recoil_acquisition.capture.engine import CaptureEngine
+from recoil_acquisition.capture.engine import SETTLE_S, CaptureEngine
 from recoil_acquisition.capture.replay import outrun, replayed
 from recoil_acquisition.devices.device import Block
 from recoil_acquisition.trigger import Decision, Edge, Trigger
+from recoil_acquisition.trigger.decision import HOLDOFF, MANUAL, NOT_ARMED
 from tests.builders.live_sources import bus, can_block, can_record, port, serial_block, serial_frame
 
 TRIGGER = Trigger((Edge("pressure", 50e3, 20e3),), pre_s=0.2, post_s=0.3)
@@ -60,6 +61,96 @@ def test_a_shot_that_a_crash_cut_short_ends_where_the_data_does() -> None:
     (window,) = replayed(held, TRIGGER, decided(TRIGGER, blocks({100}, 110)))
     assert window.trigger_s == pytest.approx(11.0)
     assert window.late_sources == ("bus", "port")
+
+
+def pulsed(pressure: dict[float, float], rate: dict[float, float]) -> list[Block]:
+    """Blocks at instants that a number of the machine holds exactly; the bus comes first of the two."""
+    made = []
+    for k, t in enumerate(sorted({*pressure, *rate})):
+        made += [can_block(t, can_record(t, pressure[t]))] if t in pressure else []
+        made += [serial_block(t, serial_frame(k, rate[t]))] if t in rate else []
+    return made
+
+
+EITHER = replace(TRIGGER, conditions=(Edge("pressure", 50e3, 20e3), Edge("rate", -50.0, -20.0, slope="falling")))
+
+
+@pytest.mark.parametrize("extend", [True, False])
+@pytest.mark.parametrize("holdoff_s", [0.0, 0.25])
+def test_of_two_channels_that_cross_at_one_instant_the_second_begins_no_other_shot(
+    holdoff_s: float, extend: bool
+) -> None:
+    trigger = replace(EITHER, holdoff_s=holdoff_s, extend=extend)
+    recorded = pulsed({10.0: 0.0, 10.5: 100.0, 11.0: 0.0}, {10.0: 1.0, 10.5: 80.0, 11.0: 1.0})
+    live = decided(trigger, recorded)
+    assert [one.channel for one in live] == ["pressure", "rate"]
+    assert outrun(SOURCES, trigger, recorded, []) == live
+    # the first may have been decided while nothing counted
+    (alone,) = outrun(SOURCES, trigger, recorded, [replace(live[0], outcome="suppressed", reason=NOT_ARMED)])
+    assert (alone.channel, alone.outcome) == ("rate", "trigger")
+
+
+@pytest.mark.parametrize("extend", [True, False])
+@pytest.mark.parametrize("holdoff_s", [0.0, 0.25, 0.5, 0.75])
+@pytest.mark.parametrize("post_s", [0.25, 0.5, 0.75])
+def test_a_crossing_at_the_very_end_of_the_post_time_or_the_holdoff_is_decided_as_live(
+    post_s: float, holdoff_s: float, extend: bool
+) -> None:
+    trigger = replace(TRIGGER, post_s=post_s, holdoff_s=holdoff_s, extend=extend)
+    recorded = pulsed({10.0: 0.0, 10.5: 100.0, 10.75: 0.0, 11.0: 100.0, 11.25: 0.0, 11.5: 100.0}, {})
+    live = decided(trigger, recorded)
+    assert len(live) == 3
+    assert outrun(SOURCES, trigger, recorded, []) == live
+    assert [*live[:1], *outrun(SOURCES, trigger, recorded, live[:1])] == live
+
+
+def test_neither_a_shot_by_hand_nor_what_was_suppressed_holds_off_a_crossing() -> None:
+    trigger = replace(TRIGGER, holdoff_s=1.0)
+    recorded = pulsed({10.0: 0.0, 10.5: 100.0}, {})
+    (crossing,) = decided(trigger, recorded)
+    for before in (
+        replace(crossing, time_s=10.125, channel="", condition=MANUAL, index=MANUAL, value=None),
+        replace(crossing, time_s=10.125, outcome="suppressed", reason=HOLDOFF),
+    ):
+        assert outrun(SOURCES, trigger, recorded, [before]) == [crossing]
+    (held_off,) = outrun(SOURCES, trigger, recorded, [replace(crossing, time_s=10.125)])
+    assert (held_off.outcome, held_off.reason) == ("suppressed", HOLDOFF)
+
+
+def test_a_later_trigger_holds_off_no_crossing_before_it() -> None:
+    recorded = pulsed({10.0: 0.0, 10.5: 100.0}, {})
+    (crossing,) = decided(TRIGGER, recorded)
+    assert outrun(SOURCES, TRIGGER, recorded, [replace(crossing, time_s=11.0)]) == [crossing]
+
+
+@pytest.mark.parametrize(
+    ("off_s", "channel", "again"),
+    [
+        (-SETTLE_S, "pressure", False),
+        (SETTLE_S, "pressure", False),
+        (-SETTLE_S - 0.125, "pressure", True),
+        (SETTLE_S + 0.125, "pressure", True),
+        (0.0, "rate", True),
+    ],
+)
+def test_only_what_a_recorded_decision_of_its_channel_lies_next_to_is_not_decided_again(
+    off_s: float, channel: str, again: bool
+) -> None:
+    recorded = pulsed({10.0: 0.0, 10.5: 100.0}, {})
+    (crossing,) = decided(TRIGGER, recorded)
+    before = replace(crossing, time_s=crossing.time_s + off_s, channel=channel)
+    assert bool(outrun(SOURCES, TRIGGER, recorded, [before])) is again
+
+
+def test_what_is_beyond_the_level_from_the_beginning_is_no_crossing() -> None:
+    assert outrun(SOURCES, TRIGGER, pulsed({10.0: 100.0, 10.5: 100.0}, {}), []) == []
+
+
+def test_what_was_read_late_makes_a_window_begin_where_it_may_have_arrived() -> None:
+    (decision,) = decided(TRIGGER, pulsed({10.0: 0.0, 10.5: 100.0}, {}))
+    held = {"bus": [(5.0, 20.0)], "port": [(5.0, 20.0)]}
+    begins = [replayed(held, TRIGGER, [decision], stalls)[0].start_s for stalls in ((), [(9.5, 10.5)], [(8.0, 9.0)])]
+    assert begins == pytest.approx([10.3, 9.3, 10.3])
 
 
 @given(
