@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.capture.engine import CaptureEngine
-from recoil_acquisition.capture.held_back import HeldBack
+from recoil_acquisition.capture.held_back import LONGEST_S, HeldBack
 from recoil_acquisition.capture.live_source import signals_of
 from recoil_acquisition.devices.device import CAN, Block
 from recoil_acquisition.frames.can_rows import DEVICE_TIME, pack_row
@@ -54,6 +54,36 @@ def test_after_a_second_it_is_known_how_late_frames_usually_are() -> None:
     assert found[1100:1200] == pytest.approx(0.3, abs=2e-3)
 
 
+@pytest.mark.parametrize(("first_s", "known"), [(0.7, False), (0.8, True)])
+def test_it_is_known_once_frames_of_four_quarters_of_a_second_are_there(first_s: float, known: bool) -> None:
+    due_s = STEP_S * np.arange(round(first_s / STEP_S) + 10)
+    held_s = np.zeros(due_s.size)
+    held_s[-10:] = 0.3
+    assert late_s(due_s, held_s)[-10:] == pytest.approx(0.3 if known else 0.0, abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("quarters", "late"),
+    [
+        ((0, 0, 0.02, 0.02), True),
+        ((0, 0, 0, 0.02, 0.02, 0.02), True),
+        ((0.02, 0.02, 0.02, 0, 0, 0.02), False),
+        ((0, 0, 0.02, 0.02, 0.02), False),
+    ],
+)
+def test_a_delay_is_usual_once_more_than_half_of_the_quarters_had_it(quarters: tuple[float, ...], late: bool) -> None:
+    held_s = np.repeat(quarters, 250)
+    found = late_s(STEP_S * np.arange(held_s.size), held_s)
+    # within the last quarter, without what comes so late in it that it is of the next
+    assert found[-200:-30] == pytest.approx(0.02 if late else 0.0, abs=1e-3)
+
+
+def test_frames_that_are_read_one_by_one_are_dated_as_those_that_are_read_together() -> None:
+    due_s = STEP_S * np.arange(3000)
+    held_s = np.where(due_s > 2.5, 0.3, 0.0)
+    assert late_s(due_s, held_s, block=1) == pytest.approx(late_s(due_s, held_s), abs=1e-4)
+
+
 def test_frames_that_share_a_stamp_are_no_clock_that_was_set_back() -> None:
     due_s = np.repeat(2 * STEP_S * np.arange(1500), 2)
     found = late_s(due_s, np.where(due_s >= 2.5, 0.3, 0.0), block=9)
@@ -80,6 +110,16 @@ def test_a_clock_that_is_set_between_two_reads_or_within_one_is_no_delay(step_s,
 def test_a_lasting_delay_of_more_than_a_second_is_not_believed() -> None:
     due_s = STEP_S * np.arange(6000)
     assert late_s(due_s, np.where(due_s > 3.0, 1.5, 0.0)) == pytest.approx(0.0, abs=2e-3)
+
+
+@pytest.mark.parametrize(("more_ns", "believed"), [(-1, True), (0, True), (1, False)])
+def test_a_delay_is_believed_up_to_a_second_and_no_further(more_ns: int, believed: bool) -> None:
+    held, late_ns = HeldBack(), round(LONGEST_S * 1e9) + more_ns
+    at_ns = 10_000_000 * np.arange(300)
+    for k in range(at_ns.size):
+        held.late_s(at_ns[k : k + 1], at_ns[k : k + 1])
+    (found,) = held.late_s(at_ns[-1:] + late_ns, at_ns[-1:]).tolist()
+    assert round(found * 1e9) == (late_ns if believed else 0)
 
 
 def frames(due_s: np.ndarray, read_s: float, kpa: np.ndarray) -> Block:
