@@ -16,6 +16,7 @@ from recoil_acquisition.reader_process import READER
 from recoil_acquisition.readers.hdf5.rehearsal import REHEARSAL, needs_rehearsal
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import recognise
+from tests.builders import vendor_files
 
 
 @pytest.fixture
@@ -60,6 +61,12 @@ def test_a_file_is_rehearsed_once_for_each_state_of_it(recording: Path, asked: l
     os.utime(recording, ns=(1, 1))
     recognise(recording)
     assert asked == [REHEARSAL] * 2
+
+
+def test_a_file_of_no_such_library_costs_no_rehearsal(tmp_path: Path, asked: list[str]) -> None:
+    (tmp_path / "a.csv").write_bytes(vendor_files.dewesoft_text(vendor_files.motion_rows()))
+    recognise(tmp_path / "a.csv")
+    assert asked == []
 
 
 @pytest.mark.parametrize(
