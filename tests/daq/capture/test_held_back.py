@@ -69,6 +69,8 @@ def test_it_is_known_once_frames_of_four_quarters_of_a_second_are_there(first_s:
         ((0, 0, 0, 0.02, 0.02, 0.02), True),
         ((0.02, 0.02, 0.02, 0, 0, 0.02), False),
         ((0, 0, 0.02, 0.02, 0.02), False),
+        # what was more than five seconds ago counts no more
+        ((0.02,) * 21 + (0,) * 10 + (0.02,) * 10, True),
     ],
 )
 def test_a_delay_is_usual_once_more_than_half_of_the_quarters_had_it(quarters: tuple[float, ...], late: bool) -> None:
@@ -76,6 +78,14 @@ def test_a_delay_is_usual_once_more_than_half_of_the_quarters_had_it(quarters: t
     found = late_s(STEP_S * np.arange(held_s.size), held_s)
     # within the last quarter, without what comes so late in it that it is of the next
     assert found[-200:-30] == pytest.approx(0.02 if late else 0.0, abs=1e-3)
+
+
+def test_what_holds_one_read_of_every_quarter_of_a_second_back_does_not_become_usual() -> None:
+    number = np.arange(4000)
+    held = number // 10 % 25 == 12
+    found = late_s(STEP_S * number, np.where(held, 0.05, 0.0))
+    known = held & (number > 1500)
+    assert found[known] == pytest.approx(0.05, abs=1e-3)
 
 
 def test_frames_that_are_read_one_by_one_are_dated_as_those_that_are_read_together() -> None:
