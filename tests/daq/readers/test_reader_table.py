@@ -7,6 +7,7 @@ from itertools import permutations
 from pathlib import Path
 
 import grimp
+import h5py
 import pytest
 
 from recoil_acquisition.errors import ReadError, UnknownFormatError
@@ -124,6 +125,26 @@ def test_missing_empty_and_directory_are_named(tmp_path: Path) -> None:
     for name, problem in (("none", "no such file"), ("empty", "is empty"), (".", "is a directory")):
         with pytest.raises(ReadError, match=problem):
             Head.of(tmp_path / name)
+
+
+def hdf5_behind(block_bytes: int) -> bytes:
+    def fill(file: h5py.File) -> None:
+        file.create_dataset("acc", data=range(20)).attrs["sample_rate"] = 1e3
+
+    return container_files.hdf5_file(fill, userblock_size=block_bytes)
+
+
+@pytest.mark.parametrize("block_bytes", [0, 512, 1024, 2048, 4096, 8192, 16384, 32768])
+def test_hdf5_is_recognised_behind_what_a_user_put_before_it(block_bytes: int, tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(hdf5_behind(block_bytes))
+    assert recognise(tmp_path / "a").name == "HDF5"
+
+
+@pytest.mark.parametrize("more_bytes", [1, 511, 1024])
+def test_hdf5_at_any_other_place_is_none(more_bytes: int, tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(bytes(more_bytes) + hdf5_behind(512))
+    with pytest.raises(UnknownFormatError):
+        recognise(tmp_path / "a")
 
 
 CONTAINED = {
