@@ -1,5 +1,6 @@
 import json
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -131,6 +132,80 @@ def test_what_cannot_be_one_motion_is_failed(changes, reason):
     assert reason in verdict.reasons[0]
 
 
+GAIN_SIGMA = math.hypot(0.01, MOTION.u_gain)
+
+
+# each pair: what is no doubt yet, and what is
+@pytest.mark.parametrize(
+    ("within", "beyond", "status"),
+    [
+        ({"correlation": 0.8}, {"correlation": 0.799}, "failed"),
+        ({"second_peak": 0.959}, {"second_peak": 0.961}, "ambiguous"),
+        ({"u_offset_s": 2e-4}, {"u_offset_s": 2.01e-4}, "ambiguous"),
+        ({"drift": 1e-3}, {"drift": 1.01e-3}, "ambiguous"),
+        ({"drift": -1e-3}, {"drift": -1.01e-3}, "ambiguous"),
+        ({"innovation_statistic": 0.5}, {"innovation_statistic": 0.49}, "ambiguous"),
+        ({"innovation_statistic": 1.6}, {"innovation_statistic": 1.61}, "ambiguous"),
+        ({"frames": 1470, "frames_set_aside": 30}, {"frames": 1469, "frames_set_aside": 31}, "ambiguous"),
+        ({"acceleration_density": 1.25e-3 * 300}, {"acceleration_density": 1.25e-3 * 301}, "failed"),
+        ({"gain": 1 + 3.99 * GAIN_SIGMA}, {"gain": 1 + 4.01 * GAIN_SIGMA}, "failed"),
+        ({"gain": 1 - 3.99 * GAIN_SIGMA}, {"gain": 1 - 4.01 * GAIN_SIGMA}, "failed"),
+        ({"free_drift": 3.49 * math.hypot(3e-4, 5e-5)}, {"free_drift": -3.51 * math.hypot(3e-4, 5e-5)}, "ambiguous"),
+        # six frames from the offset in the middle of the motion
+        ({"coarse_offset_s": 0.050004 + 2.99e-3}, {"coarse_offset_s": 0.050004 + 3.01e-3}, "ambiguous"),
+        ({"coarse_offset_s": 0.050004 - 2.99e-3}, {"coarse_offset_s": 0.050004 - 3.01e-3}, "ambiguous"),
+    ],
+)
+def test_each_figure_has_a_limit_beyond_which_it_counts(within, beyond, status):
+    assert motion_verdict(**within).reasons == ()
+    verdict = motion_verdict(**beyond)
+    assert (verdict.status, len(verdict.reasons)) == (status, 1)
+
+
+@pytest.mark.parametrize(
+    ("frame_period_s", "apart_s", "status"),
+    [(1e-4, 2e-3, "ok"), (1e-4, 2.01e-3, "ambiguous"), (5e-4, 3e-3, "ok"), (5e-4, 3.01e-3, "ambiguous")],
+)
+def test_estimates_may_be_six_frames_apart_and_of_a_fast_film_two_milliseconds(frame_period_s, apart_s, status):
+    fit = replace(MOTION, drift=0.0, offset_s=0.0, coarse_offset_s=apart_s)
+    verdict = judge_motion("c", fit, u_gain=0.01, noise_density=1.25e-3, frame_period_s=frame_period_s)
+    assert verdict.status == status
+
+
+def test_a_second_offset_counts_from_nearer_than_the_margin_on():
+    (reason,) = motion_verdict(correlation=0.03, second_peak=0.0).reasons
+    assert "not the same motion" in reason
+    assert len(motion_verdict(correlation=0.03, second_peak=1e-3).reasons) == 2
+
+
+def test_a_drift_that_no_clock_has_is_not_also_called_a_wrong_frame_rate():
+    verdict = motion_verdict(drift=5e-3, free_drift=5e-3, coarse_offset_s=0.052)
+    assert len(verdict.reasons) == 1
+    assert "the clocks' rates differ by +0.500 %" in verdict.reasons[0]
+
+
+def test_another_motion_is_failed_without_a_word_on_the_frame_rate():
+    verdict = motion_verdict(acceleration_density=1.25, free_drift=0.01)
+    assert verdict.status == "failed"
+    assert len(verdict.reasons) == 1
+
+
+@pytest.mark.parametrize("sigma", [3.0, -3.0, 3.01, -3.01])
+def test_velocities_may_be_three_combined_standard_uncertainties_off(sigma):
+    unit = 2.0**-20
+    verdict = motion_verdict(
+        offset_s=0.0, coarse_offset_s=0.0, u_offset_s=3 * unit,
+        velocity_offset_s=sigma * 5 * unit, u_velocity_offset_s=4 * unit,
+    )  # fmt: skip
+    assert verdict.status == ("ok" if abs(sigma) == 3 else "ambiguous")
+
+
+def test_what_the_fit_did_not_find_is_not_among_the_details():
+    details = motion_verdict().details
+    assert not {"shifted_zero_m_s2", "velocity_apart_s", "u_velocity_offset_s", "corrected_offset_s"} & set(details)
+    assert motion_verdict(shifted_zero_m_s2=0.0).details["shifted_zero_m_s2"] == 0.0
+
+
 def test_velocities_that_agree_within_their_uncertainty_are_no_doubt():
     verdict = motion_verdict(velocity_offset_s=0.05002, u_velocity_offset_s=1e-5)
     assert verdict.status == "ok"
@@ -214,3 +289,35 @@ def test_edges_are_judged_by_the_line_through_them(changes, status):
     verdict = judge_edges("camera", replace(EDGES, **changes), u_edge_s=1e-5)
     assert verdict.status == status
     assert bool(verdict.reasons) == (status != "ok")
+
+
+@pytest.mark.parametrize(
+    ("within", "beyond", "reason"),
+    [
+        ({"u_offset_s": 2e-4}, {"u_offset_s": 2.01e-4}, "known to 0.20 ms only"),
+        ({"drift": -1e-3}, {"drift": -1.01e-3}, "the clocks' rates differ by -0.101 %"),
+        ({"edges": 1, "residual_s": 4e-5}, {"edges": 1, "residual_s": 4.01e-5}, "an edge lies 40.1 us off the line"),
+        # the largest of a thousand
+        ({"edges": 1000, "residual_s": 5.4e-5}, {"edges": 1000, "residual_s": 5.5e-5}, "an edge lies 55.0 us off"),
+        ({}, {"rivals": 1, "all_source": 4, "all_reference": 6}, "1 other offsets .*: 4 edges on the source, 6 on"),
+        (
+            {"edges": 30, "set_aside": 1, "unpaired_source": (0.1,), "unpaired_reference": (3.2,)},
+            {"edges": 30, "set_aside": 1, "unpaired_source": (0.1,), "unpaired_reference": (3.2, 3.3)},
+            "4 edges between the first and the last pair have no counterpart",
+        ),
+    ],
+)
+def test_each_figure_of_edges_has_a_limit_beyond_which_it_is_doubted(within, beyond, reason):
+    assert judge_edges("camera", replace(EDGES, **within), u_edge_s=1e-5).reasons == ()
+    verdict = judge_edges("camera", replace(EDGES, **beyond), u_edge_s=1e-5)
+    assert (verdict.status, len(verdict.reasons)) == ("ambiguous", 1)
+    assert re.search(reason, verdict.reasons[0])
+
+
+def test_all_edges_without_a_counterpart_are_counted_and_the_first_are_listed():
+    lost = tuple(0.01 * k for k in range(80))
+    fit = replace(EDGES, edges=5000, unpaired_source=lost[:3], unpaired_reference=lost)
+    details = judge_edges("camera", fit, u_edge_s=1e-5).details
+    assert (details["unpaired_source"], details["unpaired_reference"]) == (3, 80)
+    assert details["unpaired_source_s"] == list(lost[:3])
+    assert details["unpaired_reference_s"] == list(lost[:50])
