@@ -215,6 +215,15 @@ def test_channels_of_one_time_base_share_it_after_reading(written: Path) -> None
     assert shot.channels["temperature"].time_base is not shot.channels["rate_tipping"].time_base
 
 
+def test_channels_whose_time_bases_are_equal_stand_in_one_group(tmp_path: Path) -> None:
+    bases = [TimeBase.uniform("daq", start_s, 1e-3, 5) for start_s in (0.0, 0.0, 1.0)]
+    channels = {name: recorder_channel(name, "force", base) for name, base in zip("abc", bases, strict=True)}
+    write_shot(Shot("1", "r", "", "daq", channels), tmp_path / "s.h5")
+    with h5py.File(tmp_path / "s.h5") as file:
+        assert set(file["entry/daq"]) == {"time", "a", "b"}
+        assert set(file["entry/daq_2"]) == {"time", "c"}
+
+
 def test_the_same_shot_gives_the_same_bytes(tmp_path: Path) -> None:
     first, second = tmp_path / "a.h5", tmp_path / "b.h5"
     write_shot(make_shot(), first)
@@ -228,6 +237,16 @@ def test_a_long_rig_file_and_a_long_history_fit(tmp_path: Path) -> None:
     long = replace(shot, rig_text="# " + "x" * 200_000, history=(Step("align", "0.1.0", {"trace": [0.5] * 40_000}),))
     write_shot(long, tmp_path / "long.h5")
     assert_same_shot(read_shot(tmp_path / "long.h5"), long)
+
+
+def test_what_is_numbered_beyond_nine_comes_back_in_its_order(tmp_path: Path) -> None:
+    steps = tuple(Step(f"step {k}", "0.1.0", {}) for k in range(12))
+    databases = {f"{12 - k}.dbc": f"text {k}" for k in range(12)}
+    shot = replace(make_shot(), history=steps, databases=databases)
+    write_shot(shot, tmp_path / "s.h5")
+    found = read_shot(tmp_path / "s.h5")
+    assert found.history == steps
+    assert list((found.databases or {}).items()) == list(databases.items())
 
 
 def test_numpy_scalars_in_details_are_stored_as_json_numbers(tmp_path: Path) -> None:
@@ -431,6 +450,13 @@ def test_a_live_shot_whose_file_has_no_date_has_that_of_its_trigger(tmp_path: Pa
     assert shot.acquisition is not None
     assert summary["started"] == shot.acquisition.trigger_utc
     assert summary["started_source"] == "host clock at the trigger"
+
+
+def test_a_shot_of_no_known_date_has_none_in_its_file(tmp_path: Path) -> None:
+    write_shot(replace(make_shot(), started="", started_source="", acquisition=None), tmp_path / "s.h5")
+    with h5py.File(tmp_path / "s.h5") as file:
+        assert "start_time" not in file["entry"]
+    assert shot_summary(tmp_path / "s.h5")["started"] is None
 
 
 def test_the_summary_says_what_is_in_the_file_in_json_types(written: Path) -> None:

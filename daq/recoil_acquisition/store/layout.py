@@ -99,7 +99,6 @@ def write_layout(file: Any, shot: Shot, *, compressed: bool = True) -> None:
     )
     _write_history(entry, shot)
     _write_acquisition(entry, shot)
-    file.flush()
     file.attrs["complete"] = 1
 
 
