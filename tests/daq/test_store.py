@@ -385,6 +385,18 @@ def test_without_a_recoil_acceleration_the_reference_clock_is_plotted(tmp_path: 
         assert file["entry/dewetron"].attrs["signal"] == "p_breech"
 
 
+def test_without_either_the_first_time_base_is_plotted_and_a_lone_channel_has_no_others_beside_it(
+    tmp_path: Path,
+) -> None:
+    channels = {c: recorder_channel(c, "force", TimeBase.uniform(f"clock_{c}", 0.0, 1e-3, 5)) for c in "ab"}
+    write_shot(Shot("1", "r", "", "elsewhere", channels), tmp_path / "s.h5")
+    with h5py.File(tmp_path / "s.h5") as file:
+        entry = file["entry"]
+        assert entry.attrs["default"] == "clock_a"
+        assert entry["clock_a"].attrs["signal"] == "a"
+        assert "auxiliary_signals" not in entry["clock_a"].attrs
+
+
 def test_units_of_every_dataset_parse_with_pint(written: Path) -> None:
     registry: pint.UnitRegistry[Any] = pint.UnitRegistry()
     seen = {}
