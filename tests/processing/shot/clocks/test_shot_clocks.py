@@ -84,6 +84,22 @@ def test_one_trigger_edge_gives_the_offset_without_the_delays_of_the_chains(dela
     assert found.u_offset_s == pytest.approx(math.hypot(1e-4, 5e-5) / math.sqrt(12))
 
 
+def test_the_beat_that_is_reported_is_the_sources_and_not_the_references():
+    rig = rig_with(
+        'method = "trigger", channel = "edge"',
+        PLAIN.format("edge", "bus", "voltage"),
+        PLAIN.format("fire", "recorder", "voltage") + 'role = "trigger"\n',
+    )
+    rig = replace(rig, sources=(rig.sources[0], rig.sources[1].model_copy(update={"kind": "can"})))
+    times, beat = bench_motion().times_s, 1e-3 * np.arange(900)
+    waited = beat + 1e-4 * np.random.default_rng(8).exponential(1.0, beat.size)
+    shot = on_bus(bench_shot(), "fire", times, pulse(times, 0.0300), "voltage", "recorder")
+    shot = on_bus(shot, "edge", np.maximum.accumulate(waited), pulse(beat, 0.1000), "voltage")
+    (found,) = align_clocks(shot, rig)
+    assert found.details["stamps"]["line"] == "lower edge"
+    assert found.details["stamps"]["step_s"] == pytest.approx(1e-3, rel=1e-3)
+
+
 def test_a_trigger_that_was_not_recorded_is_named():
     rig = rig_with(
         'method = "trigger", channel = "edge"',
@@ -225,6 +241,22 @@ def test_a_rate_and_its_derivative_are_one_motion(own, against):
     assert found.offset_s == pytest.approx(0.0042, abs=4 * found.u_offset_s)
 
 
+def test_a_camera_that_is_declared_before_the_bus_whose_rate_it_needs_is_aligned_all_the_same():
+    shot, _ = filmed(0.0)
+    bus = 1e-3 * np.arange(-20, 200)
+    shot = on_bus(shot, "rate", bus - 0.25, np.zeros(bus.size), "angular_rate")
+    tipping = replace(shot.channels["rate"], role="tipping_rate")
+    rig = bench_rig(
+        tables=CAMERA.replace("DELAY", "0.0")
+        + BUS.format('method = "fixed", offset_s = 0.25, u_offset_s = 1e-4')
+        + PLAIN.format("rate", "bus", "angular_rate")
+        + 'role = "tipping_rate"\nsensor = { u_rel = 0.005 }\n'
+    )
+    camera, other = align_clocks(replace(shot, channels={**shot.channels, "rate": tipping}), rig)
+    assert (camera.clock, camera.status, other.clock) == ("camera", "ok", "bus"), camera.reasons
+    assert camera.offset_s == pytest.approx(0.004, abs=4 * camera.u_offset_s)
+
+
 def test_what_a_motion_needs_and_is_not_there_is_named():
     shot, rig = filmed(0.0)
     (found,) = align_clocks(without_channels(shot, "acc", "p_breech"), rig)
@@ -258,8 +290,18 @@ EXPOSED = (
 )
 
 
-def exposed(*, exposure_s: float = 0.0, against: bool = False, gated: bool = True, lost: tuple[int, ...] = ()):
-    """A film whose exposures the recorder has as pulses; stamps are those of the shutter's opening."""
+def exposed(
+    *,
+    exposure_s: float = 0.0,
+    against: bool = False,
+    gated: bool = True,
+    lost: tuple[int, ...] = (),
+    begun_s: float = 0.0,
+):
+    """A film whose exposures the recorder has as pulses; stamps are those of the shutter's opening.
+
+    `begun_s` is what the camera's clock says at the first frame.
+    """
     more = f'exposure_s = {exposure_s}\nexposure_stamp = "start"' if exposure_s else ""
     tables = EXPOSED.replace("MORE", more).replace("AGAINST", ', against = "acc"' if against else "")
     motion, rng = bench_motion(), np.random.default_rng(4)
@@ -276,7 +318,9 @@ def exposed(*, exposure_s: float = 0.0, against: bool = False, gated: bool = Tru
     recorder = shot.channels["acc"].time_base
     channels = {
         **shot.channels,
-        "x": Channel("x", "displacement", seen, TimeBase.stamped("camera", frames), "X", "recoil_displacement", 0.001),
+        "x": Channel(
+            "x", "displacement", seen, TimeBase.stamped("camera", begun_s + frames), "X", "recoil_displacement", 0.001
+        ),
         "sync": Channel("sync", "voltage", pulses.astype(np.float64), recorder, "sync"),
     }
     return replace(shot, channels=channels), bench_rig(tables=tables)
@@ -299,13 +343,17 @@ def test_the_pulses_of_the_exposures_give_a_cameras_clock_and_its_lost_frames(ex
     assert causes == (["half the exposure"] if exposure_s else [])
 
 
-def test_a_camera_that_runs_on_is_told_by_the_motion_which_pulse_is_which_frames():
+def test_a_camera_that_runs_on_without_a_motion_leaves_open_which_pulse_is_which_frames():
     (blind,) = align_clocks(*exposed(gated=False))
     assert blind.status == "ambiguous"
     assert "other offsets pair the edges as well" in blind.reasons[0]
-    (found,) = align_clocks(*exposed(gated=False, against=True))
+
+
+@pytest.mark.parametrize("begun_s", [0.0, 200.0])
+def test_a_camera_that_runs_on_is_told_by_the_motion_which_pulse_is_which_frames(begun_s):
+    (found,) = align_clocks(*exposed(gated=False, against=True, begun_s=begun_s))
     assert (found.method, found.status) == ("exposure", "ok"), found.reasons
-    assert found.to_reference(0.09) == pytest.approx((1 + 3e-5) * 0.09 + 0.00712, abs=1e-5)
+    assert found.to_reference(begun_s + 0.09) == pytest.approx((1 + 3e-5) * 0.09 + 0.00712, abs=1e-5)
     assert abs(found.details["second_apart_s"]) < 5 * found.details["u_second_s"]
 
 
