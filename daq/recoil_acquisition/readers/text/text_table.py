@@ -24,9 +24,6 @@ PIECE_BYTES = 3 << 20
 THREADS = 2
 """Pieces that are gone through at a time."""
 
-MOST_LINE_BYTES = 1 << 16
-"""Bytes of a line by which the number of cells is found."""
-
 
 @dataclass(frozen=True)
 class RowRange:
@@ -85,15 +82,19 @@ class TextBlock:
     @cached_property
     def width(self) -> int:
         """Number of cells per row: one more than there are columns where rows end with a separator."""
-        at = self.start
-        while at < self.stop:
-            line = self.file.read(at, min(at + MOST_LINE_BYTES, self.stop)).split(self.file.line_end, 1)[0]
-            if not (self.comment and is_comment(line, self.comment)):
-                break
-            at += len(line) + 1
-        first = line
-        cells = first.count(self.separator.encode()) + 1
+        cells = self._first_row().count(self.separator.encode()) + 1
         return len(self.columns) + (cells == len(self.columns) + 1)
+
+    def _first_row(self) -> bytes:
+        """Return the first line that is no comment; of one that is longer than a row can be, its beginning."""
+        at, row = self.start, b""
+        while at < self.stop:
+            *lines, rest = self.file.read(at, at + PIECE_BYTES).split(self.file.line_end)
+            for row in lines or [rest]:
+                if not (self.comment and is_comment(row, self.comment)):
+                    return row
+                at += len(row) + 1
+        return row
 
     @cached_property
     def format(self) -> RowFormat:

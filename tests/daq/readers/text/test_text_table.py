@@ -240,3 +240,37 @@ def test_what_stands_beside_a_short_block_says_nothing_of_its_digits(tmp_path: P
     block = find_block(LongText(path), 13, ";", ["t", "a"], decimal_comma=False)
     assert block.dropped
     assert (printed_decimals(block, 0), printed_decimals(block, 1)) == (2, 2)
+
+
+def test_a_block_of_true_length_is_cut_between_its_rows() -> None:
+    row = "1.5,-0.25\n"
+    count = text_table.PIECE_BYTES // 6  # more than one piece
+    block = find_block(text_file(row * count), 0, ",", ["a", "b"], decimal_comma=False)
+    assert len(block.pieces) > 1
+    assert block.row_count == count
+    assert all((piece.stop - piece.start) == piece.rows * len(row) for piece in block.pieces[:-1])
+
+
+@pytest.mark.parametrize("trailing", ["", ";"])
+@pytest.mark.parametrize("comment", ["", "# " + "x;" * 100_000 + "\n"])
+def test_rows_of_many_columns_are_as_wide_as_they_are_written(comment: str, trailing: str) -> None:
+    """A line of 200 KB, or a remark as long, is found whole."""
+    names = [f"c{i}" for i in range(50_000)]
+    text = comment + ";".join(["1.5"] * len(names)) + trailing + "\n"
+    block = find_block(text_file(text), 0, ";", names, decimal_comma=False, comment="#")
+    assert block.width == len(names) + bool(trailing)
+
+
+def test_every_whole_row_at_the_beginning_of_a_block_of_long_rows_says_its_digits() -> None:
+    rest = ";1" * 1500
+    rows = "".join(f"{cell}{rest}\n" for cell in ("1", "1.25", "2", "2.5", "2.75", "3"))
+    block = find_block(text_file(rows), 0, ";", ["t", *(f"c{i}" for i in range(1500))], decimal_comma=False)
+    assert printed_decimals(block, 0) == 2
+
+
+def test_what_is_left_of_a_long_row_says_nothing_of_another_columns_digits() -> None:
+    """The end of a block that is looked at may begin within a row, whose first cells are not the first columns'."""
+    rest = ";0.123456789" * 300
+    rows = "".join(f"{cell}{rest}\n" for cell in ("1.123456", "2.123456", "10.12345", "100.1234", "1000.123", "2000.123"))
+    block = find_block(text_file(rows), 0, ";", ["t", *(f"c{i}" for i in range(300))], decimal_comma=False)
+    assert printed_decimals(block, 0) == 3
