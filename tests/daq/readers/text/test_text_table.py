@@ -268,9 +268,13 @@ def test_every_whole_row_at_the_beginning_of_a_block_of_long_rows_says_its_digit
     assert printed_decimals(block, 0) == 2
 
 
-def test_what_is_left_of_a_long_row_says_nothing_of_another_columns_digits() -> None:
+@pytest.mark.parametrize("further", range(12))
+def test_what_is_left_of_a_long_row_says_nothing_of_another_columns_digits(further: int) -> None:
     """The end of a block that is looked at may begin within a row, whose first cells are not the first columns'."""
     rest = ";0.123456789" * 300
-    rows = "".join(f"{cell}{rest}\n" for cell in ("1.123456", "2.123456", "10.12345", "100.1234", "1000.123", "2000.123"))
+    rows = "".join(
+        f"{cell}{rest}\n" for cell in ("1.123456", "2.123456", "10.12345", "100.1234", "1000.123", "2000.123")
+    )
+    rows = rows[:-1] + "0" * further + "\n"
     block = find_block(text_file(rows), 0, ";", ["t", *(f"c{i}" for i in range(300))], decimal_comma=False)
     assert printed_decimals(block, 0) == 3
