@@ -38,11 +38,8 @@ def find_frames_of_port(framing: Framing, port: PortStream) -> FrameSet:
     ValueError
         If frames end by silence and the stream has no host times.
     """
-    timed = framing.silence_s and (framing.kind == "idle" or port.host_ns.size)
-    if not timed and not port.breaks:
+    if not port.host_ns.size or not (framing.silence_s or port.breaks):
         return find_frames(framing, port.stream)
-    if not port.host_ns.size:
-        raise ValueError("frames that end by silence need the host time of each read")
     decoder = FrameDecoder(framing)
     sets, waiting, begin = [], 0, 0
     host_s = ((port.host_ns - port.host_ns[:1]) / 1e9).tolist()
@@ -58,8 +55,7 @@ def find_frames_of_port(framing: Framing, port: PortStream) -> FrameSet:
             sets.append(decoder.take())
             waiting = 0
     # bytes whose own read is not known came with the next read, whose time is lost
-    if port.stream[begin:]:
-        decoder.feed(port.stream[begin:], host_s[-1] if host_s else 0.0)
+    decoder.feed(port.stream[begin:], host_s[-1])
     return _ended(decoder, sets)
 
 
