@@ -111,15 +111,11 @@ class FileScan:
                 self._buffer = b""  # what is written at this moment may have been read in part
                 head = self._head(self.at)
                 record = None if head is None else self._whole(head)
-            if head is None or record is None:
-                head = self._behind_damage(head)
-                if head is None:
-                    return
-                record = self._whole(head)
-                if record is None:
-                    continue
-            self.at = head.end
-            yield record
+            if head is not None and record is not None:
+                self.at = head.end
+                yield record
+            elif self._behind_damage(head) is None:
+                return
 
     @property
     def size(self) -> int:
@@ -259,11 +255,11 @@ def first_log_id(path: Path, within: int) -> bytes | None:
                 begin += stream.read(within)
     except OSError as error:
         raise StoreError(f"cannot be read: {error.strerror or error}", path=path) from error
-    at, tries = begin.find(MARK), 0
-    while at >= 0 and tries < MOST_FALSE_MARKS:
+    at = begin.find(MARK)
+    while at >= 0:
         if sound_head(begin[at : at + HEAD_SIZE], at, None) is not None:
             return begin[at + len(MARK) : at + len(MARK) + 8]
-        at, tries = begin.find(MARK, at + 1), tries + 1
+        at = begin.find(MARK, at + 1)
     return None
 
 

@@ -12,8 +12,8 @@ import pytest
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.log import folder as folder_module
 from recoil_acquisition.log.folder import open_log
-from recoil_acquisition.log.record import LONGEST_PAYLOAD, MARK, OWN, Kind, crc_seed, pack_record
-from recoil_acquisition.log.scan import FileScan, sound_head
+from recoil_acquisition.log.record import HEAD_SIZE, LONGEST_PAYLOAD, MARK, OWN, Kind, crc_seed, pack_record
+from recoil_acquisition.log.scan import FileScan, first_log_id, sound_head
 from recoil_acquisition.log.writer import LogWriter
 from tests.builders.damaged_logs import faults_of_reading, faults_of_trials, write_log
 from tests.builders.naive_log import Found, read_file, read_folder
@@ -220,12 +220,15 @@ def test_the_longest_payload_is_read_and_a_head_that_says_more_is_damaged(tmp_pa
     assert sound_head(pack_record(log.log_id, record), 0, crc_seed(log.log_id)) is not None
 
 
-def test_what_was_read_in_part_is_read_again(tmp_path):
-    write_log(tmp_path / "log", 20)
+@pytest.mark.parametrize("part", [20, 64, -1], ids=["within its head", "its head", "all but a byte"])
+def test_what_was_read_in_part_is_read_again(part, tmp_path):
+    with LogWriter(tmp_path / "log", {}, 0, segment_bytes=1 << 16) as writer:
+        for i in range(20):
+            writer.append(0, Kind.SERIAL, i, b"a read of the port")
     path = tmp_path / "log" / "000001.rdlog"
     written, content = read_file(path), path.read_bytes()
-    half = written[5].begin + len(written[5].content) // 2
-    path.write_bytes(content[:half] + bytes(len(content) - half))
+    there = written[5].begin + part % len(written[5].content)
+    path.write_bytes(content[:there] + bytes(len(content) - there))
     log_id = content[4:12]
     with FileScan(path, log_id) as scan:
         records = iter(scan)
@@ -268,3 +271,38 @@ def test_a_log_that_was_closed_misses_its_last_segment_whichever_that_is(tmp_pat
     assert [loss.source for loss in data_gone.losses if loss.source == 0] == [0]
     assert totals_gone.closed
     assert not totals_gone.lost_records
+
+
+def test_the_next_sound_head_before_a_byte_is_found_past_damaged_ones(tmp_path):
+    written = write_log(tmp_path / "log", 10)
+    path = tmp_path / "log" / written[0].file
+    content = bytearray(path.read_bytes())
+    for damaged in written[2:4]:
+        content[damaged.begin + 20] ^= 1
+    path.write_bytes(content)
+    with FileScan(path, bytes(content[4:12])) as scan:
+        for at, until, found in (
+            (0, 1, 0),
+            (1, len(content), 1),
+            (written[1].begin, written[1].begin, None),
+            (written[1].begin, written[1].begin + 1, 1),
+            (written[2].begin, len(content), 4),
+            (written[2].begin, written[4].begin + 1, 4),
+            (written[2].begin, written[4].begin, None),
+            (written[-1].begin + 1, len(content), None),
+        ):
+            head = scan.head_from(at, until)
+            assert (None if head is None else head.record.number) == found, (at, until)
+
+
+def test_a_log_is_told_by_its_first_sound_head_within_what_is_looked_at(tmp_path):
+    written = write_log(tmp_path / "log", 10)
+    path = tmp_path / "log" / written[0].file
+    content = path.read_bytes()
+    assert first_log_id(path, 0) == content[4:12]
+    before = MARK * 3 + bytes(100)
+    path.write_bytes(before + content)
+    assert first_log_id(path, len(before) + HEAD_SIZE) == content[4:12]
+    assert first_log_id(path, len(before) - HEAD_SIZE) is None
+    path.write_bytes(MARK * 50)
+    assert first_log_id(path, 1 << 16) is None
