@@ -672,6 +672,14 @@ def test_missing_folders_are_made(tmp_path: Path) -> None:
     assert read_shot(tmp_path / "a" / "b" / "s.h5").name == "0007"
 
 
+def test_nothing_is_written_where_the_program_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    write_shot(make_shot(), tmp_path / "s.h5")
+    assert list(Path.cwd().iterdir()) == []
+    assert sorted(names_in(tmp_path)) == ["here", "s.h5"]
+
+
 def test_a_folder_below_a_file_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(StoreError, match=r"cannot be written: .*; choose another folder"):
