@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -105,3 +106,34 @@ def test_records_are_counted_by_the_file_or_by_what_it_holds() -> None:
 def test_records_that_cannot_be_told_apart_are_refused(groups: list[ChannelGroup], problem: str) -> None:
     with pytest.raises(MdfDamageError, match=problem):
         split(np.zeros(9, np.uint8), groups, counted=True)
+
+
+def test_samples_are_as_wide_as_the_longest_that_is_taken() -> None:
+    data = np.frombuffer(b"\x02\0\0\0ab\x00\0\0\0\x03\0\0\0cde", np.uint8)
+    for offsets, most, width in (([0, 6, 10], 64, 3), ([0, 6, 10], 2, 2), ([6], 64, 0), ([0, 10], 1, 0), ([], 64, 0)):
+        samples, lengths = VariableSamples(data).taken(np.array(offsets, np.uint64), most)
+        assert samples.shape == (len(offsets), width)
+        assert lengths.max(initial=0) == width
+
+
+def test_where_the_last_record_begins_is_said_of_groups_that_share_their_data_alone() -> None:
+    (alone,), _ = split(np.zeros(6, np.uint8), [group(3, count=2)], counted=True)
+    assert alone.last_at == -1
+    first, second, none = (replace(group(2, id_bytes=1), record_id=n) for n in (1, 2, 3))
+    data = np.frombuffer(b"\x01ab\x02cd\x02ef\x01gh", np.uint8)
+    shared, left = split(data, [first, second, none], counted=True)
+    assert left == 0
+    assert [bytes(one.rows.ravel()) for one in shared] == [b"abgh", b"cdef", b""]
+    assert [one.last_at for one in shared] == [10, 7, -1]
+
+
+def test_samples_that_share_bytes_are_not_taken_unless_they_are_the_very_same() -> None:
+    content = bytearray(40)
+    for at, length in ((0, 8), (6, 1), (12, 1), (17, 3), (24, 6), (30, 2)):
+        content[at] = length  # the second lies within the first, the last begins within the one before
+    data = np.frombuffer(bytes(content), np.uint8)
+    offsets = [12, 0, 6, 12, 30, 17, 24]
+    for order in (slice(None), slice(None, None, -1)):
+        _, lengths = VariableSamples(data).taken(np.array(offsets[order], np.uint64), 64)
+        assert lengths.tolist() == [1, -1, -1, 1, -1, 3, -1][order]
+    assert VariableSamples(data).taken(np.array([0, 12, 12], np.uint64), 64)[1].tolist() == [8, 1, 1]
