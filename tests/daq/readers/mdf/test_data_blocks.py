@@ -107,6 +107,16 @@ def test_unpacked_blocks_have_a_bound(monkeypatch: pytest.MonkeyPatch) -> None:
         DataBlocks(content).read(AT)
 
 
+def test_the_bound_is_one_of_all_blocks_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    content = file_of(packed(bytes(200_000)), packed(bytes(200_000)))
+    monkeypatch.setattr(data_blocks, "SPARE_BYTES", 200_000)
+    assert len(content) * data_blocks.LARGEST_RATIO < 200_000
+    blocks = DataBlocks(content)
+    assert blocks.read(AT).size == 200_000
+    with pytest.raises(MdfDamageError, match="cannot have its stated size"):
+        blocks.read(content.index(b"##DZ", AT + 4))
+
+
 def test_a_list_header_without_a_list_has_no_data_however_often_it_is_read() -> None:
     blocks = DataBlocks(file_of(block(b"HL", (0,), bytes(8))))
     assert blocks.read(AT).size == blocks.read(AT).size == 0
