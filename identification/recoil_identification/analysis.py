@@ -12,7 +12,6 @@ from recoil_identification.calibration import Calibration, calibrated_mass
 from recoil_identification.camera_route import mass_by_camera
 from recoil_identification.camera_shot import identify_by_camera
 from recoil_identification.causes import causes_of
-from recoil_identification.constancy.mass_constancy import MassConstancy, constancy_of
 from recoil_identification.default_method import DEFAULTS, default_method
 from recoil_identification.estimators.endogeneity import Endogeneity, durbin_wu_hausman
 from recoil_identification.estimators.errors_in_variables import neighbouring_force
@@ -29,6 +28,7 @@ from recoil_identification.identified import (
     Result,
 )
 from recoil_identification.mass import forward_mass, reverse_mass
+from recoil_identification.mass_over_time import mass_constancy
 from recoil_identification.method_result import method_result
 from recoil_identification.monte_carlo import propagate
 from recoil_identification.preparation import camera_scale, prepare
@@ -43,7 +43,7 @@ from recoil_processing.quality.repeatability import shot_peaks
 from recoil_processing.shot.camera_motion import recorded_motion
 from recoil_processing.shot.clocks.estimator_inputs import EstimatorInputs
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
-from recoil_processing.shot.sensor_scales import ScaleUncertainty, scale_uncertainty
+from recoil_processing.shot.sensor_scales import scale_uncertainty
 from recoil_rigs.assumptions import AREAS, assumptions_of
 from recoil_rigs.rig import Rig
 
@@ -141,7 +141,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
             found=f"estimates by {', '.join(estimates)}",
             remedy="take another --method, or mend the camera's alignment and what was lost",
         )
-    constancy = _constancy(filtered, calibration, scales, offset.u)
+    constancy = mass_constancy(calibration)
     regressions = {name: filtered if name != "paper" else recorded for name in estimates}
     on_cutoff = note_on_cutoff(recorded, narrow, calibration)
     notes = () if on_cutoff is None else (on_cutoff,)
@@ -152,9 +152,11 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
             )
         except IdentificationError as error:
             notes = (*notes, f"no mass by the camera: {error}")
-    window_s, window_choice = trace_window(options.window_s, filtered, *calibration.correct(filtered))
+    # sensors that were to explain a mass that changes would hide it
+    corrections = calibration if constancy is None or constancy.constant() else constancy.changed
+    window_s, window_choice = trace_window(options.window_s, filtered, *corrections.correct(filtered))
     results = {
-        name: method_result(estimate, regressions[name], calibration, window_s, rig)
+        name: method_result(estimate, regressions[name], corrections, window_s, rig)
         for name, estimate in estimates.items()
     }
     trace = results[method].trace
@@ -188,18 +190,8 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         alignments=prepared.alignments,
         reasons=reasons_against(shot, rig, signals, estimates, trace, calibration, zero_shift, filtered, constancy),
         assumptions=assumptions_of(rig),
-        notes=(*notes_on(rig, signals, recorded, trace, zero_shift, constancy), *notes),
+        notes=(*notes_on(rig, signals, recorded, trace, zero_shift), *notes),
     )
-
-
-def _constancy(
-    filtered: Regression, calibration: Calibration, scales: ScaleUncertainty, u_zero_m_s2: float
-) -> MassConstancy | None:
-    try:
-        return constancy_of(filtered, calibration, scales, u_zero_m_s2)
-    except IdentificationError:
-        # too few rows to tell; the mass itself has its own reasons then
-        return None
 
 
 def _endogeneity(recorded: Regression) -> Endogeneity | None:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,57 +54,111 @@ class Calibration(ReadOnlyArrays):
 
     Attributes
     ----------
-    gauge_errors : ndarray, shape (3,)
-        Relative errors of breech, brake and recuperator force.
-    friction_error_n
-        By how much the declared friction is too large, N.
-    acceleration_error
-        Relative error of the accelerometer's sensitivity.
-    bias_m_s2
-        Error of its zero.
-    release_m_s
-        Velocity that stop and packing gave the part while they let it go.
-    shifts_m_s2, u_shifts_m_s2 : ndarray, shape (n_shifts,)
-        Size of each shape of the regression's `shifts`, and its standard uncertainty.
-    pulls
-        By how many of its standard uncertainties each sensor is off; those known exactly are left out.
-    normalised_residuals
-        The same over its own standard deviation (Baarda's w-test of one observation among
-        the others): standard normal if all calibrations hold. It exceeds the pull where the shot
-        can tell little of a sensor; 0 where it can tell nothing.
     noise
         Of the rows.
-    misfit
-        What was minimised: the squares of residuals over the noise, and of the pulls.
-    m0_kg
-        First estimate of the mass, from which `inferred` counts.
+    block
+        The rows.
     inferred
         All unknowns.
-    own
-        What this shot alone knows beside its rows, see `recoil_identification.sensor_priors`.
+    common, own
+        What certificates say, and what this shot alone knows beside its rows, see
+        `recoil_identification.sensor_priors`.
     camera
         What was taken from the camera's alignment.
-    causes
-        What else may be wrong.
     """
 
     estimate: MassEstimate
-    gauge_errors: Array
-    friction_error_n: float
-    acceleration_error: float
-    bias_m_s2: float
-    release_m_s: float
-    shifts_m_s2: Array
-    u_shifts_m_s2: Array
-    pulls: dict[str, float]
-    normalised_residuals: dict[str, float]
     noise: RowNoise
-    misfit: float
-    m0_kg: float
+    block: EquationOfMotion
     inferred: Estimate
+    common: tuple[Prior, ...]
     own: tuple[Prior, ...]
     camera: CameraScale | None = None
-    causes: tuple[Cause, ...] = ()
+
+    @property
+    def m0_kg(self) -> float:
+        """First estimate of the mass, from which `inferred` counts."""
+        return self.block.m0_kg
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Of all unknowns, by name."""
+        return {unknown.name: self.inferred.value(unknown.name) for unknown in self.inferred.unknowns}
+
+    @property
+    def gauge_errors(self) -> Array:
+        """Relative errors of breech, brake and recuperator force, shape (3,)."""
+        return np.asarray(np.expm1([self.inferred.value(gauge.name) for gauge in motion.GAUGES]))
+
+    @property
+    def friction_error_n(self) -> float:
+        """By how much the declared friction is too large."""
+        return self.inferred.value(motion.FRICTION.name)
+
+    @property
+    def acceleration_error(self) -> float:
+        """Relative error of the accelerometer's sensitivity."""
+        return math.expm1(self.inferred.value(motion.ACCELERATION.name))
+
+    @property
+    def bias_m_s2(self) -> float:
+        """Error of its zero."""
+        return self.inferred.value(motion.ZERO.name)
+
+    @property
+    def release_m_s(self) -> float:
+        """Velocity that stop and packing gave the part while they let it go."""
+        return self.inferred.value(motion.RELEASE.name)
+
+    @property
+    def shifts_m_s2(self) -> Array:
+        """Size of each shape of the regression's `shifts`, shape (n_shifts,)."""
+        return np.array([self.inferred.value(name) for name in self._shifts])
+
+    @property
+    def u_shifts_m_s2(self) -> Array:
+        """Standard uncertainty of each of them, shape (n_shifts,)."""
+        return np.array([self.inferred.u(name) for name in self._shifts])
+
+    @property
+    def _shifts(self) -> list[str]:
+        shifts = self.block.regression.shifts
+        return [] if shifts is None else [motion.shift(i).name for i in range(shifts.shape[1])]
+
+    @property
+    def pulls(self) -> dict[str, float]:
+        """By how many of its standard uncertainties each sensor is off; those known exactly are left out."""
+        return dict(zip(self.inferred.sources, self.inferred.pulls.tolist(), strict=True))
+
+    @property
+    def normalised_residuals(self) -> dict[str, float]:
+        """The same over its own standard deviation (Baarda's w-test of one observation among the others).
+
+        Standard normal if all calibrations hold. It exceeds the pull where the shot can tell little of a sensor; 0
+        where it can tell nothing.
+        """
+        return dict(zip(self.inferred.sources, self.inferred.normalised_residuals.tolist(), strict=True))
+
+    def with_changes(self, shapes: Array, u: float = math.inf) -> Calibration:
+        """Let the mass's logarithm change in given shapes, and estimate anew.
+
+        Parameters
+        ----------
+        shapes : ndarray, shape (n, n_shapes)
+            On the regression's grid.
+        u
+            Standard uncertainty of each shape's size, which is expected to be zero; infinite if nothing is known.
+
+        Returns
+        -------
+        Calibration
+            Whose `estimate` is still that of a constant mass.
+        """
+        block = replace(self.block, changes=shapes)
+        sizes = [motion.change(i) for i in range(shapes.shape[1])]
+        known = [Prior.of(size.name, size.name, u) for size in sizes] if math.isfinite(u) else []
+        inferred = solve([*self.inferred.unknowns, *sizes], [block], [*self.common, *self.own, *known], self.values)
+        return replace(self, block=block, inferred=inferred)
 
     def correct(self, regression: Regression) -> tuple[Array, Array]:
         """Return a' and F' with the sensors' errors and the release taken off, shape (n,) each."""
@@ -120,11 +174,9 @@ class Calibration(ReadOnlyArrays):
 
         Each column is one standard uncertainty of an error that is independent of the others.
         """
-        block = EquationOfMotion(
-            regression, np.arange(regression.times_s.size), self.m0_kg, np.ones(regression.times_s.size), self.causes
-        )
-        values = {unknown.name: self.inferred.value(unknown.name) for unknown in self.inferred.unknowns}
-        _, derivatives = block.linearised(values)
+        n = regression.times_s.size
+        block = EquationOfMotion(regression, np.arange(n), self.m0_kg, np.ones(n), self.block.causes)
+        _, derivatives = block.linearised(self.values)
         # of those that the equation has, the mass apart
         n = len(block.unknowns)
         variances, directions = np.linalg.eigh(self.inferred.covariance[1:n, 1:n])
@@ -199,25 +251,14 @@ def calibrated_mass(
         # a sensor that reads high has a value that lies too low
         kind, unit = stated.get(source, ("B", "1" if camera is None else camera.unit(source)))
         budget.append(BudgetRow(source, abs(change), kind, -change / u, unit))
-    shifts = [] if regression.shifts is None else [motion.shift(i).name for i in range(regression.shifts.shape[1])]
     return Calibration(
         estimate=MassEstimate("calibrated", mass, tuple(budget), int(rows.size), deviation),
-        gauge_errors=np.expm1([inferred.value(gauge.name) for gauge in motion.GAUGES]),
-        friction_error_n=inferred.value(motion.FRICTION.name),
-        acceleration_error=math.expm1(inferred.value(motion.ACCELERATION.name)),
-        bias_m_s2=inferred.value(motion.ZERO.name),
-        release_m_s=inferred.value(motion.RELEASE.name),
-        shifts_m_s2=np.array([inferred.value(name) for name in shifts]),
-        u_shifts_m_s2=np.array([inferred.u(name) for name in shifts]),
-        pulls={source: inferred.pull(source) for source in inferred.sources},
-        normalised_residuals={source: inferred.normalised_residual(source) for source in inferred.sources},
         noise=noise,
-        misfit=inferred.misfit,
-        m0_kg=first.mass_kg,
+        block=block,
         inferred=inferred,
+        common=tuple(common),
         own=tuple(own),
         camera=camera,
-        causes=causes,
     )
 
 

@@ -7,20 +7,21 @@ from dataclasses import replace
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import Shot
+from recoil_identification.calibration import calibrated_mass
 from recoil_identification.camera_route import LARGEST_CUTOFF_HZ, mass_by_camera, regression_by_camera
-from recoil_identification.constancy.mass_constancy import MassConstancy, constancy_of
 from recoil_identification.film_budget import film_contributions
 from recoil_identification.film_calibration import FilmCalibration
 from recoil_identification.film_verdict import notes_on_film, reasons_against_film
 from recoil_identification.filmed_recoil import FilmedRecoil
 from recoil_identification.filter_choice import FORCE_ROLES, LARGEST_SHARE_OF_RATE, FilterChoice
 from recoil_identification.identified import Identification, Options
+from recoil_identification.mass_over_time import mass_constancy
 from recoil_identification.method_result import method_result
 from recoil_identification.stress_waves import find_stress_waves
 from recoil_identification.trace_window import trace_window
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ACCELERATIONS, ForcedRecoil, missing_forces
-from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
+from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.signals import collect_signals
 from recoil_rigs.assumptions import assumptions_of
 from recoil_rigs.rig import Rig
@@ -83,7 +84,9 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
         )
     except IdentificationError as error:
         missing_routes = (f"no mass by the acceleration from the camera: {error}",)
-    constancy = _constancy(regression, calibration, forced)
+    # by the acceleration that the film gives, each row's noise told by what is left of it
+    acceleration = calibrated_mass(regression, forced.scales, _u_zero_m_s2(forced), None)
+    constancy = mass_constancy(acceleration)
     window_s, window_choice = trace_window(options.window_s, regression, *calibration.correct(regression))
     results = {name: method_result(e, regression, calibration, window_s, rig) for name, e in estimates.items()}
     trace = results["camera"].trace
@@ -117,7 +120,7 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
         alignments=alignments,
         reasons=reasons_against_film(shot, rig, filmed, regression, trace, calibration, constancy),
         assumptions=assumptions_of(rig),
-        notes=(*notes_on_film(shot, filmed, regression, trace, constancy), *missing_routes),
+        notes=(*notes_on_film(shot, filmed, regression, trace), *missing_routes),
     )
 
 
@@ -133,14 +136,6 @@ def _slow_filter(shot: Shot, options: Options) -> FilterChoice:
         + ("" if options.cutoff_hz is None else f", {options.cutoff_hz:g} Hz were asked for")
     )
     return FilterChoice(LowPass(cutoff_hz), "default", None, reason)
-
-
-def _constancy(regression: Regression, calibration: FilmCalibration, forced: ForcedRecoil) -> MassConstancy | None:
-    try:
-        return constancy_of(regression, calibration, forced.scales, _u_zero_m_s2(forced))
-    except IdentificationError:
-        # too few rows to tell; the mass itself has its own reasons then
-        return None
 
 
 def _u_zero_m_s2(forced: ForcedRecoil) -> float:

@@ -8,7 +8,8 @@ friction is declared by ``df`` too large, so that with the mass ``m = m0 e^mu``
 with the friction's direction s. While the part is let go, battery stop and packing push it on with what no gauge
 reads: an impulse d at the release that gives it the velocity v. The columns of S are shapes in which the
 accelerometer's zero may have shifted at the shot; what else may be wrong (`recoil_identification.causes`) adds to the
-readings F_j, and to that of the accelerometer, shapes of unknown size.
+readings F_j, and to that of the accelerometer, shapes of unknown size. The logarithm of the mass is mu throughout,
+unless shapes are given in which it changes while the part moves.
 
 Logarithms are taken because the rows do not change under a common factor of mass and forces, nor under one of mass
 and acceleration: in logarithms these directions are the same everywhere.
@@ -48,6 +49,17 @@ def shift(number: int) -> Unknown:
     return Unknown(f"shift {number + 1} of the zero", "m/s^2")
 
 
+def change(number: int) -> Unknown:
+    """Return the size of one of the shapes, counted from 0, in which the mass's logarithm changes."""
+    return Unknown(f"change {number + 1} of ln mass", largest_step=LARGEST_STEP)
+
+
+def ramps(times_s: Array, interval_s: tuple[float, float], count: int) -> Array:
+    """Return pieces of equal length, one after the other, in which something rises from 0 to 1; shape (n, count)."""
+    nodes = np.linspace(*interval_s, count + 1)
+    return np.asarray(np.clip((times_s[:, np.newaxis] - nodes[:-1]) / np.diff(nodes), 0.0, 1.0))
+
+
 @dataclass(frozen=True, eq=False)
 class EquationOfMotion(ReadOnlyArrays):
     """Rows of a filtered regression.
@@ -64,6 +76,8 @@ class EquationOfMotion(ReadOnlyArrays):
         Standard deviation of each row's error.
     causes
         What else may be wrong.
+    changes : ndarray, shape (n, n_changes), or None
+        Shapes in which the mass's logarithm changes.
     """
 
     regression: Regression
@@ -71,13 +85,19 @@ class EquationOfMotion(ReadOnlyArrays):
     m0_kg: float
     sigma_m_s2: Array
     causes: tuple[Cause, ...] = ()
+    changes: Array | None = None
 
     @cached_property
     def all_unknowns(self) -> tuple[Unknown, ...]:
-        """Mass, gauges, friction, accelerometer, its zero, release, shifts and causes."""
-        shapes = 0 if self.regression.shifts is None else self.regression.shifts.shape[1]
-        shifts = (shift(i) for i in range(shapes))
-        return (MASS, *GAUGES, FRICTION, ACCELERATION, ZERO, RELEASE, *shifts, *(one.unknown for one in self.causes))
+        """Mass, gauges, friction, accelerometer, its zero, release, shifts, causes, and changes of the mass."""
+        shifts = () if self.regression.shifts is None else range(self.regression.shifts.shape[1])
+        changes = () if self.changes is None else range(self.changes.shape[1])
+        return (
+            *(MASS, *GAUGES, FRICTION, ACCELERATION, ZERO, RELEASE),
+            *(shift(i) for i in shifts),
+            *(one.unknown for one in self.causes),
+            *(change(i) for i in changes),
+        )
 
     @property
     def unknowns(self) -> tuple[str, ...]:
@@ -91,16 +111,19 @@ class EquationOfMotion(ReadOnlyArrays):
         added = np.column_stack(
             [r.released[at], r.release_per_s[at], shifts, *(one.acceleration_m_s2[at] for one in self.causes)]
         )
-        sizes = np.array([values[unknown.name] for unknown in self.all_unknowns[6:]])
+        changes = np.zeros((at.size, 0)) if self.changes is None else self.changes[at]
+        given = np.array([values[unknown.name] for unknown in self.all_unknowns[6:]])
+        sizes, changed = given[: added.shape[1]], given[added.shape[1] :]
         first = sizes.size - len(self.causes)
-        per_force = np.exp(values[ACCELERATION.name] - values[MASS.name]) / self.m0_kg
-        scales = np.exp([-values[gauge.name] for gauge in GAUGES]) * per_force
+        per_force = np.exp(values[ACCELERATION.name] - values[MASS.name] - changes @ changed) / self.m0_kg
+        scales = np.exp([-values[gauge.name] for gauge in GAUGES]) * per_force[:, np.newaxis]
         readings, felt = r.forces_n[at, :3], added.copy()
         for column, one in enumerate(self.causes, first):
             readings = readings + sizes[column] * one.forces_n[at]
-            felt[:, column] += one.forces_n[at] @ scales
+            felt[:, column] += (one.forces_n[at] * scales).sum(axis=1)
         gauges, friction = readings * scales, r.friction_direction[at] * per_force
         rigid = gauges.sum(axis=1) + r.forces_n[at, 3] * per_force - values[FRICTION.name] * friction
-        derivatives = np.column_stack([-rigid, -gauges, -friction, rigid, felt])
+        by_change = -rigid[:, np.newaxis] * changes
+        derivatives = np.column_stack([-rigid, -gauges, -friction, rigid, felt, by_change])
         modelled = rigid + added @ sizes
         return (r.acceleration_m_s2[at] - modelled) / self.sigma_m_s2, derivatives / self.sigma_m_s2[:, np.newaxis]

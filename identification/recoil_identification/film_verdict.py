@@ -6,11 +6,11 @@ import math
 from collections.abc import Iterator
 
 from recoil_acquisition.shot import Shot
-from recoil_identification.constancy.mass_constancy import MassConstancy
 from recoil_identification.film_calibration import FilmCalibration
 from recoil_identification.filmed_recoil import FilmedRecoil
+from recoil_identification.mass_over_time import MassConstancy
 from recoil_identification.trace import MassTrace
-from recoil_identification.verdict import CERTAINLY_VARIES, doubted_sensors, reasons_against_record, varies
+from recoil_identification.verdict import doubted_sensors_or_mass, reasons_against_record
 from recoil_processing.alignment.align import INNOVATION_LIMITS, MOST_INFLATION, MOST_SET_ASIDE
 from recoil_processing.noise import noise_sigma
 from recoil_processing.shot.regression import Regression
@@ -46,10 +46,8 @@ def reasons_against_film(
         One sentence each, with its limit; empty if nothing does.
     """
     reasons = reasons_against_record(shot, rig, filmed.forced.signals, trace, regression, unused_channels(shot, rig))
-    reasons += doubted_sensors(calibration)
+    reasons += doubted_sensors_or_mass(calibration, constancy)
     reasons += _against_the_fit(filmed)
-    if constancy is not None and varies(constancy, CERTAINLY_VARIES, calibration.estimate):
-        reasons.append(f"{str(constancy).rstrip('.')}: see the mass over time, one number does not describe it")
     return tuple(reasons)
 
 
@@ -83,9 +81,7 @@ def _against_the_fit(filmed: FilmedRecoil) -> Iterator[str]:
             )
 
 
-def notes_on_film(
-    shot: Shot, filmed: FilmedRecoil, regression: Regression, trace: MassTrace, constancy: MassConstancy | None
-) -> tuple[str, ...]:
+def notes_on_film(shot: Shot, filmed: FilmedRecoil, regression: Regression, trace: MassTrace) -> tuple[str, ...]:
     """Say what a reader should know although it does not make the result invalid.
 
     Parameters
@@ -110,6 +106,4 @@ def notes_on_film(
     if regression.interval_s[1] >= regression.times_s[-1]:
         notes.append("the record ends before the recoil does: the interval ends with it")
     notes += [f"{count} samples not identified: {reason}" for reason, count in trace.reasons.items()]
-    if constancy is not None and not constancy.constant() and constancy.constant(CERTAINLY_VARIES):
-        notes.append(str(constancy).rstrip("."))
     return tuple(notes)

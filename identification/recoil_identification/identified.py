@@ -15,11 +15,11 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import ClockAlignment
 from recoil_identification.calibration import Calibration
-from recoil_identification.constancy.mass_constancy import MassConstancy
 from recoil_identification.estimators.endogeneity import Endogeneity
 from recoil_identification.film_calibration import FilmCalibration
 from recoil_identification.filter_choice import FilterChoice
 from recoil_identification.mass import MassEstimate
+from recoil_identification.mass_over_time import MassConstancy
 from recoil_identification.memory.window_length import WindowChoice
 from recoil_identification.monte_carlo import MonteCarlo
 from recoil_identification.shot_summary import ShotSummary

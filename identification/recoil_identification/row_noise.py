@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_identification.equation_of_motion import ramps
 from recoil_processing.shot.clocks.estimator_inputs import BaselineNoise
 from recoil_processing.shot.regression import Regression, spaced_rows
 
@@ -25,7 +26,7 @@ PROPORTIONAL = 1e-3
 """Standard deviation of what is proportional to the acceleration, share of it."""
 LEAST_SIZE, LARGEST_SIZE = 0.9, 2.0
 """Limits between which the shot tells the size of the noise, over that of the baseline."""
-HATS = 12
+PIECES = 12
 """Pieces over the interval in which the mass may change, for the size."""
 LEAST_LEFT = 10
 """Rows beyond the released columns, for the size to mean anything."""
@@ -87,10 +88,9 @@ def _size(regression: Regression, rows: NDArray[np.int64], sigma: Array) -> tupl
     columns = [*r.forces_n.T[:3], r.friction_direction, r.released, r.release_per_s]
     columns += [] if r.shifts is None else [*r.shifts.T]
     table = np.column_stack(columns)[rows]
-    if rows.size - table.shape[1] - HATS >= LEAST_LEFT:
-        at = np.linspace(r.times_s[rows[0]], r.times_s[rows[-1]], HATS + 1)
-        hats = np.column_stack([np.interp(r.times_s[rows], at, unit) for unit in np.eye(HATS + 1)])
-        table = np.column_stack([table, hats * r.force_n[rows, np.newaxis]])
+    if rows.size - table.shape[1] - PIECES >= LEAST_LEFT:
+        changes = ramps(r.times_s[rows], r.interval_s, PIECES)
+        table = np.column_stack([table, changes * r.force_n[rows, np.newaxis]])
     table = table / sigma[:, np.newaxis]
     table = table / np.maximum(np.linalg.norm(table, axis=0), 1e-300)
     u, sizes, _ = np.linalg.svd(table, full_matrices=False)

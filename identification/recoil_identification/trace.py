@@ -92,7 +92,7 @@ def mass_trace(
     x, y = np.where(regression.trusted, x, np.nan), np.where(regression.trusted, y, np.nan)
     windows = limited_memory_least_squares(x[:, None], y, window, partial=True)
     slope, error = windows.parameters[:, 0], windows.standard_errors[:, 0]
-    error = error * _error_factor(regression, x, y)
+    error = error * _error_factor(regression, y - slope * x)
     with np.errstate(invalid="ignore", divide="ignore"):
         relative = np.abs(error / slope)
         mass = 1.0 / slope if direction == "reverse" else slope
@@ -125,15 +125,20 @@ def mass_trace(
     )
 
 
-def _error_factor(regression: Regression, x: Array, y: Array) -> float:
+def _error_factor(regression: Regression, residual: Array) -> float:
     """How much the errors' correlation widens a standard error that took all samples for independent.
 
     A low-passed record has far fewer independent samples than samples: the factor is the root of the
     spacing of independent rows, times what first-order correlation is left between those.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (n,)
+        Of each window's last sample, NaN where there is none: a mass that changes is no correlated error.
     """
     rows = spaced_rows(regression)
+    rows = rows[np.isfinite(residual[rows])]
     if rows.size < 10:
         return 1.0
-    slope = float(x[rows] @ y[rows] / (x[rows] @ x[rows]))
-    stride = float(np.median(np.diff(rows))) if rows.size > 1 else 1.0
-    return float(np.sqrt(stride)) * correlation_factor(y[rows] - slope * x[rows])
+    stride = float(np.median(np.diff(rows)))
+    return float(np.sqrt(stride)) * correlation_factor(residual[rows])

@@ -8,9 +8,9 @@ from collections.abc import Collection, Mapping
 from recoil_acquisition.shot import Shot
 from recoil_identification.calibration import CRITICAL_VALUE, Calibration
 from recoil_identification.causes import SKEW
-from recoil_identification.constancy.mass_constancy import MassConstancy
 from recoil_identification.corrections import Corrections
 from recoil_identification.mass import ACCELERATION, RANDOM, MassEstimate
+from recoil_identification.mass_over_time import MassConstancy
 from recoil_identification.sensor_priors import CAMERA_GAIN, CAMERA_SCALE, RELEASE
 from recoil_identification.trace import MassTrace
 from recoil_identification.zero_shift import ZeroShift
@@ -23,8 +23,6 @@ LEAST_SHARE = 0.5
 """Below this share of identified samples the trace does not describe the shot."""
 LARGEST_LOSS = 0.8
 """Of the squares of the force: the mass then hangs on the slow rest of the motion, and on the friction."""
-CERTAINLY_VARIES = 0.01
-"""Level below which a mass is not taken for constant any more; from 0.05 on it is a note."""
 ALIKE = 0.3
 """Difference of two normalised residuals below which one explains the shot as well as the other."""
 ROUNDING = 1e-6
@@ -68,7 +66,7 @@ def reasons_against(
         One sentence each, with its limit; empty if nothing does.
     """
     reasons = reasons_against_record(shot, rig, signals, trace, filtered)
-    reasons += doubted_sensors(calibration)
+    reasons += doubted_sensors_or_mass(calibration, constancy)
     if not calibration.inferred.converged:
         reasons.append("mass and sensors' errors did not settle: check areas, units and signals of the pressures")
     if shift.demanded and not shift.confirmed:
@@ -93,8 +91,6 @@ def reasons_against(
                 f"the accelerometer gives {inertial.mass_kg:.1f} kg and the camera {camera.mass_kg:.1f} kg, "
                 f"{apart / own:.1f} standard uncertainties apart (limit {LARGEST_ROUTE_GAP:g})"
             )
-    if constancy is not None and varies(constancy, CERTAINLY_VARIES, calibration.estimate):
-        reasons.append(f"{str(constancy).rstrip('.')}: see the mass over time, one number does not describe it")
     return tuple(reasons)
 
 
@@ -142,11 +138,6 @@ def doubts_of(rig: Rig) -> list[str]:
     return [f"rig file: {doubt}" for doubt in rig.doubts]
 
 
-def varies(constancy: MassConstancy, level: float, estimate: MassEstimate) -> bool:
-    """Return whether the mass changes beyond chance, and by more than it is uncertain anyway."""
-    return not constancy.constant(level) and abs(constancy.change_kg) > estimate.u_kg
-
-
 def _lost_excitation(filtered: Regression) -> float:
     """Share of the squares of force, or of acceleration, that lies where a sample is lost, whichever is more."""
     inside, lost = filtered.inside, filtered.inside & ~filtered.trusted
@@ -157,6 +148,25 @@ def _lost_excitation(filtered: Regression) -> float:
     return max(shares)
 
 
+def doubted_sensors_or_mass(calibration: Corrections, constancy: MassConstancy | None) -> list[str]:
+    """Name what contradicts the rest: sensors, or a constant mass where a change explains more than any sensor."""
+    residuals = calibration.normalised_residuals
+    doubts = doubted_sensors(calibration)
+    if constancy is None or constancy.constant():
+        return doubts
+    sensors = {source: abs(w) for source, w in residuals.items() if source not in (RELEASE, CAMERA_GAIN)}
+    likeliest = max(sensors, key=lambda source: sensors[source], default="none")
+    said = (
+        f"{str(constancy).rstrip('.')} (normalised residual {constancy.normalised_residual:.1f}, of the sensors "
+        f"{likeliest} has the largest, {sensors.get(likeliest, 0.0):.1f}): see the mass over time, one number does "
+        "not describe it"
+    )
+    if constancy.normalised_residual > sensors.get(likeliest, 0.0):
+        return [said, *doubted_sensors(constancy.changed)]
+    # a sensor that is off explains more, and may look like a mass that changes
+    return doubts or [f"either the mass changes or {likeliest} is off, the shot cannot tell: {said}"]
+
+
 def doubted_sensors(calibration: Corrections) -> list[str]:
     """Name the calibrations that contradict the shot, the least likely first.
 
@@ -165,9 +175,10 @@ def doubted_sensors(calibration: Corrections) -> list[str]:
     pull over its redundancy, the square of pull over normalised residual. What would have to be off by far more of its
     standard uncertainties than another that explains the shot as well is no explanation.
     """
+    pulls, residuals = calibration.pulls, calibration.normalised_residuals
     beyond = {
-        source: (abs(w), w * w / abs(calibration.pulls[source]))
-        for source, w in calibration.normalised_residuals.items()
+        source: (abs(w), w * w / abs(pulls[source]))
+        for source, w in residuals.items()
         if source not in (RELEASE, CAMERA_GAIN) and abs(w) > CRITICAL_VALUE
     }
     named = [
@@ -179,7 +190,7 @@ def doubted_sensors(calibration: Corrections) -> list[str]:
     while named:
         source, *same = [other for other in named if _indistinguishable(named[0], other, beyond)]
         named = [other for other in named if other not in (source, *same)]
-        senses = {one: _sense(one, calibration.normalised_residuals[one]) for one in (source, *same)}
+        senses = {one: _sense(one, residuals[one]) for one in (source, *same)}
         doubts.append(
             f"{source} contradicts the other sensors: it {senses[source]} by {beyond[source][1]:.3g} of its standard "
             f"uncertainties if they are right ({beyond[source][0]:.1f} standard deviations, limit {CRITICAL_VALUE:g})"
@@ -211,7 +222,6 @@ def notes_on(
     recorded: Regression,
     trace: MassTrace,
     shift: ZeroShift,
-    constancy: MassConstancy | None,
 ) -> tuple[str, ...]:
     """Say what a reader should know although it does not make the result invalid.
 
@@ -237,6 +247,4 @@ def notes_on(
             f"the accelerometer's zero shifted at the shot {shift}, as force and camera tell: it is taken off, at the "
             "cost of a wider interval; check its mounting and charge amplifier"
         )
-    if constancy is not None and not constancy.constant() and constancy.constant(CERTAINLY_VARIES):
-        notes.append(str(constancy).rstrip("."))
     return tuple(notes)

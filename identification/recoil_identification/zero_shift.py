@@ -186,7 +186,7 @@ def calibrated_with_zero_shift(
             # a kick without a step is the release, modelled as an instant, and no zero that shifted
             continue
         frames = seen[shape].misfit if seen else 0.0
-        criteria[shape] = fit.misfit + frames + len(shape) * math.log(max(fit.estimate.rows, 2))
+        criteria[shape] = fit.inferred.misfit + frames + len(shape) * math.log(max(fit.estimate.rows, 2))
     chosen = min(criteria, key=lambda shape: criteria[shape])
     fall = criteria[()] - criteria[chosen]
     if fall <= MARGIN:

@@ -7,10 +7,20 @@ import math
 import numpy as np
 
 from recoil_identification.calibration import Calibration
+from recoil_identification.equation_of_motion import (
+    ACCELERATION,
+    FRICTION,
+    GAUGES,
+    MASS,
+    RELEASE,
+    ZERO,
+    EquationOfMotion,
+)
 from recoil_identification.inference.solve import solve
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.mass import MassEstimate
 from recoil_identification.row_noise import RowNoise
+from tests.builders.bench_shots import bench_regression
 
 
 def a_calibration(
@@ -23,22 +33,23 @@ def a_calibration(
     u_ln_mass: float = 1.0,
 ) -> Calibration:
     """Say that these are the errors of the sensors; nothing was solved for."""
-    none = np.zeros(0)
-    nothing = solve([Unknown("ln mass")], [], [Prior.of("stated", "ln mass", u_ln_mass)])
+    errors = {
+        MASS.name: None,
+        **dict(zip((gauge.name for gauge in GAUGES), np.log1p(gauges).tolist(), strict=True)),
+        FRICTION.name: friction_n,
+        ACCELERATION.name: math.log1p(acceleration),
+        ZERO.name: bias_m_s2,
+        RELEASE.name: 0.0,
+    }
+    stated = [
+        Prior.of("stated", name, u_ln_mass) if value is None else Prior.of(name, name, 0.0, value)
+        for name, value in errors.items()
+    ]
     return Calibration(
         estimate=estimate,
-        gauge_errors=np.array(gauges),
-        friction_error_n=friction_n,
-        acceleration_error=acceleration,
-        bias_m_s2=bias_m_s2,
-        release_m_s=0.0,
-        shifts_m_s2=none,
-        u_shifts_m_s2=none,
-        pulls={},
-        normalised_residuals={},
         noise=RowNoise(np.ones(1), 1.0, math.inf),
-        misfit=0.0,
-        m0_kg=estimate.mass_kg,
-        inferred=nothing,
+        block=EquationOfMotion(bench_regression(), np.arange(0), estimate.mass_kg, np.zeros(0)),
+        inferred=solve([Unknown(name) for name in errors], [], stated),
+        common=(),
         own=(),
     )

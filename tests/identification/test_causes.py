@@ -77,7 +77,7 @@ def refitted_kg(found: Identification, name: str, recorded: Regression) -> float
         found.signals.offsets["recoil_acceleration"].u,
         calibration.camera,
         noise=calibration.noise,
-        causes=calibration.causes,
+        causes=calibration.block.causes,
     )
     return again.estimate.mass_kg
 
@@ -110,4 +110,4 @@ def test_causes_hardly_move_a_sound_shot_and_are_in_its_uncertainty(name: str) -
     with_causes = calibration.estimate
     assert abs(with_causes.mass_kg - bare.estimate.mass_kg) < 0.3 * with_causes.u_kg
     assert with_causes.u_kg > bare.estimate.u_kg
-    assert all(abs(calibration.normalised_residuals[cause.source]) < 3.29 for cause in calibration.causes)
+    assert all(abs(calibration.normalised_residuals[cause.source]) < 3.29 for cause in calibration.block.causes)

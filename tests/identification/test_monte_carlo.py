@@ -100,7 +100,7 @@ def test_a_drawn_shot_that_is_solved_anew_is_where_the_linear_draw_has_it(name):
         scale_uncertainty(virtual_shot(name).rig), found.fitted.u_release_n_s / calibration.m0_kg, camera
     )
     sigma = calibration.noise.sigma_m_s2[rows]
-    block = EquationOfMotion(found.fitted, rows, calibration.m0_kg, sigma, calibration.causes)
+    block = EquationOfMotion(found.fitted, rows, calibration.m0_kg, sigma, calibration.block.causes)
     values = {one.name: inferred.value(one.name) for one in inferred.unknowns}
     design = np.zeros((rows.size, len(inferred.unknowns)))
     design[:, : len(block.unknowns)] = block.linearised(values)[1]

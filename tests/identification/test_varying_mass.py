@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from recoil_identification.analysis import Identification
+from recoil_identification.mass_over_time import mass_over_time
 from tests.builders.virtual_shots import identified, virtual_shot
 
 RELEASED = {"released_mass_kg": 60.0, "release_after_s": 0.03}
@@ -34,8 +35,26 @@ def test_the_report_is_not_valid_as_one_number_and_says_when_the_mass_changed(ca
     assert not found.valid
     assert any("No constant mass explains the shot" in reason for reason in found.reasons), found.reasons
     assert found.constancy is not None
-    assert found.constancy.step.instant_s == pytest.approx(instant_s, abs=0.01)
-    assert found.constancy.change_kg == pytest.approx(after - before, abs=3 * found.constancy.u_change_kg)
+    said = found.constancy
+    assert said.kind == "step"
+    assert said.instant_s == pytest.approx(instant_s, abs=0.01)
+    assert said.change_kg == pytest.approx(after - before, abs=3 * said.u_change_kg)
+    assert said.before_kg == pytest.approx(before, abs=3 * said.u_before_kg)
+    assert said.after_kg == pytest.approx(after, abs=3 * said.u_after_kg)
+
+
+def test_the_mass_is_blamed_and_no_sensor(case):
+    found, *_ = case
+    assert any(reason.startswith("No constant mass explains the shot") for reason in found.reasons)
+    assert not any("contradicts the other sensors" in reason for reason in found.reasons)
+
+
+def test_the_mass_over_time_holds_the_old_mass_and_the_new_one(case):
+    found, before, after, instant_s = case
+    walk = mass_over_time(found.calibration)
+    true = np.where(walk.times_s < instant_s, before, after)
+    far = np.abs(walk.times_s - instant_s) > 0.02
+    assert np.mean(np.abs(walk.mass_kg - true)[far] < 2 * walk.u_kg[far]) > 0.9
 
 
 def test_shots_of_a_constant_mass_are_not_accused():

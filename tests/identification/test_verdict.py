@@ -1,37 +1,13 @@
-"""When a mass that varies speaks against the result."""
+"""Which sensors are named, and when it is the mass that changes."""
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-import pytest
-
-from recoil_identification.budget import BudgetRow
-from recoil_identification.mass import ACCELERATION, GAUGES, MassEstimate
+from recoil_identification.mass import ACCELERATION, GAUGES
 from recoil_identification.sensor_priors import CAMERA_SCALE
-from recoil_identification.verdict import CERTAINLY_VARIES, doubted_sensors, varies
-
-
-@dataclass
-class Judged:
-    """A test's probability and the change that it found."""
-
-    p: float
-    change_kg: float
-
-    def constant(self, level: float = 0.05) -> bool:
-        return self.p > level
-
-
-ESTIMATE = MassEstimate("calibrated", 782.0, (BudgetRow("all", 3.0, "B"),), 100, 1.0)
-
-
-@pytest.mark.parametrize(
-    ("p", "change_kg", "expected"), [(1e-4, -8.0, True), (1e-4, 8.0, True), (1e-4, -0.4, False), (0.03, -8.0, False)]
-)
-def test_only_a_change_beyond_chance_and_beyond_the_uncertainty_counts(p, change_kg, expected):
-    assert varies(Judged(p, change_kg), CERTAINLY_VARIES, ESTIMATE) is expected
+from recoil_identification.verdict import doubted_sensors, doubted_sensors_or_mass
 
 
 @dataclass
@@ -75,3 +51,49 @@ def test_what_would_have_to_be_absurdly_wrong_is_no_explanation_beside_what_need
     assert named({**residuals, GAUGES[0]: 3.5}, {"brake_pressure zero": 0.04, GAUGES[0]: 2.0}) == [
         "brake_pressure zero", GAUGES[0]
     ]  # fmt: skip
+
+
+@dataclass
+class Change:
+    """What a test of the mass's constancy says."""
+
+    normalised_residual: float
+    called: bool = True
+    changed: Doubted = field(default_factory=lambda: Doubted({}, {}))
+
+    def constant(self) -> bool:
+        return not self.called
+
+    def __str__(self) -> str:
+        return "No constant mass explains the shot."
+
+
+def judged(change: Change, **residuals: float) -> list[str]:
+    return doubted_sensors_or_mass(Doubted(residuals, dict.fromkeys(residuals, 2.0)), change)
+
+
+def test_a_mass_that_explains_more_than_any_sensor_is_blamed_and_compared() -> None:
+    (reason,) = judged(Change(5.0), brake=4.2, breech=1.0)
+    assert reason.startswith("No constant mass explains the shot (normalised residual 5.0, of the sensors brake has")
+    assert "the largest, 4.2)" in reason
+
+
+def test_a_sensor_that_is_off_even_if_the_mass_changes_is_named_beside_it() -> None:
+    reasons = judged(Change(5.0, changed=Doubted({"brake": 4.0}, {"brake": 3.0})), brake=4.8)
+    assert reasons[0].startswith("No constant mass")
+    assert reasons[1].startswith("brake contradicts")
+
+
+def test_a_sensor_that_explains_more_than_a_changing_mass_is_named_alone() -> None:
+    (reason,) = judged(Change(10.5), recuperator=13.8)
+    assert reason.startswith("recuperator contradicts the other sensors")
+
+
+def test_where_neither_is_beyond_doubt_both_are_named() -> None:
+    (reason,) = judged(Change(2.5), brake=3.0)
+    assert reason.startswith("either the mass changes or brake is off, the shot cannot tell")
+
+
+def test_a_constant_mass_accuses_nobody() -> None:
+    assert judged(Change(1.0, called=False), brake=3.0) == []
+    assert doubted_sensors_or_mass(Doubted({}, {}), None) == []

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 ROWS_PER_CUTOFF = 2.5
-"""Samples per period of the cut-off, as `recoil_processing.shot.regression.spaced_rows`."""
+"""Samples per period of the cut-off: a record that is to be even in time needs more than independent rows do."""
 
 
 @dataclass(frozen=True, eq=False)

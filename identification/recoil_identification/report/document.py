@@ -215,10 +215,18 @@ def _constancy(found: Identification) -> dict[str, Any] | None:
     return {
         "p": test.p_value,
         "constant": test.constant(),
+        "kind": test.kind,
+        "p_drift": test.p_drift,
+        "p_step": test.p_step,
+        "normalised_residual": test.normalised_residual,
+        "before_kg": test.before_kg,
+        "u_before_kg": test.u_before_kg,
+        "after_kg": test.after_kg,
+        "u_after_kg": test.u_after_kg,
         "change_kg": test.change_kg,
         "u_change_kg": test.u_change_kg,
-        "instant_s": test.step.instant_s,
-        "interval_s": list(test.step.interval_s),
+        "instant_s": test.instant_s,
+        "interval_s": list(test.interval_s),
         "detail": str(test),
     }
 

@@ -1,1 +1,0 @@
-"""Whether one constant mass explains a shot."""
