@@ -115,7 +115,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         *skew_contribution(narrow, calibration, skew),
     )
     areas_m2 = dict(zip(PRESSURE_ROLES, (getattr(rig.mechanism, area) for area in AREAS), strict=True))
-    causes = causes_of(narrow, signals, shot, areas_m2, skew.u_left_s)
+    causes = causes_of(narrow, recorded, signals, shot, areas_m2)
     calibration = calibrated_mass(narrow, scales, offset.u, calibration.camera, noise=calibration.noise, causes=causes)
     estimates = {
         "calibrated": calibration.estimate,

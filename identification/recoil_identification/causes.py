@@ -24,6 +24,13 @@ from recoil_processing.shot.signals import Signals
 Array = NDArray[np.float64]
 
 SKEW = "skew of acceleration and force"
+U_SKEW_S = 5e-5
+"""Standard uncertainty of the delay between the chains of acceleration and force, beyond what was corrected: the rows
+tell it to a microsecond or two, and would be asked twice if what was found from them before were believed."""
+U_BRIDGED = 0.3
+"""Standard uncertainty of what bridges lost samples, share of the largest acceleration."""
+MOST_LOST = 4
+"""Stretches of lost samples that are causes of their own: the longest, for a single sample is bridged well."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,14 +73,19 @@ class Cause(ReadOnlyArrays):
 
 
 def causes_of(
-    regression: Regression, signals: Signals, shot: Shot, areas_m2: Mapping[str, float], u_skew_s: float
+    regression: Regression,
+    recorded: Regression,
+    signals: Signals,
+    shot: Shot,
+    areas_m2: Mapping[str, float],
 ) -> tuple[Cause, ...]:
     """List the causes of a shot.
 
     Parameters
     ----------
-    regression
-        Filtered.
+    regression, recorded
+        Behind the filter and before it: where samples were lost, what bridges them may be wrong, and the filter
+        carries some of that beyond the rows that it spoils.
     signals
         Gives the uncertainties of the gauges' zeros by the pre-trigger baseline, and what repairs may have left. A
         gauge whose zero is not known at all has no cause: no number could be given.
@@ -81,8 +93,6 @@ def causes_of(
         Tells which channel hangs on which clock, and how well that is aligned.
     areas_m2
         Of the forces, by role of the gauge.
-    u_skew_s
-        Standard uncertainty of the delay between the chains of acceleration and force; infinite if it was not measured.
     """
     n = regression.times_s.size
     none, unmoved = np.zeros((n, 3)), np.zeros(n)
@@ -116,6 +126,20 @@ def causes_of(
             on_it = np.array([each == clock for each in clocks])
             moved = -jerk_m_s3 if on_it[3] else unmoved
             found.append(Cause(f"alignment of clock {clock}", "s", u_s, "B", slopes_n_s * on_it[:3], moved))
-    if math.isfinite(u_skew_s) and u_skew_s > 0:
-        found.append(Cause(SKEW, "s", u_skew_s, "A", none, -jerk_m_s3))
+    if regression.table is not None:
+        largest = float(np.max(np.abs(regression.acceleration_m_s2[regression.inside]), initial=0.0))
+        for first, stop in _longest_lost(recorded):
+            bridged = np.zeros(n)
+            bridged[first:stop] = 1.0
+            spread = regression.table.joined_by({"lost": bridged})["lost"]
+            source = f"samples lost at {1e3 * (recorded.times_s[first] - recorded.interval_s[0]):.1f} ms"
+            found.append(Cause(source, "m/s^2", U_BRIDGED * largest, "B", none, spread))
+    found.append(Cause(SKEW, "s", U_SKEW_S, "B", none, -jerk_m_s3))
     return tuple(found)
+
+
+def _longest_lost(recorded: Regression) -> list[tuple[int, int]]:
+    """Return the longest stretches of lost samples of the motion, as first and one after the last."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], recorded.inside & ~recorded.trusted, [False]])))
+    stretches = [(int(first), int(stop)) for first, stop in zip(edges[::2], edges[1::2], strict=True)]
+    return sorted(sorted(stretches, key=lambda one: one[0] - one[1])[:MOST_LOST])

@@ -59,7 +59,8 @@ def drifting(by: float) -> np.ndarray:
 def test_a_constant_mass_is_called_changing_as_often_as_the_level_says():
     rng = np.random.default_rng(20130901)
     found = [
-        mass_constancy(calibrated(shot(seed, gauges=tuple(1.0 + rng.normal(0.0, SCALES.gauges))))) for seed in range(120)
+        mass_constancy(calibrated(shot(seed, gauges=tuple(1.0 + rng.normal(0.0, SCALES.gauges)))))
+        for seed in range(120)
     ]
     called = [0.0 if one is None else one.p_value < 0.05 for one in found]
     assert None not in found

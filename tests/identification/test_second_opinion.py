@@ -85,8 +85,7 @@ def test_a_program_that_shares_nothing_finds_the_same_mass_and_uncertainty(name:
         on_it = np.array([one == clock for one in clocks], dtype=float)
         u_s = shot.shot.alignment(clock).u_offset_s
         others.append((slopes[:, :3] * on_it[:3], -on_it[3] * jerk, u_s))
-    skew = found.skew
-    others.append((np.zeros((jerk.size, 3)), -jerk, np.hypot(skew.u_s, skew.skew_s - skew.corrected_s)))
+    others.append((np.zeros((jerk.size, 3)), -jerk, 5e-5))
     forces, jerks = (np.stack([one[side][at] for one in others], axis=-1) for side in (0, 1))
     series = (*series, forces, jerks)
     n = 8 + len(others)
