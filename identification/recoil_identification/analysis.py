@@ -44,7 +44,7 @@ from recoil_processing.shot.camera_motion import recorded_motion
 from recoil_processing.shot.clocks.estimator_inputs import EstimatorInputs
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
 from recoil_processing.shot.sensor_scales import scale_uncertainty
-from recoil_rigs.assumptions import AREAS, assumptions_of
+from recoil_rigs.assumptions import assumptions_of
 from recoil_rigs.rig import Rig
 
 __all__ = [
@@ -114,7 +114,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         *further_contributions(narrow, calibration, signals, shot, rig),
         *skew_contribution(narrow, calibration, skew),
     )
-    areas_m2 = dict(zip(PRESSURE_ROLES, (getattr(rig.mechanism, area) for area in AREAS), strict=True))
+    areas_m2 = dict(zip(PRESSURE_ROLES, rig.mechanism.force_areas, strict=True))
     causes = causes_of(narrow, recorded, signals, shot, areas_m2)
     calibration = calibrated_mass(narrow, scales, offset.u, calibration.camera, noise=calibration.noise, causes=causes)
     estimates = {

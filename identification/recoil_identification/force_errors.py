@@ -18,7 +18,6 @@ from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ACCELERATIONS, 
 from recoil_processing.shot.kinematics import AngularMotion, relative_to_tipping_part
 from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.signals import static_value
-from recoil_rigs.assumptions import AREAS
 
 Array = NDArray[np.float64]
 
@@ -53,7 +52,7 @@ def force_errors(forced: ForcedRecoil) -> NamedErrors:
     found += [("B", source, error) for source, error in forced.inputs.perturbations.clocks[::2]]
     for (role, cause), left in signals.left.items():
         if role in PRESSURE_ROLES:
-            area = getattr(forced.rig.mechanism, AREAS[PRESSURE_ROLES.index(role)])
+            area = forced.rig.mechanism.force_areas[PRESSURE_ROLES.index(role)]
             found.append(("B", f"{role} {cause}", left * area * free))
         elif role in CARRIAGE_ACCELERATIONS:
             found.append(("B", f"{role} {cause}", _as_force(forced, _with_error(forced.motion, role, left))))

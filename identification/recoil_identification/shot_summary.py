@@ -135,7 +135,9 @@ def _scale(rig: Rig, role: str) -> tuple[tuple[str, float], ...]:
 
 def _gauge(rig: Rig, role: str, area: str) -> tuple[tuple[str, float], ...]:
     u_area = rig.mechanism.u.get(area, 0.0) / getattr(rig.mechanism, area)
-    return (*_scale(rig, role), (f"rig:{rig.name}:{area}", u_area))
+    of_bore = role == "breech_pressure" and rig.mechanism.u_bore_friction_rel
+    bore = ((f"rig:{rig.name}:bore_friction", rig.mechanism.u_bore_friction_rel),) if of_bore else ()
+    return (*_scale(rig, role), (f"rig:{rig.name}:{area}", u_area), *bore)
 
 
 def _friction(rig: Rig) -> tuple[tuple[str, float], ...]:

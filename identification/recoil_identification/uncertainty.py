@@ -20,7 +20,6 @@ from recoil_identification.corrections import Corrections
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression, spaced_rows
 from recoil_processing.shot.signals import Signals
-from recoil_rigs.assumptions import AREAS
 from recoil_rigs.rig import Rig
 
 CUTOFF_FACTORS = (0.7, 1.4)
@@ -126,12 +125,12 @@ def zero_contributions(filtered: Regression, calibration: Corrections, signals: 
     """
     mass = corrected_mass(filtered, calibration)
     rows = []
-    for column, (role, area) in enumerate(zip(PRESSURE_ROLES, AREAS, strict=True)):
+    for column, (role, area) in enumerate(zip(PRESSURE_ROLES, rig.mechanism.force_areas, strict=True)):
         u_pa = signals.offsets[role].u if role in signals.offsets else 0.0
         if not (math.isfinite(u_pa) and u_pa > 0):
             continue
         forces = filtered.forces_n.copy()
-        forces[:, column] += u_pa * getattr(rig.mechanism, area) * filtered.released
+        forces[:, column] += u_pa * area * filtered.released
         change = abs(corrected_mass(replace(filtered, forces_n=forces), calibration) - mass)
         rows.append(BudgetRow(f"{role} zero", change, "A"))
     return rows
@@ -146,7 +145,7 @@ def repair_contributions(filtered: Regression, calibration: Corrections, signals
         if role in PRESSURE_ROLES:
             column = PRESSURE_ROLES.index(role)
             forces = filtered.forces_n.copy()
-            forces[:, column] += error * getattr(rig.mechanism, AREAS[column])
+            forces[:, column] += error * rig.mechanism.force_areas[column]
             other = replace(filtered, forces_n=forces)
         elif role == "recoil_acceleration":
             other = replace(filtered, acceleration_m_s2=filtered.acceleration_m_s2 + error)

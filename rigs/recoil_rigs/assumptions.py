@@ -51,6 +51,9 @@ def _assumptions(rig: Rig) -> Iterator[Assumption]:
             yield Assumption(symbol, "taken as exact", f"[mechanism] has no u_{symbol}")
     if "friction" not in m.u:
         yield Assumption("friction", "taken as exact", f"[mechanism] has no u_friction: {m.friction:g} N is taken")
+    if "bore_friction" not in m.u:
+        detail = f"[mechanism] has no u_bore_friction: {m.bore_friction:g} of the breech force is taken"
+        yield Assumption("bore_friction", "taken as exact", detail)
     for role in CARRIAGE_ROLES:
         if rig.by_role(role) is None:
             detail = "no channel has this role: its term in the equation of motion is taken at rest"

@@ -42,6 +42,8 @@ class Mechanism:
         Areas on which the breech, brake and recuperator pressures act, m^2.
     friction
         Packing friction that no gauge reads, N.
+    bore_friction
+        Share of the breech's force that the projectile's friction in the bore takes off.
     u
         Standard uncertainties of any of these values, by symbol, in the value's unit.
     """
@@ -70,6 +72,7 @@ class Mechanism:
     L: float = math.nan
     f: float = math.nan
     g: float = STANDARD_GRAVITY_M_S2
+    bore_friction: float = 0.0
     u: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
 
     REQUIRED: ClassVar[tuple[str, ...]] = (
@@ -78,6 +81,24 @@ class Mechanism:
     POSITIVE: ClassVar[frozenset[str]] = frozenset(
         {"m1", "m2", "m3", "J1", "J2", "J3c", "L", "g", "bore_area", "brake_area", "recuperator_area"}
     )
+
+    @property
+    def force_areas(self) -> tuple[float, float, float]:
+        """Force per pressure of breech, brake and recuperator, m^2; of the first, without the projectile's friction."""
+        return self.bore_area * (1.0 - self.bore_friction), self.brake_area, self.recuperator_area
+
+    @property
+    def u_force_areas_rel(self) -> tuple[float, float, float]:
+        """Relative standard uncertainties of `force_areas`."""
+        bore, brake, recuperator = (
+            self.u.get(name, 0.0) / getattr(self, name) for name in ("bore_area", "brake_area", "recuperator_area")
+        )
+        return math.hypot(bore, self.u_bore_friction_rel), brake, recuperator
+
+    @property
+    def u_bore_friction_rel(self) -> float:
+        """What is uncertain of the bore's friction, share of the force that is left."""
+        return self.u.get("bore_friction", 0.0) / (1.0 - self.bore_friction)
 
     @classmethod
     def symbols(cls) -> tuple[str, ...]:
@@ -111,6 +132,7 @@ MEANINGS: Mapping[str, str] = MappingProxyType(
         "brake_area": "area that the brake pressure acts on, m2",
         "recuperator_area": "area that the recuperator pressure acts on, m2",
         "friction": "packing friction that no gauge reads, N",
+        "bore_friction": "share of the breech's force that the projectile's friction in the bore takes off",
     }
 )
 """Symbol -> what it is, with its unit."""

@@ -65,6 +65,7 @@ OF_SYMBOL: Mapping[str, Bounds] = MappingProxyType(
         "f": Bounds((0.0, 10.0), (0.0, 2.0), ""),
         "g": Bounds((9.0, 10.5), (9.76, 9.84), "m/s2"),
         "friction": Bounds((0.0, 1e7), (0.0, 1e5), "N"),
+        "bore_friction": Bounds((0.0, 0.5), (0.0, 0.05), "of the breech force (1 % is 0.01)"),
     }
 )
 """Symbol of the mechanism -> its bounds."""

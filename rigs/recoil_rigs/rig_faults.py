@@ -71,6 +71,8 @@ def _problem_of_value(key: str, value: Any, is_uncertainty: bool) -> str | None:
         return f"must be a finite number, found {value!r}"
     if is_uncertainty:
         return f"a standard uncertainty is not negative, found {value}" if number < 0 else None
+    if key == "bore_friction" and not 0 <= number < 1:
+        return f"must be a share of at least 0 and below 1, found {value}"
     if key in Mechanism.POSITIVE and number <= 0:
         return f"must be positive, found {value}"
     return None

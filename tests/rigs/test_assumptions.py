@@ -10,7 +10,7 @@ from tests.builders.bench_shots import bench_rig
 def test_what_has_no_uncertainty_no_sensor_and_no_date_is_named() -> None:
     lines = assumption_lines(assumptions_of(bench_rig()))
     assert lines == [
-        "taken as exact: bore_area, brake_area, recuperator_area",
+        "taken as exact: bore_area, brake_area, recuperator_area, bore_friction",
         "not measured: carriage_acceleration_x, carriage_acceleration_y, carriage_rate, tipping_rate",
         "no calibration date: acc, p_breech, p_brake, p_recuperator",
     ]
@@ -24,6 +24,15 @@ def test_a_friction_without_an_uncertainty_is_taken_as_exact() -> None:
     ]
 
 
+def test_a_friction_in_the_bore_that_nobody_stated_is_said_to_be_none() -> None:
+    (row,) = [row for row in assumptions_of(bench_rig()) if row["quantity"] == "bore_friction"]
+    assert row["detail"] == "[mechanism] has no u_bore_friction: 0 of the breech force is taken"
+    stated = bench_rig().text.replace("u_friction = 150.0\n", "u_friction = 150.0\nu_bore_friction = 0.002\n")
+    assert "bore_friction" not in {row["quantity"] for row in assumptions_of(parse_rig(stated, bench_rig().path))}
+
+
 def test_what_is_stated_is_no_assumption() -> None:
     rig = load_rig("field-2013")
-    assert assumption_lines(assumptions_of(rig)) == ["taken as exact: bore_area, brake_area, recuperator_area"]
+    assert assumption_lines(assumptions_of(rig)) == [
+        "taken as exact: bore_area, brake_area, recuperator_area, bore_friction"
+    ]

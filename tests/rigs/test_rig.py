@@ -278,6 +278,11 @@ def test_every_role_has_a_quantity_that_exists(role: str) -> None:
         ("m3 = 782", "m3 = [782]", r"mechanism\.m3: must be a finite number, found \[782\]"),
         ("m3 = 782", f"m3 = 1{'0' * 400}", r"mechanism\.m3: must be a finite number"),
         ("u_friction = 150.0", "u_friction = -1.0", r"mechanism\.u_friction: a standard uncertainty is not negative"),
+        (
+            "u_friction = 150.0",
+            "bore_friction = 1.0",
+            r"mechanism\.bore_friction: must be a share of at least 0 and below 1",
+        ),
         ("phi20 = 0.17", "phi20 = 9.7", r"mechanism\.phi20: must lie between -1\.57 and 1\.57 rad, found 9\.7"),
         (
             "bore_area = 0.00883",

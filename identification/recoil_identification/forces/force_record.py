@@ -161,7 +161,7 @@ def force_record(shot: Shot, rig: Rig) -> ForceRecord:
         with_gauge = collect_signals(shot, rig, alignments)
         if "breech_pressure" in with_gauge.series:
             grid = with_gauge.times_s
-            by_gauge = np.interp(times[window], grid, with_gauge.series["breech_pressure"] * m.bore_area)
+            by_gauge = np.interp(times[window], grid, with_gauge.series["breech_pressure"] * m.force_areas[0])
     breech = rig.by_role("breech_pressure")
     return ForceRecord(
         measured=measured,
@@ -173,7 +173,7 @@ def force_record(shot: Shot, rig: Rig) -> ForceRecord:
         parts_n={name: part[window] for name, part in parts.items()},
         systematic_n=_systematic(signals, shot, rig, gauges, smooth, onset, window),
         gauge_n=by_gauge,
-        u_gauge=math.hypot(breech.sensor.u_rel if breech else 0.0, m.u.get("bore_area", 0.0) / m.bore_area),
+        u_gauge=math.hypot(breech.sensor.u_rel if breech else 0.0, m.u_force_areas_rel[0]),
         notes=tuple(notes),
     )
 

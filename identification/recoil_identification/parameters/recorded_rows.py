@@ -75,7 +75,7 @@ def mechanism_rows(
         "dx": prepared.velocity_m_s,
         "released": recorded.released,
         "friction_direction": recorded.friction_direction,
-        "breech": m.bore_area * s["breech_pressure"],
+        "breech": m.force_areas[0] * s["breech_pressure"],
         **loads,
         **{f"{name} released": column for name, column in zip(FORCES, recorded.forces_n.T, strict=True)},
     }

@@ -13,7 +13,6 @@ from recoil_acquisition.shot import Shot
 from recoil_identification.parameters.load_cells import LOAD_CELLS
 from recoil_identification.preparation import Prepared
 from recoil_processing.shot.regression import FORCES, PRESSURE_ROLES
-from recoil_rigs.assumptions import AREAS
 from recoil_rigs.rig import Rig
 
 Array = NDArray[np.float64]
@@ -88,8 +87,8 @@ def sensor_errors(
     add("tipping_rate scale", u_of("tipping_rate"), "1", _rate2(c["w2"], c["dw2"], c["alpha"] + c["beta"]))
     if prepared.fused is not None:
         add("recoil_displacement scale", u_of("recoil_displacement"), "1", travel)
-    for role, area, name in zip(PRESSURE_ROLES, AREAS, FORCES, strict=False):
-        u = math.hypot(u_of(role), m.u.get(area, 0.0) / getattr(m, area))
+    for role, u_area, name in zip(PRESSURE_ROLES, m.u_force_areas_rel, FORCES, strict=False):
+        u = math.hypot(u_of(role), u_area)
         forces = {f"{name} released": c[f"{name} released"]}
         if name == "breech":
             forces["breech"] = c["breech"]

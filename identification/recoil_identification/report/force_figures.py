@@ -15,9 +15,9 @@ Array = NDArray[np.float64]
 TIME = "time on the reference clock, s"
 
 
-def force_figures(found: MotionForce, peak: ForcePeak, bore_area_m2: float) -> tuple[Figure, ...]:
+def force_figures(found: MotionForce, peak: ForcePeak, area_m2: float) -> tuple[Figure, ...]:
     """Compose the figures, in reading order."""
-    return (_forces(found, peak), _pressure(found, peak, bore_area_m2), _parts(found))
+    return (_forces(found, peak), _pressure(found, peak, area_m2), _parts(found))
 
 
 def _shown(found: MotionForce) -> tuple[float, float]:
@@ -56,15 +56,15 @@ def _forces(found: MotionForce, peak: ForcePeak) -> Figure:
     )
 
 
-def _pressure(found: MotionForce, peak: ForcePeak, bore_area_m2: float) -> Figure:
-    pressure = 1e-6 * found.blank(found.kalman.force_n) / bore_area_m2
-    half = COVERAGE_FACTOR * 1e-6 * found.u_kalman_n / bore_area_m2
+def _pressure(found: MotionForce, peak: ForcePeak, area_m2: float) -> Figure:
+    pressure = 1e-6 * found.blank(found.kalman.force_n) / area_m2
+    half = COVERAGE_FACTOR * 1e-6 * found.u_kalman_n / area_m2
     name = "by the motion, 95 % interval"
     band = Trace(name, found.times_s, pressure, "band", "MPa", pressure - half, pressure + half)
     return Figure(
         "breech-pressure",
         "Equivalent breech pressure",
-        f"The force over the bore area of {bore_area_m2:g} m2.",
+        f"The force over the bore area, less the projectile's friction: {area_m2:g} m2.",
         TIME,
         (Panel("pressure, MPa", (band,), spans=_spans(found, peak)),),
         shown=_shown(found),

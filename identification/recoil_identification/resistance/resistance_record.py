@@ -21,7 +21,6 @@ from recoil_processing.gaps import bridge
 from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 from recoil_rigs.assemble import range_si
-from recoil_rigs.assumptions import AREAS
 from recoil_rigs.rig import Rig
 
 Array = NDArray[np.float64]
@@ -123,23 +122,22 @@ def resistance_record(
     carried = (bridge(prepared.inertial_m_s2) - prepared.acceleration_m_s2)[part]
     forces = {name: bridge(recorded.forces_n[part, i]) for i, name in enumerate(PARTS)}
     errors: dict[str, Array] = {}
-    for name, role, area, u in zip(PARTS, PRESSURE_ROLES, AREAS, scales.gauges, strict=False):
+    for name, role, area, u in zip(PARTS, PRESSURE_ROLES, m.force_areas, scales.gauges, strict=False):
         errors[f"{role} sensitivity and area"] = u * forces[name]
-        errors[f"{role} zero"] = np.full(times.size, zeros[role] * getattr(m, area))
+        errors[f"{role} zero"] = np.full(times.size, zeros[role] * area)
         if clocks[role] > 0:
             slow = LowPass(min(SLOW_HZ, 0.1 / step)).apply(forces[name], 1.0 / step)
             errors[f"{role} clock"] = clocks[role] * np.gradient(slow, step)
     for (role, cause), left in signals.left.items():
         if role in PRESSURE_ROLES:
-            area = AREAS[PRESSURE_ROLES.index(role)]
-            errors[f"{role} {cause}"] = left[part] * getattr(m, area)
+            errors[f"{role} {cause}"] = left[part] * m.force_areas[PRESSURE_ROLES.index(role)]
     errors["packing friction"] = np.full(times.size, scales.friction_n)
     noise = []
-    for role, area in zip(PRESSURE_ROLES, AREAS, strict=True):
+    for role, area in zip(PRESSURE_ROLES, m.force_areas, strict=True):
         channel = shot.by_role(role)
         # samples of a slower recorder that were interpolated have their errors in common
         alike = 1.0 if channel is None else max(1.0, 1.0 / (step * channel.time_base.rate_hz))
-        noise.append(signals.offsets[role].noise * getattr(m, area) * math.sqrt(alike))
+        noise.append(signals.offsets[role].noise * area * math.sqrt(alike))
     terms = Terms(
         step_s=step,
         forces_n=forces,

@@ -21,8 +21,7 @@ from recoil_identification.supports.mechanism_loads import MeasuredMotion
 from recoil_processing.filters import LowPass, filter_alike
 from recoil_processing.filters.analog_filter import AnalogLowPass
 from recoil_processing.shot.instants import anti_alias_filter
-from recoil_processing.shot.regression import PRESSURE_ROLES
-from recoil_rigs.assumptions import AREAS
+from recoil_processing.shot.regression import PRESSURE_ROLES, SIGNS
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.rig import Rig
 
@@ -92,7 +91,7 @@ class CarriageRecord(ReadOnlyArrays):
         """
         m, c = mechanism, self.channels
         recoils = self.times_s <= self.interval_s[1]
-        breech, brake, recuperator = (c[r] * getattr(m, a) for r, a in zip(PRESSURE_ROLES, AREAS, strict=True))
+        breech, brake, recuperator = (c[r] * area for r, area in zip(PRESSURE_ROLES, m.force_areas, strict=True))
         force = breech - brake - recuperator + m.friction * self.friction_direction
         return MeasuredMotion(
             step_s=self.step_s,
@@ -181,8 +180,8 @@ def carriage_record(prepared: Prepared, rig: Rig) -> CarriageRecord:
             remedy="use two axes of one sensor",
         )
     columns = {role: signals.series[role] for role in MOTION_ROLES}
-    for number, (role, area, sign) in enumerate(zip(PRESSURE_ROLES, AREAS, (1.0, -1.0, -1.0), strict=True)):
-        columns[role] = sign * recorded.forces_n[:, number] / getattr(rig.mechanism, area)
+    for number, (role, area, sign) in enumerate(zip(PRESSURE_ROLES, rig.mechanism.force_areas, SIGNS, strict=True)):
+        columns[role] = sign * recorded.forces_n[:, number] / area
     columns["recoil_acceleration"] = prepared.inertial_m_s2
     columns |= {"friction_direction": recorded.friction_direction, "released": recorded.released}
     columns |= {"travel": prepared.travel_m, "velocity": prepared.velocity_m_s}

@@ -73,7 +73,7 @@ def find(case: Case) -> Finding:
             f"{significant(1e-3 * peak.force_n, 5)} kN."
         ),
         quantities=quantities,
-        figures=force_figures(found, peak, m.bore_area),
+        figures=force_figures(found, peak, m.force_areas[0]),
         series=_series(found, m),
         tables=(_budget(found, peak), _table(quantities)),
         reasons=(*doubts_of(case.rig), *_reasons(found, quantities)),
@@ -129,7 +129,7 @@ def _quantities(kalman: _Compared, inverted: _Compared, gauge: _Compared | None,
         declared = (None, None) if expected is None else expected
         return Quantity(name, symbol, *value, unit, basis, *declared)
 
-    area, u_area = m.bore_area, m.u.get("bore_area", 0.0) / m.bore_area
+    area, u_area = m.force_areas[0], m.u_force_areas_rel[0]
     pressure = _Stated(kalman.peak.value / area, math.hypot(kalman.peak.u, kalman.peak.value * u_area) / area)
     by_gauge = None if gauge is None else _Stated(gauge.peak.value / area, gauge.peak.u / area)
     peaks, impulses, times = (None, None, None) if gauge is None else gauge
@@ -236,13 +236,13 @@ def _notes(found: MotionForce, m: Mechanism, end_s: float) -> tuple[str, ...]:
 
 def _series(found: MotionForce, m: Mechanism) -> Series:
     grid = found.record.measured.times_s
-    u_area = m.u.get("bore_area", 0.0) / m.bore_area
-    u_pressure = np.hypot(found.u_kalman_n, found.kalman.force_n * u_area) / m.bore_area
+    area, u_area = m.force_areas[0], m.u_force_areas_rel[0]
+    u_pressure = np.hypot(found.u_kalman_n, found.kalman.force_n * u_area) / area
     columns = {
         "time_s": found.times_s,
         "force_n": found.blank(found.kalman.force_n),
         "u_force_n": found.blank(found.u_kalman_n),
-        "pressure_pa": found.blank(found.kalman.force_n / m.bore_area),
+        "pressure_pa": found.blank(found.kalman.force_n / area),
         "u_pressure_pa": found.blank(u_pressure),
         "force_inversion_n": found.blank(found.inverted.force_n),
         "u_force_inversion_n": found.blank(found.u_inverted_n),

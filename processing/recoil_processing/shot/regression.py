@@ -17,7 +17,6 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.filters import Filtered, LowPass, filter_alike
 from recoil_processing.shot.interval import end_of_travel, release_index, stop_release_impulse
 from recoil_processing.shot.signals import Signals
-from recoil_rigs.assumptions import AREAS
 from recoil_rigs.mechanism import Mechanism
 
 Array = NDArray[np.float64]
@@ -199,7 +198,7 @@ def build_regression(
     friction_direction = -np.where(times <= end_s, 1.0, np.sign(velocity_m_s))
     forces = np.column_stack(
         [
-            *(sign * s[role] * getattr(m, area) for sign, role, area in zip(SIGNS, PRESSURE_ROLES, AREAS, strict=True)),
+            *(sign * s[role] * area for sign, role, area in zip(SIGNS, PRESSURE_ROLES, m.force_areas, strict=True)),
             m.friction * friction_direction,
         ]
     )

@@ -22,12 +22,12 @@ class ScaleUncertainty:
     acceleration
         Of the accelerometer's sensitivity, relative.
     gauges
-        Of breech, brake and recuperator force, gauge and area together, relative.
+        Of breech, brake and recuperator force, gauge and area together, the bore's friction too, relative.
     friction_n
         Of the packing friction, N: absolute, because a friction that is declared as zero may have one.
     parts
-        By role, what of these uncertainties is not the sensor's own: name of the area or of the standard, and its
-        relative standard uncertainty. Sensors that were calibrated against one standard share its part.
+        By role, what of these uncertainties is not the sensor's own: name of the area, the friction or the standard,
+        and its relative standard uncertainty. Sensors that were calibrated against one standard share its part.
     """
 
     acceleration: float
@@ -45,6 +45,8 @@ def scale_uncertainty(rig: Rig) -> ScaleUncertainty:
         channel, listed = rig.by_role(role), []
         if role in areas and (u_area := m.u.get(areas[role], 0.0) / getattr(m, areas[role])):
             listed.append((areas[role], u_area))
+        if role == "breech_pressure" and m.u_bore_friction_rel:
+            listed.append(("bore_friction", m.u_bore_friction_rel))
         own = channel.sensor.u_rel if channel else 0.0
         total[role] = math.hypot(own, *(u for _, u in listed))
         if channel and channel.sensor.u_reference_rel:

@@ -28,6 +28,8 @@ from recoil_rigs.twin.sources import Scene, SourceFile, camera_file, dewetron_fi
 
 __all__ = ["TwinSettings", "TwinShot", "draw_scene", "read_settings", "simulate_shot"]
 
+LARGEST_BORE_FRICTION = 0.5
+"""Of what is drawn, share of the breech force."""
 _RECORDERS: Mapping[str, Callable[[Scene, Source, list[Fault]], SourceFile]] = {
     "dewetron": dewetron_file,
     "can": can_file,
@@ -87,7 +89,7 @@ def simulate_shot(rig: Rig, folder: Path, *, seed: int, shot: str, campaign_seed
     Notes
     -----
     Keys of the truth, SI: ``m3``; ``m3_after`` and ``t_release``, if a part of the mass lets go, what is left and
-    from when on the reference clock; ``friction``; ``t_fire`` and ``t_end``, first rise of the breech force and
+    from when on the reference clock; ``friction``; ``bore_friction``, if there is any; ``t_fire`` and ``t_end``, first rise of the breech force and
     end of recoil travel on the reference clock; ``stroke_m``; ``peak_breech_force_n``; ``gains`` and
     ``offsets`` by channel (offsets in the unit of the file); ``clocks``: ``t_ref = (1 + drift) t + offset_s``,
     with ``latency_s``, the mean time from a sample to its stamp where a recorder stamps messages (an alignment
@@ -142,6 +144,11 @@ def draw_scene(rig: Rig, seed: int, shot: str, campaign_seed: int | None = None)
     if campaign_seed is not None:
         friction_error = generator(campaign_seed, "friction").normal()
     friction = mechanism.friction + settings.friction_error * mechanism.u.get("friction", 0.0) * float(friction_error)
+    u_bore = settings.friction_error * mechanism.u.get("bore_friction", 0.0)
+    if u_bore:
+        drawn = generator(seed if campaign_seed is None else campaign_seed, "bore friction").normal()
+        in_bore = min(max(mechanism.bore_friction + u_bore * float(drawn), 0.0), LARGEST_BORE_FRICTION)
+        mechanism = dataclasses.replace(mechanism, bore_friction=in_bore)
     motion = simulate_motion(
         mechanism,
         settings,
@@ -168,7 +175,7 @@ def _truth(scene: Scene, recorded: list[SourceFile]) -> dict[str, Any]:
         "t_fire": motion.t_fire_s,
         "t_end": motion.t_end_s,
         "stroke_m": float(motion.q[:, 4].max()),
-        "peak_breech_force_n": float(scene.mechanism.bore_area * motion.breech_pressure_pa.max()),
+        "peak_breech_force_n": float(scene.mechanism.force_areas[0] * motion.breech_pressure_pa.max()),
         "gains": scene.gains,
         "offsets": scene.offsets,
         "clocks": {f.source: f.truth["clock"] for f in recorded if f.source != scene.rig.reference_clock},
@@ -188,6 +195,8 @@ def _truth(scene: Scene, recorded: list[SourceFile]) -> dict[str, Any]:
             "sag_m": float(-end[0]),
             "largest_deflection_m": float(np.max(np.abs(end - end[0]))),
         }
+    if scene.mechanism.bore_friction:
+        truth["bore_friction"] = scene.mechanism.bore_friction
     for file in recorded:
         if "lost_frames" in file.truth and "cam_offset" not in truth:
             truth["cam_offset"], truth["cam_drift"] = file.truth["clock"]["offset_s"], file.truth["clock"]["drift"]

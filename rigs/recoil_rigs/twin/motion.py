@@ -204,7 +204,7 @@ def simulate_motion(
         return breech_pressure(since, peak_pressure_pa, settings.rise_s, settings.decay_s)
 
     pressure = breech(np.arange(2 * count) / (2.0 * rate_hz))
-    forces = (mechanism.bore_area * pressure).tolist()
+    forces = (mechanism.force_areas[0] * pressure).tolist()
     tube = tube_of(mechanism, settings)
     hangs, sag_n_m = (np.zeros(0), 0.0) if tube is None else sag(mechanism, tube)
     rest = rest_in_battery(mechanism, settings, sag_n_m)
@@ -229,7 +229,7 @@ def simulate_motion(
         if i == last_whole and share:
             before, after = share * step, (1.0 - share) * step
             instants = np.array([t_release - 0.5 * before, t_release, t_release + 0.5 * after, (i + 1) * step])
-            middle, end, next_middle, next_end = (mechanism.bore_area * breech(instants)).tolist()
+            middle, end, next_middle, next_end = (mechanism.force_areas[0] * breech(instants)).tolist()
             y = _step(evaluate, y, k1, (middle, end), before, slip)
             y = _step(without, y, without(y, end)[0], (next_middle, next_end), after, slip)
         else:

@@ -15,7 +15,6 @@ from recoil_processing.gaps import bridge
 from recoil_processing.shot.clocks.autoregressive_noise import MOST_ORDER, fit_noise
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
 from recoil_processing.shot.signals import Signals
-from recoil_rigs.assumptions import AREAS
 from recoil_rigs.rig import Rig
 
 Array = NDArray[np.float64]
@@ -105,8 +104,8 @@ class EstimatorInputs:
     def held_force_n(self) -> Array:
         """Sum of the gauges' forces, their noise also where the part is held and F' is zero by construction."""
         force = np.zeros(self.recorded.times_s.size)
-        for role, area in zip(PRESSURE_ROLES, AREAS, strict=True):
-            force += bridge(self.signals.get(role), otherwise=0.0) * getattr(self.rig.mechanism, area)
+        for role, area in zip(PRESSURE_ROLES, self.rig.mechanism.force_areas, strict=True):
+            force += bridge(self.signals.get(role), otherwise=0.0) * area
         return force
 
     @cached_property
@@ -137,10 +136,10 @@ class EstimatorInputs:
         """What may be wrong with the force as recorded."""
         free, times = self.recorded.released, self.recorded.times_s
         zeros, clocks = [], []
-        for role, area in zip(PRESSURE_ROLES, AREAS, strict=True):
+        for role, area in zip(PRESSURE_ROLES, self.rig.mechanism.force_areas, strict=True):
             u_pa = self.signals.offsets[role].u if role in self.signals.offsets else 0.0
             if math.isfinite(u_pa) and u_pa > 0:
-                zeros.append((f"{role} zero", u_pa * getattr(self.rig.mechanism, area) * free))
+                zeros.append((f"{role} zero", u_pa * area * free))
         on = {role: c.time_base.clock for role in PRESSURE_ROLES if (c := self.shot.by_role(role)) is not None}
         for clock in sorted({*on.values()} - {self.shot.reference_clock}):
             u_s = self.shot.alignment(clock).u_offset_s

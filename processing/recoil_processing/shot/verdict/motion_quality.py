@@ -31,7 +31,6 @@ from recoil_processing.quality.motion_checks import velocity_error
 from recoil_processing.shot.kinematics import AngularMotion, angular_motion, inertial_acceleration, travel_acceleration
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression, build_regression
 from recoil_processing.shot.signals import Signals, collect_signals, static_value
-from recoil_rigs.assumptions import AREAS
 from recoil_rigs.rig import Rig
 
 Array = NDArray[np.float64]
@@ -174,10 +173,10 @@ def _force_sign(signals: Signals, rig: Rig, low_pass: LowPass) -> Outcome | None
     series, mechanism = signals.series, rig.mechanism
     if "breech_pressure" not in series:
         return None
-    force = mechanism.bore_area * series["breech_pressure"]
-    for role, area in zip(PRESSURE_ROLES[1:], AREAS[1:], strict=True):
+    force = mechanism.force_areas[0] * series["breech_pressure"]
+    for role, area in zip(PRESSURE_ROLES[1:], mechanism.force_areas[1:], strict=True):
         if role in series:
-            force = force - getattr(mechanism, area) * bridge(series[role], otherwise=0.0)
+            force = force - area * bridge(series[role], otherwise=0.0)
     part = _around(signals.times_s, signals.onset_s, signals.onset_s + DRIVEN_S)
     filtered = []
     for samples in (force[part], series["recoil_acceleration"][part]):
@@ -204,7 +203,7 @@ def _impulses(recoil: Recoil, regression: Regression, rig: Rig, u_accelerometer:
     # where the net force vanishes neither delay nor ringing matters
     peak = int(np.argmax(total))
     largest = m.m3 * float(np.max(gained))
-    relative = [_relative_u(rig, role, area) for role, area in zip(PRESSURE_ROLES, AREAS, strict=True)]
+    relative = _relative_u(rig)
     scale = math.hypot(u_accelerometer, m.u.get("m3", 0.0) / m.m3)
     zero = m.m3 * recoil.signals.offsets["recoil_acceleration"].u
 
@@ -223,10 +222,13 @@ def _impulses(recoil: Recoil, regression: Regression, rig: Rig, u_accelerometer:
     ]
 
 
-def _relative_u(rig: Rig, role: str, area: str) -> float:
-    spec = rig.by_role(role)
-    m = rig.mechanism
-    return math.hypot(spec.sensor.u_rel if spec else 0.0, m.u.get(area, 0.0) / getattr(m, area))
+def _relative_u(rig: Rig) -> list[float]:
+    """Return the relative standard uncertainties of breech, brake and recuperator force."""
+    specs = [rig.by_role(role) for role in PRESSURE_ROLES]
+    return [
+        math.hypot(spec.sensor.u_rel if spec else 0.0, u_area)
+        for spec, u_area in zip(specs, rig.mechanism.u_force_areas_rel, strict=True)
+    ]
 
 
 def _zero_shift(recoil: Recoil, regression: Regression, rig: Rig) -> Outcome | None:
@@ -252,8 +254,8 @@ def _zero_shift(recoil: Recoil, regression: Regression, rig: Rig) -> Outcome | N
         return None
     braking = force < 0
     parts = [
-        _relative_u(rig, role, area) * float(np.mean(np.abs(column[part][inside][braking]))) if braking.any() else 0.0
-        for role, area, column in zip(PRESSURE_ROLES, AREAS, regression.forces_n.T, strict=False)
+        u_rel * float(np.mean(np.abs(column[part][inside][braking]))) if braking.any() else 0.0
+        for u_rel, column in zip(_relative_u(rig), regression.forces_n.T, strict=False)
     ]
     u = math.hypot(*parts, rig.mechanism.u.get("friction", 0.0)) / rig.mechanism.m3
     peak = float(np.max(np.abs(acceleration)))

@@ -95,7 +95,7 @@ def _channels(
     breech = shot.by_role("breech_pressure")
     driven = None
     if breech is not None and np.isfinite(breech.samples).any():
-        driven = rig.mechanism.bore_area * float(np.nanmax(breech.samples)) / rig.mechanism.m3
+        driven = rig.mechanism.force_areas[0] * float(np.nanmax(breech.samples)) / rig.mechanism.m3
     checks = []
     for channel in shot.channels.values():
         clock = channel.time_base.clock
