@@ -170,7 +170,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         filter_choice=choice,
         mass_low_pass=mass_low_pass,
         zero_shift=zero_shift,
-        summary=shot_summary(calibration, rig, narrow.u_release_n_s),
+        summary=shot_summary(calibration, rig),
         monte_carlo=propagate(calibration.draws()),
         endogeneity=_endogeneity(recorded),
         constancy=constancy,

@@ -231,7 +231,10 @@ def calibrated_mass(
     first = reverse_mass(regression, scales)
     noise = row_noise(regression, first.mass_kg) if noise is None else noise
     rows = spaced_rows(regression)
-    common = certificates(scales, regression.u_release_n_s / first.mass_kg, camera)
+    release = Prior.of(
+        RELEASE, motion.RELEASE.name, regression.u_release_n_s / first.mass_kg, regression.release_n_s / first.mass_kg
+    )
+    common = certificates(scales, release, camera)
     own = [*own_knowledge(u_bias_m_s2, camera), *(cause.prior for cause in causes)]
     block = EquationOfMotion(regression, rows, first.mass_kg, noise.sigma_m_s2[rows], causes)
     inferred = solve([*block.all_unknowns, *_beside(block, common)], [block], [*common, *own])

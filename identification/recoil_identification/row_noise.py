@@ -10,7 +10,7 @@ released, and between narrow limits (restricted maximum likelihood).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,8 @@ LEAST_SIZE, LARGEST_SIZE = 0.9, 2.0
 """Limits between which the shot tells the size of the noise, over that of the baseline."""
 PIECES = 12
 """Pieces over the interval in which the mass may change, for the size."""
+SLOWER = 0.25
+"""Of the cut-off, behind which the force tells how a mass that changes would be felt."""
 LEAST_LEFT = 10
 """Rows beyond the released columns, for the size to mean anything."""
 LEAST_PIVOT = 1e-9
@@ -90,7 +92,7 @@ def _size(regression: Regression, rows: NDArray[np.int64], sigma: Array) -> tupl
     table = np.column_stack(columns)[rows]
     if rows.size - table.shape[1] - PIECES >= LEAST_LEFT:
         changes = ramps(r.times_s[rows], r.interval_s, PIECES)
-        table = np.column_stack([table, changes * r.force_n[rows, np.newaxis]])
+        table = np.column_stack([table, changes * _smooth_force_n(r)[rows, np.newaxis]])
     table = table / sigma[:, np.newaxis]
     table = table / np.maximum(np.linalg.norm(table, axis=0), 1e-300)
     u, sizes, _ = np.linalg.svd(table, full_matrices=False)
@@ -99,6 +101,15 @@ def _size(regression: Regression, rows: NDArray[np.int64], sigma: Array) -> tupl
     residual = response - spanned @ (spanned.T @ response)
     left = float(max(rows.size - spanned.shape[1], 1))
     return math.sqrt(float(residual @ residual) / left), left
+
+
+def _smooth_force_n(regression: Regression) -> Array:
+    """Return the net force without the gauges' noise: columns that hold it would explain the rows' own, which it is."""
+    low_pass = regression.low_pass
+    if low_pass is None:
+        return regression.force_n
+    slower = replace(low_pass, cutoff_hz=SLOWER * low_pass.cutoff_hz)
+    return slower.apply(regression.force_n, regression.rate_hz)
 
 
 def _mean_square_gain(regression: Regression) -> float:

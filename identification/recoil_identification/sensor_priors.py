@@ -105,7 +105,7 @@ class CameraScale(ReadOnlyArrays):
         return "m/s" if self.kick is not None and source == f"{CAMERA_SHIFT} {self.kick + 1}" else "m/s^2"
 
 
-def certificates(scales: ScaleUncertainty, u_release_m_s: float, camera: CameraScale | None) -> list[Prior]:
+def certificates(scales: ScaleUncertainty, release: Prior, camera: CameraScale | None) -> list[Prior]:
     """Return what other shots know as well: the sensors' scales, the friction, and how the stop lets go.
 
     A scale of which a part is an area's or a standard's is off by that part and by the sensor's own: the part is an
@@ -135,7 +135,7 @@ def certificates(scales: ScaleUncertainty, u_release_m_s: float, camera: CameraS
         *of_scales[:3],
         Prior.of(FRICTION, motion.FRICTION.name, scales.friction_n),
         of_scales[3],
-        Prior.of(RELEASE, motion.RELEASE.name, u_release_m_s),
+        release,
         *of_scales[4:],
         *(Prior.of(name, f"ln {name}", u) for name, u in parts.items()),
     ]

@@ -51,7 +51,7 @@ class ShotSummary(ReadOnlyArrays):
     ----------
     reference : ndarray, shape (n,)
         The logarithm of the mass in kg first, scales as logarithms, the friction that is declared too large as a share
-        of what is declared (in N where none is), the release in its standard uncertainties.
+        of what is declared (in N where none is), the release beyond what is expected in its standard uncertainties.
     triangle : ndarray, shape (n, n)
         R. It is singular: a common factor of mass and forces changes no row.
     seen : ndarray, shape (n,)
@@ -81,16 +81,10 @@ class ShotSummary(ReadOnlyArrays):
         }
 
 
-def shot_summary(calibration: Calibration, rig: Rig, u_release_n_s: float) -> ShotSummary:
-    """Summarise a shot.
-
-    Parameters
-    ----------
-    u_release_n_s
-        Standard uncertainty of the impulse at the release.
-    """
-    inferred = calibration.inferred
-    friction_n, u_release_m_s = rig.mechanism.friction, u_release_n_s / calibration.m0_kg
+def shot_summary(calibration: Calibration, rig: Rig) -> ShotSummary:
+    """Summarise a shot."""
+    inferred, regression = calibration.inferred, calibration.block.regression
+    friction_n, u_release_m_s = rig.mechanism.friction, regression.u_release_n_s / calibration.m0_kg
     gauges = zip(motion.GAUGES, PRESSURE_ROLES, AREAS, strict=True)
     stated = {
         motion.MASS: (Parameter("ln mass"), 1.0),
@@ -110,6 +104,8 @@ def shot_summary(calibration: Calibration, rig: Rig, u_release_n_s: float) -> Sh
     units = np.array([stated[unknown][1] for unknown in shared])
     reference = np.array([inferred.value(name) for name in names]) / units
     reference[0] += math.log(calibration.m0_kg)
+    if u_release_m_s:  # counted from what is expected of it, so that its prior is zero as the others' are
+        reference[names.index(motion.RELEASE.name)] -= regression.release_n_s / regression.u_release_n_s
     return ShotSummary(
         parameters=tuple(stated[unknown][0] for unknown in shared),
         reference=reference,

@@ -50,8 +50,8 @@ def calibrated_mass(
 
 @cache
 def exact() -> Regression:
-    """Filtered, with Newton's law in every row."""
-    regression = bench_regression().filtered(LowPass(300.0))
+    """Filtered, with Newton's law in every row; no impulse is expected at the release."""
+    regression = replace(bench_regression(), release_n_s=0.0).filtered(LowPass(300.0))
     return replace(regression, acceleration_m_s2=regression.force_n / MASS_KG)
 
 
@@ -307,7 +307,7 @@ def test_a_misfit_is_not_taken_for_noise():
     regression = measured(gauges=(0.8, 0.0, 0.0), noise=alternating(1.0))
     found = calibration.calibrated_mass(regression, SCALES, U_BIAS, None)
     assert max(abs(w) for w in found.normalised_residuals.values()) > 10
-    assert found.noise.sigma_m_s2 == pytest.approx(1.0, rel=0.1)
+    assert found.noise.sigma_m_s2 == pytest.approx(1.0, rel=0.15)
 
 
 def test_without_a_silence_the_zero_is_found_from_the_shot_itself():

@@ -12,10 +12,11 @@ from scipy import stats
 from recoil_identification.budget import BudgetRow
 from recoil_identification.equation_of_motion import EquationOfMotion
 from recoil_identification.inference.solve import solve
+from recoil_identification.inference.unknown import Prior
 from recoil_identification.mass import MassEstimate
 from recoil_identification.monte_carlo import LEAST_BLOCKS, MonteCarlo, numerical_tolerance, propagate
 from recoil_identification.preparation import camera_scale
-from recoil_identification.sensor_priors import certificates
+from recoil_identification.sensor_priors import RELEASE, certificates
 from recoil_processing.shot.regression import spaced_rows
 from recoil_processing.shot.sensor_scales import scale_uncertainty
 from tests.builders.calibrations import a_calibration
@@ -96,9 +97,11 @@ def test_a_drawn_shot_that_is_solved_anew_is_where_the_linear_draw_has_it(name):
     calibration, rows = found.calibration, spaced_rows(found.fitted)
     inferred = calibration.inferred
     camera = camera_scale(found.camera, found.alignments["camera"])
-    known = certificates(
-        scale_uncertainty(virtual_shot(name).rig), found.fitted.u_release_n_s / calibration.m0_kg, camera
+    per_kg = 1.0 / calibration.m0_kg
+    release = Prior.of(
+        RELEASE, "velocity at the release", found.fitted.u_release_n_s * per_kg, found.fitted.release_n_s * per_kg
     )
+    known = certificates(scale_uncertainty(virtual_shot(name).rig), release, camera)
     sigma = calibration.noise.sigma_m_s2[rows]
     block = EquationOfMotion(found.fitted, rows, calibration.m0_kg, sigma, calibration.block.causes)
     values = {one.name: inferred.value(one.name) for one in inferred.unknowns}

@@ -94,7 +94,9 @@ def test_a_program_that_shares_nothing_finds_the_same_mass_and_uncertainty(name:
     *gauges, accelerometer = (next(c.sensor.u_rel for c in rig.channels if c.role == role) for role in roles)
     u = [*gauges, rig.mechanism.u["friction"], accelerometer]
     u += [found.signals.offsets["recoil_acceleration"].u, rows.u_release_n_s / m0, *(one[2] for one in others)]
-    known = [(np.eye(n)[[1 + i]], np.zeros(1), np.array([[one**2]])) for i, one in enumerate(u)]
+    expected = np.zeros(len(u))
+    expected[6] = rows.release_n_s / m0
+    known = [(np.eye(n)[[1 + i]], expected[[i]], np.array([[one**2]])) for i, one in enumerate(u)]
     # the camera: gain, and the constant that the accelerometer lacks, in the camera's scale
     d = found.alignments["camera"].details
     gain, u_camera = d["gain"], shot.shot.by_role("recoil_displacement").u_rel

@@ -83,7 +83,10 @@ def test_the_reports_campaign_is_the_summary() -> None:
 def test_without_a_friction_and_a_release_their_errors_stay_what_is_known() -> None:
     found, rig = identified("mixed"), virtual_shot("mixed").rig
     frictionless = replace(rig, mechanism=replace(rig.mechanism, friction=0.0))
-    summary = shot_summary(found.calibration, frictionless, 0.0)
+    held = found.calibration.block.regression
+    regression = replace(held, release_n_s=0.0, u_release_n_s=0.0)
+    calibration = replace(found.calibration, block=replace(found.calibration.block, regression=regression))
+    summary = shot_summary(calibration, frictionless)
     names = [one.name for one in summary.parameters]
     assert "release" not in names
     at = names.index("friction")

@@ -189,7 +189,7 @@ class _Estimators:
             rough_mass_kg=self.inputs.rough_kg,
             force_sigma_n=self.inputs.baseline_noise.slow_force,
             u_shift_s=filmed.alignment.u_offset_s,
-            u_velocity_m_s=r.u_release_n_s / self.inputs.rough_kg,
+            u_velocity_m_s=r.rms_release_n_s / self.inputs.rough_kg,
             perturbations_n=self.inputs.perturbations.table,
         )
         scale_kg = found.scale_sensitivity_kg
@@ -221,7 +221,7 @@ class _Estimators:
             u_scale=filmed.camera.u_rel,
         )
         perturbations = self.inputs.perturbations
-        u = np.array([*self.scales.gauges, self.scales.friction_n, r.u_release_n_s])
+        u = np.array([*self.scales.gauges, self.scales.friction_n, r.rms_release_n_s])
         found = joint_mass(
             recoil,
             known,

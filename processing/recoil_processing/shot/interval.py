@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 
 SUSTAINED = 10
 """Samples in a row with a driving force that count as the release."""
+FREE_TRAVEL_M = 2e-4
+"""From the release on, after which the part has certainly left what stop and packing were compressed by."""
 
 
 def release_index(times_s: Array, net_force_n: Array, onset_s: float) -> int:
@@ -59,31 +61,34 @@ def _first_of_run(flags: NDArray[np.bool_]) -> int | None:
 
 
 class StopReleaseImpulse(NamedTuple):
-    """Impulse that battery stop and packing may give the part while they let it go, and no gauge reads.
+    """Impulse that battery stop and packing give the part while they let it go, and no gauge reads.
 
     Attributes
     ----------
     per_s : ndarray, shape (n,)
         Its shape over time, of unit impulse; zero throughout where the release was not recorded.
-    u_n_s
-        Standard uncertainty of its impulse.
+    mean_n_s, u_n_s
+        What it is on average, and the standard uncertainty of that.
     """
 
     per_s: Array
+    mean_n_s: float
     u_n_s: float
 
 
-def stop_release_impulse(times_s: Array, net_force_n: Array, onset_s: float) -> StopReleaseImpulse:
+def stop_release_impulse(times_s: Array, net_force_n: Array, onset_s: float, mass_kg: float) -> StopReleaseImpulse:
     """Return the shape in which stop and packing push the part on after its release, and how much that may be.
 
-    They are springs: they push with what they held until the part has left them, while the driving force rises. So
-    at most they push with all of what they held until the net force has reached as much the other way; after the
-    release that dies away.
+    They are springs: they push with what they held until the part has moved out of their compression, less and less.
+    At most they push with all of what they held over `FREE_TRAVEL_M`; how much of that it is nobody knows, so that
+    every impulse up to this is taken as likely as any other.
 
     Parameters
     ----------
     times_s, net_force_n : ndarray, shape (n,)
         On a uniform grid; breech force less brake, recuperator and friction; NaN where lost.
+    mass_kg
+        Roughly.
 
     Raises
     ------
@@ -94,13 +99,15 @@ def stop_release_impulse(times_s: Array, net_force_n: Array, onset_s: float) -> 
     per_s = np.zeros(times_s.size)
     at_rest = net_force_n[(times_s < onset_s) & np.isfinite(net_force_n)]
     held_n = -float(np.median(at_rest)) if at_rest.size else 0.0
-    driven = _first_of_run((times_s >= onset_s) & (np.nan_to_num(net_force_n, nan=-math.inf) >= held_n))
-    if held_n <= 0 or driven is None:
-        return StopReleaseImpulse(per_s, 0.0)
     step_s = float(times_s[1] - times_s[0])
-    count = max(driven - release, 1)
+    velocity = np.cumsum(np.nan_to_num(net_force_n[release:], nan=0.0)) * step_s / mass_kg
+    free = np.flatnonzero(np.cumsum(velocity) * step_s >= FREE_TRAVEL_M)
+    if held_n <= 0 or not free.size:
+        return StopReleaseImpulse(per_s, 0.0, 0.0)
+    count = max(int(free[0]), 1)
     per_s[release : release + count] = 1.0 - (np.arange(count) + 0.5) / count
-    return StopReleaseImpulse(per_s / (per_s.sum() * step_s), held_n * float(times_s[driven] - onset_s))
+    most_n_s = held_n * count * step_s
+    return StopReleaseImpulse(per_s / (per_s.sum() * step_s), 0.5 * most_n_s, most_n_s / math.sqrt(12.0))
 
 
 def end_of_travel(times_s: Array, velocity_m_s: Array, onset_s: float) -> float:

@@ -7,6 +7,7 @@ zero by construction: what the battery stop contributes is not measured.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -53,8 +54,9 @@ class Regression(ReadOnlyArrays):
         False where a sample was lost or lies within the filter's reach of a lost one.
     interval_s
         From the onset of force to the end of recoil travel.
-    u_release_n_s
-        Standard uncertainty of the impulse while the part is let go, N s; 0 where that was not recorded.
+    release_n_s, u_release_n_s
+        Expected impulse while the part is let go, which the forces do not contain, and its standard uncertainty, N s;
+        0 where that was not recorded.
     table
         All of these columns as one and the same filter left them; None for recorded signals.
     shifts : ndarray, shape (n, n_shifts), or None
@@ -71,6 +73,7 @@ class Regression(ReadOnlyArrays):
     release_per_s: Array
     trusted: Flags
     interval_s: tuple[float, float]
+    release_n_s: float
     u_release_n_s: float
     table: Filtered | None = None
     shifts: Array | None = None
@@ -80,6 +83,11 @@ class Regression(ReadOnlyArrays):
         """The filter that both sides have passed; None for recorded signals."""
         found = None if self.table is None else self.table.zero_phase
         return found if isinstance(found, LowPass) else None
+
+    @property
+    def rms_release_n_s(self) -> float:
+        """Root mean square of the impulse while the part is let go, for what expects none."""
+        return math.hypot(self.release_n_s, self.u_release_n_s)
 
     @property
     def rate_hz(self) -> float:
@@ -204,7 +212,7 @@ def build_regression(
     )
     net = np.asarray(forces.sum(axis=1))
     release = release_index(times, net, signals.onset_s)
-    stop_release = stop_release_impulse(times, net, signals.onset_s)
+    stop_release = stop_release_impulse(times, net, signals.onset_s, m.m3)
     released = (np.arange(times.size) >= release).astype(np.float64)
     friction_direction[:release] = 0.0
     # between the onset and the release a lost pressure may hide the release itself: it stays lost
@@ -224,6 +232,7 @@ def build_regression(
         stop_release.per_s,
         trusted,
         interval,
+        stop_release.mean_n_s,
         stop_release.u_n_s,
     )
 

@@ -89,8 +89,9 @@ def simulate_shot(rig: Rig, folder: Path, *, seed: int, shot: str, campaign_seed
     Notes
     -----
     Keys of the truth, SI: ``m3``; ``m3_after`` and ``t_release``, if a part of the mass lets go, what is left and
-    from when on the reference clock; ``friction``; ``bore_friction``, if there is any; ``t_fire`` and ``t_end``, first rise of the breech force and
-    end of recoil travel on the reference clock; ``stroke_m``; ``peak_breech_force_n``; ``gains`` and
+    from when on the reference clock; ``friction``; ``bore_friction``, if there is any; ``t_fire`` and ``t_end``,
+    first rise of the breech force and end of recoil travel on the reference clock; ``stroke_m``;
+    ``peak_breech_force_n``; ``gains`` and
     ``offsets`` by channel (offsets in the unit of the file); ``clocks``: ``t_ref = (1 + drift) t + offset_s``,
     with ``latency_s``, the mean time from a sample to its stamp where a recorder stamps messages (an alignment
     by a repeated channel finds ``offset_s`` less the shortest such time, the stamps' lower edge); the declared

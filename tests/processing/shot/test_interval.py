@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_processing.shot.interval import end_of_travel, release_index, stop_release_impulse
+from recoil_processing.shot.interval import FREE_TRAVEL_M, end_of_travel, release_index, stop_release_impulse
 
 TIMES = 1e-3 * np.arange(200)
 
@@ -37,21 +37,27 @@ def test_a_part_that_is_never_driven_is_an_error_that_says_where_to_look(force, 
     assert "areas, units and polarities" in str(caught.value)
 
 
-def test_a_stop_may_push_with_what_it_held_until_as_much_drives_the_part():
-    force = np.interp(TIMES, [0.0, 0.03, 0.09, 0.2], [-10e3, -10e3, 50e3, 50e3])
-    # from the onset at 30 ms the force rises by 1 kN each ms: from -10 kN to 10 kN in 20 ms
-    found = stop_release_impulse(TIMES, force, 0.030)
-    assert found.u_n_s == pytest.approx(10e3 * 0.020, rel=0.06)
-    # released at 40 ms; it dies away until 50 ms
-    assert np.flatnonzero(found.per_s).tolist() == list(range(40, 50))
-    assert np.all(np.diff(found.per_s[40:50]) < 0)
-    assert found.per_s.sum() * 1e-3 == pytest.approx(1.0)
+def test_a_stop_pushes_with_what_it_held_at_most_until_the_part_has_left_it():
+    times = 1e-5 * np.arange(20_000)
+    force = np.interp(times, [0.0, 0.03, 0.09, 0.2], [-10e3, -10e3, 50e3, 50e3])
+    found = stop_release_impulse(times, force, 0.030, mass_kg=500.0)
+    # released at 40 ms, and then driven by 1 kN more each ms: x = (1e6 N/s) t^3 / (6 m), 0.2 mm after 8.4 ms
+    free_s = (6 * 500.0 * FREE_TRAVEL_M / 1e6) ** (1 / 3)
+    at = np.flatnonzero(found.per_s)
+    assert times[at[0]] == pytest.approx(0.04, abs=2e-5)
+    assert times[at[-1]] - times[at[0]] == pytest.approx(free_s, rel=0.01)
+    assert found.mean_n_s == pytest.approx(10e3 * free_s / 2, rel=0.01)
+    # every impulse from none to the most is as likely as any other
+    assert found.u_n_s == pytest.approx(10e3 * free_s / np.sqrt(12), rel=0.01)
+    # it dies away
+    assert np.all(np.diff(found.per_s[at]) < 0)
+    assert found.per_s.sum() * 1e-5 == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize(("at_rest", "driven", "onset"), [(-10e3, 5e3, 0.03), (-10e3, 50e3, 0.0), (0.0, 5e4, 0.03)])
+@pytest.mark.parametrize(("at_rest", "driven", "onset"), [(-10e3, 5.0, 0.03), (-10e3, 50e3, 0.0), (0.0, 5e4, 0.03)])
 def test_where_rest_or_rise_are_not_recorded_or_nothing_is_held_there_is_nothing_to_tell(at_rest, driven, onset):
-    found = stop_release_impulse(TIMES, np.where(TIMES < 0.03, at_rest, driven), onset)
-    assert found.u_n_s == 0.0
+    found = stop_release_impulse(TIMES, np.where(TIMES < 0.03, at_rest, driven), onset, mass_kg=1e3)
+    assert (found.mean_n_s, found.u_n_s) == (0.0, 0.0)
     assert not found.per_s.any()
 
 

@@ -60,6 +60,8 @@ def test_the_forces_are_signed_and_the_friction_turns_with_the_motion():
     assert (regression.forces_n[free, 3][motion.times_s[free] <= end] == -1500.0).all()
     assert (regression.forces_n[motion.times_s > end + 1e-3, 3] == 1500.0).all()
     np.testing.assert_array_equal(regression.forces_n[:, 3], 1500.0 * regression.friction_direction)
+    # what stop and packing give on average while they let go
+    assert regression.release_n_s == pytest.approx(np.sqrt(3) * regression.u_release_n_s)
 
 
 def test_the_interval_reaches_from_force_to_the_end_of_travel():

@@ -196,7 +196,7 @@ class ForcedRecoil(ReadOnlyArrays):
                 rough_mass_kg=rough,
                 force_sigma_n=self.inputs.slow_force_n,
                 u_shift_s=u_shift_s,
-                u_velocity_m_s=r.u_release_n_s / rough,
+                u_velocity_m_s=r.rms_release_n_s / rough,
                 levels=levels,
                 least_levels=self.least_levels,
                 force_errors_n=errors,
