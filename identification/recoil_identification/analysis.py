@@ -27,6 +27,7 @@ from recoil_identification.identified import (
     Options,
     Result,
 )
+from recoil_identification.late_readings import late_readings
 from recoil_identification.mass import forward_mass, reverse_mass
 from recoil_identification.mass_over_time import mass_constancy
 from recoil_identification.method_result import method_result
@@ -42,7 +43,7 @@ from recoil_identification.zero_shift import ZeroShift, calibrated_with_zero_shi
 from recoil_processing.quality.repeatability import shot_peaks
 from recoil_processing.shot.camera_motion import recorded_motion
 from recoil_processing.shot.clocks.estimator_inputs import EstimatorInputs
-from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
+from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.sensor_scales import scale_uncertainty
 from recoil_rigs.assumptions import assumptions_of
 from recoil_rigs.rig import Rig
@@ -95,11 +96,13 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
     )
 
     mass_low_pass = mass_filter(recorded, choice)
+    camera_spec = rig.by_role("recoil_displacement")
+    u_distortion_m = 0.0 if camera_spec is None else camera_spec.sensor.u_bent_m
     quiet = EstimatorInputs(recorded, recorded, signals, shot, rig).baseline_noise
 
     def calibrated(regression: Regression) -> tuple[Regression, Regression, Regression, Calibration, ZeroShift]:
         shifted, narrow, found, shift = calibrated_with_zero_shift(
-            regression, mass_low_pass, scales, offset.u, *filmed, quiet
+            regression, mass_low_pass, scales, offset.u, *filmed, quiet, u_distortion_m
         )
         # the trace, the skew and the figures need the whole band
         return shifted, narrow, narrow if mass_low_pass == low_pass else shifted.filtered(low_pass), found, shift
@@ -114,9 +117,16 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         *further_contributions(narrow, calibration, signals, shot, rig),
         *skew_contribution(narrow, calibration, skew),
     )
-    areas_m2 = dict(zip(PRESSURE_ROLES, rig.mechanism.force_areas, strict=True))
-    causes = causes_of(narrow, recorded, signals, shot, areas_m2)
-    calibration = calibrated_mass(narrow, scales, offset.u, calibration.camera, noise=calibration.noise, causes=causes)
+    causes = causes_of(narrow, recorded, signals, shot, rig)
+    calibration = calibrated_mass(
+        narrow,
+        scales,
+        offset.u,
+        calibration.camera,
+        noise=calibration.noise,
+        causes=causes,
+        late=late_readings(signals, narrow.interval_s, causes),
+    )
     estimates = {
         "calibrated": calibration.estimate,
         "reverse": reverse_mass(narrow, scales),

@@ -23,9 +23,11 @@ from recoil_identification import equation_of_motion as motion
 from recoil_identification.budget import BudgetRow
 from recoil_identification.causes import Cause
 from recoil_identification.equation_of_motion import EquationOfMotion
+from recoil_identification.inference.block import LinearBlock
 from recoil_identification.inference.estimate import Estimate
 from recoil_identification.inference.solve import solve
 from recoil_identification.inference.unknown import Prior, Unknown
+from recoil_identification.late_readings import GAS, LateReadings
 from recoil_identification.mass import (
     FRICTION,
     RANDOM,
@@ -34,7 +36,7 @@ from recoil_identification.mass import (
 )
 from recoil_identification.monte_carlo import Draw
 from recoil_identification.row_noise import RowNoise, row_noise
-from recoil_identification.sensor_priors import RELEASE, ZERO, CameraScale, certificates, own_knowledge
+from recoil_identification.sensor_priors import DISTORTIONS, RELEASE, ZERO, CameraScale, certificates, own_knowledge
 from recoil_processing.shot.regression import Regression, spaced_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 
@@ -44,7 +46,9 @@ CRITICAL_VALUE = 3.29
 """Of a normalised residual; by chance one of 1000 goes beyond, as in Baarda's w-test."""
 FURTHEST_DRAW = 1.0
 """Of the mass's logarithm."""
-UNITS = {FRICTION: "N", ZERO: "m/s^2", RELEASE: "m/s"}
+BESIDE = {one.name: one for one in (motion.CAMERA, GAS, *(Unknown(name, "m", "rig") for name in DISTORTIONS))}
+"""Unknowns that are in no row of the motion; areas and standards are further ones."""
+UNITS = {FRICTION: "N", ZERO: "m/s^2", RELEASE: "m/s", GAS.name: "Pa", **dict.fromkeys(DISTORTIONS, "m")}
 """Of the sources that are no scales."""
 
 
@@ -63,6 +67,8 @@ class Calibration(ReadOnlyArrays):
     common, own
         What certificates say, and what this shot alone knows beside its rows, see
         `recoil_identification.sensor_priors`.
+    late
+        Rows of the breech gauge once the bore is empty, if there are any.
     camera
         What was taken from the camera's alignment.
     """
@@ -73,6 +79,7 @@ class Calibration(ReadOnlyArrays):
     inferred: Estimate
     common: tuple[Prior, ...]
     own: tuple[Prior, ...]
+    late: tuple[LinearBlock, ...] = ()
     camera: CameraScale | None = None
 
     @property
@@ -157,7 +164,8 @@ class Calibration(ReadOnlyArrays):
         block = replace(self.block, changes=shapes)
         sizes = [motion.change(i) for i in range(shapes.shape[1])]
         known = [Prior.of(size.name, size.name, u) for size in sizes] if math.isfinite(u) else []
-        inferred = solve([*self.inferred.unknowns, *sizes], [block], [*self.common, *self.own, *known], self.values)
+        priors = [*self.common, *self.own, *known]
+        inferred = solve([*self.inferred.unknowns, *sizes], [block, *self.late], priors, self.values)
         return replace(self, block=block, inferred=inferred)
 
     def correct(self, regression: Regression) -> tuple[Array, Array]:
@@ -209,6 +217,7 @@ def calibrated_mass(
     *,
     noise: RowNoise | None = None,
     causes: tuple[Cause, ...] = (),
+    late: LateReadings | None = None,
 ) -> Calibration:
     """Estimate the mass with the sensors' scales as restricted unknowns.
 
@@ -222,6 +231,8 @@ def calibrated_mass(
         On the regression's grid; that of the rows themselves if left out.
     causes
         What else may be wrong, on the regression's grid.
+    late
+        What the breech gauge reads once the bore is empty.
 
     Raises
     ------
@@ -236,8 +247,10 @@ def calibrated_mass(
     )
     common = certificates(scales, release, camera)
     own = [*own_knowledge(u_bias_m_s2, camera), *(cause.prior for cause in causes)]
+    own += [] if late is None else [late.prior]
     block = EquationOfMotion(regression, rows, first.mass_kg, noise.sigma_m_s2[rows], causes)
-    inferred = solve([*block.all_unknowns, *_beside(block, common)], [block], [*common, *own])
+    late_rows = () if late is None else (late.rows,)
+    inferred = solve([*block.all_unknowns, *_beside(block, [*common, *own])], [block, *late_rows], [*common, *own])
     residual = block.sigma_m_s2 * block.linearised({one.name: inferred.value(one.name) for one in inferred.unknowns})[0]
     # of the unknowns the mass and the shifts are not restricted, and zero and release hardly
     free = 3 + (0 if regression.shifts is None else regression.shifts.shape[1])
@@ -261,6 +274,7 @@ def calibrated_mass(
         inferred=inferred,
         common=tuple(common),
         own=tuple(own),
+        late=late_rows,
         camera=camera,
     )
 
@@ -269,4 +283,4 @@ def _beside(block: EquationOfMotion, priors: Sequence[Prior]) -> list[Unknown]:
     """Return the unknowns that are in no row: the camera's scale, areas and standards."""
     names = dict.fromkeys(name for prior in priors for name in prior.unknowns)
     others = [name for name in names if name not in block.unknowns]
-    return [motion.CAMERA if name == motion.CAMERA.name else Unknown(name, scope="sensor") for name in others]
+    return [BESIDE.get(name, Unknown(name, scope="sensor")) for name in others]

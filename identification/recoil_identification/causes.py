@@ -9,7 +9,6 @@ mass is then what moving them and estimating anew would give.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,10 +19,15 @@ from recoil_acquisition.shot import Shot
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_processing.shot.regression import PRESSURE_ROLES, SIGNS, Regression
 from recoil_processing.shot.signals import Signals
+from recoil_rigs.assemble import range_si
+from recoil_rigs.rig import Rig
 
 Array = NDArray[np.float64]
 
 SKEW = "skew of acceleration and force"
+MOVES_S = (5e-3, 30e-3, 0.3)
+"""Time constants in which a gauge's zero may move at the shot: together they hold the shapes of a late ramp, of a slow
+rise and of a fast one that dies down again."""
 U_SKEW_S = 5e-5
 """Standard uncertainty of the delay between the chains of acceleration and force, beyond what was corrected: the rows
 tell it to a microsecond or two, and would be asked twice if what was found from them before were believed."""
@@ -72,12 +76,23 @@ class Cause(ReadOnlyArrays):
         return Prior.of(self.source, self.source, self.u)
 
 
+def moving_zero(role: str, tau_s: float) -> str:
+    """Return the name of a gauge's zero that moves at the shot with a time constant."""
+    return f"{role} zero that moves in {1e3 * tau_s:g} ms"
+
+
+def zero_moves(times_s: Array, onset_s: float) -> Array:
+    """Return the shapes in which a gauge's zero may move from the onset on, shape (n, n_shapes)."""
+    since = np.maximum(times_s - onset_s, 0.0)
+    return np.column_stack([-np.expm1(-since / tau) for tau in MOVES_S])
+
+
 def causes_of(
     regression: Regression,
     recorded: Regression,
     signals: Signals,
     shot: Shot,
-    areas_m2: Mapping[str, float],
+    rig: Rig,
 ) -> tuple[Cause, ...]:
     """List the causes of a shot.
 
@@ -91,10 +106,11 @@ def causes_of(
         gauge whose zero is not known at all has no cause: no number could be given.
     shot
         Tells which channel hangs on which clock, and how well that is aligned.
-    areas_m2
-        Of the forces, by role of the gauge.
+    rig
+        Tells the areas, and how far the gauges' zeros may move.
     """
     n = regression.times_s.size
+    areas_m2 = dict(zip(PRESSURE_ROLES, rig.mechanism.force_areas, strict=True))
     none, unmoved = np.zeros((n, 3)), np.zeros(n)
 
     def of_gauge(role: str, error_pa: Array) -> Array:
@@ -109,6 +125,14 @@ def causes_of(
         u_pa = signals.offsets[role].u if role in signals.offsets else 0.0
         if math.isfinite(u_pa) and u_pa > 0:
             found.append(Cause(f"{role} zero", "Pa", u_pa, "A", of_gauge(role, regression.released), unmoved))
+    moves = _filtered(regression, zero_moves(regression.times_s, regression.interval_s[0]))
+    for role in PRESSURE_ROLES:
+        u_pa = _u_moving_zero_pa(rig, signals, role)
+        if u_pa > 0:  # any one of the shapes may be all of it
+            found += [
+                Cause(moving_zero(role, tau_s), "Pa", u_pa, "B", of_gauge(role, move), unmoved)
+                for tau_s, move in zip(MOVES_S, moves.T, strict=True)
+            ]
     for (role, repair), left in signals.left.items():
         error = left * regression.released
         if role in PRESSURE_ROLES:
@@ -126,16 +150,33 @@ def causes_of(
             on_it = np.array([each == clock for each in clocks])
             moved = -jerk_m_s3 if on_it[3] else unmoved
             found.append(Cause(f"alignment of clock {clock}", "s", u_s, "B", slopes_n_s * on_it[:3], moved))
-    if regression.table is not None:
+    if regression.low_pass is not None:
         largest = float(np.max(np.abs(regression.acceleration_m_s2[regression.inside]), initial=0.0))
         for first, stop in _longest_lost(recorded):
             bridged = np.zeros(n)
             bridged[first:stop] = 1.0
-            spread = regression.table.joined_by({"lost": bridged})["lost"]
+            spread = _filtered(regression, bridged[:, np.newaxis])[:, 0]
             source = f"samples lost at {1e3 * (recorded.times_s[first] - recorded.interval_s[0]):.1f} ms"
             found.append(Cause(source, "m/s^2", U_BRIDGED * largest, "B", none, spread))
     found.append(Cause(SKEW, "s", U_SKEW_S, "B", none, -jerk_m_s3))
     return tuple(found)
+
+
+def _u_moving_zero_pa(rig: Rig, signals: Signals, role: str) -> float:
+    """Return by how much a gauge's zero may move: a share of its range, or of what it reads where none is declared."""
+    spec, reading = rig.by_role(role), signals.series.get(role)
+    if spec is None or reading is None:
+        return 0.0
+    low, high = range_si(spec) or (0.0, float(np.nanmax(np.abs(reading), initial=0.0)))
+    return spec.sensor.u_moving_zero_rel * max(abs(low), abs(high))
+
+
+def _filtered(regression: Regression, columns: Array) -> Array:
+    """Pass columns through the regression's filter; those of recorded signals stay what they are."""
+    if regression.table is None:
+        return columns
+    table = regression.table.joined_by({f"cause {j}": column for j, column in enumerate(columns.T)})
+    return np.column_stack([table[f"cause {j}"] for j in range(columns.shape[1])])
 
 
 def _longest_lost(recorded: Regression) -> list[tuple[int, int]]:

@@ -42,6 +42,8 @@ FINER = 41
 """Instants around the largest, for the step's own instant."""
 DRAWS = 20_000
 """Of the largest step by chance: probabilities of 1 % are then known to a tenth."""
+LEVEL = 0.02
+"""Probability below which a constant mass is no explanation."""
 BY_SCAN = 1.84
 """What looking for a step everywhere finds by chance: the largest exceeds 2.9 as often as one known before does 2.24,
 and 1.84 is the root of the difference of their squares."""
@@ -114,7 +116,7 @@ class MassConstancy:
         """Size of the departure beside those of sensors: a step's is less by what many instants find by chance."""
         return max(abs(self.normalised_drift), _as_if_known(self.normalised_step))
 
-    def constant(self, level: float = 0.05) -> bool:
+    def constant(self, level: float = LEVEL) -> bool:
         """Return whether nothing speaks against a constant mass at a level of significance."""
         return self.p_value > level
 

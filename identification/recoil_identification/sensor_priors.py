@@ -6,7 +6,7 @@ Each is a prior of the unknowns of `recoil_identification.equation_of_motion`.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,8 @@ CAMERA_ZERO = "camera zero of the acceleration"
 CAMERA_SHIFT = "camera shift of the acceleration's zero"
 """Names of the further budget rows."""
 
+DISTORTIONS = ("bow of the camera's picture", "S of the camera's picture")
+"""Names of the distortions' sizes, and of their budget rows, m."""
 LEAST_OWN = 1e-9
 """Of a sensor's scale, relative, where its certificate leaves nothing beside its standard and its area."""
 LEAST_OWN_SHARE = 1e-6
@@ -52,6 +54,10 @@ class CameraScale(ReadOnlyArrays):
         Relative standard uncertainty of the camera's own scale.
     kick
         Which of the shapes, if any, is an impulse: its size is in m/s.
+    by_distortion : ndarray, shape (2 + n_shifts, n_distortions)
+        What a meter of each shape of distortion adds to these estimates.
+    u_distortion_m
+        Standard uncertainty of the first shape; half of it is that of the next.
     """
 
     gain: float
@@ -59,6 +65,8 @@ class CameraScale(ReadOnlyArrays):
     covariance: Array
     u_rel: float
     kick: int | None = None
+    by_distortion: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    u_distortion_m: float = 0.0
 
     @classmethod
     def of_constant(
@@ -90,13 +98,32 @@ class CameraScale(ReadOnlyArrays):
         covariance[np.diag_indices_from(covariance)] *= 1.0 + LEAST_OWN_SHARE
         rows = np.eye(covariance.shape[0], covariance.shape[0] + 1)
         rows[0, -1] = -1.0
+        bent = self.by_distortion.copy()
+        if self.distortions:
+            bent[0] /= -self.gain
+            rows = np.column_stack([rows, bent])
         return Prior(
             (CAMERA_GAIN, CAMERA_ZERO, *(f"{CAMERA_SHIFT} {i + 1}" for i in shapes)),
-            (motion.ACCELERATION.name, motion.ZERO.name, *(motion.shift(i).name for i in shapes), motion.CAMERA.name),
+            (
+                *(motion.ACCELERATION.name, motion.ZERO.name),
+                *(motion.shift(i).name for i in shapes),
+                motion.CAMERA.name,
+                *(prior.unknowns[0] for prior in self.distortions),
+            ),
             rows,
             np.append(-math.log(self.gain), self.zeros_m_s2),
             covariance,
         )
+
+    @property
+    def distortions(self) -> list[Prior]:
+        """Return what is known of the sizes of its distortion."""
+        if not (self.by_distortion.size and self.u_distortion_m > 0):
+            return []
+        return [
+            Prior.of(name, name, self.u_distortion_m / 2**number)
+            for number, name in enumerate(DISTORTIONS[: self.by_distortion.shape[1]])
+        ]
 
     def unit(self, source: str) -> str:
         """Return the unit of one of the sources of `alignment`."""
@@ -150,4 +177,4 @@ def own_knowledge(u_zero_m_s2: float, camera: CameraScale | None) -> list[Prior]
         Infinite if there was no baseline.
     """
     priors = [Prior.of(ZERO, motion.ZERO.name, u_zero_m_s2)] if math.isfinite(u_zero_m_s2) else []
-    return priors if camera is None else [*priors, camera.alignment()]
+    return priors if camera is None else [*priors, camera.alignment(), *camera.distortions]

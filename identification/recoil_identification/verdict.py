@@ -11,6 +11,7 @@ from recoil_identification.causes import SKEW
 from recoil_identification.corrections import Corrections
 from recoil_identification.mass import ACCELERATION, RANDOM, MassEstimate
 from recoil_identification.mass_over_time import MassConstancy
+from recoil_identification.row_noise import LARGEST_SIZE
 from recoil_identification.sensor_priors import CAMERA_GAIN, CAMERA_SCALE, RELEASE
 from recoil_identification.trace import MassTrace
 from recoil_identification.zero_shift import ZeroShift
@@ -29,8 +30,6 @@ ROUNDING = 1e-6
 """Difference of two that are one and the same."""
 FAR = 3.0
 """Factor on how far, in its standard uncertainties, something would have to be off, beyond which another is taken."""
-LARGEST_SIZE = 3.0
-"""Of what is left of the rows whatever the sensors read, over the noise."""
 LARGEST_ROUTE_GAP = 3.0
 """Combined standard uncertainties by which the two routes to the acceleration may differ."""
 

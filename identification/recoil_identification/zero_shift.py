@@ -13,6 +13,7 @@ a shift; the camera, which saw the same motion, tells the two apart.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,7 +24,7 @@ from recoil_identification.mass import reverse_mass
 from recoil_identification.row_noise import row_noise
 from recoil_identification.sensor_priors import CAMERA_GAIN, CAMERA_SCALE, CAMERA_SHIFT, CameraScale
 from recoil_processing.filters import LowPass
-from recoil_processing.motion.scale_and_zero import ScaleAndZero
+from recoil_processing.motion.scale_and_zero import ScaleAndZero, WhitenedTrack
 from recoil_processing.shot.camera_motion import RecordedMotion
 from recoil_processing.shot.clocks.estimator_inputs import BaselineNoise
 from recoil_processing.shot.regression import Regression
@@ -35,6 +36,8 @@ TIME_CONSTANTS_S = (0.01, 0.02, 0.05, 0.1)
 """Of decays that are tried: shorter ones are part of the pulse, longer ones are steps over one recoil."""
 LEAST_STEP_SIGMA = 4.0
 """Standard uncertainties that a step must have for a kick to be its own."""
+BENT_M = 1e-4
+"""By which the travel is bent to see what that does: it is linear."""
 MARGIN = 10.0
 """By how much the criterion must fall: decisive in the words of Kass and Raftery (1995), J. Am. Stat. Assoc. 90."""
 
@@ -103,10 +106,23 @@ def shift_columns(regression: Regression) -> Array:
     return np.column_stack([step, kick, *decays])
 
 
-def _scale(camera: RecordedMotion, found: ScaleAndZero, shape: Shape) -> CameraScale:
-    """Return what a solution for a shape says of the accelerometer."""
+def _scale(
+    camera: RecordedMotion,
+    found: ScaleAndZero,
+    bent: Sequence[WhitenedTrack | None],
+    shape: Shape,
+    u_distortion_m: float,
+) -> CameraScale:
+    """Return what a solution for a shape says of the accelerometer, and what distortions of the picture add to it."""
     kick = shape.index(_KICK) if _KICK in shape else None
-    return CameraScale(found.gain, np.append(found.bias_m_s2, found.shifts_m_s2), found.covariance, camera.u_rel, kick)
+    zeros, by_distortion = np.append(found.bias_m_s2, found.shifts_m_s2), []
+    for track in bent:
+        other = None if track is None else track.solve(shape)
+        if other is not None:
+            moved = np.append(other.bias_m_s2, other.shifts_m_s2) - zeros
+            by_distortion.append(np.append(other.gain - found.gain, moved) / BENT_M)
+    columns = np.column_stack(by_distortion) if by_distortion else np.zeros((0, 0))
+    return CameraScale(found.gain, zeros, found.covariance, camera.u_rel, kick, columns, u_distortion_m)
 
 
 def calibrated_with_zero_shift(
@@ -117,6 +133,7 @@ def calibrated_with_zero_shift(
     camera: CameraScale | None,
     filmed: RecordedMotion | None = None,
     quiet: BaselineNoise | None = None,
+    u_distortion_m: float = 0.0,
 ) -> tuple[Regression, Regression, Calibration, ZeroShift]:
     """Estimate the mass with the sensors' errors, a shift of the zero among them where the shot demands one.
 
@@ -130,6 +147,8 @@ def calibrated_with_zero_shift(
         Without it a shift is not to be told from a gauge that is off: see `ZeroShift.confirmed`.
     quiet
         Noise of the pre-trigger baseline; that of the rows themselves counts without it.
+    u_distortion_m
+        Standard uncertainty of what the camera's optics bend the travel by.
 
     Returns
     -------
@@ -154,14 +173,15 @@ def calibrated_with_zero_shift(
         noise = row_noise(plain, first_kg, quiet)
         return recorded, plain, calibrated_mass(plain, scales, u_bias_m_s2, camera, noise=noise), ZeroShift()
     columns = shift_columns(recorded)
-    film = None
+    film, bent = None, []
     if filmed is not None:
         film = filmed.motion.likeliest(columns, (_STEP, _KICK), filmed.densities)
+    if filmed is not None and film is not None and u_distortion_m > 0:
+        bent = [filmed.motion.bent(number, BENT_M).whitened(columns, film.density) for number in range(2)]
     full = plain.with_shifts(columns)
     filtered = np.zeros(columns.shape) if full.shifts is None else full.shifts
     # with every shape released: what a shift leaves unexplained must not excuse it
     noise = row_noise(full, first_kg, quiet)
-    unshifted = calibrated_mass(plain, scales, u_bias_m_s2, camera, noise=noise)
     seen: dict[Shape, ScaleAndZero] = {}
     shapes: list[Shape] = [(), (_STEP,), *((j,) for j in decays), (_STEP, _KICK), *((_STEP, j) for j in decays)]
     if film is not None:
@@ -170,10 +190,11 @@ def calibrated_with_zero_shift(
             seen = {}
 
     def fitted(shape: Shape) -> Calibration:
-        scale = _scale(filmed, seen[shape], shape) if filmed is not None and seen else None
+        scale = _scale(filmed, seen[shape], bent, shape, u_distortion_m) if filmed is not None and seen else None
         regression = replace(plain, shifts=filtered[:, shape])
         return calibrated_mass(regression, scales, u_bias_m_s2, scale, noise=noise)
 
+    unshifted = fitted(()) if seen else calibrated_mass(plain, scales, u_bias_m_s2, camera, noise=noise)
     criteria = {}
     for shape in shapes:
         fit = fitted(shape)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Literal
 
 from recoil_rigs.rig import Rig
+from recoil_rigs.rig_tables import USUAL_U_DISTORTION_M, USUAL_U_ZERO_REL
 
+GAUGE_ROLES = ("breech_pressure", "brake_pressure", "recuperator_pressure")
 AREAS = ("bore_area", "brake_area", "recuperator_area")
 """Symbols of the areas on which breech, brake and recuperator pressure act."""
 CARRIAGE_ROLES = ("carriage_acceleration_x", "carriage_acceleration_y", "carriage_rate", "tipping_rate")
@@ -29,7 +30,7 @@ class Assumption:
     """
 
     quantity: str
-    taken: Literal["taken as exact", "not measured", "no calibration date"]
+    taken: str
     detail: str
 
 
@@ -58,6 +59,14 @@ def _assumptions(rig: Rig) -> Iterator[Assumption]:
         if rig.by_role(role) is None:
             detail = "no channel has this role: its term in the equation of motion is taken at rest"
             yield Assumption(role, "not measured", detail)
+    for channel in rig.channels:
+        if channel.role in GAUGE_ROLES and channel.sensor.u_zero_rel is None:
+            detail = "its sensor has no `u_zero_rel`: its zero may move in a shot by as much as a good gauge's does"
+            yield Assumption(channel.name, f"zero that may move by {100 * USUAL_U_ZERO_REL:g} % of the range", detail)
+    camera = rig.by_role("recoil_displacement")
+    if camera is not None and camera.sensor.u_distortion_m is None:
+        detail = "its sensor has no `u_distortion_m`: its optics may bend the travel by as much as good ones do"
+        yield Assumption(camera.name, f"distortion of at most {1e3 * USUAL_U_DISTORTION_M:g} mm", detail)
     for channel in rig.channels:
         if channel.enters_estimate and channel.sensor.calibrated is None:
             detail = "its sensor has no `calibrated`: nothing says when its u_rel was found"

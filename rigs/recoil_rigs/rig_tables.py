@@ -210,6 +210,12 @@ class Source(DeclaredTable):
         return re.compile(text.replace(place, r"(?P<shot>[0-9]{1,9})"), re.IGNORECASE)
 
 
+USUAL_U_ZERO_REL = 1e-3
+"""Share of the range by which a gauge's zero may move in a shot: thermal shock of a good gauge."""
+USUAL_U_DISTORTION_M = 1e-4
+"""What a camera's optics may bend a travel by."""
+
+
 class Sensor(DeclaredTable):
     """One sensor, its calibration and its chain. Positions in metres, in its body's axes.
 
@@ -226,6 +232,10 @@ class Sensor(DeclaredTable):
     u_rel: NotNegative = 0.0
     reference: str = Field(default="", description="the standard that it was calibrated against, as a name")
     u_reference_rel: NotNegative = Field(default=0.0, description="the part of `u_rel` that the standard brings")
+    u_zero_rel: NotNegative | None = Field(
+        default=None, description="share of the range by which the zero may move in a shot"
+    )
+    u_distortion_m: NotNegative | None = Field(default=None, description="by what optics may bend a travel, m")
     range: Pair | None = Field(default=None, description="an array [lowest, highest] in the channel's SI unit")
     sensitivity: Positive | None = None
     sensitivity_unit: Literal["pC", "mV", "V"] | None = None
@@ -265,6 +275,16 @@ class Sensor(DeclaredTable):
         if faults:
             raise ValueError("; ".join(faults))
         return self
+
+    @property
+    def u_moving_zero_rel(self) -> float:
+        """Share of the range by which the zero may move in a shot, a usual one where none is stated."""
+        return USUAL_U_ZERO_REL if self.u_zero_rel is None else self.u_zero_rel
+
+    @property
+    def u_bent_m(self) -> float:
+        """What a camera's optics may bend a travel by, a usual one where none is stated."""
+        return USUAL_U_DISTORTION_M if self.u_distortion_m is None else self.u_distortion_m
 
     @property
     def states_u_rel(self) -> bool:

@@ -66,7 +66,7 @@ def test_a_shift_that_decays_is_found_with_its_size_and_time() -> None:
 def test_a_step_that_came_earlier_or_later_than_the_onset_leaves_a_kick(late_s: float) -> None:
     _, mass, u, shift = found(measured(1, step=150.0, late_s=late_s))
     assert shift.step_m_s2 == pytest.approx(150.0, abs=4 * shift.u_step_m_s2)
-    assert shift.kick_m_s == pytest.approx(-150.0 * late_s, rel=0.2)
+    assert shift.kick_m_s == pytest.approx(-150.0 * late_s, rel=0.3)
     assert "kick" in str(shift)
     assert abs(mass - MASS_KG) < 3 * u
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,6 +120,22 @@ class CameraMotion(ReadOnlyArrays):
         # the triangle holds all that least squares on any of the columns needs
         triangle = np.asarray(np.linalg.qr(rows, mode="r"))
         return WhitenedTrack(triangle, t.size, walk.log_determinant, density, self.u_offset_s, self.u_bias_m_s2)
+
+    def bent(self, number: int, size_m: float) -> CameraMotion:
+        """Return the motion as optics would show it that bend the travel by a size at most.
+
+        A lens bends a straight line into a bow, the next smaller distortion into an S. Both are zero at both ends of
+        the travel, whose scale was calibrated.
+
+        Parameters
+        ----------
+        number
+            0 for the bow, 1 for the S.
+        """
+        share = self.positions_m / max(float(np.max(self.positions_m, initial=0.0)), 1e-12)
+        bow = 4.0 * share * (1.0 - share)
+        shape = bow if number == 0 else 2.6 * bow * (1.0 - 2.0 * share)
+        return replace(self, positions_m=self.positions_m + size_m * shape)
 
     def solve(self, shapes: Array, density: float) -> ScaleAndZero | None:
         """Find scale, zero and shifts of all shapes; parameters as of `whitened`.

@@ -18,6 +18,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.filters import Filtered, LowPass, filter_alike
 from recoil_processing.shot.interval import end_of_travel, release_index, stop_release_impulse
 from recoil_processing.shot.signals import Signals
+from recoil_rigs.assumptions import GAUGE_ROLES
 from recoil_rigs.mechanism import Mechanism
 
 Array = NDArray[np.float64]
@@ -25,7 +26,7 @@ Flags = NDArray[np.bool_]
 
 FORCES = ("breech", "brake", "recuperator", "friction")
 """Order of the force columns."""
-PRESSURE_ROLES = ("breech_pressure", "brake_pressure", "recuperator_pressure")
+PRESSURE_ROLES = GAUGE_ROLES
 SIGNS = (1.0, -1.0, -1.0)
 """Of the gauges' forces in F': the breech drives, the others hold."""
 

@@ -92,7 +92,8 @@ def simulate_shot(rig: Rig, folder: Path, *, seed: int, shot: str, campaign_seed
     from when on the reference clock; ``friction``; ``bore_friction``, if there is any; ``t_fire`` and ``t_end``,
     first rise of the breech force and end of recoil travel on the reference clock; ``stroke_m``;
     ``peak_breech_force_n``; ``gains`` and
-    ``offsets`` by channel (offsets in the unit of the file); ``clocks``: ``t_ref = (1 + drift) t + offset_s``,
+    ``offsets`` by channel (offsets in the unit of the file); ``moves``, by channel how zeros moved in the shot and
+    what optics bent, where the rig states that they may; ``clocks``: ``t_ref = (1 + drift) t + offset_s``,
     with ``latency_s``, the mean time from a sample to its stamp where a recorder stamps messages (an alignment
     by a repeated channel finds ``offset_s`` less the shortest such time, the stamps' lower edge); the declared
     ``delay_s`` of a sensor is not in it;
@@ -179,6 +180,7 @@ def _truth(scene: Scene, recorded: list[SourceFile]) -> dict[str, Any]:
         "peak_breech_force_n": float(scene.mechanism.force_areas[0] * motion.breech_pressure_pa.max()),
         "gains": scene.gains,
         "offsets": scene.offsets,
+        **({"moves": scene.moves} if scene.moves else {}),
         "clocks": {f.source: f.truth["clock"] for f in recorded if f.source != scene.rig.reference_clock},
         "sources": {f.source: {"file": f.name, **f.truth} for f in recorded},
     }

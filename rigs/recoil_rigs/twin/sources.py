@@ -77,6 +77,8 @@ class Scene:
         `seed` if it is None.
     gains, offsets
         Errors drawn, by channel; offsets in the unit of the file. Filled as channels are sampled.
+    moves
+        How zeros moved and optics bent, by channel; likewise.
     """
 
     rig: Rig
@@ -90,6 +92,7 @@ class Scene:
     campaign_seed: int | None = None
     gains: dict[str, float] = field(default_factory=dict)
     offsets: dict[str, float] = field(default_factory=dict)
+    moves: dict[str, dict[str, float | str]] = field(default_factory=dict)
 
     def clock(self, source: Source) -> Clock:
         """Return a source's clock: drawn from the seed, or the reference itself."""
@@ -123,7 +126,7 @@ class Scene:
         stored = to_file(stored, spec)
         if self.settings.hum > 0:
             stored = np.asarray(stored + self._hum(spec, stored, at_s), dtype=np.float64)
-        shift = np.asarray(self._zero_shift(role) * after_shot, dtype=np.float64)
+        shift = self._zero_shift(role) * after_shot + self._moving_zero(role, spec, at_s)
         shared = self.scale_error(spec.name)
         stored, errors = digitise(stored, full_range, spec.sensor.u_rel, self.settings, rng, shift, shared)
         self.gains[spec.name], self.offsets[spec.name] = errors.gain, errors.offset
@@ -142,6 +145,25 @@ class Scene:
         if role.endswith(("_acceleration_x", "_acceleration_y")):
             return self.settings.zero_shift * self.settings.ringing_carriage
         return self.settings.zero_shift_pressure if role.endswith("_pressure") else 0.0
+
+    def _moving_zero(self, role: str, spec: ChannelSpec, at_s: Array) -> Array:
+        """Return how a gauge's zero moves in the shot, share of full scale, if the rig states that it may.
+
+        It moves by a draw from what is stated, in one of three ways: late and at once, slowly, or fast and back again.
+        """
+        u_rel = spec.sensor.u_zero_rel
+        if not (u_rel and role.endswith("_pressure") and self.settings.gain_errors):
+            return np.zeros(at_s.shape)
+        rng = generator(self.seed, "moving zero", spec.name)
+        size, way = u_rel * float(rng.normal()), int(rng.integers(3))
+        since = np.maximum(at_s - self.motion.t_fire_s, 0.0)
+        ways = (
+            np.clip((since - 2e-3) / 4e-3, 0.0, 1.0),
+            -np.expm1(-since / 20e-3),
+            -np.expm1(-since / 2e-3) * np.exp(-since / 0.3),
+        )
+        self.moves[spec.name] = {"share_of_full_scale": size, "way": ("late", "slow", "fast and back")[way]}
+        return np.asarray(size * ways[way], dtype=np.float64)
 
     def _hum(self, spec: ChannelSpec, stored: Array, at_s: Array) -> Array:
         """Return the mains' hum on a channel, in the file's unit; each channel catches it in a phase of its own."""
@@ -169,6 +191,20 @@ class Scene:
                 high = max(abs(limits[0]), abs(limits[1]))
             return 2 * s.ringing * s.ringing_pressure * high
         return 0.0
+
+
+def _distortion(scene: Scene, spec: ChannelSpec, travel_m: Array) -> Array:
+    """Return what optics add to a travel, by draws from what the rig states: a bow, and an S half as large."""
+    u_m = spec.sensor.u_distortion_m
+    if not (u_m and scene.settings.gain_errors):
+        return np.zeros(travel_m.shape)
+    # one camera's optics are the same in all shots of a campaign
+    seed = scene.seed if scene.campaign_seed is None else scene.campaign_seed
+    bow_m, s_m = np.array([u_m, 0.5 * u_m]) * generator(seed, "distortion", spec.name).normal(0.0, 1.0, 2)
+    share = travel_m / max(float(np.max(travel_m)), 1e-9)
+    scene.moves[spec.name] = {"bow_m": float(bow_m), "s_m": float(s_m)}
+    bow = 4.0 * share * (1.0 - share)
+    return np.asarray(bow_m * bow + s_m * 2.6 * bow * (1.0 - 2.0 * share), dtype=np.float64)
 
 
 def file_unit(spec: ChannelSpec) -> str:
@@ -280,9 +316,10 @@ def camera_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile
         drawn = float(generator(scene.seed, "channel", spec.name).normal()) if shared is None else shared
         gain = 1.0 + spec.sensor.u_rel * drawn * s.gain_errors
         place = np.zeros((count, 2))
-        place[:, "XY".index(axis)] = gain * sample(
+        travel = sample(
             truth(scene.roles[spec.name], scene.mechanism, scene.motion, (0.0, 0.0)), scene.motion.times_s, at
         )
+        place[:, "XY".index(axis)] = gain * (travel + _distortion(scene, spec, travel))
         positions[feature] = _in_picture(place + rng.normal(0.0, 1.0, place.shape) * s.camera_noise_m, spec, source)
         scene.gains[spec.name] = gain
         fixed = np.array([-0.35, 0.12]) + rng.normal(0.0, 1.0, place.shape) * s.camera_noise_m

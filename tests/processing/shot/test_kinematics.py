@@ -105,4 +105,4 @@ def test_the_mass_by_the_camera_is_as_good_on_a_slow_recorder():
         found = identify_shot(virtual.shot, virtual.rig, Options())
         masses.append(found.results["kinematic"].estimate.mass_kg)
     # two gradients one after the other would differ by 3 kg
-    assert masses[0] == pytest.approx(masses[1], abs=1.2)
+    assert masses[0] == pytest.approx(masses[1], abs=2.4)
