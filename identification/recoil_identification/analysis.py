@@ -29,7 +29,7 @@ from recoil_identification.identified import (
 )
 from recoil_identification.late_readings import late_readings
 from recoil_identification.mass import forward_mass, reverse_mass
-from recoil_identification.mass_over_time import mass_constancy
+from recoil_identification.mass_over_time import mass_constancy, mass_over_time
 from recoil_identification.method_result import method_result
 from recoil_identification.monte_carlo import propagate
 from recoil_identification.preparation import camera_scale, prepare
@@ -184,6 +184,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         monte_carlo=propagate(calibration.draws()),
         endogeneity=_endogeneity(recorded),
         constancy=constancy,
+        walk=mass_over_time(calibration),
         window_choice=window_choice,
         skew=skew,
         stress_waves=find_stress_waves(shot, signals, choice),

@@ -169,12 +169,22 @@ class Calibration(ReadOnlyArrays):
         return replace(self, block=block, inferred=inferred)
 
     def correct(self, regression: Regression) -> tuple[Array, Array]:
-        """Return a' and F' with the sensors' errors and the release taken off, shape (n,) each."""
+        """Return a' and F' with the sensors' errors, the release and all causes taken off, shape (n,) each.
+
+        Parameters
+        ----------
+        regression
+            On the grid of the block's own; the causes are as that one's filter left them.
+        """
         zero = self.bias_m_s2 * regression.released + self.release_m_s * regression.release_per_s
         if regression.shifts is not None:
             zero = zero + regression.shifts @ self.shifts_m_s2
+        readings = regression.forces_n[:, :3]
+        for cause in self.block.causes:
+            size = self.inferred.value(cause.source)
+            zero, readings = zero + size * cause.acceleration_m_s2, readings + size * cause.forces_n
         a = (regression.acceleration_m_s2 - zero) / (1.0 + self.acceleration_error)
-        gauges = regression.forces_n[:, :3] @ (1.0 / (1.0 + self.gauge_errors))
+        gauges = readings @ (1.0 / (1.0 + self.gauge_errors))
         return a, np.asarray(gauges + regression.forces_n[:, 3] - self.friction_error_n * regression.friction_direction)
 
     def errors_left(self, regression: Regression) -> Array:

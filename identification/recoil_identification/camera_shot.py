@@ -104,6 +104,7 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
         monte_carlo=None,
         endogeneity=None,
         constancy=constancy,
+        walk=None,
         window_choice=window_choice,
         skew=None,
         stress_waves=find_stress_waves(shot, signals, choice),

@@ -19,7 +19,7 @@ from recoil_identification.estimators.endogeneity import Endogeneity
 from recoil_identification.film_calibration import FilmCalibration
 from recoil_identification.filter_choice import FilterChoice
 from recoil_identification.mass import MassEstimate
-from recoil_identification.mass_over_time import MassConstancy
+from recoil_identification.mass_over_time import MassConstancy, MassOverTime
 from recoil_identification.memory.window_length import WindowChoice
 from recoil_identification.monte_carlo import MonteCarlo
 from recoil_identification.shot_summary import ShotSummary
@@ -143,6 +143,8 @@ class Identification(ReadOnlyArrays):
         Whether force on acceleration, as recorded, is biased here; None where that cannot be told.
     constancy
         Whether one mass explains the shot; None where that cannot be told.
+    walk
+        The mass as one that may change, together with all sensors; None where the camera alone tells the motion.
     window_choice
         Why the trace has this memory, where it was chosen from the shot.
     skew
@@ -183,6 +185,7 @@ class Identification(ReadOnlyArrays):
     monte_carlo: MonteCarlo | None
     endogeneity: Endogeneity | None
     constancy: MassConstancy | None
+    walk: MassOverTime | None
     window_choice: WindowChoice | None
     skew: RecorderSkew | None
     stress_waves: tuple[StressWaves, ...]

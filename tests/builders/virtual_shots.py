@@ -30,12 +30,24 @@ class VirtualShot:
     truth: Mapping[str, Any]
 
 
-def with_twin(name: str, mechanism: tuple[tuple[str, float], ...] = (), **settings: float | bool) -> Rig:
-    """Load a bundled rig with other settings of its virtual rig, and with more values of its mechanism."""
+def with_twin(
+    name: str, mechanism: tuple[tuple[str, float], ...] = (), u_zero_rel: float = 0.0, **settings: float | bool
+) -> Rig:
+    """Load a bundled rig with other settings of its virtual rig.
+
+    Parameters
+    ----------
+    mechanism
+        More values of it.
+    u_zero_rel
+        By what share of their ranges the gauges' zeros move.
+    """
     path = find_rig(name)
     head, _, tail = path.read_text(encoding="utf-8").partition("[twin]\n")
     more = "".join(f"{key} = {value}\n" for key, value in mechanism)
-    head = head.replace("[mechanism]\n", f"[mechanism]\n{more}")
+    head = head.replace("[mechanism]\n", f"[mechanism]\n{more}").replace(
+        "u_zero_rel = 0,", f"u_zero_rel = {u_zero_rel},"
+    )
     lines = {line.partition("=")[0].strip(): line for line in tail.splitlines() if "=" in line}
     lines |= {key: f"{key} = {str(value).lower()}" for key, value in settings.items()}
     return parse_rig("\n".join([f"{head}[twin]", *lines.values(), ""]), path)
@@ -43,10 +55,14 @@ def with_twin(name: str, mechanism: tuple[tuple[str, float], ...] = (), **settin
 
 @cache
 def virtual_shot(
-    name: str = "field-2013", seed: int = 3, mechanism: tuple[tuple[str, float], ...] = (), **settings: float | bool
+    name: str = "field-2013",
+    seed: int = 3,
+    mechanism: tuple[tuple[str, float], ...] = (),
+    u_zero_rel: float = 0.0,
+    **settings: float | bool,
 ) -> VirtualShot:
     """Simulate and ingest a shot of a bundled rig, in a shorter record than the rig's own; a few seconds, once."""
-    rig = with_twin(name, mechanism, **SHORTER | settings)
+    rig = with_twin(name, mechanism, u_zero_rel, **SHORTER | settings)
     with tempfile.TemporaryDirectory() as folder:
         simulated = simulate_shot(rig, Path(folder) / "files", seed=seed, shot="s1")
         ingested = ingest_files(rig, simulated.files, shot="s1", out=Path(folder) / "shots", on=dt.date(2026, 6, 1))

@@ -19,6 +19,8 @@ from recoil_rigs.assumptions import AREAS
 from tests.builders.virtual_shots import identified, virtual_shot
 
 RIGS = ["field-2013", "mixed"]
+MOVING = 0.001
+"""Share of their ranges by which the gauges' zeros move."""
 SIGN = (1.0, -1.0, -1.0)
 Change = Callable[[Regression, float], Regression]
 
@@ -29,7 +31,7 @@ def late(regression: Regression, column: np.ndarray, by_s: float) -> np.ndarray:
 
 def changes(name: str) -> dict[str, Change]:
     """What each source does to the columns as recorded, by one of its own standard uncertainty times a factor."""
-    virtual, found = virtual_shot(name), identified(name)
+    virtual, found = virtual_shot(name, u_zero_rel=MOVING), identified(name, u_zero_rel=MOVING)
     u = {row.source: row.u_source for row in found.calibration.estimate.budget}
     made: dict[str, Change] = {}
 
@@ -85,7 +87,7 @@ def refitted_kg(found: Identification, name: str, recorded: Regression, late_pa:
     rows = replace(late.rows, recorded=late.rows.recorded + late_pa)
     again = calibrated_mass(
         recorded.filtered(found.mass_low_pass),
-        scale_uncertainty(virtual_shot(name).rig),
+        scale_uncertainty(virtual_shot(name, u_zero_rel=MOVING).rig),
         found.signals.offsets["recoil_acceleration"].u,
         calibration.camera,
         noise=calibration.noise,
@@ -97,7 +99,7 @@ def refitted_kg(found: Identification, name: str, recorded: Regression, late_pa:
 
 @pytest.mark.parametrize("name", RIGS)
 def test_every_row_is_what_moving_its_source_and_estimating_anew_gives(name: str) -> None:
-    found = identified(name)
+    found = identified(name, u_zero_rel=MOVING)
     estimate = found.calibration.estimate
     rows = {row.source: row for row in estimate.budget}
     made = changes(name)
@@ -112,11 +114,11 @@ def test_every_row_is_what_moving_its_source_and_estimating_anew_gives(name: str
 
 @pytest.mark.parametrize("name", RIGS)
 def test_causes_hardly_move_a_sound_shot_and_are_in_its_uncertainty(name: str) -> None:
-    found = identified(name, gain_errors=False)
+    found = identified(name, gain_errors=False, u_zero_rel=MOVING)
     calibration = found.calibration
     bare = calibrated_mass(
         found.fitted,
-        scale_uncertainty(virtual_shot(name).rig),
+        scale_uncertainty(virtual_shot(name, u_zero_rel=MOVING).rig),
         found.signals.offsets["recoil_acceleration"].u,
         calibration.camera,
         noise=calibration.noise,
@@ -128,11 +130,11 @@ def test_causes_hardly_move_a_sound_shot_and_are_in_its_uncertainty(name: str) -
 
 
 def test_without_them_zeros_that_move_would_be_in_the_mass() -> None:
-    found, truth = identified("mixed"), virtual_shot("mixed").truth["m3"]
+    found, truth = identified("mixed", u_zero_rel=MOVING), virtual_shot("mixed", u_zero_rel=MOVING).truth["m3"]
     calibration = found.calibration
     bare = calibrated_mass(
         found.fitted,
-        scale_uncertainty(virtual_shot("mixed").rig),
+        scale_uncertainty(virtual_shot("mixed", u_zero_rel=MOVING).rig),
         found.signals.offsets["recoil_acceleration"].u,
         calibration.camera,
         noise=calibration.noise,

@@ -57,7 +57,7 @@ def second_opinion(
 
 @pytest.mark.parametrize("name", ["field-2013", "mixed"])
 def test_a_program_that_shares_nothing_finds_the_same_mass_and_uncertainty(name: str) -> None:
-    found, shot = identified(name), virtual_shot(name)
+    found, shot = identified(name, u_zero_rel=0.001), virtual_shot(name, u_zero_rel=0.001)
     rows, rig = found.fitted, shot.rig
     at = spaced_rows(rows)
     series = (

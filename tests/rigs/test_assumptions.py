@@ -12,6 +12,7 @@ def test_what_has_no_uncertainty_no_sensor_and_no_date_is_named() -> None:
     assert lines == [
         "taken as exact: bore_area, brake_area, recuperator_area, bore_friction",
         "not measured: carriage_acceleration_x, carriage_acceleration_y, carriage_rate, tipping_rate",
+        "zero that may move by 0.1 % of the range: p_breech, p_brake, p_recuperator",
         "no calibration date: acc, p_breech, p_brake, p_recuperator",
     ]
 

@@ -76,6 +76,11 @@ def _mass(found: Identification) -> Figure:
             trace.mass_kg + half,
         ),
     ]
+    if found.walk is not None:
+        walk, wide = found.walk, COVERAGE_FACTOR * found.walk.u_kg
+        name = "mass that may change, together with all sensors, 95 % interval"
+        times, low_kg, high_kg = walk.times_s, walk.mass_kg - wide, walk.mass_kg + wide
+        traces.append(Trace(name, times, walk.mass_kg, "band", "kg", low_kg, high_kg, visible=_changes(found)))
     for name in ("reverse", "kinematic", "paper"):
         if name in found.results and name != chosen.estimate.method:
             other = found.results[name].trace
@@ -92,11 +97,16 @@ def _mass(found: Identification) -> Figure:
         "mass",
         "Identified recoiling mass over time",
         f"Mass by the last {1e3 * trace.window_s:.0f} ms of data, its 95 % interval, and the specification; "
-        "the method of 2013 for comparison.",
+        "the method of 2013, and the mass as a random walk over the travel that is estimated together with every "
+        "sensor's errors, for comparison.",
         TIME,
         (Panel("mass, kg", tuple(traces), (specification,), y_shown=(low, high)),),
         shown=_shown(found),
     )
+
+
+def _changes(found: Identification) -> bool:
+    return found.constancy is not None and not found.constancy.constant()
 
 
 def _angular_rates(found: Identification) -> list[Figure]:

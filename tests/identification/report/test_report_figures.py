@@ -50,7 +50,10 @@ def test_the_mass_has_its_band_the_specification_and_gaps_where_nothing_was_iden
     assert [line.y for line in panel.lines] == [782.0]
     low, high = panel.y_shown
     assert 0.85 * 782 <= low < 782 < high <= 1.15 * 782
-    assert {t.name for t in panel.traces[1:]} == {"reverse", "kinematic", "paper"}
+    walk, *others = panel.traces[1:]
+    assert walk.name == "mass that may change, together with all sensors, 95 % interval"
+    assert not walk.visible  # nothing speaks for a change
+    assert {t.name for t in others} == {"reverse", "kinematic", "paper"}
 
 
 def test_a_mass_of_which_nothing_was_identified_can_be_drawn():
