@@ -35,6 +35,27 @@ def test_every_base_parameter_is_identified_within_its_interval(with_cells):
     assert with_cells.valid
 
 
+def test_its_mass_is_set_beside_the_shots(with_cells):
+    (note,) = [note for note in with_cells.notes if "off the mass of the shot" in note]
+    assert note.startswith(f"m3 {with_cells.quantity('base_m3').value:.1f} kg is ")
+    assert "no unknowns for clocks and for zeros that move" in note
+
+
+def test_a_mass_that_is_far_off_the_shots_is_not_valid():
+    weighed = weighed_shot()
+    case = Case(weighed.shot, weighed.rig)
+    found = case.identified
+    heavier = replace(found.chosen.estimate, mass_kg=found.chosen.estimate.mass_kg + 20.0)
+    result = replace(found.chosen, estimate=heavier)
+    vars(case)["identified"] = replace(found, results={**found.results, found.method: result})
+
+    finding = find(case)
+
+    assert not finding.valid
+    (reason,) = [reason for reason in finding.reasons if "off the mass of the shot" in reason]
+    assert "of its standard uncertainties (limit 3)" in reason
+
+
 def test_intervals_are_narrow_enough_to_be_worth_having(with_cells):
     for symbol, share in (("m1", 0.03), ("m1_X1", 0.04), ("J3A", 0.03), ("m3", 0.005), ("m3_b", 0.03), ("m3_d", 0.02)):
         q = with_cells.quantity(f"base_{symbol}")
