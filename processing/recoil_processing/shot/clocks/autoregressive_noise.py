@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 
 MOST_ORDER = 32
 """Four coefficients per mode of a dozen samples per period or less, and some for the chain's own filter."""
+WANDERING = 1e-6
+"""Of one less the sum of the coefficients, below which a process returns to no mean."""
 SAMPLES_PER_COEFFICIENT = 10
 """Fewer do not identify a coefficient."""
 
@@ -50,8 +52,12 @@ class AutoregressiveNoise(ReadOnlyArrays):
 
     @property
     def slow_density(self) -> float:
-        """Spectral density at low frequency times the sampling rate: sigma^2 / (1 - sum c)^2."""
-        return (self.sigma / (1.0 - float(self.predictors[-1].sum()))) ** 2
+        """Spectral density at low frequency times the sampling rate: sigma^2 / (1 - sum c)^2.
+
+        Of a process that only wanders, which has none, it is the variance of what was seen of it.
+        """
+        left = 1.0 - float(self.predictors[-1].sum())
+        return float(self.deviations[0]) ** 2 if abs(left) < WANDERING else (self.sigma / left) ** 2
 
     def whiten(self, columns: Array) -> Array:
         """Turn consecutive rows with such errors into rows of independent errors of variance 1.

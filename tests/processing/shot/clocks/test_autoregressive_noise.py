@@ -111,3 +111,11 @@ def test_no_samples_or_lost_ones_are_refused(pieces):
 def test_a_negative_order_is_refused():
     with pytest.raises(ValueError, match="most_order"):
         fit_noise([np.ones(50)], -1)
+
+
+def test_what_returns_to_no_mean_has_the_variance_that_was_seen_for_a_density() -> None:
+    only_wanders = AutoregressiveNoise(np.array([[0.0], [1.0]]), np.array([3.0, 0.1]))
+    assert only_wanders.slow_density == pytest.approx(9.0)
+    # a level that was not taken off is predicted without an error
+    held = fit_noise([np.full(2000, 5.0)], 4)
+    assert math.isfinite(held.slow_density)
