@@ -233,9 +233,11 @@ class Sensor(DeclaredTable):
     reference: str = Field(default="", description="the standard that it was calibrated against, as a name")
     u_reference_rel: NotNegative = Field(default=0.0, description="the part of `u_rel` that the standard brings")
     u_zero_rel: NotNegative | None = Field(
-        default=None, description="share of the range by which the zero may move in a shot"
+        default=None, description="a share of the range, not negative, by which the zero may move"
     )
-    u_distortion_m: NotNegative | None = Field(default=None, description="by what optics may bend a travel, m")
+    u_distortion_m: NotNegative | None = Field(
+        default=None, description="a length in m, not negative, by which optics may bend a travel"
+    )
     range: Pair | None = Field(default=None, description="an array [lowest, highest] in the channel's SI unit")
     sensitivity: Positive | None = None
     sensitivity_unit: Literal["pC", "mV", "V"] | None = None

@@ -832,3 +832,23 @@ def test_every_fault_of_a_cameras_layout_is_a_fault_of_the_rig_by_its_key() -> N
     assert "features" in said
     sound = 'layout = { separator = ";", header_row = 1, first_row = 2, features = [{ name = "A", x = "X", y = "Y" }] }'
     assert any(s.layout for s in rig_of(text.replace(layout, sound)).sources)
+
+
+@pytest.mark.parametrize(
+    ("key", "meaning"), [("u_zero_rel", "a share of the range"), ("u_distortion_m", "a length in m")]
+)
+def test_what_may_move_in_a_shot_is_not_negative(key: str, meaning: str) -> None:
+    text = find_rig("field-2013").read_text(encoding="utf-8")
+    wrong = re.sub(rf"{key} = [0-9e.-]+", f"{key} = -1", text)
+    with pytest.raises(RigError) as caught:
+        parse_rig(wrong, Path("rig.toml"))
+    assert f"sensor.{key}: must be {meaning}" in str(caught.value)
+
+
+def test_what_a_rig_does_not_state_is_what_good_sensors_do() -> None:
+    text = find_rig("field-2013").read_text(encoding="utf-8")
+    rig = parse_rig(re.sub(r"u_zero_rel = 0, |, u_distortion_m = 1e-4", "", text), Path("rig.toml"))
+    assert rig.channel("p_breech").sensor.u_moving_zero_rel == 1e-3
+    assert rig.channel("x_camera").sensor.u_bent_m == 1e-4
+    # 0 where it is written
+    assert parse_rig(text, Path("rig.toml")).channel("p_breech").sensor.u_moving_zero_rel == 0.0
