@@ -58,12 +58,14 @@ class Calibration(ReadOnlyArrays):
 
     Attributes
     ----------
+    estimate
+        Of a constant mass.
     noise
-        Of the rows.
+        Of every sample behind the regression's filter.
     block
-        The rows.
+        The rows of the motion.
     inferred
-        All unknowns.
+        Values and covariance of all unknowns.
     common, own
         What certificates say, and what this shot alone knows beside its rows, see
         `recoil_identification.sensor_priors`.

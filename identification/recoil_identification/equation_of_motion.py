@@ -34,6 +34,9 @@ Array = NDArray[np.float64]
 LARGEST_STEP = 0.3
 """Of a scale in one iteration: a shot that no calibration fits would otherwise throw a scale far off."""
 
+PIECES = 12
+"""Of the travel, in each of which a mass that changes goes from one value to the next."""
+
 MASS = Unknown("ln mass", scope="rig", largest_step=LARGEST_STEP)
 GAUGES = tuple(Unknown(f"ln {role}", scope="sensor", largest_step=LARGEST_STEP) for role in PRESSURE_ROLES)
 FRICTION = Unknown("friction declared too large", "N", "rig")

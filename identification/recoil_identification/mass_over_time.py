@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.calibration import Calibration
-from recoil_identification.equation_of_motion import MASS, change, ramps
+from recoil_identification.equation_of_motion import MASS, PIECES, change, ramps
 from recoil_identification.inference.estimate import LEAST_REDUNDANCY
 from recoil_processing.filters import filter_alike
 from recoil_processing.shot.regression import Regression
@@ -30,8 +30,6 @@ from recoil_processing.shot.regression import Regression
 Array = NDArray[np.float64]
 Kind = Literal["drift", "step"]
 
-PIECES = 12
-"""Of the travel, in each of which the mass goes from one value to the next."""
 WALK = 0.03
 """Standard deviation of its change over the whole travel, before the shot; a smaller one flattens and lies."""
 INSTANTS = 48

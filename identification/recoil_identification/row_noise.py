@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_identification.equation_of_motion import ramps
+from recoil_identification.equation_of_motion import PIECES, ramps
 from recoil_processing.shot.clocks.estimator_inputs import BaselineNoise
 from recoil_processing.shot.regression import Regression, spaced_rows
 
@@ -26,8 +26,6 @@ PROPORTIONAL = 1e-3
 """Standard deviation of what is proportional to the acceleration, share of it."""
 LEAST_SIZE, LARGEST_SIZE = 0.9, 2.0
 """Limits between which the shot tells the size of the noise, over that of the baseline."""
-PIECES = 12
-"""Pieces over the interval in which the mass may change, for the size."""
 SLOWER = 0.25
 """Of the cut-off, behind which the force tells how a mass that changes would be felt."""
 LEAST_LEFT = 10
@@ -49,7 +47,7 @@ class RowNoise(ReadOnlyArrays):
     sigma_m_s2 : ndarray, shape (n,)
         Of every sample of the regression's grid.
     size
-        What the shot says of the noise over what the baseline does; 1 where there was no baseline, or too few rows.
+        What the shot says of the noise over what the baseline does, before the limits; 1 where there was no baseline.
     degrees_of_freedom
         With which the size is known.
     """

@@ -42,7 +42,7 @@ def test_false_alarms_and_power(benchmark, capsys, name):
         for share, rows in table.items():
             p = np.array([c.p_value for c, _ in rows])
             change = np.array([c.change_kg for c, _ in rows])
-            at = np.array([1e3 * (c.step.instant_s - c.times_s[0]) for c, _ in rows])
+            at = np.array([1e3 * (c.instant_s - c.onset_s) for c, _ in rows])
             print(
                 f"{100 * share:7.1f} {len(rows):6d} {np.mean(p < 0.05):7.2f} {np.mean(p < 0.01):7.2f} "
                 f"{np.mean([valid for _, valid in rows]):6.2f} {change.mean():+10.1f} sd {change.std():7.1f} "
