@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import Shot
 from recoil_identification.calibration import Calibration, calibrated_mass
 from recoil_identification.camera_route import mass_by_camera
+from recoil_identification.camera_rows import camera_rows
 from recoil_identification.camera_shot import identify_by_camera
 from recoil_identification.causes import causes_of
 from recoil_identification.default_method import DEFAULTS, default_method
@@ -43,6 +45,7 @@ from recoil_identification.zero_shift import ZeroShift, calibrated_with_zero_shi
 from recoil_processing.quality.repeatability import shot_peaks
 from recoil_processing.shot.camera_motion import recorded_motion
 from recoil_processing.shot.clocks.estimator_inputs import EstimatorInputs
+from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ACCELERATIONS
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.sensor_scales import scale_uncertainty
 from recoil_rigs.assumptions import assumptions_of
@@ -118,11 +121,22 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         *skew_contribution(narrow, calibration, skew),
     )
     causes = causes_of(narrow, recorded, signals, shot, rig)
+    frames = None
+    if filmed[1] is not None and calibration.camera is not None:
+        frames = camera_rows(
+            filmed[1],
+            narrow,
+            recorded,
+            prepared.inertial_m_s2,
+            causes,
+            math.hypot(*(signals.offsets[role].u for role in CARRIAGE_ACCELERATIONS if role in signals.offsets)),
+            u_distortion_m,
+        )
     calibration = calibrated_mass(
         narrow,
         scales,
         offset.u,
-        calibration.camera,
+        calibration.camera if frames is None else frames,
         noise=calibration.noise,
         causes=causes,
         late=late_readings(signals, narrow.interval_s, causes),

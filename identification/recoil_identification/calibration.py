@@ -21,9 +21,10 @@ from numpy.typing import NDArray
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification import equation_of_motion as motion
 from recoil_identification.budget import BudgetRow
+from recoil_identification.camera_rows import LATE, OTHER, OTHER_ZERO, START, CameraRows
 from recoil_identification.causes import Cause
 from recoil_identification.equation_of_motion import EquationOfMotion
-from recoil_identification.inference.block import LinearBlock
+from recoil_identification.inference.block import Block, JointBlock, LinearBlock
 from recoil_identification.inference.estimate import Estimate
 from recoil_identification.inference.solve import solve
 from recoil_identification.inference.unknown import Prior, Unknown
@@ -35,8 +36,8 @@ from recoil_identification.mass import (
     reverse_mass,
 )
 from recoil_identification.monte_carlo import Draw
-from recoil_identification.row_noise import RowNoise, row_noise
-from recoil_identification.sensor_priors import DISTORTIONS, RELEASE, ZERO, CameraScale, certificates, own_knowledge
+from recoil_identification.row_noise import RowNoise, correlation_root, row_noise
+from recoil_identification.sensor_priors import DISTORTIONS, RELEASE, ZERO, CameraScale, certificates
 from recoil_processing.shot.regression import Regression, spaced_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 
@@ -46,9 +47,15 @@ CRITICAL_VALUE = 3.29
 """Of a normalised residual; by chance one of 1000 goes beyond, as in Baarda's w-test."""
 FURTHEST_DRAW = 1.0
 """Of the mass's logarithm."""
-BESIDE = {one.name: one for one in (motion.CAMERA, GAS, *(Unknown(name, "m", "rig") for name in DISTORTIONS))}
+BESIDE = {
+    one.name: one
+    for one in (
+        *(motion.CAMERA, GAS, OTHER, OTHER_ZERO, START, LATE),
+        *(Unknown(name, "m", "rig") for name in DISTORTIONS),
+    )
+}
 """Unknowns that are in no row of the motion; areas and standards are further ones."""
-UNITS = {FRICTION: "N", ZERO: "m/s^2", RELEASE: "m/s", GAS.name: "Pa", **dict.fromkeys(DISTORTIONS, "m")}
+UNITS = {FRICTION: "N", ZERO: "m/s^2", RELEASE: "m/s"} | {name: one.unit for name, one in BESIDE.items()}
 """Of the sources that are no scales."""
 
 
@@ -64,6 +71,8 @@ class Calibration(ReadOnlyArrays):
         Of every sample behind the regression's filter.
     block
         The rows of the motion.
+    root
+        Correlation of these and the camera's rows, see `recoil_identification.row_noise.correlation_root`.
     inferred
         Values and covariance of all unknowns.
     common, own
@@ -72,7 +81,7 @@ class Calibration(ReadOnlyArrays):
     late
         Rows of the breech gauge once the bore is empty, if there are any.
     camera
-        What was taken from the camera's alignment.
+        Rows of its frames, or what was taken from its alignment.
     """
 
     estimate: MassEstimate
@@ -81,13 +90,19 @@ class Calibration(ReadOnlyArrays):
     inferred: Estimate
     common: tuple[Prior, ...]
     own: tuple[Prior, ...]
+    root: Array | None = None
     late: tuple[LinearBlock, ...] = ()
-    camera: CameraScale | None = None
+    camera: CameraRows | CameraScale | None = None
 
     @property
     def m0_kg(self) -> float:
         """First estimate of the mass, from which `inferred` counts."""
         return self.block.m0_kg
+
+    @property
+    def rows(self) -> JointBlock:
+        """The rows of the motion, those of the camera after them."""
+        return _joined(self.block, self.camera, self.root)
 
     @property
     def values(self) -> dict[str, float]:
@@ -163,12 +178,12 @@ class Calibration(ReadOnlyArrays):
         Calibration
             Whose `estimate` is still that of a constant mass.
         """
-        block = replace(self.block, changes=shapes)
+        changing = replace(self, block=replace(self.block, changes=shapes))
         sizes = [motion.change(i) for i in range(shapes.shape[1])]
         known = [Prior.of(size.name, size.name, u) for size in sizes] if math.isfinite(u) else []
         priors = [*self.common, *self.own, *known]
-        inferred = solve([*self.inferred.unknowns, *sizes], [block, *self.late], priors, self.values)
-        return replace(self, block=block, inferred=inferred)
+        blocks: list[Block] = [changing.rows, *self.late]
+        return replace(changing, inferred=solve([*self.inferred.unknowns, *sizes], blocks, priors, self.values))
 
     def correct(self, regression: Regression) -> tuple[Array, Array]:
         """Return a' and F' with the sensors' errors, the release and all causes taken off, shape (n,) each.
@@ -225,7 +240,7 @@ def calibrated_mass(
     regression: Regression,
     scales: ScaleUncertainty,
     u_bias_m_s2: float,
-    camera: CameraScale | None,
+    camera: CameraRows | CameraScale | None,
     *,
     noise: RowNoise | None = None,
     causes: tuple[Cause, ...] = (),
@@ -257,12 +272,15 @@ def calibrated_mass(
     release = Prior.of(
         RELEASE, motion.RELEASE.name, regression.u_release_n_s / first.mass_kg, regression.release_n_s / first.mass_kg
     )
-    common = certificates(scales, release, camera)
-    own = [*own_knowledge(u_bias_m_s2, camera), *(cause.prior for cause in causes)]
-    own += [] if late is None else [late.prior]
+    common = certificates(scales, release, None if camera is None else camera.u_rel)
+    own = [Prior.of(ZERO, motion.ZERO.name, u_bias_m_s2)] if math.isfinite(u_bias_m_s2) else []
+    own += [] if camera is None else camera.priors
+    own += [*(cause.prior for cause in causes), *(() if late is None else (late.prior,))]
     block = EquationOfMotion(regression, rows, first.mass_kg, noise.sigma_m_s2[rows], causes)
+    root = correlation_root(regression, rows, noise, camera if isinstance(camera, CameraRows) else None)
     late_rows = () if late is None else (late.rows,)
-    inferred = solve([*block.all_unknowns, *_beside(block, [*common, *own])], [block, *late_rows], [*common, *own])
+    blocks: list[Block] = [_joined(block, camera, root), *late_rows]
+    inferred = solve([*block.all_unknowns, *_beside(block, [*common, *own])], blocks, [*common, *own])
     residual = block.sigma_m_s2 * block.linearised({one.name: inferred.value(one.name) for one in inferred.unknowns})[0]
     # of the unknowns the mass and the shifts are not restricted, and zero and release hardly
     free = 3 + (0 if regression.shifts is None else regression.shifts.shape[1])
@@ -277,7 +295,7 @@ def calibrated_mass(
     for source, u in zip(inferred.sources, inferred.u_sources.tolist(), strict=True):
         change = mass * inferred.contribution(source, motion.MASS.name)
         # a sensor that reads high has a value that lies too low
-        kind, unit = stated.get(source, ("B", "1" if camera is None else camera.unit(source)))
+        kind, unit = stated.get(source, ("B", camera.unit(source) if isinstance(camera, CameraScale) else "1"))
         budget.append(BudgetRow(source, abs(change), kind, -change / u, unit))
     return Calibration(
         estimate=MassEstimate("calibrated", mass, tuple(budget), int(rows.size), deviation),
@@ -286,9 +304,15 @@ def calibrated_mass(
         inferred=inferred,
         common=tuple(common),
         own=tuple(own),
+        root=root,
         late=late_rows,
         camera=camera,
     )
+
+
+def _joined(block: EquationOfMotion, camera: CameraRows | CameraScale | None, root: Array | None) -> JointBlock:
+    """Put the rows of a camera's frames after those of the motion; its alignment has no rows."""
+    return JointBlock((block, camera) if isinstance(camera, CameraRows) else (block,), root)
 
 
 def _beside(block: EquationOfMotion, priors: Sequence[Prior]) -> list[Unknown]:

@@ -227,12 +227,16 @@ class _Scores:
     def of(cls, calibration: Calibration, shapes: Array) -> _Scores | None:
         """Score shapes on the regression's grid; None if there are too few rows."""
         block, inferred = calibration.block, calibration.inferred
-        left, derivatives = block.linearised(calibration.values)
-        free = len(block.unknowns) - sum(len(prior.sources) for prior in (*calibration.common, *calibration.own))
+        rows = calibration.rows
+        left, derivatives = rows.linearised(calibration.values)
+        free = len(rows.unknowns) - sum(len(prior.sources) for prior in (*calibration.common, *calibration.own))
         if left.size < max(free, 0) + LEAST_LEFT:
             return None
-        columns = derivatives[:, :1] * shapes[block.rows]
-        at = [[one.name for one in inferred.unknowns].index(name) for name in block.unknowns]
+        _, of_motion = block.linearised(calibration.values)
+        changes = np.zeros((left.size, shapes.shape[1]))
+        changes[: block.rows.size] = of_motion[:, :1] * shapes[block.rows]
+        columns = rows.whitened(changes)
+        at = [[one.name for one in inferred.unknowns].index(name) for name in rows.unknowns]
         shared = derivatives.T @ columns
         energy = (columns**2).sum(axis=0)
         covariance = columns.T @ columns - shared.T @ inferred.covariance[np.ix_(at, at)] @ shared

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_identification.camera_rows import CameraRows
 from recoil_identification.equation_of_motion import PIECES, ramps
 from recoil_processing.shot.clocks.estimator_inputs import BaselineNoise
 from recoil_processing.shot.regression import Regression, spaced_rows
@@ -32,6 +33,8 @@ LEAST_LEFT = 10
 """Rows beyond the released columns, for the size to mean anything."""
 LEAST_PIVOT = 1e-9
 """Singular value over the largest one, of columns of length one, below which the others say the same."""
+REACH, PER_PERIOD = 6.0, 20.0
+"""Of the filter's kernel to either side, in periods of its cut-off, and cells in one of these."""
 LEAST_NOISE_M_S2 = 1e-9
 """For records without any error."""
 GAIN_POINTS = 4001
@@ -50,11 +53,17 @@ class RowNoise(ReadOnlyArrays):
         What the shot says of the noise over what the baseline does, before the limits; 1 where there was no baseline.
     degrees_of_freedom
         With which the size is known.
+    sensors_m_s2
+        What of it is white noise of the sensors, and so correlated by the filter alone; 0 where that is not known.
+    density
+        Of the accelerometer's part of that, (m/s^2)^2/Hz, two-sided.
     """
 
     sigma_m_s2: Array
     size: float
     degrees_of_freedom: float
+    sensors_m_s2: float = 0.0
+    density: float = 0.0
 
 
 def row_noise(regression: Regression, mass_kg: float, quiet: BaselineNoise | None = None) -> RowNoise:
@@ -72,14 +81,57 @@ def row_noise(regression: Regression, mass_kg: float, quiet: BaselineNoise | Non
     rows = spaced_rows(regression)
     level = 0.0 if quiet is None else math.hypot(quiet.slow_acceleration, quiet.slow_force / mass_kg)
     level *= math.sqrt(_mean_square_gain(regression))
-    known = level > 0
-    sigma = np.ones(regression.times_s.size)
-    if known:
-        sigma = np.hypot(level, PROPORTIONAL * regression.acceleration_m_s2)
+    if quiet is None or not level > 0:
+        size, left = _size(regression, rows, np.ones(rows.size))
+        return RowNoise(np.full(regression.times_s.size, max(size, LEAST_NOISE_M_S2)), 1.0, left)
+    sigma = np.hypot(level, PROPORTIONAL * regression.acceleration_m_s2)
     size, left = _size(regression, rows, sigma[rows])
-    if not known:
-        return RowNoise(np.full(sigma.size, max(size, LEAST_NOISE_M_S2)), 1.0, left)
-    return RowNoise(min(max(size, LEAST_SIZE), LARGEST_SIZE) * sigma, size, left)
+    limited = min(max(size, LEAST_SIZE), LARGEST_SIZE)
+    density = (limited * quiet.slow_acceleration) ** 2 * regression.step_s
+    return RowNoise(limited * sigma, size, left, limited * level, density)
+
+
+def correlation_root(
+    regression: Regression, rows: NDArray[np.intp], noise: RowNoise, camera: CameraRows | None
+) -> Array | None:
+    """Return the lower triangle of the correlation of the motion's rows, and of a camera's frames after them.
+
+    White noise behind the filter is correlated by the filter. The accelerometer's part of it is in the frames too, as
+    its double integral from the onset on, and with it what makes them noisier than that.
+
+    Returns
+    -------
+    ndarray, shape (n_rows + n_frames, n_rows + n_frames), or None
+        None where the noise is not known to be white, or has not passed a filter.
+    """
+    low_pass = regression.low_pass
+    if low_pass is None or not noise.sensors_m_s2 > 0:
+        return None
+    times_s, sigma = regression.times_s[rows], noise.sigma_m_s2[rows]
+    frames_s, sigma_m = (np.zeros(0), np.zeros(0)) if camera is None else (camera.times_s, camera.sigma_m)
+    reach_s, step_s = REACH / low_pass.cutoff_hz, 1.0 / (PER_PERIOD * low_pass.cutoff_hz)
+    cells_s = np.arange(times_s[0] - reach_s, max([times_s[-1] + reach_s, *frames_s[-1:]]), step_s)
+    # what a noise of density one in each cell makes of rows and frames
+    samples = math.ceil(reach_s * regression.rate_hz)
+    kernel = np.zeros(2 * samples + 1)
+    kernel[samples] = regression.rate_hz
+    kernel = low_pass.apply(kernel, regression.rate_hz)
+    lags_s = regression.step_s * np.arange(-samples, samples + 1)
+    behind = np.interp(times_s[:, np.newaxis] - cells_s, lags_s, kernel, left=0.0, right=0.0) * math.sqrt(step_s)
+    passed = behind @ behind.T
+    shared = noise.sensors_m_s2**2 / float(np.mean(np.diag(passed)))
+    covariance = np.diag(np.concatenate([sigma**2 - noise.sensors_m_s2**2, sigma_m**2]))
+    n = times_s.size
+    covariance[:n, :n] += shared * passed
+    if camera is not None:
+        # the frames are compared with what the accelerometer read, so that its noise is taken off them
+        walked = np.maximum(frames_s[:, np.newaxis] - cells_s, 0.0) * (cells_s >= camera.onset_s) * math.sqrt(step_s)
+        own = min(noise.density, shared)
+        covariance[:n, n:] = -own * behind @ walked.T
+        covariance[n:, :n] = covariance[:n, n:].T
+        covariance[n:, n:] += max(own, camera.density) * walked @ walked.T
+    deviations = np.concatenate([sigma, sigma_m])
+    return np.asarray(np.linalg.cholesky(covariance / np.outer(deviations, deviations)))
 
 
 def _size(regression: Regression, rows: NDArray[np.int64], sigma: Array) -> tuple[float, float]:

@@ -116,6 +116,11 @@ class CameraScale(ReadOnlyArrays):
         )
 
     @property
+    def priors(self) -> list[Prior]:
+        """What the camera alone says: its alignment, and how far its picture may be bent."""
+        return [self.alignment(), *self.distortions]
+
+    @property
     def distortions(self) -> list[Prior]:
         """Return what is known of the sizes of its distortion."""
         if not (self.by_distortion.size and self.u_distortion_m > 0):
@@ -132,7 +137,7 @@ class CameraScale(ReadOnlyArrays):
         return "m/s" if self.kick is not None and source == f"{CAMERA_SHIFT} {self.kick + 1}" else "m/s^2"
 
 
-def certificates(scales: ScaleUncertainty, release: Prior, camera: CameraScale | None) -> list[Prior]:
+def certificates(scales: ScaleUncertainty, release: Prior, u_camera_rel: float | None) -> list[Prior]:
     """Return what other shots know as well: the sensors' scales, the friction, and how the stop lets go.
 
     A scale of which a part is an area's or a standard's is off by that part and by the sensor's own: the part is an
@@ -142,8 +147,8 @@ def certificates(scales: ScaleUncertainty, release: Prior, camera: CameraScale |
         *zip(GAUGES, PRESSURE_ROLES, motion.GAUGES, scales.gauges, strict=True),
         (ACCELERATION, "recoil_acceleration", motion.ACCELERATION, scales.acceleration),
     ]
-    if camera is not None:
-        of_roles.append((CAMERA_SCALE, "recoil_displacement", motion.CAMERA, camera.u_rel))
+    if u_camera_rel is not None:
+        of_roles.append((CAMERA_SCALE, "recoil_displacement", motion.CAMERA, u_camera_rel))
     of_scales: list[Prior] = []
     parts: dict[str, float] = {}
     for source, role, scale, u in of_roles:
@@ -166,15 +171,3 @@ def certificates(scales: ScaleUncertainty, release: Prior, camera: CameraScale |
         *of_scales[4:],
         *(Prior.of(name, f"ln {name}", u) for name, u in parts.items()),
     ]
-
-
-def own_knowledge(u_zero_m_s2: float, camera: CameraScale | None) -> list[Prior]:
-    """Return what this shot alone knows: the zero from the pre-trigger baseline, and the camera's alignment.
-
-    Parameters
-    ----------
-    u_zero_m_s2
-        Infinite if there was no baseline.
-    """
-    priors = [Prior.of(ZERO, motion.ZERO.name, u_zero_m_s2)] if math.isfinite(u_zero_m_s2) else []
-    return priors if camera is None else [*priors, camera.alignment(), *camera.distortions]

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
-from recoil_identification.calibration import calibrated_mass
+from recoil_identification.calibration import Calibration, calibrated_mass
+from recoil_identification.camera_rows import OTHER, OTHER_ZERO, CameraRows, camera_rows
 from recoil_identification.causes import MOVES_S, SKEW, moving_zero, zero_moves
 from recoil_identification.identified import Identification
 from recoil_identification.late_readings import late_readings
-from recoil_identification.mass import FRICTION, GAUGES
+from recoil_identification.mass import ACCELERATION, FRICTION, GAUGES
+from recoil_identification.preparation import Prepared, prepare
+from recoil_identification.sensor_priors import CAMERA_SCALE, DISTORTIONS, ZERO
+from recoil_processing.shot.camera_motion import recorded_motion
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
 from recoil_processing.shot.sensor_scales import scale_uncertainty
 from recoil_rigs.assumptions import AREAS
@@ -76,10 +81,45 @@ def changes(name: str) -> dict[str, Change]:
             columns = [i for i, role in enumerate(PRESSURE_ROLES) if clocks[role] == clock]
             made[source] = shifted(columns, clocks["recoil_acceleration"] == clock, u_s)
     made[SKEW] = shifted([], True, u[SKEW])
+
+    def of_acceleration(change: Callable[[Regression], np.ndarray]) -> Change:
+        return lambda r, factor: replace(r, acceleration_m_s2=r.acceleration_m_s2 + factor * change(r))
+
+    made[ACCELERATION] = of_acceleration(lambda r: np.expm1(u[ACCELERATION]) * r.acceleration_m_s2)
+    made[ZERO] = of_acceleration(lambda r: u[ZERO] * r.released)
     return made
 
 
-def refitted_kg(found: Identification, name: str, recorded: Regression, late_pa: float = 0.0) -> float:
+@cache
+def prepared(name: str) -> Prepared:
+    virtual = virtual_shot(name, u_zero_rel=MOVING)
+    return prepare(virtual.shot, virtual.rig)
+
+
+def frames(found: Identification, name: str, recorded: Regression) -> CameraRows:
+    """Take the camera's frames anew, with an accelerometer that reads what is recorded now."""
+    before = prepared(name)
+    moved = recorded.acceleration_m_s2 - found.recorded.acceleration_m_s2
+    film = recorded_motion(found.signals, before.acceleration_m_s2 + moved, found.camera, before.camera_clock)
+    was = found.calibration.camera
+    assert film is not None
+    assert isinstance(was, CameraRows)
+    rows = camera_rows(
+        film,
+        recorded.filtered(found.mass_low_pass),
+        recorded,
+        before.inertial_m_s2 + moved,
+        found.calibration.block.causes,
+        was.u_other_zero_m_s2,
+        was.u_distortion_m,
+    )
+    assert rows is not None
+    return replace(rows, density=was.density)
+
+
+def refitted_kg(
+    found: Identification, name: str, recorded: Regression, camera: CameraRows, late_pa: float = 0.0
+) -> float:
     """Estimate anew, the breech gauge reading so much more once the bore is empty."""
     calibration = found.calibration
     late = late_readings(found.signals, found.fitted.interval_s, calibration.block.causes)
@@ -89,7 +129,7 @@ def refitted_kg(found: Identification, name: str, recorded: Regression, late_pa:
         recorded.filtered(found.mass_low_pass),
         scale_uncertainty(virtual_shot(name, u_zero_rel=MOVING).rig),
         found.signals.offsets["recoil_acceleration"].u,
-        calibration.camera,
+        camera,
         noise=calibration.noise,
         causes=calibration.block.causes,
         late=replace(late, rows=rows),
@@ -107,9 +147,43 @@ def test_every_row_is_what_moving_its_source_and_estimating_anew_gives(name: str
     for source, change in made.items():
         row = rows[source]
         late_pa = row.u_source if source == "breech_pressure zero" else 0.0
-        up, down = (refitted_kg(found, name, change(found.recorded, sign), sign * late_pa) for sign in (1.0, -1.0))
+        moved = [change(found.recorded, sign) for sign in (1.0, -1.0)]
+        up, down = (
+            refitted_kg(found, name, one, frames(found, name, one), sign * late_pa)
+            for one, sign in zip(moved, (1.0, -1.0), strict=True)
+        )
         assert row.sensitivity is not None
         assert row.sensitivity * row.u_source == pytest.approx((up - down) / 2, abs=0.02 * estimate.u_kg), source
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_every_row_of_the_camera_is_what_moving_its_frames_and_estimating_anew_gives(name: str) -> None:
+    found = identified(name, u_zero_rel=MOVING)
+    estimate, camera = found.calibration.estimate, frames(found, name, found.recorded)
+    rows = {row.source: row for row in estimate.budget}
+    moves: dict[str, Callable[[float], CameraRows]] = {
+        CAMERA_SCALE: lambda by: replace(camera, recorded_m=(1.0 + by) * camera.recorded_m),
+        OTHER.name: lambda by: replace(camera, other_m=(1.0 + by) * camera.other_m),
+        OTHER_ZERO.name: lambda by: replace(camera, other_m=camera.other_m + by * camera.free_m),
+        **{
+            source: lambda by, number=number: replace(
+                camera, recorded_m=camera.recorded_m + by * camera.bends[:, number]
+            )
+            for number, source in enumerate(DISTORTIONS)
+        },
+    }
+    for source, move in moves.items():
+        row = rows[source]
+        up, down = (refitted_kg(found, name, found.recorded, move(sign * row.u_source)) for sign in (1.0, -1.0))
+        assert row.sensitivity is not None
+        assert row.sensitivity * row.u_source == pytest.approx((up - down) / 2, abs=0.02 * estimate.u_kg), source
+
+
+def without_causes(calibration: Calibration) -> CameraRows:
+    """Return the frames that know of nothing that may be wrong in what the accelerometer reads."""
+    camera = calibration.camera
+    assert isinstance(camera, CameraRows)
+    return replace(camera, zeros_m=np.zeros((camera.times_s.size, 0)), sizes=())
 
 
 @pytest.mark.parametrize("name", RIGS)
@@ -120,7 +194,7 @@ def test_causes_hardly_move_a_sound_shot_and_are_in_its_uncertainty(name: str) -
         found.fitted,
         scale_uncertainty(virtual_shot(name, u_zero_rel=MOVING).rig),
         found.signals.offsets["recoil_acceleration"].u,
-        calibration.camera,
+        without_causes(calibration),
         noise=calibration.noise,
     )
     with_causes = calibration.estimate
@@ -136,7 +210,7 @@ def test_without_them_zeros_that_move_would_be_in_the_mass() -> None:
         found.fitted,
         scale_uncertainty(virtual_shot("mixed", u_zero_rel=MOVING).rig),
         found.signals.offsets["recoil_acceleration"].u,
-        calibration.camera,
+        without_causes(calibration),
         noise=calibration.noise,
     )
     assert abs(bare.estimate.mass_kg - truth) > 4.0

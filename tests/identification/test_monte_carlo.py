@@ -10,17 +10,11 @@ import pytest
 from scipy import stats
 
 from recoil_identification.budget import BudgetRow
-from recoil_identification.equation_of_motion import EquationOfMotion
 from recoil_identification.inference.solve import solve
-from recoil_identification.inference.unknown import Prior
 from recoil_identification.mass import MassEstimate
 from recoil_identification.monte_carlo import LEAST_BLOCKS, MonteCarlo, numerical_tolerance, propagate
-from recoil_identification.preparation import camera_scale
-from recoil_identification.sensor_priors import RELEASE, certificates
-from recoil_processing.shot.regression import spaced_rows
-from recoil_processing.shot.sensor_scales import scale_uncertainty
 from tests.builders.calibrations import a_calibration
-from tests.builders.virtual_shots import identified, virtual_shot
+from tests.builders.virtual_shots import identified
 
 
 def drawn_of(draw, **options) -> MonteCarlo:
@@ -94,30 +88,28 @@ def test_draws_of_a_strongly_uncertain_scale_keep_what_is_not_linear():
 @pytest.mark.parametrize("name", ["field-2013", "mixed"])
 def test_a_drawn_shot_that_is_solved_anew_is_where_the_linear_draw_has_it(name):
     found, rng = identified(name), np.random.default_rng(7)
-    calibration, rows = found.calibration, spaced_rows(found.fitted)
-    inferred = calibration.inferred
-    camera = camera_scale(found.camera, found.alignments["camera"])
-    per_kg = 1.0 / calibration.m0_kg
-    release = Prior.of(
-        RELEASE, "velocity at the release", found.fitted.u_release_n_s * per_kg, found.fitted.release_n_s * per_kg
-    )
-    known = certificates(scale_uncertainty(virtual_shot(name).rig), release, camera)
-    sigma = calibration.noise.sigma_m_s2[rows]
-    block = EquationOfMotion(found.fitted, rows, calibration.m0_kg, sigma, calibration.block.causes)
-    values = {one.name: inferred.value(one.name) for one in inferred.unknowns}
-    design = np.zeros((rows.size, len(inferred.unknowns)))
-    design[:, : len(block.unknowns)] = block.linearised(values)[1]
+    calibration = found.calibration
+    inferred, together = calibration.inferred, calibration.rows
+    block, camera = together.parts
+    design = np.zeros((block.rows.size + camera.times_s.size, len(inferred.unknowns)))
+    at = [[one.name for one in inferred.unknowns].index(unknown) for unknown in together.unknowns]
+    design[:, at] = together.linearised(calibration.values)[1]
     apart = []
     for _ in range(20):
-        noise, drawn, moved = rng.standard_normal(rows.size), [], []
-        for prior in (*known, *calibration.own):
+        noise, drawn, moved = rng.standard_normal(design.shape[0]), [], []
+        for prior in (*calibration.common, *calibration.own):
             errors = rng.standard_normal(len(prior.sources))
             drawn.append(errors)
             moved.append(replace(prior, values=prior.values + np.linalg.cholesky(prior.covariance) @ errors))
+        recorded = together.root @ noise
         acceleration = found.fitted.acceleration_m_s2.copy()
-        acceleration[rows] += sigma * noise
-        noisy = replace(block, regression=replace(found.fitted, acceleration_m_s2=acceleration))
-        solved = solve(inferred.unknowns, [noisy], moved, values).value("ln mass")
+        acceleration[block.rows] += block.sigma_m_s2 * recorded[: block.rows.size]
+        noisy = (
+            replace(block, regression=replace(found.fitted, acceleration_m_s2=acceleration)),
+            replace(camera, recorded_m=camera.recorded_m + camera.sigma_m * recorded[block.rows.size :]),
+        )
+        rows = [replace(together, parts=noisy), *calibration.late]
+        solved = solve(inferred.unknowns, rows, moved, calibration.values).value("ln mass")
         linear = inferred.contributions[0] @ np.concatenate(drawn) + inferred.covariance[0] @ design.T @ noise
         apart.append(solved - inferred.value("ln mass") - linear)
     assert np.abs(apart).max() < 0.02 * inferred.u("ln mass")

@@ -8,11 +8,19 @@ from functools import cache
 import numpy as np
 import pytest
 
-from recoil_identification.row_noise import LARGEST_SIZE, LEAST_SIZE, PROPORTIONAL, RowNoise, row_noise
+from recoil_identification.row_noise import (
+    LARGEST_SIZE,
+    LEAST_SIZE,
+    PROPORTIONAL,
+    RowNoise,
+    correlation_root,
+    row_noise,
+)
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.clocks.estimator_inputs import BaselineNoise
 from recoil_processing.shot.regression import Regression, spaced_rows
 from tests.builders.bench_shots import MASS_KG, bench_regression
+from tests.identification.test_camera_rows import rows_of
 
 SIGMA_M_S2 = 20.0
 """Of the accelerometer, per sample."""
@@ -118,3 +126,54 @@ def test_without_a_baseline_the_shot_alone_tells():
 
 def test_a_record_without_any_error_has_a_noise_all_the_same():
     assert row_noise(exact().filtered(LOW_PASS), MASS_KG).sigma_m_s2.min() > 0
+
+
+def test_rows_and_frames_are_correlated_as_noise_that_is_filtered_and_integrated_is():
+    """The noise of an accelerometer is drawn, sample by sample; nothing of the covariance's formula is used."""
+    regression = noisy(0)
+    times_s, step_s, onset_s = regression.times_s, regression.step_s, regression.interval_s[0]
+    rows = spaced_rows(regression)
+    noise = found(regression)
+    at = np.searchsorted(times_s, onset_s + 1e-3 * np.arange(-3.5, 60.5, 3.0))
+    sigma_m = 2e-5
+    camera = replace(
+        rows_of("mixed"), times_s=times_s[at], sigma_m=np.full(at.size, sigma_m), onset_s=onset_s, density=0.0
+    )
+    root = correlation_root(regression, rows, noise, camera)
+    assert root is not None
+    rng, drawn = np.random.default_rng(5), []
+    scale = np.concatenate([noise.sigma_m_s2[rows], camera.sigma_m])
+    for _ in range(600):
+        felt = rng.normal(0.0, np.sqrt(noise.density / step_s), times_s.size)
+        proportional = np.sqrt(noise.sigma_m_s2[rows] ** 2 - noise.sensors_m_s2**2) * rng.standard_normal(rows.size)
+        moved = np.cumsum(np.cumsum(felt * (times_s >= onset_s))) * step_s**2
+        of_rows = LOW_PASS.apply(felt, regression.rate_hz)[rows] + proportional
+        of_frames = sigma_m * rng.standard_normal(at.size) - moved[at]
+        drawn.append(np.linalg.solve(root, np.concatenate([of_rows, of_frames]) / scale))
+    white = np.array(drawn)
+    assert np.mean(white**2) == pytest.approx(1.0, abs=0.02)
+    slow = np.cos(np.pi * np.outer(np.arange(6), np.arange(rows.size) + 0.5) / rows.size)
+    slowest = np.hstack([slow, np.zeros((6, at.size))]), np.hstack([np.zeros((6, rows.size)), np.eye(at.size)[-6:]])
+    for some in slowest:
+        spread = np.linalg.eigvalsh(np.cov(some / np.linalg.norm(some, axis=1, keepdims=True) @ white.T))
+        assert 0.7 < spread[0] <= spread[-1] < 1.35
+    across = white[:, : rows.size].T @ white[:, rows.size :] / len(drawn)
+    assert np.abs(across).max() < 5.0 / np.sqrt(len(drawn))
+
+
+def test_frames_may_be_noisier_than_the_accelerometers_own_noise_makes_them_and_rows_alone_are_correlated_too():
+    regression, camera = noisy(0), rows_of("mixed")
+    rows, noise = spaced_rows(regression), found(regression)
+    quiet, loud = (
+        correlation_root(regression, rows, noise, replace(camera, onset_s=regression.interval_s[0], density=density))
+        for density in (0.0, 10 * noise.density)
+    )
+    alone = correlation_root(regression, rows, noise, None)
+    assert quiet is not None
+    assert loud is not None
+    assert alone is not None
+    n = rows.size
+    np.testing.assert_allclose(quiet[:n, :n], alone, atol=1e-12)
+    variances = [np.diag(one @ one.T)[n:] - 1.0 for one in (quiet, loud)]
+    np.testing.assert_allclose(variances[1], 10 * variances[0], rtol=1e-6, atol=1e-9)
+    assert correlation_root(regression, rows, replace(noise, sensors_m_s2=0.0), camera) is None

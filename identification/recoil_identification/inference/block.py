@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 
 from recoil_acquisition.read_only import ReadOnlyArrays
 
@@ -61,3 +63,40 @@ class LinearBlock(ReadOnlyArrays):
         """Return what the columns leave of the rows, and the columns, over the standard deviation."""
         modelled = self.columns @ np.array([values[name] for name in self.unknowns])
         return (self.recorded - modelled) / self.sigma, self.columns / self.sigma
+
+
+@dataclass(frozen=True, eq=False)
+class JointBlock(ReadOnlyArrays):
+    """Rows of several blocks, whose errors are correlated.
+
+    Attributes
+    ----------
+    parts
+        Each with its rows over their own standard deviations.
+    root : ndarray, shape (n_rows, n_rows), or None
+        Lower triangle whose product with its transpose is the correlation of all rows; None for the identity.
+    """
+
+    parts: tuple[Block, ...]
+    root: Array | None = None
+
+    @cached_property
+    def unknowns(self) -> tuple[str, ...]:
+        """Names of those of all parts, each once."""
+        return tuple(dict.fromkeys(name for part in self.parts for name in part.unknowns))
+
+    def linearised(self, values: Mapping[str, float]) -> tuple[Array, Array]:
+        """Return what the models leave of all rows, and its derivatives, in rows of independent errors."""
+        found = []
+        for part in self.parts:
+            left, derivatives = part.linearised(values)
+            rows = np.zeros((left.size, len(self.unknowns) + 1))
+            rows[:, [self.unknowns.index(name) for name in part.unknowns]] = derivatives
+            rows[:, -1] = left
+            found.append(rows)
+        whole = self.whitened(np.vstack(found))
+        return whole[:, -1], whole[:, :-1]
+
+    def whitened(self, rows: Array) -> Array:
+        """Turn rows of all parts into rows of independent errors, shape (n_rows, n_columns) as given."""
+        return rows if self.root is None else np.asarray(solve_triangular(self.root, rows, lower=True))

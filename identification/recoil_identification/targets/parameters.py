@@ -222,8 +222,10 @@ def _beside_the_shots_mass(case: Case, quantities: tuple[Quantity, ...]) -> tupl
         f"m3 {found.value:.1f} kg is {apart:+.1f} kg off the mass of the shot, {shot.mass_kg:.1f} kg "
         f"(u {shot.u_kg:.1f} kg)"
     )
-    if abs(apart) > LARGEST_APART * found.u:
-        return [], [f"{beside}, {abs(apart) / found.u:.1f} of its standard uncertainties (limit {LARGEST_APART:g})."]
+    # both rest on the same sensors, so that they may differ by less than if they did not
+    u_apart = math.hypot(found.u, shot.u_kg)
+    if abs(apart) > LARGEST_APART * u_apart:
+        return [], [f"{beside}, {abs(apart) / u_apart:.1f} standard uncertainties of both (limit {LARGEST_APART:g})."]
     why = "it rests on a lower low-pass, and has no unknowns for clocks and for zeros that move in the shot"
     return [f"{beside}: {why}; the mass of the shot is the one to take."], []
 

@@ -122,20 +122,8 @@ class CameraMotion(ReadOnlyArrays):
         return WhitenedTrack(triangle, t.size, walk.log_determinant, density, self.u_offset_s, self.u_bias_m_s2)
 
     def bent(self, number: int, size_m: float) -> CameraMotion:
-        """Return the motion as optics would show it that bend the travel by a size at most.
-
-        A lens bends a straight line into a bow, the next smaller distortion into an S. Both are zero at both ends of
-        the travel, whose scale was calibrated.
-
-        Parameters
-        ----------
-        number
-            0 for the bow, 1 for the S.
-        """
-        share = self.positions_m / max(float(np.max(self.positions_m, initial=0.0)), 1e-12)
-        bow = 4.0 * share * (1.0 - share)
-        shape = bow if number == 0 else 2.6 * bow * (1.0 - 2.0 * share)
-        return replace(self, positions_m=self.positions_m + size_m * shape)
+        """Return the motion as optics would show it that bend the travel by a size at most, see `picture_bends`."""
+        return replace(self, positions_m=self.positions_m + size_m * picture_bends(self.positions_m)[number])
 
     def solve(self, shapes: Array, density: float) -> ScaleAndZero | None:
         """Find scale, zero and shifts of all shapes; parameters as of `whitened`.
@@ -232,6 +220,17 @@ class WhitenedTrack(ReadOnlyArrays):
             misfit=float(residual @ residual) + self.log_determinant,
             innovation_statistic=statistic,
         )
+
+
+def picture_bends(positions_m: Array) -> tuple[Array, Array]:
+    """Return what optics may add to a travel, at most one and shape (n,) each: a bow and an S.
+
+    A lens bends a straight line into a bow, the next smaller distortion into an S. Both are zero at both ends of the
+    travel, whose scale was calibrated.
+    """
+    share = positions_m / max(float(np.max(positions_m, initial=0.0)), 1e-12)
+    bow = 4.0 * share * (1.0 - share)
+    return bow, 2.6 * bow * (1.0 - 2.0 * share)
 
 
 def camera_motion(

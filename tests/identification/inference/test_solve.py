@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
-from recoil_identification.inference.block import LinearBlock
+from recoil_identification.inference.block import JointBlock, LinearBlock
 from recoil_identification.inference.estimate import Estimate
 from recoil_identification.inference.solve import solve
 from recoil_identification.inference.unknown import Prior, Unknown
@@ -64,6 +64,26 @@ def test_it_is_generalized_least_squares(seed: int) -> None:
     assert found.rows == 18
     assert found.value("c") == found.values[2]
     assert found.u("c") == pytest.approx(np.sqrt(expected[2, 2]))
+
+
+@given(SEEDS)
+def test_rows_whose_errors_are_correlated_count_by_the_inverse_of_their_covariance(seed: int) -> None:
+    blocks, priors = problem(seed)
+    factors = np.random.default_rng(seed).normal(size=(18, 3))
+    correlation = np.eye(18) + factors @ factors.T
+    joint = JointBlock(tuple(blocks), np.linalg.cholesky(correlation))
+    found = solve(UNKNOWNS, [joint], priors)
+    columns, seen = np.zeros((18, 4)), np.concatenate([block.recorded / block.sigma for block in blocks])
+    for number, block in enumerate(blocks):
+        at = [NAMES.index(name) for name in block.unknowns]
+        columns[9 * number : 9 * (number + 1), at] = block.columns / block.sigma
+    weight = np.linalg.inv(correlation)
+    together = LinearBlock(NAMES, np.linalg.cholesky(weight).T @ columns, np.linalg.cholesky(weight).T @ seen, 1.0)
+    values, expected = dense([together], priors)
+    np.testing.assert_allclose(found.values, values, rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(found.covariance, expected, rtol=1e-6, atol=1e-9)
+    apart, without = solve(UNKNOWNS, [JointBlock(tuple(blocks))], priors), solve(UNKNOWNS, blocks, priors)
+    np.testing.assert_allclose(apart.values, without.values, rtol=1e-10, atol=1e-12)
 
 
 @given(SEEDS)

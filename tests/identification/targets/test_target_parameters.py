@@ -53,7 +53,7 @@ def test_a_mass_that_is_far_off_the_shots_is_not_valid():
 
     assert not finding.valid
     (reason,) = [reason for reason in finding.reasons if "off the mass of the shot" in reason]
-    assert "of its standard uncertainties (limit 3)" in reason
+    assert "standard uncertainties of both (limit 3)" in reason
 
 
 def test_intervals_are_narrow_enough_to_be_worth_having(with_cells):
