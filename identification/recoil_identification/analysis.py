@@ -9,7 +9,7 @@ import numpy as np
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import Shot
-from recoil_identification.calibration import Calibration, calibrated_mass
+from recoil_identification.calibration import Beside, Calibration
 from recoil_identification.camera_route import mass_by_camera
 from recoil_identification.camera_rows import camera_rows
 from recoil_identification.camera_shot import identify_by_camera
@@ -34,7 +34,7 @@ from recoil_identification.mass import forward_mass, reverse_mass
 from recoil_identification.mass_over_time import mass_constancy, mass_over_time
 from recoil_identification.method_result import method_result
 from recoil_identification.monte_carlo import propagate
-from recoil_identification.preparation import camera_scale, prepare
+from recoil_identification.preparation import prepare
 from recoil_identification.shot_summary import shot_summary
 from recoil_identification.skew import find_skew, skew_contribution
 from recoil_identification.stress_waves import find_stress_waves
@@ -93,19 +93,23 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
     low_pass = choice.low_pass
     scales = scale_uncertainty(rig)
     offset = signals.offsets["recoil_acceleration"]
-    filmed = (
-        camera_scale(camera, camera_clock),
-        recorded_motion(signals, prepared.acceleration_m_s2, camera, camera_clock),
-    )
-
+    film = recorded_motion(signals, prepared.acceleration_m_s2, camera, camera_clock)
     mass_low_pass = mass_filter(recorded, choice)
     camera_spec = rig.by_role("recoil_displacement")
     u_distortion_m = 0.0 if camera_spec is None else camera_spec.sensor.u_bent_m
     quiet = EstimatorInputs(recorded, recorded, signals, shot, rig).baseline_noise
 
+    def beside(narrow: Regression, recorded: Regression) -> Beside:
+        causes = causes_of(narrow, recorded, signals, shot, rig)
+        frames = None
+        if film is not None:
+            u_zero = math.hypot(*(signals.offsets[r].u for r in CARRIAGE_ACCELERATIONS if r in signals.offsets))
+            frames = camera_rows(film, narrow, recorded, prepared.inertial_m_s2, causes, u_zero, u_distortion_m)
+        return Beside(causes, late_readings(signals, narrow.interval_s, causes), frames)
+
     def calibrated(regression: Regression) -> tuple[Regression, Regression, Regression, Calibration, ZeroShift]:
         shifted, narrow, found, shift = calibrated_with_zero_shift(
-            regression, mass_low_pass, scales, offset.u, *filmed, quiet, u_distortion_m
+            regression, mass_low_pass, scales, offset.u, quiet, beside
         )
         # the trace, the skew and the figures need the whole band
         return shifted, narrow, narrow if mass_low_pass == low_pass else shifted.filtered(low_pass), found, shift
@@ -120,45 +124,25 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         *further_contributions(narrow, calibration, signals, shot, rig),
         *skew_contribution(narrow, calibration, skew),
     )
-    causes = causes_of(narrow, recorded, signals, shot, rig)
-    frames = None
-    if filmed[1] is not None and calibration.camera is not None:
-        frames = camera_rows(
-            filmed[1],
-            narrow,
-            recorded,
-            prepared.inertial_m_s2,
-            causes,
-            math.hypot(*(signals.offsets[role].u for role in CARRIAGE_ACCELERATIONS if role in signals.offsets)),
-            u_distortion_m,
-        )
-    calibration = calibrated_mass(
-        narrow,
-        scales,
-        offset.u,
-        calibration.camera if frames is None else frames,
-        noise=calibration.noise,
-        causes=causes,
-        late=late_readings(signals, narrow.interval_s, causes),
-    )
     estimates = {
         "calibrated": calibration.estimate,
         "reverse": reverse_mass(narrow, scales),
         "forward": forward_mass(narrow, scales),
         "paper": replace(forward_mass(recorded, scales), method="paper"),
     }
+
     estimates = {
         name: one if name == "calibrated" else replace(one, budget=(*one.budget, *further))
         for name, one in estimates.items()
     }
     if options.compare or method in FURTHER:
-        film = None
+        filmed = None
         if camera is not None and camera_clock is not None:
             # a clock that was aligned by the accelerometer is as much less late as that was
             clock = replace(camera_clock, offset_s=camera_clock.offset_s - skew.corrected_s)
             other = other_acceleration(prepared.acceleration_m_s2, prepared.inertial_m_s2)
-            film = FilmedShot(camera, clock, other)
-        estimates |= further_estimates(narrow, recorded, signals, shot, rig, scales, further, film)
+            filmed = FilmedShot(camera, clock, other)
+        estimates |= further_estimates(narrow, recorded, signals, shot, rig, scales, further, filmed)
     if method not in estimates:
         raise IdentificationError(
             f"this shot allows no estimate by the method {method}",

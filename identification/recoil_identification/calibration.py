@@ -26,6 +26,7 @@ from recoil_identification.causes import Cause
 from recoil_identification.equation_of_motion import EquationOfMotion
 from recoil_identification.inference.block import Block, JointBlock, LinearBlock
 from recoil_identification.inference.estimate import Estimate
+from recoil_identification.inference.score import Scores
 from recoil_identification.inference.solve import solve
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.late_readings import GAS, LateReadings
@@ -37,7 +38,7 @@ from recoil_identification.mass import (
 )
 from recoil_identification.monte_carlo import Draw
 from recoil_identification.row_noise import RowNoise, correlation_root, row_noise
-from recoil_identification.sensor_priors import DISTORTIONS, RELEASE, ZERO, CameraScale, certificates
+from recoil_identification.sensor_priors import DISTORTIONS, RELEASE, ZERO, certificates
 from recoil_processing.shot.regression import Regression, spaced_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 
@@ -81,7 +82,7 @@ class Calibration(ReadOnlyArrays):
     late
         Rows of the breech gauge once the bore is empty, if there are any.
     camera
-        Rows of its frames, or what was taken from its alignment.
+        Rows of its frames, if there are any.
     """
 
     estimate: MassEstimate
@@ -92,7 +93,7 @@ class Calibration(ReadOnlyArrays):
     own: tuple[Prior, ...]
     root: Array | None = None
     late: tuple[LinearBlock, ...] = ()
-    camera: CameraRows | CameraScale | None = None
+    camera: CameraRows | None = None
 
     @property
     def m0_kg(self) -> float:
@@ -185,19 +186,34 @@ class Calibration(ReadOnlyArrays):
         blocks: list[Block] = [changing.rows, *self.late]
         return replace(changing, inferred=solve([*self.inferred.unknowns, *sizes], blocks, priors, self.values))
 
-    def correct(self, regression: Regression) -> tuple[Array, Array]:
+    def scores(self, columns: Array) -> Scores:
+        """Score columns of `rows` that no unknown stands for, shape (n_rows, n_columns), by what is left of these."""
+        left, derivatives = self.rows.linearised(self.values)
+        at = [[one.name for one in self.inferred.unknowns].index(name) for name in self.rows.unknowns]
+        return Scores.of(left, derivatives, self.inferred.covariance[np.ix_(at, at)], columns)
+
+    def without_prior(self, source: str) -> Calibration:
+        """Forget what is known beforehand of one source, and estimate anew; `estimate` stays what it is."""
+        common, own = (tuple(one for one in priors if one.sources != (source,)) for priors in (self.common, self.own))
+        blocks: list[Block] = [self.rows, *self.late]
+        inferred = solve(self.inferred.unknowns, blocks, [*common, *own], self.values)
+        return replace(self, common=common, own=own, inferred=inferred)
+
+    def correct(self, regression: Regression, but: str = "") -> tuple[Array, Array]:
         """Return a' and F' with the sensors' errors, the release and all causes taken off, shape (n,) each.
 
         Parameters
         ----------
         regression
             On the grid of the block's own; the causes are as that one's filter left them.
+        but
+            Source of a cause that is left in.
         """
         zero = self.bias_m_s2 * regression.released + self.release_m_s * regression.release_per_s
         if regression.shifts is not None:
             zero = zero + regression.shifts @ self.shifts_m_s2
         readings = regression.forces_n[:, :3]
-        for cause in self.block.causes:
+        for cause in (one for one in self.block.causes if one.source != but):
             size = self.inferred.value(cause.source)
             zero, readings = zero + size * cause.acceleration_m_s2, readings + size * cause.forces_n
         a = (regression.acceleration_m_s2 - zero) / (1.0 + self.acceleration_error)
@@ -236,15 +252,32 @@ class Calibration(ReadOnlyArrays):
         return draw
 
 
+@dataclass(frozen=True)
+class Beside:
+    """What is known of a shot beside the rows of its motion.
+
+    Attributes
+    ----------
+    causes
+        What else may be wrong, on the regression's grid.
+    late
+        What the breech gauge reads once the bore is empty.
+    camera
+        Rows of its frames.
+    """
+
+    causes: tuple[Cause, ...] = ()
+    late: LateReadings | None = None
+    camera: CameraRows | None = None
+
+
 def calibrated_mass(
     regression: Regression,
     scales: ScaleUncertainty,
     u_bias_m_s2: float,
-    camera: CameraRows | CameraScale | None,
     *,
     noise: RowNoise | None = None,
-    causes: tuple[Cause, ...] = (),
-    late: LateReadings | None = None,
+    beside: Beside = Beside(),
 ) -> Calibration:
     """Estimate the mass with the sensors' scales as restricted unknowns.
 
@@ -256,16 +289,13 @@ def calibrated_mass(
         Standard uncertainty of the accelerometer's zero from the pre-trigger baseline; infinite if there was none.
     noise
         On the regression's grid; that of the rows themselves if left out.
-    causes
-        What else may be wrong, on the regression's grid.
-    late
-        What the breech gauge reads once the bore is empty.
 
     Raises
     ------
     IdentificationError
         If the interval has too few rows, or force and acceleration have nothing in common.
     """
+    causes, late, camera = beside.causes, beside.late, beside.camera
     first = reverse_mass(regression, scales)
     noise = row_noise(regression, first.mass_kg) if noise is None else noise
     rows = spaced_rows(regression)
@@ -277,7 +307,7 @@ def calibrated_mass(
     own += [] if camera is None else camera.priors
     own += [*(cause.prior for cause in causes), *(() if late is None else (late.prior,))]
     block = EquationOfMotion(regression, rows, first.mass_kg, noise.sigma_m_s2[rows], causes)
-    root = correlation_root(regression, rows, noise, camera if isinstance(camera, CameraRows) else None)
+    root = correlation_root(regression, rows, noise, camera)
     late_rows = () if late is None else (late.rows,)
     blocks: list[Block] = [_joined(block, camera, root), *late_rows]
     inferred = solve([*block.all_unknowns, *_beside(block, [*common, *own])], blocks, [*common, *own])
@@ -295,7 +325,7 @@ def calibrated_mass(
     for source, u in zip(inferred.sources, inferred.u_sources.tolist(), strict=True):
         change = mass * inferred.contribution(source, motion.MASS.name)
         # a sensor that reads high has a value that lies too low
-        kind, unit = stated.get(source, ("B", camera.unit(source) if isinstance(camera, CameraScale) else "1"))
+        kind, unit = stated.get(source, ("B", "1"))
         budget.append(BudgetRow(source, abs(change), kind, -change / u, unit))
     return Calibration(
         estimate=MassEstimate("calibrated", mass, tuple(budget), int(rows.size), deviation),
@@ -310,9 +340,9 @@ def calibrated_mass(
     )
 
 
-def _joined(block: EquationOfMotion, camera: CameraRows | CameraScale | None, root: Array | None) -> JointBlock:
-    """Put the rows of a camera's frames after those of the motion; its alignment has no rows."""
-    return JointBlock((block, camera) if isinstance(camera, CameraRows) else (block,), root)
+def _joined(block: EquationOfMotion, camera: CameraRows | None, root: Array | None) -> JointBlock:
+    """Put the rows of a camera's frames after those of the motion."""
+    return JointBlock((block,) if camera is None else (block, camera), root)
 
 
 def _beside(block: EquationOfMotion, priors: Sequence[Prior]) -> list[Unknown]:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +38,9 @@ MEAN_S = 1e-3
 BEFORE_S = 0.02
 """Before the onset, from when on frames tell where the part rested."""
 LEAST_MEANS = 12
-"""Of frames after the onset, below which the camera's own alignment says all that there is."""
+"""Of frames after the onset, below which they say nothing beside place and clock."""
+RELEASED = 2
+"""Shapes in which the zero may have shifted, of those given, while the noise is looked for: the first ones."""
 OTHER = Unknown("the carriage's part of the travel too large", scope="rig")
 OTHER_ZERO = Unknown("zero of the carriage's part of the travel", "m/s^2")
 START = Unknown("place before the shot", "m")
@@ -98,6 +100,16 @@ class CameraRows(ReadOnlyArrays):
         of_rows = (motion.ACCELERATION, motion.CAMERA, motion.ZERO)
         return (*(one.name for one in of_rows), *self.sizes, *(one.name for one in own), *DISTORTIONS)
 
+    def with_shifts(self, chosen: Sequence[int]) -> CameraRows:
+        """Keep some of the shapes in which the zero may have shifted, counted anew; all causes are kept."""
+        causes = [at for at, name in enumerate(self.sizes) if name not in self._shifts]
+        sizes = (*(motion.shift(i).name for i in range(len(chosen))), *(self.sizes[at] for at in causes))
+        return replace(self, zeros_m=self.zeros_m[:, [*chosen, *causes]], sizes=sizes)
+
+    @property
+    def _shifts(self) -> set[str]:
+        return {motion.shift(i).name for i in range(len(self.sizes))}
+
     @property
     def priors(self) -> list[Prior]:
         """What is known of those that are in no row of the motion; the camera's scale has a certificate."""
@@ -151,14 +163,15 @@ def camera_rows(
     filmed
         Frames that agree with their neighbours.
     regression, recorded
-        Behind the filter and before it, with the columns of the zero's shifts.
+        Behind the filter and before it, with the columns of the zero's shifts, step and kick first.
     inertial_m_s2 : ndarray, shape (n,)
         a' by the accelerometer, on the regression's grid; lost samples NaN.
     u_other_zero_m_s2
         Standard uncertainty of the carriage's part by the zeros of its accelerometers.
     """
     shapes = np.zeros((recorded.times_s.size, 0)) if recorded.shifts is None else recorded.shifts
-    film = filmed.motion.likeliest(shapes, range(shapes.shape[1]), filmed.densities)
+    # a zero that shifted at once must not look like noise
+    film = filmed.motion.likeliest(shapes[:, :RELEASED], range(min(RELEASED, shapes.shape[1])), filmed.densities)
     onset_s, end_s = regression.interval_s
     frames_s, positions_m = filmed.motion.times_s, filmed.motion.positions_m
     number = np.floor((frames_s - onset_s) / MEAN_S).astype(np.int64)

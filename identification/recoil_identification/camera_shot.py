@@ -85,7 +85,7 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
     except IdentificationError as error:
         missing_routes = (f"no mass by the acceleration from the camera: {error}",)
     # by the acceleration that the film gives, each row's noise told by what is left of it
-    acceleration = calibrated_mass(regression, forced.scales, _u_zero_m_s2(forced), None)
+    acceleration = calibrated_mass(regression, forced.scales, _u_zero_m_s2(forced))
     constancy = mass_constancy(acceleration)
     window_s, window_choice = trace_window(options.window_s, regression, *calibration.correct(regression))
     results = {name: method_result(e, regression, calibration, window_s, rig) for name, e in estimates.items()}

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.calibration import Calibration
 from recoil_identification.equation_of_motion import MASS, PIECES, change, ramps
-from recoil_identification.inference.estimate import LEAST_REDUNDANCY
+from recoil_identification.inference.score import Scores
 from recoil_processing.filters import filter_alike
 from recoil_processing.shot.regression import Regression
 
@@ -157,7 +157,7 @@ def mass_constancy(calibration: Calibration) -> MassConstancy | None:
     margin = TRIMMED * (end_s - onset_s)
     instants = np.linspace(onset_s + margin, end_s - margin, INSTANTS)
     drift = ramps(regression.times_s, regression.interval_s, 1)
-    scores = _Scores.of(calibration, np.column_stack([drift, _steps(regression, instants)]))
+    scores = _scores(calibration, np.column_stack([drift, _steps(regression, instants)]))
     if scores is None or not (scores.told[0] and scores.told[1:].any()):
         return None
     told = np.flatnonzero(scores.told[1:])
@@ -169,7 +169,7 @@ def mass_constancy(calibration: Calibration) -> MassConstancy | None:
     # the step's own instant, between those that were tried
     around = instants[best] + np.linspace(-1, 1, FINER) * (end_s - onset_s) / INSTANTS
     fine = np.union1d(instants, around[(around > onset_s) & (around < end_s)])
-    finer = _Scores.of(calibration, _steps(regression, fine))
+    finer = _scores(calibration, _steps(regression, fine))
     instant_s, interval_s = instants[best], (instants[best], instants[best])
     if finer is not None:
         instant_s, interval_s = _most_likely(fine[finer.told], finer.normalised[finer.told])
@@ -206,46 +206,17 @@ def _as_if_known(step: float) -> float:
     return math.sqrt(max(step**2 - BY_SCAN**2, 0.0))
 
 
-@dataclass(frozen=True, eq=False)
-class _Scores:
-    """What a constant mass leaves of departures from it.
-
-    Attributes
-    ----------
-    normalised : ndarray, shape (n_shapes,)
-        Standard normal each if the mass is constant.
-    correlation : ndarray, shape (n_shapes, n_shapes)
-    told : ndarray of bool, shape (n_shapes,)
-        False where the other unknowns explain the shape.
-    """
-
-    normalised: Array
-    correlation: Array
-    told: NDArray[np.bool_]
-
-    @classmethod
-    def of(cls, calibration: Calibration, shapes: Array) -> _Scores | None:
-        """Score shapes on the regression's grid; None if there are too few rows."""
-        block, inferred = calibration.block, calibration.inferred
-        rows = calibration.rows
-        left, derivatives = rows.linearised(calibration.values)
-        free = len(rows.unknowns) - sum(len(prior.sources) for prior in (*calibration.common, *calibration.own))
-        if left.size < max(free, 0) + LEAST_LEFT:
-            return None
-        _, of_motion = block.linearised(calibration.values)
-        changes = np.zeros((left.size, shapes.shape[1]))
-        changes[: block.rows.size] = of_motion[:, :1] * shapes[block.rows]
-        columns = rows.whitened(changes)
-        at = [[one.name for one in inferred.unknowns].index(name) for name in rows.unknowns]
-        shared = derivatives.T @ columns
-        energy = (columns**2).sum(axis=0)
-        covariance = columns.T @ columns - shared.T @ inferred.covariance[np.ix_(at, at)] @ shared
-        variances = np.diag(covariance)
-        told = variances > LEAST_REDUNDANCY * np.maximum(energy, np.finfo(np.float64).tiny)
-        deviations = np.sqrt(np.where(told, variances, 1.0))
-        return cls(
-            np.where(told, columns.T @ left / deviations, 0.0), covariance / np.outer(deviations, deviations), told
-        )
+def _scores(calibration: Calibration, shapes: Array) -> Scores | None:
+    """Score shapes of the mass's logarithm, on the regression's grid; None if there are too few rows."""
+    block, rows = calibration.block, calibration.rows
+    _, derivatives = block.linearised(calibration.values)
+    frames = 0 if calibration.camera is None else calibration.camera.times_s.size
+    free = len(rows.unknowns) - sum(len(prior.sources) for prior in (*calibration.common, *calibration.own))
+    if block.rows.size + frames < max(free, 0) + LEAST_LEFT:
+        return None
+    changes = np.zeros((block.rows.size + frames, shapes.shape[1]))
+    changes[: block.rows.size] = derivatives[:, :1] * shapes[block.rows]
+    return calibration.scores(rows.whitened(changes))
 
 
 def _steps(regression: Regression, instants_s: Array) -> Array:

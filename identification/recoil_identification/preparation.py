@@ -12,10 +12,8 @@ from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import ClockAlignment, Shot
-from recoil_identification.sensor_priors import CameraScale
 from recoil_identification.skew import without_skew
 from recoil_processing.motion.fusion import FusedMotion
-from recoil_processing.shot.camera_motion import motion_fit
 from recoil_processing.shot.kinematics import (
     AngularMotion,
     angular_motion,
@@ -142,14 +140,3 @@ def _aligned_by_it(clock: str, shot: Shot, rig: Rig) -> bool:
     if accelerometer is None or not isinstance(align, RedundantAlignment | MotionAlignment):
         return False
     return align.against == accelerometer.name
-
-
-def camera_scale(camera: Channel | None, alignment: ClockAlignment | None) -> CameraScale | None:
-    """Return what the camera says of the accelerometer; None unless it was aligned by motion without doubt."""
-    d = motion_fit(alignment)
-    if camera is None or d is None:
-        return None
-    constant = float(d["integration_constants"][2])
-    return CameraScale.of_constant(
-        d["gain"], d["u_gain"], constant, d["u_bias_m_s2"], d["gain_bias_correlation"], camera.u_rel
-    )

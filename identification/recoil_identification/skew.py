@@ -87,7 +87,7 @@ def find_skew(
         filtered.times_s, [filtered.interval_s[0] - AROUND_S, filtered.interval_s[1] + AROUND_S]
     )
     part = slice(int(first), int(last))
-    acceleration, force = calibration.correct(filtered)
+    acceleration, force = calibration.correct(filtered, but=SKEW)
     force, acceleration = (np.where(filtered.trusted, side, np.nan)[part] for side in (force, acceleration))
     cutoff_hz = min(filtered.low_pass.cutoff_hz, MOST_CUTOFF * filtered.rate_hz)
     found = measure_skew(force, acceleration, filtered.rate_hz, cutoff_hz)

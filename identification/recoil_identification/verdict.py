@@ -12,7 +12,7 @@ from recoil_identification.corrections import Corrections
 from recoil_identification.mass import ACCELERATION, RANDOM, MassEstimate
 from recoil_identification.mass_over_time import MassConstancy
 from recoil_identification.row_noise import LARGEST_SIZE
-from recoil_identification.sensor_priors import CAMERA_GAIN, CAMERA_SCALE, RELEASE
+from recoil_identification.sensor_priors import CAMERA_SCALE, RELEASE
 from recoil_identification.trace import MassTrace
 from recoil_identification.zero_shift import ZeroShift
 from recoil_processing.shot.regression import Regression
@@ -153,7 +153,7 @@ def doubted_sensors_or_mass(calibration: Corrections, constancy: MassConstancy |
     doubts = doubted_sensors(calibration)
     if constancy is None or constancy.constant():
         return doubts
-    sensors = {source: abs(w) for source, w in residuals.items() if source not in (RELEASE, CAMERA_GAIN)}
+    sensors = {source: abs(w) for source, w in residuals.items() if source != RELEASE}
     likeliest = max(sensors, key=lambda source: sensors[source], default="none")
     said = (
         f"{str(constancy).rstrip('.')} (normalised residual {constancy.normalised_residual:.1f}, of the sensors "
@@ -178,7 +178,7 @@ def doubted_sensors(calibration: Corrections) -> list[str]:
     beyond = {
         source: (abs(w), w * w / abs(pulls[source]))
         for source, w in residuals.items()
-        if source not in (RELEASE, CAMERA_GAIN) and abs(w) > CRITICAL_VALUE
+        if source != RELEASE and abs(w) > CRITICAL_VALUE
     }
     named = [
         source
@@ -212,7 +212,7 @@ def _sense(source: str, w: float) -> str:
 
 
 def _not_shared(source: str) -> bool:
-    return source in (RANDOM, ACCELERATION, CAMERA_SCALE, CAMERA_GAIN)
+    return source in (RANDOM, ACCELERATION, CAMERA_SCALE)
 
 
 def notes_on(

@@ -4,28 +4,30 @@ A piezoelectric accelerometer that was overloaded or strained may come back to a
 slowly. A high-pass would take the recoil with it; instead the shapes that a shift may have become columns of
 the regression, each with a coefficient of its own: a step at the onset of force, a kick there, which is what a step
 leaves that came a little earlier or later, and a step that decays. They
-enter only where the shot demands them: where they lower what is minimised by more than chance does
+enter only where the shot demands them: where they would lower what is minimised by more than chance does
 (Bayesian information criterion, G. Schwarz, Ann. Statist. 6(2), 1978, with the number of rows that carry errors of
-their own, and a margin for the shapes that were tried). To the force alone a brake gauge that is off looks like
-a shift; the camera, which saw the same motion, tells the two apart.
+their own, and a margin for the shapes that were tried), and by more than any other sensor that is off. By how much is
+told by what is left without them. To the force alone a brake gauge that is off looks like a shift; the camera, which
+saw the same motion, tells the two apart.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_identification.calibration import CRITICAL_VALUE, Calibration, calibrated_mass
-from recoil_identification.mass import reverse_mass
+from recoil_identification.calibration import Beside, Calibration, calibrated_mass
+from recoil_identification.camera_rows import OTHER_ZERO, CameraRows
+from recoil_identification.equation_of_motion import shift
+from recoil_identification.inference.score import Scores
+from recoil_identification.mass import ACCELERATION, reverse_mass
 from recoil_identification.row_noise import row_noise
-from recoil_identification.sensor_priors import CAMERA_GAIN, CAMERA_SCALE, CAMERA_SHIFT, CameraScale
+from recoil_identification.sensor_priors import CAMERA_SCALE, RELEASE, ZERO
 from recoil_processing.filters import LowPass
-from recoil_processing.motion.scale_and_zero import ScaleAndZero, WhitenedTrack
-from recoil_processing.shot.camera_motion import RecordedMotion
 from recoil_processing.shot.clocks.estimator_inputs import BaselineNoise
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
@@ -36,8 +38,8 @@ TIME_CONSTANTS_S = (0.01, 0.02, 0.05, 0.1)
 """Of decays that are tried: shorter ones are part of the pulse, longer ones are steps over one recoil."""
 LEAST_STEP_SIGMA = 4.0
 """Standard uncertainties that a step must have for a kick to be its own."""
-BENT_M = 1e-4
-"""By which the travel is bent to see what that does: it is linear."""
+ALIKE = 0.95
+"""Share of the largest normalised residual of another sensor above which a shift explains the shot as well."""
 MARGIN = 10.0
 """By how much the criterion must fall: decisive in the words of Kass and Raftery (1995), J. Am. Stat. Assoc. 90."""
 
@@ -106,34 +108,13 @@ def shift_columns(regression: Regression) -> Array:
     return np.column_stack([step, kick, *decays])
 
 
-def _scale(
-    camera: RecordedMotion,
-    found: ScaleAndZero,
-    bent: Sequence[WhitenedTrack | None],
-    shape: Shape,
-    u_distortion_m: float,
-) -> CameraScale:
-    """Return what a solution for a shape says of the accelerometer, and what distortions of the picture add to it."""
-    kick = shape.index(_KICK) if _KICK in shape else None
-    zeros, by_distortion = np.append(found.bias_m_s2, found.shifts_m_s2), []
-    for track in bent:
-        other = None if track is None else track.solve(shape)
-        if other is not None:
-            moved = np.append(other.bias_m_s2, other.shifts_m_s2) - zeros
-            by_distortion.append(np.append(other.gain - found.gain, moved) / BENT_M)
-    columns = np.column_stack(by_distortion) if by_distortion else np.zeros((0, 0))
-    return CameraScale(found.gain, zeros, found.covariance, camera.u_rel, kick, columns, u_distortion_m)
-
-
 def calibrated_with_zero_shift(
     recorded: Regression,
     low_pass: LowPass,
     scales: ScaleUncertainty,
     u_bias_m_s2: float,
-    camera: CameraScale | None,
-    filmed: RecordedMotion | None = None,
     quiet: BaselineNoise | None = None,
-    u_distortion_m: float = 0.0,
+    beside: Callable[[Regression, Regression], Beside] = lambda _, __: Beside(),
 ) -> tuple[Regression, Regression, Calibration, ZeroShift]:
     """Estimate the mass with the sensors' errors, a shift of the zero among them where the shot demands one.
 
@@ -141,14 +122,13 @@ def calibrated_with_zero_shift(
     ----------
     low_pass
         Which both sides and the shapes of a shift pass.
-    scales, u_bias_m_s2, camera
-        As of `calibrated_mass`, for a zero that does not shift.
-    filmed
-        Without it a shift is not to be told from a gauge that is off: see `ZeroShift.confirmed`.
+    scales, u_bias_m_s2
+        As of `calibrated_mass`.
     quiet
         Noise of the pre-trigger baseline; that of the rows themselves counts without it.
-    u_distortion_m
-        Standard uncertainty of what the camera's optics bend the travel by.
+    beside
+        What else is known, from the regression behind the filter and the recorded one, both with all shapes. Without a
+        camera among it a shift is not to be told from a gauge that is off: see `ZeroShift.confirmed`.
 
     Returns
     -------
@@ -168,58 +148,62 @@ def calibrated_with_zero_shift(
     first_kg = reverse_mass(plain, scales).mass_kg
     left_s = recorded.times_s[-1] - recorded.interval_s[0]
     decays = [_DECAYS + i for i, tau in enumerate(TIME_CONSTANTS_S) if tau < left_s]
-    if not (math.isfinite(u_bias_m_s2) and decays):
-        # without a baseline a zero that shifted is like one that was never known
-        noise = row_noise(plain, first_kg, quiet)
-        return recorded, plain, calibrated_mass(plain, scales, u_bias_m_s2, camera, noise=noise), ZeroShift()
     columns = shift_columns(recorded)
-    film, bent = None, []
-    if filmed is not None:
-        film = filmed.motion.likeliest(columns, (_STEP, _KICK), filmed.densities)
-    if filmed is not None and film is not None and u_distortion_m > 0:
-        bent = [filmed.motion.bent(number, BENT_M).whitened(columns, film.density) for number in range(2)]
     full = plain.with_shifts(columns)
-    filtered = np.zeros(columns.shape) if full.shifts is None else full.shifts
+    known = beside(full, replace(recorded, shifts=columns))
+    # without a baseline a zero that shifted is like one that was never known
+    told = math.isfinite(u_bias_m_s2) and bool(decays)
     # with every shape released: what a shift leaves unexplained must not excuse it
-    noise = row_noise(full, first_kg, quiet)
-    seen: dict[Shape, ScaleAndZero] = {}
-    shapes: list[Shape] = [(), (_STEP,), *((j,) for j in decays), (_STEP, _KICK), *((_STEP, j) for j in decays)]
-    if film is not None:
-        seen = {shape: found for shape in shapes if (found := film.solve(shape)) is not None}
-        if len(seen) < len(shapes):
-            seen = {}
+    noise = row_noise(full if told else plain, first_kg, quiet)
 
     def fitted(shape: Shape) -> Calibration:
-        scale = _scale(filmed, seen[shape], bent, shape, u_distortion_m) if filmed is not None and seen else None
-        regression = replace(plain, shifts=filtered[:, shape])
-        return calibrated_mass(regression, scales, u_bias_m_s2, scale, noise=noise)
+        shifts = None if full.shifts is None or not shape else full.shifts[:, shape]
+        camera = None if known.camera is None else known.camera.with_shifts(shape)
+        regression = replace(plain, shifts=shifts)
+        return calibrated_mass(regression, scales, u_bias_m_s2, noise=noise, beside=replace(known, camera=camera))
 
-    unshifted = fitted(()) if seen else calibrated_mass(plain, scales, u_bias_m_s2, camera, noise=noise)
-    criteria = {}
+    calibration = fitted(())
+    if not told:
+        return recorded, plain, calibration, ZeroShift()
+    singles: list[Shape] = [(_STEP,), *((j,) for j in decays)]
+    shapes = [*singles, (_STEP, _KICK), *((_STEP, j) for j in decays)]
+    per_shape = math.log(max(calibration.estimate.rows, 2))
+    scores = _scores(calibration, full, known.camera)
+    at_best = max(scores.fall(shape) - len(shape) * per_shape for shape in shapes)
+    if at_best <= MARGIN or math.sqrt(at_best) < ALIKE * _largest_of_others(calibration):
+        return recorded, plain, calibration, ZeroShift(criterion=min(max(at_best, 0.0), MARGIN))
+    # far from where nothing shifts the scores are no more than a hint
+    criteria: dict[Shape, tuple[float, Calibration]] = {}
     for shape in shapes:
-        fit = fitted(shape)
-        if shape and any(
-            abs(fit.normalised_residuals[s]) > CRITICAL_VALUE for s in fit.normalised_residuals if _by_camera(s)
-        ):
-            # a gauge that is a little off looks like a zero that decays with the pulse; the camera saw none
-            continue
-        if _KICK in shape and abs(fit.shifts_m_s2[0]) < LEAST_STEP_SIGMA * fit.u_shifts_m_s2[0]:
+        found = fitted(shape)
+        if _KICK in shape and abs(found.shifts_m_s2[0]) < LEAST_STEP_SIGMA * found.u_shifts_m_s2[0]:
             # a kick without a step is the release, modelled as an instant, and no zero that shifted
             continue
-        frames = seen[shape].misfit if seen else 0.0
-        criteria[shape] = fit.inferred.misfit + frames + len(shape) * math.log(max(fit.estimate.rows, 2))
-    chosen = min(criteria, key=lambda shape: criteria[shape])
-    fall = criteria[()] - criteria[chosen]
+        criteria[shape] = found.inferred.misfit + len(shape) * per_shape, found
+    chosen = min(criteria, key=lambda shape: criteria[shape][0])
+    fall, found = calibration.inferred.misfit - criteria[chosen][0], criteria[chosen][1]
     if fall <= MARGIN:
-        return recorded, plain, unshifted, ZeroShift(criterion=max(fall, 0.0))
-    calibration = fitted(chosen)
-    shift = _described(chosen, calibration.shifts_m_s2, calibration.u_shifts_m_s2, fall)
+        return recorded, plain, calibration, ZeroShift(criterion=max(fall, 0.0))
+    described = _described(chosen, found.shifts_m_s2, found.u_shifts_m_s2, fall)
     shifted = replace(recorded, shifts=columns[:, chosen])
-    return shifted, replace(plain, shifts=filtered[:, chosen]), calibration, replace(shift, confirmed=bool(seen))
+    return shifted, found.block.regression, found, replace(described, confirmed=known.camera is not None)
 
 
-def _by_camera(source: str) -> bool:
-    return source in (CAMERA_SCALE, CAMERA_GAIN) or source.startswith(CAMERA_SHIFT)
+def _scores(calibration: Calibration, full: Regression, camera: CameraRows | None) -> Scores:
+    """Score every shape of a shift by what a zero that does not shift leaves of rows and frames."""
+    block = replace(calibration.block, regression=full)
+    parts = (block,) if camera is None else (block, camera)
+    number = 0 if full.shifts is None else full.shifts.shape[1]
+    sizes = [shift(i).name for i in range(number)]
+    joint = replace(calibration.rows, parts=parts)
+    _, derivatives = joint.linearised(calibration.values | dict.fromkeys(sizes, 0.0))
+    return calibration.scores(derivatives[:, [joint.unknowns.index(name) for name in sizes]])
+
+
+def _largest_of_others(calibration: Calibration) -> float:
+    """Return the largest normalised residual that has another name: a gauge that is off looks like a decaying zero."""
+    own = (ZERO, ACCELERATION, CAMERA_SCALE, RELEASE, OTHER_ZERO.name)
+    return max((abs(w) for source, w in calibration.normalised_residuals.items() if source not in own), default=0.0)
 
 
 def _described(shape: Shape, sizes: Array, u: Array, fall: float) -> ZeroShift:

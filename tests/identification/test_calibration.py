@@ -1,17 +1,20 @@
 from __future__ import annotations
 
 import math
-from dataclasses import astuple, dataclass, replace
+from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
 
 from recoil_identification import calibration
-from recoil_identification.calibration import Calibration
+from recoil_identification.calibration import Beside, Calibration
+from recoil_identification.camera_rows import CameraRows
 from recoil_identification.mass import ACCELERATION, FRICTION, GAUGES, RANDOM, MassEstimate, reverse_mass
 from recoil_identification.row_noise import RowNoise
-from recoil_identification.sensor_priors import CAMERA_GAIN, CAMERA_ZERO, ZERO, CameraScale
+from recoil_identification.sensor_priors import CAMERA_SCALE, RELEASE, ZERO
+from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.regression import Regression, spaced_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
@@ -22,30 +25,16 @@ SCALES = ScaleUncertainty(0.005, (0.006, 0.004, 0.004), 150.0)
 U_BIAS = 0.2
 
 
-@dataclass(frozen=True)
-class Camera:
-    """What a camera's alignment finds, as `CameraScale.of_constant` takes it."""
-
-    gain: float = 1.0
-    u_gain: float = 0.0006
-    bias_m_s2: float = 0.0
-    u_bias_m_s2: float = 0.3
-    correlation: float = -0.6
-    u_rel: float = 0.001
-
-    def __call__(self) -> CameraScale:
-        return CameraScale.of_constant(*astuple(self))
-
-
-CAMERA = Camera()
-
-
 def calibrated_mass(
-    regression: Regression, scales: ScaleUncertainty, u_bias: float, camera: Camera | None, sigma: float = 1.0
+    regression: Regression,
+    scales: ScaleUncertainty,
+    u_bias: float,
+    camera: CameraRows | None = None,
+    sigma: float = 1.0,
 ) -> Calibration:
     """Estimate from rows whose errors are known to be of that size."""
     noise = RowNoise(np.full(regression.times_s.size, sigma), 1.0, math.inf)
-    return calibration.calibrated_mass(regression, scales, u_bias, None if camera is None else camera(), noise=noise)
+    return calibration.calibrated_mass(regression, scales, u_bias, noise=noise, beside=Beside(camera=camera))
 
 
 @cache
@@ -75,6 +64,38 @@ def measured(
     return replace(truth, forces_n=forces, acceleration_m_s2=a)
 
 
+def filmed(
+    *, camera: float = 0.0, u_rel: float = 0.001, sigma_m: float = 1e-4, noise: np.ndarray | None = None, **errors: Any
+) -> CameraRows:
+    """Let a camera see what an accelerometer with errors felt; no noise but the camera's own is in its frames."""
+    true, felt = exact(), measured(**errors)
+    onset_s, end_s = true.interval_s
+    times_s = np.arange(onset_s + 5e-4, end_s, 1e-3)
+
+    def travel(acceleration: np.ndarray) -> np.ndarray:
+        return DoubleIntegral.of(acceleration, float(true.times_s[0]), true.step_s).at(times_s)[0]
+
+    released = errors.get("release_m_s", 0.0) * true.release_per_s
+    recorded_m = (1.0 + camera) * travel(true.acceleration_m_s2 + released)
+    return CameraRows(
+        times_s=times_s,
+        recorded_m=recorded_m if noise is None else recorded_m + sigma_m * noise,
+        sigma_m=np.full(times_s.size, sigma_m),
+        onset_s=onset_s,
+        density=0.0,
+        felt_m=travel(felt.acceleration_m_s2),
+        other_m=np.zeros(times_s.size),
+        free_m=travel(true.released),
+        velocity_m_s=np.gradient(recorded_m, times_s),
+        zeros_m=np.zeros((times_s.size, 0)),
+        sizes=(),
+        bends=np.zeros((times_s.size, 2)),
+        u_rel=u_rel,
+        u_other_zero_m_s2=0.0,
+        u_distortion_m=0.0,
+    )
+
+
 def alternating(sigma: float) -> np.ndarray:
     """Noise that drifts nowhere."""
     size = spaced_rows(exact()).size
@@ -82,7 +103,7 @@ def alternating(sigma: float) -> np.ndarray:
 
 
 def generalized_least_squares(
-    regression: Regression, scales: ScaleUncertainty, u_bias: float, camera: CameraScale | None, sigma: float
+    regression: Regression, scales: ScaleUncertainty, u_bias: float, sigma: float
 ) -> tuple[float, float]:
     """Mass and its uncertainty with the sensors' errors in a dense covariance, the inverse mass the one unknown."""
     rows = spaced_rows(regression)
@@ -90,57 +111,33 @@ def generalized_least_squares(
     f, sliding, release = forces.sum(axis=1), regression.friction_direction[rows], regression.release_per_s[rows]
     k = 1.0 / reverse_mass(regression, scales).mass_kg
     for _ in range(20):
-        # columns: what one error of each sensor does to the rows, and to the camera's gain and constant
-        effects = [(-k * forces[:, j], 0.0, 0.0, u) for j, u in enumerate(scales.gauges)]
-        effects.append((-k * sliding, 0.0, 0.0, scales.friction_n))
-        effects.append((k * f, -1.0, 0.0, scales.acceleration))
-        effects.append((released, 0.0, -1.0, u_bias))
-        effects.append((release, 0.0, 0.0, k * regression.u_release_n_s))
-        table = np.array([[*rows_, g, c] for rows_, g, c, _ in effects]).T
-        covariance = (table * np.array([u**2 for *_, u in effects])) @ table.T
-        covariance[np.arange(a.size), np.arange(a.size)] += sigma**2
-        target, regressor = np.array([*a, 0.0, 0.0]), np.array([*f, 0.0, 0.0])
-        if camera is None:
-            covariance, target, regressor = covariance[:-2, :-2], target[:-2], regressor[:-2]
-        else:
-            target[-2:] = camera.gain - 1.0, camera.bias_m_s2
-            own = camera.correlation * camera.u_gain * camera.u_bias_m_s2
-            covariance[-2:, -2:] += [[camera.u_gain**2 + camera.u_rel**2, own], [own, camera.u_bias_m_s2**2]]
-        weights = np.linalg.solve(covariance, regressor)
-        k = float(weights @ target / (weights @ regressor))
-    return 1.0 / k, float(1.0 / k**2 / math.sqrt(weights @ regressor))
+        # columns: what one error of each sensor does to the rows
+        effects = [(-k * forces[:, j], u) for j, u in enumerate(scales.gauges)]
+        effects += [(-k * sliding, scales.friction_n), (k * f, scales.acceleration), (released, u_bias)]
+        effects.append((release, k * regression.u_release_n_s))
+        table = np.column_stack([effect for effect, _ in effects])
+        covariance = (table * np.array([u**2 for _, u in effects])) @ table.T + sigma**2 * np.eye(a.size)
+        weights = np.linalg.solve(covariance, f)
+        k = float(weights @ a / (weights @ f))
+    return 1.0 / k, float(1.0 / k**2 / math.sqrt(weights @ f))
 
 
-@pytest.mark.parametrize("camera", [None, CAMERA, replace(CAMERA, gain=1.002, bias_m_s2=0.4)])
 @pytest.mark.parametrize(
     "errors", [{}, {"gauges": (0.002, -0.001, 0.003), "friction_n": 60.0, "acceleration": -0.002, "bias_m_s2": 0.1}]
 )
-def test_it_is_generalized_least_squares_with_the_calibrations_in_the_covariance(camera, errors):
-    found = calibrated_mass(measured(**errors, noise=alternating(1.0)), SCALES, U_BIAS, camera).estimate
-    mass, u = generalized_least_squares(measured(**errors, noise=alternating(1.0)), SCALES, U_BIAS, camera, 1.0)
+def test_it_is_generalized_least_squares_with_the_calibrations_in_the_covariance(errors):
+    found = calibrated_mass(measured(**errors, noise=alternating(1.0)), SCALES, U_BIAS).estimate
+    mass, u = generalized_least_squares(measured(**errors, noise=alternating(1.0)), SCALES, U_BIAS, 1.0)
     # the dense covariance is linear in errors that the estimator takes exactly: products of errors are left
     assert found.mass_kg == pytest.approx(mass, abs=0.01 * u)
     assert found.u_kg == pytest.approx(u, rel=2e-3)
-
-
-def test_cameras_gain_and_constant_count_as_the_correlated_pair_that_they_are():
-    regression = measured(noise=alternating(1.0))
-    by_correlation = []
-    for correlation in (-0.95, 0.0, 0.95):
-        camera = replace(CAMERA, gain=1.001, bias_m_s2=-0.5, correlation=correlation, u_rel=0.0)
-        found = calibrated_mass(regression, SCALES, math.inf, camera).estimate
-        mass, u = generalized_least_squares(regression, SCALES, 1e6, camera, 1.0)
-        assert found.mass_kg == pytest.approx(mass, abs=0.02 * u)
-        assert found.u_kg == pytest.approx(u, rel=5e-3)
-        by_correlation.append(found.mass_kg)
-    assert np.ptp(by_correlation) > 0.05  # it matters
 
 
 def test_with_nothing_left_free_it_is_the_reverse_estimate():
     regression = measured(noise=np.random.default_rng(3).normal(0.0, 2.0, alternating(1.0).size))
     regression, nothing = replace(regression, u_release_n_s=0.0), ScaleUncertainty(0.0, (0.0, 0.0, 0.0), 0.0)
     reverse = reverse_mass(regression, nothing)
-    found = calibrated_mass(regression, nothing, 0.0, None, reverse.residual_m_s2)
+    found = calibrated_mass(regression, nothing, 0.0, sigma=reverse.residual_m_s2)
     assert found.estimate.mass_kg == pytest.approx(reverse.mass_kg, rel=1e-9)
     assert found.estimate.u_kg == pytest.approx(reverse.u_kg, rel=0.02)
     assert [r.source for r in found.estimate.budget] == [RANDOM]
@@ -153,7 +150,7 @@ def test_as_the_calibrations_tighten_it_tends_to_the_reverse_estimate():
     apart = []
     for share in (1.0, 0.1, 0.01):
         scales = ScaleUncertainty(share * 0.005, (share * 0.006, share * 0.004, share * 0.004), share * 150.0)
-        apart.append(abs(calibrated_mass(regression, scales, share * U_BIAS, None, 5.0).estimate.mass_kg - reverse))
+        apart.append(abs(calibrated_mass(regression, scales, share * U_BIAS, sigma=5.0).estimate.mass_kg - reverse))
     assert apart[0] > 5 * apart[1] > 25 * apart[2]
 
 
@@ -161,9 +158,9 @@ def test_large_errors_are_taken_exactly_not_to_first_order():
     errors = {"gauges": (0.04, -0.03, 0.02), "friction_n": 300.0, "acceleration": 0.03, "bias_m_s2": 2.0}
     # the friction and the scales relative to one another are free, the accelerometer is known by the camera
     wide = ScaleUncertainty(0.5, (0.5, 0.5, 0.5), 1e4)
-    camera = Camera(1.0 / 1.03, 1e-6, -2.0 / 1.03, 1e-5, 0.0, 1e-6)
+    shot = errors | {"gauges": (0.0, -0.03, 0.02)}
     tight = replace(wide, gauges=(1e-7, 0.5, 0.5))
-    found = calibrated_mass(measured(**errors | {"gauges": (0.0, -0.03, 0.02)}), tight, math.inf, camera)
+    found = calibrated_mass(measured(**shot), tight, math.inf, filmed(**shot, u_rel=1e-6, sigma_m=1e-8))
     assert found.estimate.mass_kg == pytest.approx(MASS_KG, rel=1e-5)
     np.testing.assert_allclose(found.gauge_errors, [0.0, -0.03, 0.02], atol=2e-4)
     assert found.acceleration_error == pytest.approx(0.03, abs=1e-5)
@@ -195,31 +192,21 @@ def test_a_sensitivity_is_what_the_mass_does_when_the_sensor_reads_high(source, 
     noise = alternating(1.0)
     # the camera sees an accelerometer that reads high, too
     high, low = ({k: np.multiply(v, sign).tolist() for k, v in errors.items()} for sign in (1.0, -1.0))
-    masses = []
-    for e in (high, low):
-        da, b = e.get("acceleration", 0.0), e.get("bias_m_s2", 0.0)
-        camera = replace(CAMERA, gain=1.0 / (1.0 + da), bias_m_s2=-b)
-        masses.append(calibrated_mass(measured(**e, noise=noise), SCALES, U_BIAS, camera).estimate.mass_kg)
+    masses = [
+        calibrated_mass(measured(**e, noise=noise), SCALES, U_BIAS, filmed(**e)).estimate.mass_kg for e in (high, low)
+    ]
     size = float(np.max(np.abs(np.hstack(list(errors.values())))))
-    budget = {r.source: r for r in calibrated_mass(measured(noise=noise), SCALES, U_BIAS, CAMERA).estimate.budget}
+    budget = {r.source: r for r in calibrated_mass(measured(noise=noise), SCALES, U_BIAS, filmed()).estimate.budget}
     assert budget[source].sensitivity == pytest.approx((masses[0] - masses[1]) / (2 * size), rel=0.02, abs=0.05)
     units = {FRICTION: "N", ZERO: "m/s^2"}
     assert budget[source].sensitivity_per == units.get(source, "1")
 
 
-@pytest.mark.parametrize(("source", "key", "size"), [(CAMERA_GAIN, "gain", 1e-4), (CAMERA_ZERO, "bias_m_s2", 0.01)])
-def test_a_cameras_sensitivity_is_what_the_mass_does_when_the_camera_reads_high(source, key, size):
-    uncorrelated = replace(CAMERA, correlation=0.0)
-    masses = [
-        calibrated_mass(
-            measured(noise=alternating(1.0)), SCALES, U_BIAS,
-            replace(uncorrelated, **{key: getattr(uncorrelated, key) + sign * size}),
-        ).estimate.mass_kg
-        for sign in (1, -1)
-    ]  # fmt: skip
-    found = calibrated_mass(measured(noise=alternating(1.0)), SCALES, U_BIAS, uncorrelated).estimate.budget
-    budget = {r.source: r for r in found}
-    assert budget[source].sensitivity == pytest.approx((masses[0] - masses[1]) / (2 * size), rel=0.02)
+def test_a_cameras_sensitivity_is_what_the_mass_does_when_the_camera_reads_high():
+    shot = measured(noise=alternating(1.0))
+    high, low = (calibrated_mass(shot, SCALES, U_BIAS, filmed(camera=by)).estimate.mass_kg for by in (1e-4, -1e-4))
+    budget = {r.source: r for r in calibrated_mass(shot, SCALES, U_BIAS, filmed()).estimate.budget}
+    assert budget[CAMERA_SCALE].sensitivity == pytest.approx((high - low) / 2e-4, rel=0.02)
 
 
 @pytest.mark.parametrize("with_camera", [False, True])
@@ -234,25 +221,19 @@ def test_the_stated_interval_covers_the_mass_as_often_as_it_says(with_camera):
         bias = rng.normal(0.0, U_BIAS)
         release = rng.normal(0.0, exact().u_release_n_s / MASS_KG)
         camera = None
+        errors = {
+            "gauges": gauges, "friction_n": friction, "acceleration": acceleration, "bias_m_s2": bias,
+            "release_m_s": release,
+        }  # fmt: skip
         if with_camera:
-            own = rng.multivariate_normal(
-                [0, 0],
-                [[CAMERA.u_gain**2, CAMERA.correlation * CAMERA.u_gain * CAMERA.u_bias_m_s2],
-                 [CAMERA.correlation * CAMERA.u_gain * CAMERA.u_bias_m_s2, CAMERA.u_bias_m_s2**2]],
-            )  # fmt: skip
-            gain = (1.0 + rng.normal(0.0, CAMERA.u_rel)) / (1.0 + acceleration) + own[0]
-            camera = replace(CAMERA, gain=gain, bias_m_s2=-gain * bias + own[1])
-        found = calibrated_mass(
-            measured(gauges=gauges, friction_n=friction, acceleration=acceleration, bias_m_s2=bias,
-                     release_m_s=release, noise=rng.normal(0.0, sigma, size)),
-            SCALES, U_BIAS, camera, sigma,
-        )  # fmt: skip
+            frames = rng.standard_normal(filmed().times_s.size)
+            camera = filmed(camera=rng.normal(0.0, 0.001), noise=frames, **errors)
+        found = calibrated_mass(measured(**errors, noise=rng.normal(0.0, sigma, size)), SCALES, U_BIAS, camera, sigma)
         low, high = found.estimate.interval_kg
         inside += low <= MASS_KG <= high
         z.append((found.estimate.mass_kg - MASS_KG) / found.estimate.u_kg)
-        normalised_residuals.append(
-            list({k: v for k, v in found.normalised_residuals.items() if with_camera or k != ACCELERATION}.values())
-        )
+        drawn = (*GAUGES, FRICTION, ZERO, RELEASE, *((ACCELERATION, CAMERA_SCALE) if with_camera else ()))
+        normalised_residuals.append([found.normalised_residuals[source] for source in drawn])
     assert 0.92 <= inside / draws <= 0.98
     assert abs(np.mean(z)) < 4 / math.sqrt(draws)
     # what a sensor's departure is measured by has a standard deviation of one, and is nothing where without
@@ -264,11 +245,11 @@ def test_the_stated_interval_covers_the_mass_as_often_as_it_says(with_camera):
 def test_what_the_stop_gives_at_the_release_is_found_and_taken_off():
     given = 0.5 * exact().u_release_n_s / MASS_KG
     with_stop, without = (measured(release_m_s=v, noise=alternating(0.2)) for v in (given, 0.0))
-    found = calibrated_mass(with_stop, SCALES, U_BIAS, CAMERA, 0.2)
+    found = calibrated_mass(with_stop, SCALES, U_BIAS, filmed(release_m_s=given), 0.2)
     assert given > 1e-3
     assert found.release_m_s == pytest.approx(given, rel=0.2)
     assert found.estimate.mass_kg == pytest.approx(
-        calibrated_mass(without, SCALES, U_BIAS, CAMERA, 0.2).estimate.mass_kg, abs=0.02
+        calibrated_mass(without, SCALES, U_BIAS, filmed(), 0.2).estimate.mass_kg, abs=0.02
     )
     a, _ = found.correct(with_stop)
     at_release = exact().release_per_s > 0.5 * exact().release_per_s.max()
@@ -297,7 +278,7 @@ def test_the_errors_left_are_those_that_draws_of_the_sensors_leave():
 
 
 def test_a_sensor_beyond_its_uncertainty_stands_out():
-    found = calibrated_mass(measured(gauges=(0.06, 0.0, 0.0), noise=alternating(1.0)), SCALES, U_BIAS, CAMERA)
+    found = calibrated_mass(measured(gauges=(0.06, 0.0, 0.0), noise=alternating(1.0)), SCALES, U_BIAS, filmed())
     assert max(found.normalised_residuals, key=lambda s: abs(found.normalised_residuals[s])) == GAUGES[0]
     assert found.normalised_residuals[GAUGES[0]] > 5
     assert 0 < found.pulls[GAUGES[0]] < found.normalised_residuals[GAUGES[0]]
@@ -305,7 +286,7 @@ def test_a_sensor_beyond_its_uncertainty_stands_out():
 
 def test_a_misfit_is_not_taken_for_noise():
     regression = measured(gauges=(0.8, 0.0, 0.0), noise=alternating(1.0))
-    found = calibration.calibrated_mass(regression, SCALES, U_BIAS, None)
+    found = calibration.calibrated_mass(regression, SCALES, U_BIAS)
     assert max(abs(w) for w in found.normalised_residuals.values()) > 10
     assert found.noise.sigma_m_s2 == pytest.approx(1.0, rel=0.15)
 
@@ -332,7 +313,7 @@ def by_source(found: Calibration) -> dict[str, float]:
 def test_an_area_has_a_row_of_its_own_and_moves_nothing():
     regression = measured(noise=alternating(1.0))
     whole, apart = (
-        calibrated_mass(regression, scales, U_BIAS, CAMERA)
+        calibrated_mass(regression, scales, U_BIAS, filmed())
         for scales in (SCALES, with_parts(breech_pressure=(("bore_area", 0.004),)))
     )
     assert apart.estimate.mass_kg == pytest.approx(whole.estimate.mass_kg, rel=1e-9)
@@ -350,8 +331,8 @@ def test_what_a_standard_is_off_all_its_gauges_are_off_together():
     regression = measured(noise=alternating(1.0))
     standard = (("standard dead weight", 0.003),)
     roles = ("breech_pressure", "brake_pressure", "recuperator_pressure")
-    shared = calibrated_mass(regression, with_parts(**dict.fromkeys(roles, standard)), U_BIAS, CAMERA)
-    alone = calibrated_mass(regression, SCALES, U_BIAS, CAMERA)
+    shared = calibrated_mass(regression, with_parts(**dict.fromkeys(roles, standard)), U_BIAS, filmed())
+    alone = calibrated_mass(regression, SCALES, U_BIAS, filmed())
     assert shared.estimate.u_kg > 1.1 * alone.estimate.u_kg
     # a common factor of all forces is one of the mass, but for what accelerometer and camera know better
     assert by_source(shared)["standard dead weight"] / MASS_KG == pytest.approx(0.003, rel=0.1)
@@ -366,12 +347,14 @@ def test_what_a_standard_is_off_all_its_gauges_are_off_together():
     known = np.zeros((8, 8))
     known[1:4, 1:4] = np.linalg.inv(np.diag(u**2 - 0.003**2) + 0.003**2)
     known[4, 4], known[6, 6] = SCALES.friction_n**-2, U_BIAS**-2
-    camera, scale = CAMERA(), SCALES.acceleration
-    own = (
-        np.array([[-1.0 / camera.gain, 0.0], [0.0, 1.0]]) @ camera.covariance @ [[-1.0 / camera.gain, 0.0], [0.0, 1.0]]
-    )
-    known[5, 5] += scale**-2
-    known[np.ix_([5, 6], [5, 6])] += np.linalg.inv(own + np.diag([camera.u_rel**2, 0.0]))
+    camera = filmed()
+    known[5, 5] += SCALES.acceleration**-2
+    # frames: the accelerometer's scale and zero, the camera's scale, its place and its clock
+    seen = np.column_stack([
+        -camera.felt_m, -camera.free_m, camera.felt_m, np.ones_like(camera.felt_m), camera.velocity_m_s
+    ]) / camera.sigma_m[0]  # fmt: skip
+    about = seen.T @ seen + np.diag([0.0, 0.0, camera.u_rel**-2, 1e4, 1e6])
+    known[np.ix_([5, 6], [5, 6])] += np.linalg.inv(np.linalg.inv(about)[:2, :2])
     kept = [0, 1, 2, 3, 4, 5, 6] + ([7] if np.any(columns[:, 7]) else [])
     if 7 in kept:
         known[7, 7] = (alone.m0_kg / regression.u_release_n_s) ** 2
@@ -381,6 +364,6 @@ def test_what_a_standard_is_off_all_its_gauges_are_off_together():
 
 def test_a_standard_that_is_all_of_a_certificate_leaves_the_sensor_nothing_of_its_own():
     parts = dict.fromkeys(("breech_pressure", "brake_pressure"), (("standard s", 0.004),))
-    found = calibrated_mass(measured(noise=alternating(1.0)), with_parts(**parts), U_BIAS, CAMERA)
+    found = calibrated_mass(measured(noise=alternating(1.0)), with_parts(**parts), U_BIAS, filmed())
     assert by_source(found)[GAUGES[1]] == pytest.approx(0.0, abs=1e-3)
     assert found.inferred.converged

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from recoil_identification.calibration import Calibration, calibrated_mass
+from recoil_identification.calibration import Beside, Calibration, calibrated_mass
 from recoil_identification.camera_rows import OTHER, OTHER_ZERO, CameraRows, camera_rows
 from recoil_identification.causes import MOVES_S, SKEW, moving_zero, zero_moves
 from recoil_identification.identified import Identification
@@ -129,10 +129,8 @@ def refitted_kg(
         recorded.filtered(found.mass_low_pass),
         scale_uncertainty(virtual_shot(name, u_zero_rel=MOVING).rig),
         found.signals.offsets["recoil_acceleration"].u,
-        camera,
         noise=calibration.noise,
-        causes=calibration.block.causes,
-        late=replace(late, rows=rows),
+        beside=Beside(calibration.block.causes, replace(late, rows=rows), camera),
     )
     return again.estimate.mass_kg
 
@@ -194,8 +192,8 @@ def test_causes_hardly_move_a_sound_shot_and_are_in_its_uncertainty(name: str) -
         found.fitted,
         scale_uncertainty(virtual_shot(name, u_zero_rel=MOVING).rig),
         found.signals.offsets["recoil_acceleration"].u,
-        without_causes(calibration),
         noise=calibration.noise,
+        beside=Beside(camera=without_causes(calibration)),
     )
     with_causes = calibration.estimate
     assert abs(with_causes.mass_kg - bare.estimate.mass_kg) < 0.3 * with_causes.u_kg
@@ -210,8 +208,8 @@ def test_without_them_zeros_that_move_would_be_in_the_mass() -> None:
         found.fitted,
         scale_uncertainty(virtual_shot("mixed", u_zero_rel=MOVING).rig),
         found.signals.offsets["recoil_acceleration"].u,
-        without_causes(calibration),
         noise=calibration.noise,
+        beside=Beside(camera=without_causes(calibration)),
     )
     assert abs(bare.estimate.mass_kg - truth) > 4.0
     assert abs(calibration.estimate.mass_kg - truth) < 1.0

@@ -43,7 +43,7 @@ def shot(
 
 def calibrated(regression: Regression, scales: ScaleUncertainty = SCALES) -> Calibration:
     noise = RowNoise(np.full(regression.times_s.size, SIGMA_M_S2), 1.0, math.inf)
-    return calibrated_mass(regression, scales, 0.2, None, noise=noise)
+    return calibrated_mass(regression, scales, 0.2, noise=noise)
 
 
 def stepping(at_s: float, by: float) -> np.ndarray:
@@ -142,6 +142,6 @@ def test_too_few_rows_tell_nothing():
     trusted = np.zeros(regression.times_s.size, dtype=bool)
     trusted[few] = True
     unknown_zero = calibrated_mass(
-        replace(regression, trusted=trusted), ScaleUncertainty(0.5, (0.5, 0.5, 0.5), 1e4), math.inf, None
+        replace(regression, trusted=trusted), ScaleUncertainty(0.5, (0.5, 0.5, 0.5), 1e4), math.inf
     )
     assert mass_constancy(replace(unknown_zero, common=(), own=())) is None

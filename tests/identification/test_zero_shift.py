@@ -35,7 +35,7 @@ def measured(
 
 
 def found(regression: Regression, u_bias: float = U_BIAS) -> tuple[Regression, float, float, ZeroShift]:
-    _, filtered, calibration, shift = calibrated_with_zero_shift(regression, LOW_PASS, SCALES, u_bias, None)
+    _, filtered, calibration, shift = calibrated_with_zero_shift(regression, LOW_PASS, SCALES, u_bias)
     return filtered, calibration.estimate.mass_kg, calibration.estimate.u_kg, shift
 
 
@@ -73,7 +73,7 @@ def test_a_step_that_came_earlier_or_later_than_the_onset_leaves_a_kick(late_s: 
 
 def test_corrected_both_sides_agree_where_the_shift_was() -> None:
     regression = measured(2, step=25.0)
-    _, filtered, calibration, _ = calibrated_with_zero_shift(regression, LOW_PASS, SCALES, U_BIAS, None)
+    _, filtered, calibration, _ = calibrated_with_zero_shift(regression, LOW_PASS, SCALES, U_BIAS)
     a, force = calibration.correct(filtered)
     late = filtered.used & (filtered.times_s > filtered.interval_s[0] + 0.03)
     assert abs(np.mean(a[late] - force[late] / calibration.estimate.mass_kg)) < 0.5

@@ -20,7 +20,6 @@ from recoil_identification.parameters.mechanism_fit import (
 )
 from recoil_identification.parameters.mechanism_rows import MechanismRows
 from recoil_identification.parameters.recorded_rows import mechanism_rows
-from recoil_identification.preparation import camera_scale
 from recoil_identification.report.finding import Finding, Quantity
 from recoil_identification.report.parameter_tables import (
     declared,
@@ -33,6 +32,7 @@ from recoil_identification.report.parameter_tables import (
 from recoil_identification.report.rounding import significant
 from recoil_identification.targets.target import Case
 from recoil_processing.filters import LowPass
+from recoil_processing.shot.camera_motion import motion_fit
 from recoil_rigs.mechanism_regressor import EQUATIONS, LOADS, PARAMETER_UNITS, PARAMETERS
 from recoil_rigs.rig import Rig
 
@@ -148,16 +148,16 @@ def without_lines(rig: Rig) -> Rig:
 
 def camera_observation(case: Case, rows: MechanismRows) -> tuple[Observation, ...]:
     """Return what the camera says of the accelerometer: its gain is ``(1 + dc) / (1 + da)``."""
-    scale = camera_scale(case.prepared.camera, case.prepared.camera_clock)
+    found = motion_fit(case.prepared.camera_clock)
     names = [error.name for error in rows.errors]
-    if scale is None or "recoil_acceleration scale" not in names:
+    if found is None or "recoil_acceleration scale" not in names:
         return ()
     weights = np.zeros(len(names))
     weights[names.index("recoil_acceleration scale")] = 1.0
     if "recoil_displacement scale" in names:
         weights[names.index("recoil_displacement scale")] = -1.0
-    u = math.sqrt(float(scale.covariance[0, 0])) / scale.gain**2
-    return (Observation(weights, 1.0 / scale.gain - 1.0, max(u, 1e-9)),)
+    gain, u_gain = float(found["gain"]), float(found["u_gain"])
+    return (Observation(weights, 1.0 / gain - 1.0, max(u_gain / gain**2, 1e-9)),)
 
 
 def symbol_of(parameter: int) -> str:

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from recoil_identification.analysis import Identification, scale_uncertainty
 from recoil_identification.budget import COVERAGE_FACTOR
-from recoil_identification.preparation import camera_scale
 from recoil_identification.report.finding import Finding, Quantity, Series, Table
 from recoil_identification.report.resistance_figures import resistance_figures
 from recoil_identification.report.rounding import rounded, significant
@@ -99,12 +98,9 @@ def _parts(case: Case, found: Identification) -> _Parts:
     low, high = float(record.rows["travel"][1]), float(record.rows["travel"][-2])
     curve = fit_brake(record, m.brake_area, np.linspace(low, high, CURVE))
     friction = packing_friction(
-        found.filtered,
         found.inertial.calibration,
-        scales,
-        prepared.signals.offsets["recoil_acceleration"].u,
-        camera_scale(found.camera, prepared.camera_clock),
         declared_n=m.friction,
+        u_declared_n=scales.friction_n,
         u_further_n=record.u_zero_pa["recuperator_pressure"] * m.recuperator_area,
     )
     gas = fit_gas(record)

@@ -25,9 +25,9 @@ def shot(seed: int, friction_error_n: float) -> Regression:
 
 def found(seed: int, off_n: float, scales: ScaleUncertainty, u_further_n: float = 0.0) -> Friction:
     regression = shot(seed, off_n)
-    calibration = calibrated_mass(regression, scales, 0.05, None)
+    calibration = calibrated_mass(regression, scales, 0.05)
     return packing_friction(
-        regression, calibration, scales, 0.05, None, declared_n=1500.0 + off_n, u_further_n=u_further_n
+        calibration, declared_n=1500.0 + off_n, u_declared_n=scales.friction_n, u_further_n=u_further_n
     )
 
 

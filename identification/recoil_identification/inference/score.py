@@ -1,0 +1,62 @@
+"""What an estimate leaves of something that it has no unknown for: score tests, without a new fit.
+
+C. R. Rao, Large sample tests of statistical hypotheses, Proc. Camb. Phil. Soc. 44, 1948.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_identification.inference.estimate import LEAST_REDUNDANCY
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Scores(ReadOnlyArrays):
+    """What is left of columns that no unknown stands for.
+
+    Attributes
+    ----------
+    normalised : ndarray, shape (n_columns,)
+        Standard normal each if nothing of the column is in the rows.
+    correlation : ndarray, shape (n_columns, n_columns)
+    told : ndarray of bool, shape (n_columns,)
+        False where the unknowns explain the column.
+    """
+
+    normalised: Array
+    correlation: Array
+    told: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, left: Array, derivatives: Array, covariance: Array, columns: Array) -> Scores:
+        """Score columns of rows whose errors are independent and of standard deviation one.
+
+        Parameters
+        ----------
+        left : ndarray, shape (n_rows,)
+        derivatives : ndarray, shape (n_rows, n_unknowns)
+        covariance : ndarray, shape (n_unknowns, n_unknowns)
+            Of the estimate.
+        columns : ndarray, shape (n_rows, n_columns)
+        """
+        shared = derivatives.T @ columns
+        own = columns.T @ columns - shared.T @ covariance @ shared
+        variances, energy = np.diag(own), (columns**2).sum(axis=0)
+        told = variances > LEAST_REDUNDANCY * np.maximum(energy, np.finfo(np.float64).tiny)
+        deviations = np.sqrt(np.where(told, variances, 1.0))
+        return cls(np.where(told, columns.T @ left / deviations, 0.0), own / np.outer(deviations, deviations), told)
+
+    def fall(self, chosen: Sequence[int]) -> float:
+        """Return by how much the misfit would fall with an unknown for each of some columns."""
+        at = [column for column in chosen if self.told[column]]
+        if not at:
+            return 0.0
+        z = self.normalised[at]
+        return float(z @ np.linalg.lstsq(self.correlation[np.ix_(at, at)], z, rcond=None)[0])
