@@ -9,6 +9,7 @@ import pytest
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_identification.analysis import METHODS, Identification, Options, identify_shot, scale_uncertainty
+from recoil_processing.shot.camera_motion import motion_fit
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_rigs.rig import Rig, parse_rig
 from tests.builders.bench_shots import MASS_KG, bench_motion, bench_rig, bench_shot

@@ -8,11 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from recoil_identification.analysis import Options, identify_shot
 from recoil_identification.zero_shift import MARGIN, ZeroShift, calibrated_with_zero_shift
 from recoil_processing.filters import LowPass
+from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 from tests.builders.bench_shots import MASS_KG, bench_regression
+from tests.builders.virtual_shots import identified, virtual_shot, with_channels
 
 SCALES = ScaleUncertainty(0.005, (0.005, 0.004, 0.004), 150.0)
 U_BIAS = 0.1
@@ -90,3 +93,29 @@ def test_without_a_silence_no_shift_is_told_from_a_zero_that_was_never_known() -
     assert filtered.shifts is None
     assert shift == ZeroShift()
     assert not ZeroShift(criterion=MARGIN).demanded
+
+
+@pytest.mark.parametrize("step_m_s2", [8.0, -25.0])
+def test_with_a_camera_a_step_is_confirmed_and_costs_the_mass_nothing(step_m_s2: float) -> None:
+    virtual, sound = virtual_shot("mixed"), identified("mixed").chosen.estimate
+    accelerometer = virtual.shot.by_role("recoil_acceleration")
+    after = accelerometer.time_base.times_s >= virtual.truth["t_fire"]
+    shot = with_channels(virtual.shot, **{accelerometer.name: accelerometer.samples + step_m_s2 * after})
+    found = identify_shot(replace(shot, alignments=align_clocks(shot, virtual.rig)), virtual.rig, Options())
+    shift, estimate = found.inertial.zero_shift, found.chosen.estimate
+    assert shift.demanded
+    assert shift.confirmed
+    assert shift.step_m_s2 == pytest.approx(step_m_s2, abs=4 * shift.u_step_m_s2)
+    assert found.valid
+    assert estimate.mass_kg == pytest.approx(sound.mass_kg, abs=0.3 * sound.u_kg)
+    assert estimate.u_kg == pytest.approx(sound.u_kg, rel=0.02)
+
+
+def test_a_gauge_that_is_off_is_no_shift_of_the_zero() -> None:
+    virtual = virtual_shot("mixed")
+    gauge = virtual.shot.by_role("recuperator_pressure")
+    found = identify_shot(
+        with_channels(virtual.shot, **{gauge.name: 1.15 * np.asarray(gauge.samples)}), virtual.rig, Options()
+    )
+    assert not found.inertial.zero_shift.demanded
+    assert found.reasons[0].startswith("recuperator_pressure sensitivity and area contradicts")
