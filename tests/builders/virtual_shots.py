@@ -31,7 +31,11 @@ class VirtualShot:
 
 
 def with_twin(
-    name: str, mechanism: tuple[tuple[str, float], ...] = (), u_zero_rel: float = 0.0, **settings: float | bool
+    name: str,
+    mechanism: tuple[tuple[str, float], ...] = (),
+    u_zero_rel: float = 0.0,
+    u_standard_rel: float = 0.0,
+    **settings: float | bool,
 ) -> Rig:
     """Load a bundled rig with other settings of its virtual rig.
 
@@ -41,13 +45,16 @@ def with_twin(
         More values of it.
     u_zero_rel
         By what share of their ranges the gauges' zeros move.
+    u_standard_rel
+        What a standard that calibrated all gauges may be off, of what they may.
     """
     path = find_rig(name)
     head, _, tail = path.read_text(encoding="utf-8").partition("[twin]\n")
     more = "".join(f"{key} = {value}\n" for key, value in mechanism)
-    head = head.replace("[mechanism]\n", f"[mechanism]\n{more}").replace(
-        "u_zero_rel = 0,", f"u_zero_rel = {u_zero_rel},"
+    gauge = f"u_zero_rel = {u_zero_rel}," + (
+        f' reference = "dead weights", u_reference_rel = {u_standard_rel},' if u_standard_rel else ""
     )
+    head = head.replace("[mechanism]\n", f"[mechanism]\n{more}").replace("u_zero_rel = 0,", gauge)
     lines = {line.partition("=")[0].strip(): line for line in tail.splitlines() if "=" in line}
     lines |= {key: f"{key} = {str(value).lower()}" for key, value in settings.items()}
     return parse_rig("\n".join([f"{head}[twin]", *lines.values(), ""]), path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -127,16 +128,24 @@ class Scene:
         if self.settings.hum > 0:
             stored = np.asarray(stored + self._hum(spec, stored, at_s), dtype=np.float64)
         shift = self._zero_shift(role) * after_shot + self._moving_zero(role, spec, at_s)
-        shared = self.scale_error(spec.name)
+        shared = self.scale_error(spec)
         stored, errors = digitise(stored, full_range, spec.sensor.u_rel, self.settings, rng, shift, shared)
         self.gains[spec.name], self.offsets[spec.name] = errors.gain, errors.offset
         return stored
 
-    def scale_error(self, channel: str) -> float | None:
-        """Return by how many standard uncertainties a sensor is off in all shots of a campaign; None without one."""
-        if self.campaign_seed is None:
+    def scale_error(self, spec: ChannelSpec) -> float | None:
+        """Return by how many standard uncertainties a sensor is off; None where that is drawn with its noise.
+
+        In all shots of a campaign it is off by the same. What its standard is off, all are that were calibrated by it.
+        """
+        sensor, seed = spec.sensor, self.seed if self.campaign_seed is None else self.campaign_seed
+        if self.campaign_seed is None and not sensor.u_reference_rel:
             return None
-        return float(generator(self.campaign_seed, "scale", channel).normal())
+        own = float(generator(seed, "scale", spec.name).normal())
+        if not sensor.u_reference_rel:
+            return own
+        part = sensor.u_reference_rel / sensor.u_rel
+        return math.sqrt(1.0 - part**2) * own + part * float(generator(seed, "standard", sensor.reference).normal())
 
     def _zero_shift(self, role: str) -> float:
         """Return by how much a sensor's zero shifts at the shot, share of full scale."""
@@ -312,7 +321,7 @@ def camera_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile
             faults.append(Fault(f"channel '{spec.name}'.signal", problem))
             continue
         unit = file_unit(spec)
-        shared = scene.scale_error(spec.name)
+        shared = scene.scale_error(spec)
         drawn = float(generator(scene.seed, "channel", spec.name).normal()) if shared is None else shared
         gain = 1.0 + spec.sensor.u_rel * drawn * s.gain_errors
         place = np.zeros((count, 2))
