@@ -180,8 +180,17 @@ class Shot:
         return f"Shot({self.name!r} on {self.rig_name!r}: {len(self.channels)} channels, {clocks} clocks, {verdict})"
 
     def by_role(self, role: str) -> Channel | None:
-        """Return the channel of a role, or None."""
-        return next((c for c in self.channels.values() if c.role == role), None)
+        """Return the (first) channel of a role, or None."""
+        return next(iter(self.with_role(role)), None)
+
+    def with_role(self, role: str) -> tuple[Channel, ...]:
+        """Return all channels of a role: several gauges may measure one pressure."""
+        return tuple(c for c in self.channels.values() if c.role == role)
+
+    def without_channel(self, name: str) -> Shot:
+        """Leave a channel out, and what was found of its quality."""
+        channels = {other: channel for other, channel in self.channels.items() if other != name}
+        return replace(self, channels=channels, quality=tuple(c for c in self.quality if c.channel != name))
 
     def alignment(self, clock: str) -> ClockAlignment:
         """Return how a clock maps to the reference clock; the identity for the reference itself.

@@ -19,6 +19,7 @@ from recoil_identification.estimators.endogeneity import Endogeneity, durbin_wu_
 from recoil_identification.estimators.errors_in_variables import neighbouring_force
 from recoil_identification.estimators.estimates import FilmedShot, further_estimates, other_acceleration
 from recoil_identification.filter_choice import choose_filter, mass_filter
+from recoil_identification.gauge_agreement import gauge_agreement, gauge_set_aside
 from recoil_identification.identified import (
     DEFAULT_WINDOW_S,
     FILMED_METHODS,
@@ -87,6 +88,8 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
     if method == "camera":
         return identify_by_camera(shot, rig, options)
     prepared = prepare(shot, rig)
+    if prepared.signals.unused:
+        return _without(prepared.signals.unused[0], "its clock or some of its samples are lost", shot, rig, options)
     signals, recorded = prepared.signals, prepared.recorded
     camera, camera_clock = prepared.camera, prepared.camera_clock
     choice = choose_filter(recorded, shot, given_hz=options.cutoff_hz, campaign=options.campaign)
@@ -105,7 +108,12 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         if film is not None:
             u_zero = math.hypot(*(signals.offsets[r].u for r in CARRIAGE_ACCELERATIONS if r in signals.offsets))
             frames = camera_rows(film, narrow, recorded, prepared.inertial_m_s2, causes, u_zero, u_distortion_m)
-        return Beside(causes, late_readings(signals, narrow.interval_s, causes), frames)
+        late, gauges = (
+            late_readings(signals, narrow.interval_s, causes),
+            gauge_agreement(signals, rig, narrow.interval_s),
+        )
+        rows, priors = ((), ()) if late is None else ((late.rows,), (late.prior,))
+        return Beside(causes, frames, (*rows, *gauges.rows), (*priors, *gauges.priors))
 
     def calibrated(regression: Regression) -> tuple[Regression, Regression, Regression, Calibration, ZeroShift]:
         shifted, narrow, found, shift = calibrated_with_zero_shift(
@@ -120,6 +128,8 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         recorded = prepared.without_skew(shot, rig, skew.corrected_s + skew.due_s)
         recorded, narrow, filtered, calibration, zero_shift = calibrated(recorded)
         skew = find_skew(filtered, calibration, corrected_s=skew.corrected_s + skew.due_s, steps=skew.steps + 1)
+    if (doubted := gauge_set_aside(calibration, signals)) is not None:
+        return _without(*doubted, shot, rig, options)
     further = (
         *further_contributions(narrow, calibration, signals, shot, rig),
         *skew_contribution(narrow, calibration, skew),
@@ -201,6 +211,12 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         assumptions=assumptions_of(rig),
         notes=(*notes_on(rig, signals, recorded, trace, zero_shift), *notes),
     )
+
+
+def _without(gauge: str, why: str, shot: Shot, rig: Rig, options: Options) -> Identification:
+    """Identify the mass by the other gauges of a pressure, and say so."""
+    found = identify_shot(shot.without_channel(gauge), rig.without_channel(gauge), options)
+    return replace(found, notes=(f"{gauge} is set aside: {why}", *found.notes))
 
 
 def _endogeneity(recorded: Regression) -> Endogeneity | None:

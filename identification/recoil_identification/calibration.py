@@ -29,7 +29,7 @@ from recoil_identification.inference.estimate import Estimate
 from recoil_identification.inference.score import Scores
 from recoil_identification.inference.solve import solve
 from recoil_identification.inference.unknown import Prior, Unknown
-from recoil_identification.late_readings import GAS, LateReadings
+from recoil_identification.late_readings import GAS
 from recoil_identification.mass import (
     FRICTION,
     RANDOM,
@@ -79,8 +79,8 @@ class Calibration(ReadOnlyArrays):
     common, own
         What certificates say, and what this shot alone knows beside its rows, see
         `recoil_identification.sensor_priors`.
-    late
-        Rows of the breech gauge once the bore is empty, if there are any.
+    further
+        Rows of the breech gauge once the bore is empty, and of several gauges' differences, if there are any.
     camera
         Rows of its frames, if there are any.
     """
@@ -92,7 +92,7 @@ class Calibration(ReadOnlyArrays):
     common: tuple[Prior, ...]
     own: tuple[Prior, ...]
     root: Array | None = None
-    late: tuple[LinearBlock, ...] = ()
+    further: tuple[LinearBlock, ...] = ()
     camera: CameraRows | None = None
 
     @property
@@ -183,7 +183,7 @@ class Calibration(ReadOnlyArrays):
         sizes = [motion.change(i) for i in range(shapes.shape[1])]
         known = [Prior.of(size.name, size.name, u) for size in sizes] if math.isfinite(u) else []
         priors = [*self.common, *self.own, *known]
-        blocks: list[Block] = [changing.rows, *self.late]
+        blocks: list[Block] = [changing.rows, *self.further]
         return replace(changing, inferred=solve([*self.inferred.unknowns, *sizes], blocks, priors, self.values))
 
     def scores(self, columns: Array) -> Scores:
@@ -195,7 +195,7 @@ class Calibration(ReadOnlyArrays):
     def without_prior(self, source: str) -> Calibration:
         """Forget what is known beforehand of one source, and estimate anew; `estimate` stays what it is."""
         common, own = (tuple(one for one in priors if one.sources != (source,)) for priors in (self.common, self.own))
-        blocks: list[Block] = [self.rows, *self.late]
+        blocks: list[Block] = [self.rows, *self.further]
         inferred = solve(self.inferred.unknowns, blocks, [*common, *own], self.values)
         return replace(self, common=common, own=own, inferred=inferred)
 
@@ -260,15 +260,16 @@ class Beside:
     ----------
     causes
         What else may be wrong, on the regression's grid.
-    late
-        What the breech gauge reads once the bore is empty.
     camera
         Rows of its frames.
+    rows, priors
+        Of the breech gauge once the bore is empty, and of several gauges' differences.
     """
 
     causes: tuple[Cause, ...] = ()
-    late: LateReadings | None = None
     camera: CameraRows | None = None
+    rows: tuple[LinearBlock, ...] = ()
+    priors: tuple[Prior, ...] = ()
 
 
 def calibrated_mass(
@@ -295,7 +296,7 @@ def calibrated_mass(
     IdentificationError
         If the interval has too few rows, or force and acceleration have nothing in common.
     """
-    causes, late, camera = beside.causes, beside.late, beside.camera
+    causes, camera = beside.causes, beside.camera
     first = reverse_mass(regression, scales)
     noise = row_noise(regression, first.mass_kg) if noise is None else noise
     rows = spaced_rows(regression)
@@ -305,11 +306,10 @@ def calibrated_mass(
     common = certificates(scales, release, None if camera is None else camera.u_rel)
     own = [Prior.of(ZERO, motion.ZERO.name, u_bias_m_s2)] if math.isfinite(u_bias_m_s2) else []
     own += [] if camera is None else camera.priors
-    own += [*(cause.prior for cause in causes), *(() if late is None else (late.prior,))]
+    own += [*(cause.prior for cause in causes), *beside.priors]
     block = EquationOfMotion(regression, rows, first.mass_kg, noise.sigma_m_s2[rows], causes)
     root = correlation_root(regression, rows, noise, camera)
-    late_rows = () if late is None else (late.rows,)
-    blocks: list[Block] = [_joined(block, camera, root), *late_rows]
+    blocks: list[Block] = [_joined(block, camera, root), *beside.rows]
     inferred = solve([*block.all_unknowns, *_beside(block, [*common, *own])], blocks, [*common, *own])
     residual = block.sigma_m_s2 * block.linearised({one.name: inferred.value(one.name) for one in inferred.unknowns})[0]
     # of the unknowns the mass and the shifts are not restricted, and zero and release hardly
@@ -335,7 +335,7 @@ def calibrated_mass(
         common=tuple(common),
         own=tuple(own),
         root=root,
-        late=late_rows,
+        further=beside.rows,
         camera=camera,
     )
 

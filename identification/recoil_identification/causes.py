@@ -20,7 +20,7 @@ from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_processing.shot.regression import PRESSURE_ROLES, SIGNS, Regression
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.assemble import range_si
-from recoil_rigs.rig import Rig
+from recoil_rigs.rig import ChannelSpec, Rig
 
 Array = NDArray[np.float64]
 
@@ -142,12 +142,13 @@ def causes_of(
     # a recording that is late by dt lacks dt times its slope
     slopes_n_s = np.gradient(regression.forces_n[:, :3], regression.step_s, axis=0)
     jerk_m_s3 = np.gradient(regression.acceleration_m_s2, regression.step_s)
-    channels = [shot.by_role(role) for role in (*PRESSURE_ROLES, "recoil_acceleration")]
-    clocks = [None if channel is None else channel.time_base.clock for channel in channels]
-    for clock in sorted({clock for clock in clocks if clock is not None} - {shot.reference_clock}):
+    channels = [shot.with_role(role) for role in (*PRESSURE_ROLES, "recoil_acceleration")]
+    clocks = [[channel.time_base.clock for channel in of_role] for of_role in channels]
+    for clock in sorted({clock for of_role in clocks for clock in of_role} - {shot.reference_clock}):
         u_s = shot.alignment(clock).u_offset_s
         if math.isfinite(u_s) and u_s > 0:
-            on_it = np.array([each == clock for each in clocks])
+            # of the mean of several gauges some may be on it
+            on_it = np.array([of_role.count(clock) / max(len(of_role), 1) for of_role in clocks])
             moved = -jerk_m_s3 if on_it[3] else unmoved
             found.append(Cause(f"alignment of clock {clock}", "s", u_s, "B", slopes_n_s * on_it[:3], moved))
     if regression.low_pass is not None:
@@ -162,13 +163,18 @@ def causes_of(
     return tuple(found)
 
 
-def _u_moving_zero_pa(rig: Rig, signals: Signals, role: str) -> float:
+def moving_zero_pa(spec: ChannelSpec, reading_pa: Array) -> float:
     """Return by how much a gauge's zero may move: a share of its range, or of what it reads where none is declared."""
-    spec, reading = rig.by_role(role), signals.series.get(role)
-    if spec is None or reading is None:
-        return 0.0
-    low, high = range_si(spec) or (0.0, float(np.nanmax(np.abs(reading), initial=0.0)))
+    low, high = range_si(spec) or (0.0, float(np.nanmax(np.abs(reading_pa), initial=0.0)))
     return spec.sensor.u_moving_zero_rel * max(abs(low), abs(high))
+
+
+def _u_moving_zero_pa(rig: Rig, signals: Signals, role: str) -> float:
+    """Return by how much the zero may move of a pressure, the mean of all that measured it."""
+    specs, reading = rig.with_role(role), signals.series.get(role)
+    if not specs or reading is None:
+        return 0.0
+    return math.hypot(*(moving_zero_pa(spec, reading) for spec in specs)) / len(specs)
 
 
 def _filtered(regression: Regression, columns: Array) -> Array:

@@ -115,18 +115,20 @@ def shot_summary(calibration: Calibration, rig: Rig) -> ShotSummary:
 
 
 def _scale(rig: Rig, role: str) -> tuple[tuple[str, float], ...]:
-    channel = rig.by_role(role)
-    if channel is None:
-        return ()
-    sensor = channel.sensor
-    calibrated = "" if sensor.calibrated is None else f":{sensor.calibrated.isoformat()}"
-    # without a serial number a sensor is known by its place
-    identity = sensor.serial or f"{rig.name}/{channel.name}"
-    own = math.sqrt(sensor.u_rel**2 - sensor.u_reference_rel**2)
-    of_sensor = (f"sensor:{role}:{identity}{calibrated}", own)
-    if not sensor.u_reference_rel:
-        return (of_sensor,)
-    return (of_sensor, (f"standard:{sensor.reference}", sensor.u_reference_rel))
+    """Return what the scale of a role may be off by; of the mean of several gauges each has its part."""
+    channels = rig.with_role(role)
+    found: dict[str, float] = {}
+    for channel in channels:
+        sensor = channel.sensor
+        calibrated = "" if sensor.calibrated is None else f":{sensor.calibrated.isoformat()}"
+        # without a serial number a sensor is known by its place
+        identity = sensor.serial or f"{rig.name}/{channel.name}"
+        own = math.sqrt(sensor.u_rel**2 - sensor.u_reference_rel**2)
+        found[f"sensor:{role}:{identity}{calibrated}"] = own / len(channels)
+        if sensor.u_reference_rel:
+            name = f"standard:{sensor.reference}"
+            found[name] = found.get(name, 0.0) + sensor.u_reference_rel / len(channels)
+    return tuple(found.items())
 
 
 def _gauge(rig: Rig, role: str, area: str) -> tuple[tuple[str, float], ...]:

@@ -6,9 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 
 from recoil_rigs.rig import Rig
-from recoil_rigs.rig_tables import USUAL_U_DISTORTION_M, USUAL_U_ZERO_REL
+from recoil_rigs.rig_tables import GAUGE_ROLES, USUAL_U_DISTORTION_M, USUAL_U_ZERO_REL
 
-GAUGE_ROLES = ("breech_pressure", "brake_pressure", "recuperator_pressure")
 AREAS = ("bore_area", "brake_area", "recuperator_area")
 """Symbols of the areas on which breech, brake and recuperator pressure act."""
 CARRIAGE_ROLES = ("carriage_acceleration_x", "carriage_acceleration_y", "carriage_rate", "tipping_rate")

@@ -10,7 +10,7 @@ import codecs
 import datetime as dt
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
 from types import MappingProxyType
@@ -129,8 +129,16 @@ class Rig:
         raise KeyError(name)
 
     def by_role(self, role: str) -> ChannelSpec | None:
-        """Return the channel of a role, or None."""
-        return next((c for c in self.channels if c.role == role), None)
+        """Return the (first) channel of a role, or None."""
+        return next(iter(self.with_role(role)), None)
+
+    def with_role(self, role: str) -> tuple[ChannelSpec, ...]:
+        """Return all channels of a role: several gauges may measure one pressure."""
+        return tuple(c for c in self.channels if c.role == role)
+
+    def without_channel(self, name: str) -> Rig:
+        """Leave a channel out."""
+        return replace(self, channels=tuple(c for c in self.channels if c.name != name))
 
     def channels_of(self, source: str) -> tuple[ChannelSpec, ...]:
         """Return the channels of one source, in the file's order."""

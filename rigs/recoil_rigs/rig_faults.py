@@ -18,7 +18,7 @@ from recoil_acquisition.trigger.table import trigger_faults
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.mechanism_parameters import MEANINGS
 from recoil_rigs.rig_alignments import faults_of_alignment
-from recoil_rigs.rig_tables import LIVE_KINDS, ROLES, ChannelSpec, Source, names_in
+from recoil_rigs.rig_tables import GAUGE_ROLES, LIVE_KINDS, ROLES, ChannelSpec, Source, names_in
 
 
 def checked_mechanism(table: Any, faults: list[Fault]) -> Mechanism | None:
@@ -203,8 +203,11 @@ def _faults_of_role(where: str, channel: ChannelSpec, channels: Sequence[Channel
         nearest = nearest_first(channel.role, list(ROLES))[0]
         return [Fault(f"{where}.role", f"unknown role {channel.role!r}; did you mean `{nearest}`?")]
     others = [c.name for c in channels if c.role == channel.role and c is not channel]
-    if others:
-        problem = f"{channel.role!r} is also the role of {', '.join(others)}; one channel per role"
+    if others and channel.role not in GAUGE_ROLES:
+        problem = (
+            f"{channel.role!r} is also the role of {', '.join(others)}; only pressures may have several gauges: "
+            f"{', '.join(GAUGE_ROLES)}"
+        )
         faults.append(Fault(f"{where}.role", problem))
     if channel.quantity in SI_UNITS and channel.quantity != ROLES[channel.role]:
         problem = f"role {channel.role!r} needs quantity {ROLES[channel.role]!r}, found {channel.quantity!r}"

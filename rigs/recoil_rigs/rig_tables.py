@@ -16,6 +16,8 @@ from pydantic import Field, field_validator, model_validator
 
 from recoil_acquisition.declaration import DeclaredTable, Finite, NotNegative, Pair, Positive, Text
 
+GAUGE_ROLES = ("breech_pressure", "brake_pressure", "recuperator_pressure")
+"""Roles that several channels may bear: gauges of one pressure."""
 ROLES = MappingProxyType(
     {
         "recoil_acceleration": "acceleration",

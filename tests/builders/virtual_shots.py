@@ -60,6 +60,16 @@ def with_twin(
     return parse_rig("\n".join([f"{head}[twin]", *lines.values(), ""]), path)
 
 
+def with_second_gauge(name: str) -> Rig:
+    """Load a bundled rig and mount a second breech gauge of the same kind, with a number of its own."""
+    path = find_rig(name)
+    text = path.read_text(encoding="utf-8")
+    first = text.index('[[channel]]\nname = "p_breech"')
+    stop = text.index("[[channel]]", first + 1)
+    second = text[first:stop].replace("p_breech", "p_breech_2").replace("AI 6/", "AI 26/").replace("V301", "V399")
+    return parse_rig(text[:stop] + second + text[stop:], path)
+
+
 @cache
 def virtual_shot(
     name: str = "field-2013",

@@ -117,7 +117,7 @@ def test_a_bent_picture_costs_the_mass_little():
     assert rows is not None
     calibration = found.calibration
     root = correlation_root(found.fitted, calibration.block.rows, calibration.noise, rows)
-    blocks = [JointBlock((calibration.block, rows), root), *calibration.late]
+    blocks = [JointBlock((calibration.block, rows), root), *calibration.further]
     moved = solve(calibration.inferred.unknowns, blocks, [*calibration.common, *calibration.own])
     was = calibration.inferred
     assert moved.value(DISTORTIONS[0]) - was.value(DISTORTIONS[0]) > 5e-5

@@ -130,7 +130,7 @@ def refitted_kg(
         scale_uncertainty(virtual_shot(name, u_zero_rel=MOVING).rig),
         found.signals.offsets["recoil_acceleration"].u,
         noise=calibration.noise,
-        beside=Beside(calibration.block.causes, replace(late, rows=rows), camera),
+        beside=Beside(calibration.block.causes, camera, (rows,), (late.prior,)),
     )
     return again.estimate.mass_kg
 

@@ -108,7 +108,7 @@ def test_a_drawn_shot_that_is_solved_anew_is_where_the_linear_draw_has_it(name):
             replace(block, regression=replace(found.fitted, acceleration_m_s2=acceleration)),
             replace(camera, recorded_m=camera.recorded_m + camera.sigma_m * recorded[block.rows.size :]),
         )
-        rows = [replace(together, parts=noisy), *calibration.late]
+        rows = [replace(together, parts=noisy), *calibration.further]
         solved = solve(inferred.unknowns, rows, moved, calibration.values).value("ln mass")
         linear = inferred.contributions[0] @ np.concatenate(drawn) + inferred.covariance[0] @ design.T @ noise
         apart.append(solved - inferred.value("ln mass") - linear)

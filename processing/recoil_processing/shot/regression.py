@@ -18,8 +18,8 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.filters import Filtered, LowPass, filter_alike
 from recoil_processing.shot.interval import end_of_travel, release_index, stop_release_impulse
 from recoil_processing.shot.signals import Signals
-from recoil_rigs.assumptions import GAUGE_ROLES
 from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.rig_tables import GAUGE_ROLES
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

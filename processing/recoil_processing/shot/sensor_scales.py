@@ -13,6 +13,11 @@ from recoil_rigs.rig import Rig
 MOTION_ROLES = ("recoil_acceleration", "recoil_displacement")
 
 
+def of_gauge(channel: str) -> str:
+    """Return the name of the part that one of several gauges of a pressure has in the scale of their mean."""
+    return f"{channel} sensitivity"
+
+
 @dataclass(frozen=True)
 class ScaleUncertainty:
     """Standard uncertainties of what the scale of the mass hangs on.
@@ -27,7 +32,8 @@ class ScaleUncertainty:
         Of the packing friction, N: absolute, because a friction that is declared as zero may have one.
     parts
         By role, what of these uncertainties is not the sensor's own: name of the area, the friction or the standard,
-        and its relative standard uncertainty. Sensors that were calibrated against one standard share its part.
+        and its relative standard uncertainty. Sensors that were calibrated against one standard share its part. Where
+        several gauges measure one pressure each of them is a part, see `of_gauge`.
     """
 
     acceleration: float
@@ -42,16 +48,24 @@ def scale_uncertainty(rig: Rig) -> ScaleUncertainty:
     total = dict.fromkeys((*PRESSURE_ROLES, *MOTION_ROLES), 0.0)
     areas = dict(zip(PRESSURE_ROLES, AREAS, strict=True))
     for role in total:
-        channel, listed = rig.by_role(role), []
+        channels = rig.with_role(role)
+        listed: dict[str, float] = {}
         if role in areas and (u_area := m.u.get(areas[role], 0.0) / getattr(m, areas[role])):
-            listed.append((areas[role], u_area))
+            listed[areas[role]] = u_area
         if role == "breech_pressure" and m.u_bore_friction_rel:
-            listed.append(("bore_friction", m.u_bore_friction_rel))
-        own = channel.sensor.u_rel if channel else 0.0
-        total[role] = math.hypot(own, *(u for _, u in listed))
-        if channel and channel.sensor.u_reference_rel:
-            listed.append((f"standard {channel.sensor.reference}", channel.sensor.u_reference_rel))
+            listed["bore_friction"] = m.u_bore_friction_rel
+        standards: dict[str, float] = {}
+        own: dict[str, float] = {}
+        for channel in channels:
+            sensor = channel.sensor
+            if sensor.u_reference_rel:
+                name = f"standard {sensor.reference}"
+                standards[name] = standards.get(name, 0.0) + sensor.u_reference_rel / len(channels)
+            own[of_gauge(channel.name)] = math.sqrt(sensor.u_rel**2 - sensor.u_reference_rel**2) / len(channels)
+        total[role] = math.hypot(*own.values(), *standards.values(), *listed.values())
+        # of the mean of several gauges each has its part
+        listed |= standards | (own if len(channels) > 1 else {})
         if listed:
-            parts[role] = tuple(listed)
+            parts[role] = tuple(listed.items())
     breech, brake, recuperator = (total[role] for role in PRESSURE_ROLES)
     return ScaleUncertainty(total["recoil_acceleration"], (breech, brake, recuperator), m.u.get("friction", 0.0), parts)

@@ -10,7 +10,7 @@ is left as it is. What is mended of the samples on the way is listed with them.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_acquisition.timebase import TimeBase
 from recoil_processing.noise import robust_sigma
@@ -25,7 +26,7 @@ from recoil_processing.shot.channel_repair import ChannelRepair, level_samples, 
 from recoil_processing.shot.instants import instants
 from recoil_processing.shot.onset import LEAST_LEVEL_SAMPLES, find_onset
 from recoil_rigs.mechanism import Mechanism
-from recoil_rigs.rig import ChannelSpec, Rig
+from recoil_rigs.rig import Rig
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -57,6 +58,15 @@ class Offset:
 
 
 @dataclass(frozen=True, eq=False)
+class GaugeReading(ReadOnlyArrays):
+    """What one of several gauges of a pressure read, Pa, without its offset, shape (n,)."""
+
+    channel: str
+    samples: Array
+    offset: Offset
+
+
+@dataclass(frozen=True, eq=False)
 class Signals:
     """Signals on one uniform grid of the reference clock; SI; NaN where an instrument lost samples.
 
@@ -65,7 +75,7 @@ class Signals:
     start_s, step_s
         The grid.
     series : mapping of str to ndarray, shape (n,)
-        By role; only roles that the shot has.
+        By role; only roles that the shot has. Of several gauges of one pressure it is their mean.
     offsets
         By role.
     baseline_s
@@ -76,6 +86,10 @@ class Signals:
         What was done to the samples, in the order in which it was.
     left : mapping of (str, str) to ndarray, shape (n,)
         By role and cause: an error of standard size that a repair may have left in the series.
+    gauges
+        By role, where several gauges measured it: each alone.
+    unused
+        Channels of such a role that lost more samples than another, or whose clock could not be aligned.
     """
 
     start_s: float
@@ -86,6 +100,8 @@ class Signals:
     onset_s: float
     repairs: tuple[ChannelRepair, ...] = ()
     left: Mapping[tuple[str, str], Array] = field(default_factory=dict)
+    gauges: Mapping[str, tuple[GaugeReading, ...]] = field(default_factory=dict)
+    unused: tuple[str, ...] = ()
 
     @property
     def times_s(self) -> Array:
@@ -163,39 +179,66 @@ def collect_signals(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignmen
     start, step = base.start_s, base.step_s or float(np.median(np.diff(base.times_s)))
     count = base.count if base.step_s else int((base.end_s - start) / step) + 1
     grid = np.asarray(start + step * np.arange(count), dtype=np.float64)
-    series: dict[str, Array] = {}
-    specs: dict[str, ChannelSpec] = {}
+    read: dict[str, Array] = {}
     repairs: list[ChannelRepair] = []
-    for role in SERIES_ROLES:
-        channel = shot.by_role(role)
-        if channel is None:
-            continue
+    by_role: dict[str, list[str]] = {}
+    unused: list[str] = []
+    for channel in (one for role in SERIES_ROLES for one in shot.with_role(role)):
         alignment = alignments.get(channel.time_base.clock)
         if channel.time_base.clock != shot.reference_clock and (alignment is None or alignment.status == "failed"):
+            unused.append(channel.name)
             continue
-        spec = specs[role] = rig.channel(channel.name)
+        spec = rig.channel(channel.name)
         mended = mend_samples(channel, spec, rig.source(spec.source).kind)
         dated = replace(at_instants(channel, shot, rig), samples=mended.samples)
-        series[role] = on_grid(dated, alignment, grid)
+        read[channel.name] = on_grid(dated, alignment, grid)
+        by_role.setdefault(channel.role, []).append(channel.name)
         if mended.repairs:
             times = dated.time_base.times_s if alignment is None else alignment.to_reference(dated.time_base.times_s)
-            repairs += [ChannelRepair.of(channel.name, role, repair, times) for repair in mended.repairs]
-    onset = find_onset(grid, series)
+            repairs += [ChannelRepair.of(channel.name, channel.role, repair, times) for repair in mended.repairs]
+    for role, names in by_role.items():
+        lost = {name: int(np.count_nonzero(~np.isfinite(read[name]))) for name in names}
+        by_role[role] = [name for name in names if lost[name] == min(lost.values())]
+        unused += [name for name in names if name not in by_role[role]]
+    onset = find_onset(grid, {role: read[names[0]] for role, names in by_role.items()})
     baseline_end = max(start, onset - BASELINE_MARGIN_S)
     baseline_s = (start, baseline_end) if baseline_end - start >= LEAST_BASELINE_S else (start, start)
+    series: dict[str, Array] = {}
     offsets: dict[str, Offset] = {}
     left: dict[tuple[str, str], Array] = {}
+    gauges: dict[str, tuple[GaugeReading, ...]] = {}
     in_baseline = (grid >= baseline_s[0]) & (grid < baseline_s[1])
-    for role, spec in specs.items():
-        baseline = series[role][in_baseline & np.isfinite(series[role])]
-        noise = robust_sigma(baseline)
-        if baseline.size >= LEAST_LEVEL_SAMPLES:
-            level = level_samples(series[role], step, in_baseline, spec, noise)
-            series[role] = level.samples
-            repairs += [ChannelRepair.of(spec.name, role, repair, grid) for repair in level.repairs]
-            left |= {(role, cause): error for cause, error in level.left.items()}
-        series[role], offsets[role] = _at_rest(series[role], in_baseline, static_value(role, rig.mechanism), noise)
-    return Signals(start, step, series, offsets, baseline_s, onset, tuple(repairs), left)
+    for role, names in by_role.items():
+        found = []
+        for name in names:
+            samples, spec = read[name], rig.channel(name)
+            baseline = samples[in_baseline & np.isfinite(samples)]
+            noise = robust_sigma(baseline)
+            if baseline.size >= LEAST_LEVEL_SAMPLES:
+                level = level_samples(samples, step, in_baseline, spec, noise)
+                samples = level.samples
+                repairs += [ChannelRepair.of(name, role, repair, grid) for repair in level.repairs]
+                for cause, error in level.left.items():
+                    left[role, cause if len(names) == 1 else f"{cause} of {name}"] = error / len(names)
+            found.append(GaugeReading(name, *_at_rest(samples, in_baseline, static_value(role, rig.mechanism), noise)))
+        series[role], offsets[role] = found[0].samples, found[0].offset
+        if len(found) > 1:
+            gauges[role] = tuple(found)
+            series[role] = np.asarray(np.mean([one.samples for one in found], axis=0))
+            offsets[role] = _of_mean([one.offset for one in found])
+    return Signals(
+        *(start, step, series, offsets, baseline_s, onset, tuple(repairs), left),
+        gauges=gauges,
+        # what was left out and has no other in its place is missing, not set aside
+        unused=tuple(name for name in unused if shot.channels[name].role in by_role),
+    )
+
+
+def _of_mean(offsets: Sequence[Offset]) -> Offset:
+    """Return the offset of the mean of several gauges, whose noise is independent."""
+    count = len(offsets)
+    value, u = math.fsum(one.value for one in offsets) / count, math.hypot(*(one.u for one in offsets)) / count
+    return Offset(value, u, math.hypot(*(one.noise for one in offsets)) / count)
 
 
 def at_instants(channel: Channel, shot: Shot, rig: Rig) -> Channel:
