@@ -108,17 +108,14 @@ def find(case: Case) -> Finding:
             f"inertia force and gauges differ by more than {CRITICAL_VALUE} standard uncertainties in "
             f"{100 * (1 - plausible):.0f} % of the recoil: a sensor, an area or the mass is off by more than declared."
         )
-    other = case.identified.chosen.estimate
-    if abs(other.mass_kg - mass) > COVERAGE_FACTOR * math.hypot(other.u_kg, u_mass):
-        reasons.append(
-            f"the mass of this solution, {mass:.1f} kg, is not that of the identification, {other.mass_kg:.1f} kg."
-        )
+    same, apart = case.beside_the_shots_mass(mass, u_mass)
+    reasons += apart
     undeclared = [s for s in OWN if s not in m.u and math.isfinite(getattr(m, s))]
     agreed = (
         f"inertia and gauges agree within their common 95 % band in {100 * agreement:.0f} % of the recoil; the mass is "
         "found from the same gauges, so that this checks shape and calibration, not the scale alone."
     )
-    notes = [agreed]
+    notes = [agreed, *same]
     if missing:
         notes.append(f"the rig's [mechanism] does not declare {', '.join(missing)}: what needs them is not evaluated.")
     if undeclared:

@@ -42,8 +42,6 @@ LARGEST_CUTOFF_HZ = 80.0
 """The carriage moves below 30 Hz; the noise of a gyro's derivative grows with the 1.5th power of the cut-off."""
 LARGEST_RESIDUAL = 0.02
 """Share of an equation's largest load that its residual may have; beyond it the three bodies are not the mechanism."""
-LARGEST_APART = 3.0
-"""Standard uncertainties of this mass by which it may differ from the shot's, whose data it shares."""
 ROLES = (
     "recoil_acceleration", "carriage_acceleration_x", "carriage_acceleration_y", "carriage_rate", "tipping_rate",
     "breech_pressure", "brake_pressure", "recuperator_pressure",
@@ -70,7 +68,8 @@ def find(case: Case) -> Finding:
         f"further unknown, behind one low-pass at {rows.cutoff_hz:.0f} Hz."
     )
     notes = [f"{missing}."] if missing else []
-    same, apart = _beside_the_shots_mass(case, quantities)
+    mass = next(one for one in quantities if one.symbol == symbol_of(PARAMETERS.index("m3")))
+    same, apart = case.beside_the_shots_mass(mass.value, mass.u) if mass.identified else ([], [])
     notes += same
     silent = [one.name for one in quantities if not one.identified]
     if silent:
@@ -208,26 +207,6 @@ def _quantities(rig: Rig, rows: MechanismRows, fit: MechanismFit) -> tuple[Quant
 def _what_lacks(rows: MechanismRows) -> str:
     lacking = [LOAD_CELLS[name] for name, there in zip(LOADS, rows.measured, strict=True) if not there]
     return f"without {', '.join(lacking)}" if lacking else "with all loads measured"
-
-
-def _beside_the_shots_mass(case: Case, quantities: tuple[Quantity, ...]) -> tuple[list[str], list[str]]:
-    """Say why the recoiling mass is not quite the shot's, as a note; as a reason where that does not explain it."""
-    symbol = symbol_of(PARAMETERS.index("m3"))
-    found = next(one for one in quantities if one.symbol == symbol)
-    if not found.identified:
-        return [], []
-    shot = case.identified.chosen.estimate
-    apart = found.value - shot.mass_kg
-    beside = (
-        f"m3 {found.value:.1f} kg is {apart:+.1f} kg off the mass of the shot, {shot.mass_kg:.1f} kg "
-        f"(u {shot.u_kg:.1f} kg)"
-    )
-    # both rest on the same sensors, so that they may differ by less than if they did not
-    u_apart = math.hypot(found.u, shot.u_kg)
-    if abs(apart) > LARGEST_APART * u_apart:
-        return [], [f"{beside}, {abs(apart) / u_apart:.1f} standard uncertainties of both (limit {LARGEST_APART:g})."]
-    why = "it rests on a lower low-pass, and has no unknowns for clocks and for zeros that move in the shot"
-    return [f"{beside}: {why}; the mass of the shot is the one to take."], []
 
 
 def _reasons(case: Case, rows: MechanismRows, fit: MechanismFit) -> tuple[str, ...]:

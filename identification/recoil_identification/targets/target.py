@@ -16,6 +16,9 @@ from recoil_identification.analysis import Identification, Options, identify_sho
 from recoil_identification.preparation import Prepared, prepare
 from recoil_rigs.rig import Rig
 
+LARGEST_APART = 3.0
+"""Standard uncertainties of both by which a target's mass may differ from the shot's, whose data it shares."""
+
 
 @dataclass(frozen=True, eq=False)
 class Case:
@@ -52,6 +55,23 @@ class Case:
             As `recoil_identification.analysis.identify_shot`.
         """
         return identify_shot(self.shot, self.rig, self.options)
+
+    def beside_the_shots_mass(self, mass_kg: float, u_kg: float) -> tuple[list[str], list[str]]:
+        """Say why a target's recoiling mass is not quite the shot's, as notes; as reasons where that is too far off."""
+        shot = self.identified.chosen.estimate
+        apart = mass_kg - shot.mass_kg
+        beside = (
+            f"m3 {mass_kg:.1f} kg is {apart:+.1f} kg off the mass of the shot, {shot.mass_kg:.1f} kg "
+            f"(u {shot.u_kg:.1f} kg)"
+        )
+        # both rest on the same sensors, so that they may differ by less than if they did not
+        u_apart = math.hypot(u_kg, shot.u_kg)
+        if abs(apart) > LARGEST_APART * u_apart:
+            return [], [
+                f"{beside}, {abs(apart) / u_apart:.1f} standard uncertainties of both (limit {LARGEST_APART:g})."
+            ]
+        why = "it rests on a lower low-pass, and has no unknowns for clocks and for zeros that move in the shot"
+        return [f"{beside}: {why}; the mass of the shot is the one to take."], []
 
     def require_roles(self, *roles: str, purpose: str) -> None:
         """Refuse a shot that lacks channels.

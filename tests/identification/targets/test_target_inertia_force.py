@@ -63,6 +63,11 @@ def test_inertia_and_gauges_agree(found):
     assert np.nanmax(np.abs(difference)) < 0.03 * abs(found.quantity("peak_bore").value)
 
 
+def test_its_mass_is_set_beside_the_shots(found):
+    (note,) = [note for note in found.notes if "off the mass of the shot" in note]
+    assert note.startswith(f"m3 {found.quantity('m3').value:.1f} kg is ")
+
+
 def test_a_gauge_that_is_far_off_is_a_reason():
     weighed = weighed_shot()
     off = weighed.shot.channels["p_brake"].samples * 1.1
