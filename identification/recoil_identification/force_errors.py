@@ -29,7 +29,7 @@ class NamedErrors(ReadOnlyArrays):
     Attributes
     ----------
     kinds
-        ``A`` for zeros, by the noise of the silence; ``B`` for the rest.
+        ``A`` for zeros, by the noise of the pre-trigger baseline; ``B`` for the rest.
     columns_n : ndarray, shape (n, n_errors)
     """
 

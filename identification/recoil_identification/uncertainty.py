@@ -119,7 +119,7 @@ def _moved(regression: Regression, on_it: Sequence[bool], shift_s: float) -> Reg
 
 
 def zero_contributions(filtered: Regression, calibration: Corrections, signals: Signals, rig: Rig) -> list[BudgetRow]:
-    """Move every force by the uncertainty of its gauge's zero, from the noise of the silence before the shot.
+    """Move every force by the uncertainty of its gauge's zero, from the noise of the pre-trigger baseline.
 
     A gauge whose zero is not known at all has no row: no number could be given.
     """

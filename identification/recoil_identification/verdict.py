@@ -114,7 +114,7 @@ def reasons_against_record(
     doubtful = [a for a in shot.alignments if a.status != "ok"]
     reasons += [f"clock {a.clock}: alignment {a.status}: {'; '.join(a.reasons)}" for a in doubtful]
     if signals.baseline_s[0] == signals.baseline_s[1]:
-        reasons.append("no silence before the shot: the zeros of the sensors, and their uncertainties, are not known")
+        reasons.append("no pre-trigger baseline: the zeros of the sensors, and their uncertainties, are not known")
     recuperator = rig.by_role("recuperator_pressure")
     if recuperator is not None and recuperator.sensor.time_constant_s is not None:
         reasons.append(f"{recuperator.name} is AC-coupled (time_constant_s): it does not read the pressure at rest")

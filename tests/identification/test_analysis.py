@@ -181,7 +181,7 @@ def test_a_shot_of_which_little_can_be_identified_is_not_valid():
     assert any(r.startswith("only ") and "could be identified" in r for r in found.reasons)
 
 
-def test_without_a_silence_the_result_is_not_valid():
+def test_without_a_baseline_the_result_is_not_valid():
     motion = bench_motion()
     shot = bench_shot()
     first = int(np.searchsorted(motion.times_s, 0.027))
@@ -194,7 +194,7 @@ def test_without_a_silence_the_result_is_not_valid():
         for n, c in shot.channels.items()
     }
     found = identify_shot(replace(shot, channels=cut), bench_rig(), Options())
-    assert any(r.startswith("no silence before the shot") for r in found.reasons)
+    assert any(r.startswith("no pre-trigger baseline") for r in found.reasons)
     assert found.chosen.estimate.mass_kg == pytest.approx(MASS_KG, rel=0.01)
 
 

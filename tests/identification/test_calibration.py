@@ -291,7 +291,7 @@ def test_a_misfit_is_not_taken_for_noise():
     assert found.noise.sigma_m_s2 == pytest.approx(1.0, rel=0.15)
 
 
-def test_without_a_silence_the_zero_is_found_from_the_shot_itself():
+def test_without_a_baseline_the_zero_is_found_from_the_shot_itself():
     found = calibrated_mass(measured(bias_m_s2=4.0, noise=alternating(1.0)), SCALES, math.inf, None)
     assert found.bias_m_s2 == pytest.approx(4.0, abs=2.0)
     assert ZERO not in found.pulls

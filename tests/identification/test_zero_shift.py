@@ -88,7 +88,7 @@ def test_a_shift_costs_certainty() -> None:
     assert with_shift > without
 
 
-def test_without_a_silence_no_shift_is_told_from_a_zero_that_was_never_known() -> None:
+def test_without_a_baseline_no_shift_is_told_from_a_zero_that_was_never_known() -> None:
     filtered, _, _, shift = found(measured(4, step=25.0), u_bias=math.inf)
     assert filtered.shifts is None
     assert shift == ZeroShift()

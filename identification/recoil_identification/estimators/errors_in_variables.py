@@ -10,8 +10,8 @@ Wiley, 1987, section 1.1). What corrects it:
     Mat. Astr. Fys. 32A, 1945). The force some samples before and after is one: its noise is another.
 
 All are roots of an estimating equation ``sum psi_t(m) = 0``; their uncertainty is that of the sum over its slope,
-with psi's correlation in time as an autoregressive model tells it, and no less than the noise of the silence before
-the shot allows.
+with psi's correlation in time as an autoregressive model tells it, and no less than the noise of the pre-trigger
+baseline allows.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def deming_mass(
         that of acceleration on force, at infinity that of force on acceleration.
     used : ndarray of bool, shape (n,), optional
     quiet_sigma_m_s2
-        Noise of ``a - F / m`` per sample in the silence before the shot; 0 if it is not known.
+        Noise of ``a - F / m`` per sample in the pre-trigger baseline; 0 if it is not known.
 
     Raises
     ------
@@ -113,7 +113,7 @@ def instrumental_mass(
         The instrument z goes with the motion; its errors go with neither of the two others'.
     used : ndarray of bool, shape (n,), optional
     quiet_sigma_m_s2
-        Noise of ``a - F / m`` per sample in the silence before the shot; 0 if it is not known.
+        Noise of ``a - F / m`` per sample in the pre-trigger baseline; 0 if it is not known.
 
     Raises
     ------

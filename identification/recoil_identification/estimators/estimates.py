@@ -1,6 +1,6 @@
 """Further estimates of a shot's mass beside the regression's own, each with a budget of the same rows.
 
-``tls``         total least squares behind the low-pass, with the noises' ratio in the silence
+``tls``         total least squares behind the low-pass, with the noises' ratio in the pre-trigger baseline
 ``ar-gls``      acceleration on force as recorded, with autoregressive errors
 ``weak``        averages over functions of finite reach, as recorded
 ``camera-gls``  the camera's displacement against the force's double integral
@@ -85,7 +85,7 @@ def further_estimates(
     filtered, recorded
         Behind the low-pass and before it.
     signals
-        Tell the noise of the silence, and the uncertainty of the gauges' zeros.
+        Tell the noise of the pre-trigger baseline, and the uncertainty of the gauges' zeros.
     shot, rig
         Tell which force hangs on which clock, and the areas.
     further

@@ -66,7 +66,7 @@ class Knowledge:
     Attributes
     ----------
     force_sigma_n, quiet_sigma_m_s2
-        White noise of force and acceleration per sample in the silence before the shot.
+        White noise of force and acceleration per sample in the pre-trigger baseline.
     u_zero_m_s2, u_skew_s, u_shift_s, u_gain, u_scale
         Standard uncertainties of b, s, the camera's offset, g and c, which are zero to this; 0 to hold one, infinite
         to free it.

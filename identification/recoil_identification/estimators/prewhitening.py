@@ -8,7 +8,7 @@ first samples of a piece are whitened by the predictors of lower order, so that 
 An uncertainty from one short record is uncertain itself, and too small as often as too large. Two others stand
 beside the model's, and the largest counts: one that needs no model of what the whitening left (W. K. Newey and K. D.
 West, Econometrica 55, 1987; prewhitened as by D. W. K. Andrews and J. C. Monahan, Econometrica 60, 1992), and the one
-that the noise of the silence before the shot would allow, of which no motion is free.
+that the noise of the pre-trigger baseline would allow, of which no motion is free.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class PrewhitenedMass(ReadOnlyArrays):
     u_robust_kg
         By Newey and West's covariance of the whitened rows.
     u_quiet_kg
-        If there were no noise but that of the silence.
+        If there were no noise but that of the pre-trigger baseline.
     plain_kg
         By the same rows without whitening. If the two are apart by several uncertainties, what was whitened is no
         noise but a motion that the force does not explain.
@@ -110,7 +110,7 @@ def prewhitened_mass(
     force_sigma_n
         White noise of the force per sample; what it adds to the force's own power is taken off.
     quiet_sigma_m_s2
-        White noise of the acceleration per sample in the silence before the shot; 0 if it is not known.
+        White noise of the acceleration per sample in the pre-trigger baseline; 0 if it is not known.
     noise
         Found in turn with the mass if left out.
 

@@ -86,7 +86,7 @@ def weak_mass(
     force_sigma_n
         White noise of the force per sample; what it adds to the averages' power is taken off.
     quiet_sigma_m_s2
-        White noise of the acceleration per sample in the silence before the shot; the noise is no less.
+        White noise of the acceleration per sample in the pre-trigger baseline; the noise is no less.
     perturbations_n : ndarray, shape (n, n_perturbations), optional
         Errors that the force may have.
 

@@ -12,7 +12,7 @@ by Gauss and Newton's iteration (structured total least squares; generalized lea
 as observations).
 
 Noise that the low-pass leaves on the regressor attenuates: it adds to the columns' energy, and its product with
-the noise of the residual does not vanish on average. Both are seen in the silence before the shot, where the
+the noise of the residual does not vanish on average. Both are seen in the pre-trigger baseline, where the
 equations hold nothing else, and what they do to the estimate is taken off to first order (bias-compensated least
 squares; P. Stoica, T. Soderstrom, "Bias correction in least-squares identification", Int. J. Control 35, 1982).
 """
@@ -232,7 +232,7 @@ def fit_mechanism(
     # the triangle's rows are the parameters' own: R theta = y, so that a score moves y by R^-T score
     shift = np.linalg.lstsq(free.T * scales[:, np.newaxis], score * scales, rcond=1e-12)[0]
     # the variance of a variance from n independent samples is 2 / n of its square
-    doubt = np.outer(shift, shift) * 2.0 / max(2.0 * rows.cutoff_hz * rows.silence_s, 1.0)
+    doubt = np.outer(shift, shift) * 2.0 / max(2.0 * rows.cutoff_hz * rows.baseline_s, 1.0)
     identifiable = identifiable_part(free, seen + shift, scales, largest_u, doubt)
     inverse = np.linalg.pinv(free * scales, rcond=1e-12) * scales[:, np.newaxis]
     whole = np.linalg.pinv(triangle, rcond=1e-12) * width[:, np.newaxis]

@@ -47,8 +47,8 @@ class MechanismRows(ReadOnlyArrays):
     trusted : ndarray of bool, shape (n,)
         Rows from the onset on without lost samples.
     noise
-        Standard deviation of the columns of accelerations in the silence; none if there is no silence.
-    silence_s
+        Standard deviation of the columns of accelerations in the pre-trigger baseline; none without one.
+    baseline_s
         How long it lasts.
     cutoff_hz
         Of the low-pass.
@@ -64,7 +64,7 @@ class MechanismRows(ReadOnlyArrays):
     recoils: Flags
     trusted: Flags
     noise: Mapping[str, float]
-    silence_s: float
+    baseline_s: float
     cutoff_hz: float
 
     @property

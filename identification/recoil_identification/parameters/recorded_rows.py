@@ -97,7 +97,7 @@ def mechanism_rows(
         full[f"d{name}"] = np.gradient(full[name], step)
     full["alpha"] = integrate(full["w1"], step)
     full["beta"] = integrate(full["w2"] - full["w1"], step)
-    # as recorded: the filter spreads the pulse into the silence
+    # as recorded: the filter spreads the pulse into the pre-trigger baseline
     rest = {name: float(np.nanmean(column[quiet])) for name, column in loads.items()} | {"breech": 0.0}
     errors = sensor_errors(shot, rig, prepared, full, rest, signals.onset_s)
     stride = max(1, int(signals.rate_hz / (rows_hz or ROWS_PER_CUTOFF * low_pass.cutoff_hz)))
@@ -120,18 +120,18 @@ def mechanism_rows(
         trusted=begun & trusted[rows],
         noise=_noise({"acc": raw["acc"][quiet]}, low_pass, step)
         | _noise({name: raw[name][quiet] for name in TURNING_COLUMNS}, turning or low_pass, step),
-        silence_s=float(np.count_nonzero(quiet)) * step,
+        baseline_s=float(np.count_nonzero(quiet)) * step,
         cutoff_hz=low_pass.cutoff_hz,
     )
 
 
-def _noise(silence: Columns, low_pass: LowPass, step_s: float) -> dict[str, float]:
+def _noise(baseline: Columns, low_pass: LowPass, step_s: float) -> dict[str, float]:
     """Return the standard deviation of each column behind the low-pass, of angular rates that of their derivatives.
 
-    The silence is filtered alone: the pulse behind it would spread into it.
+    The baseline is filtered alone: the pulse behind it would spread into it.
     """
     found = {}
-    for name, samples in silence.items():
+    for name, samples in baseline.items():
         margin = math.ceil(0.5 / (low_pass.cutoff_hz * step_s))
         if samples.size <= 4 * margin or not np.isfinite(samples).any():
             continue

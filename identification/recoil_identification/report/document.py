@@ -31,7 +31,7 @@ METHOD_NOTES = {
     "camera": "displacement on the double integral of all forces, every gauge's scale restricted by its calibration",
     "kinematic": "as reverse, with the acceleration from the camera's displacement",
     "paper": "force on acceleration, unfiltered, as published in 2013: low by errors in variables",
-    "tls": "total least squares behind the low-pass, the noises' ratio from the silence; over time as reverse",
+    "tls": "total least squares behind the low-pass, the noises' ratio from the baseline; over time as reverse",
     "ar-gls": "acceleration on force as recorded, with autoregressive errors; over time as reverse",
     "weak": "averages over test functions of finite reach, as recorded; over time as reverse",
     "camera-gls": "the camera's displacement against the double integral of force; over time as reverse",

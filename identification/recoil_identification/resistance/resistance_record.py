@@ -171,7 +171,7 @@ def resistance_record(
 
 
 def _zeros(found: Identification, rig: Rig) -> tuple[dict[str, float], bool]:
-    """Return the standard uncertainties of the gauges' zeros; the recuperator's is told by no silence."""
+    """Return the standard uncertainties of the gauges' zeros; no baseline tells the recuperator's."""
     zeros, assumed = {}, False
     for role in PRESSURE_ROLES:
         u = found.signals.offsets[role].u

@@ -64,7 +64,7 @@ def find(case: Case) -> Finding:
     Raises
     ------
     IdentificationError
-        If channels or the silence before the shot are missing, or as of the mass.
+        If channels or the pre-trigger baseline are missing, or as of the mass.
     """
     require_motion(case, PURPOSE)
     rig, prepared = case.rig, case.prepared

@@ -55,7 +55,7 @@ def find(case: Case) -> Finding:
     Raises
     ------
     IdentificationError
-        If channels, lengths or the silence before the shot are missing, or as of the mass.
+        If channels, lengths or the pre-trigger baseline are missing, or as of the mass.
     """
     rows, fit = fitted(case)
     rig = case.rig
@@ -119,7 +119,7 @@ def require_motion(case: Case, purpose: str) -> None:
     Raises
     ------
     IdentificationError
-        If channels, their clocks or the silence before the shot are missing.
+        If channels, their clocks or the pre-trigger baseline are missing.
     """
     case.require_roles(*ROLES, purpose=purpose)
     signals = case.prepared.signals
@@ -132,7 +132,7 @@ def require_motion(case: Case, purpose: str) -> None:
         )
     if not signals.baseline_s[0] < signals.baseline_s[1]:
         raise IdentificationError(
-            f"{purpose}: the record has no silence before the shot",
+            f"{purpose}: the record has no pre-trigger baseline",
             expected="5 ms or more, to take the sensors' zeros and the loads at rest from",
             remedy="keep more of the record before the trigger",
         )

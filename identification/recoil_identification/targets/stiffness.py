@@ -138,7 +138,7 @@ def judge(found: SupportEstimates) -> tuple[Array, tuple[str, ...]]:
 
 def _unknown_zeros(signals: Signals) -> tuple[str, ...]:
     return tuple(
-        f"the zero of {role} is not known: the record has no silence before the shot"
+        f"the zero of {role} is not known: the record has no pre-trigger baseline"
         for role in MOTION_ROLES
         if role in signals.offsets and not math.isfinite(signals.offsets[role].u)
     )

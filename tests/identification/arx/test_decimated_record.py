@@ -85,6 +85,6 @@ def test_the_noise_of_the_force_is_that_of_the_gauges_behind_the_filter():
     assert np.mean([noisy_force_n(seed, 1e5) for seed in range(6)]) == pytest.approx(expected, rel=0.1)
 
 
-def test_without_a_silence_the_noise_is_not_known():
+def test_without_a_baseline_the_noise_is_not_known():
     signals = replace(bench_signals(), baseline_s=(0.0, 0.0))
     assert np.isnan(force_noise_n(signals, AREAS_M2, LowPass(400.0)))
