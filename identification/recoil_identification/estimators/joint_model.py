@@ -130,7 +130,7 @@ class JointModel(ReadOnlyArrays):
         return np.asarray(np.linalg.qr(rows, mode="r"))
 
     def independent(self, table: Array, noise: AutoregressiveNoise) -> Array:
-        """Return independent rows of the accelerometer's used samples, no less noisy than in the pre-trigger baseline."""
+        """Return independent rows of the accelerometer's used samples, no less noisy than before the shot."""
         rows = np.vstack([noise.whiten(table[begin:end]) for begin, end in runs(self.recoil.used)])
         quiet = math.hypot(self.known.quiet_sigma_m_s2, self.known.force_sigma_n / self.rough_mass_kg) ** 2
         return rows / math.sqrt(max(1.0, quiet / noise.slow_density))
