@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -46,7 +45,7 @@ from recoil_identification.zero_shift import ZeroShift, calibrated_with_zero_shi
 from recoil_processing.quality.repeatability import shot_peaks
 from recoil_processing.shot.camera_motion import recorded_motion
 from recoil_processing.shot.clocks.estimator_inputs import EstimatorInputs
-from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ACCELERATIONS
+from recoil_processing.shot.clocks.forced_recoil import carriage_lacks
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.sensor_scales import scale_uncertainty
 from recoil_rigs.assumptions import assumptions_of
@@ -98,20 +97,14 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
     offset = signals.offsets["recoil_acceleration"]
     film = recorded_motion(signals, prepared.acceleration_m_s2, camera, camera_clock)
     mass_low_pass = mass_filter(recorded, choice)
-    camera_spec = rig.by_role("recoil_displacement")
-    u_distortion_m = 0.0 if camera_spec is None else camera_spec.sensor.u_bent_m
     quiet = EstimatorInputs(recorded, recorded, signals, shot, rig).baseline_noise
 
     def beside(narrow: Regression, recorded: Regression) -> Beside:
         causes = causes_of(narrow, recorded, signals, shot, rig)
-        frames = None
-        if film is not None:
-            u_zero = math.hypot(*(signals.offsets[r].u for r in CARRIAGE_ACCELERATIONS if r in signals.offsets))
-            frames = camera_rows(film, narrow, recorded, prepared.inertial_m_s2, causes, u_zero, u_distortion_m)
-        late, gauges = (
-            late_readings(signals, narrow.interval_s, causes),
-            gauge_agreement(signals, rig, narrow.interval_s),
-        )
+        inertial = prepared.inertial_m_s2
+        frames = None if film is None else camera_rows(film, narrow, recorded, inertial, causes, signals, rig)
+        late = late_readings(signals, narrow.interval_s, causes)
+        gauges = gauge_agreement(signals, rig, narrow.interval_s)
         rows, priors = ((), ()) if late is None else ((late.rows,), (late.prior,))
         return Beside(causes, frames, (*rows, *gauges.rows), (*priors, *gauges.priors))
 
@@ -163,6 +156,9 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
     regressions = {name: filtered if name != "paper" else recorded for name in estimates}
     on_cutoff = note_on_cutoff(recorded, narrow, calibration)
     notes = () if on_cutoff is None else (on_cutoff,)
+    if film is not None and (lacking := carriage_lacks(signals)):
+        what = f"no usable channel of role {', '.join(lacking)} tells how the tipping part moves"
+        notes = (*notes, f"{what}, relative to which the camera sees the recoil: its frames are not used")
     if camera is not None and camera_clock is not None and camera_clock.status != "failed":
         try:
             regressions["kinematic"], estimates["kinematic"] = mass_by_camera(

@@ -29,7 +29,11 @@ from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.gaps import bridge
 from recoil_processing.motion.scale_and_zero import picture_bends
 from recoil_processing.shot.camera_motion import RecordedMotion
+from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ACCELERATIONS, carriage_lacks
 from recoil_processing.shot.regression import Regression
+from recoil_processing.shot.signals import Signals
+from recoil_rigs.assumptions import CARRIAGE_ROLES
+from recoil_rigs.rig import Rig
 
 Array = NDArray[np.float64]
 
@@ -45,9 +49,9 @@ OTHER = Unknown("the carriage's part of the travel too large", scope="rig")
 OTHER_ZERO = Unknown("zero of the carriage's part of the travel", "m/s^2")
 START = Unknown("place before the shot", "m")
 LATE = Unknown("camera late", "s")
-U_OTHER, U_START_M, U_LATE_S = 0.01, 0.01, 1e-3
-"""Standard uncertainties; the last two are so large that the frames tell. The clock is asked anew, because it was
-found from the same frames."""
+U_START_M, U_LATE_S = 0.01, 1e-3
+"""Standard uncertainties, so large that the frames tell. The clock is asked anew, because it was found from the same
+frames."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,8 +77,9 @@ class CameraRows(ReadOnlyArrays):
         Names of their sizes.
     bends : ndarray, shape (n_rows, n_distortions)
         Per meter of each.
-    u_rel, u_other_zero_m_s2, u_distortion_m
-        Standard uncertainties of the camera's scale, of q, and of the first distortion; half of it is the next one's.
+    u_rel, u_other_rel, u_other_zero_m_s2, u_distortion_m
+        Standard uncertainties of the camera's scale, of e, of q, and of the first distortion; half of it is the next
+        one's.
     """
 
     times_s: Array
@@ -90,6 +95,7 @@ class CameraRows(ReadOnlyArrays):
     sizes: tuple[str, ...]
     bends: Array
     u_rel: float
+    u_other_rel: float
     u_other_zero_m_s2: float
     u_distortion_m: float
 
@@ -114,7 +120,7 @@ class CameraRows(ReadOnlyArrays):
     def priors(self) -> list[Prior]:
         """What is known of those that are in no row of the motion; the camera's scale has a certificate."""
         known = {
-            OTHER.name: U_OTHER,
+            OTHER.name: self.u_other_rel,
             OTHER_ZERO.name: self.u_other_zero_m_s2,
             START.name: U_START_M,
             LATE.name: U_LATE_S,
@@ -153,10 +159,13 @@ def camera_rows(
     recorded: Regression,
     inertial_m_s2: Array,
     causes: Sequence[Cause],
-    u_other_zero_m_s2: float,
-    u_distortion_m: float,
+    signals: Signals,
+    rig: Rig,
 ) -> CameraRows | None:
-    """Average the frames from a little before the onset to the end of travel; None where they are too few.
+    """Average the frames from a little before the onset to the end of travel.
+
+    None where they are too few, and where nothing tells how the tipping part moves, relative to which a camera sees the
+    recoil.
 
     Parameters
     ----------
@@ -166,9 +175,11 @@ def camera_rows(
         Behind the filter and before it, with the columns of the zero's shifts, step and kick first.
     inertial_m_s2 : ndarray, shape (n,)
         a' by the accelerometer, on the regression's grid; lost samples NaN.
-    u_other_zero_m_s2
-        Standard uncertainty of the carriage's part by the zeros of its accelerometers.
+    signals, rig
+        Tell how uncertain the carriage's sensors and the camera's picture are.
     """
+    if carriage_lacks(signals):
+        return None
     shapes = np.zeros((recorded.times_s.size, 0)) if recorded.shifts is None else recorded.shifts
     # a zero that shifted at once must not look like noise
     film = filmed.motion.likeliest(shapes[:, :RELEASED], range(min(RELEASED, shapes.shape[1])), filmed.densities)
@@ -209,6 +220,7 @@ def camera_rows(
         sizes=(*(motion.shift(i).name for i in range(len(shifts))), *(one.source for one in others)),
         bends=np.column_stack([means(bend) for bend in picture_bends(positions_m[within])]),
         u_rel=filmed.u_rel,
-        u_other_zero_m_s2=u_other_zero_m_s2,
-        u_distortion_m=u_distortion_m,
+        u_other_rel=max(spec.sensor.u_rel for role in CARRIAGE_ROLES for spec in rig.with_role(role)),
+        u_other_zero_m_s2=math.hypot(*(signals.offsets[role].u for role in CARRIAGE_ACCELERATIONS)),
+        u_distortion_m=max(spec.sensor.u_bent_m for spec in rig.with_role("recoil_displacement")),
     )

@@ -17,7 +17,7 @@ from recoil_processing.motion.fusion import FusedMotion
 from recoil_processing.shot.clocks.double_impulse import DoubleImpulseMass
 from recoil_processing.shot.clocks.force_clocks import METHOD as BY_FORCE
 from recoil_processing.shot.clocks.force_clocks import recoil_only
-from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ACCELERATIONS, RATE_ROLES, ForcedRecoil, require_forces
+from recoil_processing.shot.clocks.forced_recoil import ForcedRecoil, carriage_lacks, require_forces
 from recoil_processing.shot.kinematics import fused_motion, travel_and_velocity
 from recoil_processing.shot.signals import Signals, at_instants
 from recoil_rigs.rig import Rig
@@ -125,16 +125,12 @@ class FilmedRecoil(ReadOnlyArrays):
 def require_carriage(signals: Signals) -> None:
     """Refuse signals that do not tell how the tipping part moves, on which the camera's origin is.
 
-    Both accelerometers of the carriage are needed, and one of the two rates: how much a rig turns nothing else tells.
-
     Raises
     ------
     IdentificationError
         Naming every role that is missing.
     """
-    missing = [role for role in CARRIAGE_ACCELERATIONS if not _usable(signals, role)]
-    if not any(_usable(signals, role) for role in RATE_ROLES):
-        missing.append(" or ".join(RATE_ROLES))
+    missing = carriage_lacks(signals)
     if missing:
         raise IdentificationError(
             f"no usable channel of role {', '.join(missing)}: a camera sees the recoil relative to the tipping part, "
@@ -142,10 +138,6 @@ def require_carriage(signals: Signals) -> None:
             expected="accelerometers and a gyro on the carriage or the tipping part, or one on the recoiling part",
             remedy="declare their roles in the rig file, or mend the alignment",
         )
-
-
-def _usable(signals: Signals, role: str) -> bool:
-    return role in signals.series and bool(np.isfinite(signals.series[role]).any())
 
 
 def _camera_of(shot: Shot, rig: Rig) -> tuple[Channel, ClockAlignment]:

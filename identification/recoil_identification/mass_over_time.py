@@ -34,8 +34,9 @@ WALK = 0.03
 """Standard deviation of its change over the whole travel, before the shot; a smaller one flattens and lies."""
 INSTANTS = 48
 """At which a step is tried; what lies between differs little from its neighbours."""
-TRIMMED = 0.02
-"""Share of the travel at either end in which no step is looked for."""
+TRIMMED = 0.02, 0.06
+"""Shares of the travel's time at its beginning and its end in which no step is looked for: at the end hardly a force is
+left to tell a mass by, and the friction turns."""
 FINER = 41
 """Instants around the largest, for the step's own instant."""
 DRAWS = 20_000
@@ -154,8 +155,8 @@ def mass_constancy(calibration: Calibration) -> MassConstancy | None:
     """Test whether one mass explains the rows of a calibration; None if they are too few to tell."""
     regression = calibration.block.regression
     onset_s, end_s = regression.interval_s
-    margin = TRIMMED * (end_s - onset_s)
-    instants = np.linspace(onset_s + margin, end_s - margin, INSTANTS)
+    first_s, last_s = (share * (end_s - onset_s) for share in TRIMMED)
+    instants = np.linspace(onset_s + first_s, end_s - last_s, INSTANTS)
     drift = ramps(regression.times_s, regression.interval_s, 1)
     scores = _scores(calibration, np.column_stack([drift, _steps(regression, instants)]))
     if scores is None or not (scores.told[0] and scores.told[1:].any()):

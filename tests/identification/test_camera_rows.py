@@ -19,6 +19,7 @@ from recoil_identification.row_noise import correlation_root
 from recoil_identification.sensor_priors import CAMERA_SCALE, DISTORTIONS
 from recoil_processing.shot.camera_motion import RecordedMotion, recorded_motion
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
+from recoil_processing.shot.signals import Signals
 from tests.builders.virtual_shots import identified, virtual_shot, with_channels
 
 RIGS = ["field-2013", "mixed"]
@@ -39,10 +40,13 @@ def filmed(name: str) -> RecordedMotion:
     return film
 
 
-def rows_with(name: str, film: RecordedMotion) -> CameraRows | None:
+def rows_with(name: str, film: RecordedMotion, signals: Signals | None = None) -> CameraRows | None:
     found, virtual = identified(name), virtual_shot(name)
-    inertial = prepare(virtual.shot, virtual.rig).inertial_m_s2
-    return camera_rows(film, found.fitted, found.recorded, inertial, found.calibration.block.causes, 0.01, 1e-4)
+    before = prepare(virtual.shot, virtual.rig)
+    causes = found.calibration.block.causes
+    return camera_rows(
+        film, found.fitted, found.recorded, before.inertial_m_s2, causes, signals or before.signals, virtual.rig
+    )
 
 
 @pytest.mark.parametrize("name", RIGS)
@@ -123,6 +127,24 @@ def test_a_bent_picture_costs_the_mass_little():
     assert moved.value(DISTORTIONS[0]) - was.value(DISTORTIONS[0]) > 5e-5
     assert abs(moved.value("ln mass") - was.value("ln mass")) < 0.5 * was.u("ln mass")
     assert rows.times_s.size == straight.times_s.size
+
+
+def test_where_nothing_tells_how_the_carriage_moves_the_frames_say_nothing():
+    virtual = virtual_shot("field-2013")
+    sound = prepare(virtual.shot, virtual.rig).signals
+    for role in ("carriage_acceleration_x", "carriage_acceleration_y"):
+        series = {one: samples for one, samples in sound.series.items() if one != role}
+        assert rows_with("field-2013", filmed("field-2013"), replace(sound, series=series)) is None
+    one_rate = {role: samples for role, samples in sound.series.items() if role != "carriage_rate"}
+    assert rows_with("field-2013", filmed("field-2013"), replace(sound, series=one_rate)) is not None
+
+
+def test_what_is_uncertain_of_the_carriage_is_what_its_sensors_state():
+    rows, offsets = rows_of("field-2013"), identified("field-2013").signals.offsets
+    zeros = [offsets[f"carriage_acceleration_{axis}"].u for axis in "xy"]
+    assert rows.u_other_rel == 0.01
+    assert rows.u_other_zero_m_s2 == pytest.approx(np.hypot(*zeros))
+    assert rows.u_distortion_m == 1e-4
 
 
 def test_too_few_frames_are_no_rows():

@@ -110,8 +110,8 @@ def frames(found: Identification, name: str, recorded: Regression) -> CameraRows
         recorded,
         before.inertial_m_s2 + moved,
         found.calibration.block.causes,
-        was.u_other_zero_m_s2,
-        was.u_distortion_m,
+        before.signals,
+        virtual_shot(name, u_zero_rel=MOVING).rig,
     )
     assert rows is not None
     return replace(rows, density=was.density)

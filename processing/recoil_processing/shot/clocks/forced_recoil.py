@@ -206,6 +206,19 @@ class ForcedRecoil(ReadOnlyArrays):
         return found
 
 
+def carriage_lacks(signals: Signals) -> list[str]:
+    """Return the roles that are missing to tell how the tipping part moves, on which a camera's origin is.
+
+    Both accelerometers of the carriage are needed, and one of the two rates: how much a rig turns nothing else tells.
+    """
+
+    def usable(role: str) -> bool:
+        return role in signals.series and bool(np.isfinite(signals.series[role]).any())
+
+    missing = [role for role in CARRIAGE_ACCELERATIONS if not usable(role)]
+    return missing if any(map(usable, RATE_ROLES)) else [*missing, " or ".join(RATE_ROLES)]
+
+
 def require_forces(signals: Signals) -> None:
     """Refuse signals that lack a force.
 
