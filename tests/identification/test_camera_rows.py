@@ -139,6 +139,20 @@ def test_where_nothing_tells_how_the_carriage_moves_the_frames_say_nothing():
     assert rows_with("field-2013", filmed("field-2013"), replace(sound, series=one_rate)) is not None
 
 
+def test_without_the_carriages_accelerometers_a_shot_is_identified_without_its_camera_and_says_so():
+    virtual = virtual_shot("field-2013")
+    shot, rig = (one.without_channel("acc_carriage_x") for one in (virtual.shot, virtual.rig))
+    found = identify_shot(replace(shot, alignments=align_clocks(shot, rig)), rig, Options())
+    assert found.inertial.calibration.camera is None
+    (note,) = [
+        note for note in found.notes if note.startswith("no usable channel of role carriage_acceleration_x tells")
+    ]
+    assert note.endswith("its frames are not used")
+    sound = identified("field-2013").chosen.estimate
+    assert found.chosen.estimate.u_kg > 1.3 * sound.u_kg
+    assert abs(found.chosen.estimate.mass_kg - virtual.truth["m3"]) < 2 * found.chosen.estimate.u_kg
+
+
 def test_what_is_uncertain_of_the_carriage_is_what_its_sensors_state():
     rows, offsets = rows_of("field-2013"), identified("field-2013").signals.offsets
     zeros = [offsets[f"carriage_acceleration_{axis}"].u for axis in "xy"]
