@@ -98,7 +98,9 @@ def gauge_set_aside(calibration: Calibration, signals: Signals) -> tuple[str, st
     Where several do, the one that is the least likely.
     """
     residuals: Mapping[str, float] = calibration.normalised_residuals
-    own = {one.channel: residuals[of_gauge(one.channel)] for gauges in signals.gauges.values() for one in gauges}
+    every = (one for gauges in signals.gauges.values() for one in gauges)
+    # one that is taken for exact is not doubted
+    own = {one.channel: residuals.get(of_gauge(one.channel), 0.0) for one in every}
     if not own:
         return None
     worst = max(own, key=lambda channel: abs(own[channel]))

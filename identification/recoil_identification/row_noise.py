@@ -14,10 +14,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import fftconvolve
 
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.camera_rows import CameraRows
 from recoil_identification.equation_of_motion import PIECES, ramps
+from recoil_processing.double_integral import integrate
+from recoil_processing.filters import LowPass
 from recoil_processing.shot.clocks.estimator_inputs import BaselineNoise
 from recoil_processing.shot.regression import Regression, spaced_rows
 
@@ -33,8 +36,8 @@ LEAST_LEFT = 10
 """Rows beyond the released columns, for the size to mean anything."""
 LEAST_PIVOT = 1e-9
 """Singular value over the largest one, of columns of length one, below which the others say the same."""
-REACH, PER_PERIOD = 6.0, 20.0
-"""Of the filter's kernel to either side, in periods of its cut-off, and cells in one of these."""
+REACH = 6.0
+"""Of the filter's kernel to either side, in periods of its cut-off."""
 LEAST_NOISE_M_S2 = 1e-9
 """For records without any error."""
 GAIN_POINTS = 4001
@@ -108,30 +111,75 @@ def correlation_root(
     if low_pass is None or not noise.sensors_m_s2 > 0:
         return None
     times_s, sigma = regression.times_s[rows], noise.sigma_m_s2[rows]
-    frames_s, sigma_m = (np.zeros(0), np.zeros(0)) if camera is None else (camera.times_s, camera.sigma_m)
-    reach_s, step_s = REACH / low_pass.cutoff_hz, 1.0 / (PER_PERIOD * low_pass.cutoff_hz)
-    cells_s = np.arange(times_s[0] - reach_s, max([times_s[-1] + reach_s, *frames_s[-1:]]), step_s)
-    # what a noise of density one in each cell makes of rows and frames
-    samples = math.ceil(reach_s * regression.rate_hz)
-    kernel = np.zeros(2 * samples + 1)
-    kernel[samples] = regression.rate_hz
-    kernel = low_pass.apply(kernel, regression.rate_hz)
-    lags_s = regression.step_s * np.arange(-samples, samples + 1)
-    behind = np.interp(times_s[:, np.newaxis] - cells_s, lags_s, kernel, left=0.0, right=0.0) * math.sqrt(step_s)
-    passed = behind @ behind.T
-    shared = noise.sensors_m_s2**2 / float(np.mean(np.diag(passed)))
-    covariance = np.diag(np.concatenate([sigma**2 - noise.sensors_m_s2**2, sigma_m**2]))
-    n = times_s.size
-    covariance[:n, :n] += shared * passed
-    if camera is not None:
-        # the frames are compared with what the accelerometer read, so that its noise is taken off them
-        walked = np.maximum(frames_s[:, np.newaxis] - cells_s, 0.0) * (cells_s >= camera.onset_s) * math.sqrt(step_s)
-        own = min(noise.density, shared)
-        covariance[:n, n:] = -own * behind @ walked.T
-        covariance[n:, :n] = covariance[:n, n:].T
-        covariance[n:, n:] += max(own, camera.density) * walked @ walked.T
-    deviations = np.concatenate([sigma, sigma_m])
+    kernel = _Kernel.of(low_pass, regression.rate_hz)
+    passed = kernel.correlation(times_s[:, np.newaxis] - times_s)
+    own = noise.sensors_m_s2**2 / float(passed[0, 0])
+    of_rows = own * passed + np.diag(sigma**2 - noise.sensors_m_s2**2)
+    if camera is None:
+        return np.asarray(np.linalg.cholesky(of_rows / np.outer(sigma, sigma)))
+    moving_s = np.maximum(camera.times_s - camera.onset_s, 0.0)
+    own = min(noise.density, own)
+    # the frames are compared with what the accelerometer read, so that its noise is taken off them
+    shared = -own * kernel.integrated_twice(times_s[:, np.newaxis] - camera.onset_s, moving_s)
+    shorter = np.minimum.outer(moving_s, moving_s)
+    walked = np.multiply.outer(moving_s, moving_s) - np.add.outer(moving_s, moving_s) * shorter / 2 + shorter**2 / 3
+    of_frames = max(own, camera.density) * walked * shorter + np.diag(camera.sigma_m**2)
+    deviations = np.concatenate([sigma, camera.sigma_m])
+    covariance = np.block([[of_rows, shared], [shared.T, of_frames]])
     return np.asarray(np.linalg.cholesky(covariance / np.outer(deviations, deviations)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Kernel(ReadOnlyArrays):
+    """What a filter makes of white noise of density one.
+
+    Attributes
+    ----------
+    lags_s : ndarray, shape (n,)
+        Evenly spaced about zero.
+    weights_per_s : ndarray, shape (n,)
+        Of what lies that far away.
+    """
+
+    lags_s: Array
+    weights_per_s: Array
+
+    @classmethod
+    def of(cls, low_pass: LowPass, rate_hz: float) -> _Kernel:
+        samples = math.ceil(REACH * rate_hz / low_pass.cutoff_hz)
+        impulse = np.zeros(2 * samples + 1)
+        impulse[samples] = rate_hz
+        return cls(np.arange(-samples, samples + 1) / rate_hz, low_pass.apply(impulse, rate_hz))
+
+    def correlation(self, apart_s: Array) -> Array:
+        """Return the covariance of filtered noise at instants that are so far apart, any shape."""
+        step_s = float(self.lags_s[1] - self.lags_s[0])
+        whole = fftconvolve(self.weights_per_s, self.weights_per_s) * step_s
+        lags_s = step_s * (np.arange(whole.size) - whole.size // 2)
+        return np.interp(apart_s, lags_s, whole, left=0.0, right=0.0)
+
+    def integrated_twice(self, since_s: Array, moving_s: Array) -> Array:
+        """Return the covariance of filtered noise with what the noise from zero on integrates to.
+
+        It is the integral of ``g(u) (d + u)`` from -d to `since_s`, g being the kernel and d how much later the
+        integral's instant is.
+
+        Parameters
+        ----------
+        since_s : ndarray, shape (n_rows, 1)
+            Instants of the filtered noise.
+        moving_s : ndarray, shape (n_frames,)
+            Of the double integral; not negative.
+        """
+        step_s = float(self.lags_s[1] - self.lags_s[0])
+        whole, first = (integrate(part, step_s) for part in (self.weights_per_s, self.lags_s * self.weights_per_s))
+        later_s = moving_s - since_s
+
+        def between(integral: Array) -> Array:
+            up_to = np.interp(np.maximum(since_s, -later_s), self.lags_s, integral)
+            return np.asarray(up_to - np.interp(-later_s, self.lags_s, integral))
+
+        return later_s * between(whole) + between(first)
 
 
 def _size(regression: Regression, rows: NDArray[np.int64], sigma: Array) -> tuple[float, float]:
