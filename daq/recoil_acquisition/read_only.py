@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
@@ -12,12 +13,23 @@ if TYPE_CHECKING:
 
 
 class ReadOnlyArrays:
-    """A frozen dataclass whose arrays are read-only views; whoever made an array may still write to it."""
+    """A frozen dataclass whose arrays are read-only views, those in its mappings too.
+
+    Whoever made an array may still write to it.
+    """
 
     def __post_init__(self: DataclassInstance) -> None:
         for field in fields(self):
             value: Any = getattr(self, field.name)
-            if isinstance(value, np.ndarray) and value.flags.writeable:
-                view = value.view()
-                view.flags.writeable = False
-                object.__setattr__(self, field.name, view)
+            if isinstance(value, Mapping) and any(isinstance(one, np.ndarray) for one in value.values()):
+                object.__setattr__(self, field.name, {key: _read_only(one) for key, one in value.items()})
+            elif _read_only(value) is not value:
+                object.__setattr__(self, field.name, _read_only(value))
+
+
+def _read_only(value: Any) -> Any:
+    if not (isinstance(value, np.ndarray) and value.flags.writeable):
+        return value
+    view = value.view()
+    view.flags.writeable = False
+    return view

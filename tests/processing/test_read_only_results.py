@@ -14,6 +14,7 @@ from recoil_processing.repairs.dropouts import DropOuts
 from recoil_processing.repairs.hum import Hum
 from recoil_processing.shot.clocks.double_impulse import DoubleImpulseMass
 from recoil_processing.shot.kinematics import AngularMotion
+from recoil_processing.shot.signals import Signals
 from recoil_processing.spectra.spectrum import Spectrum
 from recoil_processing.stress_waves.shock_response import ShockResponse
 
@@ -41,3 +42,12 @@ def test_nobody_writes_into_a_result_and_who_made_its_arrays_still_may(kind: typ
             getattr(result, name)[0] = 1.0
         made[0] = 2.0
         assert getattr(result, name)[0] == 2.0
+
+
+def test_arrays_in_a_mapping_are_read_only_too() -> None:
+    made = {"breech_pressure": np.zeros(3)}
+    signals = Signals(0.0, 1e-3, made, {}, (0.0, 0.0), 0.0)
+    with pytest.raises(ValueError, match="read-only"):
+        signals.series["breech_pressure"][0] = 1.0
+    made["breech_pressure"][0] = 2.0
+    assert signals.series["breech_pressure"][0] == 2.0

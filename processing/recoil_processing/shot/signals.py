@@ -67,7 +67,7 @@ class GaugeReading(ReadOnlyArrays):
 
 
 @dataclass(frozen=True, eq=False)
-class Signals:
+class Signals(ReadOnlyArrays):
     """Signals on one uniform grid of the reference clock; SI; NaN where an instrument lost samples.
 
     Attributes
