@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,7 +101,7 @@ class Calibration(ReadOnlyArrays):
         """First estimate of the mass, from which `inferred` counts."""
         return self.block.m0_kg
 
-    @property
+    @cached_property
     def rows(self) -> JointBlock:
         """The rows of the motion, those of the camera after them."""
         return _joined(self.block, self.camera, self.root)

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import fftconvolve
 
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.camera_rows import CameraRows
@@ -154,8 +153,9 @@ class _Kernel(ReadOnlyArrays):
     def correlation(self, apart_s: Array) -> Array:
         """Return the covariance of filtered noise at instants that are so far apart, any shape."""
         step_s = float(self.lags_s[1] - self.lags_s[0])
-        whole = fftconvolve(self.weights_per_s, self.weights_per_s) * step_s
-        lags_s = step_s * (np.arange(whole.size) - whole.size // 2)
+        size = 2 * self.lags_s.size - 1
+        whole = np.fft.irfft(np.fft.rfft(self.weights_per_s, size) ** 2, size) * step_s
+        lags_s = step_s * (np.arange(size) - size // 2)
         return np.interp(apart_s, lags_s, whole, left=0.0, right=0.0)
 
     def integrated_twice(self, since_s: Array, moving_s: Array) -> Array:

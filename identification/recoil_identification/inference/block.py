@@ -9,7 +9,6 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 
 from recoil_acquisition.read_only import ReadOnlyArrays
 
@@ -99,4 +98,8 @@ class JointBlock(ReadOnlyArrays):
 
     def whitened(self, rows: Array) -> Array:
         """Turn rows of all parts into rows of independent errors, shape (n_rows, n_columns) as given."""
-        return rows if self.root is None else np.asarray(solve_triangular(self.root, rows, lower=True))
+        return rows if self._whitening is None else self._whitening @ rows
+
+    @cached_property
+    def _whitening(self) -> Array | None:
+        return None if self.root is None else np.asarray(np.linalg.inv(self.root))
