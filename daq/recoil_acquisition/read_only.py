@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class ReadOnlyArrays:
-    """A frozen dataclass whose arrays are read-only views, those in its mappings too.
+    """A frozen dataclass whose arrays are read-only views, those in its dictionaries too.
 
     Whoever made an array may still write to it.
     """
@@ -21,7 +20,8 @@ class ReadOnlyArrays:
     def __post_init__(self: DataclassInstance) -> None:
         for field in fields(self):
             value: Any = getattr(self, field.name)
-            if isinstance(value, Mapping) and any(isinstance(one, np.ndarray) for one in value.values()):
+            # what is more than a dictionary keeps its own kind
+            if type(value) is dict and any(isinstance(one, np.ndarray) for one in value.values()):
                 object.__setattr__(self, field.name, {key: _read_only(one) for key, one in value.items()})
             elif _read_only(value) is not value:
                 object.__setattr__(self, field.name, _read_only(value))
