@@ -11,7 +11,7 @@ from tests.builders.vendor_files import CanEntry
 START_NS = 1_700_000_000_000_000_000
 
 
-class _Blocks:
+class Blocks:
     """Blocks of MDF 4, each with the address that it will have."""
 
     def __init__(self, head: bytes) -> None:
@@ -65,7 +65,7 @@ def bus_log(
     entries: Sequence[CanEntry], *, first_s: float = 0.25, errors: int = 0, identification: bytes = b"MDF     "
 ) -> bytes:
     """A sorted, finished file of one or two groups, whose texts stand before its samples."""
-    blocks = _Blocks(_identification(identification))
+    blocks = Blocks(identification(identification))
     groups = [("CAN_DataFrame", entries)]
     if errors:
         groups.append(("CAN_ErrorFrame", [(0, 0, bytes(8))] * errors))
@@ -75,7 +75,7 @@ def bus_log(
     return blocks.closed(following)
 
 
-def _mdf_group(blocks: _Blocks, name: str, frames: Sequence[CanEntry], first_s: float, following: int) -> int:
+def _mdf_group(blocks: Blocks, name: str, frames: Sequence[CanEntry], first_s: float, following: int) -> int:
     """Columns from the last to the first, because each links to the next."""
 
     parts = [("ID", 0, 8, 32), ("IDE", 0, 12, 8), ("BusChannel", 0, 13, 8), ("DataLength", 0, 14, 8)]
@@ -93,7 +93,7 @@ def _mdf_group(blocks: _Blocks, name: str, frames: Sequence[CanEntry], first_s: 
     return blocks.add("##DG", (following, group, samples, 0), bytes(8))
 
 
-def _identification(mark: bytes, flags: int = 0) -> bytes:
+def identification(mark: bytes, flags: int = 0) -> bytes:
     head = mark + b"4.10    tests   ".ljust(20, b"\0") + struct.pack("<H", 410)
     return head.ljust(60, b"\0") + struct.pack("<HH", flags, 0) + bytes(104)
 
@@ -108,7 +108,7 @@ def logger_file(entries: Sequence[CanEntry], *, unwritten: int = 0, first_ns: in
     An identifier has 29 bits, and the byte behind them its flag, as loggers pack them.
     """
     mark = b"UnFinMF " if unwritten else b"MDF     "
-    blocks = _Blocks(_identification(mark, unwritten))
+    blocks = Blocks(identification(mark, unwritten))
     rows, written = b"", 0
     for time_ns, key, data in entries:
         offset = 0 if unwritten & OFFSETS else written
@@ -157,7 +157,7 @@ def virtual_log(entries: Sequence[CanEntry], *, bus: float = 9.0, computed_times
     computed_times : bool
         Whether the times are the numbers of the records, a millisecond each, too.
     """
-    blocks = _Blocks(_identification(b"MDF     "))
+    blocks = Blocks(identification(b"MDF     "))
     name, time_bytes = "CAN_DataFrame", 0 if computed_times else 8
     rows, following = b"", 0
     for time_ns, key, data in entries:
@@ -188,7 +188,7 @@ def virtual_log(entries: Sequence[CanEntry], *, bus: float = 9.0, computed_times
 
 def listed_log(entries: Sequence[CanEntry], *, transposed: bool = False, first_s: float = 0.25) -> bytes:
     """Frames in several blocks, every other one packed, and their data in blocks of their own."""
-    blocks = _Blocks(_identification(b"MDF     "))
+    blocks = Blocks(identification(b"MDF     "))
     rows, values = [], b""
     for time_ns, key, data in entries:
         rows.append(struct.pack(">dIBBQ", first_s + time_ns / 1e9, key, key >> 31, len(data), 0)[:14])
@@ -205,7 +205,7 @@ def listed_log(entries: Sequence[CanEntry], *, transposed: bool = False, first_s
     return blocks.closed(blocks.add("##DG", (0, group, stored, 0), bytes(8)))
 
 
-def _list_of(blocks: _Blocks, parts: Sequence[bytes], kind: bytes, transposed: bool) -> int:
+def _list_of(blocks: Blocks, parts: Sequence[bytes], kind: bytes, transposed: bool) -> int:
     """A header of a list, and a list per part."""
     following = 0
     for number, part in reversed(list(enumerate(parts))):
@@ -242,7 +242,7 @@ def measured_file(
     data_type, bits, tick_s = master
     stamp = {(4, 64): "d", (4, 32): "f", (0, 32): "I", (1, 32): ">I"}[data_type, bits]
     width = struct.calcsize(stamp)
-    blocks = _Blocks(_identification(b"MDF     "))
+    blocks = Blocks(identification(b"MDF     "))
     following, records = 0, []
     for number, (name, unit, rows) in enumerate(groups, start=1):
         value = blocks.column(name, 0, 4, width, 64, 0)
