@@ -16,7 +16,7 @@ import numpy as np
 
 from tests.builders.can_logs import can_sqlite
 from tests.builders.container_files import hdf5_file, mat_file, mat_v73_file, small_wave, uff_header, uff_text
-from tests.builders.mdf_logs import Blocks, identification
+from tests.builders.mdf_logs import Blocks, identification_block
 from tests.builders.vendor_files import (
     asc_log,
     blf_log,
@@ -201,7 +201,7 @@ def mat73_zeros(size: int) -> bytes:
 
 def _measured(columns: int, rows: int, data_links: int, packed: bool) -> bytes:
     """Channels that share one byte of a record; records that are listed again and again."""
-    blocks = Blocks(identification(b"MDF     "))
+    blocks = Blocks(identification_block(b"MDF     "))
     following = 0
     for k in range(columns):
         following = blocks.column(f"c{k}", 0, 0, 0, 8, following)

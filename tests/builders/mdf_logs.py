@@ -65,7 +65,7 @@ def bus_log(
     entries: Sequence[CanEntry], *, first_s: float = 0.25, errors: int = 0, identification: bytes = b"MDF     "
 ) -> bytes:
     """A sorted, finished file of one or two groups, whose texts stand before its samples."""
-    blocks = Blocks(identification(identification))
+    blocks = Blocks(identification_block(identification))
     groups = [("CAN_DataFrame", entries)]
     if errors:
         groups.append(("CAN_ErrorFrame", [(0, 0, bytes(8))] * errors))
@@ -93,7 +93,7 @@ def _mdf_group(blocks: Blocks, name: str, frames: Sequence[CanEntry], first_s: f
     return blocks.add("##DG", (following, group, samples, 0), bytes(8))
 
 
-def identification(mark: bytes, flags: int = 0) -> bytes:
+def identification_block(mark: bytes, flags: int = 0) -> bytes:
     head = mark + b"4.10    tests   ".ljust(20, b"\0") + struct.pack("<H", 410)
     return head.ljust(60, b"\0") + struct.pack("<HH", flags, 0) + bytes(104)
 
@@ -108,7 +108,7 @@ def logger_file(entries: Sequence[CanEntry], *, unwritten: int = 0, first_ns: in
     An identifier has 29 bits, and the byte behind them its flag, as loggers pack them.
     """
     mark = b"UnFinMF " if unwritten else b"MDF     "
-    blocks = Blocks(identification(mark, unwritten))
+    blocks = Blocks(identification_block(mark, unwritten))
     rows, written = b"", 0
     for time_ns, key, data in entries:
         offset = 0 if unwritten & OFFSETS else written
@@ -157,7 +157,7 @@ def virtual_log(entries: Sequence[CanEntry], *, bus: float = 9.0, computed_times
     computed_times : bool
         Whether the times are the numbers of the records, a millisecond each, too.
     """
-    blocks = Blocks(identification(b"MDF     "))
+    blocks = Blocks(identification_block(b"MDF     "))
     name, time_bytes = "CAN_DataFrame", 0 if computed_times else 8
     rows, following = b"", 0
     for time_ns, key, data in entries:
@@ -188,7 +188,7 @@ def virtual_log(entries: Sequence[CanEntry], *, bus: float = 9.0, computed_times
 
 def listed_log(entries: Sequence[CanEntry], *, transposed: bool = False, first_s: float = 0.25) -> bytes:
     """Frames in several blocks, every other one packed, and their data in blocks of their own."""
-    blocks = Blocks(identification(b"MDF     "))
+    blocks = Blocks(identification_block(b"MDF     "))
     rows, values = [], b""
     for time_ns, key, data in entries:
         rows.append(struct.pack(">dIBBQ", first_s + time_ns / 1e9, key, key >> 31, len(data), 0)[:14])
@@ -242,7 +242,7 @@ def measured_file(
     data_type, bits, tick_s = master
     stamp = {(4, 64): "d", (4, 32): "f", (0, 32): "I", (1, 32): ">I"}[data_type, bits]
     width = struct.calcsize(stamp)
-    blocks = Blocks(identification(b"MDF     "))
+    blocks = Blocks(identification_block(b"MDF     "))
     following, records = 0, []
     for number, (name, unit, rows) in enumerate(groups, start=1):
         value = blocks.column(name, 0, 4, width, 64, 0)

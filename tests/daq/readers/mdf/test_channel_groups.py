@@ -15,7 +15,7 @@ from recoil_acquisition.readers.mdf.channel_groups import (
     MdfDamageError,
     iter_groups,
 )
-from tests.builders.mdf_logs import Blocks, identification, listed_log, measured_file
+from tests.builders.mdf_logs import Blocks, identification_block, listed_log, measured_file
 
 FRAMES = [(1_000_000 * n, 0x123, bytes([n])) for n in range(40)]
 
@@ -54,7 +54,7 @@ def test_a_group_of_a_bus_is_known_by_its_flag_or_by_its_channels_name() -> None
 def test_a_groups_name_is_kept_where_there_is_one() -> None:
     found = list(iter_groups(measured_file([("speed", "m/s", [(0.0, 1.0)]), ("way", "m", [(0.0, 2.0)])])))
     assert all(one.name_at for one in found)
-    blocks = Blocks(identification(b"MDF     "))
+    blocks = Blocks(identification_block(b"MDF     "))
     short = blocks.add("##CG", (0, blocks.column("t", 2, 4, 0, 64, 0)), struct.pack("<QQHHLLL", 1, 0, 0, 0, 0, 8, 0))
     (without,) = iter_groups(blocks.closed(blocks.add("##DG", (0, short, 0, 0), struct.pack("<B7x", 0))))
     assert without.name_at == 0
@@ -62,7 +62,7 @@ def test_a_groups_name_is_kept_where_there_is_one() -> None:
 
 
 def nested(depth: int) -> bytes:
-    blocks, inside = Blocks(identification(b"MDF     ")), 0
+    blocks, inside = Blocks(identification_block(b"MDF     ")), 0
     for _ in range(depth):
         inside = blocks.column("part", 0, 0, 0, 8, 0, inside=inside)
     first = blocks.add("##CG", (0, inside, 0, 0, 0, 0), struct.pack("<QQHHLLL", 1, 0, 0, 0, 0, 8, 0))
