@@ -48,8 +48,10 @@ from recoil_processing.shot.clocks.estimator_inputs import EstimatorInputs
 from recoil_processing.shot.clocks.forced_recoil import carriage_lacks
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.sensor_scales import scale_uncertainty
+from recoil_processing.shot.signals import collect_signals
 from recoil_rigs.assumptions import assumptions_of
 from recoil_rigs.rig import Rig
+from recoil_rigs.rig_tables import GAUGE_ROLES
 
 __all__ = [
     "DEFAULTS",
@@ -83,12 +85,12 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
     IdentificationError
         If no number can be given at all; a doubtful number is a result with reasons.
     """
+    if (left_out := _gauge_without_samples(shot, rig)) is not None:
+        return _without(*left_out, shot, rig, options)
     method = options.method or default_method(shot)
     if method == "camera":
         return identify_by_camera(shot, rig, options)
     prepared = prepare(shot, rig)
-    if prepared.signals.unused:
-        return _without(prepared.signals.unused[0], "its clock or some of its samples are lost", shot, rig, options)
     signals, recorded = prepared.signals, prepared.recorded
     camera, camera_clock = prepared.camera, prepared.camera_clock
     choice = choose_filter(recorded, shot, given_hz=options.cutoff_hz, campaign=options.campaign)
@@ -207,6 +209,19 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         assumptions=assumptions_of(rig),
         notes=(*notes_on(rig, signals, recorded, trace, zero_shift), *notes),
     )
+
+
+def _gauge_without_samples(shot: Shot, rig: Rig) -> tuple[str, str] | None:
+    """Return a gauge that tells less of a pressure than another in this shot, and why; None if there is none."""
+    for role in GAUGE_ROLES:
+        missing = [spec.name for spec in rig.with_role(role) if spec.name not in shot.channels]
+        if missing and shot.by_role(role) is not None:
+            return missing[0], "it is not in this shot"
+    if any(len(shot.with_role(role)) > 1 for role in GAUGE_ROLES):
+        unused = collect_signals(shot, rig, {one.clock: one for one in shot.alignments}).unused
+        if unused:
+            return unused[0], "its clock or some of its samples are lost"
+    return None
 
 
 def _without(gauge: str, why: str, shot: Shot, rig: Rig, options: Options) -> Identification:

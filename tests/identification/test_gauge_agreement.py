@@ -99,6 +99,15 @@ def test_a_gauge_that_lost_samples_is_set_aside_where_another_did_not(rig, shot,
     assert found.chosen.estimate.mass_kg == pytest.approx(one.chosen.estimate.mass_kg, rel=1e-9)
 
 
+def test_a_gauge_that_a_shot_does_not_have_makes_nothing_surer(rig, shot, one):
+    found = identify_shot(shot.without_channel(SECOND), rig, Options())
+    assert [note for note in found.notes if note == f"{SECOND} is set aside: it is not in this shot"]
+    assert found.chosen.estimate.u_kg == pytest.approx(one.chosen.estimate.u_kg, rel=1e-12)
+    by_camera = identify_shot(shot.without_channel(SECOND), rig, Options(method="camera"))
+    alone = identify_shot(shot.without_channel(SECOND), rig.without_channel(SECOND), Options(method="camera"))
+    assert by_camera.chosen.estimate.u_kg == alone.chosen.estimate.u_kg
+
+
 def test_without_several_gauges_there_is_nothing_to_compare(rig, shot):
     single, alone = shot.without_channel(SECOND), rig.without_channel(SECOND)
     found = gauge_agreement(collect_signals(single, alone, {}), alone, (0.06, 0.2))
