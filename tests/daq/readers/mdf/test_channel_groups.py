@@ -48,6 +48,7 @@ def test_a_group_of_a_bus_is_known_by_its_flag_or_by_its_channels_name() -> None
     assert not plain.is_bus
     assert replace(plain, flags=0x0002).is_bus
     assert not replace(plain, flags=0x0004).is_bus
+    assert not replace(plain, flags=0x0001).is_bus
     assert replace(plain, channels=(replace(channel(0, 0, 8), name="LIN_Frame.ID"),)).is_bus
 
 
