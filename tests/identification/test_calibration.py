@@ -91,6 +91,7 @@ def filmed(
         sizes=(),
         bends=np.zeros((times_s.size, 2)),
         u_rel=u_rel,
+        u_other_rel=0.0,
         u_other_zero_m_s2=0.0,
         u_distortion_m=0.0,
     )

@@ -77,7 +77,7 @@ def test_derivatives_are_what_a_step_of_each_unknown_does(name):
 @pytest.mark.parametrize("name", RIGS)
 def test_what_the_motion_leaves_of_rows_and_frames_is_as_large_as_their_stated_errors(name):
     left, count = 0.0, 0
-    for seed in (3, 4, 5, 6):
+    for seed in (3, 4):
         calibration = identified(name, seed).calibration
         whitened, _ = calibration.rows.linearised(calibration.values)
         left += float(whitened @ whitened)
