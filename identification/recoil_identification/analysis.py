@@ -35,7 +35,7 @@ from recoil_identification.mass_over_time import mass_constancy, mass_over_time
 from recoil_identification.method_result import method_result
 from recoil_identification.monte_carlo import propagate
 from recoil_identification.preparation import prepare
-from recoil_identification.shot_summary import shot_summary
+from recoil_identification.shot_summary import scopes_of, shot_summary
 from recoil_identification.skew import find_skew, skew_contribution
 from recoil_identification.stress_waves import find_stress_waves
 from recoil_identification.trace_window import trace_window
@@ -186,6 +186,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         filter_choice=choice,
         mass_low_pass=mass_low_pass,
         zero_shift=zero_shift,
+        scopes=scopes_of(rig),
         summary=shot_summary(calibration, rig),
         monte_carlo=propagate(calibration.draws()),
         endogeneity=_endogeneity(recorded),

@@ -17,6 +17,7 @@ from recoil_identification.filter_choice import FORCE_ROLES, LARGEST_SHARE_OF_RA
 from recoil_identification.identified import Identification, Options
 from recoil_identification.mass_over_time import mass_constancy
 from recoil_identification.method_result import method_result
+from recoil_identification.shot_summary import scopes_of
 from recoil_identification.stress_waves import find_stress_waves
 from recoil_identification.trace_window import trace_window
 from recoil_processing.filters import LowPass
@@ -100,6 +101,7 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
         filter_choice=choice,
         mass_low_pass=choice.low_pass,
         zero_shift=None,
+        scopes=scopes_of(rig),
         summary=None,
         monte_carlo=None,
         endogeneity=None,

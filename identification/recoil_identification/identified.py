@@ -135,6 +135,8 @@ class Identification(ReadOnlyArrays):
         That of the fit of the mass, the force's own band within it.
     zero_shift
         Of the recoiling part's accelerometer; None, as skew and peaks, where the mass is the camera's.
+    scopes
+        What shares a source of the budget, by its name: a sensor or the rig; a shot's own sources are not in it.
     summary
         For what combines the shot with others; None where the mass is the camera's.
     monte_carlo
@@ -181,6 +183,7 @@ class Identification(ReadOnlyArrays):
     filter_choice: FilterChoice
     mass_low_pass: LowPass
     zero_shift: ZeroShift | None
+    scopes: Mapping[str, str]
     summary: ShotSummary | None
     monte_carlo: MonteCarlo | None
     endogeneity: Endogeneity | None

@@ -18,8 +18,12 @@ from numpy.typing import NDArray
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification import equation_of_motion as motion
 from recoil_identification.calibration import Calibration
+from recoil_identification.camera_rows import OTHER
 from recoil_identification.inference.unknown import Prior
+from recoil_identification.mass import FRICTION, GAUGES
+from recoil_identification.sensor_priors import CAMERA_SCALE, DISTORTIONS, RELEASE
 from recoil_processing.shot.regression import PRESSURE_ROLES
+from recoil_processing.shot.sensor_scales import of_gauge
 from recoil_rigs.assumptions import AREAS
 from recoil_rigs.rig import Rig
 
@@ -112,6 +116,20 @@ def shot_summary(calibration: Calibration, rig: Rig) -> ShotSummary:
         triangle=triangle * units,
         seen=seen,
     )
+
+
+def scopes_of(rig: Rig) -> dict[str, str]:
+    """Return what shares each source of a budget, a sensor or all shots of the rig; what is not there is a shot's own."""
+    standards = (f"standard {channel.sensor.reference}" for channel in rig.channels if channel.sensor.reference)
+    of_rig = (FRICTION, RELEASE, OTHER.name, "bore_friction", *AREAS, *DISTORTIONS, *standards)
+    scopes = dict.fromkeys(of_rig, "rig")
+    of_roles = {"recoil_displacement": CAMERA_SCALE, **dict(zip(PRESSURE_ROLES, GAUGES, strict=True))}
+    for channel in (one for one in rig.channels if one.role):
+        several = len(rig.with_role(channel.role)) > 1
+        sources = {of_gauge(channel.name)} if several else {f"{channel.role} sensitivity"}
+        sources |= {of_roles[channel.role]} if channel.role in of_roles and not several else set()
+        scopes |= dict.fromkeys(sources, f"sensor {channel.sensor.serial or f'{rig.name}/{channel.name}'}")
+    return scopes
 
 
 def _scale(rig: Rig, role: str) -> tuple[tuple[str, float], ...]:

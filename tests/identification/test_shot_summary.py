@@ -11,8 +11,8 @@ import pytest
 from recoil_identification.inference.block import LinearBlock
 from recoil_identification.inference.solve import solve
 from recoil_identification.inference.unknown import Prior, Unknown
-from recoil_identification.shot_summary import shot_summary
-from tests.builders.virtual_shots import identified, virtual_shot
+from recoil_identification.shot_summary import scopes_of, shot_summary
+from tests.builders.virtual_shots import identified, virtual_shot, with_second_gauge, with_twin
 
 
 @pytest.mark.parametrize("name", ["field-2013", "mixed"])
@@ -101,3 +101,23 @@ def test_without_a_friction_and_a_release_their_errors_stay_what_is_known() -> N
         (whole.triangle.T @ whole.triangle)[np.ix_(kept, kept)][:at, :at],
         rtol=1e-8,
     )
+
+
+def test_each_source_of_the_budget_says_what_shares_it() -> None:
+    found = identified("mixed")
+    scopes = {row.source: found.scopes.get(row.source, "shot") for row in found.chosen.estimate.budget}
+    assert scopes["breech_pressure sensitivity and area"] == "sensor V301"
+    assert scopes["recoil_acceleration sensitivity"] == "sensor V101"
+    assert scopes["camera scale"] == "sensor V401"
+    assert {scopes[source] for source in ("packing friction", "release from the battery stop")} == {"rig"}
+    assert scopes["bow of the camera's picture"] == scopes["the carriage's part of the travel too large"] == "rig"
+    own = {"random errors of this shot", "breech_pressure zero", "alignment of clock can", "place before the shot"}
+    assert {scopes[source] for source in own} == {"shot"}
+
+
+def test_of_several_gauges_each_is_a_sensor_of_its_own_and_a_standard_is_the_rigs() -> None:
+    scopes = scopes_of(with_second_gauge("field-2013"))
+    assert scopes["p_breech sensitivity"] == "sensor V301"
+    assert scopes["p_breech_2 sensitivity"] == "sensor V399"
+    assert "breech_pressure sensitivity and area" not in scopes
+    assert scopes_of(with_twin("mixed", u_standard_rel=0.003))["standard dead weights"] == "rig"

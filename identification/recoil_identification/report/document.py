@@ -93,6 +93,7 @@ def report_document(
                 "sensitivity_kg": row.sensitivity,
                 "sensitivity_per": row.sensitivity_per if row.sensitivity is not None else None,
                 "u_source": math.nan if row.u_source is None else row.u_source,
+                "scope": found.scopes.get(row.source, "shot"),
                 "degrees_of_freedom": row.degrees_of_freedom,
                 "distribution": row.distribution,
             }
