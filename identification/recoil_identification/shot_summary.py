@@ -119,7 +119,7 @@ def shot_summary(calibration: Calibration, rig: Rig) -> ShotSummary:
 
 
 def scopes_of(rig: Rig) -> dict[str, str]:
-    """Return what shares each source of a budget, a sensor or all shots of the rig; what is not there is a shot's own."""
+    """Return what shares each source of a budget, a sensor or all shots of the rig; the others are a shot's own."""
     standards = (f"standard {channel.sensor.reference}" for channel in rig.channels if channel.sensor.reference)
     of_rig = (FRICTION, RELEASE, OTHER.name, "bore_friction", *AREAS, *DISTORTIONS, *standards)
     scopes = dict.fromkeys(of_rig, "rig")
