@@ -135,7 +135,6 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         "forward": forward_mass(narrow, scales),
         "paper": replace(forward_mass(recorded, scales), method="paper"),
     }
-
     estimates = {
         name: one if name == "calibrated" else replace(one, budget=(*one.budget, *further))
         for name, one in estimates.items()

@@ -126,6 +126,11 @@ def test_of_three_gauges_the_mean_is_as_uncertain_as_three_are_and_two_differenc
     # two gauges that read the same differ in nothing: of all combinations only one holds a difference
     readings = [np.abs(block.recorded).max() for block in found.rows]
     assert min(readings) > 0
+    # no combination holds anything of the mean, nor of another
+    shares = np.array([block.columns[:, :3][np.abs(block.columns[:, 0]).argmax()] for block in found.rows])
+    shares /= np.linalg.norm(shares, axis=1, keepdims=True)
+    np.testing.assert_allclose(shares @ shares.T, np.eye(2), atol=1e-12)
+    np.testing.assert_allclose(shares.sum(axis=1), 0.0, atol=1e-12)
     parts = dict(scales.parts["breech_pressure"])
     assert parts == pytest.approx(dict.fromkeys(map(of_gauge, (FIRST, SECOND, "p_breech_3")), 0.005 / 3))
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,10 +120,6 @@ class CameraMotion(ReadOnlyArrays):
         # the triangle holds all that least squares on any of the columns needs
         triangle = np.asarray(np.linalg.qr(rows, mode="r"))
         return WhitenedTrack(triangle, t.size, walk.log_determinant, density, self.u_offset_s, self.u_bias_m_s2)
-
-    def bent(self, number: int, size_m: float) -> CameraMotion:
-        """Return the motion as optics would show it that bend the travel by a size at most, see `picture_bends`."""
-        return replace(self, positions_m=self.positions_m + size_m * picture_bends(self.positions_m)[number])
 
     def solve(self, shapes: Array, density: float) -> ScaleAndZero | None:
         """Find scale, zero and shifts of all shapes; parameters as of `whitened`.

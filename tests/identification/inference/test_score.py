@@ -1,0 +1,42 @@
+"""A score says of columns without unknowns what a new fit with unknowns for them finds."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from recoil_identification.inference.block import LinearBlock
+from recoil_identification.inference.score import Scores
+from recoil_identification.inference.solve import solve
+from recoil_identification.inference.unknown import Prior, Unknown
+
+NAMES, FURTHER = ("a", "b"), ("p", "q")
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_the_misfit_falls_by_as_much_as_the_score_says(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    table, seen = rng.normal(size=(12, 4)), rng.normal(size=12)
+    known = [Prior.of("known", "a", 0.7, 0.3)]
+    block = LinearBlock(NAMES, table[:, :2], seen, 1.0)
+    found = solve([Unknown(name) for name in NAMES], [block], known)
+    left, derivatives = block.linearised(dict(zip(NAMES, found.values, strict=True)))
+    scores = Scores.of(left, derivatives, found.covariance, table[:, 2:])
+    for chosen in ((0,), (1,), (0, 1)):
+        names = (*NAMES, *(FURTHER[number] for number in chosen))
+        more = LinearBlock(names, table[:, [0, 1, *(2 + number for number in chosen)]], seen, 1.0)
+        with_more = solve([Unknown(name) for name in names], [more], known)
+        assert scores.fall(chosen) == pytest.approx(found.misfit - with_more.misfit, rel=1e-6, abs=1e-8)
+    assert scores.normalised[0] ** 2 == pytest.approx(scores.fall((0,)))
+
+
+def test_a_column_that_the_unknowns_explain_is_not_told() -> None:
+    table = np.random.default_rng(1).normal(size=(12, 2))
+    block = LinearBlock(NAMES, table, np.ones(12), 1.0)
+    found = solve([Unknown(name) for name in NAMES], [block], [])
+    left, derivatives = block.linearised(dict(zip(NAMES, found.values, strict=True)))
+    scores = Scores.of(left, derivatives, found.covariance, np.column_stack([table @ [2.0, -1.0], np.arange(12.0)]))
+    assert scores.told.tolist() == [False, True]
+    assert scores.normalised[0] == scores.fall((0,)) == 0.0
