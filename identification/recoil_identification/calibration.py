@@ -26,6 +26,7 @@ from recoil_identification.camera_rows import LATE, OTHER, OTHER_ZERO, START, Ca
 from recoil_identification.causes import Cause
 from recoil_identification.equation_of_motion import EquationOfMotion
 from recoil_identification.inference.block import Block, JointBlock, LinearBlock
+from recoil_identification.inference.correlation import Correlation
 from recoil_identification.inference.estimate import Estimate
 from recoil_identification.inference.score import Scores
 from recoil_identification.inference.solve import solve
@@ -38,7 +39,7 @@ from recoil_identification.mass import (
     reverse_mass,
 )
 from recoil_identification.monte_carlo import Draw
-from recoil_identification.row_noise import RowNoise, correlation_root, row_noise
+from recoil_identification.row_noise import RowNoise, correlation_of, row_noise
 from recoil_identification.sensor_priors import DISTORTIONS, RELEASE, ZERO, certificates
 from recoil_processing.shot.regression import Regression, spaced_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
@@ -73,8 +74,8 @@ class Calibration(ReadOnlyArrays):
         Of every sample behind the regression's filter.
     block
         The rows of the motion.
-    root
-        Correlation of these and the camera's rows, see `recoil_identification.row_noise.correlation_root`.
+    correlation
+        Of these and the camera's rows, see `recoil_identification.row_noise.correlation_of`.
     inferred
         Values and covariance of all unknowns.
     common, own
@@ -92,7 +93,7 @@ class Calibration(ReadOnlyArrays):
     inferred: Estimate
     common: tuple[Prior, ...]
     own: tuple[Prior, ...]
-    root: Array | None = None
+    correlation: Correlation | None = None
     further: tuple[LinearBlock, ...] = ()
     camera: CameraRows | None = None
 
@@ -104,7 +105,7 @@ class Calibration(ReadOnlyArrays):
     @cached_property
     def rows(self) -> JointBlock:
         """The rows of the motion, those of the camera after them."""
-        return _joined(self.block, self.camera, self.root)
+        return _joined(self.block, self.camera, self.correlation)
 
     @property
     def values(self) -> dict[str, float]:
@@ -309,8 +310,8 @@ def calibrated_mass(
     own += [] if camera is None else camera.priors
     own += [*(cause.prior for cause in causes), *beside.priors]
     block = EquationOfMotion(regression, rows, first.mass_kg, noise.sigma_m_s2[rows], causes)
-    root = correlation_root(regression, rows, noise, camera)
-    blocks: list[Block] = [_joined(block, camera, root), *beside.rows]
+    correlation = correlation_of(regression, rows, noise, camera)
+    blocks: list[Block] = [_joined(block, camera, correlation), *beside.rows]
     inferred = solve([*block.all_unknowns, *_beside(block, [*common, *own])], blocks, [*common, *own])
     residual = block.sigma_m_s2 * block.linearised({one.name: inferred.value(one.name) for one in inferred.unknowns})[0]
     # of the unknowns the mass and the shifts are not restricted, and zero and release hardly
@@ -335,15 +336,15 @@ def calibrated_mass(
         inferred=inferred,
         common=tuple(common),
         own=tuple(own),
-        root=root,
+        correlation=correlation,
         further=beside.rows,
         camera=camera,
     )
 
 
-def _joined(block: EquationOfMotion, camera: CameraRows | None, root: Array | None) -> JointBlock:
+def _joined(block: EquationOfMotion, camera: CameraRows | None, correlation: Correlation | None) -> JointBlock:
     """Put the rows of a camera's frames after those of the motion."""
-    return JointBlock((block,) if camera is None else (block, camera), root)
+    return JointBlock((block,) if camera is None else (block, camera), correlation)
 
 
 def _beside(block: EquationOfMotion, priors: Sequence[Prior]) -> list[Unknown]:

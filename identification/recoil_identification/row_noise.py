@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.camera_rows import CameraRows
 from recoil_identification.equation_of_motion import PIECES, ramps
+from recoil_identification.inference.correlation import Correlation
 from recoil_processing.double_integral import integrate
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.clocks.estimator_inputs import BaselineNoise
@@ -93,17 +95,17 @@ def row_noise(regression: Regression, mass_kg: float, quiet: BaselineNoise | Non
     return RowNoise(limited * sigma, size, left, limited * level, density)
 
 
-def correlation_root(
+def correlation_of(
     regression: Regression, rows: NDArray[np.intp], noise: RowNoise, camera: CameraRows | None
-) -> Array | None:
-    """Return the lower triangle of the correlation of the motion's rows, and of a camera's frames after them.
+) -> Correlation | None:
+    """Return the correlation of the motion's rows, and of a camera's frames after them.
 
     White noise behind the filter is correlated by the filter. The accelerometer's part of it is in the frames too, as
     its double integral from the onset on, and with it what makes them noisier than that.
 
     Returns
     -------
-    ndarray, shape (n_rows + n_frames, n_rows + n_frames), or None
+    Correlation or None
         None where the noise is not known to be white, or has not passed a filter.
     """
     low_pass = regression.low_pass
@@ -111,11 +113,19 @@ def correlation_root(
         return None
     times_s, sigma = regression.times_s[rows], noise.sigma_m_s2[rows]
     kernel = _Kernel.of(low_pass, regression.rate_hz)
-    passed = kernel.correlation(times_s[:, np.newaxis] - times_s)
-    own = noise.sensors_m_s2**2 / float(passed[0, 0])
-    of_rows = own * passed + np.diag(sigma**2 - noise.sensors_m_s2**2)
+    # beyond the kernel's length nothing is correlated
+    band = int(np.max(np.searchsorted(times_s, times_s + 2.0 * kernel.reach_s) - np.arange(rows.size)))
+    near = np.zeros((band, rows.size))
+    for later in range(band):
+        stop = rows.size - later
+        near[later, :stop] = kernel.correlation(times_s[later:] - times_s[:stop])
+    own = noise.sensors_m_s2**2 / float(near[0, 0])
+    near *= own
+    near[0] += sigma**2 - noise.sensors_m_s2**2
+    for later in range(band):
+        near[later, : rows.size - later] /= sigma[later:] * sigma[: rows.size - later]
     if camera is None:
-        return np.asarray(np.linalg.cholesky(of_rows / np.outer(sigma, sigma)))
+        return Correlation.of(near)
     moving_s = np.maximum(camera.times_s - camera.onset_s, 0.0)
     own = min(noise.density, own)
     # the frames are compared with what the accelerometer read, so that its noise is taken off them
@@ -123,9 +133,8 @@ def correlation_root(
     shorter = np.minimum.outer(moving_s, moving_s)
     walked = np.multiply.outer(moving_s, moving_s) - np.add.outer(moving_s, moving_s) * shorter / 2 + shorter**2 / 3
     of_frames = max(own, camera.density) * walked * shorter + np.diag(camera.sigma_m**2)
-    deviations = np.concatenate([sigma, camera.sigma_m])
-    covariance = np.block([[of_rows, shared], [shared.T, of_frames]])
-    return np.asarray(np.linalg.cholesky(covariance / np.outer(deviations, deviations)))
+    own_m = camera.sigma_m
+    return Correlation.of(near, shared / np.outer(sigma, own_m), of_frames / np.outer(own_m, own_m))
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,13 +159,22 @@ class _Kernel(ReadOnlyArrays):
         impulse[samples] = rate_hz
         return cls(np.arange(-samples, samples + 1) / rate_hz, low_pass.apply(impulse, rate_hz))
 
+    @property
+    def reach_s(self) -> float:
+        """To either side."""
+        return float(self.lags_s[-1])
+
     def correlation(self, apart_s: Array) -> Array:
         """Return the covariance of filtered noise at instants that are so far apart, any shape."""
+        lags_s, whole = self._correlation
+        return np.interp(apart_s, lags_s, whole, left=0.0, right=0.0)
+
+    @cached_property
+    def _correlation(self) -> tuple[Array, Array]:
         step_s = float(self.lags_s[1] - self.lags_s[0])
         size = 2 * self.lags_s.size - 1
         whole = np.fft.irfft(np.fft.rfft(self.weights_per_s, size) ** 2, size) * step_s
-        lags_s = step_s * (np.arange(size) - size // 2)
-        return np.interp(apart_s, lags_s, whole, left=0.0, right=0.0)
+        return step_s * (np.arange(size) - size // 2), np.asarray(whole)
 
     def integrated_twice(self, since_s: Array, moving_s: Array) -> Array:
         """Return the covariance of filtered noise with what the noise from zero on integrates to.

@@ -15,7 +15,7 @@ from recoil_identification.inference.block import JointBlock
 from recoil_identification.inference.solve import solve
 from recoil_identification.mass import ACCELERATION as ACCELERATION_SCALE
 from recoil_identification.preparation import prepare
-from recoil_identification.row_noise import correlation_root
+from recoil_identification.row_noise import correlation_of
 from recoil_identification.sensor_priors import CAMERA_SCALE, DISTORTIONS
 from recoil_processing.shot.camera_motion import RecordedMotion, recorded_motion
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
@@ -120,8 +120,8 @@ def test_a_bent_picture_costs_the_mass_little():
     rows = rows_with("mixed", replace(film, motion=bent))
     assert rows is not None
     calibration = found.calibration
-    root = correlation_root(found.fitted, calibration.block.rows, calibration.noise, rows)
-    blocks = [JointBlock((calibration.block, rows), root), *calibration.further]
+    correlation = correlation_of(found.fitted, calibration.block.rows, calibration.noise, rows)
+    blocks = [JointBlock((calibration.block, rows), correlation), *calibration.further]
     moved = solve(calibration.inferred.unknowns, blocks, [*calibration.common, *calibration.own])
     was = calibration.inferred
     assert moved.value(DISTORTIONS[0]) - was.value(DISTORTIONS[0]) > 5e-5

@@ -14,6 +14,7 @@ from recoil_identification.inference.solve import solve
 from recoil_identification.mass import MassEstimate
 from recoil_identification.monte_carlo import LEAST_BLOCKS, MonteCarlo, numerical_tolerance, propagate
 from tests.builders.calibrations import a_calibration
+from tests.builders.correlations import lower_factor
 from tests.builders.virtual_shots import identified
 
 
@@ -94,14 +95,14 @@ def test_a_drawn_shot_that_is_solved_anew_is_where_the_linear_draw_has_it(name):
     design = np.zeros((block.rows.size + camera.times_s.size, len(inferred.unknowns)))
     at = [[one.name for one in inferred.unknowns].index(unknown) for unknown in together.unknowns]
     design[:, at] = together.linearised(calibration.values)[1]
-    apart = []
+    factor, apart = lower_factor(together.correlation), []
     for _ in range(20):
         noise, drawn, moved = rng.standard_normal(design.shape[0]), [], []
         for prior in (*calibration.common, *calibration.own):
             errors = rng.standard_normal(len(prior.sources))
             drawn.append(errors)
             moved.append(replace(prior, values=prior.values + np.linalg.cholesky(prior.covariance) @ errors))
-        recorded = together.root @ noise
+        recorded = factor @ noise
         acceleration = found.fitted.acceleration_m_s2.copy()
         acceleration[block.rows] += block.sigma_m_s2 * recorded[: block.rows.size]
         noisy = (

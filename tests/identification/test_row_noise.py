@@ -13,13 +13,14 @@ from recoil_identification.row_noise import (
     LEAST_SIZE,
     PROPORTIONAL,
     RowNoise,
-    correlation_root,
+    correlation_of,
     row_noise,
 )
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.clocks.estimator_inputs import BaselineNoise
 from recoil_processing.shot.regression import Regression, spaced_rows
 from tests.builders.bench_shots import MASS_KG, bench_regression
+from tests.builders.correlations import lower_factor
 from tests.identification.test_camera_rows import rows_of
 
 SIGMA_M_S2 = 20.0
@@ -139,8 +140,8 @@ def test_rows_and_frames_are_correlated_as_noise_that_is_filtered_and_integrated
     camera = replace(
         rows_of("mixed"), times_s=times_s[at], sigma_m=np.full(at.size, sigma_m), onset_s=onset_s, density=0.0
     )
-    root = correlation_root(regression, rows, noise, camera)
-    assert root is not None
+    correlation = correlation_of(regression, rows, noise, camera)
+    assert correlation is not None
     rng, drawn = np.random.default_rng(5), []
     scale = np.concatenate([noise.sigma_m_s2[rows], camera.sigma_m])
     for _ in range(600):
@@ -149,8 +150,8 @@ def test_rows_and_frames_are_correlated_as_noise_that_is_filtered_and_integrated
         moved = np.cumsum(np.cumsum(felt * (times_s >= onset_s))) * step_s**2
         of_rows = LOW_PASS.apply(felt, regression.rate_hz)[rows] + proportional
         of_frames = sigma_m * rng.standard_normal(at.size) - moved[at]
-        drawn.append(np.linalg.solve(root, np.concatenate([of_rows, of_frames]) / scale))
-    white = np.array(drawn)
+        drawn.append(np.concatenate([of_rows, of_frames]) / scale)
+    white = correlation.whitened(np.array(drawn).T).T
     assert np.mean(white**2) == pytest.approx(1.0, abs=0.02)
     slow = np.cos(np.pi * np.outer(np.arange(6), np.arange(rows.size) + 0.5) / rows.size)
     slowest = np.hstack([slow, np.zeros((6, at.size))]), np.hstack([np.zeros((6, rows.size)), np.eye(at.size)[-6:]])
@@ -165,15 +166,16 @@ def test_frames_may_be_noisier_than_the_accelerometers_own_noise_makes_them_and_
     regression, camera = noisy(0), rows_of("mixed")
     rows, noise = spaced_rows(regression), found(regression)
     quiet, loud = (
-        correlation_root(regression, rows, noise, replace(camera, onset_s=regression.interval_s[0], density=density))
+        correlation_of(regression, rows, noise, replace(camera, onset_s=regression.interval_s[0], density=density))
         for density in (0.0, 10 * noise.density)
     )
-    alone = correlation_root(regression, rows, noise, None)
+    alone = correlation_of(regression, rows, noise, None)
     assert quiet is not None
     assert loud is not None
     assert alone is not None
     n = rows.size
-    np.testing.assert_allclose(quiet[:n, :n], alone, atol=1e-12)
-    variances = [np.diag(one @ one.T)[n:] - 1.0 for one in (quiet, loud)]
+    factors = [lower_factor(one) for one in (quiet, loud)]
+    np.testing.assert_allclose(factors[0][:n, :n], lower_factor(alone), atol=1e-12)
+    variances = [np.diag(one @ one.T)[n:] - 1.0 for one in factors]
     np.testing.assert_allclose(variances[1], 10 * variances[0], rtol=1e-6, atol=1e-9)
-    assert correlation_root(regression, rows, replace(noise, sensors_m_s2=0.0), camera) is None
+    assert correlation_of(regression, rows, replace(noise, sensors_m_s2=0.0), camera) is None

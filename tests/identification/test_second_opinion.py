@@ -14,6 +14,7 @@ import pytest
 
 from recoil_identification.preparation import prepare
 from recoil_processing.shot.regression import spaced_rows
+from tests.builders.correlations import lower_factor
 from tests.builders.virtual_shots import identified, virtual_shot
 
 STEP = 1e-30
@@ -165,7 +166,8 @@ def test_a_program_that_shares_nothing_finds_the_same_mass_and_uncertainty(name:
         *(mean(twice_integrated(whole, 1 / steps)[1]), np.column_stack([mean(bow), mean(2.6 * bow * (1 - 2 * share))])),
     )
     sigma = np.append(found.calibration.block.sigma_m_s2, found.calibration.camera.sigma_m)
-    covariance = found.calibration.root @ found.calibration.root.T * np.outer(sigma, sigma)
+    factor = lower_factor(found.calibration.correlation)
+    covariance = factor @ factor.T * np.outer(sigma, sigma)
     assert sigma.size == at.size + frames_each.size
     # the breech gauge once the bore is empty, in means of 5 ms
     reading, noise = found.signals.series["breech_pressure"], found.signals.offsets["breech_pressure"].noise

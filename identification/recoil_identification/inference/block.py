@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_identification.inference.correlation import Correlation
 
 Array = NDArray[np.float64]
 
@@ -72,12 +73,12 @@ class JointBlock(ReadOnlyArrays):
     ----------
     parts
         Each with its rows over their own standard deviations.
-    root : ndarray, shape (n_rows, n_rows), or None
-        Lower triangle whose product with its transpose is the correlation of all rows; None for the identity.
+    correlation
+        Of all rows; None if they are independent.
     """
 
     parts: tuple[Block, ...]
-    root: Array | None = None
+    correlation: Correlation | None = None
 
     @cached_property
     def unknowns(self) -> tuple[str, ...]:
@@ -98,8 +99,4 @@ class JointBlock(ReadOnlyArrays):
 
     def whitened(self, rows: Array) -> Array:
         """Turn rows of all parts into rows of independent errors, shape (n_rows, n_columns) as given."""
-        return rows if self._whitening is None else self._whitening @ rows
-
-    @cached_property
-    def _whitening(self) -> Array | None:
-        return None if self.root is None else np.asarray(np.linalg.inv(self.root))
+        return rows if self.correlation is None else self.correlation.whitened(rows)

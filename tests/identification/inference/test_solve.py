@@ -13,6 +13,7 @@ from scipy.optimize import least_squares
 
 from recoil_identification.inference.block import JointBlock, LinearBlock
 from recoil_identification.inference.estimate import Estimate
+from recoil_identification.inference.correlation import Correlation
 from recoil_identification.inference.solve import solve
 from recoil_identification.inference.unknown import Prior, Unknown
 
@@ -71,7 +72,8 @@ def test_rows_whose_errors_are_correlated_count_by_the_inverse_of_their_covarian
     blocks, priors = problem(seed)
     factors = np.random.default_rng(seed).normal(size=(18, 3))
     correlation = np.eye(18) + factors @ factors.T
-    joint = JointBlock(tuple(blocks), np.linalg.cholesky(correlation))
+    near = np.array([np.append(np.diag(correlation, -later), np.zeros(later)) for later in range(18)])
+    joint = JointBlock(tuple(blocks), Correlation.of(near))
     found = solve(UNKNOWNS, [joint], priors)
     columns, seen = np.zeros((18, 4)), np.concatenate([block.recorded / block.sigma for block in blocks])
     for number, block in enumerate(blocks):
