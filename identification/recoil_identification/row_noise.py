@@ -174,7 +174,8 @@ class _Kernel(ReadOnlyArrays):
         step_s = float(self.lags_s[1] - self.lags_s[0])
         size = 2 * self.lags_s.size - 1
         whole = np.fft.irfft(np.fft.rfft(self.weights_per_s, size) ** 2, size) * step_s
-        return step_s * (np.arange(size) - size // 2), np.asarray(whole)
+        lags_s = np.asarray(step_s * (np.arange(size) - size // 2), dtype=np.float64)
+        return lags_s, whole
 
     def integrated_twice(self, since_s: Array, moving_s: Array) -> Array:
         """Return the covariance of filtered noise with what the noise from zero on integrates to.

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
 from recoil_identification.inference.block import JointBlock, LinearBlock
-from recoil_identification.inference.estimate import Estimate
 from recoil_identification.inference.correlation import Correlation
+from recoil_identification.inference.estimate import Estimate
 from recoil_identification.inference.solve import solve
 from recoil_identification.inference.unknown import Prior, Unknown
 
