@@ -32,8 +32,6 @@ Array = NDArray[np.float64]
 PARAMETERS = ("m1", "m1 X1", "m1 Y1", "J1", "m2", "m2 s2", "m2 d2", "J2", "m3", "m3 b", "m3 d", "J3A")
 """Order of the standard parameters."""
 PARAMETER_UNITS = ("kg", "kg m", "kg m", "kg m^2") * 3
-TIPPING_PARAMETERS = PARAMETERS[4:]
-"""Those of the bodies that hang on the trunnion."""
 LOADS = ("breech", "resistance", "elevating", "ground_x", "ground_y", "ground_d", "ground_friction")
 """Order of the loads: arguments of `recoil_rigs.mechanism.generalized_forces`, in its signs."""
 EQUATIONS = ("forward", "upward", "turning about C", "turning about A", "along the bore")

@@ -220,7 +220,6 @@ def test_a_manual_trigger_follows_the_same_rules():
     assert detector.fire_manually(1.0) == [Decision(1.0, "trigger", "", "", -1, -1, None, 1.0)]
     assert suppressed(detector.fire_manually(2.0)) == [(2.0, HOLDOFF)]
     assert fired(detector.fire_manually(4.0)) == [4.0]
-    assert detector.post_until_s == 6.0
 
 
 @pytest.mark.parametrize("extend", [False, True])

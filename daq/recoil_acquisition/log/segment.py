@@ -35,8 +35,6 @@ class WritingSegment:
     ----------
     oldest_ns, newest_ns
         Earliest and latest host time at which its records' content arrived.
-    first_sequence
-        Of its records; it is -1 if there are none.
     count
         Of its records.
     spans
@@ -53,7 +51,7 @@ class WritingSegment:
         self.size = size
         self.length = 0
         self.oldest_ns, self.newest_ns = (1 << 63) - 1, -(1 << 63)
-        self.first_sequence, self.count = -1, 0
+        self.count = 0
         self.spans: dict[int, list[int]] = {}
         flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
         self._descriptor = os.open(path, flags, 0o644)
@@ -74,10 +72,8 @@ class WritingSegment:
         _write_all(self._descriptor, parts)
         self.length += sum(len(part) for part in parts)
 
-    def note(self, sequence: int, from_ns: int, host_ns: int) -> None:
-        """Note the record that was written last."""
-        if not self.count:
-            self.first_sequence = sequence
+    def note(self, from_ns: int, host_ns: int) -> None:
+        """Note when the content of the record that was written last arrived."""
         self.count += 1
         self.oldest_ns, self.newest_ns = min(self.oldest_ns, from_ns), max(self.newest_ns, host_ns)
 

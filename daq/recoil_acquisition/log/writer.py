@@ -394,7 +394,7 @@ class LogWriter:
         if kind in _OF_THE_LOG:
             segment.count += 1
         else:
-            segment.note(number, host_ns if span_us == UNKNOWN else host_ns - 1000 * span_us, host_ns)
+            segment.note(host_ns if span_us == UNKNOWN else host_ns - 1000 * span_us, host_ns)
         self._records += 1
         self._bytes += HEAD_SIZE + len(data)
         if self._unsynced_since is None:
@@ -496,12 +496,12 @@ class LogWriter:
         try:
             self._segment = self._reserve.take()
             self._space_wanted.set()
-            for number, head, data in waiting:
+            for _, head, data in waiting:
                 if self._segment.room < len(head) + len(data):
                     full, self._segment = self._segment, self._reserve.take()
                     self._written.retire(full)
                 self._segment.write(head, data)
-                self._segment.note(number, -(1 << 63), (1 << 63) - 1)  # never released
+                self._segment.note(-(1 << 63), (1 << 63) - 1)  # never released
             self._say_session()
         except OSError as again:
             raise self._break(again) from again

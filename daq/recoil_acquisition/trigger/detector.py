@@ -127,11 +127,6 @@ class TriggerDetector:
         """Whether triggers count."""
         return self._armed
 
-    @property
-    def post_until_s(self) -> float:
-        """End of the last trigger's post time; minus infinity before the first."""
-        return self._stop_s
-
     def arm(self, time_s: float) -> list[Decision]:
         """Arm from a time on, afresh: every condition must be below its rearm level once before it can be met.
 

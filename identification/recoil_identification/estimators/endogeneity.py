@@ -35,15 +35,14 @@ class Endogeneity:
         Coefficient of the residual over its standard error: standard normal if there is no bias.
     p
         Probability of a statistic this far from zero by chance.
-    plain_kg, instrumental_kg, u_instrumental_kg
-        Both masses, and the standard uncertainty of the latter.
+    plain_kg, instrumental_kg
+        Both masses.
     """
 
     statistic: float
     p: float
     plain_kg: float
     instrumental_kg: float
-    u_instrumental_kg: float
 
     @property
     def biased(self) -> bool:
@@ -111,5 +110,4 @@ def durbin_wu_hausman(
         p=math.erfc(abs(statistic) / math.sqrt(2.0)),
         plain_kg=float(a @ f / (a @ a)),
         instrumental_kg=found.mass_kg,
-        u_instrumental_kg=found.u_kg,
     )

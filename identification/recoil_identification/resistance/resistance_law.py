@@ -48,15 +48,12 @@ class GasLaw(ReadOnlyArrays):
         n.
     covariance : ndarray, shape (3, 3)
         Of ln p0, ln L and n, from the residuals with their autocorrelation.
-    residual_pa
-        Standard deviation.
     """
 
     pressure_pa: float
     length_m: float
     exponent: float
     covariance: Array
-    residual_pa: float
 
     @property
     def parameters(self) -> Array:
@@ -122,7 +119,7 @@ def fit_gas_law(travel_m: Array, pressure_pa: Array) -> GasLaw | str:
     scale = np.linalg.norm(design, axis=0)
     inverse = np.linalg.pinv(design / scale) / scale[:, None]
     covariance = (deviation * correlation_factor(residual)) ** 2 * inverse @ inverse.T
-    return GasLaw(math.exp(theta[0]), math.exp(theta[1]), float(theta[2]), covariance, deviation)
+    return GasLaw(math.exp(theta[0]), math.exp(theta[1]), float(theta[2]), covariance)
 
 
 def _gas_rows(theta: Array, x: Array, p: Array) -> tuple[Array, Array]:

@@ -20,11 +20,6 @@ from recoil_processing.gaps import bridge, near
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-HALF_POWER = math.sqrt(0.5)
-"""Amplitude at the -3 dB point: 3.0103 dB."""
-HALF_AMPLITUDE = 0.5
-"""Amplitude at the -6 dB point: 6.0206 dB."""
-
 
 @dataclass(frozen=True)
 class FilterDescription:

@@ -18,8 +18,6 @@ Flags = NDArray[np.bool_]
 
 LEAST_SPECTRUM = 64
 """Samples of a part below which no spectrum is taken of it."""
-SEGMENTS = 8
-"""Parts of which a spectrum is averaged."""
 ABOVE_NOISE_DB = 6.0
 """By which the last octave must rise over its own noise before the shot to be a signal at all."""
 RINGING_OVER_PULSE = 5.0

@@ -50,8 +50,6 @@ STEPS: Mapping[Kind, int] = MappingProxyType(
 """Kind -> its place in the order."""
 UNMEASURED: tuple[Kind, ...] = ("drop-outs masked", "clipped repaired", "clipped masked")
 """Kinds after which a sample is a model's or nobody's, and says nothing of a peak."""
-MASKED: tuple[Kind, ...] = ("drop-outs masked", "clipped masked")
-"""Kinds after which a sample is NaN, and has no weight."""
 
 
 @dataclass(frozen=True, eq=False)
