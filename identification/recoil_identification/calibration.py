@@ -41,6 +41,7 @@ from recoil_identification.mass import (
 from recoil_identification.monte_carlo import Draw
 from recoil_identification.row_noise import RowNoise, correlation_of, row_noise
 from recoil_identification.sensor_priors import DISTORTIONS, RELEASE, ZERO, certificates
+from recoil_identification.travel_rows import RATE, ForcedTravel, TravelRows
 from recoil_processing.shot.regression import Regression, spaced_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 
@@ -53,11 +54,11 @@ FURTHEST_DRAW = 1.0
 BESIDE = {
     one.name: one
     for one in (
-        *(motion.CAMERA, GAS, OTHER, OTHER_ZERO, START, LATE),
+        *(motion.CAMERA, GAS, OTHER, OTHER_ZERO, START, LATE, RATE),
         *(Unknown(name, "m", "rig") for name in DISTORTIONS),
     )
 }
-"""Unknowns that are in no row of the motion; areas and standards are further ones."""
+"""Unknowns that are in no row of the motion alone; areas and standards are further ones."""
 UNITS = {FRICTION: "N", ZERO: "m/s^2", RELEASE: "m/s"} | {name: one.unit for name, one in BESIDE.items()}
 """Of the sources that are no scales."""
 
@@ -84,7 +85,8 @@ class Calibration(ReadOnlyArrays):
     further
         Rows of the breech gauge once the bore is empty, and of several gauges' differences, if there are any.
     camera
-        Rows of its frames, if there are any.
+        Rows of its frames, if there are any: beside those of the motion, or in their place where the forces alone tell
+        it.
     """
 
     estimate: MassEstimate
@@ -95,7 +97,7 @@ class Calibration(ReadOnlyArrays):
     own: tuple[Prior, ...]
     correlation: Correlation | None = None
     further: tuple[LinearBlock, ...] = ()
-    camera: CameraRows | None = None
+    camera: CameraRows | ForcedTravel | None = None
 
     @property
     def m0_kg(self) -> float:
@@ -124,8 +126,8 @@ class Calibration(ReadOnlyArrays):
 
     @property
     def acceleration_error(self) -> float:
-        """Relative error of the accelerometer's sensitivity."""
-        return math.expm1(self.inferred.value(motion.ACCELERATION.name))
+        """Relative error of the scale of what measured the motion."""
+        return math.expm1(self.inferred.value(self.block.scale.name))
 
     @property
     def bias_m_s2(self) -> float:
@@ -228,7 +230,7 @@ class Calibration(ReadOnlyArrays):
         Each column is one standard uncertainty of an error that is independent of the others.
         """
         n = regression.times_s.size
-        block = EquationOfMotion(regression, np.arange(n), self.m0_kg, np.ones(n), self.block.causes)
+        block = replace(self.block, regression=regression, rows=np.arange(n), sigma_m_s2=np.ones(n), changes=None)
         _, derivatives = block.linearised(self.values)
         # of those that the equation has, the mass apart
         n = len(block.unknowns)
@@ -311,44 +313,71 @@ def calibrated_mass(
     own += [*(cause.prior for cause in causes), *beside.priors]
     block = EquationOfMotion(regression, rows, first.mass_kg, noise.sigma_m_s2[rows], causes)
     correlation = correlation_of(regression, rows, noise, camera)
-    blocks: list[Block] = [_joined(block, camera, correlation), *beside.rows]
-    inferred = solve([*block.all_unknowns, *_beside(block, [*common, *own])], blocks, [*common, *own])
-    residual = block.sigma_m_s2 * block.linearised({one.name: inferred.value(one.name) for one in inferred.unknowns})[0]
+    found = calibration_of("calibrated", block, noise, common, own, camera, correlation, beside.rows)
+    residual = block.sigma_m_s2 * block.linearised(found.values)[0]
     # of the unknowns the mass and the shifts are not restricted, and zero and release hardly
     free = 3 + (0 if regression.shifts is None else regression.shifts.shape[1])
     deviation = math.sqrt(float(residual @ residual) / max(rows.size - free, 1))
-    mass = first.mass_kg * math.exp(inferred.value(motion.MASS.name))
+    return replace(found, estimate=replace(found.estimate, rows=int(rows.size), residual_m_s2=deviation))
+
+
+def calibration_of(
+    method: str,
+    block: EquationOfMotion,
+    noise: RowNoise,
+    common: Sequence[Prior],
+    own: Sequence[Prior],
+    camera: CameraRows | ForcedTravel | None,
+    correlation: Correlation | None,
+    further: tuple[LinearBlock, ...],
+) -> Calibration:
+    """Estimate the mass by rows and priors, and state what each source contributes.
+
+    Parameters
+    ----------
+    method
+        Its name.
+    block, noise, common, own, camera, correlation, further
+        As of `Calibration`; the residual of its estimate is left open, NaN.
+    """
+    joined = _joined(block, camera, correlation)
+    priors = [*common, *own]
+    inferred = solve([*block.all_unknowns, *_beside(block, joined, priors)], [joined, *further], priors)
+    mass = block.m0_kg * math.exp(inferred.value(motion.MASS.name))
     random_kg = mass * inferred.u_random(motion.MASS.name)
-    degrees_of_freedom = noise.degrees_of_freedom
-    budget = [BudgetRow(RANDOM, random_kg, "A", degrees_of_freedom=degrees_of_freedom)]
+    budget = [BudgetRow(RANDOM, random_kg, "A", degrees_of_freedom=noise.degrees_of_freedom)]
     stated = {source: ("B", "1") for prior in common for source in prior.sources}
     stated |= {source: ("B", unit) for source, unit in UNITS.items()}
-    stated |= {cause.source: (cause.kind, cause.unit) for cause in causes}
+    stated |= {cause.source: (cause.kind, cause.unit) for cause in block.causes}
     for source, u in zip(inferred.sources, inferred.u_sources.tolist(), strict=True):
         change = mass * inferred.contribution(source, motion.MASS.name)
         # a sensor that reads high has a value that lies too low
         kind, unit = stated.get(source, ("B", "1"))
         budget.append(BudgetRow(source, abs(change), kind, -change / u, unit))
     return Calibration(
-        estimate=MassEstimate("calibrated", mass, tuple(budget), int(rows.size), deviation),
+        estimate=MassEstimate(method, mass, tuple(budget), inferred.rows, math.nan),
         noise=noise,
         block=block,
         inferred=inferred,
         common=tuple(common),
         own=tuple(own),
         correlation=correlation,
-        further=beside.rows,
+        further=further,
         camera=camera,
     )
 
 
-def _joined(block: EquationOfMotion, camera: CameraRows | None, correlation: Correlation | None) -> JointBlock:
-    """Put the rows of a camera's frames after those of the motion."""
+def _joined(
+    block: EquationOfMotion, camera: CameraRows | ForcedTravel | None, correlation: Correlation | None
+) -> JointBlock:
+    """Put the rows of a camera's frames after those of the motion, or in their place."""
+    if isinstance(camera, ForcedTravel):
+        return JointBlock((TravelRows(block, camera),), correlation)
     return JointBlock((block,) if camera is None else (block, camera), correlation)
 
 
-def _beside(block: EquationOfMotion, priors: Sequence[Prior]) -> list[Unknown]:
-    """Return the unknowns that are in no row: the camera's scale, areas and standards."""
-    names = dict.fromkeys(name for prior in priors for name in prior.unknowns)
+def _beside(block: EquationOfMotion, joined: JointBlock, priors: Sequence[Prior]) -> list[Unknown]:
+    """Return the unknowns that are not the motion's: the camera's, areas and standards."""
+    names = dict.fromkeys((*joined.unknowns, *(name for prior in priors for name in prior.unknowns)))
     others = [name for name in names if name not in block.unknowns]
     return [BESIDE.get(name, Unknown(name, scope="sensor")) for name in others]

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.shot import ClockAlignment, Shot
-from recoil_identification.corrections import Corrections
+from recoil_identification.calibration import Calibration
 from recoil_identification.mass import ACCELERATION, MassEstimate, reverse_mass
 from recoil_identification.sensor_priors import CAMERA_SCALE
 from recoil_identification.uncertainty import (
@@ -34,7 +34,7 @@ def mass_by_camera(
     alignment: ClockAlignment,
     low_pass: LowPass,
     scales: ScaleUncertainty,
-    calibration: Corrections,
+    calibration: Calibration,
     *,
     longest_gap_s: float = 0.0,
 ) -> tuple[Regression, MassEstimate]:

@@ -7,21 +7,21 @@ from dataclasses import replace
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import Shot
-from recoil_identification.calibration import calibrated_mass
+from recoil_identification.camera_mass import camera_mass, with_residual
 from recoil_identification.camera_route import LARGEST_CUTOFF_HZ, mass_by_camera, regression_by_camera
-from recoil_identification.film_budget import film_contributions
-from recoil_identification.film_calibration import FilmCalibration
+from recoil_identification.camera_rows import LATE
 from recoil_identification.film_verdict import notes_on_film, reasons_against_film
 from recoil_identification.filmed_recoil import FilmedRecoil
 from recoil_identification.filter_choice import FORCE_ROLES, LARGEST_SHARE_OF_RATE, FilterChoice
 from recoil_identification.identified import Identification, Options
-from recoil_identification.mass_over_time import mass_constancy
+from recoil_identification.mass_over_time import mass_constancy, mass_over_time
 from recoil_identification.method_result import method_result
+from recoil_identification.monte_carlo import propagate
 from recoil_identification.shot_summary import scopes_of
 from recoil_identification.stress_waves import find_stress_waves
 from recoil_identification.trace_window import trace_window
 from recoil_processing.filters import LowPass
-from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ACCELERATIONS, ForcedRecoil, missing_forces
+from recoil_processing.shot.clocks.forced_recoil import missing_forces
 from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.signals import collect_signals
 from recoil_rigs.assumptions import assumptions_of
@@ -49,12 +49,11 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
         raise missing_forces(missing)
     alignments = {a.clock: a for a in shot.alignments}
     filmed = FilmedRecoil.of(shot, rig, collect_signals(shot, rig, alignments))
-    forced, found, camera = filmed.forced, filmed.found, filmed.camera
+    forced, camera = filmed.forced, filmed.camera
     signals = forced.signals
     choice = _slow_filter(shot, options)
-    u_random_kg, further = film_contributions(filmed)
-    calibration = FilmCalibration.of(found, u_random_kg, forced.scales, camera.u_rel)
-    clock = replace(filmed.clock, offset_s=filmed.clock.offset_s + found.shift_s)
+    calibration = camera_mass(filmed)
+    clock = replace(filmed.clock, offset_s=filmed.clock.offset_s + calibration.inferred.value(LATE.name))
     regression = regression_by_camera(
         forced.recorded,
         signals,
@@ -65,9 +64,8 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
         choice.low_pass,
         longest_gap_s=LONGEST_GAP_S,
     )
-    calibration = calibration.with_residual(regression)
-    estimate = replace(calibration.estimate, budget=(*calibration.estimate.budget, *further))
-    estimates = {"camera": estimate}
+    calibration = with_residual(calibration, regression)
+    estimates = {"camera": calibration.estimate}
     missing_routes: tuple[str, ...] = ()
     try:
         _, estimates["kinematic"] = mass_by_camera(
@@ -85,9 +83,7 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
         )
     except IdentificationError as error:
         missing_routes = (f"no mass by the acceleration from the camera: {error}",)
-    # by the acceleration that the film gives, each row's noise told by what is left of it
-    acceleration = calibrated_mass(regression, forced.scales, _u_zero_m_s2(forced))
-    constancy = mass_constancy(acceleration)
+    constancy = mass_constancy(calibration)
     window_s, window_choice = trace_window(options.window_s, regression, *calibration.correct(regression))
     results = {name: method_result(e, regression, calibration, window_s, rig) for name, e in estimates.items()}
     trace = results["camera"].trace
@@ -103,10 +99,10 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
         zero_shift=None,
         scopes=scopes_of(rig),
         summary=None,
-        monte_carlo=None,
+        monte_carlo=propagate(calibration.draws()),
         endogeneity=None,
         constancy=constancy,
-        walk=None,
+        walk=mass_over_time(calibration),
         window_choice=window_choice,
         skew=None,
         stress_waves=find_stress_waves(shot, signals, choice),
@@ -123,7 +119,7 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
         alignments=alignments,
         reasons=reasons_against_film(shot, rig, filmed, regression, trace, calibration, constancy),
         assumptions=assumptions_of(rig),
-        notes=(*notes_on_film(shot, filmed, regression, trace), *missing_routes),
+        notes=(*notes_on_film(shot, filmed, regression, trace, calibration), *missing_routes),
     )
 
 
@@ -139,8 +135,3 @@ def _slow_filter(shot: Shot, options: Options) -> FilterChoice:
         + ("" if options.cutoff_hz is None else f", {options.cutoff_hz:g} Hz were asked for")
     )
     return FilterChoice(LowPass(cutoff_hz), "default", None, reason)
-
-
-def _u_zero_m_s2(forced: ForcedRecoil) -> float:
-    """Combine what is uncertain of the zeros of the carriage's accelerometers."""
-    return math.hypot(*(forced.signals.offsets[role].u for role in CARRIAGE_ACCELERATIONS))

@@ -44,7 +44,7 @@ ACCELERATION = Unknown("ln recoil_acceleration", scope="sensor", largest_step=LA
 ZERO = Unknown("zero of recoil_acceleration", "m/s^2")
 RELEASE = Unknown("velocity at the release", "m/s", "rig")
 CAMERA = Unknown("ln camera", scope="sensor", largest_step=LARGEST_STEP)
-"""Of the camera's scale: in no row of the equation, but in what its alignment says of the accelerometer."""
+"""Of the camera's scale."""
 
 
 def shift(number: int) -> Unknown:
@@ -79,6 +79,8 @@ class EquationOfMotion(ReadOnlyArrays):
         Standard deviation of each row's error.
     causes
         What else may be wrong.
+    scale
+        Of what measured the motion.
     changes : ndarray, shape (n, n_changes), or None
         Shapes in which the mass's logarithm changes.
     """
@@ -88,15 +90,16 @@ class EquationOfMotion(ReadOnlyArrays):
     m0_kg: float
     sigma_m_s2: Array
     causes: tuple[Cause, ...] = ()
+    scale: Unknown = ACCELERATION
     changes: Array | None = None
 
     @cached_property
     def all_unknowns(self) -> tuple[Unknown, ...]:
-        """Mass, gauges, friction, accelerometer, its zero, release, shifts, causes, and changes of the mass."""
+        """Mass, gauges, friction, the motion's scale and zero, release, shifts, causes, and changes of the mass."""
         shifts = () if self.regression.shifts is None else range(self.regression.shifts.shape[1])
         changes = () if self.changes is None else range(self.changes.shape[1])
         return (
-            *(MASS, *GAUGES, FRICTION, ACCELERATION, ZERO, RELEASE),
+            *(MASS, *GAUGES, FRICTION, self.scale, ZERO, RELEASE),
             *(shift(i) for i in shifts),
             *(one.unknown for one in self.causes),
             *(change(i) for i in changes),
@@ -118,7 +121,7 @@ class EquationOfMotion(ReadOnlyArrays):
         given = np.array([values[unknown.name] for unknown in self.all_unknowns[6:]])
         sizes, changed = given[: added.shape[1]], given[added.shape[1] :]
         first = sizes.size - len(self.causes)
-        per_force = np.exp(values[ACCELERATION.name] - values[MASS.name] - changes @ changed) / self.m0_kg
+        per_force = np.exp(values[self.scale.name] - values[MASS.name] - changes @ changed) / self.m0_kg
         scales = np.exp([-values[gauge.name] for gauge in GAUGES]) * per_force[:, np.newaxis]
         readings, felt = r.forces_n[at, :3], added.copy()
         for column, one in enumerate(self.causes, first):

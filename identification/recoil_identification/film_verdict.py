@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 from recoil_acquisition.shot import Shot
-from recoil_identification.film_calibration import FilmCalibration
+from recoil_identification.calibration import Calibration
+from recoil_identification.camera_rows import LATE
 from recoil_identification.filmed_recoil import FilmedRecoil
 from recoil_identification.mass_over_time import MassConstancy
 from recoil_identification.trace import MassTrace
@@ -30,7 +30,7 @@ def reasons_against_film(
     filmed: FilmedRecoil,
     regression: Regression,
     trace: MassTrace,
-    calibration: FilmCalibration,
+    calibration: Calibration,
     constancy: MassConstancy | None,
 ) -> tuple[str, ...]:
     """Say what speaks against the result.
@@ -47,7 +47,7 @@ def reasons_against_film(
     """
     reasons = reasons_against_record(shot, rig, filmed.forced.signals, trace, regression, unused_channels(shot, rig))
     reasons += doubted_sensors_or_mass(calibration, constancy)
-    reasons += _against_the_fit(filmed)
+    reasons += _against_the_fit(filmed, calibration)
     return tuple(reasons)
 
 
@@ -57,7 +57,7 @@ def unused_channels(shot: Shot, rig: Rig) -> tuple[str, ...]:
     return tuple(dict.fromkeys(c.name for c in (spec, channel) if c is not None))
 
 
-def _against_the_fit(filmed: FilmedRecoil) -> Iterator[str]:
+def _against_the_fit(filmed: FilmedRecoil, calibration: Calibration) -> Iterator[str]:
     found, clock = filmed.found, filmed.clock
     if found.inflation > MOST_INFLATION:
         yield (
@@ -73,15 +73,18 @@ def _against_the_fit(filmed: FilmedRecoil) -> Iterator[str]:
     if found.set_aside > MOST_SET_ASIDE * (found.frames + found.set_aside):
         yield f"{found.set_aside} of {found.frames + found.set_aside} frames contradict their neighbours"
     if not filmed.by_force:
-        apart = abs(found.shift_s) / max(clock.u_offset_s, 1e-9)
+        shift_s = calibration.inferred.value(LATE.name)
+        apart = abs(shift_s) / max(clock.u_offset_s, 1e-9)
         if apart > LARGEST_SHIFT:
             yield (
-                f"film and forces call for an offset of clock {clock.clock} {1e6 * found.shift_s:+.0f} us away, "
+                f"film and forces call for an offset of clock {clock.clock} {1e6 * shift_s:+.0f} us away, "
                 f"{apart:.1f} of its standard uncertainties (limit {LARGEST_SHIFT:g})"
             )
 
 
-def notes_on_film(shot: Shot, filmed: FilmedRecoil, regression: Regression, trace: MassTrace) -> tuple[str, ...]:
+def notes_on_film(
+    shot: Shot, filmed: FilmedRecoil, regression: Regression, trace: MassTrace, calibration: Calibration
+) -> tuple[str, ...]:
     """Say what a reader should know although it does not make the result invalid.
 
     Parameters
@@ -89,12 +92,12 @@ def notes_on_film(shot: Shot, filmed: FilmedRecoil, regression: Regression, trac
     regression
         With the acceleration by the camera.
     """
-    signals, found = filmed.forced.signals, filmed.found
+    signals = filmed.forced.signals
     notes = [UNCHECKED]
     if filmed.by_force:
         notes.append(
             f"clock {filmed.clock.clock} is aligned by film and forces, and its offset is found with the mass "
-            f"(u {1e6 * math.hypot(found.u_shift_s, 0.0):.1f} us)"
+            f"(u {1e6 * calibration.inferred.u(LATE.name):.1f} us)"
         )
     notes += [
         f"no usable channel of role {role}: its term in the equation of motion is taken at rest"

@@ -12,8 +12,9 @@ from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import ClockAlignment, Shot
-from recoil_identification.force_errors import NamedErrors, force_errors
+from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.motion.fusion import FusedMotion
+from recoil_processing.shot.clocks.camera_track import CameraTrack
 from recoil_processing.shot.clocks.double_impulse import DoubleImpulseMass
 from recoil_processing.shot.clocks.force_clocks import METHOD as BY_FORCE
 from recoil_processing.shot.clocks.force_clocks import recoil_only
@@ -34,13 +35,15 @@ class FilmedRecoil(ReadOnlyArrays):
     camera
         Displacement on its own clock, without the delay of its chain.
     clock
-        Of that clock, without what `found` says is left of its offset.
+        Of that clock, as it was aligned.
     by_force
         Whether nothing but the forces tells the clock's offset.
-    errors
-        What is unknown besides the scales.
+    found
+        A first mass, with the noise of frames and forces.
+    track
+        Frames of the motion that agree with their neighbours.
     fused
-        Film and forces together.
+        Camera track and forces together.
     travel_m, velocity_m_s : ndarray, shape (n,)
     """
 
@@ -48,16 +51,11 @@ class FilmedRecoil(ReadOnlyArrays):
     clock: ClockAlignment
     by_force: bool
     forced: ForcedRecoil
-    errors: NamedErrors
     found: DoubleImpulseMass
+    track: CameraTrack
     fused: FusedMotion | None
     travel_m: Array
     velocity_m_s: Array
-
-    @property
-    def frame_times_s(self) -> Array:
-        """Of the frames, on the reference clock, shape (n_frames,)."""
-        return np.asarray(self.clock.to_reference(self.camera.time_base.times_s))
 
     @property
     def positions_m(self) -> Array:
@@ -90,36 +88,16 @@ class FilmedRecoil(ReadOnlyArrays):
         fused = fused_motion(signals, corrected.acceleration_m_s2, replace(camera, samples=positions), clock)
         travel, velocity = travel_and_velocity(fused, corrected.acceleration_m_s2, signals.step_s)
         forced = ForcedRecoil.of(shot, rig, signals, first.mass_kg, velocity)
-        errors = force_errors(forced)
-        found = forced.camera_track_mass(
-            clock.to_reference(times), positions, u_shift_s=u_shift_s, further_n=errors.columns_n
-        )
-        return cls(camera, clock, by_force, forced, errors, found, fused, travel, velocity)
+        frames_s = clock.to_reference(times)
+        found = forced.camera_track_mass(frames_s, positions, u_shift_s=u_shift_s)
+        rough = DoubleIntegral.of(forced.acceleration_m_s2, float(signals.times_s[0]), signals.step_s)
+        track = CameraTrack.of(frames_s, positions, forced.inputs.release_s, forced.recorded.interval_s[1], rough)
+        return cls(camera, clock, by_force, forced, found, track, fused, travel, velocity)
 
     @property
     def u_shift_s(self) -> float:
         """What is known of the clock's offset without the film and the forces."""
         return math.inf if self.by_force else self.clock.u_offset_s
-
-    def mass_with(self, *, held: bool = False, stretch: float = 0.0) -> DoubleImpulseMass:
-        """Estimate the mass again, with the noise as found.
-
-        Parameters
-        ----------
-        held
-            Whether the clock's offset is known, as it was found.
-        stretch
-            By how much longer the camera's seconds are, relative.
-        """
-        times = self.frame_times_s
-        times = times + stretch * (times - float(np.mean(self.forced.recorded.interval_s)))
-        return self.forced.camera_track_mass(
-            times + (self.found.shift_s if held else 0.0),
-            self.positions_m,
-            u_shift_s=0.0 if held else self.u_shift_s,
-            further_n=self.errors.columns_n,
-            levels=(self.found.marker_sigma_m, self.found.density),
-        )
 
 
 def require_carriage(signals: Signals) -> None:

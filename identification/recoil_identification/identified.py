@@ -16,7 +16,6 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import ClockAlignment
 from recoil_identification.calibration import Calibration
 from recoil_identification.estimators.endogeneity import Endogeneity
-from recoil_identification.film_calibration import FilmCalibration
 from recoil_identification.filter_choice import FilterChoice
 from recoil_identification.mass import MassEstimate
 from recoil_identification.mass_over_time import MassConstancy, MassOverTime
@@ -146,7 +145,7 @@ class Identification(ReadOnlyArrays):
     constancy
         Whether one mass explains the shot; None where that cannot be told.
     walk
-        The mass as one that may change, together with all sensors; None where the camera alone tells the motion.
+        The mass as one that may change, together with all sensors.
     window_choice
         Why the trace has this memory, where it was chosen from the shot.
     skew
@@ -179,7 +178,7 @@ class Identification(ReadOnlyArrays):
     specification_kg: float
     u_specification_kg: float
     results: Mapping[str, Result]
-    calibration: Calibration | FilmCalibration
+    calibration: Calibration
     filter_choice: FilterChoice
     mass_low_pass: LowPass
     zero_shift: ZeroShift | None
@@ -221,12 +220,7 @@ class Identification(ReadOnlyArrays):
         IdentificationError
             If the mass was identified without it.
         """
-        if (
-            not isinstance(self.calibration, Calibration)
-            or self.zero_shift is None
-            or self.skew is None
-            or self.peaks is None
-        ):
+        if self.zero_shift is None or self.skew is None or self.peaks is None:
             raise IdentificationError(
                 "this needs the route by the accelerometer on the recoiling part",
                 found=f"the method {self.method}",

@@ -14,7 +14,7 @@ they are (B. E. Hansen, J. Econometrics 97(1), 2000).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -209,15 +209,13 @@ def _as_if_known(step: float) -> float:
 
 def _scores(calibration: Calibration, shapes: Array) -> Scores | None:
     """Score shapes of the mass's logarithm, on the regression's grid; None if there are too few rows."""
-    block, rows = calibration.block, calibration.rows
-    _, derivatives = block.linearised(calibration.values)
-    frames = 0 if calibration.camera is None else calibration.camera.times_s.size
-    free = len(rows.unknowns) - sum(len(prior.sources) for prior in (*calibration.common, *calibration.own))
-    if block.rows.size + frames < max(free, 0) + LEAST_LEFT:
+    changing = replace(calibration, block=replace(calibration.block, changes=shapes)).rows
+    sizes = [change(i).name for i in range(shapes.shape[1])]
+    left, derivatives = changing.linearised(calibration.values | dict.fromkeys(sizes, 0.0))
+    known = sum(len(prior.sources) for prior in (*calibration.common, *calibration.own))
+    if left.size < max(len(calibration.rows.unknowns) - known, 0) + LEAST_LEFT:
         return None
-    changes = np.zeros((block.rows.size + frames, shapes.shape[1]))
-    changes[: block.rows.size] = derivatives[:, :1] * shapes[block.rows]
-    return calibration.scores(rows.whitened(changes))
+    return calibration.scores(derivatives[:, [changing.unknowns.index(name) for name in sizes]])
 
 
 def _steps(regression: Regression, instants_s: Array) -> Array:

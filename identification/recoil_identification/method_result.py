@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from recoil_identification.corrections import Corrections
+from recoil_identification.calibration import Calibration
 from recoil_identification.identified import Result
 from recoil_identification.mass import RANDOM, MassEstimate
 from recoil_identification.rpe import relative_percentage_error, rpe_interval
@@ -20,7 +20,7 @@ OWN_TRACE = (*CORRECTED, "reverse", "forward", "paper", "kinematic")
 
 
 def method_result(
-    estimate: MassEstimate, regression: Regression, calibration: Corrections, window_s: float, rig: Rig
+    estimate: MassEstimate, regression: Regression, calibration: Calibration, window_s: float, rig: Rig
 ) -> Result:
     """Trace a mass over time, and compare it with the specification.
 

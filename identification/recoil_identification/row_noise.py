@@ -130,11 +130,15 @@ def correlation_of(
     own = min(noise.density, own)
     # the frames are compared with what the accelerometer read, so that its noise is taken off them
     shared = -own * kernel.integrated_twice(times_s[:, np.newaxis] - camera.onset_s, moving_s)
-    shorter = np.minimum.outer(moving_s, moving_s)
-    walked = np.multiply.outer(moving_s, moving_s) - np.add.outer(moving_s, moving_s) * shorter / 2 + shorter**2 / 3
-    of_frames = max(own, camera.density) * walked * shorter + np.diag(camera.sigma_m**2)
+    of_frames = max(own, camera.density) * walked(moving_s) + np.diag(camera.sigma_m**2)
     own_m = camera.sigma_m
     return Correlation.of(near, shared / np.outer(sigma, own_m), of_frames / np.outer(own_m, own_m))
+
+
+def walked(moving_s: Array) -> Array:
+    """Return the covariance of the double integral of white noise of density one, after so long; shape (n, n)."""
+    shorter, product = np.minimum.outer(moving_s, moving_s), np.multiply.outer(moving_s, moving_s)
+    return (product - np.add.outer(moving_s, moving_s) * shorter / 2 + shorter**2 / 3) * shorter
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,16 +30,17 @@ LEAST_OWN = 1e-9
 """Of a sensor's scale, relative, where its certificate leaves nothing beside its standard and its area."""
 
 
-def certificates(scales: ScaleUncertainty, release: Prior, u_camera_rel: float | None) -> list[Prior]:
+def certificates(
+    scales: ScaleUncertainty, release: Prior, u_camera_rel: float | None, *, accelerometer: bool = True
+) -> list[Prior]:
     """Return what other shots know as well: the sensors' scales, the friction, and how the stop lets go.
 
     A scale of which a part is an area's or a standard's is off by that part and by the sensor's own: the part is an
     unknown beside the scales, one for all sensors that share it.
     """
-    of_roles = [
-        *zip(GAUGES, PRESSURE_ROLES, motion.GAUGES, scales.gauges, strict=True),
-        (ACCELERATION, "recoil_acceleration", motion.ACCELERATION, scales.acceleration),
-    ]
+    of_roles = [*zip(GAUGES, PRESSURE_ROLES, motion.GAUGES, scales.gauges, strict=True)]
+    if accelerometer:
+        of_roles.append((ACCELERATION, "recoil_acceleration", motion.ACCELERATION, scales.acceleration))
     if u_camera_rel is not None:
         of_roles.append((CAMERA_SCALE, "recoil_displacement", motion.CAMERA, u_camera_rel))
     of_scales: list[Prior] = []
@@ -59,7 +60,7 @@ def certificates(scales: ScaleUncertainty, release: Prior, u_camera_rel: float |
     return [
         *of_scales[:3],
         Prior.of(FRICTION, motion.FRICTION.name, scales.friction_n),
-        of_scales[3],
+        *of_scales[3:4],
         release,
         *of_scales[4:],
         *(Prior.of(name, f"ln {name}", u) for name, u in parts.items()),

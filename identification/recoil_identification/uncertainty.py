@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.shot import Shot
 from recoil_identification.budget import BudgetRow
-from recoil_identification.corrections import Corrections
+from recoil_identification.calibration import Calibration
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression, spaced_rows
 from recoil_processing.shot.signals import Signals
@@ -29,7 +29,7 @@ LARGEST_CUTOFF_EFFECT = 9e-4
 
 
 def further_contributions(
-    filtered: Regression, calibration: Corrections, signals: Signals, shot: Shot, rig: Rig
+    filtered: Regression, calibration: Calibration, signals: Signals, shot: Shot, rig: Rig
 ) -> tuple[BudgetRow, ...]:
     """Evaluate the clocks, the gauges' zeros and the repairs for the route by the accelerometer.
 
@@ -55,7 +55,7 @@ def further_contributions(
     )
 
 
-def note_on_cutoff(recorded: Regression, filtered: Regression, calibration: Corrections) -> str | None:
+def note_on_cutoff(recorded: Regression, filtered: Regression, calibration: Calibration) -> str | None:
     """Say by how much other cut-offs would move the mass, where that is more than other noise would."""
     if filtered.low_pass is None:
         return None
@@ -70,7 +70,7 @@ def note_on_cutoff(recorded: Regression, filtered: Regression, calibration: Corr
     return None
 
 
-def corrected_mass(regression: Regression, calibration: Corrections) -> float:
+def corrected_mass(regression: Regression, calibration: Calibration) -> float:
     """Mass by acceleration on force, with the sensors' errors as identified taken off, kg."""
     acceleration, force = calibration.correct(regression)
     rows = spaced_rows(regression)
@@ -79,7 +79,7 @@ def corrected_mass(regression: Regression, calibration: Corrections) -> float:
 
 
 def clock_contributions(
-    filtered: Regression, calibration: Corrections, shot: Shot, acceleration_role: str
+    filtered: Regression, calibration: Calibration, shot: Shot, acceleration_role: str
 ) -> list[BudgetRow]:
     """Move all that hangs on a clock by the clock's uncertainty; the change of the mass is the contribution.
 
@@ -118,7 +118,7 @@ def _moved(regression: Regression, on_it: Sequence[bool], shift_s: float) -> Reg
     return replace(regression, forces_n=forces, acceleration_m_s2=acceleration)
 
 
-def zero_contributions(filtered: Regression, calibration: Corrections, signals: Signals, rig: Rig) -> list[BudgetRow]:
+def zero_contributions(filtered: Regression, calibration: Calibration, signals: Signals, rig: Rig) -> list[BudgetRow]:
     """Move every force by the uncertainty of its gauge's zero, from the noise of the pre-trigger baseline.
 
     A gauge whose zero is not known at all has no row: no number could be given.
@@ -136,7 +136,7 @@ def zero_contributions(filtered: Regression, calibration: Corrections, signals: 
     return rows
 
 
-def repair_contributions(filtered: Regression, calibration: Corrections, signals: Signals, rig: Rig) -> list[BudgetRow]:
+def repair_contributions(filtered: Regression, calibration: Calibration, signals: Signals, rig: Rig) -> list[BudgetRow]:
     """Add to a force, or to the acceleration, what a repair of its channel may have left wrong in it."""
     mass = corrected_mass(filtered, calibration)
     rows = []

@@ -8,7 +8,6 @@ from collections.abc import Collection, Mapping
 from recoil_acquisition.shot import Shot
 from recoil_identification.calibration import CRITICAL_VALUE, Calibration
 from recoil_identification.causes import SKEW
-from recoil_identification.corrections import Corrections
 from recoil_identification.mass import ACCELERATION, RANDOM, MassEstimate
 from recoil_identification.mass_over_time import MassConstancy
 from recoil_identification.row_noise import LARGEST_SIZE
@@ -147,7 +146,7 @@ def _lost_excitation(filtered: Regression) -> float:
     return max(shares)
 
 
-def doubted_sensors_or_mass(calibration: Corrections, constancy: MassConstancy | None) -> list[str]:
+def doubted_sensors_or_mass(calibration: Calibration, constancy: MassConstancy | None) -> list[str]:
     """Name what contradicts the rest: sensors, or a constant mass where a change explains more than any sensor."""
     residuals = calibration.normalised_residuals
     doubts = doubted_sensors(calibration)
@@ -166,7 +165,7 @@ def doubted_sensors_or_mass(calibration: Corrections, constancy: MassConstancy |
     return doubts or [f"either the mass changes or {likeliest} is off, the shot cannot tell: {said}"]
 
 
-def doubted_sensors(calibration: Corrections) -> list[str]:
+def doubted_sensors(calibration: Calibration) -> list[str]:
     """Name the calibrations that contradict the shot, the least likely first.
 
     One wrong sensor pulls on those that it is compared with; which of them it is the shot alone may

@@ -83,7 +83,7 @@ def test_the_budget_is_complete_and_named_once(name):
         "packing friction",
         "release from the battery stop",
         "camera scale",
-        "alignment of clock camera",
+        "rate of clock camera",
         "breech_pressure zero",
         "carriage_acceleration_x sensitivity",
     }

@@ -36,7 +36,7 @@ def test_the_report_has_every_key_and_a_page(shot_file, tmp_path):
     assert low < 782 < high
     assert report["mass"]["u"] > 0
     assert report["rpe_percent"]["value"] < 2
-    assert {row["source"] for row in report["budget"]} > {"camera scale", "alignment of clock camera"}
+    assert {row["source"] for row in report["budget"]} > {"camera scale", "rate of clock camera"}
     assert [(a["clock"], a["method"], a["status"]) for a in report["alignment"]] == [("camera", "force", "ok")]
     assert any(c["check"] == "second sensor" and "cannot be checked" in c["detail"] for c in report["quality"])
     assert report["valid"] is True

@@ -59,6 +59,12 @@ class Correlation(ReadOnlyArrays):
         first = _solved(factor, across)
         return cls(factor, first, np.asarray(np.linalg.cholesky(last - first.T @ first)))
 
+    @classmethod
+    def whole(cls, matrix: Array) -> Correlation:
+        """Factorise a correlation of which nothing is zero, shape (n_rows, n_rows)."""
+        n = matrix.shape[0]
+        return cls.of(np.array([np.append(np.diagonal(matrix, -later), np.zeros(later)) for later in range(n)]))
+
     def whitened(self, rows: Array) -> Array:
         """Turn correlated rows into independent ones, shape (n_rows + n_last, n_columns) as given."""
         from scipy.linalg import solve_triangular
