@@ -16,12 +16,12 @@ from recoil_identification.causes import causes_of
 from recoil_identification.default_method import DEFAULTS, default_method
 from recoil_identification.estimators.endogeneity import Endogeneity, durbin_wu_hausman
 from recoil_identification.estimators.errors_in_variables import neighbouring_force
-from recoil_identification.estimators.estimates import FilmedShot, further_estimates, other_acceleration
+from recoil_identification.estimators.estimates import TrackedShot, further_estimates, other_acceleration
 from recoil_identification.filter_choice import choose_filter, mass_filter
 from recoil_identification.gauge_agreement import gauge_agreement, gauge_set_aside
 from recoil_identification.identified import (
+    CAMERA_METHODS,
     DEFAULT_WINDOW_S,
-    FILMED_METHODS,
     FURTHER,
     METHODS,
     Identification,
@@ -54,9 +54,9 @@ from recoil_rigs.rig import Rig
 from recoil_rigs.rig_tables import GAUGE_ROLES
 
 __all__ = [
+    "CAMERA_METHODS",
     "DEFAULTS",
     "DEFAULT_WINDOW_S",
-    "FILMED_METHODS",
     "FURTHER",
     "METHODS",
     "Identification",
@@ -97,14 +97,14 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
     low_pass = choice.low_pass
     scales = scale_uncertainty(rig)
     offset = signals.offsets["recoil_acceleration"]
-    film = recorded_motion(signals, prepared.acceleration_m_s2, camera, camera_clock)
+    track = recorded_motion(signals, prepared.acceleration_m_s2, camera, camera_clock)
     mass_low_pass = mass_filter(recorded, choice)
     quiet = EstimatorInputs(recorded, recorded, signals, shot, rig).baseline_noise
 
     def beside(narrow: Regression, recorded: Regression) -> Beside:
         causes = causes_of(narrow, recorded, signals, shot, rig)
         inertial = prepared.inertial_m_s2
-        frames = None if film is None else camera_rows(film, narrow, recorded, inertial, causes, signals, rig)
+        frames = None if track is None else camera_rows(track, narrow, recorded, inertial, causes, signals, rig)
         late = late_readings(signals, narrow.interval_s, causes)
         gauges = gauge_agreement(signals, rig, narrow.interval_s)
         rows, priors = ((), ()) if late is None else ((late.rows,), (late.prior,))
@@ -140,13 +140,13 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         for name, one in estimates.items()
     }
     if options.compare or method in FURTHER:
-        filmed = None
+        tracked = None
         if camera is not None and camera_clock is not None:
             # a clock that was aligned by the accelerometer is as much less late as that was
             clock = replace(camera_clock, offset_s=camera_clock.offset_s - skew.corrected_s)
             other = other_acceleration(prepared.acceleration_m_s2, prepared.inertial_m_s2)
-            filmed = FilmedShot(camera, clock, other)
-        estimates |= further_estimates(narrow, recorded, signals, shot, rig, scales, further, filmed)
+            tracked = TrackedShot(camera, clock, other)
+        estimates |= further_estimates(narrow, recorded, signals, shot, rig, scales, further, tracked)
     if method not in estimates:
         raise IdentificationError(
             f"this shot allows no estimate by the method {method}",
@@ -157,7 +157,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
     regressions = {name: filtered if name != "paper" else recorded for name in estimates}
     on_cutoff = note_on_cutoff(recorded, narrow, calibration)
     notes = () if on_cutoff is None else (on_cutoff,)
-    if film is not None and (lacking := carriage_lacks(signals)):
+    if track is not None and (lacking := carriage_lacks(signals)):
         what = f"no usable channel of role {', '.join(lacking)} tells how the tipping part moves"
         notes = (*notes, f"{what}, relative to which the camera sees the recoil: its frames are not used")
     if camera is not None and camera_clock is not None and camera_clock.status != "failed":

@@ -18,12 +18,12 @@ from recoil_identification.calibration import Calibration, calibration_of
 from recoil_identification.carriage_causes import carriage_causes
 from recoil_identification.causes import Cause, causes_of
 from recoil_identification.equation_of_motion import EquationOfMotion
-from recoil_identification.filmed_recoil import FilmedRecoil
 from recoil_identification.gauge_agreement import gauge_agreement
 from recoil_identification.inference.unknown import Prior
 from recoil_identification.late_readings import late_readings
 from recoil_identification.row_noise import RowNoise
 from recoil_identification.sensor_priors import RELEASE, ZERO, certificates
+from recoil_identification.tracked_recoil import TrackedRecoil
 from recoil_identification.travel_rows import ForcedTravel
 from recoil_processing.shot.regression import Regression, spaced_rows
 
@@ -31,7 +31,7 @@ OWN_UNKNOWNS = 4
 """Mass, place, release and clock: what the frames are fitted with besides what calibrations restrict."""
 
 
-def camera_mass(filmed: FilmedRecoil) -> Calibration:
+def camera_mass(tracked: TrackedRecoil) -> Calibration:
     """Estimate the mass of a recoil that a camera saw.
 
     Raises
@@ -39,21 +39,21 @@ def camera_mass(filmed: FilmedRecoil) -> Calibration:
     IdentificationError
         If too few frames saw the motion, or force and displacement have nothing in common.
     """
-    forced, signals = filmed.forced, filmed.forced.signals
+    forced, signals = tracked.forced, tracked.forced.signals
     recorded = replace(forced.recorded, forces_n=forced.inputs.forces_n)
     n, m0_kg = recorded.times_s.size, forced.mass_kg
-    levels = filmed.found.marker_sigma_m, filmed.found.density
+    levels = tracked.found.marker_sigma_m, tracked.found.density
     travel = ForcedTravel.of(
         forced,
-        filmed.track,
+        tracked.track,
         levels,
-        clock=filmed.clock.clock,
-        u_shift_s=filmed.u_shift_s,
-        u_rate=filmed.clock.u_drift,
+        clock=tracked.clock.clock,
+        u_shift_s=tracked.u_shift_s,
+        u_rate=tracked.clock.u_drift,
     )
-    causes = _causes(filmed, recorded)
+    causes = _causes(tracked, recorded)
     release = Prior.of(RELEASE, motion.RELEASE.name, recorded.u_release_n_s / m0_kg, recorded.release_n_s / m0_kg)
-    common = certificates(forced.scales, release, filmed.camera.u_rel, accelerometer=False)
+    common = certificates(forced.scales, release, tracked.camera.u_rel, accelerometer=False)
     late = late_readings(signals, recorded.interval_s, causes)
     gauges = gauge_agreement(signals, forced.rig, recorded.interval_s)
     rows, known = ((), ()) if late is None else ((late.rows,), (late.prior,))
@@ -67,7 +67,7 @@ def camera_mass(filmed: FilmedRecoil) -> Calibration:
     block = EquationOfMotion(recorded, np.arange(n), m0_kg, np.ones(n), causes, motion.CAMERA)
     noise = RowNoise(
         np.full(n, math.sqrt(travel.density / recorded.step_s)),
-        math.sqrt(filmed.found.inflation),
+        math.sqrt(tracked.found.inflation),
         float(max(travel.times_s.size - OWN_UNKNOWNS, 1)),
     )
     return calibration_of("camera", block, noise, common, own, travel, travel.correlation, (*rows, *gauges.rows))
@@ -82,8 +82,8 @@ def with_residual(calibration: Calibration, regression: Regression) -> Calibrati
     return replace(calibration, estimate=replace(calibration.estimate, residual_m_s2=deviation))
 
 
-def _causes(filmed: FilmedRecoil, recorded: Regression) -> tuple[Cause, ...]:
+def _causes(tracked: TrackedRecoil, recorded: Regression) -> tuple[Cause, ...]:
     """List what else may be wrong; what only the recoil's own accelerometer hangs on moves nothing."""
-    forced = filmed.forced
+    forced = tracked.forced
     of_forces = causes_of(recorded, recorded, forced.signals, forced.shot, forced.rig)
     return (*(one for one in of_forces if np.any(one.forces_n)), *carriage_causes(forced))

@@ -154,7 +154,7 @@ class CameraRows(ReadOnlyArrays):
 
 
 def camera_rows(
-    filmed: RecordedMotion,
+    tracked: RecordedMotion,
     regression: Regression,
     recorded: Regression,
     inertial_m_s2: Array,
@@ -169,7 +169,7 @@ def camera_rows(
 
     Parameters
     ----------
-    filmed
+    tracked
         Frames that agree with their neighbours.
     regression, recorded
         Behind the filter and before it, with the columns of the zero's shifts, step and kick first.
@@ -182,12 +182,12 @@ def camera_rows(
         return None
     shapes = np.zeros((recorded.times_s.size, 0)) if recorded.shifts is None else recorded.shifts
     # a zero that shifted at once must not look like noise
-    film = filmed.motion.likeliest(shapes[:, :RELEASED], range(min(RELEASED, shapes.shape[1])), filmed.densities)
+    track = tracked.motion.likeliest(shapes[:, :RELEASED], range(min(RELEASED, shapes.shape[1])), tracked.densities)
     onset_s, end_s = regression.interval_s
-    frames_s, positions_m = filmed.motion.times_s, filmed.motion.positions_m
+    frames_s, positions_m = tracked.motion.times_s, tracked.motion.positions_m
     number = np.floor((frames_s - onset_s) / MEAN_S).astype(np.int64)
     within = (number >= -BEFORE_S / MEAN_S) & (frames_s <= end_s)
-    if film is None or np.unique(number[within & (number >= 0)]).size < LEAST_MEANS:
+    if track is None or np.unique(number[within & (number >= 0)]).size < LEAST_MEANS:
         return None
     _, places, counts = np.unique(number[within], return_inverse=True, return_counts=True)
     times_s, start_s, step_s = frames_s[within], float(regression.times_s[0]), regression.step_s
@@ -204,14 +204,14 @@ def camera_rows(
     # behind the filter they begin before the onset
     wrong = [integral(one) for one in (*shifts, *(one.acceleration_m_s2 for one in others))]
     inertial = bridge(inertial_m_s2, otherwise=0.0)
-    travelled = filmed.motion.integral.acceleration
+    travelled = tracked.motion.integral.acceleration
     velocity = DoubleIntegral.of(travelled * moving, start_s, step_s).at(times_s)[1]
     return CameraRows(
         times_s=means(times_s),
         recorded_m=means(positions_m[within]),
-        sigma_m=math.sqrt(filmed.motion.marker_variance) / np.sqrt(counts),
+        sigma_m=math.sqrt(tracked.motion.marker_variance) / np.sqrt(counts),
         onset_s=onset_s,
-        density=film.density,
+        density=track.density,
         felt_m=integral(inertial * moving),
         other_m=integral((travelled - inertial) * moving),
         free_m=integral(recorded.released),
@@ -219,7 +219,7 @@ def camera_rows(
         zeros_m=np.column_stack([np.zeros((counts.size, 0)), *wrong]),
         sizes=(*(motion.shift(i).name for i in range(len(shifts))), *(one.source for one in others)),
         bends=np.column_stack([means(bend) for bend in picture_bends(positions_m[within])]),
-        u_rel=filmed.u_rel,
+        u_rel=tracked.u_rel,
         u_other_rel=max(spec.sensor.u_rel for role in CARRIAGE_ROLES for spec in rig.with_role(role)),
         u_other_zero_m_s2=math.hypot(*(signals.offsets[role].u for role in CARRIAGE_ACCELERATIONS)),
         u_distortion_m=max(spec.sensor.u_bent_m for spec in rig.with_role("recoil_displacement")),

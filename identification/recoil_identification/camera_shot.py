@@ -10,8 +10,7 @@ from recoil_acquisition.shot import Shot
 from recoil_identification.camera_mass import camera_mass, with_residual
 from recoil_identification.camera_route import LARGEST_CUTOFF_HZ, mass_by_camera, regression_by_camera
 from recoil_identification.camera_rows import LATE
-from recoil_identification.film_verdict import notes_on_film, reasons_against_film
-from recoil_identification.filmed_recoil import FilmedRecoil
+from recoil_identification.camera_verdict import notes_on_camera, reasons_against_camera
 from recoil_identification.filter_choice import FORCE_ROLES, LARGEST_SHARE_OF_RATE, FilterChoice
 from recoil_identification.identified import Identification, Options
 from recoil_identification.mass_over_time import mass_constancy, mass_over_time
@@ -20,6 +19,7 @@ from recoil_identification.monte_carlo import propagate
 from recoil_identification.shot_summary import scopes_of
 from recoil_identification.stress_waves import find_stress_waves
 from recoil_identification.trace_window import trace_window
+from recoil_identification.tracked_recoil import TrackedRecoil
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.clocks.forced_recoil import missing_forces
 from recoil_processing.shot.regression import PRESSURE_ROLES
@@ -48,12 +48,12 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
     if missing:
         raise missing_forces(missing)
     alignments = {a.clock: a for a in shot.alignments}
-    filmed = FilmedRecoil.of(shot, rig, collect_signals(shot, rig, alignments))
-    forced, camera = filmed.forced, filmed.camera
+    tracked = TrackedRecoil.of(shot, rig, collect_signals(shot, rig, alignments))
+    forced, camera = tracked.forced, tracked.camera
     signals = forced.signals
     choice = _slow_filter(shot, options)
-    calibration = camera_mass(filmed)
-    clock = replace(filmed.clock, offset_s=filmed.clock.offset_s + calibration.inferred.value(LATE.name))
+    calibration = camera_mass(tracked)
+    clock = replace(tracked.clock, offset_s=tracked.clock.offset_s + calibration.inferred.value(LATE.name))
     regression = regression_by_camera(
         forced.recorded,
         signals,
@@ -113,13 +113,13 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
         fitted=regression,
         kinematic=regression,
         camera=camera,
-        travel_m=filmed.travel_m,
-        velocity_m_s=filmed.velocity_m_s,
-        fused=filmed.fused,
+        travel_m=tracked.travel_m,
+        velocity_m_s=tracked.velocity_m_s,
+        fused=tracked.fused,
         alignments=alignments,
-        reasons=reasons_against_film(shot, rig, filmed, regression, trace, calibration, constancy),
+        reasons=reasons_against_camera(shot, rig, tracked, regression, trace, calibration, constancy),
         assumptions=assumptions_of(rig),
-        notes=(*notes_on_film(shot, filmed, regression, trace, calibration), *missing_routes),
+        notes=(*notes_on_camera(shot, tracked, regression, trace, calibration), *missing_routes),
     )
 
 

@@ -40,7 +40,7 @@ Method = Literal[
 METHODS: tuple[Method, ...] = ("calibrated", "reverse", "forward", "paper")
 """Computed for every shot with forces and an accelerometer on the recoiling part. The default is then ``calibrated``,
 because the scales of the sensors are less certain than the shot is random; a camera that was aligned adds its own."""
-FILMED_METHODS: tuple[Method, ...] = ("camera",)
+CAMERA_METHODS: tuple[Method, ...] = ("camera",)
 """Computed for a shot with forces and a camera, but no such accelerometer: the default then. It may be asked for where
 there is one: nothing of the accelerometer is used then but, if the rig says so, for the camera's clock."""
 FURTHER: tuple[Method, ...] = ("tls", "ar-gls", "weak", "camera-gls", "joint")
@@ -80,7 +80,7 @@ class Options:
     compare: bool = False
 
     def __post_init__(self) -> None:
-        known = tuple(dict.fromkeys((*METHODS, *FILMED_METHODS, *FURTHER)))
+        known = tuple(dict.fromkeys((*METHODS, *CAMERA_METHODS, *FURTHER)))
         if self.method is not None and self.method not in known:
             raise ValueError(f"method must be one of {', '.join(known)}, not {self.method!r}")
         for name in ("cutoff_hz", "window_s"):

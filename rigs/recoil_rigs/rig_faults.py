@@ -156,7 +156,7 @@ def faults_of_trigger(
                 problem = f"{row['channel']!r} is of a {kind} source, which cannot be read live"
                 faults.append(Fault(where, f"{problem}; take a channel of a bus or port"))
             elif kind == "camera":
-                problem = f"{row['channel']!r} is of a camera, whose film is one shot's already"
+                problem = f"{row['channel']!r} is of a camera, whose camera track is one shot's already"
                 faults.append(Fault(where, f"{problem}; take a channel of a recorder, a bus or a port"))
     return faults
 

@@ -82,7 +82,7 @@ class TriggerAlignment(DeclaredTable):
 class ExposureAlignment(DeclaredTable):
     """Align a camera by the pulses of its exposures, which ``channel`` of the reference clock recorded.
 
-    A pulse rises where an exposure starts. Where the recorder has more pulses than the film has frames, ``against``,
+    A pulse rises where an exposure starts. Where the recorder has more pulses than the track has frames, ``against``,
     the recoiling part's accelerometer, decides which pulse is which frame's.
     """
 

@@ -13,16 +13,16 @@ from recoil_processing.alignment.motion_alignment import MotionFit, align_motion
 from recoil_processing.alignment.velocity_lag import camera_velocity, span_frames
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.filters import LowPass
-from tests.builders.filmed_shots import FilmedShot, film_shot
 from tests.builders.motions import record_motion
+from tests.builders.tracked_shots import TrackedShot, track_shot
 
 SHOTS = range(1001, 1201)
-FILMED = range(2001, 2201)
+TRACKED = range(2001, 2201)
 """Other shots, for the share of false alarms."""
-FILMS = 2
+TRACKS = 2
 """Of each of these."""
-FAULTY = FILMED[::4]
-"""Shots of which films lose a picture, or write one twice."""
+FAULTY = TRACKED[::4]
+"""Shots of which camera tracks lose a picture, or write one twice."""
 LONGEST_LAG_S = 0.02
 """Over which the picks' correction looks around the picks."""
 
@@ -60,11 +60,11 @@ def test_eight_channels_of_a_million_samples_are_filtered(benchmark):
     assert np.allclose(filtered[1000:-1000], gain * table[1000:-1000], rtol=0, atol=1e-4)
 
 
-def velocities(shot: FilmedShot) -> tuple[np.ndarray, np.ndarray, float, float, float]:
+def velocities(shot: TrackedShot) -> tuple[np.ndarray, np.ndarray, float, float, float]:
     """Velocities of both records on grids of the frames' period: source, reference, both begins, period."""
     seen = np.isfinite(shot.displacement_m)
-    film = np.interp(shot.camera_times_s, shot.camera_times_s[seen], shot.displacement_m[seen])
-    times, source = camera_velocity(shot.camera_times_s, film)
+    track = np.interp(shot.camera_times_s, shot.camera_times_s[seen], shot.displacement_m[seen])
+    times, source = camera_velocity(shot.camera_times_s, track)
     period = float(np.median(np.diff(shot.camera_times_s)))
     integral = DoubleIntegral.of(shot.acceleration_m_s2, shot.start_s, shot.step_s)
     half = 0.5 * period * span_frames(shot.camera_times_s)
@@ -74,14 +74,14 @@ def velocities(shot: FilmedShot) -> tuple[np.ndarray, np.ndarray, float, float, 
     return source, reference, float(times[0]), float(grid[0]), period
 
 
-def by_whole_frames(shot: FilmedShot) -> float:
+def by_whole_frames(shot: TrackedShot) -> float:
     """Offset of the highest correlation of the velocities, a whole number of frames."""
     source, reference, source_zero, reference_zero, period = velocities(shot)
     lag = int(np.argmax(np.correlate(reference, source, mode="full"))) - (source.size - 1)
     return reference_zero + lag * period - source_zero
 
 
-def by_obspy(shot: FilmedShot) -> float:
+def by_obspy(shot: TrackedShot) -> float:
     """Offset by the picks' correction of seismology: a parabola through the correlation's peak.
 
     It is given accelerations over spans: the velocities' correlation is a single arch wider than the lags.
@@ -109,7 +109,7 @@ def spread(errors_s: list[float]) -> str:
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # obspy 1.4 asks for its plug-ins as Python 3.9 did
 def test_two_hundred_shots_are_aligned_within_what_is_stated(benchmark, capsys):
     """Median error, its ratio to the stated uncertainty, coverage, and other methods on the same shots."""
-    shots = [film_shot(seed) for seed in SHOTS]
+    shots = [track_shot(seed) for seed in SHOTS]
     fits = benchmark.pedantic(lambda: [shot.align() for shot in shots], rounds=1, warmup_rounds=0)
     table: dict[str, list[float]] = {"likelihood (this)": [], "velocities alone (this)": [], "whole frames": []}
     try:
@@ -145,15 +145,15 @@ def test_two_hundred_shots_are_aligned_within_what_is_stated(benchmark, capsys):
     assert ok >= 0.97 * len(shots)
 
 
-def test_missing_and_repeated_pictures_are_found_and_clean_films_raise_no_alarm(benchmark, capsys):
-    """Faults at any time from the shot to the end of recoil, one per film, and clean films."""
+def test_missing_and_repeated_pictures_are_found_and_clean_tracks_raise_no_alarm(benchmark, capsys):
+    """Faults at any time from the shot to the end of recoil, one per camera track, and clean camera tracks."""
 
     def run() -> dict[str, list[tuple[float, bool, bool, bool]]]:
         found: dict[str, list[tuple[float, bool, bool, bool]]] = {"clean": [], "missing": [], "twice": []}
-        for seed in FILMED:
+        for seed in TRACKED:
             rng = np.random.default_rng(seed)
-            for film in range(FILMS):
-                shot = film_shot(seed, film=film)
+            for track in range(TRACKS):
+                shot = track_shot(seed, track=track)
                 fit = shot.align()
                 assert isinstance(fit, MotionFit), fit
                 found["clean"].append((0.0, bool(fit.frame_faults), True, shot.judge(fit).status == "ok"))
@@ -175,7 +175,7 @@ def test_missing_and_repeated_pictures_are_found_and_clean_films_raise_no_alarm(
     with capsys.disabled():
         clean = np.array(found["clean"])
         print(
-            f"\nclean films: {int(clean[:, 1].sum())} of {len(clean)} with a false alarm, {int(clean[:, 3].sum())} ok"
+            f"\nclean tracks: {int(clean[:, 1].sum())} of {len(clean)} with a false alarm, {int(clean[:, 3].sum())} ok"
         )
         for name in ("missing", "twice"):
             rows = np.array(found[name])
@@ -183,7 +183,7 @@ def test_missing_and_repeated_pictures_are_found_and_clean_films_raise_no_alarm(
                 part = rows[(rows[:, 0] >= low) & (rows[:, 0] < high)]
                 if len(part):
                     print(
-                        f"{name:8} {low:.0f} to {high:.0f} sigma a frame: {len(part):3d} films, "
+                        f"{name:8} {low:.0f} to {high:.0f} sigma a frame: {len(part):3d} camera tracks, "
                         f"{100 * part[:, 1].mean():5.1f} % found, {100 * part[:, 2].mean():5.1f} % in the stated "
                         f"range, {100 * part[:, 3].mean():5.1f} % ok"
                     )

@@ -22,7 +22,7 @@ from recoil_daq.ingest import ingest_files
 from recoil_identification.analysis import Options, identify_shot
 from recoil_identification.budget import COVERAGE_FACTOR
 from recoil_rigs.twin import simulate_shot
-from tests.builders.filmed_rigs import filmed_rig
+from tests.builders.tracked_rigs import tracked_rig
 
 SHOTS = int(os.environ.get("RECOIL_DAQ_COVERAGE_SHOTS", "40"))
 FIRST_SEED = {"field-2013": 21001, "mixed": 25001}
@@ -62,7 +62,7 @@ def outcome(name: str, seed: int, settings: Mapping[str, float | bool]) -> Outco
     """Simulate, ingest and identify one shot; a sentence where it is refused."""
     from recoil_acquisition.errors import IdentificationError
 
-    rig = filmed_rig(name, **settings)
+    rig = tracked_rig(name, **settings)
     with tempfile.TemporaryDirectory() as folder:
         simulated = simulate_shot(rig, Path(folder) / "files", seed=seed, shot="s")
         shot = ingest_files(rig, simulated.files, shot="s", out=Path(folder) / "shots", on=dt.date(2026, 6, 1)).shot

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_identification.forces.measured_force import FilmedTravel, MeasuredForce
+from recoil_identification.forces.measured_force import MeasuredForce, TrackedTravel
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.stress_waves.ringing import Mode
 
@@ -23,7 +23,7 @@ class DrivenPart:
 
     force_n: np.ndarray
     measured: MeasuredForce
-    filmed: FilmedTravel
+    tracked: TrackedTravel
     modes: tuple[Mode, ...]
 
 
@@ -46,5 +46,5 @@ def driven_part(seed: int = 1, *, ringing_n: float = 150e3, gain_error: float = 
     measured = MeasuredForce(
         0.0, 1 / RATE_HZ, read, resistance, acceleration, np.zeros_like(times), MASS_KG, noise, 0.005, 0.3
     )
-    filmed = FilmedTravel(frames, 0.02 + travel + 5e-5 * rng.normal(size=frames.size), 5e-5, 0.001, 1e-5)
-    return DrivenPart(force, measured, filmed, (mode,))
+    tracked = TrackedTravel(frames, 0.02 + travel + 5e-5 * rng.normal(size=frames.size), 5e-5, 0.001, 1e-5)
+    return DrivenPart(force, measured, tracked, (mode,))

@@ -165,7 +165,7 @@ def lost(role: str, for_s: float) -> Injected:
 
 
 def foreign_camera() -> Injected:
-    """Put the film of a shot with a shorter recoil in the place of this one's."""
+    """Put the camera track of a shot with a shorter recoil in the place of this one's."""
 
     def inject(virtual: VirtualShot, shot: Shot) -> Shot:
         other = _of(virtual_shot(virtual.rig.name, 77, peak_pressure_pa=105e6).shot, CAMERA)

@@ -64,7 +64,7 @@ def measured(
     return replace(truth, forces_n=forces, acceleration_m_s2=a)
 
 
-def filmed(
+def tracked(
     *, camera: float = 0.0, u_rel: float = 0.001, sigma_m: float = 1e-4, noise: np.ndarray | None = None, **errors: Any
 ) -> CameraRows:
     """Let a camera see what an accelerometer with errors felt; no noise but the camera's own is in its frames."""
@@ -161,7 +161,7 @@ def test_large_errors_are_taken_exactly_not_to_first_order():
     wide = ScaleUncertainty(0.5, (0.5, 0.5, 0.5), 1e4)
     shot = errors | {"gauges": (0.0, -0.03, 0.02)}
     tight = replace(wide, gauges=(1e-7, 0.5, 0.5))
-    found = calibrated_mass(measured(**shot), tight, math.inf, filmed(**shot, u_rel=1e-6, sigma_m=1e-8))
+    found = calibrated_mass(measured(**shot), tight, math.inf, tracked(**shot, u_rel=1e-6, sigma_m=1e-8))
     assert found.estimate.mass_kg == pytest.approx(MASS_KG, rel=1e-5)
     np.testing.assert_allclose(found.gauge_errors, [0.0, -0.03, 0.02], atol=2e-4)
     assert found.acceleration_error == pytest.approx(0.03, abs=1e-5)
@@ -194,10 +194,10 @@ def test_a_sensitivity_is_what_the_mass_does_when_the_sensor_reads_high(source, 
     # the camera sees an accelerometer that reads high, too
     high, low = ({k: np.multiply(v, sign).tolist() for k, v in errors.items()} for sign in (1.0, -1.0))
     masses = [
-        calibrated_mass(measured(**e, noise=noise), SCALES, U_BIAS, filmed(**e)).estimate.mass_kg for e in (high, low)
+        calibrated_mass(measured(**e, noise=noise), SCALES, U_BIAS, tracked(**e)).estimate.mass_kg for e in (high, low)
     ]
     size = float(np.max(np.abs(np.hstack(list(errors.values())))))
-    budget = {r.source: r for r in calibrated_mass(measured(noise=noise), SCALES, U_BIAS, filmed()).estimate.budget}
+    budget = {r.source: r for r in calibrated_mass(measured(noise=noise), SCALES, U_BIAS, tracked()).estimate.budget}
     assert budget[source].sensitivity == pytest.approx((masses[0] - masses[1]) / (2 * size), rel=0.02, abs=0.05)
     units = {FRICTION: "N", ZERO: "m/s^2"}
     assert budget[source].sensitivity_per == units.get(source, "1")
@@ -205,8 +205,8 @@ def test_a_sensitivity_is_what_the_mass_does_when_the_sensor_reads_high(source, 
 
 def test_a_cameras_sensitivity_is_what_the_mass_does_when_the_camera_reads_high():
     shot = measured(noise=alternating(1.0))
-    high, low = (calibrated_mass(shot, SCALES, U_BIAS, filmed(camera=by)).estimate.mass_kg for by in (1e-4, -1e-4))
-    budget = {r.source: r for r in calibrated_mass(shot, SCALES, U_BIAS, filmed()).estimate.budget}
+    high, low = (calibrated_mass(shot, SCALES, U_BIAS, tracked(camera=by)).estimate.mass_kg for by in (1e-4, -1e-4))
+    budget = {r.source: r for r in calibrated_mass(shot, SCALES, U_BIAS, tracked()).estimate.budget}
     assert budget[CAMERA_SCALE].sensitivity == pytest.approx((high - low) / 2e-4, rel=0.02)
 
 
@@ -227,8 +227,8 @@ def test_the_stated_interval_covers_the_mass_as_often_as_it_says(with_camera):
             "release_m_s": release,
         }  # fmt: skip
         if with_camera:
-            frames = rng.standard_normal(filmed().times_s.size)
-            camera = filmed(camera=rng.normal(0.0, 0.001), noise=frames, **errors)
+            frames = rng.standard_normal(tracked().times_s.size)
+            camera = tracked(camera=rng.normal(0.0, 0.001), noise=frames, **errors)
         found = calibrated_mass(measured(**errors, noise=rng.normal(0.0, sigma, size)), SCALES, U_BIAS, camera, sigma)
         low, high = found.estimate.interval_kg
         inside += low <= MASS_KG <= high
@@ -246,11 +246,11 @@ def test_the_stated_interval_covers_the_mass_as_often_as_it_says(with_camera):
 def test_what_the_stop_gives_at_the_release_is_found_and_taken_off():
     given = 0.5 * exact().u_release_n_s / MASS_KG
     with_stop, without = (measured(release_m_s=v, noise=alternating(0.2)) for v in (given, 0.0))
-    found = calibrated_mass(with_stop, SCALES, U_BIAS, filmed(release_m_s=given), 0.2)
+    found = calibrated_mass(with_stop, SCALES, U_BIAS, tracked(release_m_s=given), 0.2)
     assert given > 1e-3
     assert found.release_m_s == pytest.approx(given, rel=0.2)
     assert found.estimate.mass_kg == pytest.approx(
-        calibrated_mass(without, SCALES, U_BIAS, filmed(), 0.2).estimate.mass_kg, abs=0.02
+        calibrated_mass(without, SCALES, U_BIAS, tracked(), 0.2).estimate.mass_kg, abs=0.02
     )
     a, _ = found.correct(with_stop)
     at_release = exact().release_per_s > 0.5 * exact().release_per_s.max()
@@ -279,7 +279,7 @@ def test_the_errors_left_are_those_that_draws_of_the_sensors_leave():
 
 
 def test_a_sensor_beyond_its_uncertainty_stands_out():
-    found = calibrated_mass(measured(gauges=(0.06, 0.0, 0.0), noise=alternating(1.0)), SCALES, U_BIAS, filmed())
+    found = calibrated_mass(measured(gauges=(0.06, 0.0, 0.0), noise=alternating(1.0)), SCALES, U_BIAS, tracked())
     assert max(found.normalised_residuals, key=lambda s: abs(found.normalised_residuals[s])) == GAUGES[0]
     assert found.normalised_residuals[GAUGES[0]] > 5
     assert 0 < found.pulls[GAUGES[0]] < found.normalised_residuals[GAUGES[0]]
@@ -314,7 +314,7 @@ def by_source(found: Calibration) -> dict[str, float]:
 def test_an_area_has_a_row_of_its_own_and_moves_nothing():
     regression = measured(noise=alternating(1.0))
     whole, apart = (
-        calibrated_mass(regression, scales, U_BIAS, filmed())
+        calibrated_mass(regression, scales, U_BIAS, tracked())
         for scales in (SCALES, with_parts(breech_pressure=(("bore_area", 0.004),)))
     )
     assert apart.estimate.mass_kg == pytest.approx(whole.estimate.mass_kg, rel=1e-9)
@@ -332,8 +332,8 @@ def test_what_a_standard_is_off_all_its_gauges_are_off_together():
     regression = measured(noise=alternating(1.0))
     standard = (("standard dead weight", 0.003),)
     roles = ("breech_pressure", "brake_pressure", "recuperator_pressure")
-    shared = calibrated_mass(regression, with_parts(**dict.fromkeys(roles, standard)), U_BIAS, filmed())
-    alone = calibrated_mass(regression, SCALES, U_BIAS, filmed())
+    shared = calibrated_mass(regression, with_parts(**dict.fromkeys(roles, standard)), U_BIAS, tracked())
+    alone = calibrated_mass(regression, SCALES, U_BIAS, tracked())
     assert shared.estimate.u_kg > 1.1 * alone.estimate.u_kg
     # a common factor of all forces is one of the mass, but for what accelerometer and camera know better
     assert by_source(shared)["standard dead weight"] / MASS_KG == pytest.approx(0.003, rel=0.1)
@@ -348,7 +348,7 @@ def test_what_a_standard_is_off_all_its_gauges_are_off_together():
     known = np.zeros((8, 8))
     known[1:4, 1:4] = np.linalg.inv(np.diag(u**2 - 0.003**2) + 0.003**2)
     known[4, 4], known[6, 6] = SCALES.friction_n**-2, U_BIAS**-2
-    camera = filmed()
+    camera = tracked()
     known[5, 5] += SCALES.acceleration**-2
     # frames: the accelerometer's scale and zero, the camera's scale, its place and its clock
     seen = np.column_stack([
@@ -365,6 +365,6 @@ def test_what_a_standard_is_off_all_its_gauges_are_off_together():
 
 def test_a_standard_that_is_all_of_a_certificate_leaves_the_sensor_nothing_of_its_own():
     parts = dict.fromkeys(("breech_pressure", "brake_pressure"), (("standard s", 0.004),))
-    found = calibrated_mass(measured(noise=alternating(1.0)), with_parts(**parts), U_BIAS, filmed())
+    found = calibrated_mass(measured(noise=alternating(1.0)), with_parts(**parts), U_BIAS, tracked())
     assert by_source(found)[GAUGES[1]] == pytest.approx(0.0, abs=1e-3)
     assert found.inferred.converged

@@ -32,26 +32,26 @@ def rows_of(name: str, seed: int = 3) -> CameraRows:
 
 
 @cache
-def filmed(name: str) -> RecordedMotion:
+def tracked(name: str) -> RecordedMotion:
     virtual = virtual_shot(name)
     before = prepare(virtual.shot, virtual.rig)
-    film = recorded_motion(before.signals, before.acceleration_m_s2, before.camera, before.camera_clock)
-    assert film is not None
-    return film
+    track = recorded_motion(before.signals, before.acceleration_m_s2, before.camera, before.camera_clock)
+    assert track is not None
+    return track
 
 
-def rows_with(name: str, film: RecordedMotion, signals: Signals | None = None) -> CameraRows | None:
+def rows_with(name: str, track: RecordedMotion, signals: Signals | None = None) -> CameraRows | None:
     found, virtual = identified(name), virtual_shot(name)
     before = prepare(virtual.shot, virtual.rig)
     causes = found.calibration.block.causes
     return camera_rows(
-        film, found.fitted, found.recorded, before.inertial_m_s2, causes, signals or before.signals, virtual.rig
+        track, found.fitted, found.recorded, before.inertial_m_s2, causes, signals or before.signals, virtual.rig
     )
 
 
 @pytest.mark.parametrize("name", RIGS)
 def test_each_row_is_the_mean_of_the_frames_of_a_millisecond_up_to_the_end_of_travel(name):
-    rows, motion = rows_of(name), filmed(name).motion
+    rows, motion = rows_of(name), tracked(name).motion
     onset_s, end_s = identified(name).fitted.interval_s
     assert np.all(np.diff(rows.times_s) > 0)
     assert rows.times_s[0] >= onset_s - BEFORE_S - MEAN_S
@@ -113,11 +113,11 @@ def test_of_a_camera_and_an_accelerometer_that_contradict_one_another_the_less_c
 
 
 def test_a_bent_picture_costs_the_mass_little():
-    film = filmed("mixed")
-    share = film.motion.positions_m / film.motion.positions_m.max()
-    bent = replace(film.motion, positions_m=film.motion.positions_m + 3e-4 * 4 * share * (1 - share))
+    track = tracked("mixed")
+    share = track.motion.positions_m / track.motion.positions_m.max()
+    bent = replace(track.motion, positions_m=track.motion.positions_m + 3e-4 * 4 * share * (1 - share))
     found, straight = identified("mixed"), rows_of("mixed")
-    rows = rows_with("mixed", replace(film, motion=bent))
+    rows = rows_with("mixed", replace(track, motion=bent))
     assert rows is not None
     calibration = found.calibration
     correlation = correlation_of(found.fitted, calibration.block.rows, calibration.noise, rows)
@@ -134,9 +134,9 @@ def test_where_nothing_tells_how_the_carriage_moves_the_frames_say_nothing():
     sound = prepare(virtual.shot, virtual.rig).signals
     for role in ("carriage_acceleration_x", "carriage_acceleration_y"):
         series = {one: samples for one, samples in sound.series.items() if one != role}
-        assert rows_with("field-2013", filmed("field-2013"), replace(sound, series=series)) is None
+        assert rows_with("field-2013", tracked("field-2013"), replace(sound, series=series)) is None
     one_rate = {role: samples for role, samples in sound.series.items() if role != "carriage_rate"}
-    assert rows_with("field-2013", filmed("field-2013"), replace(sound, series=one_rate)) is not None
+    assert rows_with("field-2013", tracked("field-2013"), replace(sound, series=one_rate)) is not None
 
 
 def test_without_the_carriages_accelerometers_a_shot_is_identified_without_its_camera_and_says_so():
@@ -162,8 +162,8 @@ def test_what_is_uncertain_of_the_carriage_is_what_its_sensors_state():
 
 
 def test_too_few_frames_are_no_rows():
-    film = filmed("mixed")
+    track = tracked("mixed")
     onset_s, _ = identified("mixed").fitted.interval_s
-    early = film.motion.times_s < onset_s + 8e-3
-    motion = replace(film.motion, times_s=film.motion.times_s[early], positions_m=film.motion.positions_m[early])
-    assert rows_with("mixed", replace(film, motion=motion)) is None
+    early = track.motion.times_s < onset_s + 8e-3
+    motion = replace(track.motion, times_s=track.motion.times_s[early], positions_m=track.motion.positions_m[early])
+    assert rows_with("mixed", replace(track, motion=motion)) is None

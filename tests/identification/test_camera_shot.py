@@ -1,4 +1,4 @@
-"""Shots without an accelerometer on the recoiling part: film and forces give clock and mass, or say why not."""
+"""Shots without an accelerometer on the recoiling part: camera track and forces give clock and mass, or say why not."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import pytest
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_identification.analysis import Identification, Options, identify_shot
-from recoil_identification.filmed_recoil import FilmedRecoil
+from recoil_identification.tracked_recoil import TrackedRecoil
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.signals import collect_signals
 from recoil_rigs.rig import Rig
-from tests.builders.filmed_rigs import filmed_shot
+from tests.builders.tracked_rigs import tracked_shot
 from tests.builders.virtual_shots import virtual_shot, with_channels, without_channels
 
 RIGS = ("field-2013", "mixed")
@@ -37,7 +37,7 @@ EXACT = {
 
 @cache
 def identified(name: str = "field-2013", seed: int = 3, **settings: float | bool) -> Identification:
-    virtual = filmed_shot(name, seed, **settings)
+    virtual = tracked_shot(name, seed, **settings)
     return identify_shot(virtual.shot, virtual.rig, Options())
 
 
@@ -48,7 +48,7 @@ def scaled(shot: Shot, rig: Rig, name: str, factor: float) -> Identification:
 
 @pytest.mark.parametrize("name", RIGS)
 def test_the_mass_is_found_within_its_uncertainty(name):
-    found, truth = identified(name), filmed_shot(name).truth
+    found, truth = identified(name), tracked_shot(name).truth
     assert found.method == "camera"
     assert set(found.results) == {"camera", "kinematic"}
     for result in found.results.values():
@@ -59,8 +59,8 @@ def test_the_mass_is_found_within_its_uncertainty(name):
 
 
 @pytest.mark.parametrize("name", RIGS)
-def test_the_clock_is_found_by_film_and_forces(name):
-    found, true = identified(name), filmed_shot(name).truth["clocks"]["camera"]
+def test_the_clock_is_found_by_track_and_forces(name):
+    found, true = identified(name), tracked_shot(name).truth["clocks"]["camera"]
     clock = found.alignments["camera"]
     assert (clock.method, clock.status) == ("force", "ok")
     middle = float(np.mean(found.filtered.interval_s))
@@ -92,7 +92,7 @@ def test_the_budget_is_complete_and_named_once(name):
 
 
 def test_the_mass_over_time_holds_the_truth():
-    trace, truth = identified().chosen.trace, filmed_shot().truth["m3"]
+    trace, truth = identified().chosen.trace, tracked_shot().truth["m3"]
     assert trace.share > 0.6
     assert np.mean(np.abs(trace.mass_kg - truth)[trace.identified] < 1.96 * trace.u_kg[trace.identified]) > 0.85
 
@@ -101,23 +101,23 @@ def test_what_an_accelerometer_would_check_is_said_not_to_be_checked():
     found = identified()
     assert found.zero_shift is found.skew is found.peaks is None
     assert "is not checked" in found.notes[0]
-    assert any(c.channel == "x_camera" and "cannot be checked" in c.detail for c in filmed_shot().shot.quality)
+    assert any(c.channel == "x_camera" and "cannot be checked" in c.detail for c in tracked_shot().shot.quality)
     with pytest.raises(IdentificationError, match="route by the accelerometer"):
         _ = found.inertial
 
 
 def test_without_noise_and_errors_the_estimator_is_exact():
-    virtual = filmed_shot(sample_rate_hz=50e3, **EXACT)
+    virtual = tracked_shot(sample_rate_hz=50e3, **EXACT)
     true = virtual.truth["clocks"]["camera"]
     clock = ClockAlignment("camera", true["offset_s"], 1e-6, true["drift"], 1e-6, "ok", "force")
     shot = replace(virtual.shot, alignments=(clock,))
     signals = collect_signals(shot, virtual.rig, {"camera": clock})
-    found = FilmedRecoil.of(shot, virtual.rig, signals).found
+    found = TrackedRecoil.of(shot, virtual.rig, signals).found
     assert found.mass_kg == pytest.approx(virtual.truth["m3"], rel=5e-4)
 
 
 def test_a_gauge_that_is_wrong_beyond_its_uncertainty_is_named():
-    virtual = filmed_shot()
+    virtual = tracked_shot()
     found = scaled(virtual.shot, virtual.rig, "p_brake", 0.95)
     assert not found.valid
     assert any(
@@ -125,7 +125,7 @@ def test_a_gauge_that_is_wrong_beyond_its_uncertainty_is_named():
     )
 
 
-def test_a_film_with_many_lost_frames_still_gives_a_mass():
+def test_a_track_with_many_lost_frames_still_gives_a_mass():
     found = identified(camera_lost=300)
     assert abs(found.chosen.estimate.mass_kg - 782) < 3 * found.chosen.estimate.u_kg
     assert found.chosen.trace.identified.any()
@@ -167,21 +167,21 @@ def test_an_accelerometer_that_recorded_nothing_does_not_count():
     ],
 )
 def test_what_tells_no_mass_is_refused_in_one_line_that_names_what_is_missing(names, message):
-    virtual = filmed_shot()
+    virtual = tracked_shot()
     with pytest.raises(IdentificationError, match=message) as caught:
         identify_shot(without_channels(virtual.shot, *names), virtual.rig, Options())
     assert "\n" not in str(caught.value)
 
 
 def test_a_camera_that_could_not_be_aligned_is_refused():
-    virtual = filmed_shot()
+    virtual = tracked_shot()
     failed = [replace(a, status="failed", reasons=("no pulse",)) for a in virtual.shot.alignments]
     with pytest.raises(IdentificationError, match="track of the recoiling part is on a clock that could not be"):
         identify_shot(replace(virtual.shot, alignments=tuple(failed)), virtual.rig, Options())
 
 
-def test_a_clock_that_film_and_forces_contradict_is_a_reason():
-    virtual = filmed_shot()
+def test_a_clock_that_track_and_forces_contradict_is_a_reason():
+    virtual = tracked_shot()
     (clock,) = virtual.shot.alignments
     late = replace(clock, offset_s=clock.offset_s + 5e-4, u_offset_s=2e-5, method="fixed")
     found = identify_shot(replace(virtual.shot, alignments=(late,)), virtual.rig, Options())

@@ -100,12 +100,12 @@ def frames(found: Identification, name: str, recorded: Regression) -> CameraRows
     """Take the camera's frames anew, with an accelerometer that reads what is recorded now."""
     before = prepared(name)
     moved = recorded.acceleration_m_s2 - found.recorded.acceleration_m_s2
-    film = recorded_motion(found.signals, before.acceleration_m_s2 + moved, found.camera, before.camera_clock)
+    track = recorded_motion(found.signals, before.acceleration_m_s2 + moved, found.camera, before.camera_clock)
     was = found.calibration.camera
-    assert film is not None
+    assert track is not None
     assert isinstance(was, CameraRows)
     rows = camera_rows(
-        film,
+        track,
         recorded.filtered(found.mass_low_pass),
         recorded,
         before.inertial_m_s2 + moved,

@@ -31,7 +31,7 @@ def test_a_valid_mass_beyond_it_stays_valid_and_names_what_may_be_the_cause():
 
 
 @pytest.mark.parametrize(
-    ("method", "filmed", "cause"),
+    ("method", "tracked", "cause"),
     [
         ("calibrated", False, ", or that of the accelerometer;"),
         ("camera", True, ", or that of the camera;"),
@@ -39,10 +39,10 @@ def test_a_valid_mass_beyond_it_stays_valid_and_names_what_may_be_the_cause():
         ("paper", True, ", or noise of the acceleration, by which this method reads low;"),
     ],
 )
-def test_the_causes_are_those_of_the_method(method, filmed, cause):
+def test_the_causes_are_those_of_the_method(method, tracked, cause):
     found = off_by(0.0)
     results = {**found.results, method: found.chosen}
-    found = off_by(2.0, method=method, results=results, camera=found.camera if filmed else None)
+    found = off_by(2.0, method=method, results=results, camera=found.camera if tracked else None)
     assert cause in found.deviation
 
 

@@ -344,7 +344,7 @@ def test_samples_that_are_no_number_are_told_and_stop_nothing(name, value):
     shot = replace(with_channels(virtual.shot, **{name: odd}), alignments=(), quality=())
     alignments = align_clocks(shot, virtual.rig)
     checks = check_shot(replace(shot, alignments=alignments), virtual.rig, alignments, {}, ON)
-    # of a film up to 2 % may be lost, and 1 % is
+    # of a camera track up to 2 % may be lost, and 1 % is
     assert name == "x_camera" or [c for c in checks if c.channel == name and c.verdict != "ok"]
     found = identify_shot(replace(shot, alignments=alignments, quality=checks), virtual.rig, Options())
     low, high = found.chosen.estimate.interval_kg

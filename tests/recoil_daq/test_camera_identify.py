@@ -15,14 +15,14 @@ from recoil_daq.cli import app
 from recoil_daq.ingest import ingest_files
 from recoil_identification.analysis import Options
 from recoil_rigs.twin import simulate_shot
-from tests.builders.filmed_rigs import filmed_rig
+from tests.builders.tracked_rigs import tracked_rig
 from tests.builders.virtual_shots import SHORTER
 
 
 @pytest.fixture(scope="module")
 def shot_file(tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("filmed")
-    rig = filmed_rig("field-2013", **SHORTER)
+    folder = tmp_path_factory.mktemp("tracked")
+    rig = tracked_rig("field-2013", **SHORTER)
     simulated = simulate_shot(rig, folder / "files", seed=7, shot="0001")
     return ingest_files(rig, simulated.files, shot="0001", out=folder / "shots", on=dt.date(2026, 6, 1)).path
 

@@ -236,8 +236,8 @@ def matched(*files: tuple[str, str], sources: str = SOURCES) -> dict[str, str]:
 
 
 def test_a_pattern_comes_before_the_kind_and_the_kind_before_nothing():
-    files = [("s1.csv", "dewetron"), ("film.csv", "camera"), ("s1_LEFT.csv", "camera")]
-    assert matched(*files) == {"recorder": "s1.csv", "right": "film.csv", "left": "s1_LEFT.csv"}
+    files = [("s1.csv", "dewetron"), ("track.csv", "camera"), ("s1_LEFT.csv", "camera")]
+    assert matched(*files) == {"recorder": "s1.csv", "right": "track.csv", "left": "s1_LEFT.csv"}
 
 
 def test_a_pattern_decides_for_a_file_that_no_reader_recognises():
@@ -250,7 +250,7 @@ def test_a_pattern_of_another_kind_does_not_decide():
 
 def test_the_only_source_of_a_kind_takes_a_file_that_its_pattern_does_not_fit():
     left_alone = SOURCES[: SOURCES.rindex("[[source]]")]
-    assert matched(("film.csv", "camera"), sources=left_alone) == {"left": "film.csv"}
+    assert matched(("track.csv", "camera"), sources=left_alone) == {"left": "track.csv"}
 
 
 BOTH_FIT = SOURCES.replace('"right"\nkind = "camera"', '"right"\nkind = "camera"\nmatch = "a*"')
@@ -262,7 +262,7 @@ NONE_TOLD_APART = SOURCES.replace('match = "*_left.*"\n', "")
     [
         ([("log.blf", "can")], SOURCES, r"log\.blf: a can file fits no source of rig 'stand'; expected recorder \("),
         ([("x.bin", "")], SOURCES, r"x\.bin: a file that no reader recognises fits no source"),
-        ([("film.csv", "camera")], NONE_TOLD_APART, "fits several sources: left, right"),
+        ([("track.csv", "camera")], NONE_TOLD_APART, "fits several sources: left, right"),
         ([("a_left.csv", "camera")], BOTH_FIT, "fits several sources: left, right; assign each with"),
         ([("a.csv", "dewetron"), ("b.csv", "dewetron")], SOURCES, "source 'recorder' already has a.csv; give one file"),
     ],

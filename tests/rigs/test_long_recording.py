@@ -132,7 +132,7 @@ def test_what_the_trigger_cannot_see_is_told_by_time(rig: Rig, long_text: Path):
 
 def test_a_second_long_recording_is_refused_because_its_clock_is_another(rig: Rig, long_text: Path):
     recordings = {"dewetron": opened(long_text), "camera": opened(long_text)}
-    filmed = (c.model_copy(update={"name": f"{c.name}_2", "source": "camera"}) for c in rig.channels)
-    both = replace(rig, channels=(*rig.channels, *filmed))
+    tracked = (c.model_copy(update={"name": f"{c.name}_2", "source": "camera"}) for c in rig.channels)
+    both = replace(rig, channels=(*rig.channels, *tracked))
     with pytest.raises(ReadError, match="it is another clock"):
         cut_long_recordings(both, recordings)

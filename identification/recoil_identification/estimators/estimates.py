@@ -50,7 +50,7 @@ LEAST_NOISE_M_S2 = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class FilmedShot(ReadOnlyArrays):
+class TrackedShot(ReadOnlyArrays):
     """What a camera adds.
 
     Attributes
@@ -76,7 +76,7 @@ def further_estimates(
     rig: Rig,
     scales: ScaleUncertainty,
     further: Sequence[BudgetRow],
-    filmed: FilmedShot | None = None,
+    tracked: TrackedShot | None = None,
 ) -> dict[str, MassEstimate]:
     """Estimate the mass by every further estimator that the shot's channels allow.
 
@@ -103,8 +103,8 @@ def further_estimates(
         "ar-gls": prepared.ar_gls,
         "weak": prepared.weak,
     }
-    if filmed is not None and filmed.alignment.status != "failed":
-        estimators |= {"camera-gls": lambda: prepared.camera_gls(filmed), "joint": lambda: prepared.joint(filmed)}
+    if tracked is not None and tracked.alignment.status != "failed":
+        estimators |= {"camera-gls": lambda: prepared.camera_gls(tracked), "joint": lambda: prepared.joint(tracked)}
     found: dict[str, MassEstimate] = {}
     for name, estimator in estimators.items():
         try:
@@ -175,50 +175,50 @@ class _Estimators:
         ]
         return self.stated("weak", found.mass_kg, found.u_kg, budget, found.rows)
 
-    def camera_gls(self, filmed: FilmedShot) -> MassEstimate:
+    def camera_gls(self, tracked: TrackedShot) -> MassEstimate:
         r = self.inputs.recorded
         found = double_impulse_mass(
-            filmed.alignment.to_reference(filmed.camera.time_base.times_s),
-            filmed.camera.measured,
+            tracked.alignment.to_reference(tracked.camera.time_base.times_s),
+            tracked.camera.measured,
             float(r.times_s[0]),
             r.step_s,
             self.inputs.force_n,
-            self.other(filmed),
+            self.other(tracked),
             release_s=self.inputs.release_s,
             end_s=r.interval_s[1],
             rough_mass_kg=self.inputs.rough_kg,
             force_sigma_n=self.inputs.baseline_noise.slow_force,
-            u_shift_s=filmed.alignment.u_offset_s,
+            u_shift_s=tracked.alignment.u_offset_s,
             u_velocity_m_s=r.rms_release_n_s / self.inputs.rough_kg,
             perturbations_n=self.inputs.perturbations.table,
         )
         scale_kg = found.scale_sensitivity_kg
-        scale = BudgetRow(CAMERA_SCALE, abs(scale_kg) * filmed.camera.u_rel, "B", scale_kg)
+        scale = BudgetRow(CAMERA_SCALE, abs(scale_kg) * tracked.camera.u_rel, "B", scale_kg)
         by_force, sensitivities_kg = self.by_force(found.sensitivities_kg[:4]), found.sensitivities_kg[4:]
-        budget = self.by_camera(filmed, by_force, sensitivities_kg, scale, found.u_shift_kg)
+        budget = self.by_camera(tracked, by_force, sensitivities_kg, scale, found.u_shift_kg)
         budget.append(BudgetRow(RELEASE, found.u_zero_kg, "B"))
         return self.stated("camera-gls", found.mass_kg, found.u_kg, budget, found.frames)
 
-    def joint(self, filmed: FilmedShot) -> MassEstimate:
+    def joint(self, tracked: TrackedShot) -> MassEstimate:
         r = self.inputs.recorded
         recoil = Recoil(
             float(r.times_s[0]),
             r.step_s,
             self.inputs.force_n,
             self.inputs.acceleration_m_s2,
-            self.other(filmed),
+            self.other(tracked),
             self.inputs.used,
-            filmed.alignment.to_reference(filmed.camera.time_base.times_s),
-            filmed.camera.measured,
+            tracked.alignment.to_reference(tracked.camera.time_base.times_s),
+            tracked.camera.measured,
             self.inputs.release_s,
             r.interval_s[1],
         )
         known = Knowledge(
             self.inputs.baseline_noise.slow_force,
             self.inputs.baseline_noise.slow_acceleration,
-            u_shift_s=filmed.alignment.u_offset_s,
+            u_shift_s=tracked.alignment.u_offset_s,
             u_gain=self.scales.acceleration,
-            u_scale=filmed.camera.u_rel,
+            u_scale=tracked.camera.u_rel,
         )
         perturbations = self.inputs.perturbations
         u = np.array([*self.scales.gauges, self.scales.friction_n, r.rms_release_n_s])
@@ -235,13 +235,13 @@ class _Estimators:
         *by_sensors, by_release = found.force_sensitivities_kg / np.where(u > 0, u, 1.0)
         by_force = self.by_force(np.array(by_sensors))
         by_force.append(BudgetRow(RELEASE, abs(by_release) * u[-1], "B", by_release, "N s"))
-        budget = self.by_camera(filmed, by_force, found.sensitivities_kg, scale, found.u_shift_kg)
+        budget = self.by_camera(tracked, by_force, found.sensitivities_kg, scale, found.u_shift_kg)
         budget.append(BudgetRow(ACCELERATION, found.u_gain_kg, "B"))
         return self.stated("joint", found.mass_kg, found.u_kg, budget, found.frames + found.rows)
 
-    def other(self, filmed: FilmedShot) -> Array:
+    def other(self, tracked: TrackedShot) -> Array:
         """Return what moves the displacement and is no force over mass, from the release on, shape (n,)."""
-        return np.asarray(bridge(filmed.other_m_s2, otherwise=0.0) * (self.inputs.recorded.released > 0))
+        return np.asarray(bridge(tracked.other_m_s2, otherwise=0.0) * (self.inputs.recorded.released > 0))
 
     def by_force(self, sensitivities_kg: Array) -> list[BudgetRow]:
         """Weigh the answers to the gauges' scales and the friction with their uncertainties."""
@@ -255,7 +255,7 @@ class _Estimators:
 
     def by_camera(
         self,
-        filmed: FilmedShot,
+        tracked: TrackedShot,
         by_force: list[BudgetRow],
         sensitivities_kg: Array,
         scale: BudgetRow,
@@ -267,7 +267,7 @@ class _Estimators:
         clocks: dict[str, float] = {}
         for (source, _), answer in zip(perturbations.clocks, sensitivities_kg[zeros.size :], strict=True):
             clocks[source] = max(clocks.get(source, 0.0), abs(float(answer)))
-        own = f"alignment of clock {filmed.alignment.clock}"
+        own = f"alignment of clock {tracked.alignment.clock}"
         # forces on the camera's own clock would move with it; no recorder of pressures has one
         clocks[own] = math.hypot(clocks.get(own, 0.0), u_shift_kg)
         return [

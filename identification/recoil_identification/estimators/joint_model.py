@@ -40,7 +40,7 @@ class JointModel(ReadOnlyArrays):
 
     Attributes
     ----------
-    recoil, known, film
+    recoil, known, track
     step_shape : ndarray, shape (n,)
         Of a zero that shifts at the release.
     other, felt, step_integral
@@ -53,7 +53,7 @@ class JointModel(ReadOnlyArrays):
 
     recoil: Recoil
     known: Knowledge
-    film: CameraTrack
+    track: CameraTrack
     step_shape: Array
     other: DoubleIntegral
     felt: DoubleIntegral
@@ -84,13 +84,13 @@ class JointModel(ReadOnlyArrays):
 
         step = (recoil.times_s >= recoil.release_s).astype(np.float64)
         rough = integral(recoil.force_n / rough_mass_kg + recoil.other_m_s2)
-        film = CameraTrack.of(recoil.frame_times_s, recoil.displacement_m, recoil.release_s, recoil.end_s, rough)
+        track = CameraTrack.of(recoil.frame_times_s, recoil.displacement_m, recoil.release_s, recoil.end_s, rough)
         # what it reads before the release is noise that moves nothing
         felt = integral(recoil.acceleration_m_s2 * step)
         return cls(
             recoil,
             known,
-            film,
+            track,
             step,
             integral(recoil.other_m_s2),
             felt,
@@ -142,7 +142,7 @@ class JointModel(ReadOnlyArrays):
 
     def positions(self, p: Array, noise: AutoregressiveNoise) -> tuple[Array, Array]:
         """Return what the camera saw beyond the model, and the model's derivatives, shapes (n,) and (n, n_unknowns)."""
-        r, t, w = self.recoil, self.film.times_s, self.force_share(noise)
+        r, t, w = self.recoil, self.track.times_s, self.force_share(noise)
         impulse = DoubleIntegral.of(self.force_n(p), r.start_s, r.step_s)
         travel, velocity = impulse.at(t + p[SKEW])
         gain, scale = 1.0 + p[GAIN], 1.0 + p[SCALE]
@@ -161,18 +161,18 @@ class JointModel(ReadOnlyArrays):
             driven = DoubleIntegral.of(error, r.start_s, r.step_s).at(t + p[SKEW])[0]
             columns[:, UNKNOWNS + j] = -scale * p[MASS] * (1.0 - w) * driven
         model = scale * moved + p[START] + p[SHIFT] * columns[:, SHIFT]
-        return self.film.positions_m - model, columns
+        return self.track.positions_m - model, columns
 
     def velocity(self, p: Array, noise: AutoregressiveNoise) -> Array:
         """Return the modelled velocity at the frames, shape (n,)."""
-        r, t, w = self.recoil, self.film.times_s, self.force_share(noise)
+        r, t, w = self.recoil, self.track.times_s, self.force_share(noise)
         impulse = DoubleIntegral.of(self.force_n(p), r.start_s, r.step_s).at(t + p[SKEW])[1]
         felt = self.felt.at(t)[1] - p[ZERO] * self.step_integral.at(t)[1]
         return np.asarray(p[MASS] * (1.0 - w) * impulse + w * felt / (1.0 + p[GAIN]) + self.other.at(t)[1])
 
-    def filmed(self, residual: Array, columns: Array, sigma: float, density: float) -> Array:
+    def tracked(self, residual: Array, columns: Array, sigma: float, density: float) -> Array:
         """Return independent rows of the derivatives and, last, the residual, shape (n_frames, n_unknowns + 1)."""
-        return self.film.whiten(np.column_stack([columns, residual]), density / sigma**2)[0] / sigma
+        return self.track.whiten(np.column_stack([columns, residual]), density / sigma**2)[0] / sigma
 
     def likeliest(
         self,
@@ -192,7 +192,7 @@ class JointModel(ReadOnlyArrays):
         for inflation in INFLATIONS:
             density = inflation * least
             for _ in range(2):
-                rows, log_determinant = self.film.whiten(table, density / sigma**2)
+                rows, log_determinant = self.track.whiten(table, density / sigma**2)
                 rows /= sigma
                 step = self.solve(accelerations, rows, p, sigma).step
                 left = rows[:, -1] - rows[:, :-1] @ step
@@ -211,9 +211,9 @@ class JointModel(ReadOnlyArrays):
         named = [math.inf, k.u_zero_m_s2, k.u_skew_s, math.inf, k.u_shift_s, k.u_gain, k.u_scale]
         known = np.concatenate([named, self.u_force_errors])
         rest = np.zeros((1, known.size + 1))
-        if self.film.rest_frames:
-            weight = math.sqrt(self.film.rest_frames) / sigma
-            rest[0, START], rest[0, -1] = weight, weight * (self.film.rest_m - p[START])
+        if self.track.rest_frames:
+            weight = math.sqrt(self.track.rest_frames) / sigma
+            rest[0, START], rest[0, -1] = weight, weight * (self.track.rest_m - p[START])
         finite = np.flatnonzero(np.isfinite(known) & (known > 0))
         priors = np.zeros((finite.size, known.size + 1))
         priors[np.arange(finite.size), finite] = 1.0 / known[finite]
@@ -239,9 +239,9 @@ class JointModel(ReadOnlyArrays):
         sizes = p[MASS] * perturbations
         _, columns = self.accelerations(p)
         rows = self.independent(np.column_stack([columns, (1.0 + p[GAIN]) * sizes]), levels.acceleration)
-        driven = [DoubleIntegral.of(size, r.start_s, r.step_s).at(self.film.times_s)[0] for size in sizes.T]
+        driven = [DoubleIntegral.of(size, r.start_s, r.step_s).at(self.track.times_s)[0] for size in sizes.T]
         _, shapes = self.positions(p, levels.acceleration)
         frames = np.column_stack([shapes, *((1.0 + p[SCALE]) * (1.0 - w) * travel for travel in driven)])
-        seen = self.film.whiten(frames, levels.density / levels.marker_sigma_m**2)[0] / levels.marker_sigma_m
+        seen = self.track.whiten(frames, levels.density / levels.marker_sigma_m**2)[0] / levels.marker_sigma_m
         lowered = [(side[:, : p.size] @ found.covariance[MASS]) @ side[:, p.size :] for side in (rows, seen)]
         return np.asarray(lowered[0] + lowered[1])

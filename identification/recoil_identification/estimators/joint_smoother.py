@@ -162,7 +162,7 @@ def joint_mass(
     p = np.zeros(model.unknowns)
     p[MASS] = 1.0 / first.mass_kg
     density = (known.force_sigma_n / first.mass_kg) ** 2 * recoil.step_s
-    sigma = max(noise_sigma(model.film.positions_m), LEAST_MARKER_M)
+    sigma = max(noise_sigma(model.track.positions_m), LEAST_MARKER_M)
     if levels is not None:
         sigma, density = levels.marker_sigma_m, levels.density
     moved, iterations = math.inf, 0
@@ -175,7 +175,7 @@ def joint_mass(
         positions, shapes = model.positions(p, noise)
         if levels is None and iterations < 1:
             sigma, density = model.likeliest(positions, shapes, accelerations, sigma, p, noise)
-        rows = model.filmed(positions, shapes, sigma, density)
+        rows = model.tracked(positions, shapes, sigma, density)
         found = model.solve(accelerations, rows, p, sigma)
         step = found.step.copy()
         step[SKEW] = float(np.clip(step[SKEW], -LONGEST_STEP_S, LONGEST_STEP_S))
@@ -205,12 +205,12 @@ def _result(
     settled: bool,
 ) -> JointMass:
     residual, _ = model.positions(p, levels.acceleration)
-    t = model.film.times_s
+    t = model.track.times_s
     walk = WalkSmoother.design(
         t, np.ones(t.shape, dtype=bool), levels.marker_sigma_m**2, np.full(t.size - 1, levels.density)
     )
     states, _ = walk.smooth(residual[:, None])
-    travel = model.film.positions_m - residual + states[:, 0, 0]
+    travel = model.track.positions_m - residual + states[:, 0, 0]
     mass = 1.0 / float(p[MASS])
     by = mass**2 * np.abs(found.by_priors)
     u = np.sqrt(np.diag(found.covariance))
@@ -236,10 +236,10 @@ def _result(
         frame_times_s=t,
         travel_m=travel,
         velocity_m_s=model.velocity(p, levels.acceleration) + states[:, 1, 0],
-        residual_m=model.film.positions_m - travel,
+        residual_m=model.track.positions_m - travel,
         sensitivities_kg=sensitivities,
         frames=int(t.size),
-        set_aside=model.film.set_aside,
+        set_aside=model.track.set_aside,
         rows=int(np.count_nonzero(model.recoil.used)),
         iterations=iterations,
         settled=settled,

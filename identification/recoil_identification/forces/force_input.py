@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.forces.input_smoother import InputModel, Smoothed, follow_intensities
-from recoil_identification.forces.measured_force import FilmedTravel, MeasuredForce
+from recoil_identification.forces.measured_force import MeasuredForce, TrackedTravel
 from recoil_processing.filters import LowPass
 from recoil_processing.gaps import bridge
 from recoil_processing.stress_waves.ringing import Mode
@@ -111,7 +111,7 @@ def thinning_factor(rate_hz: float, modes: Sequence[Mode]) -> int:
     return max(1, int(rate_hz / max(LEAST_RATE_HZ, SAMPLES_PER_PERIOD * highest)))
 
 
-def estimate_input(measured: MeasuredForce, filmed: FilmedTravel | None, modes: Sequence[Mode]) -> InputEstimate:
+def estimate_input(measured: MeasuredForce, tracked: TrackedTravel | None, modes: Sequence[Mode]) -> InputEstimate:
     """Estimate the force that moved the part.
 
     Parameters
@@ -131,12 +131,12 @@ def estimate_input(measured: MeasuredForce, filmed: FilmedTravel | None, modes: 
     if thin.force_n.size < 20 or np.isfinite(thin.force_n).sum() < 20:
         raise ValueError(f"at least 20 samples of the thinned record are needed, found {thin.force_n.size}")
     scale = float(np.nanmax(np.abs(thin.force_n)))
-    model = _model(thin, filmed, modes, scale)
+    model = _model(thin, tracked, modes, scale)
     found = follow_intensities(model, _first_guess(thin, scale))
     return _estimate(thin, model, found, tuple(modes), scale, factor)
 
 
-def _model(thin: MeasuredForce, filmed: FilmedTravel | None, modes: Sequence[Mode], scale_n: float) -> InputModel:
+def _model(thin: MeasuredForce, tracked: TrackedTravel | None, modes: Sequence[Mode], scale_n: float) -> InputModel:
     """Set the state up in units of a step, of the largest force, and of the length that they give with the mass."""
     from scipy.linalg import expm
 
@@ -182,11 +182,11 @@ def _model(thin: MeasuredForce, filmed: FilmedTravel | None, modes: Sequence[Mod
     rows[:, _PLAIN + 1 :: 2] = 1.0
     values = thin.force_n[steps] / scale_n
     variances = np.full(steps.size, (thin.noise_n / scale_n) ** 2)
-    if filmed is not None:
-        errors |= {_TRAVEL: 1.0 / length, _SCALE: filmed.u_scale, _CLOCK: filmed.u_clock_s / h}
-        at = (filmed.times_s - thin.start_s) / h
+    if tracked is not None:
+        errors |= {_TRAVEL: 1.0 / length, _SCALE: tracked.u_scale, _CLOCK: tracked.u_clock_s / h}
+        at = (tracked.times_s - thin.start_s) / h
         inside = (at > -0.5) & (at < count - 0.5)
-        at, seen = at[inside], filmed.positions_m[inside] / length
+        at, seen = at[inside], tracked.positions_m[inside] / length
         nearest = np.clip(np.round(at).astype(np.int64), 0, count - 1)
         since = at - nearest
         acceleration = (thin.acceleration_m_s2 - thin.carried_m_s2)[nearest] * h**2 / length
@@ -197,7 +197,7 @@ def _model(thin: MeasuredForce, filmed: FilmedTravel | None, modes: Sequence[Mod
         frames[:, _SCALE], frames[:, _CLOCK] = seen - float(np.median(seen[:5])), velocity
         steps, rows = np.concatenate([steps, nearest]), np.vstack([rows, frames])
         values = np.concatenate([values, seen - 0.5 * since**2 * acceleration])
-        variances = np.concatenate([variances, np.full(at.size, (filmed.sigma_m / length) ** 2)])
+        variances = np.concatenate([variances, np.full(at.size, (tracked.sigma_m / length) ** 2)])
         start[_TRAVEL] = float(np.median(seen[:5])) if seen.size else 0.0
         order = np.argsort(steps, kind="stable")
         steps, rows, values, variances = steps[order], rows[order], values[order], variances[order]

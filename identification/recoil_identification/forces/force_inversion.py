@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_identification.forces.measured_force import FilmedTravel, MeasuredForce
+from recoil_identification.forces.measured_force import MeasuredForce, TrackedTravel
 from recoil_identification.forces.regularised_inversion import Inversion, invert
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.gaps import bridge
@@ -67,7 +67,7 @@ class InvertedForce(ReadOnlyArrays):
 
 def invert_force(
     measured: MeasuredForce,
-    filmed: FilmedTravel | None,
+    tracked: TrackedTravel | None,
     *,
     error_covariance_n2: Array,
     factor: int,
@@ -123,14 +123,14 @@ def invert_force(
     at = np.flatnonzero(np.isfinite(thin.force_n) & (grid >= onset_s - BEFORE_S))
     if at.size < LEAST_ROWS:
         raise ValueError(f"at least {LEAST_ROWS} rows behind the release are needed, found {at.size}")
-    extra = 0 if filmed is None else 2
+    extra = 0 if tracked is None else 2
     unknowns = count - 1 + 2 + extra
     known = np.full(unknowns, np.inf)
     known[count - 1 : count + 1] = max(thin.u_gain, 1e-9), max(thin.u_zero_m_s2, 1e-9)
     frames, positions = np.zeros((0, unknowns)), np.zeros(0)
-    if filmed is not None:
-        frames, positions = _frames(thin, filmed, shapes, held_n, scale)
-        known[-1] = max(filmed.u_scale, 1e-9)
+    if tracked is not None:
+        frames, positions = _frames(thin, tracked, shapes, held_n, scale)
+        known[-1] = max(tracked.u_scale, 1e-9)
     # the second derivative at the knots' middles
     middles = 0.5 * (inner[1:] + inner[:-1])
     penalty = np.zeros((middles.size, unknowns))
@@ -175,7 +175,7 @@ def _local_bend(bend: Array) -> Array:
 
 
 def _frames(
-    measured: MeasuredForce, filmed: FilmedTravel, shapes: Array, held_n: float, scale_n: float
+    measured: MeasuredForce, tracked: TrackedTravel, shapes: Array, held_n: float, scale_n: float
 ) -> tuple[Array, Array]:
     """Rows and data of the camera, over its noise: the shapes, two of the accelerometer that it lacks, zero, scale."""
     m, step, start = measured.mass_kg, measured.step_s, measured.start_s
@@ -183,9 +183,9 @@ def _frames(
     def travel(acceleration: Array, at_s: Array) -> Array:
         return DoubleIntegral.of(acceleration, start, step).at(at_s)[0]
 
-    inside = (filmed.times_s >= start) & (filmed.times_s <= measured.times_s[-1])
-    t, z = filmed.times_s[inside], filmed.positions_m[inside]
+    inside = (tracked.times_s >= start) & (tracked.times_s <= measured.times_s[-1])
+    t, z = tracked.times_s[inside], tracked.positions_m[inside]
     known = travel((held_n - measured.resistance_n) / m - measured.carried_m_s2, t)
     columns = [travel(np.ascontiguousarray(shape) * scale_n / m, t) for shape in shapes.T]
     rest = [np.zeros_like(t), np.zeros_like(t), np.ones_like(t), z - float(np.median(z[:5]))]
-    return np.column_stack([*columns, *rest]) / filmed.sigma_m, (z - known) / filmed.sigma_m
+    return np.column_stack([*columns, *rest]) / tracked.sigma_m, (z - known) / tracked.sigma_m

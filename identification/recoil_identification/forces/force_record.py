@@ -17,7 +17,7 @@ from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import ClockAlignment, Shot
-from recoil_identification.forces.measured_force import U_FREE_CLOCK_S, FilmedTravel, MeasuredForce
+from recoil_identification.forces.measured_force import U_FREE_CLOCK_S, MeasuredForce, TrackedTravel
 from recoil_processing.filters import LowPass
 from recoil_processing.gaps import bridge
 from recoil_processing.noise import noise_sigma
@@ -73,7 +73,7 @@ class ForceRecord(ReadOnlyArrays):
     """
 
     measured: MeasuredForce
-    filmed: FilmedTravel | None
+    tracked: TrackedTravel | None
     modes: tuple[Mode, ...]
     low_pass: LowPass
     onset_s: float
@@ -135,9 +135,9 @@ def force_record(shot: Shot, rig: Rig) -> ForceRecord:
     held = float(np.median(force[silent])) if silent.any() else float(np.median(bridge(force)[times < onset][-10:]))
     noise = float(np.std(force[silent])) if silent.sum() >= 50 else noise_sigma(force)
     spec = rig.by_role("recoil_acceleration")
-    filmed, shift = _filmed(blind, rig, alignments), signals.offsets["recoil_acceleration"].u
+    tracked, shift = _tracked(blind, rig, alignments), signals.offsets["recoil_acceleration"].u
     notes = []
-    if filmed is not None:
+    if tracked is not None:
         # the camera tells it anew, together with a shift at the shot
         shift = max(shift if math.isfinite(shift) else 0.0, SHIFT_SHARE * float(np.max(np.abs(smooth))))
     else:
@@ -165,7 +165,7 @@ def force_record(shot: Shot, rig: Rig) -> ForceRecord:
     breech = rig.by_role("breech_pressure")
     return ForceRecord(
         measured=measured,
-        filmed=filmed,
+        tracked=tracked,
         modes=waves.modes,
         low_pass=low_pass,
         onset_s=onset,
@@ -197,7 +197,7 @@ def _window(times_s: Array, smooth_n: Array, onset_s: float) -> slice:
     return slice(first, min(int(np.searchsorted(times_s, end_s)) + 1, times_s.size))
 
 
-def _filmed(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignment]) -> FilmedTravel | None:
+def _tracked(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignment]) -> TrackedTravel | None:
     camera = shot.by_role("recoil_displacement")
     if camera is None:
         return None
@@ -215,7 +215,7 @@ def _filmed(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignment]) -> F
         return None
     by_motion = "u_bias_m_s2" in details
     u_clock = 0.0 if alignment is None else U_FREE_CLOCK_S if by_motion else alignment.u_offset_s
-    return FilmedTravel(times[there], positions[there], sigma, camera.u_rel, u_clock)
+    return TrackedTravel(times[there], positions[there], sigma, camera.u_rel, u_clock)
 
 
 def _systematic(

@@ -17,7 +17,7 @@ U_FREE_CLOCK_S = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class FilmedTravel(ReadOnlyArrays):
+class TrackedTravel(ReadOnlyArrays):
     """What a camera saw of the travel, on the clock of the force.
 
     Attributes

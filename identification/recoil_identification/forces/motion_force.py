@@ -81,10 +81,10 @@ def estimate_motion_force(record: ForceRecord) -> MotionForce:
         If too little of the record is there.
     """
     try:
-        kalman = estimate_input(record.measured, record.filmed, record.modes)
+        kalman = estimate_input(record.measured, record.tracked, record.modes)
         inverted = invert_force(
             record.measured,
-            record.filmed,
+            record.tracked,
             error_covariance_n2=kalman.error_covariance_n2,
             factor=kalman.factor,
             onset_s=record.onset_s,

@@ -214,8 +214,8 @@ def _variants(as_is: Variant, signals: Signals, shot: Shot, rig: Rig) -> Iterato
         if u > 0:
             moved = replace(mechanism, **{symbol: getattr(mechanism, symbol) + u})
             yield replace(as_is, source=f"mechanism {symbol}", mechanism=moved)
-    film = shot.by_role("recoil_displacement") or shot.by_role("recoil_acceleration")
-    scale = 1.0 + (film.u_rel or 0.0 if film is not None else 0.0)
+    track = shot.by_role("recoil_displacement") or shot.by_role("recoil_acceleration")
+    scale = 1.0 + (track.u_rel or 0.0 if track is not None else 0.0)
     longer = replace(record, travel_m=scale * record.travel_m, velocity_m_s=scale * record.velocity_m_s)
     yield replace(as_is, source="recoil travel", record=longer)
     third = 1.0 / math.sqrt(3.0)  # limits of a rectangular distribution

@@ -335,7 +335,7 @@ def camera_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile
         positions.setdefault("Feature #2", _in_picture(fixed, spec, source))
     wanted = s.camera_lost + s.camera_missing + s.camera_repeated
     if wanted > count - 4:
-        faults.append(Fault("twin.camera_lost", f"{wanted} faulty frames are too many for a film of {count}"))
+        faults.append(Fault("twin.camera_lost", f"{wanted} faulty frames are too many for a camera track of {count}"))
     if faults:
         return SourceFile(source.name, "", b"", clock_truth(clock))
     chosen = rng.choice(np.arange(2, count - 2), wanted, replace=False)

@@ -14,9 +14,9 @@ from tests.builders.driven_parts import GAIN_ERROR, HELD_N, ONSET_S, DrivenPart,
 
 
 @cache
-def estimated(seed: int = 1, filmed: bool = True) -> tuple[DrivenPart, InputEstimate]:
+def estimated(seed: int = 1, tracked: bool = True) -> tuple[DrivenPart, InputEstimate]:
     part = driven_part(seed)
-    return part, estimate_input(part.measured, part.filmed if filmed else None, part.modes)
+    return part, estimate_input(part.measured, part.tracked if tracked else None, part.modes)
 
 
 @cache
@@ -24,7 +24,7 @@ def inverted(seed: int = 1) -> InvertedForce:
     part, found = estimated(seed)
     return invert_force(
         part.measured,
-        part.filmed,
+        part.tracked,
         error_covariance_n2=found.error_covariance_n2,
         factor=found.factor,
         onset_s=ONSET_S,
@@ -61,12 +61,12 @@ def test_peak_and_impulse_lie_within_their_intervals():
 
 
 def test_the_camera_tells_the_accelerometers_scale():
-    _, filmed = estimated()
-    _, alone = estimated(filmed=False)
-    assert abs(filmed.gain_error - GAIN_ERROR) < 2 * filmed.u_gain_error
-    assert filmed.u_gain_error < 0.0025
+    _, tracked = estimated()
+    _, alone = estimated(tracked=False)
+    assert abs(tracked.gain_error - GAIN_ERROR) < 2 * tracked.u_gain_error
+    assert tracked.u_gain_error < 0.0025
     assert alone.u_gain_error == pytest.approx(0.005, rel=0.2)
-    assert find_peak(filmed, ONSET_S).u_impulse_n_s < find_peak(alone, ONSET_S).u_impulse_n_s
+    assert find_peak(tracked, ONSET_S).u_impulse_n_s < find_peak(alone, ONSET_S).u_impulse_n_s
 
 
 def test_a_lost_stretch_widens_the_band_and_nothing_else():
@@ -74,7 +74,7 @@ def test_a_lost_stretch_widens_the_band_and_nothing_else():
     force = part.measured.force_n.copy()
     lost = slice(400, 440)
     force[lost] = np.nan
-    found = estimate_input(replace(part.measured, force_n=force), part.filmed, part.modes)
+    found = estimate_input(replace(part.measured, force_n=force), part.tracked, part.modes)
     inside = (found.times_s > 0.00805) & (found.times_s < 0.00875)
     assert np.all(np.isfinite(found.force_n))
     assert found.u_force_n[inside].mean() > 1.1 * whole.u_force_n[inside].mean()

@@ -166,7 +166,7 @@ def test_each_figure_has_a_limit_beyond_which_it_counts(within, beyond, status):
     ("frame_period_s", "apart_s", "status"),
     [(1e-4, 2e-3, "ok"), (1e-4, 2.01e-3, "ambiguous"), (5e-4, 3e-3, "ok"), (5e-4, 3.01e-3, "ambiguous")],
 )
-def test_estimates_may_be_six_frames_apart_and_of_a_fast_film_two_milliseconds(frame_period_s, apart_s, status):
+def test_estimates_may_be_six_frames_apart_and_of_a_fast_track_two_milliseconds(frame_period_s, apart_s, status):
     fit = replace(MOTION, drift=0.0, offset_s=0.0, coarse_offset_s=apart_s)
     verdict = judge_motion("c", fit, u_gain=0.01, noise_density=1.25e-3, frame_period_s=frame_period_s)
     assert verdict.status == status
@@ -212,7 +212,7 @@ def test_velocities_that_agree_within_their_uncertainty_are_no_doubt():
     assert verdict.details["velocity_apart_s"] == pytest.approx(2e-5)
 
 
-def test_a_film_with_a_missing_frame_is_judged_by_the_corrected_one_and_keeps_its_own_figures():
+def test_a_track_with_a_missing_frame_is_judged_by_the_corrected_one_and_keeps_its_own_figures():
     broken = {"innovation_statistic": 3.0, "acceleration_density": 1.25, "frame_faults": (FAULT,)}
     verdict = motion_verdict(**broken, corrected=replace(MOTION, offset_s=0.05003))
     assert verdict.status == "ambiguous"

@@ -84,7 +84,7 @@ def test_a_picture_that_was_written_twice_and_tracked_anew_is_found_as_well():
     assert fault.last - fault.first < 4
 
 
-def test_corrected_times_give_the_offset_of_the_whole_film():
+def test_corrected_times_give_the_offset_of_the_whole_track():
     motion = recorded(3)
     whole = fit_of(motion)
     for faulty in (without(motion, frame_at(motion, 0.03)), with_twice(motion, frame_at(motion, 0.03))):
@@ -146,7 +146,7 @@ def test_a_jump_of_the_track_is_no_missing_frame(jump_m):
     ],
     ids=["usual", "a third lost", "2000 frames per second", "noisy", "slow recorder", "recorder ends"],
 )
-def test_a_clean_film_raises_no_alarm(conditions):
+def test_a_clean_track_raises_no_alarm(conditions):
     for seed in range(4):
         assert fit_of(recorded(200 + seed, **conditions)).frame_faults == ()
 

@@ -36,7 +36,7 @@ def test_a_jump_changes_no_time():
 
 
 @pytest.mark.parametrize("index", [0, 10, -1])
-def test_a_place_outside_the_film_is_refused(index):
+def test_a_place_outside_the_track_is_refused(index):
     with pytest.raises(ValueError, match="none of the 10 frames"):
         correct_times(np.arange(10.0), [fault(index, 1)])
 

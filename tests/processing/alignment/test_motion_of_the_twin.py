@@ -6,43 +6,43 @@ import numpy as np
 import pytest
 
 from recoil_processing.alignment.motion_fit import MotionFit
-from tests.builders.filmed_shots import FilmedShot, film_shot
+from tests.builders.tracked_shots import TrackedShot, track_shot
 
 SEEDS = (301, 302, 303)
-FILMS = 3
+TRACKS = 3
 
 
-def fit_of(shot: FilmedShot) -> MotionFit:
+def fit_of(shot: TrackedShot) -> MotionFit:
     fit = shot.align()
     assert isinstance(fit, MotionFit), fit
     return fit
 
 
-def verdict_on(shot: FilmedShot):
+def verdict_on(shot: TrackedShot):
     return shot.judge(shot.align())
 
 
 @pytest.fixture(scope="module")
-def shot() -> FilmedShot:
-    return film_shot(SEEDS[0])
+def shot() -> TrackedShot:
+    return track_shot(SEEDS[0])
 
 
 def test_errors_are_a_few_microseconds_and_what_the_uncertainty_says():
     errors, pulls = [], []
     for seed in SEEDS:
-        for film in range(FILMS):
-            shot = film_shot(seed, film=film)
+        for track in range(TRACKS):
+            shot = track_shot(seed, track=track)
             fit = fit_of(shot)
             assert shot.judge(fit).status == "ok", shot.judge(fit).reasons
             errors.append(abs(shot.error_s(fit.offset_s, fit.drift)))
             pulls.append(shot.error_s(fit.offset_s, fit.drift) / fit.u_offset_s)
     assert np.median(errors) < 5e-6
-    # three accelerometer records stand behind the nine films: the benchmark has two hundred
+    # three accelerometer records stand behind the nine camera tracks: the benchmark has two hundred
     assert 0.3 < np.sqrt(np.mean(np.square(pulls))) < 1.8
 
 
 def test_a_third_of_the_frames_lost_does_no_harm(shot):
-    thinned = film_shot(SEEDS[0], lost_share=0.3)
+    thinned = track_shot(SEEDS[0], lost_share=0.3)
     fit = fit_of(thinned)
     assert thinned.judge(fit).status == "ok"
     assert fit.u_offset_s < 1.2 * fit_of(shot).u_offset_s
@@ -52,7 +52,7 @@ def test_a_third_of_the_frames_lost_does_no_harm(shot):
 @pytest.mark.parametrize(("step_m_s2", "late_s"), [(-25.0, 0.0), (50.0, 0.5e-3)])
 def test_a_zero_that_shifts_at_the_shot_is_found_and_does_no_harm(step_m_s2, late_s):
     for seed in SEEDS[:2]:
-        shot = film_shot(seed)
+        shot = track_shot(seed)
         shifted = shot.with_shifted_zero(step_m_s2, late_s)
         fit = fit_of(shifted)
         assert shifted.judge(fit).status == "ok", shifted.judge(fit).reasons
@@ -62,21 +62,21 @@ def test_a_zero_that_shifts_at_the_shot_is_found_and_does_no_harm(step_m_s2, lat
 
 
 def test_without_a_shift_none_is_claimed():
-    assert [fit_of(film_shot(seed)).shifted_zero_m_s2 for seed in SEEDS] == [None, None, None]
+    assert [fit_of(track_shot(seed)).shifted_zero_m_s2 for seed in SEEDS] == [None, None, None]
 
 
-def with_track(shot: FilmedShot, displacement_m: np.ndarray) -> FilmedShot:
+def with_track(shot: TrackedShot, displacement_m: np.ndarray) -> TrackedShot:
     period = float(np.median(np.diff(shot.camera_times_s)))
     return replace(shot, displacement_m=displacement_m, camera_times_s=period * np.arange(displacement_m.size))
 
 
-def with_jump(shot: FilmedShot, jump_m: float, at_s: float) -> FilmedShot:
+def with_jump(shot: TrackedShot, jump_m: float, at_s: float) -> TrackedShot:
     jumped = shot.displacement_m.copy()
     jumped[shot.frame_at(at_s) :] += jump_m
     return replace(shot, displacement_m=jumped)
 
 
-def with_half_twice(shot: FilmedShot) -> FilmedShot:
+def with_half_twice(shot: TrackedShot) -> TrackedShot:
     half = shot.displacement_m[: shot.frame_at(0.15)]
     return with_track(shot, np.concatenate([half, shot.displacement_m]))
 
@@ -104,7 +104,7 @@ def test_a_track_that_is_not_this_motion_is_never_ok(shot, adversary):
 
 @pytest.mark.parametrize("sensor", ["both", "accelerometer", "camera"])
 def test_a_shot_without_motion_is_never_ok(shot, sensor):
-    still = film_shot(SEEDS[0], moving=False)
+    still = track_shot(SEEDS[0], moving=False)
     if sensor == "accelerometer":
         still = replace(shot, acceleration_m_s2=still.acceleration_m_s2)
     elif sensor == "camera":
@@ -113,8 +113,8 @@ def test_a_shot_without_motion_is_never_ok(shot, sensor):
 
 
 @pytest.mark.parametrize(("own", "other"), [(301, 302), (302, 303), (303, 301)])
-def test_a_film_of_another_shot_is_never_ok_where_travel_or_shape_differ(own, other):
-    shot, foreign = film_shot(own), film_shot(other)
+def test_a_track_of_another_shot_is_never_ok_where_travel_or_shape_differ(own, other):
+    shot, foreign = track_shot(own), track_shot(other)
     verdict = verdict_on(replace(shot, camera_times_s=foreign.camera_times_s, displacement_m=foreign.displacement_m))
     assert verdict.status in ("ambiguous", "failed")
 

@@ -160,7 +160,7 @@ def train(seed: int, *, frames: int = 1200, dropped: float = 0.01, strangers: in
     )
 
 
-def test_the_pulses_of_a_film_find_their_frames_whatever_is_missing():
+def test_the_pulses_of_a_track_find_their_frames_whatever_is_missing():
     offsets, drifts = [], []
     for seed in range(25):
         frames, pulses, drift, offset, missing = train(seed)

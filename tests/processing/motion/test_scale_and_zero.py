@@ -30,7 +30,7 @@ def shapes() -> np.ndarray:
     return np.column_stack([after, after * np.exp(-since / 0.02)])
 
 
-def filmed(seed: int, *, gain=1.0, bias=0.0, shifts=(0.0, 0.0), lost=0, u_bias=0.1) -> CameraMotion:
+def tracked(seed: int, *, gain=1.0, bias=0.0, shifts=(0.0, 0.0), lost=0, u_bias=0.1) -> CameraMotion:
     """Gain is the camera's scale over the accelerometer's, here all the camera's."""
     rng = np.random.default_rng(seed)
     true = acceleration()
@@ -56,7 +56,7 @@ def test_scale_zero_and_shifts_come_back_within_their_uncertainties() -> None:
     normalised = []
     for seed in range(30):
         bias = float(np.random.default_rng(1000 + seed).normal(0.0, 0.1))
-        found = solved(filmed(seed, gain=truth[0], bias=bias, shifts=tuple(truth[2:]), lost=60))
+        found = solved(tracked(seed, gain=truth[0], bias=bias, shifts=tuple(truth[2:]), lost=60))
         values = np.array([found.gain, found.bias_m_s2, *found.shifts_m_s2])
         normalised.append((values - [truth[0], bias, *truth[2:]]) / np.sqrt(np.diag(found.covariance)))
         assert found.innovation_statistic == pytest.approx(1.0, abs=0.15)
@@ -66,29 +66,29 @@ def test_scale_zero_and_shifts_come_back_within_their_uncertainties() -> None:
 
 def test_a_shift_that_is_left_out_shows_in_the_misfit_and_none_does_not() -> None:
     nothing = np.zeros((TIMES_S.size, 0))
-    shifted, sound = filmed(1, shifts=(10.0, 0.0)), filmed(1)
+    shifted, sound = tracked(1, shifts=(10.0, 0.0)), tracked(1)
     assert solved(shifted, nothing).misfit - solved(shifted).misfit > 50
     assert solved(sound, nothing).misfit - solved(sound).misfit < 12
 
 
 def test_the_likeliest_density_is_the_accelerometers_own() -> None:
-    found = filmed(2).likeliest(shapes(), [0, 1], [DENSITY * f for f in (0.01, 1.0, 100.0)])
+    found = tracked(2).likeliest(shapes(), [0, 1], [DENSITY * f for f in (0.01, 1.0, 100.0)])
     assert found is not None
     assert found.density == DENSITY
 
 
 def test_without_a_baseline_the_bias_is_estimated_by_the_camera_alone() -> None:
     nothing = np.zeros((TIMES_S.size, 0))
-    found = solved(filmed(3, bias=4.0, u_bias=math.inf), nothing)
+    found = solved(tracked(3, bias=4.0, u_bias=math.inf), nothing)
     assert found.bias_m_s2 == pytest.approx(4.0, abs=5 * math.sqrt(found.covariance[1, 1]))
     assert math.sqrt(found.covariance[1, 1]) < 1.0
 
 
 def test_too_few_frames_and_columns_that_repeat_one_another_give_nothing() -> None:
-    motion = filmed(4, lost=1780)
+    motion = tracked(4, lost=1780)
     assert motion.solve(shapes(), DENSITY) is None
     twice = np.column_stack([shapes()[:, 0], shapes()[:, 0]])
-    assert filmed(4).solve(twice, DENSITY) is None
+    assert tracked(4).solve(twice, DENSITY) is None
 
 
 def test_bad_arguments_are_refused() -> None:
@@ -100,11 +100,11 @@ def test_bad_arguments_are_refused() -> None:
 
 
 def test_one_factorisation_serves_every_choice_of_shapes() -> None:
-    motion = filmed(5, shifts=(8.0, 5.0))
-    film = motion.whitened(shapes(), DENSITY)
-    assert film is not None
+    motion = tracked(5, shifts=(8.0, 5.0))
+    track = motion.whitened(shapes(), DENSITY)
+    assert track is not None
     for chosen in ([], [0], [1], [0, 1]):
-        once, alone = film.solve(chosen), motion.solve(shapes()[:, chosen], DENSITY)
+        once, alone = track.solve(chosen), motion.solve(shapes()[:, chosen], DENSITY)
         assert once is not None
         assert alone is not None
         assert once.misfit == pytest.approx(alone.misfit, abs=1e-5)

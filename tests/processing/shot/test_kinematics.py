@@ -15,7 +15,7 @@ from tests.builders.virtual_shots import VirtualShot, virtual_shot
 
 
 @cache
-def filmed() -> tuple[VirtualShot, Signals, np.ndarray, Channel, ClockAlignment]:
+def tracked() -> tuple[VirtualShot, Signals, np.ndarray, Channel, ClockAlignment]:
     virtual = virtual_shot()
     signals = collect_signals(virtual.shot, virtual.rig, {a.clock: a for a in virtual.shot.alignments})
     camera = virtual.shot.by_role("recoil_displacement")
@@ -25,14 +25,14 @@ def filmed() -> tuple[VirtualShot, Signals, np.ndarray, Channel, ClockAlignment]
 
 
 def fuse_all(**changes) -> FusedMotion:
-    _, signals, acceleration, camera, alignment = filmed()
+    _, signals, acceleration, camera, alignment = tracked()
     result = fused_motion(signals, acceleration, camera, replace(alignment, **changes))
     assert result is not None
     return result
 
 
 def test_travel_and_velocity_are_the_fused_ones():
-    _, signals, acceleration, *_ = filmed()
+    _, signals, acceleration, *_ = tracked()
     fused = fuse_all()
     travel, velocity = travel_and_velocity(fused, acceleration, signals.step_s)
     assert np.array_equal(travel, fused.position_m)
@@ -41,7 +41,7 @@ def test_travel_and_velocity_are_the_fused_ones():
 
 
 def test_the_fused_motion_is_the_true_one_within_its_uncertainty_and_the_cameras_scale():
-    virtual, *_, camera, alignment = filmed()
+    virtual, *_, camera, alignment = tracked()
     truth, fused = virtual.truth, fuse_all()
     end = int(np.argmin(np.abs(fused.times_s - truth["t_end"])))
     scale = camera.u_rel * truth["stroke_m"]
@@ -68,7 +68,7 @@ def test_what_is_not_known_of_the_clocks_widens_the_uncertainty():
 
 
 def test_lost_samples_of_the_accelerometer_are_marked():
-    virtual, signals, _, camera, alignment = filmed()
+    virtual, signals, _, camera, alignment = tracked()
     lost = signals.series["recoil_acceleration"].copy()
     first = int(np.argmin(np.abs(signals.times_s - virtual.truth["t_fire"]))) + 400
     lost[first : first + 50] = np.nan
@@ -81,7 +81,7 @@ def test_lost_samples_of_the_accelerometer_are_marked():
 
 
 def test_without_a_camera_or_its_clock_it_is_the_accelerometers_integral():
-    _, signals, acceleration, camera, alignment = filmed()
+    _, signals, acceleration, camera, alignment = tracked()
     velocity = integrate(acceleration, signals.step_s)
     dark = replace(camera, samples=np.full(camera.time_base.count, np.nan))
     for seen, clock in (

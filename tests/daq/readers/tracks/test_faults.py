@@ -87,7 +87,7 @@ def test_a_mark_that_never_moves_has_no_ends() -> None:
     assert held_ends(np.ones((20, 2))) == (0, 0)
 
 
-def test_the_synthetic_film_has_its_repeat_and_its_spike() -> None:
+def test_the_synthetic_track_has_its_repeat_and_its_spike() -> None:
     path = shared_file("tracks/SYNTHETIC_proanalyst_like_2000fps.csv")
     text = " | ".join(ProAnalystTextReader().open(path, Declarations("camera")).notes)
     assert "repeated pictures (all features exactly as before): 1, frames 1403" in text

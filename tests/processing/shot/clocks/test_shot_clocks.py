@@ -170,7 +170,7 @@ CAMERA = (
 )
 
 
-def filmed(delay_s: float) -> tuple[Shot, Rig]:
+def tracked(delay_s: float) -> tuple[Shot, Rig]:
     motion, rng = bench_motion(), np.random.default_rng(9)
     noisy = motion.acceleration_m_s2 + rng.normal(0.0, 3.0, motion.times_s.size)
     downhill = GRAVITY_M_S2 * math.sin(ELEVATION_RAD)
@@ -186,7 +186,7 @@ def filmed(delay_s: float) -> tuple[Shot, Rig]:
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.002])
 def test_a_cameras_delay_is_neither_in_its_clock_nor_in_its_travel(delay_s):
-    shot, rig = filmed(delay_s)
+    shot, rig = tracked(delay_s)
     alignments = align_clocks(shot, rig)
     (found,) = alignments
     assert found.status == "ok"
@@ -242,7 +242,7 @@ def test_a_rate_and_its_derivative_are_one_motion(own, against):
 
 
 def test_a_camera_that_is_declared_before_the_bus_whose_rate_it_needs_is_aligned_all_the_same():
-    shot, _ = filmed(0.0)
+    shot, _ = tracked(0.0)
     bus = 1e-3 * np.arange(-20, 200)
     shot = on_bus(shot, "rate", bus - 0.25, np.zeros(bus.size), "angular_rate")
     tipping = replace(shot.channels["rate"], role="tipping_rate")
@@ -258,7 +258,7 @@ def test_a_camera_that_is_declared_before_the_bus_whose_rate_it_needs_is_aligned
 
 
 def test_what_a_motion_needs_and_is_not_there_is_named():
-    shot, rig = filmed(0.0)
+    shot, rig = tracked(0.0)
     (found,) = align_clocks(without_channels(shot, "acc", "p_breech"), rig)
     assert found.reasons == ("channel acc is not in this shot",)
     (found,) = align_clocks(without_channels(shot, "acc"), rig)
@@ -272,7 +272,7 @@ def test_what_a_motion_needs_and_is_not_there_is_named():
 
 
 def test_a_shot_without_a_shot_fails_the_cameras_clock_with_the_reason():
-    shot, rig = filmed(0.0)
+    shot, rig = tracked(0.0)
     (found,) = align_clocks(with_channels(shot, p_breech=np.zeros(shot.channels["p_breech"].samples.size)), rig)
     assert found.status == "failed"
     assert "breech_pressure shows no shot" in found.reasons[0]
@@ -298,7 +298,7 @@ def exposed(
     lost: tuple[int, ...] = (),
     begun_s: float = 0.0,
 ):
-    """A film whose exposures the recorder has as pulses; stamps are those of the shutter's opening.
+    """A camera track whose exposures the recorder has as pulses; stamps are those of the shutter's opening.
 
     `begun_s` is what the camera's clock says at the first frame.
     """
@@ -372,10 +372,10 @@ def test_what_is_declared_of_delays_is_taken_off_budgeted_and_listed():
     tables = CAMERA.replace("DELAY", "0.0, u_delay_s = 3e-5").replace(
         "frame_rate = 5000.0", "frame_rate = 5000.0\nexposure_s = 1e-4"
     )
-    shot, _ = filmed(0.0)
-    plain = by_clock(align_clocks(shot, filmed(0.0)[1]))["camera"]
+    shot, _ = tracked(0.0)
+    plain = by_clock(align_clocks(shot, tracked(0.0)[1]))["camera"]
     found = by_clock(align_clocks(shot, bench_rig(tables=tables)))["camera"]
-    # stamps of the shutter's opening are early by half the exposure: the film is that much later than they say
+    # stamps of the shutter's opening are early by half the exposure: the camera track is that much later than they say
     assert found.offset_s == pytest.approx(plain.offset_s - 5e-5, abs=2e-6)
     assert found.u_offset_s == pytest.approx(math.hypot(plain.u_offset_s, 3e-5, 5e-5 / math.sqrt(3.0)), rel=0.05)
     assert [(row["channel"], row["cause"]) for row in found.details["delays"]] == [
@@ -385,7 +385,7 @@ def test_what_is_declared_of_delays_is_taken_off_budgeted_and_listed():
 
 
 def test_a_delay_that_is_hardly_known_leaves_doubt():
-    shot, _ = filmed(0.0)
+    shot, _ = tracked(0.0)
     (found,) = align_clocks(shot, bench_rig(tables=CAMERA.replace("DELAY", "0.0, u_delay_s = 5e-4")))
     assert found.status == "ambiguous"
     assert "known to 0.50 ms only" in found.reasons[-1]

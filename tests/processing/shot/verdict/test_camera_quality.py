@@ -23,10 +23,10 @@ ALIGNED = ClockAlignment("camera", 0.5, 1e-6, 0.0, 0.0, "ok", "motion")
 class CameraTrack(ArrayRecording):
     """A recording that holds tracks."""
 
-    films: tuple[Track, ...] = ()
+    held: tuple[Track, ...] = ()
 
     def tracks(self) -> tuple[Track, ...]:
-        return self.films
+        return self.held
 
 
 def path(seed: int, travel_mm: float) -> np.ndarray:
@@ -34,10 +34,10 @@ def path(seed: int, travel_mm: float) -> np.ndarray:
     return noise + np.column_stack([travel_mm * np.exp(-(((TIMES_S - 0.4) / 0.08) ** 2)), np.zeros(2000)])
 
 
-def film(*positions: np.ndarray) -> CameraTrack:
+def track(*positions: np.ndarray) -> CameraTrack:
     names = [f"Feature #{i + 1}" for i in range(len(positions))]
     tracks = [Track(name, ("X", "Y"), p, np.arange(2000), "mm", BASE) for name, p in zip(names, positions, strict=True)]
-    return CameraTrack({}, films=tuple(tracks))
+    return CameraTrack({}, held=tuple(tracks))
 
 
 def channel(samples_m: np.ndarray, role: str = "recoil_displacement") -> Channel:
@@ -48,22 +48,22 @@ def verdicts(found) -> dict[str, str]:
     return {check: verdict for check, (verdict, _) in found}
 
 
-def test_a_sound_film_is_ok():
-    found = {c.check: c for c in check_frames(SOURCE, film(path(1, 600.0), path(2, 0.0)))}
+def test_a_sound_track_is_ok():
+    found = {c.check: c for c in check_frames(SOURCE, track(path(1, 600.0), path(2, 0.0)))}
     assert {name: c.verdict for name, c in found.items()} == {"frame rate": "ok", "pictures": "ok"}
     assert all(c.channel == "camera" for c in found.values())
 
 
-def test_a_recording_without_tracks_says_nothing_of_a_film():
+def test_a_recording_without_tracks_says_nothing_of_a_track():
     assert list(check_frames(SOURCE, ArrayRecording({}))) == []
 
 
-def test_a_wrong_frame_rate_and_duplicated_pictures_are_found_in_the_film():
+def test_a_wrong_frame_rate_and_duplicated_pictures_are_found_in_the_track():
     moving, still = path(1, 600.0), path(2, 0.0)
     for p in (moving, still):
         p[760] = p[759]
     played_back = SOURCE.model_copy(update={"frame_rate": 30.0})
-    found = {c.check: c for c in check_frames(played_back, film(moving, still))}
+    found = {c.check: c for c in check_frames(played_back, track(moving, still))}
     assert found["frame rate"].verdict == "fail"
     assert found["pictures"].verdict == "warn"
     assert "frames 760" in found["pictures"].detail
@@ -72,11 +72,11 @@ def test_a_wrong_frame_rate_and_duplicated_pictures_are_found_in_the_film():
 def test_marks_that_move_alike_sit_on_one_body_and_must_keep_their_distance():
     first = path(1, 600.0)
     second = first + np.array([50.0, 20.0]) + 0.05 * np.random.default_rng(3).normal(size=(2000, 2))
-    (distance,) = [c for c in check_frames(SOURCE, film(first, second)) if c.check == "distance"]
+    (distance,) = [c for c in check_frames(SOURCE, track(first, second)) if c.check == "distance"]
     assert distance.verdict == "ok"
     assert distance.detail.startswith("Feature #1 and Feature #2: ")
     second[1000:, 0] += 0.5
-    (distance,) = [c for c in check_frames(SOURCE, film(first, second)) if c.check == "distance"]
+    (distance,) = [c for c in check_frames(SOURCE, track(first, second)) if c.check == "distance"]
     assert distance.verdict == "warn"
 
 
@@ -95,7 +95,7 @@ def test_a_picture_that_repeats_is_not_told_again_of_its_mark():
     for p in (moving, still):
         p[760] = p[759]
     sound = channel(1e-3 * moving[:, 0])
-    assert verdicts(check_track(sound, SPEC, SOURCE, film(moving, still)))["repeated frames"] == "ok"
+    assert verdicts(check_track(sound, SPEC, SOURCE, track(moving, still)))["repeated frames"] == "ok"
     assert verdicts(check_track(sound, SPEC, SOURCE, None))["repeated frames"] == "warn"
 
 

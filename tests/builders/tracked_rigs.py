@@ -1,4 +1,4 @@
-"""Bundled rigs whose recoiling part carries no accelerometer: a camera films it, and gauges tell the forces."""
+"""Bundled rigs whose recoiling part carries no accelerometer: a camera tracks it, and gauges tell the forces."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def without_channel(text: str, name: str) -> str:
     return "".join([head, *kept])
 
 
-def filmed_rig(name: str, **settings: float | bool | str) -> Rig:
+def tracked_rig(name: str, **settings: float | bool | str) -> Rig:
     """Load a bundled rig without its recoil accelerometer, its camera aligned by the forces.
 
     On the rig ``mixed`` the bus repeats the carriage's acceleration, in the signal that is free then.
@@ -53,9 +53,9 @@ def filmed_rig(name: str, **settings: float | bool | str) -> Rig:
 
 
 @cache
-def filmed_shot(name: str = "field-2013", seed: int = 3, **settings: float | bool | str) -> VirtualShot:
+def tracked_shot(name: str = "field-2013", seed: int = 3, **settings: float | bool | str) -> VirtualShot:
     """Simulate and ingest a shot of such a rig, in a shorter record than the rig's own; a few seconds, once."""
-    rig = filmed_rig(name, **SHORTER | settings)
+    rig = tracked_rig(name, **SHORTER | settings)
     with tempfile.TemporaryDirectory() as folder:
         simulated = simulate_shot(rig, Path(folder) / "files", seed=seed, shot="s1")
         ingested = ingest_files(rig, simulated.files, shot="s1", out=Path(folder) / "shots", on=dt.date(2026, 6, 1))

@@ -1,4 +1,4 @@
-"""A film and the forces of one recoil on one clock, and the mass that brings them in line."""
+"""A camera track and the forces of one recoil on one clock, and the mass that brings them in line."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class FilmedRecoil(ReadOnlyArrays):
-    """A film and the forces on one clock, and the mass that brings them in line.
+class TrackedRecoil(ReadOnlyArrays):
+    """A camera track and the forces on one clock, and the mass that brings them in line.
 
     Attributes
     ----------
@@ -63,8 +63,8 @@ class FilmedRecoil(ReadOnlyArrays):
         return recoil_only(self.camera.measured)
 
     @classmethod
-    def of(cls, shot: Shot, rig: Rig, signals: Signals) -> FilmedRecoil:
-        """Find the mass twice: by the motion that the forces give, and with the end of travel that the film then tells.
+    def of(cls, shot: Shot, rig: Rig, signals: Signals) -> TrackedRecoil:
+        """Find the mass twice: by the motion that the forces give, and with the end of travel that frames tell.
 
         Parameters
         ----------
@@ -74,7 +74,8 @@ class FilmedRecoil(ReadOnlyArrays):
         Raises
         ------
         IdentificationError
-            If film, forces or the carriage's accelerometers are missing, or film and forces have nothing in common.
+            If frames, forces or the carriage's accelerometers are missing, or frames and forces have nothing in
+            common.
         """
         camera, clock = _camera_of(shot, rig)
         require_forces(signals)
@@ -96,7 +97,7 @@ class FilmedRecoil(ReadOnlyArrays):
 
     @property
     def u_shift_s(self) -> float:
-        """What is known of the clock's offset without the film and the forces."""
+        """What is known of the clock's offset without the camera track and the forces."""
         return math.inf if self.by_force else self.clock.u_offset_s
 
 

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from recoil_acquisition.shot import Shot
 from recoil_identification.calibration import Calibration
 from recoil_identification.camera_rows import LATE
-from recoil_identification.filmed_recoil import FilmedRecoil
 from recoil_identification.mass_over_time import MassConstancy
 from recoil_identification.trace import MassTrace
+from recoil_identification.tracked_recoil import TrackedRecoil
 from recoil_identification.verdict import doubted_sensors_or_mass, reasons_against_record
 from recoil_processing.alignment.align import INNOVATION_LIMITS, MOST_INFLATION, MOST_SET_ASIDE
 from recoil_processing.noise import noise_sigma
@@ -21,13 +21,13 @@ UNCHECKED = (
     "the recorder's channels among it"
 )
 LARGEST_SHIFT = 4.0
-"""Standard uncertainties by which film and forces may call for another offset of the clock than it was aligned by."""
+"""Standard uncertainties by which frames and forces may call for another offset of the clock than it was aligned by."""
 
 
-def reasons_against_film(
+def reasons_against_camera(
     shot: Shot,
     rig: Rig,
-    filmed: FilmedRecoil,
+    tracked: TrackedRecoil,
     regression: Regression,
     trace: MassTrace,
     calibration: Calibration,
@@ -45,9 +45,9 @@ def reasons_against_film(
     tuple of str
         One sentence each, with its limit; empty if nothing does.
     """
-    reasons = reasons_against_record(shot, rig, filmed.forced.signals, trace, regression, unused_channels(shot, rig))
+    reasons = reasons_against_record(shot, rig, tracked.forced.signals, trace, regression, unused_channels(shot, rig))
     reasons += doubted_sensors_or_mass(calibration, constancy)
-    reasons += _against_the_fit(filmed, calibration)
+    reasons += _against_the_fit(tracked, calibration)
     return tuple(reasons)
 
 
@@ -57,33 +57,33 @@ def unused_channels(shot: Shot, rig: Rig) -> tuple[str, ...]:
     return tuple(dict.fromkeys(c.name for c in (spec, channel) if c is not None))
 
 
-def _against_the_fit(filmed: FilmedRecoil, calibration: Calibration) -> Iterator[str]:
-    found, clock = filmed.found, filmed.clock
+def _against_the_fit(tracked: TrackedRecoil, calibration: Calibration) -> Iterator[str]:
+    found, clock = tracked.found, tracked.clock
     if found.inflation > MOST_INFLATION:
         yield (
-            f"film and forces do not show the same motion: {found.inflation:.0f} times the force's noise would be "
-            f"needed to explain the difference (limit {MOST_INFLATION:g})"
+            f"camera track and forces do not show the same motion: {found.inflation:.0f} times the force's noise would "
+            f"be needed to explain the difference (limit {MOST_INFLATION:g})"
         )
-    noise = noise_sigma(filmed.positions_m)
+    noise = noise_sigma(tracked.positions_m)
     if noise > 0 and (found.marker_sigma_m / noise) ** 2 > INNOVATION_LIMITS[1]:
         yield (
-            f"the film is {1e3 * found.marker_sigma_m:.3g} mm off what the forces drive, its own noise is "
+            f"the camera track is {1e3 * found.marker_sigma_m:.3g} mm off what the forces drive, its own noise is "
             f"{1e3 * noise:.3g} mm: a dropped frame, a wrong frame rate or a force that is wrong"
         )
     if found.set_aside > MOST_SET_ASIDE * (found.frames + found.set_aside):
         yield f"{found.set_aside} of {found.frames + found.set_aside} frames contradict their neighbours"
-    if not filmed.by_force:
+    if not tracked.by_force:
         shift_s = calibration.inferred.value(LATE.name)
         apart = abs(shift_s) / max(clock.u_offset_s, 1e-9)
         if apart > LARGEST_SHIFT:
             yield (
-                f"film and forces call for an offset of clock {clock.clock} {1e6 * shift_s:+.0f} us away, "
+                f"camera track and forces call for an offset of clock {clock.clock} {1e6 * shift_s:+.0f} us away, "
                 f"{apart:.1f} of its standard uncertainties (limit {LARGEST_SHIFT:g})"
             )
 
 
-def notes_on_film(
-    shot: Shot, filmed: FilmedRecoil, regression: Regression, trace: MassTrace, calibration: Calibration
+def notes_on_camera(
+    shot: Shot, tracked: TrackedRecoil, regression: Regression, trace: MassTrace, calibration: Calibration
 ) -> tuple[str, ...]:
     """Say what a reader should know although it does not make the result invalid.
 
@@ -92,19 +92,21 @@ def notes_on_film(
     regression
         With the acceleration by the camera.
     """
-    signals = filmed.forced.signals
+    signals = tracked.forced.signals
     notes = [UNCHECKED]
-    if filmed.by_force:
+    if tracked.by_force:
         notes.append(
-            f"clock {filmed.clock.clock} is aligned by film and forces, and its offset is found with the mass "
+            f"clock {tracked.clock.clock} is aligned by camera track and forces, and its offset is found with the mass "
             f"(u {1e6 * calibration.inferred.u(LATE.name):.1f} us)"
         )
     notes += [
         f"no usable channel of role {role}: its term in the equation of motion is taken at rest"
         for role in ("carriage_rate", "tipping_rate")
-        if role not in signals.series and filmed.forced.rig.by_role(role) is not None
+        if role not in signals.series and tracked.forced.rig.by_role(role) is not None
     ]
-    ignored = [c for c in shot.quality if c.verdict == "fail" and c.channel in unused_channels(shot, filmed.forced.rig)]
+    ignored = [
+        c for c in shot.quality if c.verdict == "fail" and c.channel in unused_channels(shot, tracked.forced.rig)
+    ]
     notes += [f"not used: {c.channel}: {c.detail}" for c in ignored]
     if regression.interval_s[1] >= regression.times_s[-1]:
         notes.append("the record ends before the recoil does: the interval ends with it")

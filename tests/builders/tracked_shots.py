@@ -41,7 +41,7 @@ PLAIN = {
 
 
 @dataclass(frozen=True, eq=False)
-class FilmedShot:
+class TrackedShot:
     """What the alignment by motion is given, and the truth.
 
     Attributes
@@ -109,7 +109,7 @@ class FilmedShot:
         mapped = (1.0 + self.drift) * self.camera_times_s + self.offset_s
         return int(np.argmin(np.abs(mapped - reference_s)))
 
-    def at_wrong_rate(self, factor: float) -> FilmedShot:
+    def at_wrong_rate(self, factor: float) -> TrackedShot:
         """Declare the camera's frame rate too high by a factor: its seconds are too short."""
         return replace(
             self,
@@ -118,13 +118,13 @@ class FilmedShot:
             middle_s=self.middle_s / factor,
         )
 
-    def with_shifted_zero(self, step_m_s2: float, late_s: float = 0.0) -> FilmedShot:
+    def with_shifted_zero(self, step_m_s2: float, late_s: float = 0.0) -> TrackedShot:
         """Shift the accelerometer's zero at the shot, or somewhat later."""
         times = self.start_s + self.step_s * np.arange(self.acceleration_m_s2.size)
         shifted = self.acceleration_m_s2 + step_m_s2 * (times >= self.onset_s + late_s)
         return replace(self, acceleration_m_s2=np.asarray(shifted, dtype=np.float64))
 
-    def without_frame(self, index: int) -> FilmedShot:
+    def without_frame(self, index: int) -> TrackedShot:
         """Lose a picture although times and numbers go on as if it had been the next one."""
         return replace(
             self,
@@ -132,7 +132,7 @@ class FilmedShot:
             displacement_m=np.delete(self.displacement_m, index),
         )
 
-    def with_repeated_frame(self, index: int) -> FilmedShot:
+    def with_repeated_frame(self, index: int) -> TrackedShot:
         """Write a picture twice although the camera took it once: all later ones are a period late."""
         period = float(np.median(np.diff(self.camera_times_s)))
         return replace(
@@ -159,15 +159,15 @@ def _loaded(seed: int, sample_rate_hz: float, duration_s: float) -> tuple[Rig, S
     return rig, replace(scene, modes=scene.modes[:RINGING_MODES])
 
 
-def film_shot(
+def track_shot(
     seed: int,
     *,
     sample_rate_hz: float = 40e3,
     duration_s: float = 0.4,
     lost_share: float = 0.005,
     moving: bool = True,
-    film: int = 0,
-) -> FilmedShot:
+    track: int = 0,
+) -> TrackedShot:
     """Simulate and record one shot.
 
     Parameters
@@ -180,8 +180,8 @@ def film_shot(
         Of the frames, at random, NaN.
     moving : bool
         False: the shot was not fired.
-    film : int
-        Another one is another camera's film of the same shot: other noise, lost frames and scale.
+    track : int
+        Another one is another camera's camera track of the same shot: other noise, lost frames and scale.
     """
     rig, scene = _loaded(seed, sample_rate_hz, duration_s)
     if not moving:
@@ -204,7 +204,7 @@ def film_shot(
     clock = scene.clock(camera)
     frames = scene.instants(clock, FRAME_RATE_HZ)
     at = clock.to_reference(frames)
-    rng = generator(seed, "film", str(film))
+    rng = generator(seed, "film", str(track))
     camera_gain = 1.0 + spec.sensor.u_rel * float(rng.standard_normal())
     place = camera_gain * sample(scene.motion.q[:, 4], scene.motion.times_s, at)
     place = place + MARKER_SIGMA_M * rng.standard_normal(place.size)
@@ -212,7 +212,7 @@ def film_shot(
     speed = sample(scene.motion.qd[:, 4], scene.motion.times_s, at)
     seen = np.isfinite(place) & (at >= 0.0)
     weights = speed[seen] ** 2 if moving else np.ones(int(seen.sum()))
-    return FilmedShot(
+    return TrackedShot(
         camera_times_s=frames,
         displacement_m=place,
         start_s=signals.start_s,
