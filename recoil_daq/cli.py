@@ -37,8 +37,7 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON documen
 DebugOption = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
 OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="Replace what exists.")]
 MethodOption = Annotated[
-    Literal["calibrated", "reverse", "forward", "paper", "camera", "tls", "ar-gls", "weak", "camera-gls", "joint"]
-    | None,
+    Literal["calibrated", "reverse", "forward", "paper", "camera", "tls", "ar-gls", "weak"] | None,
     typer.Option(
         help="Estimator of the reported mass. `paper` is the published one: unfiltered, force on acceleration.",
         show_default="calibrated; camera without an accelerometer on the recoiling part",

@@ -16,7 +16,7 @@ from recoil_identification.causes import causes_of
 from recoil_identification.default_method import DEFAULTS, default_method
 from recoil_identification.estimators.endogeneity import Endogeneity, durbin_wu_hausman
 from recoil_identification.estimators.errors_in_variables import neighbouring_force
-from recoil_identification.estimators.estimates import TrackedShot, further_estimates, other_acceleration
+from recoil_identification.estimators.estimates import further_estimates
 from recoil_identification.filter_choice import choose_filter, mass_filter
 from recoil_identification.gauge_agreement import gauge_agreement, gauge_set_aside
 from recoil_identification.identified import (
@@ -140,13 +140,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         for name, one in estimates.items()
     }
     if options.compare or method in FURTHER:
-        tracked = None
-        if camera is not None and camera_clock is not None:
-            # a clock that was aligned by the accelerometer is as much less late as that was
-            clock = replace(camera_clock, offset_s=camera_clock.offset_s - skew.corrected_s)
-            other = other_acceleration(prepared.acceleration_m_s2, prepared.inertial_m_s2)
-            tracked = TrackedShot(camera, clock, other)
-        estimates |= further_estimates(narrow, recorded, signals, shot, rig, scales, further, tracked)
+        estimates |= further_estimates(narrow, recorded, signals, shot, rig, scales, further)
     if method not in estimates:
         raise IdentificationError(
             f"this shot allows no estimate by the method {method}",
@@ -174,6 +168,11 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         name: method_result(estimate, regressions[name], corrections, window_s, rig)
         for name, estimate in estimates.items()
     }
+    if options.compare and camera is not None and camera_clock is not None and camera_clock.status != "failed":
+        try:
+            results["camera"] = identify_by_camera(shot, rig, options).results["camera"]
+        except IdentificationError as error:
+            notes = (*notes, f"no mass by the camera and the forces alone: {error}")
     trace = results[method].trace
     return Identification(
         options=options,

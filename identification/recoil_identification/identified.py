@@ -35,7 +35,7 @@ from recoil_processing.spectra.cutoff import CutoffChoice
 
 Array = NDArray[np.float64]
 Method = Literal[
-    "calibrated", "reverse", "forward", "paper", "camera", "tls", "ar-gls", "weak", "camera-gls", "joint"
+    "calibrated", "reverse", "forward", "paper", "camera", "tls", "ar-gls", "weak"
 ]  # fmt: skip
 METHODS: tuple[Method, ...] = ("calibrated", "reverse", "forward", "paper")
 """Computed for every shot with forces and an accelerometer on the recoiling part. The default is then ``calibrated``,
@@ -43,8 +43,8 @@ because the scales of the sensors are less certain than the shot is random; a ca
 CAMERA_METHODS: tuple[Method, ...] = ("camera",)
 """Computed for a shot with forces and a camera, but no such accelerometer: the default then. It may be asked for where
 there is one: nothing of the accelerometer is used then but, if the rig says so, for the camera's clock."""
-FURTHER: tuple[Method, ...] = ("tls", "ar-gls", "weak", "camera-gls", "joint")
-"""Computed when asked for, see `estimators.estimates`; the last two need a camera that was aligned."""
+FURTHER: tuple[Method, ...] = ("tls", "ar-gls", "weak")
+"""Computed when asked for, see `estimators.estimates`."""
 
 DEFAULT_WINDOW_S = 0.02
 
@@ -271,9 +271,9 @@ class Identification(ReadOnlyArrays):
         if not self.valid or not abs(self.normalised_error) > 1.0:
             return None
         scales = ["the scale of the breech gauge or the bore area"]
-        if self.method in ("camera", "camera-gls"):
+        if self.method == "camera":
             scales.append("that of the camera")
-        elif self.camera is not None and self.method in ("calibrated", "joint"):
+        elif self.camera is not None and self.method == "calibrated":
             scales.append("those of accelerometer and camera together")
         else:
             scales.append("that of the accelerometer")

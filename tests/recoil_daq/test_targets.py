@@ -67,10 +67,10 @@ def test_json_is_one_document_with_masses_and_targets(run, stored: Path, tmp_pat
 def test_compare_adds_the_further_estimators_and_any_of_them_can_be_reported(
     run, stored: Path, field_shot: TwinShot, tmp_path: Path
 ) -> None:
-    result = run("identify", stored, "--compare", "--method", "joint", "--json", "--out", tmp_path)
+    result = run("identify", stored, "--compare", "--method", "weak", "--json", "--out", tmp_path)
     (report,) = json.loads(result.stdout)["reports"]
-    assert set(FURTHER) <= {m["name"] for m in report["methods"]}
-    assert report["mass"]["method"] == "joint"
+    assert {*FURTHER, "camera"} <= {m["name"] for m in report["methods"]}
+    assert report["mass"]["method"] == "weak"
     low, high = report["mass"]["U95"]
     assert low < field_shot.truth["m3"] < high
     # the Monte Carlo method draws from what the calibrated estimate minimises, not from another's
@@ -86,9 +86,9 @@ def test_an_unknown_target_is_wrong_usage(run, stored: Path) -> None:
 def test_a_method_that_needs_a_camera_says_so_where_there_is_none(run, field_shot: TwinShot, tmp_path: Path) -> None:
     daq = [f for f in field_shot.files if "camera" not in f.name]
     run("ingest", "field-2013", *daq, "--shot", "0002", "--out", tmp_path)
-    result = run("identify", tmp_path / "0002.h5", "--method", "joint", "--out", tmp_path / "r")
+    result = run("identify", tmp_path / "0002.h5", "--method", "camera", "--out", tmp_path / "r")
     assert result.exit_code == 3
-    assert "joint" in result.output
+    assert "no channel of role recoil_displacement" in result.output
     assert not (tmp_path / "r" / "0002").exists()
 
 

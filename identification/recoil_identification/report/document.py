@@ -34,8 +34,6 @@ METHOD_NOTES = {
     "tls": "total least squares behind the low-pass, the noises' ratio from the baseline; over time as reverse",
     "ar-gls": "acceleration on force as recorded, with autoregressive errors; over time as reverse",
     "weak": "averages over test functions of finite reach, as recorded; over time as reverse",
-    "camera-gls": "the camera's displacement against the double integral of force; over time as reverse",
-    "joint": "force, accelerometer and camera in one smoother; over time as reverse",
 }
 
 

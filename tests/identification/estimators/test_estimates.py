@@ -4,47 +4,35 @@ import math
 from dataclasses import replace
 from functools import cache
 
-import numpy as np
 import pytest
 
 from recoil_identification.analysis import Identification, scale_uncertainty
-from recoil_identification.estimators.estimates import WIDTH, TrackedShot, further_estimates, other_acceleration
+from recoil_identification.estimators.estimates import WIDTH, further_estimates
 from recoil_identification.mass import ACCELERATION, FRICTION, GAUGES, RANDOM, MassEstimate
-from recoil_identification.preparation import prepare
-from recoil_identification.sensor_priors import CAMERA_SCALE, RELEASE
 from tests.builders.virtual_shots import identified, virtual_shot
 
 RIGS = ("field-2013", "mixed")
-INERTIAL, TRACKED = ("tls", "ar-gls", "weak"), ("camera-gls", "joint")
+METHODS = ("tls", "ar-gls", "weak")
 
 
-def tracked_shot(name: str) -> TrackedShot:
-    virtual = virtual_shot(name)
-    prepared = prepare(virtual.shot, virtual.rig)
-    assert prepared.camera is not None
-    assert prepared.camera_clock is not None
-    other = other_acceleration(prepared.acceleration_m_s2, prepared.inertial_m_s2)
-    return TrackedShot(prepared.camera, prepared.camera_clock, other)
-
-
-def estimates_of(name: str, found: Identification, tracked: TrackedShot | None) -> dict[str, MassEstimate]:
+def estimates_of(name: str, found: Identification) -> dict[str, MassEstimate]:
     virtual = virtual_shot(name)
     further = found.results["reverse"].estimate.budget[6:]
     return further_estimates(
         found.fitted, found.recorded, found.signals, virtual.shot, virtual.rig, scale_uncertainty(virtual.rig),
-        further, tracked,
+        further,
     )  # fmt: skip
 
 
 @cache
 def estimates(name: str) -> dict[str, MassEstimate]:
-    return estimates_of(name, identified(name), tracked_shot(name))
+    return estimates_of(name, identified(name))
 
 
 @pytest.mark.parametrize("name", RIGS)
 def test_every_estimator_finds_the_mass_of_a_virtual_shot_within_its_uncertainty(name):
     found, truth = estimates(name), virtual_shot(name).truth["m3"]
-    assert tuple(found) == (*INERTIAL, *TRACKED)
+    assert tuple(found) == METHODS
     for method, estimate in found.items():
         assert estimate.method == method
         assert abs(estimate.mass_kg - truth) < 3 * estimate.u_kg, method
@@ -58,9 +46,9 @@ def test_the_budgets_have_the_names_of_the_others_once_each(name):
         sources = [row.source for row in estimate.budget]
         assert sources[0] == RANDOM
         assert len(set(sources)) == len(sources), method
-        assert {ACCELERATION, FRICTION, *GAUGES} - set(sources) <= ({ACCELERATION} if method == "camera-gls" else set())
+        assert {ACCELERATION, FRICTION, *GAUGES} <= set(sources)
         assert all(math.isfinite(row.u_kg) and row.u_kg >= 0 for row in estimate.budget)
-        new = set(sources) - reverse - {WIDTH, CAMERA_SCALE, RELEASE, "alignment of clock camera"}
+        new = set(sources) - reverse - {WIDTH}
         assert not new, method
         assert ("alignment of clock can" in sources) == (name == "mixed"), method
 
@@ -68,15 +56,15 @@ def test_the_budgets_have_the_names_of_the_others_once_each(name):
 @pytest.mark.parametrize("name", RIGS)
 def test_by_the_accelerometer_all_agree_within_their_random_errors(name):
     reverse = identified(name).results["reverse"].estimate
-    for method in INERTIAL:
+    for method in METHODS:
         estimate = estimates(name)[method]
         assert abs(estimate.mass_kg - reverse.mass_kg) < 3 * (estimate.budget[0].u_kg + reverse.budget[0].u_kg), method
         assert estimate.residual_m_s2 == pytest.approx(reverse.residual_m_s2, rel=0.2)
 
 
-@pytest.mark.parametrize("method", ["tls", "ar-gls", "weak", "camera-gls", "joint"])
+@pytest.mark.parametrize("method", METHODS)
 def test_the_breech_gauges_row_is_the_change_of_the_mass(method):
-    found, tracked = identified(), tracked_shot("field-2013")
+    found = identified()
     h = 1e-3
 
     def scaled(regression):
@@ -85,20 +73,6 @@ def test_the_breech_gauges_row_is_the_change_of_the_mass(method):
         return replace(regression, forces_n=forces)
 
     moved = replace(found, fitted=scaled(found.fitted), recorded=scaled(found.recorded))
-    change = estimates_of("field-2013", moved, tracked)[method].mass_kg - estimates("field-2013")[method].mass_kg
+    change = estimates_of("field-2013", moved)[method].mass_kg - estimates("field-2013")[method].mass_kg
     row = next(row for row in estimates("field-2013")[method].budget if row.source == GAUGES[0])
     assert row.sensitivity == pytest.approx(change / h, rel=0.03)
-
-
-def test_without_a_camera_there_are_the_accelerometers_only():
-    assert tuple(estimates_of("field-2013", identified(), None)) == INERTIAL
-    tracked = tracked_shot("field-2013")
-    failed = replace(tracked, alignment=replace(tracked.alignment, status="failed"))
-    assert tuple(estimates_of("field-2013", identified(), failed)) == INERTIAL
-
-
-def test_a_camera_that_saw_too_little_gives_no_estimate_and_stops_none():
-    tracked = tracked_shot("field-2013")
-    blind = np.full(tracked.camera.measured.shape, np.nan)
-    lost = replace(tracked, camera=replace(tracked.camera, samples=blind))
-    assert tuple(estimates_of("field-2013", identified(), lost)) == INERTIAL

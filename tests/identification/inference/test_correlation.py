@@ -40,3 +40,14 @@ def test_it_whitens_as_the_whole_matrix_does(seed, near, last, band):
 def test_what_is_no_correlation_is_refused():
     with pytest.raises(np.linalg.LinAlgError):
         Correlation.of(np.array([[1.0, 1.0], [2.0, 0.0]]))
+
+
+def test_one_of_which_nothing_is_zero_is_taken_as_it_is():
+    whole = written_out(1, 5, 0, 5)
+    np.testing.assert_allclose(lower_factor(Correlation.whole(whole)), np.linalg.cholesky(whole), rtol=1e-9)
+
+
+def test_rows_keep_their_shape():
+    correlation = Correlation.of(np.ones((1, 4)))
+    rows = np.arange(8.0).reshape(4, 2)
+    np.testing.assert_array_equal(correlation.whitened(rows), rows)

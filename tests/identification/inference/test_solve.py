@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -274,3 +275,40 @@ def test_a_step_that_would_raise_the_misfit_is_halved_until_it_does_not() -> Non
     assert found.converged
     assert found.steps < 12  # steps that it may not take back go astray for 39
     np.testing.assert_allclose(found.values, [np.log(2.0), 0.7], rtol=1e-6)
+
+
+@dataclass(frozen=True)
+class Saturating:
+    """One row that sees the arc tangent of an unknown: far from zero a Gauss-Newton step goes far beyond."""
+
+    @property
+    def unknowns(self) -> tuple[str, ...]:
+        return ("a",)
+
+    def linearised(self, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
+        a = values["a"]
+        return np.array([-math.atan(a)]), np.array([[1.0 / (1.0 + a**2)]])
+
+
+def test_a_step_that_would_raise_the_misfit_is_halved() -> None:
+    found = solve([Unknown("a")], [Saturating()], [Prior.of("guess", "a", 1e3, 3.0)], {"a": 3.0})
+    assert found.converged
+    assert found.value("a") == pytest.approx(0.0, abs=1e-4)
+    assert found.steps < 10
+
+
+def test_what_is_known_beforehand_counts_when_a_step_is_judged() -> None:
+    known = Prior.of("guess", "a", 10.0, 3.0)
+    found = solve([Unknown("a")], [Saturating()], [known], {"a": 3.0})
+    grid = np.linspace(-20.0, 20.0, 400_001)
+    best = grid[np.argmin(np.arctan(grid) ** 2 + ((grid - 3.0) / 10.0) ** 2)]
+    assert found.converged
+    assert found.value("a") == pytest.approx(best, abs=1e-3)
+
+
+def test_no_step_is_larger_than_an_unknowns_largest() -> None:
+    seen = LinearBlock(("a",), np.ones((1, 1)), np.array([3.0]), 1.0)
+    near, far = (solve([Unknown("a", largest_step=step)], [seen], []) for step in (math.inf, 0.3))
+    assert near.steps == 2  # the second one moves nothing
+    assert 10 <= far.steps <= 12
+    assert far.value("a") == pytest.approx(3.0)

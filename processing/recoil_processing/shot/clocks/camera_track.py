@@ -90,11 +90,6 @@ class CameraTrack(ReadOnlyArrays):
         mean = float(rest.mean()) if rest.size else math.nan
         return cls(t[moving], x[moving], release_s, mean, int(rest.size), set_aside)
 
-    @property
-    def from_rest_m(self) -> Array:
-        """Positions less that at rest, negative, shape (n,): what a scale that is too large takes off the travel."""
-        return np.asarray((self.rest_m if self.rest_frames else float(self.positions_m[0])) - self.positions_m)
-
     def whiten(self, columns: Array, density_ratio: float) -> tuple[Array, float]:
         """Make rows independent, of variance 1 in units of the marker's.
 

@@ -2,13 +2,13 @@
 
 From the release on the travel is
 
-    x(t) = D_F(t) / m + D_K(t) + x0 + v0 t + c t^2 / 2 + tau x'(t) + w(t) + n,
+    x(t) = D_F(t) / m + D_K(t) + x0 + v0 t + tau x'(t) + w(t) + n,
 
 with D_F and D_K the double integrals of the force and of the acceleration that is no force over mass (gravity, the
-carriage's motion), tau what is left of the clocks' offset, c a zero of the motion's other sensors, n the marker's white
-noise and w the walk that the force's noise integrates to. No acceleration is measured: stress waves and zero shifts
-of accelerometers do not matter. It is generalized least squares: a Kalman filter of the walk makes the rows
-independent (`recoil_processing.alignment.velocity_walk`). At rest before the release all that is unknown is x0.
+carriage's motion), tau what is left of the clocks' offset, n the marker's white noise and w the walk that the force's
+noise integrates to. No acceleration is measured: stress waves and zero shifts of accelerometers do not matter. It is
+generalized least squares: a Kalman filter of the walk makes the rows independent
+(`recoil_processing.alignment.velocity_walk`). At rest before the release all that is unknown is x0.
 
 Noise levels are those that make the positions likeliest; the walk has at least the noise that the force
 has in the pre-trigger baseline.
@@ -27,7 +27,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.noise import noise_sigma
 from recoil_processing.shot.clocks.camera_track import CameraTrack
-from recoil_processing.shot.clocks.impulse_fit import LEAST_MARKER_M, LIKELIER, START, ImpulseFit
+from recoil_processing.shot.clocks.impulse_fit import LEAST_MARKER_M, LIKELIER, ImpulseFit
 
 __all__ = ["INFLATIONS", "LEAST_DENSITY", "LEAST_MARKER_M", "LIKELIER", "DoubleImpulseMass", "double_impulse_mass"]
 
@@ -37,8 +37,8 @@ INFLATIONS = (1.0, 4.0, 16.0, 64.0, 256.0, 1024.0, 4096.0)
 """Factors of the walk's density over that of the force's noise: what the model leaves out walks too."""
 LEAST_DENSITY = 1e-9
 """Density of the walk, (m/s^2)^2/Hz: a force without noise has some."""
-_SHIFT, _VELOCITY, _ZERO, _ERRORS = range(2, 6)
-"""Columns behind the force's double integral and x0: tau, v0, c, and the force's errors."""
+_SHIFT, _VELOCITY, _ERRORS = range(2, 5)
+"""Columns behind the force's double integral and x0: tau, v0, and the force's errors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,53 +49,30 @@ class DoubleImpulseMass(ReadOnlyArrays):
     ----------
     mass_kg, u_kg
         And its standard uncertainty by the random errors of camera and force.
-    u_shift_kg, u_zero_kg
-        By what was known of the clocks' offset and of the zero beforehand.
-    start_m
-        x0.
-    velocity_m_s, zero_m_s2, shift_s
-        v0, c and tau; 0 where they were held.
+    shift_s
+        tau; 0 where it was held.
     marker_sigma_m
         Standard deviation of the marker's noise.
     density
         Of the walk, (m/s^2)^2/Hz, two-sided.
     inflation
         Of the density over that of the force's noise.
-    residuals : ndarray, shape (n,)
-        Of the independent rows, over the marker's noise.
-    sensitivities_kg : ndarray, shape (n_perturbations,)
-        By how much the mass is too large if the force is by one of the perturbations.
-    scale_sensitivity_kg
-        By how much per relative error of the displacement's scale.
     u_shift_s
         Standard uncertainty of `shift_s`, with what was known of it; 0 where it was held.
     force_errors : ndarray, shape (n_errors,)
         Of the force, as the camera track and what was known of them say.
-    force_error_covariance : ndarray, shape (n_errors, n_errors)
-    force_sensitivities_kg : ndarray, shape (n_errors,)
-        By how much the mass is too large if the force is by one standard uncertainty of each.
     """
 
     mass_kg: float
     u_kg: float
-    u_shift_kg: float
-    u_zero_kg: float
-    start_m: float
-    velocity_m_s: float
-    zero_m_s2: float
     shift_s: float
     marker_sigma_m: float
     density: float
     inflation: float
-    residuals: Array
-    sensitivities_kg: Array
-    scale_sensitivity_kg: float
     frames: int
     set_aside: int
     u_shift_s: float
     force_errors: Array
-    force_error_covariance: Array
-    force_sensitivities_kg: Array
 
 
 def double_impulse_mass(
@@ -112,10 +89,8 @@ def double_impulse_mass(
     force_sigma_n: float = 0.0,
     u_shift_s: float = 0.0,
     u_velocity_m_s: float = 0.0,
-    u_zero_m_s2: float = 0.0,
     levels: tuple[float, float] | None = None,
     least_levels: tuple[float, float] = (LEAST_MARKER_M, LEAST_DENSITY),
-    perturbations_n: Array | None = None,
     force_errors_n: Array | None = None,
     u_force_errors: Array | None = None,
 ) -> DoubleImpulseMass:
@@ -139,16 +114,15 @@ def double_impulse_mass(
         To a few percent.
     force_sigma_n
         White noise of the force per sample.
-    u_shift_s, u_velocity_m_s, u_zero_m_s2
-        Standard uncertainties of tau, v0 and c, which are zero to this; 0 to hold them, infinite to free them.
+    u_shift_s, u_velocity_m_s
+        Standard uncertainties of tau and v0, which are zero to this; 0 to hold them, infinite to free them.
     levels
         Marker's noise in m and the walk's density, if they are known; otherwise the likeliest.
     least_levels
         What they are never taken to be better than.
-    perturbations_n : ndarray, shape (n, n_perturbations), optional
-        Errors that the force may have, finite, zero before the release.
     force_errors_n : ndarray, shape (n, n_errors), optional
-        The same, each by one unit, that are unknowns: what a shot sees in different mixtures it distinguishes.
+        Errors that the force may have, finite, zero before the release, each by one unit, that are unknowns: what a
+        shot sees in different mixtures it distinguishes.
     u_force_errors : ndarray, shape (n_errors,), optional
         Standard uncertainties of these, which are zero to this.
 
@@ -166,7 +140,7 @@ def double_impulse_mass(
         )
     if not (np.all(np.isfinite(force_n)) and np.all(np.isfinite(other))):
         raise ValueError("force and acceleration must be finite; bridge lost samples first")
-    if not all(u >= 0 for u in (u_shift_s, u_velocity_m_s, u_zero_m_s2, force_sigma_n)):
+    if not all(u >= 0 for u in (u_shift_s, u_velocity_m_s, force_sigma_n)):
         raise ValueError("uncertainties must be zero or positive")
     if not (math.isfinite(rough_mass_kg) and rough_mass_kg > 0):
         raise ValueError(f"rough_mass_kg must be positive, not {rough_mass_kg}")
@@ -179,10 +153,9 @@ def double_impulse_mass(
         raise ValueError(f"{u_errors.size} uncertainties do not fit errors of shape {own_errors.shape}")
     track = CameraTrack.of(frame_times_s, displacement_m, release_s, end_s, rough)
     t = track.times_s
-    since = t - release_s
-    columns = [impulse.at(t)[0], np.ones_like(t), rough.at(t)[1], since, 0.5 * since**2]
+    columns = [impulse.at(t)[0], np.ones_like(t), rough.at(t)[1], t - release_s]
     columns += [-DoubleIntegral.of(e / rough_mass_kg, start_s, step_s).at(t)[0] for e in own_errors.T]
-    knowledge = [math.inf, math.inf, u_shift_s, u_velocity_m_s, u_zero_m_s2, *u_errors.tolist()]
+    knowledge = [math.inf, math.inf, u_shift_s, u_velocity_m_s, *u_errors.tolist()]
     # an error that moves nothing is none
     free = [j for j, u in enumerate(knowledge) if u > 0 and (j < _ERRORS or np.any(columns[j]))]
     target = track.positions_m - given.at(t)[0]
@@ -213,34 +186,16 @@ def double_impulse_mass(
         )
     mass = 1.0 / inverse
     own = mass**2 / float(scale[0])
-    perturbations = np.zeros((force_n.size, 0)) if perturbations_n is None else perturbations_n
-    errors = [inverse * DoubleIntegral.of(perturbation, start_s, step_s).at(t)[0] for perturbation in perturbations.T]
-    sensitivities = own * found.sensitivities(track, np.column_stack([*errors, track.from_rest_m]))
-    by_prior = {j: own * float(weight) for j, weight in zip(free, found.by_priors, strict=True)}
-    estimated = [i for i, j in enumerate(free) if j >= _ERRORS]
-    at = [free[i] - _ERRORS for i in estimated]
-    unscaled = found.covariance / np.outer(scale, scale)
-    covariance = np.zeros((u_errors.size, u_errors.size))
-    covariance[np.ix_(at, at)] = unscaled[np.ix_(estimated, estimated)]
+    shift = free.index(_SHIFT) if _SHIFT in free else None
     return DoubleImpulseMass(
         mass_kg=mass,
         u_kg=own * found.u_by_rows,
-        u_shift_kg=abs(by_prior.get(_SHIFT, 0.0)),
-        u_zero_kg=math.hypot(by_prior.get(_VELOCITY, 0.0), by_prior.get(_ZERO, 0.0)),
-        start_m=values[START],
-        velocity_m_s=values.get(_VELOCITY, 0.0),
-        zero_m_s2=values.get(_ZERO, 0.0),
         shift_s=values.get(_SHIFT, 0.0),
         marker_sigma_m=found.sigma,
         density=found.density,
         inflation=found.density / least,
-        residuals=found.residuals,
-        sensitivities_kg=sensitivities[:-1],
-        scale_sensitivity_kg=float(sensitivities[-1]),
         frames=int(t.size),
         set_aside=track.set_aside,
-        u_shift_s=math.sqrt(float(unscaled[free.index(_SHIFT), free.index(_SHIFT)])) if _SHIFT in free else 0.0,
+        u_shift_s=0.0 if shift is None else math.sqrt(float(found.covariance[shift, shift])) / float(scale[shift]),
         force_errors=np.array([values.get(_ERRORS + j, 0.0) for j in range(u_errors.size)]),
-        force_error_covariance=covariance,
-        force_sensitivities_kg=np.array([by_prior.get(_ERRORS + j, 0.0) for j in range(u_errors.size)]),
     )

@@ -157,8 +157,6 @@ class ForcedRecoil(ReadOnlyArrays):
         displacement_m: Array,
         *,
         u_shift_s: float,
-        further_n: Array | None = None,
-        levels: tuple[float, float] | None = None,
     ) -> DoubleImpulseMass:
         """Estimate the mass by a camera track, the gauges' scales and the friction being unknowns that are restricted.
 
@@ -168,10 +166,6 @@ class ForcedRecoil(ReadOnlyArrays):
             On the reference clock; lost frames NaN.
         u_shift_s
             What is known of these times beforehand; infinite for nothing.
-        further_n : ndarray, shape (n, n_errors), optional
-            Errors of the force beyond its scales, each of one standard uncertainty.
-        levels
-            As of `double_impulse_mass`.
 
         Raises
         ------
@@ -181,8 +175,6 @@ class ForcedRecoil(ReadOnlyArrays):
         r, rough = self.recorded, self.mass_kg
         errors = np.column_stack([self.inputs.forces_n[:, :3], r.friction_direction])
         u = np.array([*self.scales.gauges, self.scales.friction_n])
-        if further_n is not None:
-            errors, u = np.column_stack([errors, further_n]), np.append(u, np.ones(further_n.shape[1]))
         for _ in range(ROUGH_STEPS):
             found = double_impulse_mass(
                 frame_times_s,
@@ -197,7 +189,6 @@ class ForcedRecoil(ReadOnlyArrays):
                 force_sigma_n=self.inputs.slow_force_n,
                 u_shift_s=u_shift_s,
                 u_velocity_m_s=r.rms_release_n_s / rough,
-                levels=levels,
                 least_levels=self.least_levels,
                 force_errors_n=errors,
                 u_force_errors=u,

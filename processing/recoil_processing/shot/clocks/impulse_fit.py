@@ -36,10 +36,8 @@ class ImpulseFit(ReadOnlyArrays):
     ----------
     solution : ndarray, shape (n_unknowns,)
     covariance : ndarray, shape (n_unknowns, n_unknowns)
-    by_rows : ndarray, shape (n_rows + 1,)
-        Answers of the first unknown to rows; the last is that of the frames at rest.
-    by_priors : ndarray, shape (n_unknowns,)
-        And to one standard uncertainty of what was known of each unknown.
+    u_by_rows
+        Standard uncertainty of the first unknown by the positions' errors alone.
     residuals : ndarray, shape (n_rows,)
         Over the marker's noise.
     sigma, density
@@ -50,8 +48,7 @@ class ImpulseFit(ReadOnlyArrays):
 
     solution: Array
     covariance: Array
-    by_rows: Array
-    by_priors: Array
+    u_by_rows: float
     residuals: Array
     sigma: float
     density: float
@@ -85,9 +82,9 @@ class ImpulseFit(ReadOnlyArrays):
         inverse = np.linalg.pinv(design / size) / size[:, np.newaxis]
         solution = inverse @ target
         residuals = (target - design @ solution)[: rows.shape[0]]
-        by_rows, by_priors = inverse[0, : rows.shape[0] + 1], inverse[0, rows.shape[0] + 1 :]
+        u_by_rows = float(np.linalg.norm(inverse[0, : rows.shape[0] + 1]))
         misfit = float(residuals @ residuals) + log_determinant + 2.0 * rows.shape[0] * math.log(sigma)
-        return cls(solution, inverse @ inverse.T, by_rows, by_priors, residuals, sigma, density, -0.5 * misfit)
+        return cls(solution, inverse @ inverse.T, u_by_rows, residuals, sigma, density, -0.5 * misfit)
 
     @classmethod
     def likeliest(
@@ -130,13 +127,3 @@ class ImpulseFit(ReadOnlyArrays):
         if best is None:
             raise ValueError("there must be a density to try")
         return best
-
-    @property
-    def u_by_rows(self) -> float:
-        """Standard uncertainty of the first unknown by the positions' errors alone."""
-        return float(np.linalg.norm(self.by_rows))
-
-    def sensitivities(self, track: CameraTrack, errors_m: Array) -> Array:
-        """Return by how much errors of the modelled travel lower the first unknown; at rest there are none."""
-        rows = track.whiten(errors_m, self.density / self.sigma**2)[0] / self.sigma
-        return np.asarray(self.by_rows[: rows.shape[0]] @ rows)

@@ -20,7 +20,6 @@ def test_frames_are_parted_at_the_release():
     assert track.rest_frames == np.count_nonzero(TRUE.frame_times_s < 0)
     assert track.rest_m == pytest.approx(0.3)
     assert track.times_s[0] == pytest.approx(0.0, abs=1e-9)
-    np.testing.assert_allclose(track.from_rest_m, 0.3 - track.positions_m, atol=1e-12)
 
 
 def test_lost_frames_are_left_out_and_wild_ones_set_aside():

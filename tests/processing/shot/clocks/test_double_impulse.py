@@ -44,33 +44,26 @@ def test_the_interval_holds_the_mass_as_often_as_it_says_and_the_noise_is_found(
     assert np.median([one.inflation for one in found]) == 1.0
 
 
-@given(
-    st.floats(-1.0, 1.0), st.floats(-0.5, 0.5), st.floats(-20.0, 20.0), st.floats(-2e-4, 2e-4)
-)  # fmt: skip
+@given(st.floats(-1.0, 1.0), st.floats(-0.5, 0.5), st.floats(-2e-4, 2e-4))
 @settings(max_examples=10)
-def test_start_velocity_zero_and_shift_are_found_where_they_are_free(start_m, velocity_m_s, zero_m_s2, shift_s):
+def test_start_velocity_and_shift_may_be_free(start_m, velocity_m_s, shift_s):
     moving = FRAMES_S >= 0
     t = FRAMES_S[moving]
-    x = np.interp(t + shift_s, FRAMES_S, TRUE.displacement_m)
-    x = x + start_m + velocity_m_s * t + 0.5 * zero_m_s2 * t**2
-    found = estimated(x, frames_s=t, u_shift_s=math.inf, u_velocity_m_s=math.inf, u_zero_m_s2=math.inf)
+    x = np.interp(t + shift_s, FRAMES_S, TRUE.displacement_m) + start_m + velocity_m_s * t
+    found = estimated(x, frames_s=t, u_shift_s=math.inf, u_velocity_m_s=math.inf)
     assert found.mass_kg == pytest.approx(MASS_KG, rel=3e-3)
-    assert found.start_m == pytest.approx(start_m, abs=2e-3)
     assert found.shift_s == pytest.approx(shift_s, abs=2e-5)
-    assert found.velocity_m_s == pytest.approx(velocity_m_s, abs=0.1)
-    assert found.zero_m_s2 == pytest.approx(zero_m_s2, abs=3.0)
 
 
 def test_what_is_held_by_a_certain_knowledge_is_as_if_it_were_not_asked_for():
-    held, certain = of_shot(1), of_shot(1, u_zero_m_s2=1e-9, u_shift_s=1e-12)
+    held, certain = of_shot(1), of_shot(1, u_shift_s=1e-12)
     assert certain.mass_kg == pytest.approx(held.mass_kg, rel=1e-5)
-    assert held.u_shift_kg == held.u_zero_kg == 0.0
+    assert held.shift_s == held.u_shift_s == 0.0
 
 
 def test_an_uncertain_clock_costs_what_it_may_move():
     free, known = of_shot(2, u_shift_s=math.inf), of_shot(2, u_shift_s=1e-4)
-    assert known.u_shift_kg > 0
-    assert math.hypot(known.u_kg, known.u_shift_kg) <= 1.01 * free.u_kg
+    assert 0 < known.u_shift_s < free.u_shift_s
     assert known.u_kg <= free.u_kg
 
 
@@ -101,19 +94,6 @@ def test_a_wrong_gauge_walks_and_is_not_taken_for_the_markers_noise():
     found = estimated(shot.displacement_m, np.where(T >= 0, shot.force_n, 0.0), force_sigma_n=2e4)
     assert found.inflation > 1
     assert found.marker_sigma_m == pytest.approx(MARKER_SIGMA_M, rel=0.15)
-
-
-def test_the_answers_are_the_changes_of_the_mass():
-    shot = record_recoil(8)
-    forces = np.where((T >= 0)[:, None], shot.forces_n, 0.0)
-    force = forces.sum(axis=1)
-    found = estimated(shot.displacement_m, force, force_sigma_n=2e4, perturbations_n=forces)
-    same = {"force_sigma_n": 2e4, "levels": (found.marker_sigma_m, found.density)}
-    for column, answer in zip(forces.T, found.sensitivities_kg, strict=True):
-        moved = estimated(shot.displacement_m, force + 1e-3 * column, **same).mass_kg
-        assert answer == pytest.approx((moved - found.mass_kg) / 1e-3, abs=0.003 * MASS_KG)
-    scaled = estimated(1.001 * shot.displacement_m, force, **same).mass_kg
-    assert found.scale_sensitivity_kg == pytest.approx((scaled - found.mass_kg) / 1e-3, rel=0.005)
 
 
 def test_too_few_frames_or_a_force_against_the_motion_are_no_estimate():
@@ -152,21 +132,13 @@ def test_an_error_of_a_force_that_is_free_is_found_and_does_not_move_the_mass():
     found = restricted(wrong, (1e-6, 1.0))
     assert found.mass_kg == pytest.approx(MASS_KG, rel=5e-4)
     assert found.force_errors[1] == pytest.approx(0.02, abs=1e-3)
-    assert found.force_error_covariance[1, 1] < 1e-4
 
 
 def test_errors_that_are_known_to_be_none_change_nothing():
     plain, held = estimated(levels=(MARKER_SIGMA_M, 1e-4)), restricted(FORCE, (0.0, 0.0))
     assert held.mass_kg == plain.mass_kg
     assert held.u_kg == plain.u_kg
-    assert np.array_equal(held.force_sensitivities_kg, [0.0, 0.0])
-
-
-def test_the_answer_to_a_calibration_is_that_of_a_gauge_which_is_off_by_its_uncertainty():
-    u = 0.01
-    found = restricted(FORCE, (1e-9, u))
-    off = restricted(FORCE + u * record_errors()[:, 1], (1e-9, u))
-    assert off.mass_kg - found.mass_kg == pytest.approx(found.force_sensitivities_kg[1], rel=0.05)
+    assert np.array_equal(held.force_errors, [0.0, 0.0])
 
 
 def test_uncertainties_that_do_not_fit_the_errors_are_refused():
