@@ -8,17 +8,15 @@ import numpy as np
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import Shot
-from recoil_identification.calibration import Beside, Calibration
+from recoil_identification.calibration import Calibration
 from recoil_identification.camera_route import mass_by_camera
-from recoil_identification.camera_rows import camera_rows
 from recoil_identification.camera_shot import identify_by_camera
-from recoil_identification.causes import causes_of
 from recoil_identification.default_method import DEFAULTS, default_method
 from recoil_identification.estimators.endogeneity import Endogeneity, durbin_wu_hausman
 from recoil_identification.estimators.errors_in_variables import neighbouring_force
 from recoil_identification.estimators.estimates import further_estimates
 from recoil_identification.filter_choice import choose_filter, mass_filter
-from recoil_identification.gauge_agreement import gauge_agreement, gauge_set_aside
+from recoil_identification.gauge_agreement import gauge_set_aside
 from recoil_identification.identified import (
     CAMERA_METHODS,
     DEFAULT_WINDOW_S,
@@ -29,10 +27,10 @@ from recoil_identification.identified import (
     Options,
     Result,
 )
-from recoil_identification.late_readings import late_readings
 from recoil_identification.mass import forward_mass, reverse_mass
 from recoil_identification.mass_over_time import mass_constancy, mass_over_time
 from recoil_identification.method_result import method_result
+from recoil_identification.methods import calibrated
 from recoil_identification.monte_carlo import propagate
 from recoil_identification.preparation import prepare
 from recoil_identification.shot_summary import scopes_of, shot_summary
@@ -41,7 +39,7 @@ from recoil_identification.stress_waves import find_stress_waves
 from recoil_identification.trace_window import trace_window
 from recoil_identification.uncertainty import further_contributions, note_on_cutoff
 from recoil_identification.verdict import notes_on, reasons_against
-from recoil_identification.zero_shift import ZeroShift, calibrated_with_zero_shift
+from recoil_identification.zero_shift import ZeroShift
 from recoil_processing.quality.repeatability import shot_peaks
 from recoil_processing.shot.camera_motion import recorded_motion
 from recoil_processing.shot.clocks.estimator_inputs import EstimatorInputs
@@ -96,32 +94,21 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
     choice = choose_filter(recorded, shot, given_hz=options.cutoff_hz, campaign=options.campaign)
     low_pass = choice.low_pass
     scales = scale_uncertainty(rig)
-    offset = signals.offsets["recoil_acceleration"]
     track = recorded_motion(signals, prepared.acceleration_m_s2, camera, camera_clock)
     mass_low_pass = mass_filter(recorded, choice)
-    quiet = EstimatorInputs(recorded, recorded, signals, shot, rig).baseline_noise
+    inputs = EstimatorInputs(recorded, recorded, signals, shot, rig)
 
-    def beside(narrow: Regression, recorded: Regression) -> Beside:
-        causes = causes_of(narrow, recorded, signals, shot, rig)
-        inertial = prepared.inertial_m_s2
-        frames = None if track is None else camera_rows(track, narrow, recorded, inertial, causes, signals, rig)
-        late = late_readings(signals, narrow.interval_s, causes)
-        gauges = gauge_agreement(signals, rig, narrow.interval_s)
-        rows, priors = ((), ()) if late is None else ((late.rows,), (late.prior,))
-        return Beside(causes, frames, (*rows, *gauges.rows), (*priors, *gauges.priors))
-
-    def calibrated(regression: Regression) -> tuple[Regression, Regression, Regression, Calibration, ZeroShift]:
-        shifted, narrow, found, shift = calibrated_with_zero_shift(
-            regression, mass_low_pass, scales, offset.u, quiet, beside
-        )
+    def solved(recorded: Regression) -> tuple[Regression, Regression, Regression, Calibration, ZeroShift]:
+        again = replace(inputs, filtered=recorded, recorded=recorded)
+        shifted, narrow, found, shift = calibrated(again, mass_low_pass, prepared.inertial_m_s2, track)
         # the trace, the skew and the figures need the whole band
         return shifted, narrow, narrow if mass_low_pass == low_pass else shifted.filtered(low_pass), found, shift
 
-    recorded, narrow, filtered, calibration, zero_shift = calibrated(recorded)
+    recorded, narrow, filtered, calibration, zero_shift = solved(recorded)
     skew = find_skew(filtered, calibration)
     while skew.due_s:
         recorded = prepared.without_skew(shot, rig, skew.corrected_s + skew.due_s)
-        recorded, narrow, filtered, calibration, zero_shift = calibrated(recorded)
+        recorded, narrow, filtered, calibration, zero_shift = solved(recorded)
         skew = find_skew(filtered, calibration, corrected_s=skew.corrected_s + skew.due_s, steps=skew.steps + 1)
     if (doubted := gauge_set_aside(calibration, signals)) is not None:
         return _without(*doubted, shot, rig, options)

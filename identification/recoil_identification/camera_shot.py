@@ -7,7 +7,6 @@ from dataclasses import replace
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import Shot
-from recoil_identification.camera_mass import camera_mass, with_residual
 from recoil_identification.camera_route import LARGEST_CUTOFF_HZ, mass_by_camera, regression_by_camera
 from recoil_identification.camera_rows import LATE
 from recoil_identification.camera_verdict import notes_on_camera, reasons_against_camera
@@ -15,6 +14,7 @@ from recoil_identification.filter_choice import FORCE_ROLES, LARGEST_SHARE_OF_RA
 from recoil_identification.identified import Identification, Options
 from recoil_identification.mass_over_time import mass_constancy, mass_over_time
 from recoil_identification.method_result import method_result
+from recoil_identification.methods import by_camera, with_residual
 from recoil_identification.monte_carlo import propagate
 from recoil_identification.shot_summary import scopes_of
 from recoil_identification.stress_waves import find_stress_waves
@@ -52,7 +52,7 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
     forced, camera = tracked.forced, tracked.camera
     signals = forced.signals
     choice = _slow_filter(shot, options)
-    calibration = camera_mass(tracked)
+    calibration = by_camera(tracked)
     clock = replace(tracked.clock, offset_s=tracked.clock.offset_s + calibration.inferred.value(LATE.name))
     regression = regression_by_camera(
         forced.recorded,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.identification.test_camera_mass import RIGS, calibration_of, moves_of, row_and_refit_kg
+from tests.identification.test_methods import RIGS, calibration_of, moves_of, row_and_refit_kg
 
 
 @pytest.fixture(autouse=True)

@@ -11,11 +11,11 @@ import pytest
 
 from recoil_acquisition.shot import Shot
 from recoil_identification.calibration import Calibration
-from recoil_identification.camera_mass import camera_mass
 from recoil_identification.camera_rows import START
 from recoil_identification.causes import MOVES_S, moving_zero, zero_moves
 from recoil_identification.late_readings import GAS
 from recoil_identification.mass import FRICTION, GAUGES, RANDOM
+from recoil_identification.methods import by_camera
 from recoil_identification.sensor_priors import CAMERA_SCALE, DISTORTIONS, RELEASE
 from recoil_identification.tracked_recoil import TrackedRecoil
 from recoil_processing.motion.scale_and_zero import picture_bends
@@ -43,14 +43,14 @@ def tracked(name: str) -> TrackedRecoil:
 
 @cache
 def calibration_of(name: str) -> Calibration:
-    return camera_mass(tracked(name))
+    return by_camera(tracked(name))
 
 
 def refitted_kg(name: str, shot: Shot, rig: Rig, signals: Signals) -> float:
     """Let the whole route run again, from the recorded columns on; the noise stays what it was."""
     again, was = TrackedRecoil.of(shot, rig, signals), tracked(name).found
     levels = {"marker_sigma_m": was.marker_sigma_m, "density": was.density}
-    return camera_mass(replace(again, found=replace(again.found, **levels))).estimate.mass_kg
+    return by_camera(replace(again, found=replace(again.found, **levels))).estimate.mass_kg
 
 
 Move = Callable[[float], tuple[Shot, Rig, Signals]]
