@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from recoil_acquisition.shot import Shot
 from recoil_identification.calibration import Calibration
 from recoil_identification.camera_route import mass_by_camera
 from recoil_identification.camera_shot import identify_by_camera
+from recoil_identification.causes import SKEW
 from recoil_identification.default_method import DEFAULTS, default_method
 from recoil_identification.estimators.endogeneity import Endogeneity, durbin_wu_hausman
 from recoil_identification.estimators.errors_in_variables import neighbouring_force
@@ -34,10 +36,10 @@ from recoil_identification.methods import calibrated
 from recoil_identification.monte_carlo import propagate
 from recoil_identification.preparation import prepare
 from recoil_identification.shot_summary import scopes_of, shot_summary
-from recoil_identification.skew import find_skew, skew_contribution
+from recoil_identification.skew import find_skew
 from recoil_identification.stress_waves import find_stress_waves
 from recoil_identification.trace_window import trace_window
-from recoil_identification.uncertainty import further_contributions, note_on_cutoff
+from recoil_identification.uncertainty import contributions, note_on_cutoff
 from recoil_identification.verdict import notes_on, reasons_against
 from recoil_identification.zero_shift import ZeroShift
 from recoil_processing.quality.repeatability import shot_peaks
@@ -112,10 +114,13 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         skew = find_skew(filtered, calibration, corrected_s=skew.corrected_s + skew.due_s, steps=skew.steps + 1)
     if (doubted := gauge_set_aside(calibration, signals)) is not None:
         return _without(*doubted, shot, rig, options)
-    further = (
-        *further_contributions(narrow, calibration, signals, shot, rig),
-        *skew_contribution(narrow, calibration, skew),
-    )
+    # the others take the skew as it was measured
+    measured = [
+        replace(one, u=skew.u_left_s) if one.source == SKEW else one
+        for one in calibration.block.causes
+        if one.source != SKEW or math.isfinite(skew.u_left_s)
+    ]
+    further = contributions(narrow, measured)
     estimates = {
         "calibrated": calibration.estimate,
         "reverse": reverse_mass(narrow, scales),
@@ -144,7 +149,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
     if camera is not None and camera_clock is not None and camera_clock.status != "failed":
         try:
             regressions["kinematic"], estimates["kinematic"] = mass_by_camera(
-                recorded, signals, prepared.motion, shot, rig, camera, camera_clock, low_pass, scales, calibration
+                recorded, signals, prepared.motion, shot, rig, camera, camera_clock, low_pass, scales
             )
         except IdentificationError as error:
             notes = (*notes, f"no mass by the camera: {error}")

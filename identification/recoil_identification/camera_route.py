@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.shot import ClockAlignment, Shot
-from recoil_identification.calibration import Calibration
+from recoil_identification.causes import causes_of
 from recoil_identification.mass import ACCELERATION, MassEstimate, reverse_mass
 from recoil_identification.sensor_priors import CAMERA_SCALE
-from recoil_identification.uncertainty import (
-    clock_contributions,
-    zero_contributions,
-)
+from recoil_identification.uncertainty import contributions
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.kinematics import AngularMotion, kinematic_acceleration
 from recoil_processing.shot.regression import Regression
@@ -34,7 +33,6 @@ def mass_by_camera(
     alignment: ClockAlignment,
     low_pass: LowPass,
     scales: ScaleUncertainty,
-    calibration: Calibration,
     *,
     longest_gap_s: float = 0.0,
 ) -> tuple[Regression, MassEstimate]:
@@ -53,8 +51,6 @@ def mass_by_camera(
     low_pass
         That of the accelerometer's route. A displacement differentiated twice needs a lower cut-off,
         `LARGEST_CUTOFF_HZ` at the most; its forces pass the same filter.
-    calibration
-        Under whose corrections the forces are moved by what is uncertain of them.
     longest_gap_s
         Of lost frames that are bridged in any case.
 
@@ -74,8 +70,9 @@ def mass_by_camera(
     )
     estimate = reverse_mass(regression, own_scales)
     budget = [replace(row, source=CAMERA_SCALE) if row.source == ACCELERATION else row for row in estimate.budget]
-    budget += clock_contributions(regression, calibration, shot, "recoil_displacement")
-    budget += zero_contributions(regression, calibration, signals, rig)
+    causes = causes_of(regression, recorded, signals, shot, rig, "recoil_displacement")
+    own = f"alignment of clock {camera.time_base.clock}"
+    budget += contributions(regression, [one for one in causes if np.any(one.forces_n) or one.source == own])
     return regression, replace(estimate, method="kinematic", budget=tuple(budget))
 
 

@@ -78,7 +78,6 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
             clock,
             choice.low_pass,
             forced.scales,
-            calibration,
             longest_gap_s=LONGEST_GAP_S,
         )
     except IdentificationError as error:

@@ -93,6 +93,7 @@ def causes_of(
     signals: Signals,
     shot: Shot,
     rig: Rig,
+    motion_role: str = "recoil_acceleration",
 ) -> tuple[Cause, ...]:
     """List the causes of a shot.
 
@@ -108,6 +109,8 @@ def causes_of(
         Tells which channel hangs on which clock, and how well that is aligned.
     rig
         Tells the areas, and how far the gauges' zeros may move.
+    motion_role
+        Of what measured the motion.
     """
     n = regression.times_s.size
     areas_m2 = dict(zip(PRESSURE_ROLES, rig.mechanism.force_areas, strict=True))
@@ -137,12 +140,12 @@ def causes_of(
         error = left * regression.released
         if role in PRESSURE_ROLES:
             found.append(Cause(f"{role} {repair}", "1", 1.0, "B", of_gauge(role, error), unmoved))
-        elif role == "recoil_acceleration":
+        elif role == motion_role:
             found.append(Cause(f"{role} {repair}", "1", 1.0, "B", none, error))
     # a recording that is late by dt lacks dt times its slope
     slopes_n_s = np.gradient(regression.forces_n[:, :3], regression.step_s, axis=0)
     jerk_m_s3 = np.gradient(regression.acceleration_m_s2, regression.step_s)
-    channels = [shot.with_role(role) for role in (*PRESSURE_ROLES, "recoil_acceleration")]
+    channels = [shot.with_role(role) for role in (*PRESSURE_ROLES, motion_role)]
     clocks = [[channel.time_base.clock for channel in of_role] for of_role in channels]
     for clock in sorted({clock for of_role in clocks for clock in of_role} - {shot.reference_clock}):
         u_s = shot.alignment(clock).u_offset_s

@@ -9,15 +9,13 @@ a row of the budget.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_identification.budget import BudgetRow
 from recoil_identification.calibration import Calibration
 from recoil_identification.causes import SKEW
-from recoil_identification.uncertainty import corrected_mass
 from recoil_processing.alignment.channel_skew import LEAST_NORMALISED_SKEW, measure_skew
 from recoil_processing.shot.regression import Regression
 
@@ -110,20 +108,3 @@ def without_skew(times_s: Array, samples: Array, skew_s: float) -> Array:
     moved = np.interp(at, times_s, np.where(lost, 0.0, samples))
     moved[np.interp(at, times_s, lost.astype(np.float64)) > 0.0] = np.nan
     return np.asarray(moved)
-
-
-def skew_contribution(filtered: Regression, calibration: Calibration, skew: RecorderSkew) -> list[BudgetRow]:
-    """Move the acceleration by what is uncertain of the skew; the change of the mass is the contribution.
-
-    That is its standard uncertainty, and all of it where it was not told from zero and left.
-    """
-    left_s = skew.u_left_s
-    if not math.isfinite(left_s):
-        return []
-    mass = corrected_mass(filtered, calibration)
-
-    def change(by_s: float) -> float:
-        moved = without_skew(filtered.times_s, filtered.acceleration_m_s2, by_s)
-        return abs(corrected_mass(replace(filtered, acceleration_m_s2=moved), calibration) - mass)
-
-    return [BudgetRow(SKEW, max(change(left_s), change(-left_s)), "A")]

@@ -1,26 +1,22 @@
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_identification.budget import BudgetRow
 from recoil_identification.calibration import Calibration
+from recoil_identification.causes import SKEW, causes_of, moving_zero, zero_moves
 from recoil_identification.mass import MassEstimate
-from recoil_identification.uncertainty import (
-    clock_contributions,
-    corrected_mass,
-    further_contributions,
-    note_on_cutoff,
-    other_cutoffs,
-    zero_contributions,
-)
+from recoil_identification.uncertainty import contributions, corrected_mass, note_on_cutoff, other_cutoffs
 from recoil_processing.filters import LowPass
+from recoil_processing.shot.regression import Regression, spaced_rows
 from tests.builders.bench_shots import MASS_KG, bench_motion, bench_regression, bench_rig, bench_shot, bench_signals
 from tests.builders.calibrations import a_calibration
 
+LOW_PASS = LowPass(300.0)
 U_CLOCK_S = 2e-4
 
 
@@ -41,46 +37,70 @@ def on_a_bus(*names: str) -> Shot:
     return replace(shot, channels=channels, alignments=(bus,))
 
 
-def shifted_mass(**shift_s: float) -> float:
-    """Mass of a shot whose channels are late."""
+def rows_of(shot: Shot) -> dict[str, BudgetRow]:
+    recorded = bench_regression(shot)
+    filtered = recorded.filtered(LOW_PASS)
+    causes = causes_of(filtered, recorded, bench_signals(shot), shot, bench_rig())
+    return {row.source: row for row in contributions(filtered, causes)}
+
+
+def mass_kg(recorded: Regression) -> float:
+    """Regress acceleration on force behind the low-pass, written out."""
+    filtered = recorded.filtered(LOW_PASS)
+    at = spaced_rows(filtered)
+    acceleration, force = filtered.acceleration_m_s2[at], filtered.force_n[at]
+    return 1.0 / np.linalg.lstsq(force[:, np.newaxis], acceleration, rcond=None)[0][0]
+
+
+def late_kg(*names: str) -> float:
+    """Half the difference of the masses of a shot whose channels are late and early."""
     motion = bench_motion()
     whole = {"acc": motion.acceleration_m_s2, "p_breech": motion.breech_pa, "p_brake": motion.brake_pa}
-    late = {n: np.interp(motion.times_s - s, motion.times_s, whole[n]) for n, s in shift_s.items()}
-    return corrected_mass(bench_regression(bench_shot(**late)).filtered(LowPass(300.0)), calibration())
+
+    def late(by_s: float) -> float:
+        moved = {n: np.interp(motion.times_s - by_s, motion.times_s, whole[n]) for n in names}
+        return mass_kg(bench_regression(bench_shot(**moved)))
+
+    return (late(U_CLOCK_S) - late(-U_CLOCK_S)) / 2
 
 
 @pytest.mark.parametrize("name", ["p_breech", "p_brake", "acc"])
-def test_a_clocks_uncertainty_counts_for_what_hangs_on_it(name):
-    filtered = bench_regression().filtered(LowPass(300.0))
-    (row,) = clock_contributions(filtered, calibration(), on_a_bus(name), "recoil_acceleration")
-    expected = max(abs(shifted_mass(**{name: sign * U_CLOCK_S}) - MASS_KG) for sign in (1, -1))
-    assert row.source == "alignment of clock bus"
+def test_a_clocks_row_is_what_a_record_that_is_late_does_to_the_mass(name):
+    row = rows_of(on_a_bus(name))["alignment of clock bus"]
     # a shift of a record also moves the release that is found from it
-    assert row.u_kg == pytest.approx(expected, rel=0.25)
+    assert row.u_kg == pytest.approx(abs(late_kg(name)), rel=0.1)
     assert row.u_kg > 0.05
 
 
 def test_a_clock_that_all_share_does_no_harm_and_the_reference_has_none():
-    filtered = bench_regression().filtered(LowPass(300.0))
-    names = list(bench_shot().channels)
-    (row,) = clock_contributions(filtered, calibration(), on_a_bus(*names), "recoil_acceleration")
-    (alone,) = clock_contributions(filtered, calibration(), on_a_bus("acc"), "recoil_acceleration")
-    assert row.u_kg < 0.1 * alone.u_kg
-    assert clock_contributions(filtered, calibration(), bench_shot(), "recoil_acceleration") == []
+    everything = rows_of(on_a_bus(*bench_shot().channels))["alignment of clock bus"]
+    alone = rows_of(on_a_bus("acc"))["alignment of clock bus"]
+    assert everything.u_kg < 0.1 * alone.u_kg
+    assert not any(source.startswith("alignment") for source in rows_of(bench_shot()))
 
 
-def test_the_zeros_of_the_gauges_count_by_the_noise_of_the_baseline():
+@pytest.mark.parametrize("source", ["brake_pressure zero", moving_zero("brake_pressure", 0.03)])
+def test_a_zeros_row_is_what_a_gauge_that_reads_so_much_higher_does_to_the_mass(source):
     motion, rng = bench_motion(), np.random.default_rng(1)
-    shot = bench_shot(p_brake=motion.brake_pa + rng.normal(0.0, 1e6, motion.times_s.size))
-    signals = bench_signals(shot)
-    filtered = bench_regression(shot).filtered(LowPass(300.0))
-    rows = {r.source: r.u_kg for r in zero_contributions(filtered, calibration(), signals, bench_rig())}
-    u_pa = signals.offsets["brake_pressure"].u
-    forces = filtered.forces_n.copy()
-    forces[:, 1] += u_pa * 0.0056 * filtered.released
-    expected = corrected_mass(replace(filtered, forces_n=forces), calibration())
-    assert rows["brake_pressure zero"] == pytest.approx(abs(expected - corrected_mass(filtered, calibration())))
-    assert "recuperator_pressure zero" not in rows  # its pressure at rest is not known to be zero
+    noisy = bench_shot(p_brake=motion.brake_pa + rng.normal(0.0, 1e6, motion.times_s.size))
+    recorded, row = bench_regression(noisy), rows_of(noisy)[source]
+    shape = recorded.released
+    if source != "brake_pressure zero":
+        shape = zero_moves(recorded.times_s, recorded.interval_s[0])[:, 1]
+
+    def moved(sign: float) -> float:
+        forces = recorded.forces_n.copy()
+        forces[:, 1] -= sign * row.u_source * bench_rig().mechanism.brake_area * shape
+        return mass_kg(replace(recorded, forces_n=forces))
+
+    assert row.sensitivity is not None
+    assert row.sensitivity * row.u_source == pytest.approx((moved(1.0) - moved(-1.0)) / 2, rel=0.02)
+
+
+def test_an_acceleration_that_is_late_has_a_row():
+    row = rows_of(bench_shot())[SKEW]
+    assert row.sensitivity is not None
+    assert row.sensitivity * U_CLOCK_S == pytest.approx(late_kg("acc"), rel=0.1)
 
 
 def test_cutoffs_that_the_grid_cannot_carry_are_not_tried():
@@ -106,11 +126,3 @@ def test_the_corrected_mass_takes_the_sensors_errors_off():
     assert corrected_mass(filtered, calibration(acceleration=0.01)) == pytest.approx(1.01 * MASS_KG, rel=1e-4)
     # the breech reads 2 % high: without it the part is lighter
     assert corrected_mass(filtered, calibration(breech=0.02)) < 0.995 * MASS_KG
-
-
-def test_all_contributions_of_a_sound_shot_are_finite_and_named_once():
-    filtered = bench_regression().filtered(LowPass(300.0))
-    rows = further_contributions(filtered, calibration(), bench_signals(), on_a_bus("p_brake"), bench_rig())
-    assert all(math.isfinite(r.u_kg) and r.u_kg >= 0 for r in rows)
-    assert len({r.source for r in rows}) == len(rows)
-    assert "alignment of clock bus" in {r.source for r in rows}
