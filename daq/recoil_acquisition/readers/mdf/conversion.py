@@ -43,7 +43,7 @@ def linear(content: bytes, channel: MdfChannel) -> tuple[float, float]:
         return 0.0, 1.0
     if kind != _LINEAR:
         raise MdfUnsupportedError(f"the channel {channel.name} has a conversion that is not linear, but of type {kind}")
-    if len(values) < 2 or not all(map(math.isfinite, values[:2])):
+    if len(values) < 2 or not all(map(math.isfinite, values)):
         raise MdfDamageError(f"the conversion at byte {channel.conversion_at} is linear and has the numbers {values}")
     return values[0], values[1]
 

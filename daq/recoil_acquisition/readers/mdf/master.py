@@ -63,12 +63,12 @@ def time_of_group(
         times_s = conversion.applied(ticks)
         times_s[~records.valid(master)] = np.nan
         resolution_s = resolution_of(times_s)
-        if conversion.linear is not None and master.data_type in INTEGERS:
+        if master.data_type not in INTEGERS:
+            resolution_s = max(resolution_s, _resolution_of_float(master.bits, times_s))
+        elif conversion.linear is not None:
             steps = np.diff(ticks.astype(np.float64))
             is_clock = steps.size and np.median(steps) >= FINE_TICKS
             resolution_s = abs(conversion.linear[0]) if is_clock else resolution_s
-        elif master.data_type not in INTEGERS:
-            resolution_s = max(resolution_s, _resolution_of_float(master.bits, times_s))
         time = time_from_stamps(clock, times_s, resolution_s, start)
     except ValueError as error:
         return str(error)

@@ -55,8 +55,7 @@ def record_places(
         stepped, found, at = _stepped(content, size, at, strides, id_bytes)
         places.append(np.array(stepped, np.int64))
         numbers.append(np.array(found, np.int64))
-        period = _period(np.diff([*stepped, at]), numbers[-1])
-        if period and at < size:
+        if at < size and (period := _period(np.stack([np.diff([*stepped, at]), numbers[-1]]))):
             repeated = _repeated(data, at, places[-1][-period:], id_bytes, numbers[-1][-period:], strides)
             places.append(repeated.ravel())
             numbers.append(np.tile(numbers[-1][-period:], len(repeated)))
@@ -87,11 +86,10 @@ def _stepped(
     return places, numbers, at
 
 
-def _period(sizes: NDArray[np.int64], numbers: NDArray[np.int64]) -> int:
-    """Return after how many records the last ones repeat themselves, twice at least; 0 if they do not."""
-    for period in range(1, min(_LONGEST_PERIOD, sizes.size // 2) + 1):
-        last, before = slice(-period, None), slice(-2 * period, -period)
-        if (sizes[last] == sizes[before]).all() and (numbers[last] == numbers[before]).all():
+def _period(sizes_and_numbers: NDArray[np.int64]) -> int:
+    """Return after how many of `_STEPS` records the last ones repeat themselves, twice at least; 0 if they do not."""
+    for period in range(1, _LONGEST_PERIOD + 1):
+        if (sizes_and_numbers[:, -period:] == sizes_and_numbers[:, -2 * period : -period]).all():
             return period
     return 0
 

@@ -11,7 +11,7 @@ from recoil_acquisition.readers.mdf.records import Records
 
 _TIME = 1
 _LATEST_S = 2.0**61 / 1e9
-"""146 years: a stamp beyond is damage, and differences of two fit 64 bits."""
+"""73 years: a stamp beyond is damage, and differences of two fit 64 bits."""
 
 
 def times_ns(content: bytes, records: Records) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
@@ -27,6 +27,7 @@ def times_ns(content: bytes, records: Records) -> tuple[NDArray[np.int64], NDArr
     Returns
     -------
     times_ns : ndarray of int64, shape (n_records,)
+        Of no meaning where they are not sound.
     sound : ndarray of bool, shape (n_records,)
 
     Raises
@@ -47,13 +48,13 @@ def times_ns(content: bytes, records: Records) -> tuple[NDArray[np.int64], NDArr
     if counts.dtype.kind in "iu" and factor_ns is not None and offset_ns is not None:
         with np.errstate(over="ignore"):
             sound = valid & (np.abs(counts.astype(np.float64)) * abs(factor_s) + abs(offset_s) < _LATEST_S)
-        kept = np.where(sound, counts, 0).astype(np.int64)
-        return kept * factor_ns + offset_ns, sound
+        return counts.astype(np.int64) * factor_ns + offset_ns, sound
     with np.errstate(over="ignore", invalid="ignore"):
         times_s = counts.astype(np.float64) * factor_s + offset_s
     sound = valid & (np.abs(times_s) < _LATEST_S)
-    whole_s = np.floor(np.where(sound, times_s, 0.0))
-    part_s = np.where(sound, times_s, 0.0) - whole_s
+    times_s[~sound] = 0.0
+    whole_s = np.floor(times_s)
+    part_s = times_s - whole_s
     return whole_s.astype(np.int64) * 1_000_000_000 + np.rint(part_s * 1e9).astype(np.int64), sound
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 
+from recoil_acquisition.readers.mdf import channel_groups
 from recoil_acquisition.readers.mdf.channel_groups import (
     INVALIDATION,
     ChannelGroup,
@@ -76,6 +77,16 @@ def test_structures_may_be_twenty_deep_and_no_deeper() -> None:
     with pytest.raises(MdfDamageError, match="structures within structures"):
         list(iter_groups(nested(22)))
     assert list(iter_groups(nested(22), strict=False)) == []
+
+
+def test_a_file_of_too_many_blocks_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    content = nested(5)
+    met = 3 + 5  # the header, a data group, a channel group and the channels
+    monkeypatch.setattr(channel_groups, "MOST_BLOCKS", met - 1)
+    assert [len(one.channels) for one in iter_groups(content)] == [5]
+    monkeypatch.setattr(channel_groups, "MOST_BLOCKS", met - 2)
+    with pytest.raises(MdfDamageError, match="leads nowhere"):
+        list(iter_groups(content))
 
 
 def blocks_of(content: bytes, kind: bytes) -> list[int]:

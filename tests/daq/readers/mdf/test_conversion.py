@@ -45,7 +45,7 @@ def test_a_linear_conversion_has_its_offset_first() -> None:
     assert linear(block(0), channel()) == (0.0, 1.0)
 
 
-@pytest.mark.parametrize("values", [(), (2.0,), (2.0, float("nan")), (float("inf"), 1.0)])
+@pytest.mark.parametrize("values", [(), (2.0,), (2.0, float("nan")), (float("inf"), 1.0), (2.0, 1.0, float("nan"))])
 def test_a_linear_conversion_without_two_numbers_is_damaged(values: tuple[float, ...]) -> None:
     with pytest.raises(MdfDamageError, match="is linear and has the numbers"):
         linear(block(1, *values), channel())
@@ -77,6 +77,13 @@ def test_what_is_not_whole_or_in_no_table_is_damaged() -> None:
     assert whole_numbers(block(1, 0.0, 2.0**52), records(1), channel()).tolist() == [2**52]
     with pytest.raises(MdfDamageError, match="has the number 3, which its conversion has not"):
         whole_numbers(block(4, 0.0, 7.0), records(0, 3), channel())
+
+
+def test_a_key_that_a_table_has_no_value_for_is_as_if_it_were_not_there() -> None:
+    cut = block(4, 0.0, 7.0, 2.0, 64.0, 3.0)
+    assert whole_numbers(cut, records(2, 0), channel()).tolist() == [64, 7]
+    with pytest.raises(MdfDamageError, match="has the number 3, which its conversion has not"):
+        whole_numbers(cut, records(3), channel())
 
 
 def test_a_block_must_hold_the_links_and_the_values_that_it_states() -> None:
@@ -115,3 +122,10 @@ def test_the_unit_of_a_conversion_comes_before_the_channels_own() -> None:
     assert unit_of(content, channel(conversion_at=own_at, unit_at=own_at)) == "g"
     assert unit_of(plain[: AT + 39], channel()) == ""
     assert unit_of(block(1, unit_at=AT)[: AT + 40], channel()) == ""
+
+
+def test_the_unit_of_a_conversion_that_is_cut_behind_its_link_is_still_known() -> None:
+    conversion_at = AT + len(text_block("g"))
+    cut = block(1, 0.0, 1.0, unit_at=AT)[AT : AT + 40]
+    assert unit_of(bytes(AT) + text_block("g") + cut, channel(conversion_at=conversion_at)) == "g"
+    assert unit_of(bytes(AT) + text_block("g") + cut[:-1], channel(conversion_at=conversion_at)) == ""

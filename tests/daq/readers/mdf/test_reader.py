@@ -3,6 +3,7 @@ from __future__ import annotations
 import contextlib
 import struct
 import sys
+import zlib
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,7 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import surest_claim
 from tests.builders.container_files import mdf_file, ramp, small_mdf
-from tests.builders.mdf_logs import measured_file
+from tests.builders.mdf_logs import Blocks, identification_block, measured_file
 from tests.builders.shared_data import shared_file
 
 TIMES = np.arange(12) / 1000.0
@@ -348,3 +349,39 @@ def test_without_zstd_a_file_that_is_packed_by_it_says_so(tmp_path: Path, monkey
     monkeypatch.setitem(sys.modules, "zstd", None)
     with pytest.raises(ReadError, match="packed by zstd, which is read where zstd is installed"):
         opened(tmp_path, content)
+
+
+def test_channels_that_lie_over_one_another_in_packed_records_are_counted_by_what_the_records_unpack_to(
+    tmp_path: Path,
+) -> None:
+    blocks, rows, columns = Blocks(identification_block(b"MDF     ")), 200_000, 60
+    following = 0
+    for number in range(columns - 1):
+        following = blocks.column(f"n{number}", 0, 0, 0, 64, following)
+    time = blocks.column("t", 2, 4, 0, 64, following)
+    group = blocks.add("##CG", (0, time, 0, 0, 0, 0), struct.pack("<QQHHLLL", 0, rows, 0, 0, 0, 8, 0))
+    packed = zlib.compress(bytes(8 * rows), 1)
+    records = blocks.add("##DZ", (), struct.pack("<2sBxLQQ", b"DT", 0, 0, 8 * rows, len(packed)) + packed)
+    content = blocks.closed(blocks.add("##DG", (0, group, records, 0), bytes(8)))
+    with pytest.raises(ReadError, match="unpacks to more than 67 MB") as caught:
+        opened(tmp_path, content)
+    assert f"{8 * rows} bytes of records, {8 * rows * columns} of channels" in str(caught.value)
+
+
+def commented(comment: str) -> bytearray:
+    """A file whose header has a link, the last of six, to a text behind all blocks."""
+    content = bytearray(measured_file([("a", "V", [(0.0, 1.0), (1.0, 2.0)])]))
+    content += bytes(-len(content) % 8)
+    struct.pack_into("<Q", content, 64 + 24 + 5 * 8, len(content))
+    return content + struct.pack("<4s4xQQ", b"##TX", 24 + 16, 0) + comment.encode().ljust(16, b"\0")
+
+
+def test_a_file_says_which_program_wrote_it_in_which_version_and_what_it_holds(tmp_path: Path) -> None:
+    metadata = opened(tmp_path, bytes(commented("third shot"))).metadata
+    assert (metadata["version"], metadata["program"], metadata["comment"]) == ("4.10", "tests", "third shot")
+
+
+def test_a_header_without_a_link_to_a_comment_has_none(tmp_path: Path) -> None:
+    content = commented("no comment")
+    struct.pack_into("<Q", content, 64 + 16, 5)
+    assert opened(tmp_path, bytes(content)).metadata["comment"] == ""

@@ -49,6 +49,34 @@ def test_numbers_of_every_size_are_read(id_bytes: int) -> None:
     assert left == (id_bytes > 1)
 
 
+class LookedUp(dict[int, int]):
+    """Strides that count how often one is asked for: once per record that is gone through by itself."""
+
+    count = 0
+
+    def get(self, number: int, default: int | None = None) -> int | None:  # type: ignore[override]
+        self.count += 1
+        return super().get(number, default)
+
+
+@pytest.mark.parametrize(
+    "messages",
+    [
+        [b"\3ab"],
+        [b"\3ab", b"\5cd"],  # as long as one another, of two groups
+        [b"\2" + struct.pack("<I", n) + bytes(n) for n in (4, 2)],  # of one group, not as long as one another
+        [b"\2" + struct.pack("<I", n) + bytes(n) for n in range(32)],
+    ],
+    ids=["one", "two groups", "two lengths", "many lengths"],
+)
+def test_messages_that_a_logger_writes_over_and_over_are_not_gone_through_one_by_one(messages: list[bytes]) -> None:
+    strides = LookedUp({**STRIDES, 5: 3})
+    places, numbers, left = record_places(bytes_of(b"".join(messages * 3000)), strides, 1)
+    assert (places.size, left) == (3000 * len(messages), 0)
+    assert numbers.tolist() == [message[0] for message in messages] * 3000
+    assert strides.count <= 128
+
+
 def test_a_record_of_no_group_is_refused_behind_many_that_repeat() -> None:
     content = (b"\3ab" * 500) + b"\4ab"
     with pytest.raises(MdfDamageError, match="number 4, 1500 bytes behind"):
