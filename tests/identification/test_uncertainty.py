@@ -37,10 +37,12 @@ def on_a_bus(*names: str) -> Shot:
     return replace(shot, channels=channels, alignments=(bus,))
 
 
-def rows_of(shot: Shot) -> dict[str, BudgetRow]:
-    recorded = bench_regression(shot)
+def rows_of(shot: Shot, record: Shot | None = None) -> dict[str, BudgetRow]:
+    """State the contributions of a shot, whose clocks are of it and whose signals are of the bench shot or another."""
+    record = record or bench_shot()
+    recorded = bench_regression(record)
     filtered = recorded.filtered(LOW_PASS)
-    causes = causes_of(filtered, recorded, bench_signals(shot), shot, bench_rig())
+    causes = causes_of(filtered, recorded, bench_signals(record), shot, bench_rig())
     return {row.source: row for row in contributions(filtered, causes)}
 
 
@@ -83,7 +85,7 @@ def test_a_clock_that_all_share_does_no_harm_and_the_reference_has_none():
 def test_a_zeros_row_is_what_a_gauge_that_reads_so_much_higher_does_to_the_mass(source):
     motion, rng = bench_motion(), np.random.default_rng(1)
     noisy = bench_shot(p_brake=motion.brake_pa + rng.normal(0.0, 1e6, motion.times_s.size))
-    recorded, row = bench_regression(noisy), rows_of(noisy)[source]
+    recorded, row = bench_regression(noisy), rows_of(noisy, noisy)[source]
     shape = recorded.released
     if source != "brake_pressure zero":
         shape = zero_moves(recorded.times_s, recorded.interval_s[0])[:, 1]
