@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -74,12 +74,16 @@ def identify_targets(
     refuse_unwritable(folder)
     if not overwrite:
         refuse_existing(folder, [f"{name}.{suffix}" for name in targets for suffix in ("json", "html", "csv")])
-    case = Case(shot, parse_rig(shot.rig_text, source, shot.databases or {}, refuse_doubts=False), options or Options())
+    rig = parse_rig(shot.rig_text, source, shot.databases or {}, refuse_doubts=False)
+    recorded = Case(shot, rig, options or Options())
+    case = recorded.with_agreeing_gauges()
+    left_out = [f"{name} is set aside, as for the mass" for name in shot.channels if name not in case.shot.channels]
     done = []
     for name in targets:
         find = target_function(name)
         progress(name)
         found = find(case)
+        found = replace(found, notes=(*left_out, *found.notes))
         document = target_document(shot, found, version=__version__, shot_file=described(source))
         _publish(folder, found, document)
         done.append(TargetReported(document, folder))

@@ -218,7 +218,8 @@ def _gauge_without_samples(shot: Shot, rig: Rig) -> tuple[str, str] | None:
 def _without(gauge: str, why: str, shot: Shot, rig: Rig, options: Options) -> Identification:
     """Identify the mass by the other gauges of a pressure, and say so."""
     found = identify_shot(shot.without_channel(gauge), rig.without_channel(gauge), options)
-    return replace(found, notes=(f"{gauge} is set aside: {why}", *found.notes))
+    notes = (f"{gauge} is set aside: {why}", *found.notes)
+    return replace(found, notes=notes, set_aside=(gauge, *found.set_aside))
 
 
 def _endogeneity(recorded: Regression) -> Endogeneity | None:

@@ -171,6 +171,8 @@ class Identification(ReadOnlyArrays):
         What is taken for granted because the rig file does not say otherwise, see `recoil_rigs.assumptions`.
     notes
         What a reader should know although it does not make the result invalid.
+    set_aside
+        Gauges that are not used, because others of the same pressure contradict them or tell more.
     """
 
     options: Options
@@ -205,6 +207,7 @@ class Identification(ReadOnlyArrays):
     reasons: tuple[str, ...]
     assumptions: list[dict[str, str]]
     notes: tuple[str, ...] = field(default=())
+    set_aside: tuple[str, ...] = ()
 
     @property
     def chosen(self) -> Result:

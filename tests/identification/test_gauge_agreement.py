@@ -14,6 +14,7 @@ from recoil_daq.ingest import ingest_files
 from recoil_identification.analysis import Options, identify_shot
 from recoil_identification.gauge_agreement import gauge_agreement
 from recoil_identification.identified import Identification
+from recoil_identification.targets.target import Case
 from recoil_processing.shot.sensor_scales import of_gauge, scale_uncertainty
 from recoil_processing.shot.signals import collect_signals
 from recoil_rigs.rig import ChannelSpec, Rig
@@ -142,3 +143,13 @@ def test_gauges_of_one_standard_share_its_part(rig):
     assert parts["standard dead weights"] == pytest.approx(0.003)
     assert parts[of_gauge(FIRST)] == pytest.approx(math.sqrt(0.005**2 - 0.003**2) / 2)
     assert scale_uncertainty(shared).gauges[0] == pytest.approx(math.hypot(0.003, 0.004 / math.sqrt(2)))
+
+
+def test_targets_take_the_gauges_that_the_mass_takes(rig, shot):
+    sound, off = Case(shot, rig), Case(with_channels(shot, **{SECOND: 1.03 * shot.channels[SECOND].samples}), rig)
+    assert sound.with_agreeing_gauges() is sound
+    agreeing = off.with_agreeing_gauges()
+    (left_out,) = set(shot.channels) - set(agreeing.shot.channels)
+    assert left_out in (FIRST, SECOND)
+    assert not any(channel.name == left_out for channel in agreeing.rig.channels)
+    assert agreeing.identified.set_aside == ()

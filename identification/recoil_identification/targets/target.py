@@ -15,6 +15,7 @@ from recoil_acquisition.shot import Shot
 from recoil_identification.analysis import Identification, Options, identify_shot
 from recoil_identification.preparation import Prepared, prepare
 from recoil_rigs.rig import Rig
+from recoil_rigs.rig_tables import GAUGE_ROLES
 
 LARGEST_APART = 3.0
 """Standard uncertainties of both by which a target's mass may differ from the shot's, whose data it shares."""
@@ -55,6 +56,21 @@ class Case:
             As `recoil_identification.analysis.identify_shot`.
         """
         return identify_shot(self.shot, self.rig, self.options)
+
+    def with_agreeing_gauges(self) -> Case:
+        """Leave out the gauges that the mass sets aside; itself where each pressure has one, or they agree.
+
+        Raises
+        ------
+        IdentificationError
+            As of `identified`.
+        """
+        if all(len(self.rig.with_role(role)) < 2 for role in GAUGE_ROLES):
+            return self
+        shot, rig = self.shot, self.rig
+        for gauge in self.identified.set_aside:
+            shot, rig = shot.without_channel(gauge), rig.without_channel(gauge)
+        return self if shot is self.shot else Case(shot, rig, self.options)
 
     def beside_the_shots_mass(self, mass_kg: float, u_kg: float) -> tuple[list[str], list[str]]:
         """Say why a target's recoiling mass is not quite the shot's, as notes; as reasons where that is too far off."""
