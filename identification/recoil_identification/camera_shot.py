@@ -16,7 +16,7 @@ from recoil_identification.mass_over_time import mass_constancy, mass_over_time
 from recoil_identification.method_result import method_result
 from recoil_identification.methods import by_camera, with_residual
 from recoil_identification.monte_carlo import propagate
-from recoil_identification.shot_summary import scopes_of
+from recoil_identification.shot_summary import scopes_of, shot_summary
 from recoil_identification.stress_waves import find_stress_waves
 from recoil_identification.trace_window import trace_window
 from recoil_identification.tracked_recoil import TrackedRecoil
@@ -95,17 +95,13 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
         calibration=calibration,
         filter_choice=choice,
         mass_low_pass=choice.low_pass,
-        zero_shift=None,
         scopes=scopes_of(rig),
-        summary=None,
+        summary=shot_summary(calibration, rig),
         monte_carlo=propagate(calibration.draws()),
-        endogeneity=None,
         constancy=constancy,
         walk=mass_over_time(calibration),
         window_choice=window_choice,
-        skew=None,
         stress_waves=find_stress_waves(shot, signals, choice),
-        peaks=None,
         signals=signals,
         recorded=forced.recorded,
         filtered=regression,

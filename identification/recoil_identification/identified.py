@@ -137,7 +137,7 @@ class Identification(ReadOnlyArrays):
     scopes
         What shares a source of the budget, by its name: a sensor or the rig; a shot's own sources are not in it.
     summary
-        For what combines the shot with others; None where the mass is the camera's.
+        For what combines the shot with others.
     monte_carlo
         Of the mass by the calibrated method; None where a draw has no mass.
     endogeneity
@@ -183,17 +183,13 @@ class Identification(ReadOnlyArrays):
     calibration: Calibration
     filter_choice: FilterChoice
     mass_low_pass: LowPass
-    zero_shift: ZeroShift | None
     scopes: Mapping[str, str]
-    summary: ShotSummary | None
+    summary: ShotSummary
     monte_carlo: MonteCarlo | None
-    endogeneity: Endogeneity | None
     constancy: MassConstancy | None
-    walk: MassOverTime | None
+    walk: MassOverTime
     window_choice: WindowChoice | None
-    skew: RecorderSkew | None
     stress_waves: tuple[StressWaves, ...]
-    peaks: ShotPeaks | None
     signals: Signals
     recorded: Regression
     filtered: Regression
@@ -208,6 +204,10 @@ class Identification(ReadOnlyArrays):
     assumptions: list[dict[str, str]]
     notes: tuple[str, ...] = field(default=())
     set_aside: tuple[str, ...] = ()
+    zero_shift: ZeroShift | None = None
+    skew: RecorderSkew | None = None
+    peaks: ShotPeaks | None = None
+    endogeneity: Endogeneity | None = None
 
     @property
     def chosen(self) -> Result:

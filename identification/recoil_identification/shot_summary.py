@@ -67,7 +67,7 @@ class ShotSummary(ReadOnlyArrays):
     triangle: Array
     seen: Array
 
-    def to_json(self, *, cutoff_hz: float, zero_shift: bool) -> dict[str, Any]:
+    def to_json(self, *, cutoff_hz: float | None, zero_shift: bool) -> dict[str, Any]:
         """Return it as the report has it."""
         return {
             "schema": SCHEMA,

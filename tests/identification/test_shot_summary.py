@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
+from recoil_identification.analysis import Identification, Options, identify_shot
 from recoil_identification.inference.block import LinearBlock
 from recoil_identification.inference.solve import solve
 from recoil_identification.inference.unknown import Prior, Unknown
@@ -15,11 +18,17 @@ from recoil_identification.shot_summary import scopes_of, shot_summary
 from tests.builders.virtual_shots import identified, virtual_shot, with_second_gauge, with_twin
 
 
+@cache
+def by_the_camera(name: str) -> Identification:
+    virtual = virtual_shot(name)
+    return identify_shot(virtual.shot, virtual.rig, Options(method="camera"))
+
+
+@pytest.mark.parametrize("of", [identified, by_the_camera])
 @pytest.mark.parametrize("name", ["field-2013", "mixed"])
-def test_the_summary_with_the_certificates_is_the_shot(name: str) -> None:
-    found, rig = identified(name), virtual_shot(name).rig
+def test_the_summary_with_the_certificates_is_the_shot(name: str, of: Callable[[str], Identification]) -> None:
+    found, rig = of(name), virtual_shot(name).rig
     summary, own = found.summary, found.calibration.inferred
-    assert summary is not None
     names = tuple(one.name for one in summary.parameters)
     assert names[0] == "ln mass"
     about = LinearBlock(names, summary.triangle, summary.seen + summary.triangle @ summary.reference, 1.0)
@@ -38,9 +47,9 @@ def test_the_summary_with_the_certificates_is_the_shot(name: str) -> None:
     )
 
 
-def test_a_common_factor_of_mass_and_forces_changes_no_row() -> None:
-    summary = identified("mixed").summary
-    assert summary is not None
+@pytest.mark.parametrize("of", [identified, by_the_camera])
+def test_a_common_factor_of_mass_and_forces_changes_no_row(of: Callable[[str], Identification]) -> None:
+    summary = of("mixed").summary
     names = [one.name for one in summary.parameters]
     # as the mass grows, gauges that show the same have read too low, and the friction's share that is too large falls
     direction = np.array([-1.0 if each.endswith("_pressure") else 0.0 for each in names])
@@ -53,7 +62,6 @@ def test_a_common_factor_of_mass_and_forces_changes_no_row() -> None:
 def test_influences_are_known_by_what_they_are() -> None:
     virtual = virtual_shot("mixed")
     summary = identified("mixed").summary
-    assert summary is not None
     by_name = {one.name: dict(one.influences) for one in summary.parameters}
     breech = virtual.rig.by_role("breech_pressure")
     assert breech is not None
@@ -70,7 +78,6 @@ def test_influences_are_known_by_what_they_are() -> None:
 
 def test_the_reports_campaign_is_the_summary() -> None:
     found = identified("mixed")
-    assert found.summary is not None
     document = found.summary.to_json(cutoff_hz=179.0, zero_shift=False)
     assert document["schema"] == 1
     assert document["cutoff_hz"] == 179.0
@@ -93,7 +100,6 @@ def test_without_a_friction_and_a_release_their_errors_stay_what_is_known() -> N
     assert summary.parameters[at].influences == (("rig:mixed:friction", rig.mechanism.u["friction"]),)
     assert summary.reference[at] == found.calibration.friction_error_n
     whole = found.summary
-    assert whole is not None
     # what is known exactly takes nothing from what the shot says of the others
     kept = [i for i, one in enumerate(whole.parameters) if one.name != "release"]
     np.testing.assert_allclose(

@@ -230,11 +230,11 @@ def _constancy(found: Identification) -> dict[str, Any] | None:
     }
 
 
-def _campaign(found: Identification) -> dict[str, Any] | None:
-    """Return what combines this shot with others; None where the mass is the camera's."""
-    if found.summary is None or found.zero_shift is None or found.fitted.low_pass is None:
-        return None
-    return found.summary.to_json(cutoff_hz=found.fitted.low_pass.cutoff_hz, zero_shift=found.zero_shift.demanded)
+def _campaign(found: Identification) -> dict[str, Any]:
+    """Return what combines this shot with others; a camera's rows have passed no low-pass."""
+    shift, low_pass = found.zero_shift, None if found.method == "camera" else found.fitted.low_pass
+    cutoff_hz = None if low_pass is None else low_pass.cutoff_hz
+    return found.summary.to_json(cutoff_hz=cutoff_hz, zero_shift=shift is not None and shift.demanded)
 
 
 def _uncertainty(found: Identification) -> dict[str, Any]:
