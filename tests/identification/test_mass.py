@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from statsmodels.regression.linear_model import OLS
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_identification.analysis import Options, identify_shot
@@ -23,7 +24,7 @@ from recoil_identification.mass import (
     reverse_mass,
 )
 from recoil_processing.filters import LowPass
-from recoil_processing.shot.regression import Regression
+from recoil_processing.shot.regression import Regression, spaced_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 from tests.builders.bench_shots import (
     MASS_KG,
@@ -133,6 +134,22 @@ def test_the_random_uncertainty_is_the_scatter_of_the_mass():
         u.append(row(estimate, RANDOM).u_kg)
     assert np.mean(u) == pytest.approx(np.std(masses), rel=0.25)
     assert np.mean(masses) == pytest.approx(MASS_KG, abs=4 * np.std(masses) / math.sqrt(80))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_mass_random_uncertainty_and_residual_are_those_of_ordinary_least_squares(method):
+    regression = noisy()
+    rows = spaced_rows(regression)
+    acceleration, force = regression.acceleration_m_s2[rows], regression.force_n[rows]
+    found = METHODS[method](regression, SCALES)
+    fit = OLS(force, acceleration).fit() if method == "forward" else OLS(acceleration, force).fit()
+    (slope,), (error,) = fit.params, fit.bse
+    widened = error * correlation_factor(fit.resid)
+    mass_kg, u_kg, per = (slope, widened, slope) if method == "forward" else (1 / slope, widened / slope**2, 1.0)
+    assert found.mass_kg == pytest.approx(mass_kg, rel=1e-12)
+    assert row(found, RANDOM).u_kg == pytest.approx(u_kg, rel=1e-9)
+    assert found.residual_m_s2 == pytest.approx(math.sqrt(fit.scale) / per, rel=1e-9)
+    assert found.rows == rows.size
 
 
 def test_correlated_errors_widen_and_others_do_not():
