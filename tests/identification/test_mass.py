@@ -150,6 +150,8 @@ def test_mass_random_uncertainty_and_residual_are_those_of_ordinary_least_square
     assert row(found, RANDOM).u_kg == pytest.approx(u_kg, rel=1e-9)
     assert found.residual_m_s2 == pytest.approx(math.sqrt(fit.scale) / per, rel=1e-9)
     assert found.rows == rows.size
+    freedom = rows.size / correlation_factor(fit.resid) ** 2 - 1
+    assert row(found, RANDOM).degrees_of_freedom == pytest.approx(freedom, rel=1e-9)
 
 
 def test_correlated_errors_widen_and_others_do_not():
@@ -164,6 +166,24 @@ def test_correlated_errors_widen_and_others_do_not():
     assert correlation_factor(np.zeros(10)) == 1.0
     assert correlation_factor(np.ones(2)) == 1.0
     assert correlation_factor(np.ones(1000)) == pytest.approx(math.sqrt(1.95 / 0.05))
+
+
+def test_two_residuals_tell_no_correlation_and_three_do():
+    assert correlation_factor(np.ones(2)) == 1.0
+    assert correlation_factor(np.ones(3)) == pytest.approx(math.sqrt(5.0))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_ten_rows_are_enough_and_nine_are_not(method):
+    whole = noisy()
+    rows = spaced_rows(whole)
+
+    def of(count: int) -> Regression:
+        return replace(whole, trusted=np.isin(np.arange(whole.times_s.size), rows[10 : 10 + count]))
+
+    assert METHODS[method](of(10), SCALES).rows == 10
+    with pytest.raises(IdentificationError, match="only 9 independent rows"):
+        METHODS[method](of(9), SCALES)
 
 
 def test_too_few_rows_are_no_estimate():
