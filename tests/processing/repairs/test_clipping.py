@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from recoil_processing.filters import LowPass
 from recoil_processing.quality import check_clipping
 from recoil_processing.repairs.clipped_wave import LARGEST_PEAK
-from recoil_processing.repairs.clipping import ClippingRepair, find_clipped, repair_clipping
+from recoil_processing.repairs.clipping import END_SHARE, ClippingRepair, find_clipped, repair_clipping
 from recoil_processing.repairs.repair import Repaired, changed
 from tests.builders.faulty_records import FULL_SCALE_G, twin_record
 from tests.builders.ringing import MASS_KG, PULSE_M_S2, RATE_HZ, RingingRecord, ringing_record
@@ -115,6 +115,36 @@ def test_a_run_that_goes_on_beyond_the_range_was_not_clipped_there():
     found = repair_clipping(sine(1.1), -1.0, 1.0)
     assert all("that range is wrong" in run.refusal for run in found.runs if run.count > 6)
     assert np.isnan(found.samples).any()
+
+
+def test_a_sample_as_near_to_an_end_as_the_margin_is_clipped_and_one_that_is_farther_is_not():
+    margin = END_SHARE * 20.0
+    samples = np.array(
+        [10.0, 10.0 - margin, 10.0 - 1.01 * margin, -10.0 + 1.01 * margin, -10.0 + margin, np.inf, np.nan]
+    )
+    found = find_clipped(samples, -10.0, 10.0)
+    assert found.above.tolist() == [True, True, False, False, False, True, False]
+    assert found.below.tolist() == [False, False, False, False, True, False, False]
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_at_an_end_at_zero_only_what_lies_beyond_it_by_more_than_the_margin_is_clipped(side):
+    margin = END_SHARE * 10.0
+    samples = side * np.array([0.0, -margin, -1.01 * margin, 5.0, 10.0])
+    found = find_clipped(samples, *sorted((0.0, side * 10.0)))
+    beyond, end = (found.below, found.above) if side > 0 else (found.above, found.below)
+    assert beyond.tolist() == [False, False, True, False, False]
+    assert end.tolist() == [False, False, False, False, True]
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_beyond_an_end_at_zero_what_was_read_stays_and_what_is_infinite_is_masked(side):
+    samples = side * (2.0 + sine(1.0))
+    samples[600], samples[700] = -side * 3.0, -side * np.inf
+    found = repair_clipping(samples, *sorted((0.0, side * 10.0)))
+    assert found.samples[600] == samples[600]
+    (repair,) = found.repairs
+    assert np.flatnonzero(repair.flags).tolist() == [700]
 
 
 def test_below_a_range_that_begins_at_zero_a_gauge_still_reads():
