@@ -9,7 +9,14 @@ from recoil_acquisition.shot import ClockAlignment
 from recoil_identification.analysis import Options, identify_shot
 from recoil_processing.double_integral import integrate
 from recoil_processing.motion.fusion import FusedMotion
-from recoil_processing.shot.kinematics import angular_motion, fused_motion, travel_acceleration, travel_and_velocity
+from recoil_processing.shot.kinematics import (
+    MOST_KICKS,
+    angular_motion,
+    bridged_kicks,
+    fused_motion,
+    travel_acceleration,
+    travel_and_velocity,
+)
 from recoil_processing.shot.signals import Signals, collect_signals
 from tests.builders.virtual_shots import VirtualShot, virtual_shot
 
@@ -106,3 +113,72 @@ def test_the_mass_by_the_camera_is_as_good_on_a_slow_recorder():
         masses.append(found.results["kinematic"].estimate.mass_kg)
     # two gradients one after the other would differ by 3 kg
     assert masses[0] == pytest.approx(masses[1], abs=2.4)
+
+
+# ---- what the gyros and the carriage's accelerometers tell, and what is taken where they are missing
+
+
+def signals_with(**series: np.ndarray | None) -> Signals:
+    """Put other series in the place of some roles; None leaves a role out."""
+    signals = tracked()[1]
+    kept = {role: samples for role, samples in signals.series.items() if role not in series}
+    return replace(signals, series=kept | {role: s for role, s in series.items() if s is not None})
+
+
+def test_the_tipping_part_turns_on_the_carriage_by_the_integral_of_both_rates():
+    virtual, signals, *_ = tracked()
+    slow = np.sin(2 * np.pi * 5.0 * signals.times_s)
+    motion = angular_motion(signals_with(carriage_rate=0.2 * slow, tipping_rate=0.5 * slow), virtual.rig)
+    inside = slice(signals.times_s.size // 10, -signals.times_s.size // 10)
+    np.testing.assert_allclose(motion.w2[inside], 0.5 * slow[inside], atol=1e-3)
+    np.testing.assert_allclose(np.gradient(motion.beta, signals.step_s)[inside], 0.3 * slow[inside], atol=1e-3)
+
+
+def test_without_a_gyro_on_the_tipping_part_it_turns_with_the_carriage():
+    virtual, *_ = tracked()
+    motion = angular_motion(signals_with(tipping_rate=None), virtual.rig)
+    assert np.abs(motion.w1).max() > 1e-3
+    np.testing.assert_array_equal(motion.w2, motion.w1)
+    assert not motion.beta.any()
+
+
+def test_a_carriage_without_accelerometers_is_at_rest_under_gravity():
+    virtual, *_ = tracked()
+    missing = signals_with(carriage_acceleration_x=None, carriage_acceleration_y=None)
+    mechanism = replace(virtual.rig.mechanism, phi10=0.1)
+    motion = angular_motion(missing, replace(virtual.rig, mechanism=mechanism))
+    np.testing.assert_allclose(motion.f_x, mechanism.g * np.sin(0.1))
+    np.testing.assert_allclose(motion.f_y, mechanism.g * np.cos(0.1))
+
+
+def test_the_place_of_the_carriages_accelerometer_is_that_of_the_rig_file():
+    virtual, signals, *_ = tracked()
+    spec = virtual.rig.by_role("carriage_acceleration_x")
+    assert spec is not None
+    assert spec.sensor.position != (0.0, 0.0)
+    motion = angular_motion(signals, virtual.rig)
+    assert (motion.r_x, motion.r_y) == spec.sensor.position
+    bare = angular_motion(signals, virtual.rig.without_channel(spec.name))
+    assert (bare.r_x, bare.r_y) == (0.0, 0.0)
+
+
+def test_a_bridge_that_may_kick_the_velocity_is_known_by_its_middle():
+    _, signals, acceleration, *_ = tracked()
+    felt = signals.series["recoil_acceleration"].copy()
+    peak = int(np.argmax(np.abs(np.where(np.isfinite(felt), felt, 0.0))))
+    felt[peak : peak + 20] = np.nan
+    assert bridged_kicks(signals, acceleration) == ()
+    (kick_s,) = bridged_kicks(signals_with(recoil_acceleration=felt), acceleration)
+    assert kick_s == pytest.approx(signals.times_s[peak] + 10 * signals.step_s, abs=1.01 * signals.step_s)
+
+
+def test_of_many_kicks_the_six_worst_are_taken_in_their_order():
+    _, signals, acceleration, *_ = tracked()
+    felt = signals.series["recoil_acceleration"].copy()
+    start = int(np.searchsorted(signals.times_s, signals.onset_s))
+    for number in range(9):
+        at = start + 60 * number
+        felt[at : at + 10 + 2 * number] = np.nan
+    kicks = bridged_kicks(signals_with(recoil_acceleration=felt), acceleration)
+    assert len(kicks) == MOST_KICKS == 6
+    assert list(kicks) == sorted(kicks)
