@@ -271,7 +271,8 @@ def test_a_sensor_and_an_adapter_are_unplugged_in_the_shot_and_come_back(
         transports={"can": "slcan"},
     )
     for name in ("can", "imu"):
-        assert got.events(name) == ["opened", "lost", "reopened", "closed"]
+        # a machine that lets the reader wait says so besides
+        assert [event for event in got.events(name) if event != "stalled"] == ["opened", "lost", "reopened", "closed"]
         assert got.devices[name].counters.reopened == 1
         truth = got.truth[name]
         assert truth["disconnects"] == 1
