@@ -161,10 +161,16 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         for name, estimate in estimates.items()
     }
     if options.compare and camera is not None and camera_clock is not None and camera_clock.status != "failed":
+        # a clock that was aligned by the accelerometer is as much less late as that was
+        clock = replace(camera_clock, offset_s=camera_clock.offset_s - skew.corrected_s)
+        others = (one for one in shot.alignments if one.clock != clock.clock)
         try:
-            results["camera"] = identify_by_camera(shot, rig, options).results["camera"]
+            alone = identify_by_camera(replace(shot, alignments=(*others, clock)), rig, options)
         except IdentificationError as error:
             notes = (*notes, f"no mass by the camera and the forces alone: {error}")
+        else:
+            results["camera"] = alone.results["camera"]
+            notes = (*notes, *(f"against the mass by the camera alone: {reason}" for reason in alone.reasons))
     trace = results[method].trace
     return Identification(
         options=options,

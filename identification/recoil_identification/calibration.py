@@ -59,8 +59,8 @@ BESIDE = {
     )
 }
 """Unknowns that are in no row of the motion alone; areas and standards are further ones."""
-UNITS = {FRICTION: "N", ZERO: "m/s^2", RELEASE: "m/s"} | {name: one.unit for name, one in BESIDE.items()}
-"""Of the sources that are no scales."""
+UNITS = {FRICTION: "N", ZERO: "m/s^2", RELEASE: "m/s"}
+"""Of the sources that are no scales, and about unknowns of the motion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -348,6 +348,8 @@ def calibration_of(
     budget = [BudgetRow(RANDOM, random_kg, "A", degrees_of_freedom=noise.degrees_of_freedom)]
     stated = {source: ("B", "1") for prior in common for source in prior.sources}
     stated |= {source: ("B", unit) for source, unit in UNITS.items()}
+    about = [(prior, BESIDE[name]) for prior in own for name in prior.unknowns[:1] if name in BESIDE]
+    stated |= {source: ("B", unknown.unit) for prior, unknown in about for source in prior.sources}
     stated |= {cause.source: (cause.kind, cause.unit) for cause in block.causes}
     for source, u in zip(inferred.sources, inferred.u_sources.tolist(), strict=True):
         change = mass * inferred.contribution(source, motion.MASS.name)

@@ -51,6 +51,14 @@ def test_a_skew_is_taken_out_together_with_the_clock_that_was_aligned_by_the_lat
     assert 0.0 < row.u_kg < 0.1
 
 
+def test_the_camera_beside_the_others_is_without_the_skew_that_its_clock_was_aligned_with():
+    virtual = virtual_shot("mixed", 3, **LATE)
+    compared = identify_shot(virtual.shot, virtual.rig, Options(compare=True))
+    alone, sound = compared.results["camera"].estimate, identified("mixed", 3).chosen.estimate
+    assert abs(alone.mass_kg - sound.mass_kg) < alone.u_kg
+    assert not [note for note in compared.notes if "by the camera alone" in note]
+
+
 def test_a_cutoff_of_ones_own_that_is_high_leaves_the_skew_to_be_told():
     virtual = virtual_shot("field-2013", 3)
     found = identify_shot(virtual.shot, virtual.rig, Options(cutoff_hz=0.35 * 25e3))
