@@ -9,6 +9,7 @@ them is about the shared ones (G. J. Bierman, Factorization Methods for Discrete
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification import equation_of_motion as motion
-from recoil_identification.calibration import Calibration
+from recoil_identification.calibration import BESIDE, Calibration
 from recoil_identification.camera_rows import OTHER
 from recoil_identification.inference.unknown import Prior
 from recoil_identification.mass import FRICTION, GAUGES
@@ -30,6 +31,8 @@ from recoil_rigs.rig import Rig
 Array = NDArray[np.float64]
 
 SCHEMA = 1
+LN_MASS, FRICTION_SHARE, FRICTION_N, LN_ACCELERATION = "ln mass", "friction share", "friction", "ln recoil_acceleration"
+"""Names of parameters; a gauge's is ``ln`` and its role."""
 
 
 @dataclass(frozen=True)
@@ -39,12 +42,13 @@ class Parameter:
     Attributes
     ----------
     influences
-        What it may be off by, each with its identity and its standard uncertainty in the parameter's own unit: two
+        What it may be off by, each with its identity and its standard uncertainty in the parameter's unit: two
         shots, and two campaigns, that name the same identity share the same error.
     """
 
     name: str
     influences: tuple[tuple[str, float], ...] = ()
+    unit: str = "1"
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,12 +71,46 @@ class ShotSummary(ReadOnlyArrays):
     triangle: Array
     seen: Array
 
+    @classmethod
+    def of_json(cls, stated: Mapping[str, Any]) -> ShotSummary:
+        """Read it from a report.
+
+        Raises
+        ------
+        ValueError
+            If it is of another schema, or what it holds is no summary.
+        """
+        if stated.get("schema") != SCHEMA:
+            raise ValueError(f"schema {stated.get('schema')!r}, expected {SCHEMA}")
+        try:
+            listed = [
+                Parameter(
+                    str(one["name"]),
+                    tuple((str(name), float(u)) for name, u in one.get("influences", ())),
+                    str(one.get("unit", "1")),
+                )
+                for one in stated["parameters"]
+            ]
+            arrays = [np.array(stated[key], dtype=np.float64) for key in ("reference", "R", "y")]
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise ValueError(f"{type(error).__name__}: {error}") from error
+        n, names = len(listed), [one.name for one in listed]
+        if [part.shape for part in arrays] != [(n,), (n, n), (n,)]:
+            raise ValueError(f"{n} parameters, but R of shape {arrays[1].shape} and y of shape {arrays[2].shape}")
+        if not all(np.isfinite(part).all() for part in arrays):
+            raise ValueError("numbers that are not finite")
+        if names[:1] != [LN_MASS] or len(set(names)) < n:
+            raise ValueError(f"parameters {', '.join(names)}: the first must be {LN_MASS}, and each once")
+        if any(not (math.isfinite(u) and u >= 0) for one in listed for _, u in one.influences):
+            raise ValueError("a standard uncertainty that is negative or not finite")
+        return cls(tuple(listed), *arrays)
+
     def to_json(self, *, cutoff_hz: float | None, zero_shift: bool) -> dict[str, Any]:
         """Return it as the report has it."""
         return {
             "schema": SCHEMA,
             "parameters": [
-                {"name": one.name, "influences": [list(influence) for influence in one.influences]}
+                {"name": one.name, "unit": one.unit, "influences": [list(influence) for influence in one.influences]}
                 for one in self.parameters
             ],
             "reference": self.reference.tolist(),
@@ -90,28 +128,38 @@ def shot_summary(calibration: Calibration, rig: Rig) -> ShotSummary:
     inferred, regression = calibration.inferred, calibration.block.regression
     friction_n, u_release_m_s = rig.mechanism.friction, regression.u_release_n_s / calibration.m0_kg
     gauges = zip(motion.GAUGES, PRESSURE_ROLES, AREAS, strict=True)
+    known = {prior.unknowns[0]: math.sqrt(prior.covariance[0, 0]) for prior in calibration.own if not prior.exact}
     stated = {
-        motion.MASS: (Parameter("ln mass"), 1.0),
-        **{gauge: (Parameter(gauge.name, _gauge(rig, role, area)), 1.0) for gauge, role, area in gauges},
-        motion.FRICTION: (Parameter("friction share" if friction_n else "friction", _friction(rig)), friction_n or 1.0),
-        motion.ACCELERATION: (Parameter("ln recoil_acceleration", _scale(rig, "recoil_acceleration")), 1.0),
-        motion.RELEASE: (Parameter("release"), u_release_m_s),
-        motion.CAMERA: (Parameter("ln camera", _scale(rig, "recoil_displacement")), 1.0),
+        motion.MASS.name: (Parameter(LN_MASS), 1.0),
+        **{gauge.name: (Parameter(gauge.name, _gauge(rig, role, area)), 1.0) for gauge, role, area in gauges},
+        motion.FRICTION.name: (
+            Parameter(FRICTION_SHARE, _friction(rig)) if friction_n else Parameter(FRICTION_N, _friction(rig), "N"),
+            friction_n or 1.0,
+        ),
+        motion.ACCELERATION.name: (Parameter(LN_ACCELERATION, _scale(rig, "recoil_acceleration")), 1.0),
+        motion.RELEASE.name: (Parameter("release", ((f"rig:{rig.name}:{RELEASE}", 1.0),)), u_release_m_s),
+        motion.CAMERA.name: (Parameter(motion.CAMERA.name, _scale(rig, "recoil_displacement")), 1.0),
+        # one camera's optics, and one rig's carriage sensors, are the same in all shots
+        **{
+            name: (Parameter(name, ((f"rig:{rig.name}:{name}", known[name]),), BESIDE[name].unit), 1.0)
+            for name in (*DISTORTIONS, OTHER.name)
+            if name in known
+        },
     }
-    own = list(calibration.own)
     if not u_release_m_s:  # nothing was given at the release
-        del stated[motion.RELEASE]
+        del stated[motion.RELEASE.name]
+    own = [prior for prior in calibration.own if prior.unknowns[0] not in stated]
+    if not u_release_m_s:
         own.append(Prior.of("release", motion.RELEASE.name, 0.0))
-    shared = [unknown for unknown in inferred.unknowns if unknown.scope != "shot" and unknown in stated]
-    names = [unknown.name for unknown in shared]
+    names = [unknown.name for unknown in inferred.unknowns if unknown.name in stated]
     triangle, seen = inferred.about(names, own)
-    units = np.array([stated[unknown][1] for unknown in shared])
+    units = np.array([stated[name][1] for name in names])
     reference = np.array([inferred.value(name) for name in names]) / units
     reference[0] += math.log(calibration.m0_kg)
     if u_release_m_s:  # counted from what is expected of it, so that its prior is zero as the others' are
         reference[names.index(motion.RELEASE.name)] -= regression.release_n_s / regression.u_release_n_s
     return ShotSummary(
-        parameters=tuple(stated[unknown][0] for unknown in shared),
+        parameters=tuple(stated[name][0] for name in names),
         reference=reference,
         triangle=triangle * units,
         seen=seen,

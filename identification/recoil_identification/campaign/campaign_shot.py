@@ -1,0 +1,100 @@
+"""One shot as a campaign takes it: what its report says, and what was written of it in the shot log."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from recoil_identification.shot_summary import ShotSummary
+
+
+@dataclass(frozen=True, eq=False)
+class CampaignShot:
+    """One shot.
+
+    Attributes
+    ----------
+    started
+        When it was fired, ISO 8601; None where nothing tells.
+    mass_kg, u_kg
+        By itself, with what was added to it.
+    configuration
+        How the mechanism was built; empty where nobody said.
+    added_mass_kg, u_added_mass_kg
+        Weighed.
+    summary
+        None where its report has none.
+    cutoff_hz
+        Of the rows that the summary stands for; None where these have passed no low-pass.
+    against
+        What speaks against its mass, beside what a campaign judges by itself.
+    excluded
+        What the shot log says against its use; empty if nothing.
+    """
+
+    name: str
+    rig: str
+    started: str | None
+    mass_kg: float
+    u_kg: float
+    summary: ShotSummary | None
+    cutoff_hz: float | None = None
+    configuration: str = ""
+    added_mass_kg: float = 0.0
+    u_added_mass_kg: float = 0.0
+    against: tuple[str, ...] = ()
+    excluded: str = ""
+
+    @classmethod
+    def of_report(cls, document: Mapping[str, Any]) -> CampaignShot:
+        """Read it from ``report.json``.
+
+        Raises
+        ------
+        ValueError
+            If the document is no report, or its summary is none.
+        """
+        try:
+            mass, stated, log = document["mass"], document.get("campaign"), document.get("shot_log") or {}
+            shot = cls(
+                name=str(document["shot"]),
+                rig=str(document["rig"]),
+                started=document.get("started"),
+                mass_kg=float(mass["value"]),
+                u_kg=float(mass["u"]),
+                summary=None if stated is None else ShotSummary.of_json(stated),
+                cutoff_hz=None if stated is None else stated.get("cutoff_hz"),
+                configuration=str(log.get("configuration", "")),
+                added_mass_kg=float(log.get("added_mass_kg", 0.0)),
+                u_added_mass_kg=float(log.get("u_added_mass_kg", 0.0)),
+                against=tuple(str(one) for one in (stated or {}).get("against", ())),
+                excluded=str(log.get("exclude", "")),
+            )
+        except (KeyError, TypeError, AttributeError) as error:
+            raise ValueError(f"it is no report of a shot: {type(error).__name__}: {error}") from error
+        if not (math.isfinite(shot.mass_kg) and math.isfinite(shot.u_kg) and shot.mass_kg > shot.added_mass_kg >= 0.0):
+            raise ValueError(f"a mass of {shot.mass_kg} kg, u {shot.u_kg} kg, with {shot.added_mass_kg} kg added to it")
+        return shot
+
+    @property
+    def set_aside(self) -> str:
+        """Why a campaign does not use it; empty if it does."""
+        if self.excluded:
+            return f"excluded in the shot log: {self.excluded}"
+        if self.summary is None:
+            return "its report has no summary for campaigns"
+        return "; ".join(self.against)
+
+
+def in_order(shots: Sequence[CampaignShot]) -> tuple[CampaignShot, ...]:
+    """Sort shots as they were fired: by time where each has one, else by name, numbers in it by their size."""
+    timed = all(shot.started for shot in shots)
+    return tuple(sorted(shots, key=lambda shot: ((shot.started or "") if timed else "", _numbered(shot.name))))
+
+
+def _numbered(name: str) -> tuple[tuple[int, str], ...]:
+    """Return a name as what sorts 2 before 10."""
+    return tuple((int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name))

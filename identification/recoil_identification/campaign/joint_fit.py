@@ -1,0 +1,184 @@
+"""The mass of a campaign's mechanism, and what the campaign learnt of its sensors, from all shots at once.
+
+The shots' rows and what is known beforehand of the influences that they share are one least-squares problem
+(`recoil_identification.campaign.joint_rows`). By how much gains and friction scatter from shot to shot is not known
+either: each scatter on a grid has the marginal likelihood of the rows under it,
+
+    log p(rows | scatter) = -1/2 (misfit + log det S + log det Lambda) + constant
+
+with S the covariance of the rows and Lambda the information on all unknowns, and what is reported is the mean over the
+grid by these weights, and the covariance within and between its points (A. Gelman et al., Bayesian Data Analysis, 3rd
+edition 2013, section 13.1 on averaging over a grid).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_identification.campaign.joint_rows import Column, JointRows, Scatter, WhiteRows
+from recoil_identification.inference.estimate import Estimate
+from recoil_identification.inference.solve import solve
+
+Array = NDArray[np.float64]
+
+GAINS_REL = (0.0, 1e-4, 2e-4, 3.5e-4, 5e-4, 7e-4, 1e-3, 1.5e-3, 2e-3, 3e-3, 5e-3)
+FRICTIONS_REL = (0.0, 0.02, 0.05, 0.1, 0.2)
+"""Standard deviations from shot to shot that are tried, of gains and of the friction."""
+USUAL_GAIN_REL, USUAL_FRICTION_REL = 5e-4, 0.03
+"""Of what is known beforehand of them, exponential: gauges repeat to some .05 % or .1 %, packings to a few percent."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trial(ReadOnlyArrays):
+    """The estimate under one scatter.
+
+    Attributes
+    ----------
+    log_likelihood
+        Marginal, with what is known of the scatter beforehand; up to a constant.
+    """
+
+    scatter: Scatter
+    rows: WhiteRows
+    estimate: Estimate
+    log_likelihood: float
+
+
+@dataclass(frozen=True, eq=False)
+class JointFit(ReadOnlyArrays):
+    """What all shots say together.
+
+    Attributes
+    ----------
+    trials
+        One for each scatter on the grid.
+    weights : ndarray, shape (n_trials,)
+        Probability of each.
+    """
+
+    trials: tuple[Trial, ...]
+    weights: Array
+
+    @property
+    def likeliest(self) -> Trial:
+        """The trial of the largest probability."""
+        return self.trials[int(np.argmax(self.weights))]
+
+    @property
+    def rows(self) -> JointRows:
+        """The rows, before they were divided by any scatter."""
+        return self.trials[0].rows.rows
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of all unknowns."""
+        return tuple(unknown.name for unknown in self.trials[0].estimate.unknowns)
+
+    @cached_property
+    def values(self) -> Array:
+        """Of all unknowns, shape (n_unknowns,)."""
+        return np.asarray(self.weights @ np.array([one.estimate.values for one in self.trials]))
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Of all unknowns, shape (n_unknowns, n_unknowns)."""
+        apart = np.array([one.estimate.values for one in self.trials]) - self.values
+        within = np.tensordot(self.weights, np.array([one.estimate.covariance for one in self.trials]), 1)
+        return np.asarray(within + (apart.T * self.weights) @ apart)
+
+    def value(self, name: str) -> float:
+        """Return the value of an unknown."""
+        return float(self.values[self.names.index(name)])
+
+    def u(self, name: str) -> float:
+        """Return its standard uncertainty."""
+        at = self.names.index(name)
+        return math.sqrt(float(self.covariance[at, at]))
+
+    def mass_kg(self, mechanism: str) -> tuple[float, float]:
+        """Return the mass of a mechanism without what was added to it, and its standard uncertainty."""
+        name = self.rows.masses[self.rows.mechanisms.index(mechanism)]
+        mass_kg = self.rows.reference_kg * math.exp(self.value(name))
+        return mass_kg, mass_kg * self.u(name)
+
+    def difference_kg(self, mechanism: str, other: str) -> tuple[float, float]:
+        """Return by how much one mechanism's mass exceeds another's, and the standard uncertainty of that.
+
+        It is smaller than those of the masses tell, because both hang on the same sensors.
+        """
+        (mass_kg, _), (other_kg, _) = self.mass_kg(mechanism), self.mass_kg(other)
+        row = np.zeros(len(self.names))
+        for name, size in ((mechanism, mass_kg), (other, -other_kg)):
+            row[self.names.index(self.rows.masses[self.rows.mechanisms.index(name)])] += size
+        return mass_kg - other_kg, math.sqrt(max(float(row @ self.covariance @ row), 0.0))
+
+    def scatter(self, which: str) -> tuple[float, float, float]:
+        """Return mean, lower and upper 95 % bound of a scatter, ``gain_rel`` or ``friction_rel``."""
+        sizes = np.array([getattr(one.scatter, which) for one in self.trials])
+        levels, places = np.unique(sizes, return_inverse=True)
+        share = np.cumsum(np.bincount(places, self.weights))
+        low, high = (float(levels[min(int(np.searchsorted(share, p)), levels.size - 1)]) for p in (0.025, 0.975))
+        return float(self.weights @ sizes), low, high
+
+
+def joint_fit(rows: JointRows, columns: Sequence[Column] = ()) -> JointFit:
+    """Estimate everything that the shots share.
+
+    Parameters
+    ----------
+    columns
+        Further unknowns: what changed among the shots.
+    """
+    wanted = rows.with_columns(columns)
+    priors, unknowns = wanted.priors, wanted.all_unknowns
+    start: dict[str, float] = {}
+    trials = []
+    for scatter in _scatters(wanted):
+        white = wanted.whitened(scatter)
+        estimate = solve(unknowns, [white], priors, start)
+        start = dict(zip(white.unknowns, estimate.values.tolist(), strict=True))
+        free = np.array([name not in _exact(wanted) for name in white.unknowns])
+        log_determinant = -float(np.linalg.slogdet(estimate.covariance[np.ix_(free, free)])[1])
+        beforehand = scatter.gain_rel / USUAL_GAIN_REL + scatter.friction_rel / USUAL_FRICTION_REL
+        log_likelihood = -0.5 * (estimate.misfit + white.log_determinant + log_determinant) - beforehand
+        trials.append(Trial(scatter, white, estimate, log_likelihood))
+    levels = np.array([one.log_likelihood for one in trials])
+    weights = np.exp(levels - levels.max()) * _widths(trials)
+    return JointFit(tuple(trials), weights / weights.sum())
+
+
+def _scatters(rows: JointRows) -> list[Scatter]:
+    """List the scatters that are tried: of parameters that the summaries have."""
+    probe = Scatter(1.0, 0.0), Scatter(0.0, 1.0)
+    gain, friction = (any(one.variance(name) > 0 for name in rows.parameters) for one in probe)
+    return [
+        Scatter(gain_rel, friction_rel)
+        for friction_rel in (FRICTIONS_REL if friction else (0.0,))
+        for gain_rel in (GAINS_REL if gain else (0.0,))
+    ]
+
+
+def _widths(trials: Sequence[Trial]) -> Array:
+    """Return which part of the plane of scatters each trial stands for, by the trapezoidal rule."""
+
+    def widths(which: str) -> Array:
+        sizes = np.array([getattr(one.scatter, which) for one in trials])
+        levels, places = np.unique(sizes, return_inverse=True)
+        if levels.size == 1:
+            return np.ones(sizes.size)
+        edges = np.concatenate([levels[:1], 0.5 * (levels[1:] + levels[:-1]), levels[-1:]])
+        return np.asarray(np.diff(edges)[places])
+
+    return widths("gain_rel") * widths("friction_rel")
+
+
+def _exact(rows: JointRows) -> set[str]:
+    """Return the unknowns that are exactly known."""
+    return {name for name, (_, u) in zip(rows.added, rows.weights, strict=True) if u == 0}

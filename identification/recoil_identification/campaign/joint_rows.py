@@ -1,0 +1,279 @@
+"""The summaries of many shots as rows about what they share.
+
+With theta the parameters of a shot's summary (`recoil_identification.shot_summary`), the rows of shot i are
+
+    |R_i (theta_i - reference_i) - y_i|^2,   theta_i = [ln(M + d_i), sum of influences, ...] + own scatter
+
+M is the mass of the mechanism without the mass d_i that was weighed and added to it, and every other parameter is what
+its common influences are off together, each counted in its standard uncertainty. A gain that does not repeat from shot
+to shot, and the friction, have an own part of variance D in each shot: it makes the errors of the shot's rows
+correlated, with covariance ``1 + R D R'``, by whose Cholesky factor they are divided.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_identification.campaign.campaign_shot import CampaignShot
+from recoil_identification.campaign.influence import Influence, influences_of
+from recoil_identification.inference.unknown import Prior, Unknown
+from recoil_identification.shot_summary import FRICTION_SHARE, LN_ACCELERATION, LN_MASS, ShotSummary
+from recoil_processing.shot.regression import PRESSURE_ROLES
+
+Array = NDArray[np.float64]
+
+LARGEST_STEP = 0.3
+"""By which one iteration may move the logarithm of the mass."""
+GAINS = (*(f"ln {role}" for role in PRESSURE_ROLES), LN_ACCELERATION)
+"""Parameters whose gains may not repeat from shot to shot."""
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """What does not repeat from shot to shot.
+
+    Attributes
+    ----------
+    gain_rel
+        Standard deviation of each gain.
+    friction_rel
+        Of the friction, as a share of it.
+    """
+
+    gain_rel: float = 0.0
+    friction_rel: float = 0.0
+
+    def variance(self, parameter: str) -> float:
+        """Return the variance of a parameter of a summary; that of a friction of which nothing is declared is 0."""
+        return {**dict.fromkeys(GAINS, self.gain_rel**2), FRICTION_SHARE: self.friction_rel**2}.get(parameter, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Column(ReadOnlyArrays):
+    """A further unknown: by how much a parameter is off in some shots.
+
+    Attributes
+    ----------
+    parameter
+        Of a summary.
+    shares : ndarray, shape (n_shots,)
+        Of its size, in each shot.
+    """
+
+    name: str
+    parameter: str
+    shares: Array
+
+
+@dataclass(frozen=True, eq=False)
+class JointRows(ReadOnlyArrays):
+    """Rows of all shots.
+
+    Attributes
+    ----------
+    shots
+        In the order in which they were fired, each with a summary.
+    mechanisms
+        Name of each mass that is looked for.
+    mechanism : ndarray of int, shape (n_shots,)
+        Which of them a shot is of.
+    parameters
+        Of all summaries.
+    influences
+        What they have in common.
+    weights
+        Mass in kg and standard uncertainty of each mass that was added, once.
+    weight : ndarray of int, shape (n_shots,)
+        Which of them a shot has; -1 for none.
+    reference_kg
+        From which the logarithms of the masses count.
+    reference, seen : ndarray, shape (n_shots, n_parameters)
+    triangle : ndarray, shape (n_shots, n_parameters, n_parameters)
+        Zero where a shot lacks a parameter.
+    loads : ndarray, shape (n_shots, n_parameters, n_influences)
+        Standard uncertainty by which an influence moves a parameter of a shot.
+    columns
+        Further unknowns.
+    """
+
+    shots: tuple[CampaignShot, ...]
+    mechanisms: tuple[str, ...]
+    mechanism: NDArray[np.intp]
+    parameters: tuple[str, ...]
+    influences: tuple[Influence, ...]
+    weights: tuple[tuple[float, float], ...]
+    weight: NDArray[np.intp]
+    reference_kg: float
+    reference: Array
+    triangle: Array
+    seen: Array
+    loads: Array
+    columns: tuple[Column, ...] = ()
+
+    @classmethod
+    def of(cls, shots: Sequence[CampaignShot], mechanism_of: Mapping[str, str]) -> JointRows:
+        """Stack summaries.
+
+        Parameters
+        ----------
+        shots
+            In order, each with a summary.
+        mechanism_of
+            The mechanism of each configuration.
+        """
+        summaries = [_summary(shot) for shot in shots]
+        parameters = tuple(dict.fromkeys(one.name for summary in summaries for one in summary.parameters))
+        influences = influences_of(shots)
+        places = {influence.identity: at for at, influence in enumerate(influences)}
+        n, k = len(shots), len(parameters)
+        reference, seen, triangle = np.zeros((n, k)), np.zeros((n, k)), np.zeros((n, k, k))
+        loads = np.zeros((n, k, len(influences)))
+        for i, summary in enumerate(summaries):
+            at = [parameters.index(one.name) for one in summary.parameters]
+            reference[i, at], seen[i, at] = summary.reference, summary.seen
+            triangle[i][np.ix_(at, at)] = summary.triangle
+            for place, parameter in zip(at, summary.parameters, strict=True):
+                for identity, u in parameter.influences:
+                    if u > 0:
+                        loads[i, place, places[identity]] = u
+        named = [mechanism_of[shot.configuration] for shot in shots]
+        mechanisms = tuple(dict.fromkeys(named))
+        added = [(shot.added_mass_kg, shot.u_added_mass_kg) for shot in shots]
+        weights = tuple(dict.fromkeys(one for one in added if one[0] > 0))
+        return cls(
+            shots=tuple(shots),
+            mechanisms=mechanisms,
+            mechanism=np.array([mechanisms.index(name) for name in named], dtype=np.intp),
+            parameters=parameters,
+            influences=influences,
+            weights=weights,
+            weight=np.array([weights.index(one) if one[0] > 0 else -1 for one in added], dtype=np.intp),
+            reference_kg=float(np.mean([shot.mass_kg - shot.added_mass_kg for shot in shots])),
+            reference=reference,
+            triangle=triangle,
+            seen=seen,
+            loads=loads,
+        )
+
+    @property
+    def masses(self) -> tuple[str, ...]:
+        """Names of the unknowns that are masses: logarithms over the reference."""
+        return tuple(f"ln mass of {name}" for name in self.mechanisms)
+
+    @property
+    def added(self) -> tuple[str, ...]:
+        """Names of the added masses' errors."""
+        return tuple(f"added mass of {mass_kg:g} kg" for mass_kg, _ in self.weights)
+
+    @property
+    def all_unknowns(self) -> list[Unknown]:
+        """All that the rows hang on."""
+        return [
+            *(Unknown(name, scope="rig", largest_step=LARGEST_STEP) for name in self.masses),
+            *(Unknown(name, scope="rig") for name in self.added),
+            *(Unknown(one.identity, scope="sensor" if one.is_sensor else "rig") for one in self.influences),
+            *(Unknown(column.name) for column in self.columns),
+        ]
+
+    @property
+    def priors(self) -> list[Prior]:
+        """What is known beforehand, each once: every influence and added mass counted in its standard uncertainty."""
+        weighed = [
+            Prior.of(name, name, 1.0 if u > 0 else 0.0) for name, (_, u) in zip(self.added, self.weights, strict=True)
+        ]
+        return [*weighed, *(Prior.of(one.identity, one.identity, 1.0) for one in self.influences)]
+
+    def with_columns(self, columns: Sequence[Column]) -> JointRows:
+        """Look for further unknowns."""
+        return replace(self, columns=tuple(columns))
+
+    def whitened(self, scatter: Scatter) -> WhiteRows:
+        """Divide the rows of each shot by the factor of their covariance."""
+        variances = np.array([scatter.variance(name) for name in self.parameters])
+        n, k = self.seen.shape
+        covariance = np.eye(k) + (self.triangle * variances) @ self.triangle.transpose(0, 2, 1)
+        factors = np.linalg.cholesky(covariance)
+        rows = np.linalg.solve(factors, np.concatenate([self.triangle, self.seen[:, :, np.newaxis]], axis=2))
+        log_determinant = 2.0 * float(np.log(np.diagonal(factors, axis1=1, axis2=2)).sum())
+        return WhiteRows(self, rows[:, :, :-1], rows[:, :, -1], log_determinant)
+
+    def modelled(self, values: Mapping[str, float]) -> tuple[Array, Array]:
+        """Return the parameters of each shot, and their derivatives.
+
+        Returns
+        -------
+        theta : ndarray, shape (n_shots, n_parameters)
+        derivatives : ndarray, shape (n_shots, n_parameters, n_unknowns)
+        """
+        at, n = self.parameters.index(LN_MASS), len(self.shots)
+        masses = self.reference_kg * np.exp([values[name] for name in self.masses])
+        added = np.array([[mass_kg + u * values[name], u] for name, (mass_kg, u) in self._added]).reshape(-1, 2)
+        added = np.vstack([added, np.zeros(2)])  # the last one is that of a shot without
+        bare = masses[self.mechanism]
+        whole = bare + added[self.weight, 0]
+        common = np.array([values[one.identity] for one in self.influences])
+        theta = self.loads @ common if self.influences else np.zeros((n, len(self.parameters)))
+        theta[:, at] += np.log(whole)
+        first, second = len(self.masses), len(self.masses) + len(self.weights)
+        third = second + len(self.influences)
+        derivatives = np.zeros((n, len(self.parameters), third + len(self.columns)))
+        shots = np.arange(n)
+        derivatives[shots, at, self.mechanism] = bare / whole
+        heavier = self.weight >= 0
+        derivatives[shots[heavier], at, first + self.weight[heavier]] = (added[self.weight, 1] / whole)[heavier]
+        derivatives[:, :, second:third] = self.loads
+        for number, column in enumerate(self.columns):
+            place = self.parameters.index(column.parameter)
+            theta[:, place] += values[column.name] * column.shares
+            derivatives[:, place, third + number] = column.shares
+        return theta, derivatives
+
+    @property
+    def _added(self) -> list[tuple[str, tuple[float, float]]]:
+        return list(zip(self.added, self.weights, strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class WhiteRows(ReadOnlyArrays):
+    """Rows of all shots whose errors are independent: a block of the inference.
+
+    Attributes
+    ----------
+    triangle : ndarray, shape (n_shots, n_parameters, n_parameters)
+    seen : ndarray, shape (n_shots, n_parameters)
+    log_determinant
+        Of the covariance of all rows, by which they were divided.
+    """
+
+    rows: JointRows
+    triangle: Array
+    seen: Array
+    log_determinant: float
+
+    @cached_property
+    def unknowns(self) -> tuple[str, ...]:
+        """Names of all that the rows hang on."""
+        return tuple(unknown.name for unknown in self.rows.all_unknowns)
+
+    def linearised(self, values: Mapping[str, float]) -> tuple[Array, Array]:
+        """Return what the common unknowns leave of the rows, and the derivatives."""
+        left, derivatives = self.by_shot(values)
+        return left.reshape(-1), derivatives.reshape(-1, derivatives.shape[-1])
+
+    def by_shot(self, values: Mapping[str, float]) -> tuple[Array, Array]:
+        """Return the same, shapes (n_shots, n_parameters) and (n_shots, n_parameters, n_unknowns)."""
+        theta, derivatives = self.rows.modelled(values)
+        off = (self.triangle @ (theta - self.rows.reference)[:, :, np.newaxis])[:, :, 0]
+        return self.seen - off, self.triangle @ derivatives
+
+
+def _summary(shot: CampaignShot) -> ShotSummary:
+    if shot.summary is None:
+        raise ValueError(f"shot {shot.name} has no summary")
+    return shot.summary
