@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 
 LARGEST_STEP = 0.3
 """By which one iteration may move the logarithm of the mass."""
+LEAST_SHARE = 0.01
+"""Of the reference, below which no recoiling mass is."""
 GAINS = (*(f"ln {role}" for role in PRESSURE_ROLES), LN_ACCELERATION)
 """Parameters whose gains may not repeat from shot to shot."""
 
@@ -61,7 +63,7 @@ class Column(ReadOnlyArrays):
     Attributes
     ----------
     parameter
-        Of a summary.
+        Of a summary; that of the mass is off by kg, counted in the reference, not by a share.
     shares : ndarray, shape (n_shots,)
         Of its size, in each shot.
     """
@@ -178,7 +180,7 @@ class JointRows(ReadOnlyArrays):
             *(Unknown(name, scope="rig", largest_step=LARGEST_STEP) for name in self.masses),
             *(Unknown(name, scope="rig") for name in self.added),
             *(Unknown(one.identity, scope="sensor" if one.is_sensor else "rig") for one in self.influences),
-            *(Unknown(column.name) for column in self.columns),
+            *(Unknown(column.name, largest_step=LARGEST_STEP) for column in self.columns),
         ]
 
     @property
@@ -217,6 +219,10 @@ class JointRows(ReadOnlyArrays):
         added = np.vstack([added, np.zeros(2)])  # the last one is that of a shot without
         bare = masses[self.mechanism]
         whole = bare + added[self.weight, 0]
+        for column in self.columns:
+            if column.parameter == LN_MASS:
+                whole = whole + self.reference_kg * values[column.name] * column.shares
+        whole = np.maximum(whole, LEAST_SHARE * self.reference_kg)
         common = np.array([values[one.identity] for one in self.influences])
         theta = self.loads @ common if self.influences else np.zeros((n, len(self.parameters)))
         theta[:, at] += np.log(whole)
@@ -230,6 +236,9 @@ class JointRows(ReadOnlyArrays):
         derivatives[:, :, second:third] = self.loads
         for number, column in enumerate(self.columns):
             place = self.parameters.index(column.parameter)
+            if place == at:
+                derivatives[:, at, third + number] = self.reference_kg * column.shares / whole
+                continue
             theta[:, place] += values[column.name] * column.shares
             derivatives[:, place, third + number] = column.shares
         return theta, derivatives
