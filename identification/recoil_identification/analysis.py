@@ -40,7 +40,7 @@ from recoil_identification.skew import find_skew
 from recoil_identification.stress_waves import find_stress_waves
 from recoil_identification.trace_window import trace_window
 from recoil_identification.uncertainty import contributions, note_on_cutoff
-from recoil_identification.verdict import notes_on, reasons_against
+from recoil_identification.verdict import against_this_shot, notes_on, reasons_against
 from recoil_identification.zero_shift import ZeroShift
 from recoil_processing.quality.repeatability import shot_peaks
 from recoil_processing.shot.camera_motion import recorded_motion
@@ -172,6 +172,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
             results["camera"] = alone.results["camera"]
             notes = (*notes, *(f"against the mass by the camera alone: {reason}" for reason in alone.reasons))
     trace = results[method].trace
+    reasons = reasons_against(shot, rig, signals, estimates, trace, calibration, zero_shift, filtered, constancy)
     return Identification(
         options=options,
         method=method,
@@ -183,7 +184,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         mass_low_pass=mass_low_pass,
         zero_shift=zero_shift,
         scopes=scopes_of(rig),
-        summary=shot_summary(calibration, rig),
+        summary=shot_summary(calibration, rig, against_this_shot(reasons, shot, rig, calibration)),
         monte_carlo=propagate(calibration.draws()),
         endogeneity=_endogeneity(recorded),
         constancy=constancy,
@@ -202,7 +203,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         velocity_m_s=prepared.velocity_m_s,
         fused=prepared.fused,
         alignments=prepared.alignments,
-        reasons=reasons_against(shot, rig, signals, estimates, trace, calibration, zero_shift, filtered, constancy),
+        reasons=reasons,
         assumptions=assumptions_of(rig),
         notes=(*notes_on(rig, signals, recorded, trace, zero_shift), *notes),
     )

@@ -20,6 +20,7 @@ from recoil_identification.shot_summary import scopes_of, shot_summary
 from recoil_identification.stress_waves import find_stress_waves
 from recoil_identification.trace_window import trace_window
 from recoil_identification.tracked_recoil import TrackedRecoil
+from recoil_identification.verdict import against_this_shot
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.clocks.forced_recoil import missing_forces
 from recoil_processing.shot.regression import PRESSURE_ROLES
@@ -86,6 +87,7 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
     window_s, window_choice = trace_window(options.window_s, regression, *calibration.correct(regression))
     results = {name: method_result(e, regression, calibration, window_s, rig) for name, e in estimates.items()}
     trace = results["camera"].trace
+    reasons = reasons_against_camera(shot, rig, tracked, regression, trace, calibration, constancy)
     return Identification(
         options=options,
         method="camera",
@@ -96,7 +98,7 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
         filter_choice=choice,
         mass_low_pass=choice.low_pass,
         scopes=scopes_of(rig),
-        summary=shot_summary(calibration, rig),
+        summary=shot_summary(calibration, rig, against_this_shot(reasons, shot, rig, calibration)),
         monte_carlo=propagate(calibration.draws()),
         constancy=constancy,
         walk=mass_over_time(calibration),
@@ -112,7 +114,7 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
         velocity_m_s=tracked.velocity_m_s,
         fused=tracked.fused,
         alignments=alignments,
-        reasons=reasons_against_camera(shot, rig, tracked, regression, trace, calibration, constancy),
+        reasons=reasons,
         assumptions=assumptions_of(rig),
         notes=(*notes_on_camera(shot, tracked, regression, trace, calibration), *missing_routes),
     )

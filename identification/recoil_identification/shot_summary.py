@@ -26,6 +26,7 @@ from recoil_identification.sensor_priors import CAMERA_SCALE, DISTORTIONS, RELEA
 from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.sensor_scales import of_gauge
 from recoil_rigs.assumptions import AREAS
+from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.rig import Rig
 
 Array = NDArray[np.float64]
@@ -33,6 +34,8 @@ Array = NDArray[np.float64]
 SCHEMA = 1
 LN_MASS, FRICTION_SHARE, FRICTION_N, LN_ACCELERATION = "ln mass", "friction share", "friction", "ln recoil_acceleration"
 """Names of parameters; a gauge's is ``ln`` and its role."""
+OF_A_SHOT = ("m3", "phi10", "phi20")
+"""Values of the mechanism that are no geometry: what is compared with the mass, and how the stand was laid."""
 
 
 @dataclass(frozen=True)
@@ -64,12 +67,18 @@ class ShotSummary(ReadOnlyArrays):
         R. It is singular: a common factor of mass and forces changes no row.
     seen : ndarray, shape (n,)
         y.
+    geometry
+        Values of the mechanism with which it was found, but for the recoiling mass; numbers in SI units.
+    against
+        What speaks against the shot, beside what many shots judge better.
     """
 
     parameters: tuple[Parameter, ...]
     reference: Array
     triangle: Array
     seen: Array
+    geometry: Mapping[str, float]
+    against: tuple[str, ...] = ()
 
     @classmethod
     def of_json(cls, stated: Mapping[str, Any]) -> ShotSummary:
@@ -92,6 +101,8 @@ class ShotSummary(ReadOnlyArrays):
                 for one in stated["parameters"]
             ]
             arrays = [np.array(stated[key], dtype=np.float64) for key in ("reference", "R", "y")]
+            geometry = {str(name): float(value) for name, value in stated["geometry"].items()}
+            against = tuple(str(one) for one in stated["against"])
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise ValueError(f"{type(error).__name__}: {error}") from error
         n, names = len(listed), [one.name for one in listed]
@@ -103,7 +114,7 @@ class ShotSummary(ReadOnlyArrays):
             raise ValueError(f"parameters {', '.join(names)}: the first must be {LN_MASS}, and each once")
         if any(not (math.isfinite(u) and u >= 0) for one in listed for _, u in one.influences):
             raise ValueError("a standard uncertainty that is negative or not finite")
-        return cls(tuple(listed), *arrays)
+        return cls(tuple(listed), arrays[0], arrays[1], arrays[2], geometry, against)
 
     def to_json(self, *, cutoff_hz: float | None, zero_shift: bool) -> dict[str, Any]:
         """Return it as the report has it."""
@@ -116,6 +127,8 @@ class ShotSummary(ReadOnlyArrays):
             "reference": self.reference.tolist(),
             "R": self.triangle.tolist(),
             "y": self.seen.tolist(),
+            "geometry": dict(self.geometry),
+            "against": list(self.against),
             # relative standard uncertainty of the mass that no column holds: there is nothing without one
             "own_u_rel": 0.0,
             "cutoff_hz": cutoff_hz,
@@ -123,8 +136,8 @@ class ShotSummary(ReadOnlyArrays):
         }
 
 
-def shot_summary(calibration: Calibration, rig: Rig) -> ShotSummary:
-    """Summarise a shot."""
+def shot_summary(calibration: Calibration, rig: Rig, against: tuple[str, ...] = ()) -> ShotSummary:
+    """Summarise a shot; `against` is what speaks against it."""
     inferred, regression = calibration.inferred, calibration.block.regression
     friction_n, u_release_m_s = rig.mechanism.friction, regression.u_release_n_s / calibration.m0_kg
     gauges = zip(motion.GAUGES, PRESSURE_ROLES, AREAS, strict=True)
@@ -163,6 +176,8 @@ def shot_summary(calibration: Calibration, rig: Rig) -> ShotSummary:
         reference=reference,
         triangle=triangle * units,
         seen=seen,
+        geometry={symbol: getattr(rig.mechanism, symbol) for symbol in Mechanism.symbols() if symbol not in OF_A_SHOT},
+        against=against,
     )
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.shot import QualityCheck, Shot
 from recoil_identification.calibration import CRITICAL_VALUE, Calibration
 from recoil_identification.causes import SKEW
 from recoil_identification.mass import ACCELERATION, RANDOM, MassEstimate
@@ -29,6 +29,8 @@ ROUNDING = 1e-6
 """Difference of two that are one and the same."""
 FAR = 3.0
 """Factor on how far, in its standard uncertainties, something would have to be off, beyond which another is taken."""
+FILTERED_NOISE = "filtered noise"
+"""Check of a channel that its noise behind the low-pass is small beside the shot."""
 LARGEST_ROUTE_GAP = 3.0
 """Combined standard uncertainties by which the two routes to the acceleration may differ."""
 
@@ -108,7 +110,7 @@ def reasons_against_record(
         Channels that the mass does not hang on.
     """
     failed = [c for c in shot.quality if c.verdict == "fail" and c.check != "alignment" and c.channel not in unused]
-    reasons = [f"quality: {c.channel}: {c.detail}" for c in failed]
+    reasons = [_of_quality(c) for c in failed]
     reasons += doubts_of(rig)
     doubtful = [a for a in shot.alignments if a.status != "ok"]
     reasons += [f"clock {a.clock}: alignment {a.status}: {'; '.join(a.reasons)}" for a in doubtful]
@@ -129,6 +131,26 @@ def reasons_against_record(
             f"only {100 * trace.share:.0f} % of the interval could be identified (limit {100 * LEAST_SHARE:.0f} %)"
         )
     return reasons
+
+
+def against_this_shot(reasons: Sequence[str], shot: Shot, rig: Rig, calibration: Calibration) -> tuple[str, ...]:
+    """Return the reasons for which the shot is left out of a campaign.
+
+    By how much sensors are off many shots tell better than one, and a rig file is doubted for all of them. A carriage
+    sensor that is noisy in a weak shot has its part in the budget.
+    """
+    carriage = {spec.name for role in CARRIAGE_ROLES for spec in rig.with_role(role)}
+    noisy = [
+        _of_quality(c)
+        for c in shot.quality
+        if c.verdict == "fail" and c.check == FILTERED_NOISE and c.channel in carriage
+    ]
+    judged_together = (*doubts_of(rig), *noisy, *doubted_sensors(calibration))
+    return tuple(reason for reason in reasons if reason not in judged_together)
+
+
+def _of_quality(check: QualityCheck) -> str:
+    return f"quality: {check.channel}: {check.detail}"
 
 
 def doubts_of(rig: Rig) -> list[str]:

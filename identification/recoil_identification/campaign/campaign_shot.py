@@ -29,8 +29,6 @@ class CampaignShot:
         None where its report has none.
     cutoff_hz
         Of the rows that the summary stands for; None where these have passed no low-pass.
-    against
-        What speaks against its mass, beside what a campaign judges by itself.
     excluded
         What the shot log says against its use; empty if nothing.
     """
@@ -45,7 +43,6 @@ class CampaignShot:
     configuration: str = ""
     added_mass_kg: float = 0.0
     u_added_mass_kg: float = 0.0
-    against: tuple[str, ...] = ()
     excluded: str = ""
 
     @classmethod
@@ -70,7 +67,6 @@ class CampaignShot:
                 configuration=str(log.get("configuration", "")),
                 added_mass_kg=float(log.get("added_mass_kg", 0.0)),
                 u_added_mass_kg=float(log.get("u_added_mass_kg", 0.0)),
-                against=tuple(str(one) for one in (stated or {}).get("against", ())),
                 excluded=str(log.get("exclude", "")),
             )
         except (KeyError, TypeError, AttributeError) as error:
@@ -86,7 +82,12 @@ class CampaignShot:
             return f"excluded in the shot log: {self.excluded}"
         if self.summary is None:
             return "its report has no summary for campaigns"
-        return "; ".join(self.against)
+        return "; ".join(self.summary.against)
+
+    @property
+    def geometry(self) -> Mapping[str, float]:
+        """Values of the mechanism with which it was found; empty without a summary."""
+        return {} if self.summary is None else self.summary.geometry
 
 
 def in_order(shots: Sequence[CampaignShot]) -> tuple[CampaignShot, ...]:

@@ -198,7 +198,7 @@ class JointRows(ReadOnlyArrays):
     def whitened(self, scatter: Scatter) -> WhiteRows:
         """Divide the rows of each shot by the factor of their covariance."""
         variances = np.array([scatter.variance(name) for name in self.parameters])
-        n, k = self.seen.shape
+        k = len(self.parameters)
         covariance = np.eye(k) + (self.triangle * variances) @ self.triangle.transpose(0, 2, 1)
         factors = np.linalg.cholesky(covariance)
         rows = np.linalg.solve(factors, np.concatenate([self.triangle, self.seen[:, :, np.newaxis]], axis=2))

@@ -1,0 +1,345 @@
+"""Many shots of a rig as one answer."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from recoil_acquisition.errors import IdentificationError
+from recoil_identification.budget import COVERAGE_FACTOR
+from recoil_identification.calibration import CRITICAL_VALUE
+from recoil_identification.campaign.campaign_shot import CampaignShot, in_order
+from recoil_identification.campaign.changes import (
+    ADDED,
+    STEP,
+    Change,
+    joint_fit_with_changes,
+    normalised_residuals,
+)
+from recoil_identification.campaign.influence import Influence
+from recoil_identification.campaign.joint_fit import JointFit
+from recoil_identification.campaign.joint_rows import JointRows
+from recoil_identification.campaign.mechanisms import mechanisms_of
+from recoil_identification.shot_summary import LN_MASS
+
+Array = NDArray[np.float64]
+
+LEAST_SHOTS = 2
+LEAST_PROBABILITY = 1e-4
+"""Of a misfit as large as what is left of all shots, below which something is wrong that no column explains."""
+LEAST_SINGULAR = 1e-9
+"""Of a shot's rows over the largest, below which they say nothing in a direction."""
+
+
+@dataclass(frozen=True)
+class Estimated:
+    """A mass and its standard uncertainty."""
+
+    mass_kg: float
+    u_kg: float
+
+    @property
+    def interval_kg(self) -> tuple[float, float]:
+        """The 95 % interval."""
+        half = COVERAGE_FACTOR * self.u_kg
+        return self.mass_kg - half, self.mass_kg + half
+
+
+@dataclass(frozen=True)
+class Learnt:
+    """What a campaign says of an influence that its shots share.
+
+    Attributes
+    ----------
+    value, u
+        By how much it is off, in the influence's unit, and the standard uncertainty that is left of it.
+    normalised_residual
+        By how much that contradicts what was known before.
+    """
+
+    influence: Influence
+    value: float
+    u: float
+    normalised_residual: float
+
+
+@dataclass(frozen=True)
+class Used:
+    """A shot of the campaign.
+
+    Attributes
+    ----------
+    excluded
+        Why it was set aside; None if it was used.
+    own_u_kg
+        Standard uncertainty of its mass if all that the shots share were known; None if it was set aside.
+    joint_kg
+        What the campaign says of its mass, with what was added; None if it was set aside.
+    normalised_residual
+        How far its mass lies from what all others say, over the standard deviation of that; likewise.
+    """
+
+    shot: CampaignShot
+    excluded: str | None
+    own_u_kg: float | None = None
+    joint_kg: float | None = None
+    normalised_residual: float | None = None
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """Configurations that are one mechanism, whatever was weighed and added to it.
+
+    Attributes
+    ----------
+    name
+        Of its first configuration.
+    mass
+        Without what was added.
+    difference
+        From the campaign's first mechanism; None for that one.
+    """
+
+    name: str
+    shots: tuple[str, ...]
+    mass: Estimated
+    difference: Estimated | None
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """What all shots say together.
+
+    Attributes
+    ----------
+    shots
+        In the order in which they were fired.
+    mechanisms
+        The one that was fired first comes first; the others have other parts.
+    common
+        What was learnt of each influence that the shots share.
+    gain_scatter, friction_scatter
+        Mean and 95 % bounds of the standard deviations by which gains and friction do not repeat, relative.
+    changes
+        That nobody declared, the likeliest first.
+    cutoff_hz
+        Of all shots' rows; None where they have passed no low-pass.
+    reasons
+        Why the mass is not valid.
+    notes
+        What a reader should know although it does not make the mass invalid.
+    fit
+        All else.
+    """
+
+    rig: str
+    shots: tuple[Used, ...]
+    mechanisms: tuple[Mechanism, ...]
+    common: tuple[Learnt, ...]
+    gain_scatter: tuple[float, float, float]
+    friction_scatter: tuple[float, float, float]
+    changes: tuple[Change, ...]
+    cutoff_hz: float | None
+    reasons: tuple[str, ...]
+    notes: tuple[str, ...]
+    fit: JointFit
+
+    @property
+    def mass(self) -> Estimated:
+        """Of the mechanism that was fired first, without what was added to it."""
+        return self.mechanisms[0].mass
+
+    @property
+    def u_between_shots_kg(self) -> float:
+        """Standard deviation from shot to shot that is expected of the masses, root mean square."""
+        own = [shot.own_u_kg for shot in self.shots if shot.own_u_kg is not None]
+        return math.sqrt(math.fsum(u**2 for u in own) / len(own))
+
+    @property
+    def valid(self) -> bool:
+        """Whether nothing speaks against the mass."""
+        return not self.reasons
+
+    def __str__(self) -> str:
+        used = sum(shot.excluded is None for shot in self.shots)
+        verdict = "valid" if self.valid else "not valid: " + "; ".join(self.reasons)
+        return (
+            f"{self.mass.mass_kg:.2f} kg, u {self.mass.u_kg:.2f} kg, from {used} of {len(self.shots)} shots, {verdict}"
+        )
+
+
+def combine(shots: Sequence[CampaignShot]) -> Campaign:
+    """Estimate the mass of a campaign's mechanism from all its shots.
+
+    Parameters
+    ----------
+    shots
+        In any order, of one rig, their rows filtered alike.
+
+    Raises
+    ------
+    IdentificationError
+        If there are fewer than two shots that can be used, two of one name, or shots of several rigs, geometries or
+        cut-offs.
+    """
+    ordered = in_order(shots)
+    used = [shot for shot in ordered if not shot.set_aside]
+    _refuse_mixed(ordered, used)
+    rows = JointRows.of(used, mechanisms_of(used))
+    fit, changes = joint_fit_with_changes(rows)
+    common = tuple(
+        Learnt(
+            one,
+            fit.value(one.identity) * one.u,
+            fit.u(one.identity) * one.u,
+            fit.likeliest.estimate.normalised_residual(one.identity),
+        )
+        for one in rows.influences
+    )
+    reasons = [*_reasons_of(changes), *_contradictions(common), *_unexplained(fit)]
+    return Campaign(
+        rig=ordered[0].rig,
+        shots=_used(ordered, fit),
+        mechanisms=_mechanisms(fit),
+        common=common,
+        gain_scatter=fit.scatter("gain_rel"),
+        friction_scatter=fit.scatter("friction_rel"),
+        changes=changes,
+        cutoff_hz=used[0].cutoff_hz,
+        reasons=tuple(reasons),
+        notes=tuple(_notes(used, rows)),
+        fit=fit,
+    )
+
+
+def _refuse_mixed(ordered: Sequence[CampaignShot], used: Sequence[CampaignShot]) -> None:
+    names = [shot.name for shot in ordered]
+    for shot in ordered:
+        if names.count(shot.name) > 1:
+            raise IdentificationError(
+                "two reports of one shot", found=f"shot {shot.name} twice", remedy="leave one of them out"
+            )
+    if len({shot.rig for shot in ordered}) > 1:
+        rigs = {shot.rig: shot.name for shot in reversed(ordered)}
+        raise IdentificationError(
+            "a campaign is of one rig",
+            expected="shots of one rig",
+            found=", ".join(f"{rig} (shot {name} first)" for rig, name in sorted(rigs.items())),
+            remedy="combine the shots of each rig by themselves",
+        )
+    if len(used) < LEAST_SHOTS:
+        aside = "; ".join(f"{shot.name}: {shot.set_aside}" for shot in ordered if shot.set_aside)
+        raise IdentificationError(
+            "a campaign needs at least two shots that can be used",
+            expected=f"{LEAST_SHOTS} or more",
+            found=f"{len(used)} of {len(ordered)}" + (f" ({aside})" if aside else ""),
+            remedy="add shots, or take the single shot's report",
+        )
+    first = used[0]
+    for shot in used[1:]:
+        if different := [
+            f"{key} {first.geometry.get(key)} and {value}"
+            for key, value in shot.geometry.items()
+            if first.geometry.get(key) != value
+        ]:
+            raise IdentificationError(
+                "a campaign is of one geometry",
+                expected=f"that of shot {first.name}",
+                found=f"shot {shot.name} with {', '.join(different)}",
+                remedy="identify all shots with one rig file (identify --rig), or combine them by themselves",
+            )
+        if shot.cutoff_hz != first.cutoff_hz:
+            raise IdentificationError(
+                "the shots of a campaign are filtered alike",
+                expected=f"the cut-off of shot {first.name}, {first.cutoff_hz} Hz",
+                found=f"{shot.cutoff_hz} Hz of shot {shot.name}",
+                remedy="identify all shots with one --cutoff-hz",
+            )
+
+
+def _used(ordered: Sequence[CampaignShot], fit: JointFit) -> tuple[Used, ...]:
+    white, at = fit.likeliest.rows, fit.rows.parameters.index(LN_MASS)
+    values = dict(zip(white.unknowns, fit.likeliest.estimate.values.tolist(), strict=True))
+    masses_kg = np.exp(fit.rows.modelled(values)[0][:, at])
+    own_u_kg = masses_kg / np.linalg.norm(white.triangle[:, :, at], axis=1)
+    found = {
+        shot.name: Used(shot, None, own, joint, w)
+        for shot, own, joint, w in zip(
+            fit.rows.shots, own_u_kg.tolist(), masses_kg.tolist(), normalised_residuals(fit).tolist(), strict=True
+        )
+    }
+    return tuple(found.get(shot.name) or Used(shot, shot.set_aside) for shot in ordered)
+
+
+def _mechanisms(fit: JointFit) -> tuple[Mechanism, ...]:
+    rows = fit.rows
+    return tuple(
+        Mechanism(
+            name,
+            tuple(shot.name for shot, of in zip(rows.shots, rows.mechanism.tolist(), strict=True) if of == number),
+            Estimated(*fit.mass_kg(name)),
+            None if number == 0 else Estimated(*fit.difference_kg(name, rows.mechanisms[0])),
+        )
+        for number, name in enumerate(rows.mechanisms)
+    )
+
+
+def _reasons_of(changes: Sequence[Change]) -> list[str]:
+    """Say why no one mass describes shots among which it changed, or of which the shot log is wrong."""
+    steps = [
+        f"{change}: one mass does not describe all shots; if a part was exchanged, state it in the shot log's column "
+        "configuration"
+        for change in changes
+        if change.kind == STEP
+    ]
+    added = [f"{change}: check the shot log" for change in changes if change.kind == ADDED]
+    return [*steps, *added]
+
+
+def _contradictions(common: Sequence[Learnt]) -> list[str]:
+    """Name what was known beforehand that the shots together contradict."""
+    beyond = [one for one in common if abs(one.normalised_residual) > CRITICAL_VALUE]
+    beyond.sort(key=lambda one: -abs(one.normalised_residual))
+    return [
+        f"{one.influence.label} contradicts the other sensors: it is off by {one.value / one.influence.u:+.1f} of its "
+        f"standard uncertainties if they are right (normalised residual {abs(one.normalised_residual):.1f}, limit "
+        f"{CRITICAL_VALUE:g})"
+        for one in beyond
+    ]
+
+
+def _unexplained(fit: JointFit) -> list[str]:
+    """Say that the shots do not agree, if what is left of them is no chance."""
+    best = fit.likeliest
+    sizes = np.linalg.svd(best.rows.triangle, compute_uv=False)
+    told = int(np.count_nonzero(sizes > LEAST_SINGULAR * sizes.max()))
+    freedom = told + len(best.estimate.sources) - len(best.estimate.unknowns)
+    probability = float(chi2.sf(best.estimate.misfit, freedom))
+    if probability >= LEAST_PROBABILITY:
+        return []
+    size = f"a misfit of {best.estimate.misfit:.0f} with {freedom} degrees of freedom"
+    chance = f"has a probability of {probability:.1g} (limit {LEAST_PROBABILITY:g})"
+    remedy = "check the shot log's masses, and the shots whose normalised residual is largest"
+    return [f"the shots do not agree: {size} {chance}: {remedy}"]
+
+
+def _notes(used: Sequence[CampaignShot], rows: JointRows) -> list[str]:
+    notes = []
+    if all(shot.added_mass_kg > 0 for shot in used):
+        notes.append("every shot carries an added mass: the mass is what is left of it, nothing was fired without")
+    if len(rows.mechanisms) > 1:
+        notes.append(
+            f"the configurations {', '.join(rows.mechanisms)} were fired with the same mass added, so that their names "
+            "can only mean other parts: each has a mass of its own, and the campaign's mass is that of the first"
+        )
+    notes += [
+        f"the added mass of {mass_kg:g} kg is taken as exact: the shot log has no u_added_mass_kg"
+        for mass_kg, u in rows.weights
+        if u == 0
+    ]
+    return notes

@@ -1,0 +1,136 @@
+"""The machine-readable answer of a campaign: ``campaign.json`` and ``campaign.csv``."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from recoil_identification.campaign.campaign import Campaign, Estimated, Used
+from recoil_identification.report.document import to_json
+
+SCHEMA = "recoil-daq/campaign/1"
+CAMPAIGN_FILE = "campaign.json"
+TABLE_FILE = "campaign.csv"
+
+
+def campaign_document(
+    campaign: Campaign, *, version: str, inputs: Sequence[Mapping[str, Any]], parameters: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Build the answer of a campaign, JSON types only.
+
+    Parameters
+    ----------
+    version
+        Of the package.
+    inputs
+        File and digest of each report, and of the shot log.
+    parameters
+        With which the shots were identified.
+    """
+    mass = campaign.mass
+    document = {
+        "schema": SCHEMA,
+        "rig": campaign.rig,
+        "mass": {
+            **_mass(mass),
+            "unit": "kg",
+            "u_between_shots": campaign.u_between_shots_kg,
+            "configuration": campaign.mechanisms[0].name,
+        },
+        "configurations": [
+            {
+                "name": one.name,
+                "shots": list(one.shots),
+                "mass": _mass(one.mass),
+                "difference": None if one.difference is None else _mass(one.difference),
+            }
+            for one in campaign.mechanisms
+        ],
+        "shots": [_shot(one) for one in campaign.shots],
+        "common": [
+            {
+                "influence": one.influence.label,
+                "identity": one.influence.identity,
+                "prior_u": one.influence.u,
+                "value": one.value,
+                "u": one.u,
+                "unit": one.influence.unit,
+                "normalised_residual": one.normalised_residual,
+            }
+            for one in campaign.common
+        ],
+        "repeatability": {
+            "gain_rel": _scatter(campaign.gain_scatter),
+            "friction_rel": _scatter(campaign.friction_scatter),
+        },
+        "signals": [
+            {
+                "kind": change.kind,
+                "influence": change.influence,
+                "shots": list(change.shots),
+                "size": change.size,
+                "u": change.u,
+                "unit": change.unit,
+                "normalised_residual": change.normalised_residual,
+                "detail": str(change),
+            }
+            for change in campaign.changes
+        ],
+        "valid": campaign.valid,
+        "reasons": list(campaign.reasons),
+        "notes": list(campaign.notes),
+        "provenance": {
+            "version": version,
+            "inputs": [dict(one) for one in inputs],
+            "parameters": {**parameters, "cutoff_hz": campaign.cutoff_hz},
+        },
+    }
+    return dict(to_json(document))
+
+
+def campaign_table(document: Mapping[str, Any]) -> str:
+    """Return the shots of a campaign as text that spreadsheets read, one row a shot."""
+    text = io.StringIO()
+    columns = ("shot", "started", "configuration", "added_mass_kg", "mass_kg", "u_kg", "joint_mass_kg", "own_u_kg")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow((*columns, "normalised_residual", "excluded"))
+    for shot in document["shots"]:
+        cells = [shot[name] for name in columns[:4]] + [shot["mass"]["value"], shot["mass"]["u"]]
+        cells += [shot[name] for name in (*columns[6:], "normalised_residual", "excluded")]
+        writer.writerow(["" if cell is None else cell for cell in cells])
+    return text.getvalue()
+
+
+def write_campaign(folder: Path, document: Mapping[str, Any]) -> None:
+    """Write ``campaign.json`` and ``campaign.csv`` into a folder."""
+    (folder / CAMPAIGN_FILE).write_text(json.dumps(document, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    (folder / TABLE_FILE).write_text(campaign_table(document), encoding="utf-8")
+
+
+def _mass(mass: Estimated) -> dict[str, Any]:
+    return {"value": mass.mass_kg, "u": mass.u_kg, "U95": list(mass.interval_kg)}
+
+
+def _scatter(scatter: tuple[float, float, float]) -> dict[str, Any]:
+    mean, low, high = scatter
+    return {"value": mean, "U95": [low, high]}
+
+
+def _shot(used: Used) -> dict[str, Any]:
+    shot = used.shot
+    return {
+        "shot": shot.name,
+        "started": shot.started,
+        "configuration": shot.configuration,
+        "added_mass_kg": shot.added_mass_kg,
+        "u_added_mass_kg": shot.u_added_mass_kg,
+        "mass": {"value": shot.mass_kg, "u": shot.u_kg},
+        "joint_mass_kg": used.joint_kg,
+        "own_u_kg": used.own_u_kg,
+        "excluded": used.excluded,
+        "normalised_residual": used.normalised_residual,
+    }
