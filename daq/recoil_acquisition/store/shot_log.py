@@ -1,0 +1,393 @@
+"""The shot log: a row for each shot of a folder, by the program and by people in any spreadsheet.
+
+``shotlog.csv`` stands beside the shot files. `recoil_acquisition.store.spreadsheet` keeps the file as it was written;
+here are the columns that have a meaning, and whose row is whose.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+import re
+import shutil
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from difflib import SequenceMatcher
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from recoil_acquisition.errors import StoreError
+from recoil_acquisition.new_file import give_name, partial_path
+from recoil_acquisition.regular_file import read_small
+from recoil_acquisition.shot_name import shot_name_fault
+from recoil_acquisition.store.spreadsheet import LARGEST_BYTES, Line, Spreadsheet
+
+SHOT_LOG = "shotlog.csv"
+COLUMNS = (
+    "shot", "time", "configuration", "added_mass_kg", "u_added_mass_kg", "charge", "charge_temperature_c",
+    "elevation_deg", "exclude", "notes",
+)  # fmt: skip
+NUMBERS = ("added_mass_kg", "u_added_mass_kg", "charge_temperature_c", "elevation_deg")
+"""Columns that hold a number or nothing."""
+
+_DECIDING = (*NUMBERS, "configuration", "exclude")
+_LEAST_LIKENESS = 0.85
+"""Likeness from which on a column is taken for one that decides and is misspelt: the value in it would not count."""
+
+_NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}([.,])\d{3}", re.ASCII)
+"""May be a thousand and more, or a number with three decimals."""
+_USUAL_MARK = {",": ".", ";": ",", "\t": ""}
+"""Decimal mark of the locales whose spreadsheets write this separator; tabs are written everywhere."""
+
+
+@dataclass(frozen=True)
+class ShotLogRow:
+    """A shot's row.
+
+    Attributes
+    ----------
+    shot
+        The shot's name, also where a spreadsheet took the zeros before it away.
+    time
+        When it was, as it stands in the log.
+    configuration
+        How the mechanism was built for it.
+    added_mass_kg, u_added_mass_kg
+        Mass that was added to the recoiling part, negative if some was taken off, and its standard uncertainty.
+    charge_temperature_c, elevation_deg
+        None where the log has none.
+    exclude
+        Why the shot is left out where shots are combined; empty if it is not.
+    own
+        Cells of a rig's own columns, those that are not empty.
+    u_added_mass_stated
+        Whether the log has an uncertainty of the added mass, be it 0.
+    """
+
+    shot: str
+    time: str = ""
+    configuration: str = ""
+    added_mass_kg: float = 0.0
+    u_added_mass_kg: float = 0.0
+    charge: str = ""
+    charge_temperature_c: float | None = None
+    elevation_deg: float | None = None
+    exclude: str = ""
+    notes: str = ""
+    own: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    u_added_mass_stated: bool = False
+
+    @property
+    def added_mass_is_exact(self) -> bool:
+        """Whether the added mass is taken as exact because nothing states its uncertainty."""
+        return self.added_mass_kg != 0.0 and self.u_added_mass_kg == 0.0 and not self.u_added_mass_stated
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the cells that are not empty, by column: numbers where a column holds numbers, else texts."""
+        cells = {name: getattr(self, name) for name in COLUMNS}
+        stated = self.u_added_mass_stated or self.u_added_mass_kg != 0.0
+        empty = {name for name, value in cells.items() if value in ("", None)}
+        empty |= {"added_mass_kg"} if self.added_mass_kg == 0.0 and not stated else set()
+        empty |= set() if stated else {"u_added_mass_kg"}
+        return {name: value for name, value in cells.items() if name not in empty} | dict(self.own)
+
+
+@dataclass(frozen=True, repr=False)
+class ShotLog:
+    """The shot log of a folder; a log that is changed is another one until it is written.
+
+    Attributes
+    ----------
+    rows
+        In the order of the file.
+    sha256
+        Of the file as it was read; None if there is none.
+    shots
+        Names of the shots that a row can be of.
+    sheet
+        The file as it stands.
+    """
+
+    path: Path
+    rows: tuple[ShotLogRow, ...]
+    sha256: str | None
+    shots: frozenset[str]
+    sheet: Spreadsheet
+
+    @classmethod
+    def read(cls, path: str | Path, shots: Iterable[str] | None = None) -> ShotLog:
+        """Read a log; where there is no file it has no rows.
+
+        Parameters
+        ----------
+        shots
+            Names of the shots that a row can be of; those with a shot file beside the log if left out. A row ``1`` is
+            that of the shot ``0001`` if no other of them is meant by it.
+
+        Raises
+        ------
+        ReadError
+            If the file cannot be read, has no column ``shot``, two rows of one shot, or a number that is none; with
+            line and column.
+        """
+        path = Path(path)
+        names = shots_beside(path) if shots is None else frozenset(shots)
+        if not os.path.lexists(path):
+            return cls._of(Spreadsheet.of(f"{','.join(COLUMNS)}\n".encode(), path, "shot"), None, names)
+        content = read_small(path, LARGEST_BYTES, "a shot log")
+        return cls._of(Spreadsheet.of(content, path, "shot"), hashlib.sha256(content).hexdigest(), names)
+
+    @classmethod
+    def beside(cls, shot_file: str | Path) -> ShotLog:
+        """Read the log in the folder of a shot file; errors as of `read`."""
+        return cls.read(Path(shot_file).parent / SHOT_LOG)
+
+    @classmethod
+    def _of(cls, sheet: Spreadsheet, sha256: str | None, shots: frozenset[str]) -> ShotLog:
+        rows = tuple(_rows(sheet, shots))
+        lines: dict[str, int] = {}
+        for row, line in zip(rows, sheet.lines, strict=True):
+            if row.shot in lines:
+                raise sheet.fault(
+                    f"a second row of shot {row.shot}", line, _columns(sheet).index("shot"),
+                    expected=f"one, as in line {lines[row.shot]}", remedy="take one of them away",
+                )  # fmt: skip
+            lines[row.shot] = line.number
+        return cls(sheet.path, rows, sha256, shots, sheet)
+
+    def __repr__(self) -> str:
+        return f"ShotLog({len(self.rows)} rows, {self.path})"
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns that have one."""
+        return tuple(name for name in _columns(self.sheet) if name)
+
+    def row(self, shot: str) -> ShotLogRow | None:
+        """Return the row of a shot; None if no row can be known for it."""
+        at = self._line(shot)
+        return None if at is None else replace(self.rows[at], shot=shot)
+
+    def without_shot(self, names: Iterable[str] | None = None) -> tuple[str, ...]:
+        """Return the shots of the rows that are of none of some shots, of those of the log if left out."""
+        known = self.shots if names is None else frozenset(names)
+        of_known = {self._line(name) for name in known}
+        return tuple(row.shot for at, row in enumerate(self.rows) if at not in of_known)
+
+    def with_row(self, row: ShotLogRow) -> ShotLog:
+        """Add a row; nothing above it changes, unless the log has not all of its columns.
+
+        Raises
+        ------
+        ValueError
+            If the shot has a row.
+        ReadError, StoreError
+            If the row is none that could be read again.
+        """
+        if self._line(row.shot) is not None:
+            raise ValueError(f"shot {row.shot!r} has a row in {self.path}")
+        cells = {name: _text(value) for name, value in row.to_json().items()}
+        return self.with_cells(row.shot, {name: text for name, text in cells.items() if name != "shot"})
+
+    def with_cells(self, shot: str, cells: Mapping[str, str]) -> ShotLog:
+        """Set cells of a shot's row, which is added if there is none.
+
+        Parameters
+        ----------
+        cells
+            Texts by column. One that the log does not have is added behind all others. A number is written with the
+            decimal mark that the log has.
+
+        Raises
+        ------
+        ValueError
+            If the name of the shot, or of a column, cannot be written into a log.
+        ReadError, StoreError
+            If a number is none, or a column's name is nearly that of one with a meaning.
+        """
+        if fault := shot_name_fault(shot):
+            raise ValueError(f"the shot's name {shot!r} {fault}")
+        sheet = self.sheet
+        for name in cells:
+            if name == "shot" or not name or not name.isprintable() or name != name.strip():
+                raise ValueError(f"{name!r} is no column whose cell can be set")
+            if "\0" in cells[name]:
+                raise ValueError(f"a zero byte in {name}")
+            if name not in _columns(sheet):
+                sheet = sheet.with_column(name)
+        columns, mark = _columns(sheet), _decimal_mark(sheet)
+        texts = {
+            columns.index(name): self._number_written(shot, name, text.strip(), mark) if name in NUMBERS else text
+            for name, text in cells.items()
+        }
+        at = self._line(shot)
+        if at is None:
+            texts[columns.index("shot")] = shot
+            sheet = sheet.with_line([texts.get(column, "") for column in range(len(columns))])
+        else:
+            sheet = sheet.with_cells(at, texts)
+        return ShotLog._of(sheet, self.sha256, self.shots | {shot})
+
+    def write(self) -> ShotLog:
+        """Write the log in one step, and return it as it is then; a file that is as it should be is left alone.
+
+        Raises
+        ------
+        StoreError
+            If it cannot be written, or somebody else wrote the file since it was read. It is as it was then.
+        """
+        content = self.sheet.content()
+        sha256 = hashlib.sha256(content).hexdigest()
+        if sha256 == self.sha256:
+            return self
+        # a link stays one: what it names is written
+        target = Path(os.path.realpath(self.path))
+        temporary = partial_path(target)
+        try:
+            with temporary.open("xb") as stream:
+                stream.write(content)
+                stream.flush()
+                os.fsync(stream.fileno())
+            if self.sha256 is not None:
+                shutil.copymode(target, temporary)
+                if hashlib.sha256(target.read_bytes()).hexdigest() != self.sha256:
+                    raise self._written_by_others()
+            give_name(temporary, target, overwrite=self.sha256 is not None)
+        except FileExistsError as error:
+            raise self._written_by_others() from error
+        except OSError as error:
+            if isinstance(error, FileNotFoundError) and self.sha256 is not None:
+                raise self._written_by_others() from error
+            raise StoreError(
+                f"cannot be written: {error.strerror or error}", path=self.path,
+                remedy="close it in other programs, or give permission there",
+            ) from error  # fmt: skip
+        finally:
+            with suppress(OSError):
+                temporary.unlink(missing_ok=True)
+        return replace(self, sha256=sha256)
+
+    def _written_by_others(self) -> StoreError:
+        return StoreError("changed since it was read", path=self.path, remedy="run the command again")
+
+    def _line(self, shot: str) -> int | None:
+        """Return which row is a shot's."""
+        named = {row.shot: at for at, row in enumerate(self.rows)}
+        if shot in named:
+            return named[shot]
+        if shot in self.shots:
+            return None
+        # a shot without a file in this folder
+        bare = shot.lstrip("0") or "0"
+        return named.get(bare) if _meant(bare, _numbered(self.shots | {shot}), self.shots) == shot else None
+
+    def _number_written(self, shot: str, column: str, text: str, mark: str) -> str:
+        """Write a number that a program or a command line gives, with a point or a comma."""
+        if not text:
+            return text
+        value = _value(text)
+        if value is None or (column.startswith("u_") and value < 0.0):
+            raise StoreError(
+                "no number" if value is None else "a standard uncertainty is not negative", path=self.path,
+                place=f"shot {shot}, column {column}", expected="a number, or nothing", found=repr(text),
+            )  # fmt: skip
+        written = text.replace(",", mark or ".").replace(".", mark or ".")
+        # without a mark that is known, three decimals could be thousands
+        return f"{written}0" if not mark and _GROUPED.fullmatch(written) else written
+
+
+def shots_beside(path: Path) -> frozenset[str]:
+    """Return the names of the shots whose files stand beside a log, by the names of their files."""
+    return frozenset(file.stem for file in path.parent.glob("*.h5") if shot_name_fault(file.stem) is None)
+
+
+def _columns(sheet: Spreadsheet) -> list[str]:
+    """Return the names of the columns; those with a meaning are known whatever the case."""
+    return [name.casefold() if name.casefold() in COLUMNS else name for name in sheet.names()]
+
+
+def _check_columns(sheet: Spreadsheet) -> None:
+    columns = _columns(sheet)
+    for at, name in enumerate(columns):
+        if name and name in columns[:at]:
+            raise sheet.fault("a second column of this name", sheet.header, at, remedy="give it another name")
+        if not name or name in COLUMNS:
+            continue
+        for known in _DECIDING:
+            likeness = SequenceMatcher(None, _letters(name), _letters(known)).ratio()
+            if known not in columns and likeness >= _LEAST_LIKENESS:
+                raise sheet.fault(
+                    f"is this column `{known}`?", sheet.header, at, expected=repr(known), found=repr(name),
+                    remedy=f"name it so, or add a column `{known}` beside it",
+                )  # fmt: skip
+
+
+def _letters(name: str) -> str:
+    return re.sub(r"[\W_]", "", name[:80].casefold())
+
+
+def _rows(sheet: Spreadsheet, shots: frozenset[str]) -> Iterable[ShotLogRow]:
+    _check_columns(sheet)
+    columns, mark, numbered = _columns(sheet), _decimal_mark(sheet), _numbered(shots)
+    for line in sheet.lines:
+        texts = {name: cell.text for name, cell in zip(columns, line.cells, strict=False) if name and cell.text}
+        if "shot" not in texts:
+            raise sheet.fault("names no shot", line, columns.index("shot"), remedy="name it, or empty the whole row")
+        numbers = {name: _number(sheet, line, columns, name, texts[name], mark) for name in NUMBERS if name in texts}
+        known: dict[str, Any] = {name: texts[name] for name in COLUMNS if name in texts} | numbers
+        known["shot"] = _meant(texts["shot"], numbered, shots)
+        own = {name: text for name, text in texts.items() if name not in COLUMNS}
+        yield ShotLogRow(**known, own=MappingProxyType(own), u_added_mass_stated="u_added_mass_kg" in numbers)
+
+
+def _numbered(shots: Iterable[str]) -> Mapping[str, list[str]]:
+    """Return the shots whose names are numbers, by what a spreadsheet makes of these."""
+    found: dict[str, list[str]] = {}
+    for shot in shots:
+        if shot.isascii() and shot.isdecimal():
+            found.setdefault(shot.lstrip("0") or "0", []).append(shot)
+    return found
+
+
+def _meant(name: str, numbered: Mapping[str, list[str]], shots: frozenset[str]) -> str:
+    """Return the one shot whose name became this one in a spreadsheet; the name itself where none did, or several."""
+    meant = numbered.get(name, [])
+    return meant[0] if len(meant) == 1 and name not in shots else name
+
+
+def _decimal_mark(sheet: Spreadsheet) -> str:
+    """Return the decimal mark of a log: what its numbers show, else its separator; empty if neither does."""
+    places = [at for at, name in enumerate(_columns(sheet)) if name in NUMBERS]
+    texts = [line.cells[at].text for line in sheet.lines for at in places if at < len(line.cells)]
+    clear = [text for text in texts if _NUMBER.fullmatch(text) and not _GROUPED.fullmatch(text)]
+    shown = {mark for mark in ",." for text in clear if mark in text}
+    if shown:
+        return shown.pop() if len(shown) == 1 else ""
+    return _USUAL_MARK[sheet.separator]
+
+
+def _number(sheet: Spreadsheet, line: Line, columns: list[str], column: str, text: str, mark: str) -> float:
+    value, at = _value(text), columns.index(column)
+    if value is None:
+        raise sheet.fault("no number", line, at, expected="a number, or nothing", found=repr(text[:40]))
+    grouped = _GROUPED.fullmatch(text)
+    if grouped is not None and grouped.group(1) != mark:
+        remedy = "write it without its mark, or with another count of decimals"
+        raise sheet.fault("may be thousands or decimals", line, at, found=repr(text), remedy=remedy)
+    if column.startswith("u_") and value < 0.0:
+        raise sheet.fault("a standard uncertainty is not negative", line, at, found=repr(text))
+    return value
+
+
+def _value(text: str) -> float | None:
+    """Read a number with a decimal point or a decimal comma; None if it is none, or is not finite."""
+    value = float(text.replace(",", ".")) if _NUMBER.fullmatch(text) else math.inf
+    return value if math.isfinite(value) else None
+
+
+def _text(value: str | float) -> str:
+    return value if isinstance(value, str) else repr(float(value)).removesuffix(".0")
