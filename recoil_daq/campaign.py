@@ -1,81 +1,384 @@
-"""Several shots of one rig together: one cut-off for all of them, and whether they repeat."""
+"""Shot files, or their reports, to one answer."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+import hashlib
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from recoil_acquisition.shot import Verdict
-from recoil_acquisition.store import read_shot
+from recoil_acquisition.errors import ReadError
+from recoil_acquisition.regular_file import read_small
+from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog, ShotLogRow
+from recoil_daq import __version__
+from recoil_daq.identify import described, find_shot_files, identify_file
+from recoil_daq.printed import Printed
+from recoil_daq.report_folder import publish, refuse_existing, refuse_unwritable
+from recoil_daq.several_shots import shared_options
 from recoil_identification.analysis import Options
-from recoil_identification.default_method import default_method
-from recoil_identification.filter_choice import campaign_choice, force_spectra
-from recoil_identification.preparation import prepare
-from recoil_processing.quality.repeatability import ShotPeaks, check_repeat_peaks
-from recoil_processing.spectra.spectral_gap import ShotSpectrum
-from recoil_rigs.rig import parse_rig
+from recoil_identification.campaign.campaign import combine
+from recoil_identification.campaign.campaign_shot import CampaignShot
+from recoil_identification.report.campaign_document import (
+    CAMPAIGN_FILE,
+    SCHEMA,
+    TABLE_FILE,
+    campaign_document,
+    write_campaign,
+)
+from recoil_identification.report.document import REPORT_FILE
+from recoil_identification.report.document import SCHEMA as REPORT_SCHEMA
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Progress = Callable[[str], None]
 
-LEAST_SHOTS = 2
-"""One shot is no campaign."""
+LARGEST_REPORT = 64_000_000
+"""Bytes of a report.json, beyond which it is none."""
+REPORTS = "reports"
+"""Folder, beside a campaign's answer, of the reports that were made for it."""
 
 
-def shared_options(
-    paths: Sequence[Path], options: Options, *, progress: Progress = lambda _: None
-) -> Mapping[Path, Options]:
-    """Return the options of each shot file: with one cut-off for all shots of a rig, unless one is asked for.
+@dataclass(frozen=True, repr=False)
+class Combined(Printed):
+    """The answer of a campaign and where it was written.
 
-    A rig with one shot, or none with a spectrum, leaves each shot to find its own.
+    Attributes
+    ----------
+    document
+        The contents of ``campaign.json``.
+    folder
+        Holds ``campaign.json`` and ``campaign.csv``.
+    """
+
+    document: dict[str, Any]
+    folder: Path
+
+    @property
+    def mass_kg(self) -> float:
+        """Of the mechanism, without what was added to it."""
+        return float(self.document["mass"]["value"])
+
+    @property
+    def u_kg(self) -> float:
+        """Its standard uncertainty."""
+        return float(self.document["mass"]["u"])
+
+    @property
+    def interval_kg(self) -> tuple[float, float]:
+        """Its 95 % interval."""
+        low, high = self.document["mass"]["U95"]
+        return float(low), float(high)
+
+    @property
+    def valid(self) -> bool:
+        """Whether the mass is to be trusted."""
+        return bool(self.document["valid"])
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why it is not."""
+        return tuple(self.document["reasons"])
+
+    @property
+    def shots(self) -> pd.DataFrame:
+        """One row a shot, as ``campaign.csv``."""
+        import pandas as pd
+
+        return pd.read_csv(self.folder / TABLE_FILE, dtype={"shot": str, "configuration": str})
+
+    @property
+    def common(self) -> pd.DataFrame:
+        """One row for each influence that the shots share: what was known of it and what the campaign learnt."""
+        import pandas as pd
+
+        return pd.DataFrame(self.document["common"])
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the contents of ``campaign.json``."""
+        return self.document
+
+    def show(self) -> None:
+        """Print the mass, what changed, what was learnt of the sensors, and the shots."""
+        from recoil_daq.campaign_tables import print_campaign
+
+        print_campaign(self)
+
+    def __repr__(self) -> str:
+        verdict = "valid" if self.valid else "not valid"
+        return f"Combined({self.mass_kg:.2f} kg, u {self.u_kg:.2f} kg, {verdict} -> {self.folder})"
+
+
+@dataclass(frozen=True, eq=False)
+class _Report:
+    """A report that is there."""
+
+    path: Path
+    document: Mapping[str, Any]
+    sha256: str
+
+    @classmethod
+    def read(cls, path: Path) -> _Report:
+        content = read_small(path, LARGEST_REPORT, "a report")
+        try:
+            document = json.loads(content)
+            if document["schema"] != REPORT_SCHEMA:
+                raise ValueError(f"schema {document['schema']!r}")
+        except (ValueError, KeyError, TypeError, RecursionError) as error:
+            raise ReadError(
+                "this is no report of a shot", path=path, expected=f"schema {REPORT_SCHEMA}", found=str(error)
+            ) from error
+        return cls(path, document, hashlib.sha256(content).hexdigest())
+
+    @property
+    def cutoff_hz(self) -> float | None:
+        """Of the rows that its summary stands for."""
+        stated = self.document.get("campaign")
+        return stated.get("cutoff_hz") if isinstance(stated, dict) else None
+
+    def shot(self) -> CampaignShot:
+        """Return the shot as a campaign takes it.
+
+        Raises
+        ------
+        ReadError
+            If the report is damaged.
+        """
+        try:
+            return CampaignShot.of_report(self.document)
+        except ValueError as error:
+            raise ReadError(
+                "this report cannot be combined", path=self.path, found=str(error), remedy="identify the shot anew"
+            ) from error
+
+    def why_not(self, shot_file: Path | None, cutoff_hz: float | None) -> str:
+        """Say why it is not taken as it is; empty if it is.
+
+        Parameters
+        ----------
+        shot_file
+            That it must be of; None if that is not at hand.
+        cutoff_hz
+            That it must have been found with; None for any.
+        """
+        if shot_file is not None:
+            inputs = self.document.get("provenance", {}).get("inputs") or [{}]
+            if inputs[0].get("sha256") != described(shot_file).sha256:
+                return "is of another shot file"
+        if self.document.get("provenance", {}).get("version") != __version__:
+            return f"was made by another version than {__version__}"
+        if self.shot().summary is None:
+            return "has no summary for campaigns"
+        if cutoff_hz is not None and self.cutoff_hz not in (None, cutoff_hz):
+            return f"was found with a cut-off of {self.cutoff_hz:g} Hz, the campaign's is {cutoff_hz:g} Hz"
+        return ""
+
+
+@dataclass(frozen=True, eq=False)
+class _Source:
+    """A shot of a campaign: its file, its report, or both."""
+
+    shot_file: Path | None
+    report: _Report | None
+
+    @property
+    def place(self) -> Path:
+        """The file by which it is named to people."""
+        if self.shot_file is not None:
+            return self.shot_file
+        return Path() if self.report is None else self.report.path
+
+
+def campaign(
+    shots: str | Path | Sequence[str | Path],
+    *,
+    reports: str | Path = "reports",
+    log: str | Path | None = None,
+    out: str | Path = "campaign",
+    cutoff_hz: float | None = None,
+    overwrite: bool = False,
+    progress: Progress = lambda _: None,
+) -> Combined:
+    """Combine shots of one rig to one mass, and write ``campaign.json`` and ``campaign.csv``.
+
+    A shot whose report in `reports` is not of this shot file, this version or this cut-off is identified anew, and its
+    new report stands in ``out/reports``: what others made is left as it is.
 
     Parameters
     ----------
-    options
-        As asked for.
+    shots
+        Shot files, reports (``report.json``), and folders of either.
+    reports
+        Folder of the shots' reports, where there are any.
+    log
+        The shot log; None for the ``shotlog.csv`` beside each shot file, and for what a report says where the shot file
+        is not at hand.
+    out
+        Gets the answer.
+    cutoff_hz
+        Of all shots; None for that of the last time, as ``campaign.json`` has it, that of the reports where these
+        agree, or one chosen from the spectra of all shots.
+    overwrite
+        Replace an answer that is there.
     progress
-        Told each shot's name.
+        Told the name of each file and step.
 
     Raises
     ------
-    StoreError, RigError, IdentificationError
-        If a shot file cannot be read, or nothing can be identified from it.
+    ReadError, StoreError, RigError
+        If a file is missing or damaged, or the answer is there already or cannot be written.
+    IdentificationError
+        If the shots cannot be combined, or of one of them no number can be given at all.
     """
-    if len(paths) < LEAST_SHOTS or options.cutoff_hz is not None:
-        return dict.fromkeys(paths, options)
-    spectra: dict[str, list[Mapping[str, ShotSpectrum]]] = {}
-    rigs: dict[Path, str] = {}
-    for path in paths:
-        progress(path.name)
-        shot = read_shot(path)
-        rigs[path] = shot.rig_name
-        rig = parse_rig(shot.rig_text, path, shot.databases or {}, refuse_doubts=False)
-        if default_method(shot) == "calibrated":
-            # a displacement has a low-pass of its own, and no spectrum to choose it by
-            spectra.setdefault(shot.rig_name, []).append(force_spectra(prepare(shot, rig).recorded))
-    chosen = {name: campaign_choice(shots) for name, shots in spectra.items() if len(shots) >= LEAST_SHOTS}
-    return {path: replace(options, campaign=chosen.get(rigs[path])) for path in paths}
+    folder, listed = Path(out), [shots] if isinstance(shots, (str, Path)) else list(shots)
+    refuse_unwritable(folder)
+    if not overwrite:
+        refuse_existing(folder, (CAMPAIGN_FILE, TABLE_FILE))
+    sources = list(_sources([Path(one) for one in listed], (Path(reports), folder / REPORTS)))
+    given = cutoff_hz or _cutoff_hz_of(folder, sources)
+    whole, notes = _current(sources, given, folder / REPORTS, progress)
+    progress("combine")
+    logs = _Logs.of(None if log is None else Path(log), sources)
+    combined = combine([logs.applied(source, one.shot()) for source, one in zip(sources, whole, strict=True)])
+    notes += logs.strangers([used.shot.name for used in combined.shots])
+    inputs: list[Mapping[str, Any]] = [
+        {"file": f"{one.path.parent.name}/{one.path.name}", "sha256": one.sha256} for one in whole
+    ]
+    inputs += [{"file": read.path.name, "sha256": read.sha256} for read in logs.read.values()]
+    document = campaign_document(
+        replace(combined, notes=(*combined.notes, *notes)), version=__version__, inputs=inputs, parameters={}
+    )
+    publish(folder, lambda partial: write_campaign(partial, document))
+    return Combined(document, folder)
 
 
-def repeatability(documents: Sequence[Mapping[str, Any]]) -> dict[str, tuple[Verdict, str]]:
-    """Judge, for each rig, whether the rigid body's peak repeats from shot to shot.
+def _sources(places: Sequence[Path], reports: Sequence[Path]) -> Iterator[_Source]:
+    """List the shots of files and folders, each with its report where one is there.
 
     Parameters
     ----------
-    documents
-        Reports, of one charge on each rig.
-
-    Returns
-    -------
-    dict of str to (verdict, detail)
-        By the rig's name, where it has at least two shots.
+    reports
+        Folders in which to look for the report of a shot file, the last one first.
     """
-    peaks: dict[str, list[ShotPeaks]] = {}
-    for d in documents:
-        figures = d["peak_acceleration"]
-        if figures["recorded_m_s2"] is None:
-            # no accelerometer recorded any
-            continue
-        peaks.setdefault(d["rig"], []).append(ShotPeaks(d["shot"], figures["recorded_m_s2"], figures["filtered_m_s2"]))
-    return {rig: check_repeat_peaks(shots) for rig, shots in peaks.items() if len(shots) >= LEAST_SHOTS}
+    for place in places:
+        inside = [place]
+        if place.is_dir() and not any(place.glob("*.h5")):
+            inside = sorted([*place.glob(REPORT_FILE), *place.glob(f"*/{REPORT_FILE}")])
+            if not inside:
+                raise ReadError(
+                    "neither shot files nor reports in this folder",
+                    path=place,
+                    expected=f"files that end in .h5, or folders with a {REPORT_FILE}",
+                )
+        for path in inside:
+            if path.suffix == ".json":
+                yield _Source(None, _Report.read(path))
+                continue
+            for shot_file in find_shot_files([path]):
+                at = [folder / shot_file.stem / REPORT_FILE for folder in reversed(reports)]
+                there = [_Report.read(one) for one in at if one.exists()]
+                of_file = [one for one in there if not one.why_not(shot_file, None)]
+                yield _Source(shot_file, next(iter([*of_file, *there]), None))
+
+
+def _cutoff_hz_of(folder: Path, sources: Sequence[_Source]) -> float | None:
+    """Return the cut-off of the last time, or the one that all shots' reports agree on; None if there is none."""
+    earlier = folder / CAMPAIGN_FILE
+    if earlier.exists():
+        try:
+            stated = json.loads(read_small(earlier, LARGEST_REPORT, "a campaign's answer"))
+            cutoff_hz = stated["provenance"]["parameters"]["cutoff_hz"]
+            if stated["schema"] == SCHEMA and cutoff_hz is not None:
+                return float(cutoff_hz)
+        except (ValueError, KeyError, TypeError, RecursionError) as error:
+            raise ReadError(
+                "this is no answer of a campaign", path=earlier, found=str(error), remedy="remove it, or choose --out"
+            ) from error
+    agreed = {one.report.cutoff_hz if one.report else None for one in sources}
+    (cutoff_hz,) = agreed if len(agreed) == 1 else (None,)
+    return cutoff_hz
+
+
+def _current(
+    sources: Sequence[_Source], cutoff_hz: float | None, out: Path, progress: Progress
+) -> tuple[list[_Report], list[str]]:
+    """Return a current report of each shot, and which had to be made anew and why."""
+    doubts = [one.report.why_not(one.shot_file, cutoff_hz) if one.report else "is missing" for one in sources]
+    sound = {one.report.cutoff_hz for one, doubt in zip(sources, doubts, strict=True) if one.report and not doubt}
+    if cutoff_hz is None and (len(sound) > 1 or any(doubts)):
+        doubts = [doubt or "was found with a cut-off of its own" for doubt in doubts]
+    files = [one.shot_file for one in sources if one.shot_file is not None]
+    for source, doubt in zip(sources, doubts, strict=True):
+        if doubt and source.shot_file is None:
+            raise ReadError(
+                f"this report {doubt}, and its shot file is not given",
+                path=source.place,
+                remedy="give the shot file, or identify the shot anew",
+            )
+    options = dict.fromkeys(files, Options(mass_cutoff_hz=cutoff_hz))
+    if cutoff_hz is None and any(doubts):
+        options = dict(shared_options(files, Options(), progress=progress))
+    whole, notes = [], []
+    for number, (source, doubt) in enumerate(zip(sources, doubts, strict=True), 1):
+        report = source.report
+        if doubt and report is not None:
+            notes.append(f"{report.path} {doubt}: the shot was identified anew")
+        if doubt or report is None:
+            progress(f"{source.place.name}, {number} of {len(sources)}")
+            done = identify_file(source.place, out=out, options=options[source.place], overwrite=True)
+            report = _Report.read(done.folder / REPORT_FILE)
+        whole.append(report)
+    return whole, notes
+
+
+@dataclass(frozen=True, eq=False)
+class _Logs:
+    """The shot logs of a campaign.
+
+    Attributes
+    ----------
+    given
+        The one for all shots, if one is given.
+    read
+        Each log that is there, by its path.
+    """
+
+    given: Path | None
+    read: Mapping[Path, ShotLog]
+
+    @classmethod
+    def of(cls, given: Path | None, sources: Sequence[_Source]) -> _Logs:
+        """Read the log that is given, or those beside the shot files."""
+        if given is not None:
+            if not given.exists():
+                raise ReadError("no such file", path=given, remedy="check the name and the folder")
+            return cls(given, {given: ShotLog.read(given)})
+        beside = dict.fromkeys(one.shot_file.parent / SHOT_LOG for one in sources if one.shot_file is not None)
+        return cls(None, {path: ShotLog.read(path) for path in beside if path.exists()})
+
+    def applied(self, source: _Source, shot: CampaignShot) -> CampaignShot:
+        """Take what the log says of a shot, instead of what it said when the shot was identified."""
+        path = self.given
+        if path is None and source.shot_file is not None:
+            path = source.shot_file.parent / SHOT_LOG
+        log = None if path is None else self.read.get(path)
+        if log is None:
+            return shot
+        row = log.row(shot.name) or ShotLogRow(shot.name)
+        return replace(
+            shot,
+            configuration=row.configuration,
+            added_mass_kg=row.added_mass_kg,
+            u_added_mass_kg=row.u_added_mass_kg,
+            excluded=row.exclude,
+        )
+
+    def strangers(self, names: Sequence[str]) -> list[str]:
+        """Say which rows are of no shot at all."""
+        return [
+            f"{path}: shot {name} is in the shot log, but there is no such shot"
+            for path, log in self.read.items()
+            for name in log.without_shot([*names, *log.shots])
+        ]

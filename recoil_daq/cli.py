@@ -258,8 +258,8 @@ def identify(
         from recoil_acquisition.reader_process import READER
 
         READER.start()  # it loads its libraries while this process loads its own
-        from recoil_daq.campaign import repeatability, shared_options
         from recoil_daq.identify import find_shot_files, identify_file
+        from recoil_daq.several_shots import repeatability, shared_options
         from recoil_daq.tables import print_repeatability, reports_document
         from recoil_daq.target_tables import print_target
         from recoil_daq.targets import identify_targets
@@ -293,6 +293,37 @@ def identify(
         documents = [*(one.document for one in reports), *(one.document for one in found)]
         valid = all(document["valid"] for document in documents)
         session.finish(reports_document(reports, found, repeats), lambda: None, OK if valid else NOT_VALID)
+
+
+@app.command(epilog="Example: recoil-daq campaign shots --out campaign")
+def campaign(
+    shots: Annotated[
+        list[Path], typer.Argument(help="Shot files, their reports, or folders of either.", show_default=False)
+    ],
+    reports: Annotated[Path, typer.Option(help="Folder of the reports that are there.")] = Path("reports"),
+    log: Annotated[
+        Path | None, typer.Option(help="The shot log.", show_default="shotlog.csv beside the shot files")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder of the answer.")] = Path("campaign"),
+    cutoff_hz: Annotated[
+        float | None,
+        typer.Option(
+            min=1.0, help="-3 dB point of the low-pass of all shots.", show_default="that of the last time, or chosen"
+        ),
+    ] = None,
+    overwrite: OverwriteOption = False,
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Combine shots of one rig to one mass, and say what changed among them and what they tell of the sensors."""
+    with Session(json, debug) as session:
+        from recoil_daq.campaign import campaign as combine
+
+        with session.steps("campaign") as progress:
+            done = combine(
+                shots, reports=reports, log=log, out=out, cutoff_hz=cutoff_hz, overwrite=overwrite, progress=progress
+            )
+        session.finish(done.to_json(), done.show, OK if done.valid else NOT_VALID)
 
 
 @app.command(epilog="Example: recoil-daq simulate mixed --seed 7 --shots 3")

@@ -119,7 +119,7 @@ def identify_folder(
     StoreError, RigError, IdentificationError
         As `identify_file`, of the first file at fault: the reports before it are written.
     """
-    from recoil_daq.campaign import shared_options
+    from recoil_daq.several_shots import shared_options
 
     paths = find_shot_files([Path(folder)])
     shared = shared_options(paths, options or Options(), progress=progress)

@@ -97,7 +97,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
     low_pass = choice.low_pass
     scales = scale_uncertainty(rig)
     track = recorded_motion(signals, prepared.acceleration_m_s2, camera, camera_clock)
-    mass_low_pass = mass_filter(recorded, choice)
+    mass_low_pass = mass_filter(recorded, choice, options.mass_cutoff_hz)
     inputs = EstimatorInputs(recorded, recorded, signals, shot, rig)
 
     def solved(recorded: Regression) -> tuple[Regression, Regression, Regression, Calibration, ZeroShift]:

@@ -91,22 +91,48 @@ def campaign_choice(shots: Sequence[Mapping[str, ShotSpectrum]]) -> CutoffChoice
     return campaign_cutoff(channels) if channels else None
 
 
-def mass_filter(recorded: Regression, choice: FilterChoice) -> LowPass:
+def mass_filter(recorded: Regression, choice: FilterChoice, given_hz: float | None = None) -> LowPass:
     """Return the low-pass of the fit of the mass: the force's own band, within that of the choice.
 
     A mass is one number, and the force tells it where the force has its energy; the trace over time and peaks need
     the rest of the band as well. A cut-off that was asked for holds for both; where samples of the recoil are lost, a
     lower one would lose more around them.
+
+    Parameters
+    ----------
+    given_hz
+        One for all shots of a campaign; nothing else counts then.
     """
+    if given_hz is not None:
+        return LowPass(given_hz, choice.low_pass.half_order)
     if choice.basis == "given" or not recorded.trusted[recorded.inside].all():
         return choice.low_pass
+    band_hz = force_band_hz(recorded)
+    if band_hz is None or not band_hz < choice.low_pass.cutoff_hz:
+        return choice.low_pass
+    return LowPass(band_hz, choice.low_pass.half_order)
+
+
+def force_band_hz(recorded: Regression) -> float | None:
+    """Return the frequency below which the force has nearly all its energy; None where it has it in one bin."""
     force = np.where(np.isfinite(recorded.force_n), recorded.force_n, 0.0)[recorded.inside]
     energy = np.cumsum(np.abs(np.fft.rfft(force, 4 * force.size)) ** 2)
     bin_hz = recorded.rate_hz / (4 * force.size)
     band_hz = bin_hz * float(np.searchsorted(energy, MASS_ENERGY * energy[-1]))
-    if not bin_hz < band_hz < choice.low_pass.cutoff_hz:
-        return choice.low_pass
-    return LowPass(band_hz, choice.low_pass.half_order)
+    return band_hz if band_hz > bin_hz else None
+
+
+def campaign_band_hz(bands_hz: Sequence[float], choice: CutoffChoice | None) -> float | None:
+    """Choose one cut-off for the mass of several shots: the middle one of their forces' bands, within the choice.
+
+    It has three figures, so that it is the same however the shots' bands scatter in the last ones.
+    """
+    if not bands_hz:
+        return None
+    band_hz = float(np.median(bands_hz))
+    if choice is not None and choice.cutoff_hz is not None and choice.confidence == "sure":
+        band_hz = min(band_hz, choice.cutoff_hz)
+    return float(f"{band_hz:.3g}")
 
 
 def choose_filter(

@@ -64,6 +64,8 @@ class Options:
         Memory of the trace; None to choose it from the shot, see `recoil_identification.trace_window`.
     campaign
         The cut-off chosen for several shots, this one among them.
+    mass_cutoff_hz
+        Of the low-pass of the fit of the mass, for several shots; None to take the force's own band.
     compare
         Whether those of `FURTHER` are all computed.
 
@@ -78,12 +80,13 @@ class Options:
     window_s: float | None = DEFAULT_WINDOW_S
     campaign: CutoffChoice | None = None
     compare: bool = False
+    mass_cutoff_hz: float | None = None
 
     def __post_init__(self) -> None:
         known = tuple(dict.fromkeys((*METHODS, *CAMERA_METHODS, *FURTHER)))
         if self.method is not None and self.method not in known:
             raise ValueError(f"method must be one of {', '.join(known)}, not {self.method!r}")
-        for name in ("cutoff_hz", "window_s"):
+        for name in ("cutoff_hz", "window_s", "mass_cutoff_hz"):
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise ValueError(f"{name} must be positive, not {value}")

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from recoil_acquisition.store import write_shot
-from recoil_daq.campaign import repeatability, shared_options
+from recoil_daq.several_shots import repeatability, shared_options
 from recoil_identification.analysis import Options
 from tests.builders.virtual_shots import virtual_shot
 

@@ -1,0 +1,95 @@
+"""What a campaign's answer looks like in a terminal."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from recoil_acquisition.visible_text import visible
+from recoil_daq.console import output_console
+from recoil_daq.tables import print_table, say
+
+if TYPE_CHECKING:
+    from recoil_daq.campaign import Combined
+
+
+def print_campaign(done: Combined) -> None:
+    """Print the mass, what changed, what was learnt of the sensors, and the shots."""
+    from rich.text import Text
+
+    d = done.document
+    print_table(
+        f"Campaign on rig {d['rig']}",
+        ("shot", "configuration", "added, kg", "mass, kg", "u, kg", "own u, kg", "w", "set aside"),
+        [_shot(shot) for shot in d["shots"]],
+        numeric=(2, 3, 4, 5, 6),
+    )
+    print_table(
+        "What the shots share",
+        ("influence", "known to", "found", "u now", "w"),
+        [_common(one) for one in d["common"]],
+        numeric=(1, 2, 3, 4),
+    )
+    gain, friction = d["repeatability"]["gain_rel"], d["repeatability"]["friction_rel"]
+    say(
+        f"from shot to shot gains scatter by {100 * gain['value']:.3f} % (95 %: {100 * gain['U95'][0]:.3f} to "
+        f"{100 * gain['U95'][1]:.3f} %), friction by {100 * friction['value']:.1f} %"
+    )
+    for signal in d["signals"]:
+        say(f"changed: {signal['detail']}")
+    if not d["signals"]:
+        say("nothing changed among the shots")
+    for note in d["notes"]:
+        say(f"note: {note}")
+    if len(d["configurations"]) > 1:
+        for one in d["configurations"]:
+            apart = one["difference"]
+            beside = "" if apart is None else f", {apart['value']:+.2f} kg (u {apart['u']:.2f} kg) from the first"
+            say(f"configuration {one['name']}: {one['mass']['value']:.2f} kg, u {one['mass']['u']:.2f} kg{beside}")
+    mass = d["mass"]
+    low, high = mass["U95"]
+    used = sum(shot["excluded"] is None for shot in d["shots"])
+    line = Text("VALID" if d["valid"] else "NOT VALID", style="bold green" if d["valid"] else "bold red")
+    line.append(
+        f" mass {mass['value']:.2f} kg, u {mass['u']:.2f} kg, 95 %: {low:.2f} to {high:.2f} kg, from {used} of "
+        f"{len(d['shots'])} shots -> {visible(str(done.folder))}",
+        style="default not bold",
+    )
+    console = output_console()
+    console.print(line, soft_wrap=True)
+    for reason in d["reasons"]:
+        say(f"  {reason}")
+
+
+def _shot(shot: dict[str, Any]) -> tuple[str, ...]:
+    added = f"{shot['added_mass_kg']:g}" if shot["added_mass_kg"] else ""
+    own, w = shot["own_u_kg"], shot["normalised_residual"]
+    return (
+        shot["shot"],
+        shot["configuration"],
+        added,
+        f"{shot['mass']['value']:.2f}",
+        f"{shot['mass']['u']:.2f}",
+        "" if own is None else f"{own:.2f}",
+        "" if w is None else f"{w:+.1f}",
+        shot["excluded"] or "",
+    )
+
+
+def _common(one: dict[str, Any]) -> tuple[str, ...]:
+    shares = one["unit"] == "1" and one["prior_u"] < 1.0
+    if shares:
+        return (
+            one["influence"],
+            f"{100 * one['prior_u']:.3f} %",
+            f"{100 * one['value']:+.3f} %",
+            f"{100 * one['u']:.3f} %",
+            f"{one['normalised_residual']:+.1f}",
+        )
+    unit = "" if one["unit"] == "1" else f" {one['unit']}"
+    return (
+        one["influence"],
+        f"{one['prior_u']:.3g}{unit}",
+        f"{one['value']:+.3g}{unit}",
+        f"{one['u']:.3g}{unit}",
+        f"{one['normalised_residual']:+.1f}",
+    )
