@@ -16,6 +16,7 @@ from recoil_identification.calibration import CRITICAL_VALUE
 from recoil_identification.campaign.campaign_shot import CampaignShot, in_order
 from recoil_identification.campaign.changes import (
     ADDED,
+    OFF,
     STEP,
     Change,
     joint_fit_with_changes,
@@ -297,8 +298,8 @@ def _reasons_of(changes: Sequence[Change]) -> list[str]:
         for change in changes
         if change.kind == STEP
     ]
-    added = [f"{change}: check the shot log" for change in changes if change.kind == ADDED]
-    return [*steps, *added]
+    checks = {ADDED: "check the shot log", OFF: "check its certificate and its gain"}
+    return [*steps, *(f"{change}: {checks[change.kind]}" for change in changes if change.kind in checks)]
 
 
 def _contradictions(common: Sequence[Learnt]) -> list[str]:

@@ -29,7 +29,9 @@ LEVEL = 0.005
 """Share of campaigns without any change in which one is reported."""
 LEAST_SHOTS = 3
 """Of two, none is apart from the other."""
-MASS, STEP, DRIFT, OUTLIER, ADDED = "mass", "mass step", "sensor drift", "outlier", "added mass"
+TIE = 3
+"""Decimals of a log likelihood up to which two are the same."""
+MASS, STEP, DRIFT, OUTLIER, ADDED, OFF = "mass", "mass step", "sensor drift", "outlier", "added mass", "calibration"
 """Influence, and kinds."""
 
 
@@ -40,7 +42,7 @@ class Change:
     Attributes
     ----------
     kind
-        ``mass step``, ``sensor drift``, ``outlier`` or ``added mass``.
+        ``mass step``, ``sensor drift``, ``outlier``; ``added mass`` and ``calibration``, if what was declared is wrong.
     influence
         ``mass``, or the sensor.
     shots
@@ -76,6 +78,7 @@ class Change:
             STEP: f"the mass changed by {told} from shot {self.shots[0]} on",
             DRIFT: f"{self.influence} drifted by {told} from shot {self.shots[0]} to {self.shots[-1]}",
             ADDED: f"the mass added to shots {', '.join(self.shots)} is off by {told}",
+            OFF: f"{self.influence} is off by {told} in all shots, and its calibration does not allow that",
             OUTLIER: f"shot {self.shots[0]} lies apart: its {self.influence} is off by {told}",
         }[self.kind]
         return where + (f" (next best: {self.instead})" if self.instead else "")
@@ -96,6 +99,7 @@ class Candidate:
             STEP: f"a step of the mass before shot {self.shots[0]}",
             DRIFT: f"a drift of {self.influence}",
             ADDED: f"another mass added to shots {', '.join(self.shots)}",
+            OFF: f"{self.influence} off in all shots",
             OUTLIER: f"{self.influence} of shot {self.shots[0]} alone",
         }[self.kind]
 
@@ -167,15 +171,15 @@ def candidates_of(fit: JointFit, found: Sequence[Candidate] = ()) -> list[Candid
                     ask(ADDED, what, concerned, parameter, ones * bears, float(best((shares * bears)[np.newaxis])[0]))
             continue
         for identity, where in _sensors(rows, parameter).items():
-            at = np.flatnonzero(where)
-            if at.size < LEAST_SHOTS:
-                continue
-            ramp = np.zeros(n)
-            ramp[at] = np.linspace(0.0, 1.0, at.size) * rows.loads[at, rows.parameters.index(parameter), identity]
-            ramp /= rows.influences[identity].u
-            name = rows.influences[identity].label
-            ask(DRIFT, name, [names[at[0]], names[at[-1]]], parameter, ramp, float(best(ramp[np.newaxis])[0]))
-    gains.sort(key=lambda one: -one[-1])
+            at, name = np.flatnonzero(where), rows.influences[identity].label
+            level = rows.loads[:, rows.parameters.index(parameter), identity] / rows.influences[identity].u
+            ask(OFF, name, [names[i] for i in at], parameter, level, float(best(level[np.newaxis])[0]))
+            if at.size >= LEAST_SHOTS:
+                ramp = level.copy()
+                ramp[at] *= np.linspace(0.0, 1.0, at.size)
+                ask(DRIFT, name, [names[at[0]], names[at[-1]]], parameter, ramp, float(best(ramp[np.newaxis])[0]))
+    # what one shot cannot tell apart is first asked of its mass
+    gains.sort(key=lambda one: -round(one[-1], TIE))
     return [
         Candidate(kind, influence, shots, Column(f"{kind}: {influence}, {' '.join(shots)}", parameter, shares), gain)
         for kind, influence, shots, parameter, shares, gain in gains

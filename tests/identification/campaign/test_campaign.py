@@ -1,0 +1,206 @@
+"""A campaign's answer: one mass, what was set aside and why, and what cannot be combined at all."""
+
+from __future__ import annotations
+
+import contextlib
+import copy
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from recoil_acquisition.errors import IdentificationError
+from recoil_identification.campaign.campaign import combine
+from recoil_identification.campaign.campaign_shot import CampaignShot, in_order
+from recoil_identification.campaign.influence import label_of
+from recoil_identification.report.campaign_document import campaign_document, campaign_table
+from recoil_identification.shot_summary import ShotSummary
+from tests.builders.campaign_summaries import MASS_KG, campaign_of
+
+WEIGHED = campaign_of((0.0, 120.0) * 4, seed=4).shots
+
+
+def answer(shots: tuple[CampaignShot, ...]) -> dict[str, Any]:
+    return campaign_document(combine(shots), version="1", inputs=[], parameters={})
+
+
+def report_of(shot: CampaignShot) -> dict[str, Any]:
+    assert shot.summary is not None
+    return {
+        "shot": shot.name,
+        "rig": shot.rig,
+        "started": shot.started,
+        "mass": {"value": shot.mass_kg, "u": shot.u_kg},
+        "campaign": shot.summary.to_json(cutoff_hz=300.0, zero_shift=False),
+        "shot_log": {"added_mass_kg": shot.added_mass_kg, "u_added_mass_kg": shot.u_added_mass_kg},
+    }
+
+
+def test_the_mass_is_that_of_the_mechanism_without_what_was_added() -> None:
+    found = combine(WEIGHED)
+    assert abs(found.mass.mass_kg - MASS_KG) < 2.5 * found.mass.u_kg
+    assert found.mass.u_kg < 0.003 * MASS_KG
+    assert found.valid
+    low, high = found.mass.interval_kg
+    assert high - low == pytest.approx(2 * 1.96 * found.mass.u_kg, rel=1e-3)
+
+
+def test_any_order_of_shots_gives_the_same_digits() -> None:
+    whole = json.dumps(answer(WEIGHED))
+    for seed in range(3):
+        order = np.random.default_rng(seed).permutation(len(WEIGHED))
+        assert json.dumps(answer(tuple(WEIGHED[at] for at in order))) == whole
+
+
+def test_shots_are_in_the_order_in_which_they_were_fired() -> None:
+    names = [shot.name for shot in in_order([replace(WEIGHED[0], name=name) for name in ("10", "9", "a2", "a10", "1")])]
+    assert names == ["1", "9", "10", "a2", "a10"]
+    timed = [replace(WEIGHED[0], name=name, started=f"2026-11-0{day}T08:00:00") for name, day in (("1", 3), ("2", 1))]
+    assert [shot.name for shot in in_order(timed)] == ["2", "1"]
+
+
+def test_a_shot_that_is_set_aside_is_listed_with_its_reason_and_counts_nothing() -> None:
+    summary = WEIGHED[2].summary
+    assert summary is not None
+    shots = list(WEIGHED)
+    shots[0] = replace(shots[0], excluded="warm-up round")
+    shots[2] = replace(shots[2], summary=replace(summary, against=("clipped",)))
+    shots[3] = replace(shots[3], summary=None)
+    document = answer(tuple(shots))
+    aside = {one["shot"]: one["excluded"] for one in document["shots"] if one["excluded"]}
+    assert aside == {
+        "0001": "excluded in the shot log: warm-up round",
+        "0003": "clipped",
+        "0004": "its report has no summary for campaigns",
+    }
+    alone = answer(tuple(one for one in shots if not one.set_aside))
+    assert document["mass"] == alone["mass"]
+
+
+def test_what_the_campaign_learnt_of_a_sensor_is_never_less_than_was_known() -> None:
+    for one in combine(WEIGHED).common:
+        assert one.u <= one.influence.u * 1.0001
+        assert abs(one.value) < 4 * one.influence.u
+
+
+def test_a_step_that_nobody_declared_makes_the_mass_not_valid_and_a_drift_does_not() -> None:
+    stepped = combine(campaign_of((0.0, 120.0) * 4, seed=4, step_kg={4: -6.0}).shots)
+    assert not stepped.valid
+    assert "from shot 0005 on" in stepped.reasons[0]
+    drifting = {(i, "ln breech_pressure"): 0.01 * i / 7 for i in range(8)}
+    drifted = combine(campaign_of((0.0, 120.0) * 4, seed=4, moved=drifting).shots)
+    assert drifted.valid
+    assert drifted.changes[0].kind == "sensor drift"
+
+
+def test_configurations_with_other_parts_have_masses_of_their_own_and_a_difference() -> None:
+    names = ["before"] * 4 + ["after"] * 4
+    document = answer(campaign_of((0.0,) * 8, seed=3, step_kg={4: -6.0}, configurations=names).shots)
+    first, second = document["configurations"]
+    assert (first["name"], second["name"]) == ("before", "after")
+    assert first["difference"] is None
+    assert abs(second["difference"]["value"] + 6.0) < 3 * second["difference"]["u"]
+    assert second["difference"]["u"] < 0.4
+    assert document["mass"]["value"] == first["mass"]["value"]
+    assert document["signals"] == []
+    assert any("each has a mass of its own" in note for note in document["notes"])
+
+
+def test_certificates_that_all_shots_contradict_are_named() -> None:
+    wrong = {(i, "ln brake_pressure"): 0.03 for i in range(8)}
+    found = combine(campaign_of((0.0, 120.0) * 4, seed=4, moved=wrong).shots)
+    assert not found.valid
+    assert found.reasons[0].startswith("brake_pressure scale, sensor 2 is off by +")
+
+
+def test_shots_that_do_not_agree_are_said_to_even_if_no_column_explains_it() -> None:
+    rng = np.random.default_rng(0)
+    wild = {(i, f"ln {role}_pressure"): 0.03 * rng.standard_normal() for i in range(8) for role in ("breech", "brake")}
+    found = combine(campaign_of((0.0, 120.0) * 4, seed=4, moved=wild).shots)
+    assert not found.valid
+    assert any("the shots do not agree" in reason for reason in found.reasons)
+
+
+def test_an_added_mass_without_an_uncertainty_is_taken_as_exact_and_said_so() -> None:
+    found = combine(tuple(replace(shot, u_added_mass_kg=0.0) for shot in WEIGHED))
+    assert any("120 kg is taken as exact" in note for note in found.notes)
+
+
+def test_a_campaign_with_nothing_bare_says_so() -> None:
+    found = combine(campaign_of((120.0,) * 4, seed=4).shots)
+    assert any("every shot carries an added mass" in note for note in found.notes)
+    assert abs(found.mass.mass_kg - MASS_KG) < 2.5 * found.mass.u_kg
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda shots: shots[:1], "at least two shots"),
+        (lambda shots: shots[:0], "at least two shots"),
+        (lambda shots: (*shots, shots[0]), "two reports of one shot"),
+        (lambda shots: (*shots[:-1], replace(shots[-1], rig="other")), "a campaign is of one rig"),
+        (lambda shots: (*shots[:-1], replace(shots[-1], cutoff_hz=100.0)), "filtered alike"),
+        (lambda shots: tuple(replace(shot, excluded="no") for shot in shots), "at least two shots"),
+    ],
+)
+def test_shots_that_cannot_be_combined_are_refused(
+    change: Callable[[tuple[CampaignShot, ...]], tuple[CampaignShot, ...]], said: str
+) -> None:
+    with pytest.raises(IdentificationError, match=said):
+        combine(change(WEIGHED))
+
+
+def test_shots_of_two_geometries_are_refused_with_what_differs() -> None:
+    shots = []
+    for i, shot in enumerate(WEIGHED):
+        assert shot.summary is not None
+        shots.append(replace(shot, summary=replace(shot.summary, geometry={"bore_area": 0.01 if i == 5 else 0.009})))
+    with pytest.raises(IdentificationError, match=r"shot 0006 with bore_area 0\.009 and 0\.01"):
+        combine(tuple(shots))
+
+
+def test_a_report_comes_back_as_the_shot_that_it_is_of() -> None:
+    shot = WEIGHED[1]
+    again = CampaignShot.of_report(json.loads(json.dumps(report_of(shot))))
+    assert (again.name, again.added_mass_kg, again.cutoff_hz) == ("0002", 120.0, 300.0)
+    assert isinstance(again.summary, ShotSummary)
+    assert isinstance(shot.summary, ShotSummary)
+    assert again.summary.parameters == shot.summary.parameters
+    assert np.array_equal(again.summary.triangle, shot.summary.triangle)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.data())
+def test_a_damaged_report_is_refused_and_nothing_else(data: st.DataObject) -> None:
+    document = copy.deepcopy(report_of(WEIGHED[1]))
+    place: Any = document
+    for _ in range(data.draw(st.integers(0, 3))):
+        keys = list(place) if isinstance(place, dict) else list(range(len(place))) if isinstance(place, list) else []
+        inner = [key for key in keys if isinstance(place[key], (dict, list)) and place[key]]
+        if not inner:
+            break
+        place = place[data.draw(st.sampled_from(inner))]
+    keys = list(place) if isinstance(place, dict) else list(range(len(place)))
+    key = data.draw(st.sampled_from(keys))
+    place[key] = data.draw(st.sampled_from([None, "x", -1.0, 1e400, [], {}, True, [[1.0]], {"name": 3}]))
+    with contextlib.suppress(ValueError):
+        CampaignShot.of_report(document)
+
+
+def test_the_table_has_a_row_a_shot_and_reads_as_a_spreadsheet_does() -> None:
+    lines = campaign_table(answer(WEIGHED)).splitlines()
+    assert len(lines) == 1 + len(WEIGHED)
+    assert lines[0].startswith("shot,started,configuration,added_mass_kg,mass_kg,u_kg,joint_mass_kg,own_u_kg")
+    assert all(line.count(",") == lines[0].count(",") for line in lines)
+
+
+def test_identities_are_labelled_for_people() -> None:
+    assert label_of("sensor:breech_pressure:4711:2026-03-01") == "breech_pressure scale, sensor 4711"
+    assert label_of("sensor:brake_pressure:mixed/p_brake") == "brake_pressure scale, sensor mixed/p_brake"
+    assert label_of("rig:mixed:bore_area") == "bore_area"
+    assert label_of("standard:deadweight-7") == "standard deadweight-7"

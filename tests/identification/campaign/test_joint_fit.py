@@ -1,0 +1,164 @@
+"""All shots at once give what a dense least-squares problem with every own error as an unknown gives."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from recoil_identification.campaign.campaign_shot import CampaignShot
+from recoil_identification.campaign.joint_fit import Trial, joint_fit
+from recoil_identification.campaign.joint_rows import JointRows, Scatter
+from recoil_identification.campaign.mechanisms import mechanisms_of
+from tests.builders.campaign_summaries import BREECH, INFLUENCES, MASS_KG, NAMES, U, campaign_of
+
+ADDED = (0.0, 120.0) * 4
+
+
+def rows_of(shots: tuple[CampaignShot, ...]) -> JointRows:
+    return JointRows.of(shots, mechanisms_of(shots))
+
+
+def trial_of(rows: JointRows, scatter: Scatter) -> Trial:
+    return next(one for one in joint_fit(rows).trials if one.scatter == scatter)
+
+
+def dense(shots: tuple[CampaignShot, ...], scatter: Scatter) -> tuple[float, float]:
+    """Mass and its standard uncertainty by the normal equations of everything, own errors among the unknowns."""
+    own_sd = np.array([0.0, *[scatter.gain_rel] * 3, scatter.friction_rel, scatter.gain_rel])
+    x = np.zeros(1 + 1 + 5)  # logarithm of the mass over its nominal value, added mass's error, influences
+    for _ in range(5):
+        rows, left = [], []
+        for i, shot in enumerate(shots):
+            summary = shot.summary
+            assert summary is not None
+            bare = MASS_KG * np.exp(x[0])
+            whole = bare + shot.added_mass_kg + shot.u_added_mass_kg * x[1]
+            theta = np.array([np.log(whole), *(np.array(U) * x[2:7])])
+            jacobian = np.zeros((6, 7 + 5 * len(shots)))
+            jacobian[0, 0], jacobian[0, 1] = bare / whole, shot.u_added_mass_kg / whole
+            jacobian[1:, 2:7] = np.diag(U)
+            jacobian[1:, 7 + 5 * i : 12 + 5 * i] = np.diag(own_sd[1:])
+            rows.append(summary.triangle @ jacobian)
+            left.append(summary.seen - summary.triangle @ (theta - summary.reference))
+        known = np.eye(7 + 5 * len(shots))[1:]
+        rows.append(known)
+        left.append(np.concatenate([-x[1:], np.zeros(5 * len(shots))]))
+        stacked = np.vstack(rows)
+        step = np.linalg.lstsq(stacked, np.concatenate(left), rcond=None)[0]
+        x = x + step[:7]
+    u = np.sqrt(np.linalg.inv(stacked.T @ stacked)[0, 0])
+    return MASS_KG * float(np.exp(x[0])), MASS_KG * float(np.exp(x[0]) * u)
+
+
+@pytest.mark.parametrize("scatter", [Scatter(), Scatter(1e-3, 0.05), Scatter(3e-3, 0.0)])
+@pytest.mark.parametrize("added", [ADDED, (0.0,) * 5])
+def test_mass_and_uncertainty_are_those_of_the_dense_problem(added: tuple[float, ...], scatter: Scatter) -> None:
+    shots = campaign_of(added, seed=4, gain_rel=1e-3, friction_rel=0.03).shots
+    rows = rows_of(shots)
+    estimate = trial_of(rows, scatter).estimate
+    mass_kg, u_kg = dense(shots, scatter)
+    name = rows.masses[0]
+    assert rows.reference_kg * np.exp(estimate.value(name)) == pytest.approx(mass_kg, rel=1e-9)
+    assert rows.reference_kg * np.exp(estimate.value(name)) * estimate.u(name) == pytest.approx(u_kg, rel=1e-5)
+
+
+def test_scatters_are_weighed_by_the_density_of_the_rows() -> None:
+    drawn = campaign_of((0.0,) * 4, seed=2, gain_rel=1e-3)
+    rows = rows_of(drawn.shots)
+    # the mass has no prior: give it one that is all but none, the same for every scatter
+    wide = 10.0
+    found = {}
+    for scatter in (Scatter(), Scatter(1e-3, 0.0), Scatter(2e-3, 0.02)):
+        blocks, values = [], []
+        own = np.array([0.0, *[scatter.gain_rel] * 3, scatter.friction_rel, scatter.gain_rel])
+        for shot in drawn.shots:
+            assert shot.summary is not None
+            sees = np.zeros((6, 6))
+            sees[0, 0], sees[1:, 1:] = wide, np.diag(U)
+            kept = shot.summary.triangle[:5]  # the last row is a direction that no record tells
+            blocks.append((kept @ sees, kept @ np.diag(own)))
+            at = shot.summary.reference - np.array([np.log(rows.reference_kg), *[0.0] * 5])
+            values.append(shot.summary.seen[:5] + kept @ at)
+        common = np.vstack([one for one, _ in blocks])
+        covariance = common @ common.T + np.eye(common.shape[0])
+        for i, (_, mine) in enumerate(blocks):
+            covariance[5 * i : 5 * i + 5, 5 * i : 5 * i + 5] += mine @ mine.T
+        whitened = np.linalg.solve(np.linalg.cholesky(covariance), np.concatenate(values))
+        density = -0.5 * (whitened @ whitened + np.linalg.slogdet(covariance)[1])
+        trial = trial_of(rows, scatter)
+        beforehand = scatter.gain_rel / 5e-4 + scatter.friction_rel / 0.03
+        found[scatter] = trial.log_likelihood + beforehand - density
+    assert np.ptp(list(found.values())) < 1e-3
+
+
+def test_shots_without_errors_give_the_mass_and_no_error_of_a_sensor() -> None:
+    rows = rows_of(campaign_of(ADDED, seed=None).shots)
+    fit = joint_fit(rows)
+    mass_kg, _ = fit.mass_kg(rows.mechanisms[0])
+    assert mass_kg == pytest.approx(MASS_KG, rel=1e-9)
+    assert [fit.value(name) for name in INFLUENCES] == pytest.approx([0.0] * 5, abs=1e-6)
+
+
+def test_an_added_mass_tells_the_scales_that_more_shots_do_not() -> None:
+    one, plain, weighed = (
+        joint_fit(rows_of(campaign_of(added).shots)) for added in ((0.0,) * 2, (0.0,) * 16, (0.0, 120.0) * 8)
+    )
+    u_one, u_plain, u_weighed = (fit.mass_kg(fit.rows.mechanisms[0])[1] for fit in (one, plain, weighed))
+    # the breech gauge and the accelerometer alone leave half of a percent, and the mean of them no less than its floor
+    assert u_plain > 0.75 * u_one
+    assert u_weighed < 0.6 * u_plain
+    assert weighed.u(BREECH) < plain.u(BREECH)
+
+
+def test_the_scatter_that_was_drawn_is_found_and_makes_the_mass_less_sure() -> None:
+    still, moving = (joint_fit(rows_of(campaign_of((0.0, 120.0) * 8, seed=5, gain_rel=rel).shots)) for rel in (0, 2e-3))
+    assert still.scatter("gain_rel")[0] < 4e-4
+    mean, low, high = moving.scatter("gain_rel")
+    assert low <= 2e-3 <= high
+    assert mean == pytest.approx(2e-3, rel=0.4)
+    assert moving.mass_kg("as built")[1] > 1.2 * still.mass_kg("as built")[1]
+
+
+def test_the_difference_of_two_mechanisms_is_surer_than_either() -> None:
+    names = ["before"] * 4 + ["after"] * 4
+    drawn = campaign_of((0.0,) * 8, seed=3, step_kg={4: -6.0}, configurations=names)
+    fit = joint_fit(rows_of(drawn.shots))
+    size, u = fit.difference_kg("after", "before")
+    assert abs(size + 6.0) < 3 * u
+    assert u < 0.2 * min(fit.mass_kg(name)[1] for name in ("before", "after"))
+
+
+@settings(max_examples=5, deadline=None)
+@given(st.permutations(range(6)))
+def test_the_order_of_a_summarys_parameters_changes_nothing(order: list[int]) -> None:
+    drawn = campaign_of((0.0, 60.0, 0.0), seed=1)
+    turned = []
+    for shot in drawn.shots:
+        assert shot.summary is not None
+        one = shot.summary
+        named = tuple(one.parameters[at] for at in order)
+        other = type(one)(named, one.reference[order], one.triangle[:, order], one.seen, {})
+        turned.append(replace(shot, summary=other))
+    same, other = (trial_of(rows_of(shots), Scatter()).estimate for shots in (drawn.shots, tuple(turned)))
+    name = "ln mass of as built"
+    assert (other.value(name), other.u(name)) == pytest.approx((same.value(name), same.u(name)), rel=1e-8)
+
+
+def test_a_shot_that_lacks_a_parameter_tells_of_the_others() -> None:
+    drawn = campaign_of((0.0, 120.0, 0.0, 120.0), seed=7)
+    whole = joint_fit(rows_of(drawn.shots))
+    blind = []
+    for shot in drawn.shots:
+        assert shot.summary is not None
+        one, kept = shot.summary, [at for at, name in enumerate(NAMES) if name != "friction share"]
+        lacking = type(one)(
+            tuple(one.parameters[at] for at in kept), one.reference[kept], one.triangle[:5][:, kept], one.seen[:5], {}
+        )
+        blind.append(replace(shot, summary=lacking) if shot.name == "0002" else shot)
+    fit = joint_fit(rows_of(tuple(blind)))
+    mass, u = whole.mass_kg("as built")
+    assert fit.mass_kg("as built")[0] == pytest.approx(mass, abs=2 * u)
