@@ -265,8 +265,7 @@ def _refuse_mixed(ordered: Sequence[CampaignShot], used: Sequence[CampaignShot])
 
 def _used(ordered: Sequence[CampaignShot], fit: JointFit) -> tuple[Used, ...]:
     white, at = fit.likeliest.rows, fit.rows.parameters.index(LN_MASS)
-    values = dict(zip(white.unknowns, fit.likeliest.estimate.values.tolist(), strict=True))
-    masses_kg = np.exp(fit.rows.modelled(values)[0][:, at])
+    masses_kg = np.exp(fit.rows.modelled(fit.likeliest.values)[0][:, at])
     own_u_kg = masses_kg / np.linalg.norm(white.triangle[:, :, at], axis=1)
     found = {
         shot.name: Used(shot, None, own, joint, w)

@@ -135,7 +135,7 @@ def candidates_of(fit: JointFit, found: Sequence[Candidate] = ()) -> list[Candid
     """
     rows, names = fit.rows, [shot.name for shot in fit.rows.shots]
     n, reference = len(names), fit.likeliest
-    theta = rows.modelled(_values(reference))[0]
+    theta = rows.modelled(reference.values)[0]
     # a change of one kg of the mass is a smaller share of a heavier part
     of_mass = rows.reference_kg / np.exp(theta[:, rows.parameters.index(LN_MASS)])
     told = [f"{one.kind} {one.influence} {one.shots}" for one in found]
@@ -203,7 +203,7 @@ class _Score:
 
     @classmethod
     def of(cls, trial: Trial, place: int) -> _Score:
-        left, derivatives = trial.rows.by_shot(_values(trial))
+        left, derivatives = trial.rows.by_shot(trial.values)
         column = trial.rows.triangle[:, :, place]
         return cls(
             trial,
@@ -242,10 +242,6 @@ class _Score:
         """Return the log likelihood with a column of given shares, for each row of patterns."""
         w = self._normalised(patterns @ self.product, patterns**2 @ self.energy, patterns @ self.shared)
         return np.asarray(self.trial.log_likelihood + 0.5 * w**2)
-
-
-def _values(trial: Trial) -> dict[str, float]:
-    return dict(zip(trial.rows.unknowns, trial.estimate.values.tolist(), strict=True))
 
 
 def _sensors(rows: JointRows, parameter: str) -> dict[int, NDArray[np.bool_]]:

@@ -25,12 +25,15 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.campaign.joint_rows import Column, JointRows, Scatter, WhiteRows
 from recoil_identification.inference.estimate import Estimate
 from recoil_identification.inference.solve import solve
+from recoil_identification.shot_summary import FRICTION_SHARE
 
 Array = NDArray[np.float64]
 
 GAINS_REL = (0.0, 1e-4, 2e-4, 3.5e-4, 5e-4, 7e-4, 1e-3, 1.5e-3, 2e-3, 3e-3, 5e-3)
 FRICTIONS_REL = (0.0, 0.02, 0.05, 0.1, 0.2)
 """Standard deviations from shot to shot that are tried, of gains and of the friction."""
+HOPELESS = 25.0
+"""Below the largest log likelihood, from where on no larger scatter is tried."""
 USUAL_GAIN_REL, USUAL_FRICTION_REL = 5e-4, 0.03
 """Of what is known beforehand of them, exponential: gauges repeat to some .05 % or .1 %, packings to a few percent."""
 
@@ -49,6 +52,11 @@ class Trial(ReadOnlyArrays):
     rows: WhiteRows
     estimate: Estimate
     log_likelihood: float
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Of all unknowns, by name."""
+        return dict(zip(self.rows.unknowns, self.estimate.values.tolist(), strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,33 +144,34 @@ def joint_fit(rows: JointRows, columns: Sequence[Column] = ()) -> JointFit:
     columns
         Further unknowns: what changed among the shots.
     """
-    wanted = rows.with_columns(columns)
-    priors, unknowns = wanted.priors, wanted.all_unknowns
-    start: dict[str, float] = {}
-    trials = []
-    for scatter in _scatters(wanted):
-        white = wanted.whitened(scatter)
-        estimate = solve(unknowns, [white], priors, start)
-        start = dict(zip(white.unknowns, estimate.values.tolist(), strict=True))
-        free = np.array([name not in _exact(wanted) for name in white.unknowns])
-        log_determinant = -float(np.linalg.slogdet(estimate.covariance[np.ix_(free, free)])[1])
-        beforehand = scatter.gain_rel / USUAL_GAIN_REL + scatter.friction_rel / USUAL_FRICTION_REL
-        log_likelihood = -0.5 * (estimate.misfit + white.log_determinant + log_determinant) - beforehand
-        trials.append(Trial(scatter, white, estimate, log_likelihood))
+    wanted, trials, best = rows.with_columns(columns), list[Trial](), -math.inf
+    for friction_rel in FRICTIONS_REL if FRICTION_SHARE in wanted.parameters else (0.0,):
+        row: list[Trial] = []
+        for gain_rel in GAINS_REL:
+            row.append(_trial(wanted, Scatter(gain_rel, friction_rel), row[-1] if row else None))
+            best = max(best, row[-1].log_likelihood)
+            # a change among the shots only makes a smaller scatter likelier
+            if row[-1].log_likelihood < best - HOPELESS and len(row) > 1:
+                break
+        trials += row
+        if max(one.log_likelihood for one in row) < best - HOPELESS:
+            break
     levels = np.array([one.log_likelihood for one in trials])
     weights = np.exp(levels - levels.max()) * _widths(trials)
     return JointFit(tuple(trials), weights / weights.sum())
 
 
-def _scatters(rows: JointRows) -> list[Scatter]:
-    """List the scatters that are tried: of parameters that the summaries have."""
-    probe = Scatter(1.0, 0.0), Scatter(0.0, 1.0)
-    gain, friction = (any(one.variance(name) > 0 for name in rows.parameters) for one in probe)
-    return [
-        Scatter(gain_rel, friction_rel)
-        for friction_rel in (FRICTIONS_REL if friction else (0.0,))
-        for gain_rel in (GAINS_REL if gain else (0.0,))
-    ]
+def _trial(rows: JointRows, scatter: Scatter, neighbour: Trial | None) -> Trial:
+    """Estimate everything under one scatter, from where the estimate under a neighbour's is."""
+    white = rows.whitened(scatter)
+    start = {} if neighbour is None else neighbour.values
+    estimate = solve(rows.all_unknowns, [white], rows.priors, start)
+    exact = {name for name, (_, u) in zip(rows.added, rows.weights, strict=True) if u == 0}
+    free = np.array([name not in exact for name in white.unknowns])
+    log_determinant = -float(np.linalg.slogdet(estimate.covariance[np.ix_(free, free)])[1])
+    beforehand = scatter.gain_rel / USUAL_GAIN_REL + scatter.friction_rel / USUAL_FRICTION_REL
+    log_likelihood = -0.5 * (estimate.misfit + white.log_determinant + log_determinant) - beforehand
+    return Trial(scatter, white, estimate, log_likelihood)
 
 
 def _widths(trials: Sequence[Trial]) -> Array:
@@ -177,8 +186,3 @@ def _widths(trials: Sequence[Trial]) -> Array:
         return np.asarray(np.diff(edges)[places])
 
     return widths("gain_rel") * widths("friction_rel")
-
-
-def _exact(rows: JointRows) -> set[str]:
-    """Return the unknowns that are exactly known."""
-    return {name for name, (_, u) in zip(rows.added, rows.weights, strict=True) if u == 0}
