@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from recoil_daq.simulated import Simulated, simulate
     from recoil_identification.analysis import Options
     from recoil_rigs.rig import Rig, load_rig
+    from recoil_rigs.twin import CampaignPlan
 
 _HOMES = {
     "recoil_acquisition.errors": (
@@ -59,11 +60,13 @@ _HOMES = {
     "recoil_daq.simulated": ("Simulated", "simulate"),
     "recoil_identification.analysis": ("Options",),
     "recoil_rigs.rig": ("Rig", "load_rig"),
+    "recoil_rigs.twin": ("CampaignPlan",),
 }  # fmt: skip
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = [
     "AlignmentError",
+    "CampaignPlan",
     "CorruptFileError",
     "DeviceError",
     "Exported",

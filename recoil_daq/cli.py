@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 import os
 import sys
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -19,6 +20,7 @@ from recoil_daq.session import Session
 if TYPE_CHECKING:
     from recoil_daq.identify import Reported
     from recoil_daq.targets import TargetReported
+    from recoil_rigs.twin import CampaignPlan
 
 OK, NOT_VALID, FAULT, INTERRUPTED = 0, 1, 3, 130
 
@@ -326,27 +328,120 @@ def campaign(
         session.finish(done.to_json(), done.show, OK if done.valid else NOT_VALID)
 
 
-@app.command(epilog="Example: recoil-daq simulate mixed --seed 7 --shots 3")
+@app.command(
+    epilog="Example: recoil-daq simulate mixed --seed 7 --shots 3, or a campaign whose even shots carry a known mass: "
+    "recoil-daq simulate mixed --shots 8 --campaign-seed 3 --added-mass 120 --charges 1,1,0.8,0.8"
+)
 def simulate(
     rig: RigArgument,
     seed: Annotated[int, typer.Option(min=0, help="Same seed, same bytes.")] = 1,
     shots: Annotated[int, typer.Option(min=1, max=9999, help="How many shots.")] = 1,
     campaign_seed: Annotated[
         int | None,
-        typer.Option(min=0, help="Of the sensors' errors, which the shots then share.", show_default="each its own"),
+        typer.Option(
+            min=0,
+            help="Of the sensors' errors, which the shots then share; the shot log is written, too. "
+            "What follows down to --outlier needs it.",
+            show_default="each its own",
+        ),
+    ] = None,
+    added_mass: Annotated[
+        float | None,
+        typer.Option(
+            metavar="KG",
+            help="Every second shot carries so much more: the first is bare, the second has it, and so on.",
+            show_default="none",
+        ),
+    ] = None,
+    u_added_mass: Annotated[
+        float | None,
+        typer.Option(metavar="KG", help="Its standard uncertainty: it is truly off by one draw.", show_default="0.05"),
+    ] = None,
+    charges: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FACTOR,...",
+            help="Of the peak breech pressure, shot by shot, and over again. Name each twice in a row if every second "
+            "shot carries more: else each charge is fired either with it or without.",
+            show_default="1",
+        ),
+    ] = None,
+    friction_scatter: Annotated[
+        float | None,
+        typer.Option(help="Relative standard deviation of the friction from shot to shot.", show_default="0"),
+    ] = None,
+    repeatability: Annotated[
+        float | None,
+        typer.Option(
+            help="Relative standard deviation from shot to shot of the gains of force gauges and recoil accelerometer.",
+            show_default="0",
+        ),
+    ] = None,
+    mass_step: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KG@SHOT",
+            help="From that shot on (counted from 1) the recoiling mass is so much more, and the log does not tell; "
+            "may be repeated.",
+            show_default=False,
+        ),
+    ] = None,
+    configuration: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME@SHOT", help="What the log states from that shot on; may be repeated.", show_default=False
+        ),
+    ] = None,
+    drift: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="CHANNEL=REL",
+            help="The channel's gain drifts by that share from the first shot to the last; may be repeated.",
+            show_default=False,
+        ),
+    ] = None,
+    outlier: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="CHANNEL=REL@SHOT",
+            help="The channel's gain is off by that share in that shot; may be repeated.",
+            show_default=False,
+        ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder of the shots, one folder each.")] = Path("simulated"),
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
     """Fire the virtual rig: write the instruments' own files, and truth.json, for every shot."""
+    options = {
+        "added_mass_kg": added_mass, "u_added_mass_kg": u_added_mass, "charges": charges,
+        "friction_scatter": friction_scatter, "repeatability": repeatability, "mass_steps": mass_step,
+        "configurations": configuration, "drifts": drift, "outliers": outlier,
+    }  # fmt: skip
+    plan = _campaign_plan({key: value for key, value in options.items() if value not in (None, [])}, shots)
+    if plan is not None and campaign_seed is None:
+        raise typer.BadParameter("a campaign needs --campaign-seed: its shots share their sensors")
     with Session(json, debug) as session:
         from recoil_daq.simulated import simulate as fire
         from recoil_rigs.rig import load_rig
 
         with session.steps("simulate") as progress:
-            done = fire(load_rig(rig), out, seed=seed, shots=shots, campaign_seed=campaign_seed, progress=progress)
+            done = fire(
+                load_rig(rig), out, seed=seed, shots=shots, campaign_seed=campaign_seed, plan=plan, progress=progress
+            )
         session.finish(done.to_json(), done.show, OK)
+
+
+def _campaign_plan(given: Mapping[str, Any], shots: int) -> CampaignPlan | None:
+    """Return the plan of a campaign, or None if nothing is planned."""
+    if not given:
+        return None
+    from recoil_daq.campaign_options import plan_of_options
+
+    try:
+        return plan_of_options(given, shots)
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from error
 
 
 @app.command(epilog="Example: recoil-daq demo --out demo")

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from recoil_daq.printed import Printed
 from recoil_rigs.rig import Rig
-from recoil_rigs.twin import TwinShot, simulate_shot
+from recoil_rigs.twin import CampaignPlan, PlannedShot, TwinShot, simulate_shot
 
 Progress = Callable[[str], None]
 
@@ -50,6 +50,7 @@ def simulate(
     seed: int = 1,
     shots: int = 1,
     campaign_seed: int | None = None,
+    plan: CampaignPlan | None = None,
     progress: Progress = lambda _: None,
 ) -> Simulated:
     """Fire the virtual rig.
@@ -64,23 +65,32 @@ def simulate(
         At least 1.
     campaign_seed
         Lets the shots share their sensors, whose errors it draws; without it every shot has sensors of its own.
+    plan
+        What happens over the campaign: charges, an added mass, drifts and more. It needs a `campaign_seed`.
     progress
         Told the name of each step.
 
     Raises
     ------
     ValueError
-        If no shot is asked for.
+        If no shot is asked for, or the plan does not go with the number of shots or has no campaign.
     StoreError
         If a file exists already or cannot be written.
     RigError
-        If the rig lacks what a simulation needs.
+        If the rig lacks what a simulation needs, or what is planned.
     """
     if shots < 1:
         raise ValueError(f"shots must be at least 1, not {shots}")
+    planned: Sequence[PlannedShot | None] = [None] * shots
+    if plan is not None:
+        if campaign_seed is None:
+            raise ValueError("a plan needs a campaign_seed, by which the shots share their sensors")
+        planned = plan.draw(rig, shots, seed=seed, campaign_seed=campaign_seed)
     done = []
-    for k in range(shots):
+    for k, one in enumerate(planned):
         name = f"{k + 1:04d}"
         progress(f"shot {k + 1} of {shots}")
-        done.append(simulate_shot(rig, Path(out) / name, seed=seed + k, shot=name, campaign_seed=campaign_seed))
+        done.append(
+            simulate_shot(rig, Path(out) / name, seed=seed + k, shot=name, campaign_seed=campaign_seed, planned=one)
+        )
     return Simulated(tuple(done))

@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 
 from recoil_rigs import mechanism as model
 from recoil_rigs.mechanism import Mechanism
+from tests.builders.mujoco_mechanism import mujoco_model
 
 MECHANISM = Mechanism(
     m1=1600.0, m2=520.0, m3=866.0, J1=2900.0 + 3200.0, J2=420.0, J3c=610.0, X1=1.35, Y1=0.42, XA=2.05, YA=0.95,
@@ -26,42 +27,6 @@ def random_states(count: int, seed: int = 20) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(seed)
     q = rng.uniform([-0.2, -0.2, -0.6, -0.8, -0.1], [0.2, 0.2, 0.6, 0.8, 1.1], (count, 5))
     return q, rng.normal(0, [1.0, 1.0, 2.0, 2.0, 10.0], (count, 5))
-
-
-def mujoco_model(m: Mechanism) -> mujoco.MjModel:
-    """Build the same mechanism out of MuJoCo's bodies; x of MuJoCo is forward, z is up, hinges turn about -y."""
-
-    def quaternion(angle: float) -> str:
-        return f"{math.cos(angle / 2)} 0 {-math.sin(angle / 2)} 0"
-
-    def inertial(mass: float, x: float, z: float, about_centre: float) -> str:
-        size = about_centre  # only the middle one acts in plane; the others obey the triangle inequality
-        return f'<inertial mass="{mass}" pos="{x} 0 {z}" diaginertia="{size} {size} {size}"/>'
-
-    return mujoco.MjModel.from_xml_string(f"""
-    <mujoco>
-      <option gravity="0 0 {-m.g}" integrator="RK4"/>
-      <compiler angle="radian" autolimits="true"/>
-      <worldbody>
-        <body name="frame">
-          <joint name="xi" type="slide" axis="1 0 0"/>
-          <joint name="eta" type="slide" axis="0 0 1"/>
-          <inertial mass="1e-9" pos="0 0 0" diaginertia="1e-9 1e-9 1e-9"/>
-          <body name="carriage" quat="{quaternion(m.phi10)}">
-            <joint name="alpha" type="hinge" axis="0 -1 0"/>
-            {inertial(m.m1, m.X1, m.Y1, m.J1 - m.m1 * (m.X1**2 + m.Y1**2))}
-            <body name="tipping" pos="{m.XA} 0 {m.YA}" quat="{quaternion(m.phi20 - m.phi10)}">
-              <joint name="beta" type="hinge" axis="0 -1 0"/>
-              {inertial(m.m2, m.s2, m.d2, m.J2 - m.m2 * (m.s2**2 + m.d2**2))}
-              <body name="recoiling" pos="{m.b} 0 {m.d}">
-                <joint name="x" type="slide" axis="-1 0 0"/>
-                {inertial(m.m3, 0, 0, m.J3c)}
-              </body>
-            </body>
-          </body>
-        </body>
-      </worldbody>
-    </mujoco>""")
 
 
 def test_mass_matrix_velocity_terms_and_accelerations_agree_with_mujoco_at_200_states() -> None:

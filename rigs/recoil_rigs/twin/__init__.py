@@ -18,6 +18,7 @@ import numpy as np
 from recoil_acquisition.errors import Fault, RigError, StoreError
 from recoil_rigs.beam import shapes
 from recoil_rigs.rig import Rig, Source
+from recoil_rigs.twin.campaign import CampaignPlan, PlannedShot
 from recoil_rigs.twin.can_node import can_file
 from recoil_rigs.twin.instruments import generator, stress_waves
 from recoil_rigs.twin.loads import check_statics
@@ -26,7 +27,7 @@ from recoil_rigs.twin.serial_sensor import serial_file
 from recoil_rigs.twin.settings import TwinSettings, measured_roles, read_settings
 from recoil_rigs.twin.sources import Scene, SourceFile, camera_file, dewetron_file
 
-__all__ = ["TwinSettings", "TwinShot", "draw_scene", "read_settings", "simulate_shot"]
+__all__ = ["CampaignPlan", "PlannedShot", "TwinSettings", "TwinShot", "draw_scene", "read_settings", "simulate_shot"]
 
 LARGEST_BORE_FRICTION = 0.5
 """Of what is drawn, share of the breech force."""
@@ -58,7 +59,15 @@ class TwinShot:
     truth: Mapping[str, Any]
 
 
-def simulate_shot(rig: Rig, folder: Path, *, seed: int, shot: str, campaign_seed: int | None = None) -> TwinShot:
+def simulate_shot(
+    rig: Rig,
+    folder: Path,
+    *,
+    seed: int,
+    shot: str,
+    campaign_seed: int | None = None,
+    planned: PlannedShot | None = None,
+) -> TwinShot:
     """Simulate one shot of a rig and write the files that its recorders would have written.
 
     The same rig, seed and shot name give the same bytes. Nothing is written unless all of it can be.
@@ -76,6 +85,8 @@ def simulate_shot(rig: Rig, folder: Path, *, seed: int, shot: str, campaign_seed
     campaign_seed
         Shots with the same one share their sensors: the errors of scales and friction are drawn by it, all else by
         `seed`.
+    planned
+        What a campaign's plan has for this shot, see `CampaignPlan`; nothing if left out.
 
     Raises
     ------
@@ -100,6 +111,8 @@ def simulate_shot(rig: Rig, folder: Path, *, seed: int, shot: str, campaign_seed
     ``tube``, if it is flexible: the frequencies at which it would bend if clamped to what does not move, its end's
     sag at rest and largest deflection from there;
     ``campaign_seed``, if there is one;
+    ``added_mass_kg`` (the true one, which ``m3`` includes), ``configuration`` and ``campaign``, all that was planned
+    and drawn of the campaign for this shot, if it was planned;
     ``sources``: all that is known of each source's file; ``cam_offset``, ``cam_drift`` and ``lost_frames`` of
     the (first) camera; ``seed``.
     """
@@ -109,7 +122,7 @@ def simulate_shot(rig: Rig, folder: Path, *, seed: int, shot: str, campaign_seed
         raise ValueError(f"campaign_seed must not be negative, not {campaign_seed}")
     if not shot or PurePath(shot).name != shot or shot in (".", ".."):
         raise ValueError(f"shot must be fit for a file name, not {shot!r}")
-    scene = draw_scene(rig, seed, shot, campaign_seed)
+    scene = draw_scene(rig, seed, shot, campaign_seed, planned)
     faults: list[Fault] = []
     recorded = [
         _RECORDERS[s.kind](scene, s, faults) for s in rig.sources if any(c.source == s.name for c in rig.channels)
@@ -128,7 +141,9 @@ def simulate_shot(rig: Rig, folder: Path, *, seed: int, shot: str, campaign_seed
     return TwinShot(shot, folder, files, folder / "rig.toml", folder / "truth.json", truth)
 
 
-def draw_scene(rig: Rig, seed: int, shot: str, campaign_seed: int | None = None) -> Scene:
+def draw_scene(
+    rig: Rig, seed: int, shot: str, campaign_seed: int | None = None, planned: PlannedShot | None = None
+) -> Scene:
     """Draw what this shot's mechanism truly is, and let it move; parameters as of `simulate_shot`.
 
     Raises
@@ -137,7 +152,10 @@ def draw_scene(rig: Rig, seed: int, shot: str, campaign_seed: int | None = None)
         If it cannot be simulated.
     """
     settings = read_settings(rig)
-    mechanism = dataclasses.replace(rig.mechanism, m3=settings.m3_true or rig.mechanism.m3)
+    m3_kg, charge, friction_factor = settings.m3_true or rig.mechanism.m3, 1.0, 1.0
+    if planned is not None:
+        m3_kg, charge, friction_factor = planned.m3_kg(m3_kg), planned.charge, planned.friction_factor
+    mechanism = dataclasses.replace(rig.mechanism, m3=m3_kg)
     faults = check_statics(mechanism, settings)
     if faults:
         raise RigError(rig.path, faults)
@@ -154,8 +172,8 @@ def draw_scene(rig: Rig, seed: int, shot: str, campaign_seed: int | None = None)
     motion = simulate_motion(
         mechanism,
         settings,
-        peak_pressure_pa=settings.peak_pressure_pa * (1.0 + settings.shot_to_shot * float(peak_scatter)),
-        friction_n=max(friction, 0.0),
+        peak_pressure_pa=charge * settings.peak_pressure_pa * (1.0 + settings.shot_to_shot * float(peak_scatter)),
+        friction_n=max(friction_factor * friction, 0.0),
     )
     if not motion.t_end_s <= settings.duration_s:
         problem = f"the recoil does not end within {settings.duration_s} s; it has come {motion.q[-1, 4]:.3f} m"
@@ -164,7 +182,8 @@ def draw_scene(rig: Rig, seed: int, shot: str, campaign_seed: int | None = None)
         ends = motion.t_end_s - motion.t_fire_s
         raise RigError(rig.path, [Fault("twin.release_after_s", f"the recoil ends {ends:.4f} s after it begins")])
     modes = stress_waves(motion.times_s, motion.t_fire_s, motion.t_end_s, generator(seed, "stress waves"))
-    return Scene(rig, settings, mechanism, motion, modes, measured_roles(rig, settings), seed, shot, campaign_seed)
+    roles = measured_roles(rig, settings)
+    return Scene(rig, settings, mechanism, motion, modes, roles, seed, shot, campaign_seed, planned)
 
 
 def _truth(scene: Scene, recorded: list[SourceFile]) -> dict[str, Any]:
@@ -186,6 +205,8 @@ def _truth(scene: Scene, recorded: list[SourceFile]) -> dict[str, Any]:
     }
     if scene.campaign_seed is not None:
         truth["campaign_seed"] = scene.campaign_seed
+    if scene.planned is not None:
+        truth |= scene.planned.truth()
     if motion.released_kg:
         truth["m3_after"] = scene.mechanism.m3 - motion.released_kg
         truth["t_release"] = motion.t_release_s

@@ -184,6 +184,7 @@ def digitise(
     rng: np.random.Generator,
     zero_shift: Array,
     scale_error: float | None = None,
+    gain_factor: float = 1.0,
 ) -> tuple[Array, Errors]:
     """Return what the recorder stores of true values: gain error, offset, zero shift, noise, clipping, steps.
 
@@ -201,12 +202,15 @@ def digitise(
         By how much the zero has shifted, share of full scale.
     scale_error
         By how many standard uncertainties the sensor's scale is off; drawn if left out.
+    gain_factor
+        On the gain, beside what the scale is off.
     """
     low, high = full_range if full_range is not None else (-np.inf, np.inf)
     full_scale = max(abs(low), abs(high)) if full_range is not None else float(np.abs(values).max())
     drawn, bias = rng.normal(0.0, 1.0, 2)
     scale, offset = u_rel * (drawn if scale_error is None else scale_error), settings.bias * full_scale * bias
-    errors = Errors(1.0 + float(scale) if settings.gain_errors else 1.0, float(offset))
+    gain = 1.0 + float(scale) if settings.gain_errors else 1.0
+    errors = Errors(gain * gain_factor, float(offset))
     noise = settings.noise * full_scale * rng.normal(0.0, 1.0, values.shape)
     stored = errors.gain * values + errors.offset + full_scale * zero_shift + noise
     stored = np.clip(stored, low, high)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -183,11 +184,7 @@ def read_settings(rig: Rig) -> TwinSettings:
         faults.append(Fault("twin.pre_trigger_s", f"must be shorter than duration_s = {settings.duration_s}"))
     if settings.clock_offset_s >= 0.5 * settings.duration_s:
         faults.append(Fault("twin.clock_offset_s", "must be shorter than half of duration_s: clocks must overlap"))
-    whole = settings.m3_true or rig.mechanism.m3
-    if settings.released_mass_kg >= whole:
-        faults.append(Fault("twin.released_mass_kg", f"must be less than the recoiling mass, {whole:g} kg"))
-    if settings.tube_modes:
-        faults += _faults_of_tube(rig.mechanism, settings, whole - settings.released_mass_kg)
+    faults += faults_of_mass(replace(rig.mechanism, m3=settings.m3_true or rig.mechanism.m3), settings)
     swept = rig.mechanism.recuperator_area * settings.stroke_m * 1.2
     if settings.recuperator_volume_m3 <= swept:
         problem = f"must exceed {swept:.4g} m3, what the recuperator's piston sweeps in 1.2 strokes"
@@ -199,6 +196,17 @@ def read_settings(rig: Rig) -> TwinSettings:
     if faults:
         raise RigError(rig.path, faults)
     return settings
+
+
+def faults_of_mass(mechanism: Mechanism, settings: TwinSettings) -> list[Fault]:
+    """Return why a mechanism's recoiling mass cannot lose or hold what the settings make a part of it, if it cannot."""
+    released = settings.released_mass_kg
+    faults = []
+    if released >= mechanism.m3:
+        faults.append(Fault("twin.released_mass_kg", f"must be less than the recoiling mass, {mechanism.m3:g} kg"))
+    if settings.tube_modes:
+        faults += _faults_of_tube(mechanism, settings, mechanism.m3 - released)
+    return faults
 
 
 def _faults_of_tube(mechanism: Mechanism, settings: TwinSettings, m3_kg: float) -> list[Fault]:

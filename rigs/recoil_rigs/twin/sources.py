@@ -16,6 +16,7 @@ from recoil_rigs.assemble import range_si
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.rig import ChannelSpec, Rig, Source
 from recoil_rigs.rig_tables import SHOT_PLACE
+from recoil_rigs.twin.campaign import PlannedShot
 from recoil_rigs.twin.files import dewesoft_text, track_text
 from recoil_rigs.twin.instruments import chain, digitise, generator, mix, sample, truth
 from recoil_rigs.twin.motion import Motion
@@ -76,6 +77,8 @@ class Scene:
     campaign_seed
         What the shots of a campaign share, the errors of the sensors' scales and of the friction, is drawn by it; by
         `seed` if it is None.
+    planned
+        What the campaign's plan has for this shot.
     gains, offsets
         Errors drawn, by channel; offsets in the unit of the file. Filled as channels are sampled.
     moves
@@ -91,6 +94,7 @@ class Scene:
     seed: int
     shot: str
     campaign_seed: int | None = None
+    planned: PlannedShot | None = None
     gains: dict[str, float] = field(default_factory=dict)
     offsets: dict[str, float] = field(default_factory=dict)
     moves: dict[str, dict[str, float | str]] = field(default_factory=dict)
@@ -129,7 +133,8 @@ class Scene:
             stored = np.asarray(stored + self._hum(spec, stored, at_s), dtype=np.float64)
         shift = self._zero_shift(role) * after_shot + self._moving_zero(role, spec, at_s)
         shared = self.scale_error(spec)
-        stored, errors = digitise(stored, full_range, spec.sensor.u_rel, self.settings, rng, shift, shared)
+        factor = self.gain_factor(spec)
+        stored, errors = digitise(stored, full_range, spec.sensor.u_rel, self.settings, rng, shift, shared, factor)
         self.gains[spec.name], self.offsets[spec.name] = errors.gain, errors.offset
         return stored
 
@@ -146,6 +151,10 @@ class Scene:
             return own
         part = sensor.u_reference_rel / sensor.u_rel
         return math.sqrt(1.0 - part**2) * own + part * float(generator(seed, "standard", sensor.reference).normal())
+
+    def gain_factor(self, spec: ChannelSpec) -> float:
+        """Return the factor on a sensor's gain that the campaign's plan has for this shot."""
+        return 1.0 if self.planned is None else self.planned.gain_factors.get(spec.name, 1.0)
 
     def _zero_shift(self, role: str) -> float:
         """Return by how much a sensor's zero shifts at the shot, share of full scale."""
@@ -323,7 +332,7 @@ def camera_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile
         unit = file_unit(spec)
         shared = scene.scale_error(spec)
         drawn = float(generator(scene.seed, "channel", spec.name).normal()) if shared is None else shared
-        gain = 1.0 + spec.sensor.u_rel * drawn * s.gain_errors
+        gain = (1.0 + spec.sensor.u_rel * drawn * s.gain_errors) * scene.gain_factor(spec)
         place = np.zeros((count, 2))
         travel = sample(
             truth(scene.roles[spec.name], scene.mechanism, scene.motion, (0.0, 0.0)), scene.motion.times_s, at
