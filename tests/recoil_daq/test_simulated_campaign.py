@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from pathlib import Path
 
 import pytest
 
-from recoil_daq import CampaignPlan, load_rig, simulate
+from recoil_acquisition.errors import StoreError
+from recoil_acquisition.store.shot_log import ShotLog
+from recoil_daq import CampaignPlan, load_rig, read_shot, simulate
 from recoil_daq.campaign_options import plan_of_options
+from tests.builders.campaigns import CHARGES, fire_campaign
+from tests.builders.virtual_shots import SHORTER, with_twin
 
 OPTIONS = (
     "--added-mass", "120", "--u-added-mass", "0.1", "--charges", "1,0.8", "--friction-scatter", "0.03",
@@ -29,12 +34,23 @@ PLAN = CampaignPlan(
 )
 
 
-def test_options_and_python_fire_the_same_campaign(run, tmp_path: Path) -> None:
+def test_options_and_python_fire_the_same_campaign_and_its_log_has_what_those_who_fire_know(
+    run, tmp_path: Path
+) -> None:
     words = ("field-2013", "--shots", "3", "--campaign-seed", "3", *OPTIONS)
     result = run("simulate", *words, "--out", tmp_path / "a", "--json")
     assert result.exit_code == 0, result.output
     told = json.loads(result.stdout)
     done = simulate(load_rig("field-2013"), tmp_path / "b", shots=3, campaign_seed=3, plan=PLAN)
+    assert str(done).endswith(f"shot log: {done.log}")
+    assert told["shot_log"] == str(tmp_path / "a" / "shotlog.csv")
+    with (tmp_path / "a" / "shotlog.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [list(row.values()) for row in rows] == [
+        ["0001", "", "", "", "", "1", "", "", "", ""],
+        ["0002", "", "long rod", "120", "0.1", "0.8", "", "", "", ""],
+        ["0003", "", "long rod", "", "", "1", "", "", "", ""],
+    ]
     assert [one["truth"] for one in told["shots"]] == [shot.truth for shot in done.shots]
     for shot in done.shots:
         for file in shot.folder.iterdir():
@@ -42,6 +58,30 @@ def test_options_and_python_fire_the_same_campaign(run, tmp_path: Path) -> None:
     assert [shot.truth["configuration"] for shot in done.shots] == ["", "long rod", "long rod"]
     off_kg = done.shots[1].truth["added_mass_kg"] - 120.0
     assert [shot.truth["m3"] for shot in done.shots] == pytest.approx([782.0, 782.0 + 1.5 + 120.0 + off_kg, 779.5])
+
+
+def test_an_exactly_known_added_mass_is_stated_as_such_and_shots_without_a_campaign_have_no_log(tmp_path: Path) -> None:
+    exact = CampaignPlan(added_mass_kg=60.0, u_added_mass_kg=0.0)
+    rig = with_twin("field-2013", **SHORTER)
+    fired = simulate(rig, tmp_path / "exact", shots=2, campaign_seed=3, plan=exact)
+    row = ShotLog.read(fired.log).row("0002")
+    assert (row.added_mass_kg, row.u_added_mass_kg, row.added_mass_is_exact) == (60.0, 0.0, False)
+    assert simulate(rig, tmp_path / "alone").log is None
+    assert not (tmp_path / "alone" / "shotlog.csv").exists()
+    with pytest.raises(StoreError, match=r"shotlog\.csv: exists already"):
+        simulate(rig, tmp_path / "exact", shots=2, campaign_seed=3)
+
+
+def test_a_fired_campaign_is_ingested_with_its_log_beside_the_shot_files(tmp_path: Path) -> None:
+    done = fire_campaign(tmp_path, CampaignPlan(added_mass_kg=120.0, charges=CHARGES), shots=2)
+    assert [file.name for file in done.files] == ["0001.h5", "0002.h5"]
+    log = ShotLog.beside(done.files[0])
+    assert log.path == done.log
+    assert [row.added_mass_kg for row in log.rows] == [0.0, 120.0]
+    assert log.without_shot() == ()
+    for file, truth in zip(done.files, done.truths, strict=True):
+        assert read_shot(file).name == truth["shot"]
+    assert done.truths[1]["m3"] - done.truths[0]["m3"] == pytest.approx(done.truths[1]["added_mass_kg"])
 
 
 @pytest.mark.parametrize(

@@ -211,6 +211,7 @@ def test_the_truth_states_all_that_was_planned_and_drawn(tmp_path: Path) -> None
         ({"mass_steps": {0: 1.0}}, "mass_steps"),
         ({"mass_steps": {2: math.nan}}, "mass_steps"),
         ({"configurations": {2: ""}}, "configurations"),
+        ({"configurations": {2: "two\nlines"}}, "must be a printable text"),
         ({"drifts": {"p_brake": 0.6}}, "drifts"),
         ({"outliers": {2: {"p_brake": -0.6}}}, "outliers"),
         ({"ring_kg": 1.0}, "ring_kg"),

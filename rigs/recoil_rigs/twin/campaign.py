@@ -8,17 +8,26 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from recoil_acquisition.declaration import Finite, NotNegative, Positive, Text
+from recoil_acquisition.declaration import Finite, NotNegative, Positive
 from recoil_acquisition.errors import Fault, RigError, did_you_mean
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin.instruments import generator
 from recoil_rigs.twin.loads import check_statics
 from recoil_rigs.twin.settings import TwinSettings, faults_of_mass, measured_roles, read_settings
 
+
+def _in_one_line(name: str) -> str:
+    """Refuse a name that a cell of a table would not give back as it is."""
+    if not name or not name.isprintable() or name != name.strip():
+        raise ValueError("must be a printable text without spaces around it")
+    return name
+
+
 Charge = Annotated[float, Field(gt=0, le=2, allow_inf_nan=False)]
 Change = Annotated[float, Field(ge=-0.5, le=0.5, allow_inf_nan=False)]
+Configuration = Annotated[str, AfterValidator(_in_one_line)]
 ShotNumber = Annotated[int, Field(ge=1, le=9999)]
 
 LARGEST_U_OF_ADDED_MASS = 0.2
@@ -54,7 +63,7 @@ class CampaignPlan(BaseModel):
     """Relative standard deviation from shot to shot of the gain of each force gauge and of the recoil accelerometer."""
     mass_steps: dict[ShotNumber, Finite] = Field(default_factory=dict)
     """Shot -> by what the recoiling mass changes from that shot on, kg; the shot log does not tell."""
-    configurations: dict[ShotNumber, Text] = Field(default_factory=dict)
+    configurations: dict[ShotNumber, Configuration] = Field(default_factory=dict)
     """Shot -> the configuration that the shot log states from that shot on."""
     drifts: dict[str, Change] = Field(default_factory=dict)
     """Channel -> by what its gain has drifted at the last shot, linear in the shot's number from none at the first."""

@@ -1,0 +1,77 @@
+"""A whole campaign of the virtual rig, simulated and ingested: shot files, shot log, truths.
+
+A shot of `field-2013` takes 0.6 s of processor time to simulate and 0.3 s to ingest, one of `mixed` 0.7 and 0.4 s.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from recoil_acquisition.store.shot_log import SHOT_LOG
+from recoil_daq.ingest import ingest_files
+from recoil_daq.simulated import simulate
+from recoil_rigs.rig import Rig
+from recoil_rigs.twin import CampaignPlan
+from tests.builders.virtual_shots import SHORTER, with_twin
+
+CHARGES = (1.0, 1.0, 0.8, 0.8, 0.65, 0.65, 0.9, 0.9)
+"""Each twice in a row: once bare, and once with what every second shot carries."""
+
+
+@dataclass(frozen=True, eq=False)
+class FiredCampaign:
+    """An ingested campaign.
+
+    Attributes
+    ----------
+    shots
+        Folder of the shot files and of the shot log.
+    files
+        The shot files, in the order of firing.
+    truths
+        Of each shot, likewise.
+    """
+
+    rig: Rig
+    shots: Path
+    files: tuple[Path, ...]
+    log: Path
+    truths: tuple[Mapping[str, Any], ...]
+
+
+def fire_campaign(
+    folder: Path,
+    plan: CampaignPlan | None = None,
+    *,
+    name: str = "field-2013",
+    shots: int = 8,
+    campaign_seed: int = 1,
+    seed: int | None = None,
+    **settings: float | bool,
+) -> FiredCampaign:
+    """Simulate and ingest the shots of a bundled rig, in shorter records than the rig's own.
+
+    Parameters
+    ----------
+    folder
+        Gets ``simulated`` and ``shots``.
+    seed
+        Of the first shot; one that no other campaign's shots have if left out.
+    **settings
+        Of the virtual rig.
+    """
+    rig = with_twin(name, **SHORTER | settings)
+    first = 10_000 * campaign_seed + 1 if seed is None else seed
+    fired = simulate(rig, folder / "simulated", seed=first, shots=shots, campaign_seed=campaign_seed, plan=plan)
+    out = folder / "shots"
+    files = tuple(
+        ingest_files(rig, one.files, shot=one.shot, out=out, overwrite=False, on=dt.date(2026, 6, 1)).path
+        for one in fired.shots
+    )
+    log = Path(shutil.copy(folder / "simulated" / SHOT_LOG, out / SHOT_LOG))
+    return FiredCampaign(rig, out, files, log, tuple(one.truth for one in fired.shots))
