@@ -69,9 +69,9 @@ def fire_campaign(
     first = 10_000 * campaign_seed + 1 if seed is None else seed
     fired = simulate(rig, folder / "simulated", seed=first, shots=shots, campaign_seed=campaign_seed, plan=plan)
     out = folder / "shots"
-    files = tuple(
-        ingest_files(rig, one.files, shot=one.shot, out=out, overwrite=False, on=dt.date(2026, 6, 1)).path
-        for one in fired.shots
-    )
+    out.mkdir(parents=True)
     log = Path(shutil.copy(folder / "simulated" / SHOT_LOG, out / SHOT_LOG))
+    files = tuple(
+        ingest_files(rig, one.files, shot=one.shot, out=out, on=dt.date(2026, 6, 1)).path for one in fired.shots
+    )
     return FiredCampaign(rig, out, files, log, tuple(one.truth for one in fired.shots))

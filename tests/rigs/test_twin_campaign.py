@@ -195,6 +195,8 @@ def test_the_truth_states_all_that_was_planned_and_drawn(tmp_path: Path) -> None
     assert (campaign["weighed_added_mass_kg"], campaign["u_added_mass_kg"]) == (120.0, 0.05)
     assert campaign["gain_factors"] == dict(shot.gain_factors)
     assert CampaignPlan.model_validate(campaign["plan"]) == plan
+    bare = CampaignPlan(charges=(1.0, 0.8))
+    assert CampaignPlan.model_validate(drawn(bare, 2)[0].truth()["campaign"]["plan"]) == bare
 
 
 @pytest.mark.parametrize(

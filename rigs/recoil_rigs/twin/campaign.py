@@ -54,7 +54,7 @@ class CampaignPlan(BaseModel):
     """What every second shot carries in addition, as weighed. It sits on the line of the centre of mass: the recoiling
     mass grows by it, and nothing else changes."""
     u_added_mass_kg: NotNegative = 0.05
-    """Standard uncertainty of that weight, by one draw from which all shots that carry it are off."""
+    """Standard uncertainty of that weight: all shots that carry it are off by the same draw."""
     charges: tuple[Charge, ...] = ()
     """Factors of the peak breech pressure, one shot after the other, and from the first again; 1 if there are none."""
     friction_scatter: Annotated[float, Field(ge=0, le=0.2)] = 0.0
@@ -238,6 +238,6 @@ class PlannedShot:
                 "charge": self.charge,
                 "friction_factor": self.friction_factor,
                 "gain_factors": dict(self.gain_factors),
-                "plan": self.plan.model_dump(mode="json"),
+                "plan": self.plan.model_dump(mode="json", exclude_unset=True),
             },
         }
