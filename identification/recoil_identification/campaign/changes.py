@@ -29,8 +29,10 @@ LEVEL = 0.005
 """Share of campaigns without any change in which one is reported."""
 LEAST_SHOTS = 3
 """Of two, none is apart from the other."""
-TIE = 3
+TIE = 2
 """Decimals of a log likelihood up to which two are the same."""
+CLOSE, MOST_CONTENDERS = 0.9, 6
+"""Share of the largest gain from which on a candidate is fitted, because a large change is not linear; and how many."""
 MASS, STEP, DRIFT, OUTLIER, ADDED, OFF = "mass", "mass step", "sensor drift", "outlier", "added mass", "calibration"
 """Influence, and kinds."""
 
@@ -111,12 +113,17 @@ def joint_fit_with_changes(rows: JointRows) -> tuple[JointFit, tuple[Change, ...
         candidates = candidates_of(fit, found)
         if not candidates or candidates[0].gain < least_gain(len(candidates)):
             break
-        best = candidates[0]
+        contenders = [one for one in candidates if one.gain > CLOSE * candidates[0].gain][:MOST_CONTENDERS]
+        fits = [joint_fit(rows, [*(one.column for one in found), each.column]) for each in contenders]
+        levels = [max(trial.level for trial in each.trials) for each in fits]
+        # a number that somebody wrote into the log, and then the mass, rather than a sensor that looks the same
+        preferred = [(one.kind == ADDED, one.influence == MASS) for one in contenders]
+        at = max(range(len(fits)), key=lambda i: (round(levels[i], TIE), *preferred[i]))
+        best, fit = contenders[at], fits[at]
         others = (one for one in candidates if (one.kind, one.influence) != (best.kind, best.influence))
         other = next(others, None)
         found.append(best)
         instead.append("" if other is None else f"{other}, {other.gain:.1f} against {best.gain:.1f} of log likelihood")
-        fit = joint_fit(rows, [one.column for one in found])
     return fit, tuple(_change(fit, one, other) for one, other in zip(found, instead, strict=True))
 
 
@@ -178,8 +185,7 @@ def candidates_of(fit: JointFit, found: Sequence[Candidate] = ()) -> list[Candid
                 ramp = level.copy()
                 ramp[at] *= np.linspace(0.0, 1.0, at.size)
                 ask(DRIFT, name, [names[at[0]], names[at[-1]]], parameter, ramp, float(best(ramp[np.newaxis])[0]))
-    # what one shot cannot tell apart is first asked of its mass
-    gains.sort(key=lambda one: -round(one[-1], TIE))
+    gains.sort(key=lambda one: -one[-1])
     return [
         Candidate(kind, influence, shots, Column(f"{kind}: {influence}, {' '.join(shots)}", parameter, shares), gain)
         for kind, influence, shots, parameter, shares, gain in gains

@@ -34,8 +34,6 @@ FRICTIONS_REL = (0.0, 0.02, 0.05, 0.1, 0.2)
 """Standard deviations from shot to shot that are tried, of gains and of the friction."""
 HOPELESS = 25.0
 """Below the largest log likelihood, from where on no larger scatter is tried."""
-USUAL_GAIN_REL, USUAL_FRICTION_REL = 5e-4, 0.03
-"""Of what is known beforehand of them, exponential: gauges repeat to some .05 % or .1 %, packings to a few percent."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +50,11 @@ class Trial(ReadOnlyArrays):
     rows: WhiteRows
     estimate: Estimate
     log_likelihood: float
+
+    @property
+    def level(self) -> float:
+        """The largest log likelihood of any values, instead of that of all of them."""
+        return -0.5 * (self.estimate.misfit + self.rows.log_determinant) - self.scatter.unlikely
 
     @property
     def values(self) -> dict[str, float]:
@@ -151,7 +154,8 @@ def joint_fit(rows: JointRows, columns: Sequence[Column] = ()) -> JointFit:
             row.append(_trial(wanted, Scatter(gain_rel, friction_rel), row[-1] if row else None))
             best = max(best, row[-1].log_likelihood)
             # a change among the shots only makes a smaller scatter likelier
-            if row[-1].log_likelihood < best - HOPELESS and len(row) > 1:
+            falling = len(row) > 1 and row[-1].log_likelihood < row[-2].log_likelihood
+            if falling and row[-1].log_likelihood < best - HOPELESS:
                 break
         trials += row
         if max(one.log_likelihood for one in row) < best - HOPELESS:
@@ -169,8 +173,7 @@ def _trial(rows: JointRows, scatter: Scatter, neighbour: Trial | None) -> Trial:
     exact = {name for name, (_, u) in zip(rows.added, rows.weights, strict=True) if u == 0}
     free = np.array([name not in exact for name in white.unknowns])
     log_determinant = -float(np.linalg.slogdet(estimate.covariance[np.ix_(free, free)])[1])
-    beforehand = scatter.gain_rel / USUAL_GAIN_REL + scatter.friction_rel / USUAL_FRICTION_REL
-    log_likelihood = -0.5 * (estimate.misfit + white.log_determinant + log_determinant) - beforehand
+    log_likelihood = -0.5 * (estimate.misfit + white.log_determinant + log_determinant) - scatter.unlikely
     return Trial(scatter, white, estimate, log_likelihood)
 
 

@@ -112,10 +112,10 @@ def test_what_a_candidate_promises_is_what_a_fit_with_its_column_gains(kind: str
     candidate = next(one for one in candidates_of(fit) if one.kind == kind)
     again = joint_fit(rows_of(drawn), [candidate.column])
     # of one scatter: the information on the column is in the fit's likelihood, and not in what is compared
-    falls = [
-        before.estimate.misfit - after.estimate.misfit for before, after in zip(fit.trials, again.trials, strict=True)
+    with_column = {trial.scatter: trial.level for trial in again.trials}
+    levels = [
+        one.log_likelihood - one.level + with_column[one.scatter] for one in fit.trials if one.scatter in with_column
     ]
-    levels = [trial.log_likelihood + 0.5 * fall for trial, fall in zip(fit.trials, falls, strict=True)]
     gained = max(levels) - max(trial.log_likelihood for trial in fit.trials)
     assert candidate.gain == pytest.approx(gained, abs=2e-3 * max(1.0, gained))
 

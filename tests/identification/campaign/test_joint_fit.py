@@ -72,7 +72,7 @@ def test_scatters_are_weighed_by_the_density_of_the_rows() -> None:
     # the mass has no prior: give it one that is all but none, the same for every scatter
     wide = 10.0
     found = {}
-    for scatter in (Scatter(), Scatter(1e-3, 0.0), Scatter(2e-3, 0.02)):
+    for scatter in (Scatter(), Scatter(1e-3, 0.0), Scatter(7e-4, 0.02)):
         blocks, values = [], []
         own = np.array([0.0, *[scatter.gain_rel] * 3, scatter.friction_rel, scatter.gain_rel])
         for shot in drawn.shots:
