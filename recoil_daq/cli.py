@@ -233,6 +233,44 @@ def recover(
         session.finish(recovered_document(done), lambda: print_recovered(folder, done), code)
 
 
+def _cells(words: list[str]) -> dict[str, str]:
+    """Read KEY=VALUE words."""
+    cells: dict[str, str] = {}
+    for word in words:
+        key, equals, value = word.partition("=")
+        if not equals or not key.strip():
+            raise typer.BadParameter(f"{word!r} is not KEY=VALUE")
+        if key.strip() in cells:
+            raise typer.BadParameter(f"{key.strip()} is given twice")
+        cells[key.strip()] = value
+    return cells
+
+
+@app.command(epilog="Example: recoil-daq log 0001 configuration=ring added_mass_kg=120 u_added_mass_kg=0.05")
+def log(
+    shot: Annotated[
+        str, typer.Argument(help="A shot file, or the name of a shot in the folder of --dir.", show_default=False)
+    ],
+    cells: Annotated[
+        list[str] | None,
+        typer.Argument(help="Cells to set; KEY= empties one.", metavar="[KEY=VALUE]...", show_default="show the row"),
+    ] = None,
+    folder: Annotated[Path, typer.Option("--dir", help="Folder of the shot files.")] = Path("shots"),
+    new_column: Annotated[
+        bool, typer.Option("--new-column", help="Add the columns that the shot log does not have.")
+    ] = False,
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Show a shot's row of the shot log, or set cells of it: configuration, added mass, charge, why it is excluded."""
+    given = _cells(cells or [])
+    with Session(json, debug) as session:
+        from recoil_daq.logged import log_row
+
+        done = log_row(shot, given, folder=folder, new_column=new_column)
+        session.finish(done.to_json(), done.show, OK)
+
+
 @app.command(epilog="Example: recoil-daq identify shots/0001.h5 --out reports")
 def identify(
     shots: Annotated[list[Path], typer.Argument(help="Shot files, or folders of them.", show_default=False)],

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import ReadError
-from recoil_acquisition.shot import InputFile
-from recoil_acquisition.store import read_shot
 from recoil_daq import __version__
+from recoil_daq.fired import described, read_fired
 from recoil_daq.printed import Printed
 from recoil_daq.report_folder import publish, refuse_existing, refuse_unwritable
 from recoil_identification.analysis import Options, identify_shot
 from recoil_identification.report.document import REPORT_FILE, TRACE_FILE, report_document, write_document, write_trace
 from recoil_identification.report.figures import report_figures
 from recoil_identification.report.html import PAGE_NAME, render_page, write_page
-from recoil_rigs.rig import parse_rig
 
 Progress = Callable[[str], None]
 
@@ -87,8 +84,9 @@ class Reported(Printed):
     def show(self) -> None:
         """Print the mass, its methods, and what speaks against it."""
         from recoil_daq.tables import print_report
+        from recoil_identification.report.tables import logged
 
-        print_report(self)
+        print_report(self, logged(self.document))
 
     def __repr__(self) -> str:
         verdict = "valid" if self.valid else "not valid"
@@ -152,13 +150,6 @@ def find_shot_files(paths: list[Path]) -> list[Path]:
     return found
 
 
-def described(path: Path) -> InputFile:
-    """Describe a shot file for the provenance of what is made of it."""
-    with path.open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
-    return InputFile(path.name, digest, path.stat().st_size, "", "shot file")
-
-
 def identify_file(
     path: str | Path,
     *,
@@ -170,6 +161,7 @@ def identify_file(
 ) -> Reported:
     """Identify the mass of one shot file and write its report into ``out/<shot>``.
 
+    The specification is the rig's, with the mass that the shot log beside the file adds for this shot.
     The report appears complete or not at all: it is written beside its place and then renamed.
 
     Parameters
@@ -183,6 +175,8 @@ def identify_file(
     ------
     StoreError
         If the file is no shot file, or the report exists or cannot be written.
+    ReadError
+        If the shot log is at fault.
     RigError
         If the rig stored in the shot file is at fault.
     IdentificationError
@@ -190,16 +184,20 @@ def identify_file(
     """
     source = Path(path)
     progress("read")
-    shot = read_shot(source)
+    fired = read_fired(source)
+    shot = fired.shot
     folder = Path(out) / shot.name
     refuse_unwritable(folder)
     if not overwrite:
         refuse_existing(folder, (REPORT_FILE, TRACE_FILE, PAGE_NAME))
-    rig = parse_rig(shot.rig_text, source, shot.databases or {}, refuse_doubts=False)
     progress("identify")
-    found = identify_shot(shot, rig, options or Options())
+    found = identify_shot(shot, fired.rig, options or Options())
+    found = replace(found, notes=(*fired.notes, *found.notes))
     progress("report")
-    document = report_document(shot, found, version=__version__, shot_file=described(source), truth=truth)
+    document = report_document(
+        shot, found, version=__version__, shot_file=described(source), truth=truth, row=fired.row,
+        log_file=fired.log_file,
+    )  # fmt: skip
     page = render_page(document, report_figures(found))
 
     def write(partial: Path) -> None:

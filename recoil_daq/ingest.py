@@ -24,6 +24,7 @@ from recoil_acquisition.shot import InputFile, Shot
 from recoil_acquisition.shot_name import shot_name_fault
 from recoil_acquisition.store import write_shot
 from recoil_daq import __version__
+from recoil_daq.logged import ADDED_MASS, add_row, as_planned
 from recoil_daq.printed import Printed
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.verdict.shot_quality import check_shot
@@ -36,11 +37,20 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True, repr=False)
 class Ingested(Printed):
-    """A shot, its rig, and where it was written."""
+    """A shot, its rig, and where it was written.
+
+    Attributes
+    ----------
+    rig
+        With the mass that the shot log adds for this shot.
+    log_fault
+        Why the shot log has no row of it, or what that says is not used; empty otherwise.
+    """
 
     shot: Shot
     rig: Rig
     path: Path
+    log_fault: str = ""
 
     def to_json(self) -> dict[str, Any]:
         """Return the document of ``ingest --json``."""
@@ -71,7 +81,7 @@ def ingest_files(
     replaces: str = "",
     progress: Progress = lambda _: None,
 ) -> Ingested:
-    """Turn one shot's recorded files into a verified shot file.
+    """Turn one shot's recorded files into a verified shot file, and add its row to the shot log beside it.
 
     Parameters
     ----------
@@ -99,7 +109,8 @@ def ingest_files(
     Returns
     -------
     Ingested
-        The shot with its verdict; a shot that is not usable is written all the same.
+        The shot with its verdict; a shot that is not usable is written all the same, and so is one whose row cannot be
+        added.
 
     Raises
     ------
@@ -161,14 +172,19 @@ def ingest_files(
         clock_fits={s: fit for s, r in recordings.items() if (fit := r.metadata.get("clock_fit")) is not None},
     )
     progress("align")
+    rig, log_fault = as_planned(rig, target, name)
     alignments = align_clocks(assembled, rig)
     progress("check")
     quality = check_shot(assembled, rig, alignments, recordings, on or dt.date.today())
-    parameters = {"rig": rig.path.name, **({"excerpts": excerpts} if excerpts else {})}
+    parameters = {
+        "rig": rig.path.name,
+        **({"excerpts": excerpts} if excerpts else {}),
+        **({ADDED_MASS: rig.added_mass_kg} if rig.added_mass_kg else {}),
+    }
     finished = assembled.with_results(alignments, quality, Step("ingest", __version__, parameters))
     progress("write")
     write_shot(finished, target, overwrite=overwrite)
-    return Ingested(finished, rig, target)
+    return Ingested(finished, rig, target, add_row(target, name, started) or log_fault)
 
 
 def _check_name(name: str) -> None:

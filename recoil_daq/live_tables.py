@@ -135,6 +135,7 @@ def recovered_document(done: Sequence[Recovered]) -> dict[str, Any]:
                         "whole": s.whole,
                         "shot_file": None if s.shot_file is None else str(s.shot_file),
                         "missing": list(s.missing),
+                        "log_fault": s.log_fault or None,
                     }
                     for s in one.shots
                 ],
@@ -170,6 +171,8 @@ def print_recovered(folder: Path, done: Sequence[Recovered]) -> None:
         for s in one.shots:
             if s.shot_file is None and s.missing:
                 say(f"finish shot {s.name} with `recoil-daq ingest {one.rig.path} {s.path} FILES`")
+            if s.log_fault:
+                say(f"shot log: {s.log_fault}")
         if one.outside:
             stretches = [(f"{o.at_s:.3f}", o.utc.replace("T", " "), f"{o.lasting_s:.3f}", o.why) for o in one.outside]
             columns = ("at, s", "UTC", "lasting, s", "what")

@@ -57,6 +57,8 @@ class RecoveredShot:
         Written now or before; None if another instrument's file is missing.
     missing
         Sources that were not recorded live, whose files must be added to make a shot file.
+    log_fault
+        As of `recoil_daq.ingest.Ingested`; empty if no shot file was written now.
     """
 
     name: str
@@ -65,6 +67,7 @@ class RecoveredShot:
     whole: bool
     shot_file: Path | None
     missing: tuple[str, ...]
+    log_fault: str = ""
 
 
 @dataclass(frozen=True)
@@ -398,10 +401,11 @@ def _recover_shot(
     has = {source.name for source in acquisition.sources if source.file}
     live = {source.name for source in record.sources}
     missing = tuple(s.name for s in rig.sources if rig.channels_of(s.name) and s.name not in live)
-    shot_file = out / f"{name}.h5" if (out / f"{name}.h5").exists() else None
+    shot_file, log_fault = out / f"{name}.h5" if (out / f"{name}.h5").exists() else None, ""
     if shot_file is None and not missing and rig.reference_clock in has:
-        shot_file = ingest_files(rig, [path], shot=name, out=out, accept_incomplete=True).path
-    return RecoveredShot(name, path, was_there, whole, shot_file, missing)
+        ingested = ingest_files(rig, [path], shot=name, out=out, accept_incomplete=True)
+        shot_file, log_fault = ingested.path, ingested.log_fault
+    return RecoveredShot(name, path, was_there, whole, shot_file, missing, log_fault)
 
 
 def _captured_before(path: Path, trigger_ns: int) -> Acquisition | None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.shot import Verdict
-from recoil_acquisition.store import read_shot
+from recoil_daq.fired import read_fired
 from recoil_identification.analysis import Options
 from recoil_identification.default_method import default_method
 from recoil_identification.filter_choice import campaign_band_hz, campaign_choice, force_band_hz, force_spectra
@@ -16,7 +16,6 @@ from recoil_identification.preparation import prepare
 from recoil_processing.quality.repeatability import ShotPeaks, check_repeat_peaks
 from recoil_processing.spectra.cutoff import CutoffChoice
 from recoil_processing.spectra.spectral_gap import ShotSpectrum
-from recoil_rigs.rig import parse_rig
 
 Progress = Callable[[str], None]
 
@@ -40,8 +39,8 @@ def shared_options(
 
     Raises
     ------
-    StoreError, RigError, IdentificationError
-        If a shot file cannot be read, or nothing can be identified from it.
+    StoreError, ReadError, RigError, IdentificationError
+        If a shot file or the shot log cannot be read, or nothing can be identified from it.
     """
     if len(paths) < LEAST_SHOTS or options.cutoff_hz is not None:
         return dict.fromkeys(paths, options)
@@ -80,8 +79,8 @@ class ShotBand:
 
 def shot_band(path: Path) -> ShotBand:
     """Return what of a shot file a common cut-off is chosen by; errors as of `shared_options`."""
-    shot = read_shot(path)
-    rig = parse_rig(shot.rig_text, path, shot.databases or {}, refuse_doubts=False)
+    fired = read_fired(path)
+    shot, rig = fired.shot, fired.rig
     if default_method(shot) != "calibrated":
         return ShotBand(shot.rig_name)
     recorded = prepare(shot, rig).recorded

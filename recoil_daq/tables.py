@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from recoil_daq.demo import Demonstration
     from recoil_daq.identify import Reported
     from recoil_daq.ingest import Ingested
+    from recoil_daq.logged import Logged
     from recoil_daq.targets import TargetReported
 
 STYLES = {"ok": "green", "warn": "yellow", "fail": "bold red"}
@@ -67,6 +68,7 @@ def verdict_document(done: Ingested) -> dict[str, Any]:
         "shot": shot.name,
         "rig": shot.rig_name,
         "file": str(done.path),
+        "log_fault": done.log_fault or None,
         "usable": shot.usable,
         "reasons": list(shot.reasons),
         "assumptions": assumptions_of(done.rig),
@@ -127,6 +129,10 @@ def print_verdict(document: Mapping[str, Any], console: Console | None = None) -
         line.append(f": {visible('; '.join(document['reasons']))}\n", style="default not bold")
     line.append(f"{' ' if document['usable'] else ''}-> {visible(document['file'])}", style="default not bold")
     console.print(line, soft_wrap=True)
+    if document.get("log_fault"):
+        said = Text("shot log", style="bold yellow")
+        said.append(f": {visible(document['log_fault'])}", style="default not bold")
+        console.print(said, soft_wrap=True)
 
 
 def _print_assumptions(document: Mapping[str, Any], console: Console) -> None:
@@ -153,6 +159,29 @@ def _worst(quality: Sequence[Mapping[str, str]], channel: str) -> tuple[str, str
     return verdict, text + (f"; and {len(more)} more: {', '.join(c['check'] for c in more)}" if more else "")
 
 
+def print_logged(done: Logged) -> None:
+    """Print a shot's row of the shot log, a line for each column."""
+    title = f"Shot {done.shot} in {done.path}"
+    if done.row is None:
+        say(f"{title}: no row; KEY=VALUE adds it")
+        return
+    cells = done.row.to_json()
+    rows = [(name, _cell(cells.get(name))) for name in done.columns if name != "shot"]
+    if done.before:
+        was = {name: _cell(value) or "(empty)" for name, value in done.before.items()}
+        print_table(title, ("column", "cell", "before"), [(*row, was.get(row[0], "")) for row in rows], fold=True)
+    else:
+        print_table(title, ("column", "cell"), rows, fold=True)
+    if done.row.added_mass_is_exact:
+        say(f"taken as exact: added mass, {done.row.added_mass_kg:g} kg: no u_added_mass_kg is stated")
+    if done.row.exclude:
+        say(f"excluded where shots are combined: {done.row.exclude}")
+
+
+def _cell(value: str | float | None) -> str:
+    return "" if value is None else value if isinstance(value, str) else f"{value:.12g}"
+
+
 def reports_document(
     reports: Sequence[Reported],
     targets: Sequence[TargetReported] = (),
@@ -175,8 +204,14 @@ def print_repeatability(repeats: Mapping[str, tuple[str, str]]) -> None:
         say(f"repeatability on rig {rig}: {verdict}, {detail}")
 
 
-def print_report(report: Reported) -> None:
-    """Print one shot's mass, its methods, and what speaks against it."""
+def print_report(report: Reported, logged: Sequence[tuple[str, str]] = ()) -> None:
+    """Print one shot's mass, its methods, and what speaks against it.
+
+    Parameters
+    ----------
+    logged
+        Label and text of what the shot log says of it.
+    """
     d = report.document
     print_table(
         f"Shot {d['shot']} on rig {d['rig']}: specification {d['mass']['specification']:g} kg",
@@ -196,6 +231,8 @@ def print_report(report: Reported) -> None:
         numeric=(1, 2, 3, 4, 5),
     )
     console = output_console()
+    if logged:
+        console.print("; ".join(f"{label}: {text}" for label, text in logged), markup=False, soft_wrap=True)
     low, high = d["mass"]["U95"]
     rpe = d["rpe_percent"]
     console.print(

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.store import read_shot
 from recoil_daq import __version__
-from recoil_daq.identify import Progress, described
+from recoil_daq.fired import described, read_fired
+from recoil_daq.identify import Progress
 from recoil_daq.report_folder import publish, refuse_existing, refuse_unwritable
 from recoil_identification.analysis import Options
 from recoil_identification.report.finding import Finding
@@ -17,7 +17,6 @@ from recoil_identification.report.html import render_target_page, write_page
 from recoil_identification.report.target_document import target_document, write_series, write_target_document
 from recoil_identification.targets import target_function
 from recoil_identification.targets.target import Case
-from recoil_rigs.rig import parse_rig
 
 
 @dataclass(frozen=True)
@@ -62,6 +61,8 @@ def identify_targets(
         If a target is unknown.
     StoreError
         If the file is no shot file, or a target's files exist or cannot be written.
+    ReadError
+        If the shot log is at fault.
     RigError
         If the rig stored in the shot file is at fault.
     IdentificationError
@@ -69,13 +70,13 @@ def identify_targets(
     """
     source = Path(path)
     progress("read")
-    shot = read_shot(source)
+    fired = read_fired(source)
+    shot = fired.shot
     folder = Path(out) / shot.name
     refuse_unwritable(folder)
     if not overwrite:
         refuse_existing(folder, [f"{name}.{suffix}" for name in targets for suffix in ("json", "html", "csv")])
-    rig = parse_rig(shot.rig_text, source, shot.databases or {}, refuse_doubts=False)
-    recorded = Case(shot, rig, options or Options())
+    recorded = Case(shot, fired.rig, options or Options())
     case = recorded.with_agreeing_gauges()
     left_out = [f"{name} is set aside, as for the mass" for name in shot.channels if name not in case.shot.channels]
     done = []
@@ -83,8 +84,10 @@ def identify_targets(
         find = target_function(name)
         progress(name)
         found = find(case)
-        found = replace(found, notes=(*left_out, *found.notes))
-        document = target_document(shot, found, version=__version__, shot_file=described(source))
+        found = replace(found, notes=(*fired.notes, *left_out, *found.notes))
+        document = target_document(
+            shot, found, version=__version__, shot_file=described(source), row=fired.row, log_file=fired.log_file
+        )
         _publish(folder, found, document)
         done.append(TargetReported(document, folder))
     return done

@@ -1,4 +1,4 @@
-"""Assumptions of every result on a rig, because its rig file does not say otherwise."""
+"""Assumptions of every result on a rig, because its rig file or the shot log does not say otherwise."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ class Assumption:
     Attributes
     ----------
     quantity
-        Symbol of the mechanism, role, or name of a channel.
+        Symbol of the mechanism, role, name of a channel, or the added mass.
     taken
         What is assumed of it.
     detail
-        What the rig file lacks, and what follows from it.
+        What the rig file or the shot log lacks, and what follows from it.
     """
 
     quantity: str
@@ -46,6 +46,9 @@ def assumption_lines(assumptions: Sequence[Mapping[str, str]]) -> list[str]:
 
 def _assumptions(rig: Rig) -> Iterator[Assumption]:
     m = rig.mechanism
+    if rig.added_mass_kg and rig.u_added_mass_kg is None:
+        detail = f"the shot log has no u_added_mass_kg: {rig.added_mass_kg:g} kg are taken as added"
+        yield Assumption("added mass", "taken as exact", detail)
     for symbol in AREAS:
         if symbol not in m.u:
             yield Assumption(symbol, "taken as exact", f"[mechanism] has no u_{symbol}")

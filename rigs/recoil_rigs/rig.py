@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import codecs
 import datetime as dt
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -97,6 +98,8 @@ class Rig:
         The table ``[twin]`` of a virtual rig, as read; empty if there is none.
     doubts
         For which a rig file is refused and a shot that was recorded all the same is not valid, see `parse_rig`.
+    added_mass_kg, u_added_mass_kg
+        What `with_added_mass` has added to the recoiling part, which is in the mechanism's ``m3``.
     """
 
     name: str
@@ -110,6 +113,8 @@ class Rig:
     trigger: Trigger | None = None
     twin: Mapping[str, Any] = field(default_factory=dict)
     doubts: tuple[Fault, ...] = ()
+    added_mass_kg: float = 0.0
+    u_added_mass_kg: float | None = 0.0
 
     def __repr__(self) -> str:
         return f"Rig({self.name!r}: {len(self.channels)} channels of {len(self.sources)} sources, {self.path})"
@@ -139,6 +144,34 @@ class Rig:
     def without_channel(self, name: str) -> Rig:
         """Leave a channel out."""
         return replace(self, channels=tuple(c for c in self.channels if c.name != name))
+
+    def with_added_mass(self, added_mass_kg: float, u_added_mass_kg: float | None) -> Rig:
+        """Add a mass to the recoiling part, as one shot was fired.
+
+        The specification is ``m3`` plus the added mass, its standard uncertainty the root of the sum of both squares.
+        Centre of mass and moment of inertia stay as the rig file has them: neither enters the mass.
+
+        Parameters
+        ----------
+        added_mass_kg
+            Negative if some was taken off.
+        u_added_mass_kg
+            None if nothing states it: the added mass is taken as exact, which the assumptions then say.
+
+        Raises
+        ------
+        RigError
+            If no recoiling part is left.
+        """
+        m3 = self.mechanism.m3 + added_mass_kg
+        if not 0.0 < m3 < math.inf:
+            problem = f"{self.mechanism.m3:g} kg with {added_mass_kg:g} kg added, as the shot log has it, are no mass"
+            raise RigError(self.path, [Fault("mechanism.m3", problem)])
+        u = dict(self.mechanism.u)
+        if u_added_mass_kg:
+            u["m3"] = math.hypot(u.get("m3", 0.0), u_added_mass_kg)
+        mechanism = replace(self.mechanism, m3=m3, u=MappingProxyType(u))
+        return replace(self, mechanism=mechanism, added_mass_kg=added_mass_kg, u_added_mass_kg=u_added_mass_kg)
 
     def channels_of(self, source: str) -> tuple[ChannelSpec, ...]:
         """Return the channels of one source, in the file's order."""

@@ -16,7 +16,7 @@ from recoil_rigs.twin import TwinShot
 from tests.builders.long_recordings import triggered_rig
 from tests.builders.machine_stalls import MachineStalls
 
-COMMANDS = ("ingest", "recover", "identify", "simulate", "demo", "check", "formats", "show", "export")
+COMMANDS = ("ingest", "recover", "log", "identify", "simulate", "demo", "check", "formats", "show", "export")
 
 
 @pytest.mark.parametrize("command", COMMANDS)

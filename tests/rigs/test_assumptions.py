@@ -36,3 +36,11 @@ def test_what_is_stated_is_no_assumption() -> None:
     rig = load_rig("field-2013")
     (line,) = assumption_lines(assumptions_of(rig))
     assert line == "taken as exact: bore_area, brake_area, recuperator_area, bore_friction"
+
+
+def test_an_added_mass_without_its_uncertainty_is_taken_as_exact() -> None:
+    rig = load_rig("field-2013")
+    row = assumptions_of(rig.with_added_mass(120.0, None))[0]
+    assert (row["quantity"], row["taken"]) == ("added mass", "taken as exact")
+    assert "120 kg" in row["detail"]
+    assert assumptions_of(rig.with_added_mass(120.0, 0.0)) == assumptions_of(rig)

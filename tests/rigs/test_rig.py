@@ -860,3 +860,30 @@ def test_what_a_rig_does_not_state_is_what_good_sensors_do() -> None:
     assert rig.channel("x_camera").sensor.u_bent_m == 1e-4
     # 0 where it is written
     assert parse_rig(text, Path("rig.toml")).channel("p_breech").sensor.u_moving_zero_rel == 0.0
+
+
+@given(
+    added_kg=st.floats(min_value=-700.0, max_value=1e5),
+    u_added_kg=st.none() | st.floats(min_value=0.0, max_value=100.0),
+    u_m3=st.none() | st.floats(min_value=0.0, max_value=100.0),
+)
+def test_an_added_mass_and_its_uncertainty_are_in_the_specification(
+    added_kg: float, u_added_kg: float | None, u_m3: float | None
+) -> None:
+    text = RIG if u_m3 is None else RIG.replace("m3 = 782\n", f"m3 = 782\nu_m3 = {u_m3!r}\n")
+    bare = rig_of(text)
+    rig = bare.with_added_mass(added_kg, u_added_kg)
+    assert rig.mechanism.m3 == pytest.approx(bare.mechanism.m3 + added_kg)
+    variance = (u_m3 or 0.0) ** 2 + (u_added_kg or 0.0) ** 2
+    assert rig.mechanism.u.get("m3", 0.0) ** 2 == pytest.approx(variance)
+    assert (rig.added_mass_kg, rig.u_added_mass_kg) == (added_kg, u_added_kg)
+    others = {name for name in rig.mechanism.symbols() if name != "m3"}
+    assert {name: getattr(rig.mechanism, name) for name in others} == pytest.approx(
+        {name: getattr(bare.mechanism, name) for name in others}, nan_ok=True
+    )
+
+
+@pytest.mark.parametrize("added_kg", [-1e4, float("inf")])
+def test_an_added_mass_that_leaves_no_recoiling_part_is_refused(added_kg: float) -> None:
+    with pytest.raises(RigError, match="as the shot log has it, are no mass"):
+        rig_of(RIG).with_added_mass(added_kg, 0.0)

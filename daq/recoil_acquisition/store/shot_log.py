@@ -193,6 +193,12 @@ class ShotLog:
         cells = {name: _text(value) for name, value in row.to_json().items()}
         return self.with_cells(row.shot, {name: text for name, text in cells.items() if name != "shot"})
 
+    def with_shots(self) -> ShotLog:
+        """Add a row for each shot of the log that has none."""
+        missing = sorted(self.shots - {row.shot for row in self.rows})
+        lines = [[shot if column == "shot" else "" for column in _columns(self.sheet)] for shot in missing]
+        return ShotLog._of(self.sheet.with_lines(lines), self.sha256, self.shots)
+
     def with_cells(self, shot: str, cells: Mapping[str, str]) -> ShotLog:
         """Set cells of a shot's row, which is added if there is none.
 
@@ -227,7 +233,7 @@ class ShotLog:
         at = self._line(shot)
         if at is None:
             texts[columns.index("shot")] = shot
-            sheet = sheet.with_line([texts.get(column, "") for column in range(len(columns))])
+            sheet = sheet.with_lines([[texts.get(column, "") for column in range(len(columns))]])
         else:
             sheet = sheet.with_cells(at, texts)
         return ShotLog._of(sheet, self.sha256, self.shots | {shot})

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import codecs
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -138,12 +138,13 @@ class Spreadsheet:
                 text = _replaced(text, cells[column].start, cells[column].stop, self._written(texts[column]))
         return self._again(text)
 
-    def with_line(self, texts: Sequence[str]) -> Spreadsheet:
-        """Add a line below all others, with a text for each column."""
+    def with_lines(self, lines: Iterable[Sequence[str]]) -> Spreadsheet:
+        """Add lines below all others, each with a text for each column."""
         found = _LINE_END.search(self.text)
         line_end = "\n" if found is None else found.group()
-        begun = "" if self.text.endswith(("\n", "\r")) else line_end
-        return self._again(self.text + begun + self.separator.join(map(self._written, texts)) + line_end)
+        added = [self.separator.join(map(self._written, texts)) + line_end for texts in lines]
+        begun = "" if self.text.endswith(("\n", "\r")) or not added else line_end
+        return self._again(self.text + begun + "".join(added))
 
     def with_column(self, name: str) -> Spreadsheet:
         """Add a column behind all others; other lines stay as they stand, and their cells of it are empty."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from recoil_acquisition.acquisition import AT_TRIGGER
 from recoil_acquisition.shot import InputFile, Shot
+from recoil_acquisition.store.shot_log import ShotLogRow
 from recoil_identification.analysis import Identification, Result
 from recoil_identification.budget import COVERAGE
 from recoil_identification.rpe import RPE_MEANING
@@ -38,7 +39,14 @@ METHOD_NOTES = {
 
 
 def report_document(
-    shot: Shot, found: Identification, *, version: str, shot_file: InputFile, truth: Mapping[str, Any] | None = None
+    shot: Shot,
+    found: Identification,
+    *,
+    version: str,
+    shot_file: InputFile,
+    truth: Mapping[str, Any] | None = None,
+    row: ShotLogRow | None = None,
+    log_file: InputFile | None = None,
 ) -> dict[str, Any]:
     """Build the report of one shot, JSON types only.
 
@@ -50,6 +58,8 @@ def report_document(
         The shot file itself, for the provenance.
     truth
         Of a virtual shot: ``m3``.
+    row, log_file
+        The shot's row of the shot log, and the log itself, for the provenance.
 
     Returns
     -------
@@ -63,6 +73,7 @@ def report_document(
         "shot": shot.name,
         "rig": shot.rig_name,
         **started(shot),
+        "shot_log": None if row is None else row.to_json(),
         "mass": {
             "value": estimate.mass_kg,
             "u": estimate.u_kg,
@@ -128,7 +139,7 @@ def report_document(
         "assumptions": found.assumptions,
         "provenance": {
             "version": version,
-            "inputs": provenance_inputs(shot, shot_file),
+            "inputs": provenance_inputs(shot, shot_file, log_file),
             "parameters": {
                 "method": found.method,
                 "cutoff_hz": found.filtered.low_pass.cutoff_hz if found.filtered.low_pass else None,
@@ -153,11 +164,12 @@ def started(shot: Shot) -> dict[str, str | None]:
     return {"started": when or None, "started_source": source or None}
 
 
-def provenance_inputs(shot: Shot, shot_file: InputFile) -> list[dict[str, Any]]:
-    """List the shot file and what it was made of, with their digests."""
+def provenance_inputs(shot: Shot, shot_file: InputFile, log_file: InputFile | None) -> list[dict[str, Any]]:
+    """List the shot file, the shot log, and what the shot file was made of, with their digests."""
+    log = () if log_file is None else (log_file,)
     return [
         {"file": f.name, "sha256": f.sha256, "size": f.size, "source": f.source, "reader": f.reader}
-        for f in (shot_file, *shot.inputs)
+        for f in (shot_file, *log, *shot.inputs)
     ]
 
 

@@ -61,6 +61,22 @@ def started(report: Report) -> str | None:
     return f"{when} ({source})" if when and source else when
 
 
+def logged(report: Report) -> list[tuple[str, str]]:
+    """Label and text of what the shot log says of how the shot was fired; that it is excluded is a note.
+
+    Returns
+    -------
+    list of (str, str)
+    """
+    row = report.get("shot_log") or {}
+    found = [("configuration", str(row["configuration"]))] if row.get("configuration") else []
+    added, u = row.get("added_mass_kg"), row.get("u_added_mass_kg")
+    if added or u:
+        stated = "taken as exact" if u is None else f"u {plain(u)} kg"
+        found.append(("added mass, in the specification", f"{plain(added or 0.0)} kg ({stated})"))
+    return found
+
+
 def facts(report: Report) -> list[tuple[str, str]]:
     """Label and text of what stands in small print under the verdict.
 
@@ -85,6 +101,7 @@ def facts(report: Report) -> list[tuple[str, str]]:
         found.append(("true mass (virtual shot)", f"{plain(truth['mass_kg'])} kg"))
     if truth.get("error_percent") is not None:
         found.append(("error against the truth", f"{_signed(significant(truth['error_percent'], 2))} %"))
+    found += logged(report)
     for name, value in (report.get("summary") or {}).items():
         number = isinstance(value, int | float) and not isinstance(value, bool)
         found.append((str(name).replace("_", " "), plain(value) if number else str(value)))

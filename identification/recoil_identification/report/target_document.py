@@ -11,13 +11,22 @@ from typing import Any
 import numpy as np
 
 from recoil_acquisition.shot import InputFile, Shot
+from recoil_acquisition.store.shot_log import ShotLogRow
 from recoil_identification.report.document import provenance_inputs, started, to_json
 from recoil_identification.report.finding import Finding, Quantity, Series
 
 SCHEMA = "recoil-daq/target/1"
 
 
-def target_document(shot: Shot, found: Finding, *, version: str, shot_file: InputFile) -> dict[str, Any]:
+def target_document(
+    shot: Shot,
+    found: Finding,
+    *,
+    version: str,
+    shot_file: InputFile,
+    row: ShotLogRow | None = None,
+    log_file: InputFile | None = None,
+) -> dict[str, Any]:
     """Build the document of one target of one shot, JSON types only.
 
     Parameters
@@ -26,6 +35,8 @@ def target_document(shot: Shot, found: Finding, *, version: str, shot_file: Inpu
         Of the package.
     shot_file
         The shot file itself, for the provenance.
+    row, log_file
+        The shot's row of the shot log, and the log itself, for the provenance.
 
     Returns
     -------
@@ -43,6 +54,7 @@ def target_document(shot: Shot, found: Finding, *, version: str, shot_file: Inpu
         "shot": shot.name,
         "rig": shot.rig_name,
         **started(shot),
+        "shot_log": None if row is None else row.to_json(),
         "quantities": [_quantity(one) for one in found.quantities],
         "series": series,
         "tables": [
@@ -54,7 +66,7 @@ def target_document(shot: Shot, found: Finding, *, version: str, shot_file: Inpu
         "notes": list(found.notes),
         "provenance": {
             "version": version,
-            "inputs": provenance_inputs(shot, shot_file),
+            "inputs": provenance_inputs(shot, shot_file, log_file),
             "parameters": dict(found.parameters),
         },
     }

@@ -77,7 +77,7 @@ def test_a_changed_cell_changes_that_cell_alone(tmp_path_factory, rows, at, text
 )
 def test_an_added_line_changes_nothing_above_it(tmp_path_factory, content, texts):
     before = sheet_of(content, tmp_path_factory.getbasetemp())
-    after = before.with_line(texts)
+    after = before.with_lines([texts])
     assert after.text.startswith(before.text)
     assert [cell.text for cell in after.lines[-1].cells] == list(texts)
     assert texts_of(after)[:-1] == texts_of(before)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -145,6 +145,28 @@ def check_motion(
     rest = None if camera_rest_s is None else _rest(recoil, camera_rest_s)
     if rest is not None and not recoil.turned:
         yield QualityCheck(name, "rest to rest", *rest)
+
+
+def against_specification(shot: Shot, rig: Rig) -> Shot:
+    """Judge impulse and momentum anew, for a shot whose specification was not known when it was ingested.
+
+    Parameters
+    ----------
+    shot
+        With its alignments and what was found of its quality.
+    rig
+        With the specification mass as it is known now.
+    """
+    accelerometer = shot.by_role("recoil_acceleration")
+    recoil = recoil_of(shot, rig, {a.clock: a for a in shot.alignments})
+    if accelerometer is None or recoil is None or recoil.regression is None or recoil.turned:
+        return shot
+    anew = dict(_impulses(recoil, recoil.regression, rig, accelerometer.u_rel))
+    quality = (
+        QualityCheck("shot", one.check, *anew[one.check]) if one.channel == "shot" and one.check in anew else one
+        for one in shot.quality
+    )
+    return replace(shot, quality=tuple(quality))
 
 
 def check_camera_velocity(recoil: Recoil, times_s: Array, positions_m: Array) -> Outcome | None:

@@ -1,0 +1,174 @@
+"""Rows of the shot log: added when a shot is ingested, shown and set by people, applied to the rig."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from recoil_acquisition.errors import RecoilDaqError, StoreError, nearest_first
+from recoil_acquisition.store.shot_log import COLUMNS, SHOT_LOG, ShotLog, ShotLogRow
+from recoil_daq.printed import Printed
+
+if TYPE_CHECKING:
+    from recoil_rigs.rig import Rig
+
+ADDED_MASS = "added_mass_kg"
+"""Parameter in a shot's history: what was added to the specification when the shot was checked."""
+ATTEMPTS = 5
+"""At a log that another ingest writes at the same time."""
+
+
+def as_fired(rig: Rig, row: ShotLogRow | None) -> Rig:
+    """Return the rig with the mass that a shot's row adds to the recoiling part.
+
+    Raises
+    ------
+    RigError
+        If no recoiling part is left.
+    """
+    if row is None or not (row.added_mass_kg or row.u_added_mass_kg):
+        return rig
+    return rig.with_added_mass(row.added_mass_kg, None if row.added_mass_is_exact else row.u_added_mass_kg)
+
+
+def as_planned(rig: Rig, shot_file: Path, shot: str) -> tuple[Rig, str]:
+    """Return the rig as a shot's row has it that was there before the shot, and why that row cannot be used.
+
+    Returns
+    -------
+    rig : Rig
+        As it was given where the log has no row of the shot, or is at fault.
+    fault : str
+        Empty if the row could be used, or there is none.
+    """
+    try:
+        return as_fired(rig, ShotLog.beside(shot_file).row(shot)), ""
+    except RecoilDaqError as error:
+        return rig, f"what it says of shot {shot} is not used: {error}"
+
+
+def add_row(shot_file: Path, shot: str, started: str) -> str:
+    """Add the row of a shot to the log beside its file, and rows of all others with a file there that have none.
+
+    What is in the log stays as it is; only an empty time is filled.
+
+    Parameters
+    ----------
+    started
+        When the shot was; empty if nothing says so.
+
+    Returns
+    -------
+    str
+        Why the row could not be added; empty if it is there.
+    """
+    for left in reversed(range(ATTEMPTS)):
+        try:
+            log = ShotLog.beside(shot_file)
+            whole = log.with_shots()
+            row = whole.row(shot)
+            if row is not None and not row.time and started and "time" in whole.columns:
+                whole = whole.with_cells(shot, {"time": started})
+            whole.write()
+        except RecoilDaqError as error:
+            if left and isinstance(error, StoreError) and ShotLog.beside(shot_file).sha256 != log.sha256:
+                continue  # another ingest was first
+            return f"the row of shot {shot} is not added: {error}"
+        break
+    return ""
+
+
+@dataclass(frozen=True, repr=False)
+class Logged(Printed):
+    """A shot's row of the shot log.
+
+    Attributes
+    ----------
+    row
+        None if the log has none.
+    columns
+        Of the log.
+    before
+        Cells as they were before they were set, those that changed.
+    """
+
+    path: Path
+    shot: str
+    row: ShotLogRow | None
+    columns: tuple[str, ...]
+    before: Mapping[str, Any]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the document of ``log --json``."""
+        return {
+            "schema": "recoil-daq/log/1",
+            "shot": self.shot,
+            "file": str(self.path),
+            "columns": list(self.columns),
+            "row": None if self.row is None else self.row.to_json(),
+            "before": dict(self.before),
+        }
+
+    def show(self) -> None:
+        """Print a line for each column, and what was there before."""
+        from recoil_daq.tables import print_logged
+
+        print_logged(self)
+
+    def __repr__(self) -> str:
+        return f"Logged({self.row!r} in {self.path})"
+
+
+def log_row(
+    shot: str, cells: Mapping[str, str] | None = None, *, folder: Path = Path("shots"), new_column: bool = False
+) -> Logged:
+    """Show or set cells of a shot's row.
+
+    Parameters
+    ----------
+    shot
+        The path of a shot file, or the name of a shot in `folder`.
+    cells
+        Texts by column; an empty one empties the cell. None changes nothing.
+    new_column
+        Whether a column may be added that the log does not have.
+
+    Raises
+    ------
+    ReadError, StoreError
+        If there is no such shot or column, the log is at fault or cannot be written.
+    """
+    named = Path(shot)
+    is_path = named.suffix == ".h5" or len(named.parts) > 1
+    name, folder = (named.stem, named.parent) if is_path else (shot, folder)
+    log = ShotLog.read(folder / SHOT_LOG)
+    row = log.row(name)
+    if row is None and name not in log.shots:
+        known = [*sorted(log.shots), *log.without_shot()]
+        raise StoreError(
+            f"no shot {name!r} in this folder, and no row of it in the shot log", path=folder,
+            found=_first(nearest_first(name, known)) or "no shot", remedy="name its file, or its folder with --dir",
+        )  # fmt: skip
+    if cells:
+        known = list(dict.fromkeys((*COLUMNS[1:], *log.columns)))
+        for column in cells:
+            if column not in known and not new_column:
+                raise StoreError(
+                    f"the shot log has no column {column!r}", path=log.path,
+                    found=_first(nearest_first(column, [one for one in known if one != "shot"])),
+                    remedy="correct it, or add the column with --new-column",
+                )  # fmt: skip
+        try:
+            log = log.with_cells(name, cells).write()
+        except ValueError as error:
+            raise StoreError(str(error), path=log.path) from error
+    after = log.row(name)
+    were, are = ({} if one is None else one.to_json() for one in (row, after))
+    before = {column: were.get(column) for column in log.columns if were.get(column) != are.get(column)}
+    return Logged(log.path, name, after, log.columns, {} if row is None else before)
+
+
+def _first(names: Sequence[str]) -> str:
+    return f"{', '.join(names[:8])}{' and more' if len(names) > 8 else ''}"
