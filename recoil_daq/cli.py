@@ -253,7 +253,7 @@ def log(
     ],
     cells: Annotated[
         list[str] | None,
-        typer.Argument(help="Cells to set; KEY= empties one.", metavar="[KEY=VALUE]...", show_default="show the row"),
+        typer.Argument(help="Cells to set; KEY= empties one.", metavar="KEY=VALUE", show_default="show the row"),
     ] = None,
     folder: Annotated[Path, typer.Option("--dir", help="Folder of the shot files.")] = Path("shots"),
     new_column: Annotated[

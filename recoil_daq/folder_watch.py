@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from recoil_acquisition.errors import ReadError
+from recoil_acquisition.store.shot_log import SHOT_LOG
 
 LOOK_EVERY_S = 0.5
 """The folder is read so often: it may lie on a network, and hold a day's files."""
@@ -45,7 +46,8 @@ class _Growing:
 class FolderWatch:
     """Watches one folder, not those in it.
 
-    What lies there already when the watch begins is left alone. Hidden files and empty ones are not reported.
+    What lies there already when the watch begins is left alone. Hidden files, empty ones and a shot log are not
+    reported.
 
     Parameters
     ----------
@@ -101,7 +103,7 @@ class FolderWatch:
                 stat = path.stat()
             except OSError:
                 continue  # gone again, or renamed: seen under its new name next time
-            if path.name.startswith(".") or not stat.st_size or not path.is_file():
+            if path.name.startswith(".") or path.name == SHOT_LOG or not stat.st_size or not path.is_file():
                 continue
             if self._known.get(path.name) == stat.st_mtime_ns:
                 continue

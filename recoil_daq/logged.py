@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -64,7 +65,8 @@ def add_row(shot_file: Path, shot: str, started: str) -> str:
     str
         Why the row could not be added; empty if it is there.
     """
-    for left in reversed(range(ATTEMPTS)):
+    for _ in range(ATTEMPTS):
+        log = None
         try:
             log = ShotLog.beside(shot_file)
             whole = log.with_shots()
@@ -72,12 +74,14 @@ def add_row(shot_file: Path, shot: str, started: str) -> str:
             if row is not None and not row.time and started and "time" in whole.columns:
                 whole = whole.with_cells(shot, {"time": started})
             whole.write()
+            return ""
         except RecoilDaqError as error:
-            if left and isinstance(error, StoreError) and ShotLog.beside(shot_file).sha256 != log.sha256:
+            fault = error
+        with suppress(OSError):
+            if log is not None and log.outdated:
                 continue  # another ingest was first
-            return f"the row of shot {shot} is not added: {error}"
         break
-    return ""
+    return f"the row of shot {shot} is not added: {fault}"
 
 
 @dataclass(frozen=True, repr=False)

@@ -49,8 +49,9 @@ def test_what_lay_there_before_is_left_alone_until_it_changes(tmp_path: Path) ->
     assert names(watch, 7.5) == ["old.csv"]
 
 
-def test_empty_files_hidden_files_and_folders_are_not_told(tmp_path: Path) -> None:
+def test_empty_files_hidden_files_folders_and_the_shot_log_are_not_told(tmp_path: Path) -> None:
     watch = FolderWatch(tmp_path)
+    (tmp_path / "shotlog.csv").write_bytes(b"shot")
     (tmp_path / "empty.csv").touch()
     (tmp_path / ".part").write_bytes(b"x")
     (tmp_path / "folder").mkdir()

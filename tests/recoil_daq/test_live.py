@@ -19,6 +19,7 @@ from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.capture.status import LiveStatus
 from recoil_acquisition.errors import DeviceError, RigError
 from recoil_acquisition.store import read_shot, shot_summary
+from recoil_acquisition.store.shot_log import ShotLog
 from recoil_acquisition.trigger import find_triggers
 from recoil_daq import live_range
 from recoil_daq.live import run_live
@@ -116,6 +117,9 @@ def test_two_shots_are_triggered_cut_matched_with_their_files_and_converted(tmp_
         offline = find_triggers(trigger, {"p_brake": (brake.time_base.times_s, brake.samples)})
         assert [d.outcome for d in offline] == [d.outcome for d in shot.acquisition.decisions]
         assert [d.value for d in offline] == pytest.approx([d.value for d in shot.acquisition.decisions])
+    rows = [(row.shot, row.time) for row in ShotLog.beside(tmp_path / "0001.h5").rows]
+    assert rows == [(name, read_shot(tmp_path / f"{name}.h5").started) for name in ("0001", "0002")]
+    assert all(time for _, time in rows)
     assert display.last is not None
     received = {source.name: source.counters.received for source in display.last.sources}
     assert received == {"can": truth["can"]["sent"], "imu": truth["imu"]["bytes_sent"]}

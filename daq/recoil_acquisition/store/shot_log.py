@@ -260,7 +260,7 @@ class ShotLog:
                 os.fsync(stream.fileno())
             if self.sha256 is not None:
                 shutil.copymode(target, temporary)
-                if hashlib.sha256(target.read_bytes()).hexdigest() != self.sha256:
+                if self.outdated:
                     raise self._written_by_others()
             give_name(temporary, target, overwrite=self.sha256 is not None)
         except FileExistsError as error:
@@ -276,6 +276,15 @@ class ShotLog:
             with suppress(OSError):
                 temporary.unlink(missing_ok=True)
         return replace(self, sha256=sha256)
+
+    @property
+    def outdated(self) -> bool:
+        """Whether somebody wrote the file, or took it away, since it was read; OSError if it cannot be read."""
+        try:
+            found = hashlib.sha256(self.path.read_bytes()).hexdigest()
+        except FileNotFoundError:
+            found = None
+        return found != self.sha256
 
     def _written_by_others(self) -> StoreError:
         return StoreError("changed since it was read", path=self.path, remedy="run the command again")
