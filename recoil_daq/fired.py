@@ -53,7 +53,8 @@ def read_fired(path: Path) -> Fired:
     shot = read_shot(path)
     log = ShotLog.beside(path)
     row = log.row(shot.name)
-    rig = as_fired(parse_rig(shot.rig_text, path, shot.databases or {}, refuse_doubts=False), row)
+    bare = parse_rig(shot.rig_text, path, shot.databases or {}, refuse_doubts=False)
+    rig = as_fired(bare, row)
     checked = next(
         (step.parameters.get(ADDED_MASS, 0.0) for step in reversed(shot.history) if step.what == "ingest"), 0.0
     )
@@ -62,12 +63,14 @@ def read_fired(path: Path) -> Fired:
     log_file = None
     if log.sha256 is not None:
         log_file = InputFile(log.path.name, log.sha256, len(log.sheet.content()), "shot log", "spreadsheet")
-    return Fired(shot, rig, row, log_file, tuple(_notes_on(shot.name, log, row)))
+    return Fired(shot, rig, row, log_file, tuple(_notes_on(shot.name, bare, log, row)))
 
 
-def _notes_on(shot: str, log: ShotLog, row: ShotLogRow | None) -> Iterator[str]:
+def _notes_on(shot: str, bare: Rig, log: ShotLog, row: ShotLogRow | None) -> Iterator[str]:
     if row is not None and row.exclude:
         yield f"excluded in the shot log: {row.exclude}"
+    if row is not None and row.u_added_mass_kg and "m3" not in bare.mechanism.u:
+        yield "the rig declares no u_m3: the specification is taken as uncertain by the added mass alone"
     if row is None and log.sha256 is not None:
         others = ", ".join(log.without_shot()[:8])
         beside = f"; its rows {others} are of no shot here" if others else ""

@@ -94,15 +94,18 @@ class Logged(Printed):
         None if the log has none.
     columns
         Of the log.
+    cells
+        As they stand, by column; those that are not empty.
     before
-        Cells as they were before they were set, those that changed.
+        As they stood before they were set, those that changed; an empty one is empty here.
     """
 
     path: Path
     shot: str
     row: ShotLogRow | None
     columns: tuple[str, ...]
-    before: Mapping[str, Any]
+    cells: Mapping[str, str]
+    before: Mapping[str, str]
 
     def to_json(self) -> dict[str, Any]:
         """Return the document of ``log --json``."""
@@ -148,8 +151,8 @@ def log_row(
     is_path = named.suffix == ".h5" or len(named.parts) > 1
     name, folder = (named.stem, named.parent) if is_path else (shot, folder)
     log = ShotLog.read(folder / SHOT_LOG)
-    row = log.row(name)
-    if row is None and name not in log.shots:
+    were = log.cells(name)
+    if not were and name not in log.shots:
         known = [*sorted(log.shots), *log.without_shot()]
         raise StoreError(
             f"no shot {name!r} in this folder, and no row of it in the shot log", path=folder,
@@ -168,10 +171,10 @@ def log_row(
             log = log.with_cells(name, cells).write()
         except ValueError as error:
             raise StoreError(str(error), path=log.path) from error
-    after = log.row(name)
-    were, are = ({} if one is None else one.to_json() for one in (row, after))
-    before = {column: were.get(column) for column in log.columns if were.get(column) != are.get(column)}
-    return Logged(log.path, name, after, log.columns, {} if row is None else before)
+    are = log.cells(name)
+    changed = [column for column in log.columns if column != "shot" and were.get(column) != are.get(column)]
+    before = {column: were.get(column, "") for column in changed}
+    return Logged(log.path, name, log.row(name), log.columns, are, before)
 
 
 def _first(names: Sequence[str]) -> str:

@@ -165,10 +165,9 @@ def print_logged(done: Logged) -> None:
     if done.row is None:
         say(f"{title}: no row; KEY=VALUE adds it")
         return
-    cells = done.row.to_json()
-    rows = [(name, _cell(cells.get(name))) for name in done.columns if name != "shot"]
+    rows = [(name, done.cells.get(name, "")) for name in done.columns if name != "shot"]
     if done.before:
-        was = {name: _cell(value) or "(empty)" for name, value in done.before.items()}
+        was = {name: text or "(empty)" for name, text in done.before.items()}
         print_table(title, ("column", "cell", "before"), [(*row, was.get(row[0], "")) for row in rows], fold=True)
     else:
         print_table(title, ("column", "cell"), rows, fold=True)
@@ -176,10 +175,6 @@ def print_logged(done: Logged) -> None:
         say(f"taken as exact: added mass, {done.row.added_mass_kg:g} kg: no u_added_mass_kg is stated")
     if done.row.exclude:
         say(f"excluded where shots are combined: {done.row.exclude}")
-
-
-def _cell(value: str | float | None) -> str:
-    return "" if value is None else value if isinstance(value, str) else f"{value:.12g}"
 
 
 def reports_document(

@@ -117,8 +117,11 @@ def test_log_shows_and_sets_cells(run, shots: Path) -> None:
     document = json.loads(run("log", shots / "0001.h5", "--json").stdout)
     assert document["row"] == {"shot": "0001", "configuration": "ring", "added_mass_kg": 120.5}
     assert (document["schema"], document["before"]) == ("recoil-daq/log/1", {})
-    assert run("log", "0001", "configuration=", "--dir", shots).exit_code == 0
-    assert "ring" not in run("log", "0001", "--dir", shots).output
+    document = json.loads(run("log", "0001", "configuration=", "added_mass_kg=0", "--dir", shots, "--json").stdout)
+    assert document["before"] == {"configuration": "ring", "added_mass_kg": "120.5"}
+    shown = [line.split() for line in run("log", "0001", "--dir", shots).output.splitlines()]
+    assert ["configuration"] in shown
+    assert ["added_mass_kg", "0"] in shown
 
 
 def test_log_adds_a_column_only_if_asked_to(run, shots: Path) -> None:
@@ -216,3 +219,4 @@ def test_targets_take_the_specification_as_fired(run, shots: Path, tmp_path: Pat
     assert "the specification mass of 792 kg" in json.dumps(document)
     assert document["shot_log"]["added_mass_kg"] == 10.0
     assert "shot log" in [one["source"] for one in document["provenance"]["inputs"]]
+    assert any("specification is taken as uncertain by the added mass alone" in note for note in document["notes"])

@@ -15,6 +15,7 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from difflib import SequenceMatcher
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -172,6 +173,12 @@ class ShotLog:
         at = self._line(shot)
         return None if at is None else replace(self.rows[at], shot=shot)
 
+    def cells(self, shot: str) -> dict[str, str]:
+        """Return the cells of a shot's row that are not empty, by column, as they stand; none without a row."""
+        at = self._line(shot)
+        cells = () if at is None else self.sheet.lines[at].cells
+        return {name: cell.text for name, cell in zip(_columns(self.sheet), cells, strict=False) if name and cell.text}
+
     def without_shot(self, names: Iterable[str] | None = None) -> tuple[str, ...]:
         """Return the shots of the rows that are of none of some shots, of those of the log if left out."""
         known = self.shots if names is None else frozenset(names)
@@ -289,16 +296,21 @@ class ShotLog:
     def _written_by_others(self) -> StoreError:
         return StoreError("changed since it was read", path=self.path, remedy="run the command again")
 
+    @cached_property
+    def _lines(self) -> Mapping[str, int]:
+        return {row.shot: at for at, row in enumerate(self.rows)}
+
+    @cached_property
+    def _shots_by_number(self) -> Mapping[str, list[str]]:
+        return _numbered(self.shots)
+
     def _line(self, shot: str) -> int | None:
         """Return which row is a shot's."""
-        named = {row.shot: at for at, row in enumerate(self.rows)}
-        if shot in named:
-            return named[shot]
-        if shot in self.shots:
-            return None
+        if shot in self._lines or shot in self.shots:
+            return self._lines.get(shot)
         # a shot without a file in this folder
-        bare = shot.lstrip("0") or "0"
-        return named.get(bare) if _meant(bare, _numbered(self.shots | {shot}), self.shots) == shot else None
+        bare = next(iter(_numbered([shot])), "")
+        return None if bare in self._shots_by_number else self._lines.get(bare)
 
     def _number_written(self, shot: str, column: str, text: str, mark: str) -> str:
         """Write a number that a program or a command line gives, with a point or a comma."""

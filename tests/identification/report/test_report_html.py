@@ -610,3 +610,17 @@ def test_empty_trace_is_drawn_as_nothing():
     traces = (Trace("a", empty, empty, "measured"), Trace("b", empty, empty, "band", y_low=empty, y_high=empty))
     drawn = drawing(Figure("k", "t", "c", "x", (Panel("y", traces),), shown=(0.0, 1.0)))
     assert [samples(part["x"]).size for part in drawn["data"]] == [0, 0, 0]
+
+
+def test_how_a_shot_was_fired_is_on_its_page():
+    assert tables.logged(a_report()) == tables.logged(a_report(shot_log=None)) == []
+    row = {"shot": "0001", "configuration": HOSTILE, "added_mass_kg": 120.0}
+    assert tables.logged(a_report(shot_log=row)) == [
+        ("configuration", HOSTILE),
+        ("added mass, in the specification", "120 kg (taken as exact)"),
+    ]
+    row["u_added_mass_kg"] = 0.05
+    assert tables.logged(a_report(shot_log=row))[1][1] == "120 kg (u 0.05 kg)"
+    page = render_page(a_report(shot_log=row), [])
+    assert "120 kg (u 0.05 kg)" in page
+    assert "<img src=x" not in page
