@@ -69,6 +69,27 @@ def test_a_row_is_added_also_where_another_ingest_writes_meanwhile(tmp_path: Pat
     assert log.read_text(encoding="utf-8") == "shot,notes\nA,\nB,\n0001,\n"
 
 
+def test_a_log_that_is_open_in_a_spreadsheet_is_left_and_named(tmp_path: Path, monkeypatch) -> None:
+    (tmp_path / "0001.h5").touch()
+    log = written(tmp_path, "shot,notes\n")
+
+    def refuse(*_: object, **__: object) -> None:
+        raise PermissionError(13, "Permission denied")  # as Windows says
+
+    with monkeypatch.context() as patch:
+        patch.setattr("recoil_acquisition.store.shot_log.give_name", refuse)
+        said = add_row(tmp_path / "0001.h5", "0001", "2026-11-20")
+    assert said == (
+        f"the row of shot 0001 is not added: {log}: cannot be written: Permission denied; close it in other programs, "
+        "or give permission there"
+    )
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["0001.h5", "shotlog.csv"]
+    assert log.read_text(encoding="utf-8") == "shot,notes\n"
+    # the next shot's ingest brings it
+    assert add_row(tmp_path / "0002.h5", "0002", "") == ""
+    assert log.read_text(encoding="utf-8").startswith("shot,notes\n0001,\n")
+
+
 def test_a_faulty_log_keeps_no_shot_from_being_written(run, field_shot: TwinShot, tmp_path: Path) -> None:
     text = "shot,added_mass_kg\n0001,heavy\n"
     log = written(tmp_path, text)

@@ -238,6 +238,8 @@ class ShotLog:
             for name, text in cells.items()
         }
         at = self._line(shot)
+        if at is None and (other := _meant(shot, self._shots_by_number, self.shots)) != shot:
+            raise ValueError(f"a row of {shot!r} would be that of shot {other!r}")
         if at is None:
             texts[columns.index("shot")] = shot
             sheet = sheet.with_lines([[texts.get(column, "") for column in range(len(columns))]])
@@ -321,6 +323,11 @@ class ShotLog:
             raise StoreError(
                 "no number" if value is None else "a standard uncertainty is not negative", path=self.path,
                 place=f"shot {shot}, column {column}", expected="a number, or nothing", found=repr(text),
+            )  # fmt: skip
+        if mark != "," and "," in text and _GROUPED.fullmatch(text):
+            raise StoreError(
+                "may be thousands or decimals", path=self.path, place=f"shot {shot}, column {column}",
+                found=repr(text), remedy="write it with a point, or without its comma",
             )  # fmt: skip
         written = text.replace(",", mark or ".").replace(".", mark or ".")
         # without a mark that is known, three decimals could be thousands

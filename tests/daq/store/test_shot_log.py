@@ -188,7 +188,8 @@ def test_own_columns_that_resemble_one_that_is_there_are_own(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("column", "text"), [("added_mass_kg", "heavy"), ("u_added_mass_kg", "-1"), ("elevation_deg", "inf")]
+    ("column", "text"),
+    [("added_mass_kg", "heavy"), ("u_added_mass_kg", "-1"), ("elevation_deg", "inf"), ("added_mass_kg", "1,234")],
 )
 def test_no_cell_is_set_that_could_not_be_read(tmp_path, column, text):
     log = ShotLog.read(tmp_path / SHOT_LOG)
@@ -207,6 +208,8 @@ def test_names_that_no_row_can_have_are_a_callers_mistake(tmp_path):
     ):
         with pytest.raises(ValueError, match=r"shot|column|zero"):
             log.with_cells(shot, cells)
+    with pytest.raises(ValueError, match="a row of '1' would be that of shot '0001'"):
+        ShotLog.read(log.path, ["0001"]).with_row(ShotLogRow("1"))
     with pytest.raises(ValueError, match="has a row"):
         log.with_row(ShotLogRow("a")).with_row(ShotLogRow("a"))
 
