@@ -13,7 +13,8 @@ from recoil_acquisition.errors import ReadError
 from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog, ShotLogRow
 from recoil_daq import __version__
-from recoil_daq.identify import described, find_shot_files, identify_file
+from recoil_daq.fired import described
+from recoil_daq.identify import find_shot_files, identify_file
 from recoil_daq.printed import Printed
 from recoil_daq.report_folder import publish, refuse_existing, refuse_unwritable
 from recoil_daq.several_shots import shared_options
