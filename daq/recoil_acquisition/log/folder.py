@@ -7,7 +7,7 @@ import heapq
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from itertools import takewhile
+from itertools import chain, islice, takewhile
 from pathlib import Path
 from typing import Any
 
@@ -185,9 +185,10 @@ class Log:
 
     def _range(self, start_ns: int | None, stop_ns: int | None) -> Iterator[Record]:
         """Yield the sound records of the segments and parts of segments in which a span can be, as they stand."""
-        for i, segment in enumerate(self.segments):
-            ends_ns = self.segments[i + 1].begin_ns if i + 1 < len(self.segments) else None
-            if start_ns is not None and ends_ns is not None and ends_ns + 1000 < start_ns:
+        _, *ends_ns = (segment.begin_ns for segment in self.segments)
+        for segment, end_ns in zip(self.segments, [*ends_ns, None], strict=True):
+            # waits are rounded up: nothing that was appended before a record arrived behind the time it says
+            if start_ns is not None and end_ns is not None and end_ns < start_ns:
                 continue
             until_ns = None
             if stop_ns is not None and segment.longest_us is not None:
@@ -196,7 +197,7 @@ class Log:
                 continue
             with FileScan(segment.path, self.log_id) as scan:
                 if start_ns is not None:
-                    scan.at = _begin_of(scan, start_ns - 1000)
+                    scan.at = _begin_of(scan, start_ns)
                 for record in scan:
                     if until_ns is not None and record.logged_ns is not None and record.logged_ns >= until_ns:
                         break
@@ -286,29 +287,24 @@ def in_order(records: Iterable[Record], following: int | None) -> Iterator[Recor
     following
         Number of the first; None for that of the first record, whatever it is.
     """
+    standing = iter(records)
+    first = next(standing, None)
+    if first is None:
+        return
+    awaited = first.number if following is None else following
     waiting: list[tuple[int, int, Record]] = []
-    size = came = 0
-
-    def ready(room: int) -> Iterator[Record]:
-        nonlocal following, size
-        while waiting and (size > room or waiting[0][0] <= (following or 0)):
-            number, _, record = heapq.heappop(waiting)
-            size -= HEAD_SIZE + len(record.payload)
-            if following is None or number >= following:
-                following = number + 1
-                yield record
-
-    for record in records:
-        if following is None or record.number == following:
-            following = record.number + 1
-            yield record
-            yield from ready(REORDER_BYTES)
-        elif record.number > following:
-            came += 1
+    size = 0
+    for came, record in enumerate(chain([first], standing, [None])):
+        if record is not None:
             heapq.heappush(waiting, (record.number, came, record))
             size += HEAD_SIZE + len(record.payload)
-            yield from ready(REORDER_BYTES)
-    yield from ready(-1)
+        # behind the last one nothing fills a gap any more
+        while waiting and (record is None or size > REORDER_BYTES or waiting[0][0] <= awaited):
+            number, _, lowest = heapq.heappop(waiting)
+            size -= HEAD_SIZE + len(lowest.payload)
+            if number >= awaited:
+                awaited = number + 1
+                yield lowest
 
 
 def session_in(records: Iterable[Record]) -> dict[str, Any] | None:
@@ -419,8 +415,7 @@ def _beginnings(paths: list[Path], log_id: bytes) -> Iterator[Record]:
     """Yield the first records of each segment."""
     for path in paths:
         with FileScan(path, log_id) as scan:
-            for _, record in zip(range(_SESSION_WITHIN), scan, strict=False):
-                yield record
+            yield from islice(scan, _SESSION_WITHIN)
 
 
 def _begin_of(scan: FileScan, start_ns: int) -> int:
@@ -429,7 +424,7 @@ def _begin_of(scan: FileScan, start_ns: int) -> int:
     lowest = -1
     while high - low > _NEAR:
         middle = (low + high) // 2
-        heads = _heads(scan, middle, high)
+        heads = list(islice(_heads(scan, middle, high), _HEADS))
         numbers = [head.record.number for head in heads]
         times = [head.record.logged_ns for head in heads]
         latest_ns = max((time_ns for time_ns in times if time_ns is not None), default=None)
@@ -440,9 +435,7 @@ def _begin_of(scan: FileScan, start_ns: int) -> int:
     return low
 
 
-def _heads(scan: FileScan, at: int, until: int) -> list[Head]:
-    found: list[Head] = []
-    while len(found) < _HEADS and (head := scan.head_from(at, until)) is not None:
-        found.append(head)
+def _heads(scan: FileScan, at: int, until: int) -> Iterator[Head]:
+    while (head := scan.head_from(at, until)) is not None:
+        yield head
         at = head.end
-    return found

@@ -229,11 +229,19 @@ def test_a_spare_folder_that_is_gone_leaves_the_rest_of_the_log(tmp_path: Path, 
 
 def test_files_that_are_called_like_segments_and_are_captures_are_no_log(tmp_path: Path) -> None:
     write_log(tmp_path / "log", 5)
-    (tmp_path / "shots").mkdir()
-    write_capture(open_log(tmp_path / "log"), tmp_path / "shots" / "100000.rdlog", None, None, {})
+    for folder, name in (("shots", "100000.rdlog"), ("usual", "0001.rdlog")):
+        (tmp_path / folder).mkdir()
+        write_capture(open_log(tmp_path / "log"), tmp_path / folder / name, None, None, {})
     assert find_logs(tmp_path) == (tmp_path / "log",)
     with pytest.raises(StoreError, match="holds captures and no log"):
         open_log(tmp_path / "shots")
+
+
+def test_the_lock_that_a_killed_writer_left_goes_with_its_log(tmp_path: Path) -> None:
+    write_log(tmp_path / "log", 5, closed=False)
+    (tmp_path / "log" / "writer.lock").touch()
+    open_log(tmp_path / "log").remove()
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_log_that_is_being_written_is_not_left_over(tmp_path: Path) -> None:
