@@ -371,8 +371,8 @@ class LogWriter:
         reach_us = wait_us + (0 if span_us == UNKNOWN else span_us)
         if wait_us == UNKNOWN:
             self._longest_us = None
-        elif self._longest_us is not None and reach_us > self._longest_us:
-            self._longest_us = reach_us
+        elif self._longest_us is not None:
+            self._longest_us = max(self._longest_us, reach_us)
         if self._spare_reserve is not None:
             self._keep(number, head, data)
         try:

@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -179,6 +180,18 @@ def test_a_decision_a_shot_and_an_event_are_forced_to_the_disk_at_once(tmp_path,
         while writer.counters.unsynced_s and time.monotonic() < ends_s:
             time.sleep(0.002)
         assert writer.counters.unsynced_s == 0.0
+
+
+def test_what_comes_behind_a_record_that_is_forced_to_the_disk_at_once_waits_as_ever(tmp_path, monkeypatch):
+    monkeypatch.setattr(writer_module, "_LONGEST_SYNC_INTERVAL_S", 3600.0)
+    with writer_in(tmp_path / "j", sync_interval_s=3600.0) as writer:
+        writer.append(1, Kind.EVENT, 0, b"{}")
+        ends_s = time.monotonic() + 30.0
+        while writer.counters.unsynced_s and time.monotonic() < ends_s:
+            time.sleep(0.002)
+        writer.append(1, Kind.SERIAL, 0, b"x")
+        time.sleep(0.05)
+        assert writer.counters.unsynced_s >= 0.05
 
 
 def test_a_sync_leaves_nothing_unsynced(tmp_path):
@@ -612,6 +625,8 @@ def test_clocks_stand_at_the_beginning_and_every_ten_seconds(tmp_path, monkeypat
         time.sleep(1.2)
     clocks = [r for r in open_log(tmp_path / "j").records(OWN) if r.kind == Kind.CLOCK]
     assert 4 <= len(clocks) <= 7
+    # behind the two of the session
+    assert all(later.host_ns - earlier.host_ns >= 300_000_000 for earlier, later in pairwise(clocks[1:]))
     for clock in clocks:
         said = clock.said
         assert said["monotonic_ns"] == clock.host_ns
@@ -744,9 +759,10 @@ def test_a_program_that_forgets_to_close_its_log_can_end(tmp_path):
 
 
 def test_records_take_of_the_reserved_space_what_they_have_of_bytes(tmp_path):
-    with writer_in(tmp_path / "j", reserve_bytes=4 * SEGMENT) as writer:
+    with writer_in(tmp_path / "j", reserve_bytes=4 * SEGMENT, sync_interval_s=0.005) as writer:
         for i in range(20):
             writer.append(0, 0, i, b"x" * i)
+        time.sleep(0.1)  # time enough to reserve more than was asked for
         counters = writer.counters
         assert counters.bytes + counters.reserved_bytes == 4 * SEGMENT
         assert len(segment_paths(tmp_path / "j")) == 4
