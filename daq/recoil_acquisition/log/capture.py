@@ -221,12 +221,13 @@ def _losses(records: tuple[Record, ...], declaration: Mapping[str, Any]) -> tupl
             held[int(source)] = int(extent[0]), int(extent[1])
         except (ValueError, TypeError, LookupError):
             continue
+    for record in records:
+        if record.source != OWN:
+            held.setdefault(record.source, (record.source_number, record.source_number))
     losses: list[Loss] = []
-    for source in sorted({record.source for record in records if record.source != OWN} | set(held)):
-        rows = [r for r in records if r.source == source]
-        first, last = held.get(source, (rows[0].source_number, rows[-1].source_number) if rows else (0, -1))
+    for source, (first, last) in sorted(held.items()):
         following, position, from_ns = first, None, None
-        for row in rows:
+        for row in (record for record in records if record.source == source):
             if row.source_number > following:
                 size = 0 if position is None else row.position - position
                 losses.append(Loss(source, following, row.source_number - 1, size, from_ns, row.from_ns))

@@ -170,8 +170,8 @@ def test_a_capture_is_read_though_its_beginning_is_damaged(log, tmp_path):
 def test_a_capture_of_another_log_holds_nothing_of_this_one(log, tmp_path):
     write_log(tmp_path / "other")
     write_capture(open_log(tmp_path / "other"), tmp_path / "x.rdlog", None, None, {})
-    assert not capture_holds(log, tmp_path / "x.rdlog", None, None)
-    assert not capture_holds(log, tmp_path / "missing.rdlog", None, None)
+    assert capture_holds(log, tmp_path / "x.rdlog", None, None) is False
+    assert capture_holds(log, tmp_path / "missing.rdlog", None, None) is False
 
 
 def test_a_capture_is_not_written_over_and_a_failed_one_leaves_nothing(log, tmp_path, monkeypatch):
