@@ -90,8 +90,7 @@ def _missing(capture: Capture, number: int) -> str:
 
 
 def _anchor_of(session: Mapping[str, Any]) -> Anchor | None:
-    stated = session.get("anchor")
     try:
-        return None if stated is None else Anchor(**{key: int(value) for key, value in stated.items()})
-    except (TypeError, ValueError, AttributeError, OverflowError):
+        return Anchor(**{key: int(value) for key, value in session["anchor"].items()})
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError):
         return None

@@ -37,6 +37,28 @@ def test_a_session_that_names_no_sources_has_none(tmp_path: Path, session: dict[
     assert sources_in(tmp_path / "x.rdlog", session) == ()
 
 
+def test_what_is_missing_of_a_source_is_said_of_it_alone(tmp_path: Path) -> None:
+    path = tmp_path / "x.rdlog"
+    records = [(i % 2, rdlog_bytes.SERIAL, i, bytes(20 + i)) for i in range(8)]
+    sources_in(path, {"sources": [IMU, {"name": "bus", "kind": "can"}]}, records)
+    whole = path.read_bytes()
+
+    def incomplete(content: bytes) -> list[str]:
+        path.write_bytes(content)
+        return [source.incomplete for source in sources_of(read_capture(path))]
+
+    # two of the first source, which has 20, 22, 24 and 26 bytes
+    third, fifth = (rdlog_bytes.record(i + 1, *records[i], i // 2, position) for i, position in ((2, 20), (4, 42)))
+    missing = whole.replace(third, b"").replace(fifth, b"")
+    assert incomplete(missing) == ["2 of its records are missing or damaged", ""]
+    cut = "the file is damaged or ends inside a record: it may have been cut"
+    assert incomplete(whole[:-1]) == [cut, cut]
+    damaged = bytearray(whole)
+    damaged[whole.index(third) + 70] ^= 1
+    assert incomplete(bytes(damaged)) == ["1 of its records are missing or damaged", cut]
+    assert incomplete(whole) == ["", ""]
+
+
 @pytest.mark.parametrize(
     ("stated", "expected"),
     [
