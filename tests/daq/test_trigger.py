@@ -663,6 +663,35 @@ def test_a_table_becomes_a_trigger():
     assert trigger_from_table({"pre_s": 0, "post_s": 1}, [], "rig.toml") == Trigger((), "any", 0.0, 1.0)
 
 
+def test_what_a_table_leaves_out_is_as_its_description_says():
+    rows = [
+        {"channel": "acc", "level": 300},
+        {"channel": "acc", "kind": "window", "low": -1.0, "high": 1.0},
+        {"channel": "acc", "kind": "slope", "level": 3.0},
+        {"channel": "acc", "kind": "width", "level": 3.0, "longer_than_s": 0.1},
+    ]
+    conditions = (
+        Edge("acc", 300.0, None, "rising"),
+        Window("acc", -1.0, 1.0, "enter", 0.0),
+        RateOfChange("acc", 3.0, None, "rising", 0.0),
+        PulseWidth("acc", 3.0, None, "rising", 0.1, None),
+    )
+    expected = Trigger(conditions, "any", pre_s=0.5, post_s=2.0, holdoff_s=0.0, extend=False, manual=True)
+    assert trigger_from_table({"pre_s": 0.5, "post_s": 2, "any": rows}, ["acc"], "rig.toml") == expected
+
+
+def test_a_condition_whose_channel_is_unknown_says_what_else_is_wrong_with_it():
+    row = {"channel": "ac", "level": 3.0, "rearm": 4.0}
+    faults = trigger_faults({"pre_s": 0.5, "post_s": 2, "any": [row]}, ["acc"])
+    assert [fault.key for fault in faults] == ["trigger.any[0].channel", "trigger.any[0]"]
+
+
+def test_a_channel_that_is_no_name_is_one_fault():
+    for channel in (["acc"], 7, None):
+        faults = trigger_faults({"pre_s": 0.5, "post_s": 2, "any": [{"channel": channel, "level": 3.0}]}, ["acc"])
+        assert [fault.key for fault in faults] == ["trigger.any[0].channel"]
+
+
 def test_every_fault_of_a_table_is_told_at_once():
     table = {
         "pre_s": "1",
@@ -716,7 +745,10 @@ def test_every_fault_of_a_table_is_told_at_once():
     ],
 )
 def test_nonsense_is_a_fault_and_no_other_error(table):
-    assert trigger_faults({"pre_s": 1.0, "post_s": 1.0, **table}, ["acc"])
+    stated = {"pre_s": 1.0, "post_s": 1.0, **table}
+    with pytest.raises(RigError) as caught:
+        trigger_from_table(stated, ["acc"], "rig.toml")
+    assert caught.value.faults == trigger_faults(stated, ["acc"])
     assert trigger_faults(table, [])
 
 

@@ -137,15 +137,13 @@ def _condition(
         faults.append(Fault(f"{where}.kind", f"must be one of {', '.join(_KINDS)}, found {kind!r}"))
         return None
     model, made = _KINDS[kind]
-    before = len(faults)
     sound = declared(model, dict(row), where, faults)
     channel = row.get("channel")
     if isinstance(channel, str) and channel not in channel_names:
         faults.append(Fault(f"{where}.channel", f"no channel {channel!r}; {did_you_mean(channel, channel_names)}"))
-    if sound is None or len(faults) > before:
-        return None
-    try:
-        return made(**sound.model_dump(exclude={"kind"}))
-    except ValueError as error:
-        faults.append(Fault(where, str(error)))
-        return None
+    if sound is not None:
+        try:
+            return made(**sound.model_dump(exclude={"kind"}))
+        except ValueError as error:
+            faults.append(Fault(where, str(error)))
+    return None
