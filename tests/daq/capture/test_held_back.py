@@ -132,6 +132,12 @@ def test_a_delay_is_believed_up_to_a_second_and_no_further(more_ns: int, believe
     assert round(found * 1e9) == (late_ns if believed else 0)
 
 
+def test_frames_that_come_as_usual_are_not_late_by_a_nanosecond() -> None:
+    held = HeldBack()
+    at_ns = 10_000_000 * np.arange(300)
+    assert not any(held.late_s(at_ns[k : k + 3], at_ns[k : k + 3]).any() for k in range(0, 300, 3))
+
+
 def frames(due_s: np.ndarray, read_s: float, kpa: np.ndarray) -> Block:
     rows = [
         pack_row(
