@@ -116,6 +116,23 @@ def test_a_step_of_the_interfaces_clock_costs_no_sample(tmp_path: Path) -> None:
     assert any("stepped by -0.3000" in note for note in live.notes)
 
 
+@pytest.mark.parametrize(("event", "steps"), [("reopened", [0.003]), ("lost", [])])
+def test_a_step_that_uneven_frames_hide_is_found_where_the_bus_was_opened_anew(
+    tmp_path: Path, event: str, steps: list[float]
+) -> None:
+    true_ns = np.cumsum(np.random.default_rng(5).integers(1_000_000, 9_000_000, 1000)).tolist()
+    first = int(np.argmin(np.diff(true_ns)[300:500])) + 301  # 3 ms more before it are nothing unusual
+    entries = [(at_ns, 0x101, bytes(8)) for at_ns in true_ns]
+    stepped = [(at_ns + (3_000_000 if i >= first else 0), key, data) for i, (at_ns, key, data) in enumerate(entries)]
+    records: list[Any] = [
+        capture.ROW.pack(*capture.ROW.unpack(a)[:1], *capture.ROW.unpack(b)[1:])
+        for a, b in zip(can_captures.can_records(stepped), can_captures.can_records(entries, drift=0.0), strict=True)
+    ]
+    records.insert(first, (can_captures.HOST_ZERO_NS + true_ns[first] - 500_000, rdlog_bytes.event(event, "slcan")))
+    live = opened(tmp_path, can_captures.can_capture(records))
+    assert [round(step["step_s"], 6) for step in live.metadata["clock_fit"]["steps"]] == steps
+
+
 def test_single_wrong_stamps_cost_no_sample(tmp_path: Path) -> None:
     records = can_captures.can_records(build.can_entries(900))
     late = capture.ROW.unpack(records[1000])
@@ -143,6 +160,29 @@ def test_events_and_error_frames_are_told(tmp_path: Path) -> None:
     assert [event["name"] for event in live.metadata["events"]] == ["lost", "reopened"]
     assert any("lost 1 times" in note for note in live.notes)
     assert any("1 error frames" in note for note in live.notes)
+
+
+def test_how_often_the_bus_was_lost_and_what_the_driver_could_not_read_are_told_apart(tmp_path: Path) -> None:
+    names = ["lost", "reopened", "lost", "reopened", "unreadable", "reopened"]
+    events: list[Any] = [
+        (can_captures.HOST_ZERO_NS, rdlog_bytes.event(name, f"{name} {i}")) for i, name in enumerate(names)
+    ]
+    live = opened(tmp_path, can_captures.can_capture([*events, *can_captures.can_records(build.can_entries())]))
+    assert [note for note in live.notes if "lost" in note or "read" in note] == [
+        "the bus was lost 2 times while it was recorded: frames are missing there",
+        "the driver could not read some entries: unreadable: unreadable 4",
+    ]
+
+
+def test_a_frame_that_asks_another_for_its_data_is_counted_and_holds_none(tmp_path: Path) -> None:
+    records = can_captures.can_records(build.can_entries())
+    asking = [
+        capture.pack_row(device_ns=1, host_ns=can_captures.HOST_ZERO_NS, identifier=0x100, flags=flags, data=b"")
+        for flags in (capture.REMOTE, capture.REMOTE | capture.DEVICE_TIME, capture.ERROR)
+    ]
+    metadata = opened(tmp_path, can_captures.can_capture([*asking, *records])).metadata
+    assert (metadata["remote_frames"], metadata["error_frames"], metadata["damaged_entries"]) == (2, 1, 0)
+    assert (metadata["data_frames"], metadata["dated_by"]) == (len(records), "interface")
 
 
 def test_damaged_records_are_counted(tmp_path: Path) -> None:

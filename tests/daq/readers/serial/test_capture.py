@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.errors import CorruptFileError, MissingChannelError, ReadError
 from recoil_acquisition.frames.port_stream import PortStream
 from recoil_acquisition.log.capture import read_capture
 from recoil_acquisition.log.record import MARK
@@ -398,8 +398,22 @@ def test_elements_that_no_frame_holds_are_told_with_those_that_are_there(tmp_pat
     recording = READER.open(path, Declarations("imu", framing={"ready_made": "xsens-mti"}))
     assert any('the file\'s are those of `precision = "f64"`' in note for note in recording.notes)
     assert "status_word: no frame holds element 0xe020, but 0x1020, 0x1060, 0x4023: not a signal" in recording.notes
+    with pytest.raises(ReadError, match=r"'status_word' is not in the file.*no frame holds element 0xe020"):
+        recording.read("status_word")
+    with pytest.raises(MissingChannelError, match="status_wort"):
+        recording.read("status_wort")
     recording = READER.open(path, Declarations("imu", framing={"ready_made": "xsens-mti", "precision": "f64"}))
     assert recording.read("acceleration_x").tolist() == list(range(9))
+
+
+def test_of_many_elements_that_a_device_sends_the_first_twelve_are_told(tmp_path: Path) -> None:
+    path = tmp_path / "a.bin"
+    others = [(0x0100 + i, b"x") for i in range(15)]
+    path.write_bytes(b"".join(xbus((0x1060, (100 * i).to_bytes(4)), *others) for i in range(9)))
+    notes = READER.open(path, Declarations("imu", framing={"ready_made": "xsens-mti", "without": ["counter"]})).notes
+    (told,) = (note for note in notes if note.startswith("status_word"))
+    twelve = ", ".join(f"0x{0x100 + i:04x}" for i in range(12))
+    assert told == f"status_word: no frame holds element 0xe020, but {twelve}: not a signal"
 
 
 def keller_reply(pressure_bar: float) -> bytes:
