@@ -53,6 +53,9 @@ def test_a_capture_holds_the_range_byte_for_byte_and_can_be_read_without_the_log
     assert capture.session == log.session
     assert capture.declaration["shot"] == "0001"
     assert [r for r in capture.records if r.number in inside] == list(log.records(start_ns=start, stop_ns=stop))
+    for source in range(4):
+        assert capture.of(source) == tuple(log.records(source, start, stop))
+    assert capture.of(4) == ()
     assert (capture.complete, capture.losses, capture.damages, capture.unfinished_bytes) == (True, (), (), 0)
     assert capture_holds(log, path, start, stop)
     assert capture_holds(log, path, start + 10**6, stop - 10**6)

@@ -106,6 +106,8 @@ def test_a_range_is_a_filter_of_all_to_the_nanosecond(tmp_path, monkeypatch, ste
     for start in (began_ns, *(last_begins_ns + off for off in (-1000, -1, 0, 1, 999))):
         expected = [record for record in records if record.host_ns >= start]
         assert list(log.records(0, start_ns=start)) == expected
+    for start in (record.host_ns for record in records):
+        assert next(log.records(0, start_ns=start)) == next(one for one in records if one.host_ns >= start)
     for stop in (record.from_ns + off for record in longest for off in (0, 1)):
         expected = [record for record in records if record.from_ns < stop]
         assert list(log.records(0, stop_ns=stop)) == expected

@@ -169,6 +169,13 @@ def test_a_format_whose_library_is_missing_is_recognised_and_says_what_to_instal
         reader.open(tmp_path / "a", Declarations("a"))
 
 
+def test_what_is_recognised_is_read_by_its_reader(tmp_path: Path) -> None:
+    rows = build.motion_rows()
+    (tmp_path / "a").write_bytes(build.dewesoft_text(rows))
+    recording = recognise(tmp_path / "a").open(tmp_path / "a", Declarations("a"))
+    assert recording.read(recording.signals[0].name).tolist() == pytest.approx([acc for _, acc, _ in rows])
+
+
 def test_a_text_is_recognised_without_the_modules_of_other_formats(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_bytes(build.dewesoft_text(build.motion_rows()))
     program = (
