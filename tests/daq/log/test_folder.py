@@ -15,9 +15,10 @@ from hypothesis import strategies as st
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.log import folder as folder_module
 from recoil_acquisition.log.capture import write_capture
-from recoil_acquisition.log.folder import find_logs, in_order, open_log, session_in
+from recoil_acquisition.log.folder import find_logs, in_order, open_log, remove_log, session_in
 from recoil_acquisition.log.record import HEAD_SIZE, LONGEST_PAYLOAD, OWN, SCHEMA, Kind, Record
 from recoil_acquisition.log.writer import LogWriter
+from tests.builders import rdlog_bytes
 from tests.builders.damaged_logs import write_log
 from tests.builders.naive_log import read_file
 
@@ -50,6 +51,15 @@ def test_what_waits_for_a_missing_record_is_bounded(monkeypatch: pytest.MonkeyPa
     assert next(came).number == 1
     assert taken[-1] == waiting + 1
     assert [one.number for one in came] == [2, 3, 4, 5, 6, 7, 8]
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2, 3), (3, 0, 1, 2), (1, 3, 0, 2), (2, 2, 1, 0, 3)])
+def test_a_log_gives_its_records_by_number_however_they_stand_in_its_file(
+    tmp_path: Path, order: tuple[int, ...]
+) -> None:
+    pieces = [rdlog_bytes.record(i, 0, rdlog_bytes.SERIAL, i, bytes([i]), i, i) for i in range(4)]
+    (tmp_path / "000001.rdlog").write_bytes(b"".join(pieces[i] for i in order))
+    assert [one.payload[0] for one in open_log(tmp_path).records()] == [0, 1, 2, 3]
 
 
 def test_a_record_that_comes_late_within_the_room_takes_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -244,9 +254,11 @@ def test_the_lock_that_a_killed_writer_left_goes_with_its_log(tmp_path: Path) ->
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_log_that_is_being_written_is_not_left_over(tmp_path: Path) -> None:
+def test_a_log_that_is_being_written_is_neither_left_over_nor_removed(tmp_path: Path) -> None:
     with LogWriter(tmp_path / "log", {}, 0, segment_bytes=1 << 14):
         assert find_logs(tmp_path) == ()
+        with pytest.raises(StoreError, match="is being written"):
+            remove_log(tmp_path / "log")
     assert find_logs(tmp_path) == (tmp_path / "log",)
 
 
