@@ -18,8 +18,6 @@ from recoil_acquisition.new_file import give_name, partial_path, remove_partials
 HOLDS = "holds"
 """Key of what is added to a declaration: by source, the first and last number and the bytes of the range."""
 
-_FIRST_WITHIN = 1 << 22
-
 
 @dataclass(frozen=True, eq=False)
 class Capture:
@@ -165,7 +163,7 @@ def capture_scan(path: Path) -> FileScan:
     CorruptFileError
         If not one record at its beginning is sound.
     """
-    log_id = first_log_id(path, _FIRST_WITHIN)
+    log_id = first_log_id(path)
     if log_id is None:
         raise CorruptFileError("holds not one sound record of a log", path=path)
     return FileScan(path, log_id)

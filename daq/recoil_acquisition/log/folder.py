@@ -14,7 +14,7 @@ from typing import Any
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.log.lock import NAME as LOCK_NAME
 from recoil_acquisition.log.lock import is_being_written
-from recoil_acquisition.log.record import HEAD_SIZE, LONGEST_PAYLOAD, OWN, SCHEMA, UNNUMBERED, Kind, Record
+from recoil_acquisition.log.record import HEAD_SIZE, OWN, SCHEMA, UNNUMBERED, Kind, Record
 from recoil_acquisition.log.scan import Damage, FileScan, Head, first_log_id, is_hole
 from recoil_acquisition.log.segment import SUFFIX, segment_paths
 from recoil_acquisition.log.tally import Loss, Tally
@@ -228,7 +228,7 @@ def open_log(folder: Path) -> Log:
     spare = session.get("spare")
     # absolute there, while `folder` may be relative
     if isinstance(spare, str) and Path(spare).is_dir() and Path(spare) != folder.resolve():
-        paths += [path for path in _segments_in(Path(spare)) if first_log_id(path, _begin_bytes()) == log_id]
+        paths += [path for path in _segments_in(Path(spare)) if first_log_id(path) == log_id]
     begins = [_begin(path, log_id) for path in paths]
     longest = [longest_us for _, longest_us in begins[1:]] + [_closing_longest_us(paths[-1], log_id)]
     segments = zip(paths, begins, longest, strict=True)
@@ -343,7 +343,7 @@ def _segments_in(folder: Path) -> list[Path]:
 def _holds_captures(folder: Path) -> bool:
     """Return whether files that are named like segments are captures: a shot may be called 100000."""
     for path in segment_paths(folder).values():
-        log_id = None if is_hole(path) else first_log_id(path, _begin_bytes())
+        log_id = None if is_hole(path) else first_log_id(path)
         if log_id is not None:
             return _is_capture(path, log_id)
     return False
@@ -356,15 +356,11 @@ def _is_capture(path: Path, log_id: bytes) -> bool:
         return any(record.number == UNNUMBERED for record in own)
 
 
-def _begin_bytes() -> int:
-    return 2 * (LONGEST_PAYLOAD + HEAD_SIZE)
-
-
 def _one_log_id(paths: list[Path]) -> bytes:
     """Return the random bytes that the segments share."""
     first: tuple[Path, bytes] | None = None
     for path in paths:
-        found = first_log_id(path, _begin_bytes())
+        found = first_log_id(path)
         if found is None:
             continue
         if first is None:

@@ -26,6 +26,9 @@ from recoil_acquisition.log.record import (
 PIECE = 1 << 20
 """Bytes that are read at once."""
 
+_BEGIN_BYTES = 1 << 22
+"""Of a file, in which a sound record shows of which log it is: behind several of the longest that are damaged."""
+
 MOST_FALSE_MARKS = 1_000_000
 """A damaged payload that is full of marks must not be tried at each of them for hours."""
 
@@ -235,7 +238,7 @@ def sound_head(content: bytes, at: int, seed: int | None) -> Head | None:
     return Head(at, record, length, payload_crc)
 
 
-def first_log_id(path: Path, within: int) -> bytes | None:
+def first_log_id(path: Path, within: int = _BEGIN_BYTES) -> bytes | None:
     """Return the random bytes of the log to which the first sound head of a file belongs.
 
     Parameters
