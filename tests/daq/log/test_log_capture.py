@@ -44,6 +44,7 @@ def test_a_capture_holds_the_range_byte_for_byte_and_can_be_read_without_the_log
     order = [one.kind for one in copied]
     assert order[:3] == [Kind.SESSION, Kind.CLOCK, Kind.SHOT]
     assert order[-2:] == [Kind.SHOT, Kind.SESSION]
+    assert {one.number for one in copied[3:-2] if one.source == OWN} <= inside
     # the declaration is in no log: nothing is said of when it arrived and of what came before it
     declared = [one for one in copied if one.number == UNNUMBERED]
     assert [(one.host_ns, one.source_number, one.position) for one in declared] == [(0, 0, 0)] * 2
@@ -144,6 +145,14 @@ def test_what_a_capture_is_of_is_what_it_declares_first(tmp_path):
     )
     path.write_bytes(kept + rdlog_bytes.rdlog({}, [], {"shot": "7"}) + other)
     assert read_capture(path).declaration == {"shot": "7"}
+
+
+@pytest.mark.parametrize("said", [b"[]", b"7", b"no JSON"])
+def test_a_declaration_that_cannot_be_understood_is_none(tmp_path, said):
+    path = tmp_path / "x.rdlog"
+    path.write_bytes(rdlog_bytes.record(UNNUMBERED, OWN, Kind.SHOT, 0, said, 0, 0) + rdlog_bytes.rdlog({}, []))
+    capture = read_capture(path)
+    assert (capture.declaration, capture.complete) == ({}, False)
 
 
 def test_a_capture_of_a_log_without_a_sound_clock_has_none(tmp_path):
