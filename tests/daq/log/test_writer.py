@@ -734,6 +734,17 @@ def test_a_record_says_its_number_and_what_bytes_of_its_source_came_before(tmp_p
     assert closed == [totals, totals]
 
 
+def test_the_last_segment_with_data_is_missed_if_it_is_missing(tmp_path):
+    write_records(tmp_path / "j", 200)
+    data = [one for one in read_folder(tmp_path / "j") if one.source != OWN]
+    last = data[-1].file
+    (tmp_path / "j" / last).unlink()
+    survey = open_log(tmp_path / "j").survey()
+    lost = sum(loss.records for loss in survey.losses if loss.source != OWN)
+    assert lost == sum(one.file == last for one in data) > 0
+    assert (survey.damaged, survey.closed) == (True, True)
+
+
 def test_a_log_whose_writer_was_left_by_an_error_did_not_end_in_order(tmp_path):
     def fail() -> None:
         with writer_in(tmp_path / "j") as writer:
