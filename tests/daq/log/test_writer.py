@@ -194,6 +194,14 @@ def test_what_comes_behind_a_record_that_is_forced_to_the_disk_at_once_waits_as_
         assert writer.counters.unsynced_s >= 0.05
 
 
+def test_what_a_log_says_of_itself_is_forced_to_the_disk_before_it_takes_a_record(tmp_path, monkeypatch):
+    forced = []
+    monkeypatch.setattr(writer_module, "_LONGEST_SYNC_INTERVAL_S", 3600.0)
+    monkeypatch.setattr(os, "fdatasync", forced.append)
+    with writer_in(tmp_path / "j", sync_interval_s=3600.0):
+        assert len(forced) == 1
+
+
 def test_a_sync_leaves_nothing_unsynced(tmp_path):
     with writer_in(tmp_path / "j", sync_interval_s=0.25) as writer:
         writer.append(1, 1, 0, b"x")

@@ -174,6 +174,23 @@ def test_how_often_the_bus_was_lost_and_what_the_driver_could_not_read_are_told_
     ]
 
 
+def test_of_a_bus_that_is_lost_again_and_again_every_loss_counts_and_the_first_are_listed(tmp_path: Path) -> None:
+    events: list[Any] = [(can_captures.HOST_ZERO_NS + i, rdlog_bytes.event("lost", f"{i}")) for i in range(201)]
+    live = opened(tmp_path, can_captures.can_capture([*events, *can_captures.can_records(build.can_entries())]))
+    assert [event["detail"] for event in live.metadata["events"]] == [f"{i}" for i in range(200)]
+    assert any("lost 201 times" in note for note in live.notes)
+
+
+def test_a_frame_of_64_bytes_is_none_that_is_damaged(tmp_path: Path) -> None:
+    records = can_captures.can_records(build.can_entries())
+    device_ns, host_ns, *_ = capture.ROW.unpack(records[-1])
+    longest = capture.pack_row(
+        device_ns=device_ns, host_ns=host_ns, identifier=0x123, flags=capture.DEVICE_TIME, data=bytes(64)
+    )
+    metadata = opened(tmp_path, can_captures.can_capture([*records, longest])).metadata
+    assert (metadata["data_frames"], metadata["damaged_entries"]) == (len(records) + 1, 0)
+
+
 def test_a_frame_that_asks_another_for_its_data_is_counted_and_holds_none(tmp_path: Path) -> None:
     records = can_captures.can_records(build.can_entries())
     asking = [
