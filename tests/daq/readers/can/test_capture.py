@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -100,6 +101,16 @@ def test_the_anchor_gives_the_wall_clock_of_the_first_frame(tmp_path: Path) -> N
     assert live.absolute_start.zone == "UTC"
     plain = can_captures.can_capture(can_captures.can_records(build.can_entries()), anchored=False)
     assert opened(tmp_path, plain).absolute_start is None
+
+
+def test_a_first_frame_that_was_read_late_is_dated_by_when_it_was_sent(tmp_path: Path) -> None:
+    late_ns = can_captures.HOST_ZERO_NS + 50_000_000
+    rows = [capture.ROW.unpack(record) for record in can_captures.can_records(build.can_entries(400))]
+    records = [capture.ROW.pack(device_ns, max(host_ns, late_ns), *rest) for device_ns, host_ns, *rest in rows]
+    start = opened(tmp_path, can_captures.can_capture(records)).absolute_start
+    assert start is not None
+    sent = dt.datetime.fromisoformat("2023-11-14T22:13:20.250300")
+    assert abs(dt.datetime.fromisoformat(start.text) - sent) < dt.timedelta(microseconds=20)
 
 
 def test_a_step_of_the_interfaces_clock_costs_no_sample(tmp_path: Path) -> None:
@@ -226,7 +237,7 @@ def test_a_capture_without_database_or_frames_is_refused(tmp_path: Path) -> None
 def test_a_record_that_holds_no_whole_rows_costs_itself_alone(tmp_path: Path) -> None:
     rows = can_captures.can_records(build.can_entries())
     host_ns = int.from_bytes(rows[20][8:16], "little")
-    reads = [(0, rdlog_bytes.CAN, host_ns, b"".join(part)) for part in (rows[:20], [*rows[20:23], b"half"], rows[23:])]
+    reads = [(0, rdlog_bytes.CAN, host_ns, b"".join(part)) for part in (rows[:20], [*rows[20:23], b"x"], rows[23:])]
     live = opened(tmp_path, rdlog_bytes.rdlog({"sources": [{"name": "can", "kind": "can"}]}, reads))
     assert live.metadata["data_frames"] == len(rows)
     assert live.metadata["damaged_entries"] == 1
