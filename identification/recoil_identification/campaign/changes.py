@@ -9,8 +9,7 @@ asked again.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
 
@@ -140,126 +139,83 @@ def candidates_of(fit: JointFit, found: Sequence[Candidate] = ()) -> list[Candid
     found
         Columns of the fit.
     """
-    rows, names = fit.rows, [shot.name for shot in fit.rows.shots]
-    n, reference = len(names), fit.likeliest
-    theta = rows.modelled(reference.values)[0]
-    # a change of one kg of the mass is a smaller share of a heavier part
-    of_mass = rows.reference_kg / np.exp(theta[:, rows.parameters.index(LN_MASS)])
-    told = [f"{one.kind} {one.influence} {one.shots}" for one in found]
-    gains: list[tuple[str, str, tuple[str, ...], str, Array, float]] = []
-
-    def ask(kind: str, influence: str, shots: Sequence[str], parameter: str, shares: Array, gain: float) -> None:
-        if math.isfinite(gain) and f"{kind} {influence} {tuple(shots)}" not in told:
-            gains.append((kind, influence, tuple(shots), parameter, shares, gain))
-
-    base = max(trial.log_likelihood for trial in fit.trials)
+    rows, told = fit.rows, {one.column.name for one in found}
+    candidates = []
     for parameter in (name for name in (LN_MASS, *GAINS) if name in rows.parameters):
-        scores = [_Score.of(trial, rows.parameters.index(parameter)) for trial in fit.trials]
-        shares, ones = of_mass if parameter == LN_MASS else np.ones(n), np.ones(n)
-
-        def best(patterns: Array, scores: list[_Score] = scores) -> Array:
-            """Return by how much each pattern, a row of shares of shots, raises the largest likelihood."""
-            return np.asarray(np.max([one.level(patterns) for one in scores], axis=0) - base)
-
-        apart = np.max([one.level_of_each(shares) for one in scores], axis=0) - base
-        label = MASS if parameter == LN_MASS else _label(rows, parameter)
-        for i, gain in enumerate(apart.tolist()):
-            ask(OUTLIER, label, names[i : i + 1], parameter, ones * (np.arange(n) == i), gain)
-        if parameter == LN_MASS:
-            steps = np.max([one.level_of_steps(shares) for one in scores], axis=0) - base
-            # one shot alone lies apart
-            for i in range(2, n - 1):
-                ask(STEP, MASS, names[i:], parameter, ones * (np.arange(n) >= i), float(steps[i]))
-            for number, weight in enumerate(rows.weights):
-                bears = rows.weight == number
-                concerned = [name for name, one in zip(names, bears.tolist(), strict=True) if one]
-                if 1 < len(concerned) < n:
-                    what = f"{MASS} of {weight[0]:g} kg added"
-                    ask(ADDED, what, concerned, parameter, ones * bears, float(best((shares * bears)[np.newaxis])[0]))
-            continue
-        for identity, where in _sensors(rows, parameter).items():
-            at, name = np.flatnonzero(where), rows.influences[identity].label
-            level = rows.loads[:, rows.parameters.index(parameter), identity] / rows.influences[identity].u
-            ask(OFF, name, [names[i] for i in at], parameter, level, float(best(level[np.newaxis])[0]))
-            if at.size >= LEAST_SHOTS:
-                ramp = level.copy()
-                ramp[at] *= np.linspace(0.0, 1.0, at.size)
-                ask(DRIFT, name, [names[at[0]], names[at[-1]]], parameter, ramp, float(best(ramp[np.newaxis])[0]))
-    gains.sort(key=lambda one: -one[-1])
-    return [
-        Candidate(kind, influence, shots, Column(f"{kind}: {influence}, {' '.join(shots)}", parameter, shares), gain)
-        for kind, influence, shots, parameter, shares, gain in gains
-    ]
+        asked = [one for one in _patterns(rows, parameter) if one[-1].name not in told]
+        shares = np.array([column.shares for *_, column in asked])
+        levels = [trial.log_likelihood + 0.5 * _normalised(trial, parameter, shares) ** 2 for trial in fit.trials]
+        gains = np.max(levels, axis=0) - max(trial.log_likelihood for trial in fit.trials)
+        candidates += [Candidate(*one, gain) for one, gain in zip(asked, gains.tolist(), strict=True)]
+    return sorted(candidates, key=lambda one: -one.gain)
 
 
 def normalised_residuals(fit: JointFit) -> Array:
     """Return how far the mass of each shot lies from what all others say, standard normal, shape (n_shots,)."""
-    score = _Score.of(fit.likeliest, fit.rows.parameters.index(LN_MASS))
-    return score.normalised_of_each(np.ones(len(fit.rows.shots)))
+    return _normalised(fit.likeliest, LN_MASS, np.eye(len(fit.rows.shots)))
 
 
-@dataclass(frozen=True, eq=False)
-class _Score:
-    """Of one parameter under one scatter: what each shot tells of a column, shapes (n,), (n,), (n, n_unknowns)."""
+def _patterns(rows: JointRows, parameter: str) -> Iterator[tuple[str, str, tuple[str, ...], Column]]:
+    """List the changes of a parameter that are asked for: kind, influence, shots, column."""
+    names = tuple(shot.name for shot in rows.shots)
+    n, alone = len(names), np.eye(len(names))
 
-    trial: Trial
-    product: Array
-    energy: Array
-    shared: Array
-
-    @classmethod
-    def of(cls, trial: Trial, place: int) -> _Score:
-        left, derivatives = trial.rows.by_shot(trial.values)
-        column = trial.rows.triangle[:, :, place]
-        return cls(
-            trial,
-            np.einsum("nk,nk->n", column, left),
-            np.einsum("nk,nk->n", column, column),
-            np.einsum("nkp,nk->np", derivatives, column),
+    def pattern(
+        kind: str, influence: str, shots: Sequence[str], shares: Array
+    ) -> tuple[str, str, tuple[str, ...], Column]:
+        return (
+            kind,
+            influence,
+            tuple(shots),
+            Column(f"{kind}: {influence}, {shots[0]} to {shots[-1]}", parameter, shares),
         )
 
-    def _normalised(self, product: Array, energy: Array, shared: Array) -> Array:
-        own = energy - np.einsum("np,pq,nq->n", shared, self.trial.estimate.covariance, shared)
-        judged = own > LEAST_REDUNDANCY * np.maximum(energy, np.finfo(np.float64).tiny)
-        return np.where(judged, product / np.sqrt(np.where(judged, own, 1.0)), 0.0)
-
-    def normalised_of_each(self, shares: Array) -> Array:
-        """Return w of one shot apart, for each shot."""
-        return self._normalised(self.product * shares, self.energy * shares**2, self.shared * shares[:, np.newaxis])
-
-    def level_of_each(self, shares: Array) -> Array:
-        """Return the log likelihood with a column for one shot, for each shot."""
-        return np.asarray(self.trial.log_likelihood + 0.5 * self.normalised_of_each(shares) ** 2)
-
-    def level_of_steps(self, shares: Array) -> Array:
-        """Return the log likelihood with a column for all shots from one on, for each shot."""
-
-        def from_here(values: Array) -> Array:
-            return np.cumsum(values[::-1], axis=0)[::-1]
-
-        w = self._normalised(
-            from_here(self.product * shares),
-            from_here(self.energy * shares**2),
-            from_here(self.shared * shares[:, np.newaxis]),
-        )
-        return np.asarray(self.trial.log_likelihood + 0.5 * w**2)
-
-    def level(self, patterns: Array) -> Array:
-        """Return the log likelihood with a column of given shares, for each row of patterns."""
-        w = self._normalised(patterns @ self.product, patterns**2 @ self.energy, patterns @ self.shared)
-        return np.asarray(self.trial.log_likelihood + 0.5 * w**2)
+    sensors = _sensors(rows, parameter)
+    label = ", ".join(rows.influences[at].label for at in sensors) or f"{parameter[3:]} scale"
+    for i, name in enumerate(names):
+        yield pattern(OUTLIER, MASS if parameter == LN_MASS else label, [name], alone[i])
+    if parameter == LN_MASS:
+        for i in range(2, n - 1):  # one shot after it, or before, is one that lies apart
+            yield pattern(STEP, MASS, names[i:], np.where(np.arange(n) < i, 0.0, 1.0))
+        for number, (mass_kg, _) in enumerate(rows.weights):
+            bear = np.flatnonzero(rows.weight == number)
+            if 1 < bear.size < n:
+                concerned = [names[i] for i in bear]
+                yield pattern(ADDED, f"{MASS} of {mass_kg:g} kg added", concerned, alone[bear].sum(axis=0))
+    for identity, level in sensors.items():
+        at, sensor = np.flatnonzero(level), rows.influences[identity].label
+        yield pattern(OFF, sensor, [names[i] for i in at], level)
+        if at.size >= LEAST_SHOTS:
+            ramp = np.zeros(n)
+            ramp[at] = level[at] * np.linspace(0.0, 1.0, at.size)
+            yield pattern(DRIFT, sensor, [names[at[0]], names[at[-1]]], ramp)
 
 
-def _sensors(rows: JointRows, parameter: str) -> dict[int, NDArray[np.bool_]]:
-    """Return the sensors of a parameter, by their places among the influences, and the shots that each is in."""
-    place = rows.parameters.index(parameter)
-    places = (at for at, one in enumerate(rows.influences) if one.is_sensor and np.any(rows.loads[:, place, at]))
-    return {at: rows.loads[:, place, at] > 0 for at in places}
+def _sensors(rows: JointRows, parameter: str) -> dict[int, Array]:
+    """Return the sensors of a parameter, by their places among the influences, and how much each moves it in a shot."""
+    moved = rows.loads[:, rows.parameters.index(parameter)]
+    return {at: moved[:, at] / one.u for at, one in enumerate(rows.influences) if one.is_sensor and moved[:, at].any()}
 
 
-def _label(rows: JointRows, parameter: str) -> str:
-    """Name the sensors of a parameter; the parameter itself where none is uncertain."""
-    return ", ".join(rows.influences[at].label for at in _sensors(rows, parameter)) or f"{parameter[3:]} scale"
+def _normalised(trial: Trial, parameter: str, shares: Array) -> Array:
+    """Return w of columns that move a parameter by given shares, shape (n_columns,); 0 where nothing tells of one.
+
+    Parameters
+    ----------
+    shares : ndarray, shape (n_columns, n_shots)
+    """
+    rows, place = trial.rows.rows, trial.rows.rows.parameters.index(parameter)
+    left, derivatives = trial.by_shot
+    column = trial.rows.triangle[:, :, place]
+    if parameter == LN_MASS:  # one kg is a smaller share of a heavier part
+        whole_kg = np.exp(rows.modelled(trial.values)[0][:, place])
+        column = column * (rows.reference_kg / whole_kg)[:, np.newaxis]
+    energy = shares**2 @ np.einsum("nk,nk->n", column, column)
+    shared = shares @ np.einsum("nkp,nk->np", derivatives, column)
+    own = energy - np.einsum("cp,cp->c", shared @ trial.estimate.covariance, shared)
+    judged = own > LEAST_REDUNDANCY * np.maximum(energy, np.finfo(np.float64).tiny)
+    product = shares @ np.einsum("nk,nk->n", column, left)
+    return np.where(judged, product / np.sqrt(np.where(judged, own, 1.0)), 0.0)
 
 
 def _change(fit: JointFit, found: Candidate, instead: str) -> Change:

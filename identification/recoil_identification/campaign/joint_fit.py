@@ -56,6 +56,11 @@ class Trial(ReadOnlyArrays):
         """The largest log likelihood of any values, instead of that of all of them."""
         return -0.5 * (self.estimate.misfit + self.rows.log_determinant) - self.scatter.unlikely
 
+    @cached_property
+    def by_shot(self) -> tuple[Array, Array]:
+        """What the estimate leaves of each shot's rows, and their derivatives."""
+        return self.rows.by_shot(self.values)
+
     @property
     def values(self) -> dict[str, float]:
         """Of all unknowns, by name."""
