@@ -62,8 +62,9 @@ class Correlation(ReadOnlyArrays):
     @classmethod
     def whole(cls, matrix: Array) -> Correlation:
         """Factorise a correlation of which nothing is zero, shape (n_rows, n_rows)."""
-        n = matrix.shape[0]
-        return cls.of(np.array([np.append(np.diagonal(matrix, -later), np.zeros(later)) for later in range(n)]))
+        return cls.of(
+            np.array([np.append(np.diagonal(matrix, later), np.zeros(later)) for later in range(len(matrix))])
+        )
 
     def whitened(self, rows: Array) -> Array:
         """Turn correlated rows into independent ones, shape (n_rows + n_last, n_columns) as given."""
