@@ -49,7 +49,7 @@ class Scores(ReadOnlyArrays):
         shared = derivatives.T @ columns
         own = columns.T @ columns - shared.T @ covariance @ shared
         variances, energy = np.diag(own), (columns**2).sum(axis=0)
-        told = variances > LEAST_REDUNDANCY * np.maximum(energy, np.finfo(np.float64).tiny)
+        told = variances > LEAST_REDUNDANCY * energy
         deviations = np.sqrt(np.where(told, variances, 1.0))
         return cls(np.where(told, columns.T @ left / deviations, 0.0), own / np.outer(deviations, deviations), told)
 

@@ -40,3 +40,30 @@ def test_a_column_that_the_unknowns_explain_is_not_told() -> None:
     scores = Scores.of(left, derivatives, found.covariance, np.column_stack([table @ [2.0, -1.0], np.arange(12.0)]))
     assert scores.told.tolist() == [False, True]
     assert scores.normalised[0] == scores.fall((0,)) == 0.0
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([1e-8, 1.0, 1e8]))
+def test_a_column_is_told_if_the_unknowns_leave_more_than_a_millionth_of_its_energy(seed: int, size: float) -> None:
+    explained, own = np.linalg.qr(np.random.default_rng(seed).normal(size=(12, 2)))[0].T
+    # the share of a column's energy that is its own
+    shares = np.array([1.1e-6, 0.9e-6])
+    columns = size * (explained[:, np.newaxis] * np.sqrt(1.0 - shares) + own[:, np.newaxis] * np.sqrt(shares))
+    scores = Scores.of(own, explained[:, np.newaxis], np.eye(1), np.column_stack([columns, np.zeros(12)]))
+    assert scores.told.tolist() == [True, False, False]
+    # all that is left of the rows is one of what the column has of its own
+    np.testing.assert_allclose(scores.normalised, [1.0, 0.0, 0.0], atol=1e-6)
+
+
+def test_what_two_columns_say_alike_counts_once() -> None:
+    rng = np.random.default_rng(2)
+    left, column = rng.normal(size=12), rng.normal(size=12)
+    alike = np.column_stack([column, -3.0 * column])
+    scores = Scores.of(left, np.zeros((12, 0)), np.zeros((0, 0)), alike)
+    np.testing.assert_allclose(scores.correlation, [[1.0, -1.0], [-1.0, 1.0]], atol=1e-12)
+    by_hand = (column @ left) ** 2 / (column @ column)
+    assert scores.fall((0, 1)) == pytest.approx(scores.fall((0,))) == pytest.approx(by_hand)
+
+
+def test_without_any_column_the_misfit_falls_by_nothing() -> None:
+    scores = Scores.of(np.ones(3), np.zeros((3, 0)), np.zeros((0, 0)), np.eye(3))
+    assert scores.fall(()) == 0.0
