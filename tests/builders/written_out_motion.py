@@ -34,11 +34,15 @@ def drawn_regression(rng: np.random.Generator, size: int = 9, shifts: int = 0) -
 
 
 def drawn_motion(
-    rng: np.random.Generator, shifts: int = 0, causes: int = 0, changes: int = 0, scale: Unknown = ACCELERATION
+    rng: np.random.Generator,
+    shifts: int = 0,
+    causes: int = 0,
+    changes: int = 0,
+    scale: Unknown = ACCELERATION,
+    size: int = 9,
 ) -> EquationOfMotion:
     """Draw rows of a motion with so many of each unknown that not every motion has."""
-    regression = drawn_regression(rng, shifts=shifts)
-    size = regression.times_s.size
+    regression = drawn_regression(rng, size, shifts)
     return EquationOfMotion(
         regression=regression,
         rows=np.array([1, 2, 5, 8]),
