@@ -24,8 +24,9 @@ class Scores(ReadOnlyArrays):
     Attributes
     ----------
     normalised : ndarray, shape (n_columns,)
-        Standard normal each if nothing of the column is in the rows.
+        Standard normal each if nothing of the column is in the rows; 0 where it is not told.
     correlation : ndarray, shape (n_columns, n_columns)
+        0 with one that is not told.
     told : ndarray of bool, shape (n_columns,)
         False where the unknowns explain the column.
     """
@@ -50,8 +51,8 @@ class Scores(ReadOnlyArrays):
         own = columns.T @ columns - shared.T @ covariance @ shared
         variances, energy = np.diag(own), (columns**2).sum(axis=0)
         told = variances > LEAST_REDUNDANCY * energy
-        deviations = np.sqrt(np.where(told, variances, 1.0))
-        return cls(np.where(told, columns.T @ left / deviations, 0.0), own / np.outer(deviations, deviations), told)
+        deviations = np.sqrt(np.where(told, variances, np.inf))
+        return cls(columns.T @ left / deviations, own / np.outer(deviations, deviations), told)
 
     def fall(self, chosen: Sequence[int]) -> float:
         """Return by how much the misfit would fall with an unknown for each of some columns."""

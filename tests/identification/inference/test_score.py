@@ -40,6 +40,7 @@ def test_a_column_that_the_unknowns_explain_is_not_told() -> None:
     scores = Scores.of(left, derivatives, found.covariance, np.column_stack([table @ [2.0, -1.0], np.arange(12.0)]))
     assert scores.told.tolist() == [False, True]
     assert scores.normalised[0] == scores.fall((0,)) == 0.0
+    np.testing.assert_allclose(scores.correlation, [[0.0, 0.0], [0.0, 1.0]])
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([1e-8, 1.0, 1e8]))
