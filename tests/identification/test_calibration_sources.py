@@ -23,7 +23,6 @@ from recoil_identification.row_noise import RowNoise
 from recoil_identification.sensor_priors import CAMERA_SCALE, DISTORTIONS, RELEASE, ZERO
 from recoil_processing.shot.regression import Regression, spaced_rows
 from tests.builders.bench_shots import MASS_KG
-from tests.builders.calibrations import a_calibration
 from tests.builders.written_out_motion import acceleration_m_s2, drawn_motion, drawn_values
 from tests.identification.test_calibration import SCALES, U_BIAS, alternating, calibrated_mass, exact, measured, tracked
 
@@ -258,13 +257,16 @@ def test_every_unknown_that_anything_names_is_estimated_once():
 
 
 def test_a_draw_that_is_off_by_more_than_a_factor_e_is_none():
-    u = 0.8
-    found = a_calibration(MassEstimate("stated", MASS_KG, (), 10, 0.0), u_ln_mass=u)
+    block, ln_mass, u = drawn_motion(np.random.default_rng(3)), 0.4, 0.8
+    exactly = [Prior.of(name, name, 0.0) for name in block.unknowns if name != "ln mass"]
+    found = stated(block, [Prior.of("stated", "ln mass", u, ln_mass), *exactly])
     drawn = found.draws()(np.random.default_rng(3), 20_000)
     lost = np.isnan(drawn)
     assert np.mean(lost) == pytest.approx(2 * stats.norm.sf(1.0 / u), abs=0.01)
-    logs = np.log(drawn[~lost] / MASS_KG)
-    assert np.abs(logs).max() <= 1.0
+    # about the estimate, not about where it began
+    logs = np.log(drawn[~lost] / found.m0_kg) - ln_mass
+    assert np.abs(logs).max() <= 1.0 + 1e-12
+    assert np.mean(logs) == pytest.approx(0.0, abs=0.02)
     assert np.std(logs) == pytest.approx(stats.truncnorm(-1.0 / u, 1.0 / u, scale=u).std(), rel=0.02)
 
 
