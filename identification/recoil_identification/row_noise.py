@@ -217,7 +217,7 @@ def _size(regression: Regression, rows: NDArray[np.int64], sigma: Array) -> tupl
     table = table / sigma[:, np.newaxis]
     table = table / np.maximum(np.linalg.norm(table, axis=0), 1e-300)
     u, sizes, _ = np.linalg.svd(table, full_matrices=False)
-    spanned = u[:, sizes > LEAST_PIVOT * sizes[0]]
+    spanned = u[:, sizes > LEAST_PIVOT * sizes.max()]
     response = r.acceleration_m_s2[rows] / sigma
     residual = response - spanned @ (spanned.T @ response)
     left = float(max(rows.size - spanned.shape[1], 1))
