@@ -111,7 +111,10 @@ def test_beforehand_is_known_what_sensors_state_and_of_place_and_clock_less_than
 
 # ------------------------------------------------------------------------------------------ means and integrals
 
-ONSET_S, END_S = 0.02, 0.12
+STEP_S = 2e-4
+TIMES_S = -0.03 + STEP_S * np.arange(900)
+ONSET_S, END_S = float(TIMES_S[250]), 0.12
+"""The first is a sample, which counts as one of the motion."""
 SIGMA_M = 3e-5
 DENSITIES = (1e-4, 1.0, 1e4)
 
@@ -156,8 +159,7 @@ class Seen:
 @cache
 def seen() -> Seen:
     rng = np.random.default_rng(11)
-    step_s = 2e-4
-    times_s = -0.03 + step_s * np.arange(900)
+    times_s, step_s = TIMES_S, STEP_S
     since_s = times_s - ONSET_S
     drawn = drawn_regression(rng, times_s.size)
     shapes = np.column_stack([since_s >= 0, np.maximum(since_s, 0.0) / 0.1, since_s > 0.03]).astype(np.float64)
