@@ -101,7 +101,7 @@ def find_clipped(samples: Array, low: float, high: float) -> Clipped:
     """
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
         raise ValueError(f"a range needs low < high, not [{low}, {high}]")
-    margin = END_SHARE * (high - low)
+    margin = _margin(low, high)
     above = samples > high + margin if abs(high) <= margin else samples >= high - margin
     below = samples < low - margin if abs(low) <= margin else samples <= low + margin
     return Clipped(np.asarray(above), np.asarray(below))
@@ -130,26 +130,25 @@ def repair_clipping(samples: Array, low: float, high: float, *, unit: str = "") 
         As of `find_clipped`.
     """
     clipped = _flat_ended(samples, find_clipped(samples, low, high), low, high)
-    margin = END_SHARE * (high - low)
     runs = [
-        judge_by_wave(samples, alike, start, stop, side, flat_within=2 * margin)
+        judge_by_wave(samples, alike, start, stop, side, flat_within=2 * _margin(low, high))
         for side, alike in ((1, clipped.above), (-1, clipped.below))
         for start, stop in runs_of(alike)
     ]
     runs.sort(key=lambda run: run.start)
     result, u = np.array(samples, dtype=np.float64), np.zeros(samples.size)
-    for piece in _pieces(samples, runs):
+    ends = {1: high, -1: low}
+    for piece, numbers in _pieces(samples, runs):
         found = _interpolated(samples, clipped, piece)
-        for i, run in enumerate(runs):
-            if run.refusal or not piece.start <= run.start < piece.stop:
-                continue
+        for i in numbers:
+            run = runs[i]
             if isinstance(found, str):
                 runs[i] = replace(run, refusal=found)
                 continue
             inside = slice(run.start - piece.start, run.stop - piece.start)
             tip = found.samples[inside]
             peak = float(run.side * np.max(run.side * tip))
-            runs[i] = judge_by_peak(replace(run, peak=peak), high if run.side > 0 else low)
+            runs[i] = judge_by_peak(replace(run, peak=peak), ends[run.side])
             result[run.start : run.stop] = tip
             u[run.start : run.stop] = found.u[inside]
     repaired, masked = np.zeros(samples.size, dtype=bool), np.zeros(samples.size, dtype=bool)
@@ -164,9 +163,14 @@ def repair_clipping(samples: Array, low: float, high: float, *, unit: str = "") 
     return ClippingRepair(result, u, tuple(runs), tuple(repairs))
 
 
+def _margin(low: float, high: float) -> float:
+    """Return how near to an end of the range a sample counts as clipped."""
+    return END_SHARE * (high - low)
+
+
 def _flat_ended(samples: Array, clipped: Clipped, low: float, high: float) -> Clipped:
     """Leave out what lies beyond an end at zero: a one-sided gauge still reads there, and nothing is cut off."""
-    margin = END_SHARE * (high - low)
+    margin = _margin(low, high)
     infinite = np.isinf(samples)
     return Clipped(
         clipped.above & infinite if abs(high) <= margin else clipped.above,
@@ -174,24 +178,25 @@ def _flat_ended(samples: Array, clipped: Clipped, low: float, high: float) -> Cl
     )
 
 
-def _pieces(samples: Array, runs: Sequence[ClippedRun]) -> list[slice]:
-    """Cut the record into pieces, each with all that one model must look at together.
+def _pieces(samples: Array, runs: Sequence[ClippedRun]) -> list[tuple[slice, list[int]]]:
+    """Cut the record into pieces, each with all that one model must look at together, and number the runs in each.
 
     Runs that are refused, and gaps, are unknown to the model too; where they are longer than its order it cannot
     look across them, and the piece ends.
     """
-    walls = [(r.start, r.stop) for r in runs if r.refusal and r.count > MOST_ORDER]
-    walls += [(a, b) for a, b in runs_of(np.isnan(samples)) if b - a > MOST_ORDER]
-    pieces: list[slice] = []
-    for run in runs:
+    unknown = [*((r.start, r.stop) for r in runs if r.refusal), *runs_of(np.isnan(samples))]
+    walls = [(a, b) for a, b in unknown if b - a > MOST_ORDER]
+    pieces: list[tuple[slice, list[int]]] = []
+    for i, run in enumerate(runs):
         if run.refusal:
             continue
         first = max([0, run.start - CONTEXT, *(b for _, b in walls if b <= run.start)])
         last = min([samples.size, run.stop + CONTEXT, *(a for a, _ in walls if a >= run.stop)])
-        if pieces and first < pieces[-1].stop:
-            pieces[-1] = slice(pieces[-1].start, last)
+        if pieces and first < pieces[-1][0].stop:
+            before, numbers = pieces.pop()
+            pieces.append((slice(before.start, last), [*numbers, i]))
         else:
-            pieces.append(slice(first, last))
+            pieces.append((slice(first, last), [i]))
     return pieces
 
 

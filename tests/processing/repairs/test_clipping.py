@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from recoil_processing.filters import LowPass
 from recoil_processing.quality import check_clipping
+from recoil_processing.repairs.autoregressive import MOST_ORDER
 from recoil_processing.repairs.clipped_wave import LARGEST_PEAK
 from recoil_processing.repairs.clipping import END_SHARE, ClippingRepair, find_clipped, repair_clipping
 from recoil_processing.repairs.repair import Repaired, changed
@@ -221,3 +222,105 @@ def test_a_real_pulse_that_is_clipped_at_two_thirds_is_refused(name):
     assert run.count >= 8
     assert run.refusal
     assert np.isnan(found.samples[run.start : run.stop]).all()
+
+
+def pulse() -> np.ndarray:
+    """A lone pulse of 1.05 on a ripple, 600 samples."""
+    t = np.arange(-300.0, 300.0)
+    return np.asarray(1.05 * np.exp(-0.5 * (t / 25.0) ** 2) + 0.01 * np.sin(t) + 0.01 * np.sin(0.31 * t))
+
+
+def repaired_tip(samples: np.ndarray, number: int = 0) -> bytes:
+    """What one run of a record that is clipped at 1 is repaired by."""
+    found = repair_clipping(samples, -2.0, 1.0)
+    run = found.runs[number]
+    assert run.refusal == ""
+    return found.samples[run.start : run.stop].tobytes()
+
+
+@pytest.mark.parametrize("step", [1, -1], ids=["behind it", "before it"])
+def test_160_samples_beside_a_run_have_a_say_in_its_repair_and_none_beyond(step):
+    samples = np.minimum(pulse(), 1.0)[::step]
+    (run,) = repair_clipping(samples, -2.0, 1.0).runs
+    last = run.stop + 159 if step > 0 else run.start - 160
+    for index, has_a_say in ((last, True), (last + step, False)):
+        other = samples.copy()
+        other[index] += 0.1
+        assert (repaired_tip(other) != repaired_tip(samples)) is has_a_say
+
+
+@pytest.mark.parametrize(("between", "has_a_say"), [(319, True), (320, False)])
+def test_runs_whose_surroundings_do_not_overlap_are_repaired_each_by_its_own(between, has_a_say):
+    one = np.minimum(pulse(), 1.0)
+    (run,) = repair_clipping(one, -2.0, 1.0).runs
+    rest = between - (one.size - run.stop)
+    samples = np.concatenate([one, one[run.start - rest :]])
+    assert [r.start for r in repair_clipping(samples, -2.0, 1.0).runs] == [run.start, run.stop + between]
+    other = samples.copy()
+    other[run.start - 50] += 0.1
+    assert (repaired_tip(other, 1) != repaired_tip(samples, 1)) is has_a_say
+
+
+@pytest.mark.parametrize(("length", "has_a_say"), [(MOST_ORDER, True), (MOST_ORDER + 1, False)])
+@pytest.mark.parametrize("filled", [np.nan, -2.0], ids=["a gap", "a plateau"])
+@pytest.mark.parametrize("step", [1, -1], ids=["behind it", "before it"])
+def test_what_lies_beyond_more_unknown_samples_than_the_model_has_coefficients_has_no_say(
+    step, filled, length, has_a_say
+):
+    samples = np.minimum(pulse(), 1.0)
+    samples[390 : 390 + length] = filled
+    other = samples.copy()
+    other[390 + length :] *= 1.5
+    number = -1 if step < 0 else 0
+    assert (repaired_tip(other[::step], number) != repaired_tip(samples[::step], number)) is has_a_say
+
+
+@pytest.mark.parametrize(("lost", "refused"), [(250, False), (251, True)])
+def test_a_piece_with_more_than_250_unknown_samples_is_not_estimated(lost, refused):
+    samples = np.minimum(np.tile(pulse()[180:420], 6), 1.0)
+    unknown = int(find_clipped(samples, -2.0, 1.0).above.sum())
+    troughs = np.flatnonzero(np.abs(samples) < 0.03)
+    samples[troughs[:: troughs.size // (lost - unknown)][: lost - unknown]] = np.nan
+    assert np.isnan(samples).sum() + unknown == lost
+    found = repair_clipping(samples, -2.0, 1.0)
+    assert ["too much is clipped" in run.refusal for run in found.runs] == [refused] * 6
+
+
+@pytest.mark.parametrize(("margins", "refused"), [(1.9, False), (2.1, True)])
+def test_a_run_may_be_as_uneven_as_the_margin_on_both_sides_of_the_end(margins, refused):
+    samples = np.minimum(pulse(), 1.0)
+    (run,) = repair_clipping(samples, -2.0, 1.0).runs
+    samples[run.start + 2], samples[run.start + 4] = 1.0 - 0.003, 1.0 - 0.003 + margins * 0.003
+    (run,) = repair_clipping(samples, -2.0, 1.0).runs
+    assert ("that range is wrong" in run.refusal) is refused
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(("end", "rests"), [(1.0, True), (-1.0, True), (1.01, False)])
+def test_an_end_as_near_to_zero_as_the_margin_counts_as_zero(end, rests, sign):
+    """Of a range of 1000 the margin is 1."""
+    samples = sign * np.array([end, end - 1.5])
+    low, high = sorted((sign * end, sign * (end + 1000.0)))
+    found = find_clipped(samples, low, high)
+    at_the_end, beyond = (found.below if sign > 0 else found.above).tolist()
+    assert at_the_end is not rests
+    assert beyond
+    kept = np.isfinite(repair_clipping(samples, low, high).samples).tolist()
+    assert kept == [rests, rests]
+
+
+def test_the_level_on_which_a_wave_rides_does_not_matter():
+    samples = np.minimum(sine(1.1), 1.0)
+    here, there = repair_clipping(samples, -2.0, 1.0), repair_clipping(samples + 7.0, 5.0, 8.0)
+    assert np.allclose(there.samples - 7.0, here.samples, atol=1e-6)
+    assert [run.refusal for run in there.runs] == [run.refusal for run in here.runs] == [""] * len(here.runs)
+
+
+def test_runs_are_in_order_of_time_and_what_is_masked_has_no_uncertainty():
+    found = repair_clipping(np.clip(sine(1.6), -1.0, 1.0), -1.0, 1.0)
+    starts = [run.start for run in found.runs]
+    assert starts == sorted(starts)
+    assert {run.side for run in found.runs} == {-1, 1}
+    repaired, masked = found.repairs
+    assert (repaired.kind, masked.kind) == ("clipped repaired", "clipped masked")
+    assert np.array_equal(found.u > 0.0, repaired.flags)
