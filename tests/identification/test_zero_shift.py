@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from recoil_identification.analysis import Options, identify_shot
-from recoil_identification.zero_shift import MARGIN, ZeroShift, calibrated_with_zero_shift
+from recoil_identification.calibration import Calibration, calibrated_mass
+from recoil_identification.zero_shift import MARGIN, ZeroShift, calibrated_with_zero_shift, shift_columns
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.regression import Regression
@@ -93,6 +94,110 @@ def test_without_a_baseline_no_shift_is_told_from_a_zero_that_was_never_known() 
     assert filtered.shifts is None
     assert shift == ZeroShift()
     assert not ZeroShift(criterion=MARGIN).demanded
+
+
+def shapes_by_hand(regression: Regression, *taus_s: float) -> np.ndarray:
+    """Step and kick at the onset, and decays from it."""
+    since = regression.times_s - regression.interval_s[0]
+    begun = since >= 0.0
+    kick = np.diff(begun, prepend=False) / regression.step_s
+    return np.column_stack([begun, kick, *(np.where(begun, np.exp(-since / tau), 0.0) for tau in taus_s)])
+
+
+def fitted(filtered: Regression, calibration: Calibration, shifts: np.ndarray | None) -> Calibration:
+    """The shot anew with other shapes of a shift and the noise that was taken."""
+    return calibrated_mass(replace(filtered, shifts=shifts), SCALES, U_BIAS, noise=calibration.noise)
+
+
+def test_a_zero_may_shift_by_a_step_a_kick_and_decays_of_10_to_100_ms() -> None:
+    regression = bench_regression()
+    columns = shift_columns(regression)
+    np.testing.assert_allclose(columns, shapes_by_hand(regression, 0.01, 0.02, 0.05, 0.1), atol=1e-12)
+    # what a kick adds to the velocity is one
+    assert columns[:, 1].sum() * regression.step_s == pytest.approx(1.0)
+
+
+SHIFTED = {
+    "to stay": {"step": 25.0},
+    "late": {"step": 150.0, "late_s": 6e-4},
+    "10 ms": {"decaying": 90.0, "tau_s": 0.01},
+    "20 ms": {"decaying": 60.0, "tau_s": 0.02},
+    "50 ms": {"decaying": 60.0, "tau_s": 0.05},
+    "100 ms": {"decaying": 60.0, "tau_s": 0.1},
+    "both": {"step": 20.0, "decaying": 80.0, "tau_s": 0.01},
+}
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("shifted", SHIFTED.values(), ids=SHIFTED)
+def test_the_parts_that_are_told_add_up_to_the_shift_that_is_taken_off(shifted: dict[str, float], seed: int) -> None:
+    recorded, filtered, calibration, shift = calibrated_with_zero_shift(
+        measured(seed, **shifted), LOW_PASS, SCALES, U_BIAS
+    )
+    assert recorded.shifts is not None
+    assert filtered.shifts is not None
+    taken = recorded.shifts @ calibration.shifts_m_s2
+    told = shapes_by_hand(recorded, shift.time_constant_s) @ [shift.step_m_s2, shift.kick_m_s, shift.decaying_m_s2]
+    np.testing.assert_allclose(told, taken, atol=1e-9)
+    np.testing.assert_allclose(recorded.filtered(LOW_PASS).shifts, filtered.shifts, atol=1e-9)
+    parts = [
+        (size, u)
+        for size, u in (
+            (shift.step_m_s2, shift.u_step_m_s2),
+            (shift.kick_m_s, shift.u_kick_m_s),
+            (shift.decaying_m_s2, shift.u_decaying_m_s2),
+        )
+        if (size, u) != (0.0, 0.0)
+    ]
+    assert parts == list(zip(calibration.shifts_m_s2, calibration.u_shifts_m_s2, strict=True))
+    assert math.isinf(shift.time_constant_s) == (shift.u_decaying_m_s2 == 0.0)
+
+
+@pytest.mark.parametrize("shifted", SHIFTED.values(), ids=SHIFTED)
+def test_the_criterion_is_what_the_misfit_falls_by_less_a_logarithm_of_the_rows_for_each_shape(
+    shifted: dict[str, float],
+) -> None:
+    _, filtered, calibration, shift = calibrated_with_zero_shift(measured(1, **shifted), LOW_PASS, SCALES, U_BIAS)
+    assert filtered.shifts is not None
+    fall = fitted(filtered, calibration, None).inferred.misfit - calibration.inferred.misfit
+    penalty = filtered.shifts.shape[1] * math.log(calibration.estimate.rows)
+    assert shift.criterion == pytest.approx(fall - penalty, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+def test_the_criterion_of_a_shift_that_is_not_demanded_is_what_the_best_fit_would_give(seed: int) -> None:
+    regression = measured(seed, step=1.5)
+    _, filtered, calibration, shift = calibrated_with_zero_shift(regression, LOW_PASS, SCALES, U_BIAS)
+    assert filtered.shifts is None
+    every = filtered.with_shifts(shapes_by_hand(regression, 0.01, 0.02, 0.05, 0.1)).shifts
+    assert every is not None
+    criteria = [
+        calibration.inferred.misfit
+        - fitted(filtered, calibration, every[:, shape]).inferred.misfit
+        - len(shape) * math.log(calibration.estimate.rows)
+        for shape in ([0], [2], [3], [4], [5], [0, 1], [0, 2], [0, 3], [0, 4], [0, 5])
+    ]
+    assert 0.0 < shift.criterion < MARGIN
+    assert shift.criterion == pytest.approx(max(criteria), abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("shift", "sentence"),
+    [
+        (ZeroShift(), "not at all"),
+        (ZeroShift(step_m_s2=-12.0, u_step_m_s2=0.5), "by -12 m/s^2 (u 0.5) to stay"),
+        (
+            ZeroShift(decaying_m_s2=60.0, u_decaying_m_s2=3.0, time_constant_s=0.02),
+            "by +60 m/s^2 (u 3) that decay in 20 ms",
+        ),
+        (
+            ZeroShift(step_m_s2=25.0, u_step_m_s2=0.6, kick_m_s=-0.02, u_kick_m_s=0.006),
+            "by +25 m/s^2 (u 0.6) to stay and with a kick of -0.02 m/s (u 0.006)",
+        ),
+    ],
+)
+def test_a_shift_is_told_by_its_parts(shift: ZeroShift, sentence: str) -> None:
+    assert str(shift) == sentence
 
 
 @pytest.mark.parametrize("step_m_s2", [8.0, -25.0])
