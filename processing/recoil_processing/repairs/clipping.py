@@ -57,11 +57,6 @@ class Clipped(ReadOnlyArrays):
         """Either of them, shape (n_samples,)."""
         return self.above | self.below
 
-    @property
-    def runs(self) -> list[tuple[int, int]]:
-        """Runs at one and the same end, as (first, one beyond the last), in order of time."""
-        return sorted(runs_of(self.above) + runs_of(self.below))
-
 
 @dataclass(frozen=True, eq=False)
 class ClippingRepair(ReadOnlyArrays):
