@@ -324,3 +324,13 @@ def test_runs_are_in_order_of_time_and_what_is_masked_has_no_uncertainty():
     repaired, masked = found.repairs
     assert (repaired.kind, masked.kind) == ("clipped repaired", "clipped masked")
     assert np.array_equal(found.u > 0.0, repaired.flags)
+
+
+def test_a_record_upside_down_is_repaired_upside_down_whatever_small_waves_are_on_it():
+    t = np.arange(-300.0, 300.0)
+    centres = np.array([[-150.0], [-110.0], [110.0], [150.0]])
+    small = 0.15 * np.exp(-0.5 * ((t - centres) / 6.0) ** 2).sum(axis=0)
+    samples = np.minimum(pulse() + small, 1.0)
+    up, down = repair_clipping(samples, -2.0, 1.0), repair_clipping(-samples, -1.0, 2.0)
+    assert np.allclose(down.samples, -up.samples, rtol=0.0, atol=1e-9)
+    assert [run.peak for run in down.runs] == pytest.approx([-run.peak for run in up.runs])
