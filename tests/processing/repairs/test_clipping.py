@@ -334,3 +334,15 @@ def test_a_record_upside_down_is_repaired_upside_down_whatever_small_waves_are_o
     up, down = repair_clipping(samples, -2.0, 1.0), repair_clipping(-samples, -1.0, 2.0)
     assert np.allclose(down.samples, -up.samples, rtol=0.0, atol=1e-9)
     assert [run.peak for run in down.runs] == pytest.approx([-run.peak for run in up.runs])
+
+
+@pytest.mark.parametrize("step", [1, -1], ids=["behind it", "before it"])
+def test_what_lies_beyond_a_long_plateau_at_the_other_end_has_no_say_even_where_that_begins_at_once(step):
+    samples = np.minimum(pulse(), 1.0)
+    (run,) = repair_clipping(samples, -2.0, 1.0).runs
+    behind = run.stop + MOST_ORDER + 1
+    samples[run.stop : behind] = -2.0
+    other = samples.copy()
+    other[behind:] += 0.2
+    number = -1 if step < 0 else 0
+    assert repaired_tip(other[::step], number) == repaired_tip(samples[::step], number)
