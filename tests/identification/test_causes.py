@@ -9,18 +9,32 @@ from functools import cache
 import numpy as np
 import pytest
 
+from recoil_acquisition.shot import ClockAlignment
+from recoil_acquisition.timebase import TimeBase
 from recoil_identification.calibration import Beside, Calibration, calibrated_mass
 from recoil_identification.camera_rows import OTHER, OTHER_ZERO, CameraRows, camera_rows
-from recoil_identification.causes import MOVES_S, SKEW, moving_zero, zero_moves
+from recoil_identification.causes import MOVES_S, SKEW, Cause, causes_of, moving_zero, moving_zero_pa, zero_moves
 from recoil_identification.identified import Identification
 from recoil_identification.late_readings import late_readings
 from recoil_identification.mass import ACCELERATION, FRICTION, GAUGES
 from recoil_identification.preparation import Prepared, prepare
 from recoil_identification.sensor_priors import CAMERA_SCALE, DISTORTIONS, ZERO
+from recoil_processing.filters import LowPass
 from recoil_processing.shot.camera_motion import recorded_motion
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
 from recoil_processing.shot.sensor_scales import scale_uncertainty
+from recoil_processing.shot.signals import Offset
 from recoil_rigs.assumptions import AREAS
+from tests.builders.bench_shots import (
+    BORE_M2,
+    BRAKE_M2,
+    FIRE_S,
+    RECUPERATOR_M2,
+    bench_regression,
+    bench_rig,
+    bench_shot,
+    bench_signals,
+)
 from tests.builders.virtual_shots import identified, virtual_shot
 
 RIGS = ["field-2013", "mixed"]
@@ -213,3 +227,164 @@ def test_without_them_zeros_that_move_would_be_in_the_mass() -> None:
     )
     assert abs(bare.estimate.mass_kg - truth) > 4.0
     assert abs(calibration.estimate.mass_kg - truth) < 1.0
+
+
+LOW_PASS = LowPass(300.0)
+BENCH_AREAS_M2 = (BORE_M2, -BRAKE_M2, -RECUPERATOR_M2)
+"""Of breech, brake and recuperator, as their forces count."""
+
+
+@cache
+def bench() -> Regression:
+    return bench_regression().filtered(LOW_PASS)
+
+
+def of_bench(**changed: object) -> dict[str, Cause]:
+    """Return the causes of the bench shot, with other parts of it."""
+    parts = {"regression": bench(), "recorded": bench_regression(), "signals": bench_signals(), "shot": bench_shot()}
+    found = causes_of(**{**parts, "rig": bench_rig(), **changed})
+    named = {cause.source: cause for cause in found}
+    assert len(named) == len(found)
+    return named
+
+
+def filtered(column: np.ndarray) -> np.ndarray:
+    return LOW_PASS.apply(column, bench().rate_hz)
+
+
+def test_a_zero_of_the_baseline_is_a_cause_where_it_is_known_and_not_exact() -> None:
+    u_pa = {"breech_pressure": 5e3, "brake_pressure": np.inf, "recuperator_pressure": 0.0}
+    signals = replace(bench_signals(), offsets={role: Offset(0.0, u, u) for role, u in u_pa.items()})
+    found = of_bench(signals=signals)
+    assert [source for source in found if source.endswith("pressure zero")] == ["breech_pressure zero"]
+    zero = found["breech_pressure zero"]
+    assert (zero.u, zero.unit, zero.kind) == (5e3, "Pa", "A")
+    np.testing.assert_allclose(zero.forces_n, np.outer(-BORE_M2 * bench().released, [1.0, 0.0, 0.0]))
+    assert not zero.acceleration_m_s2.any()
+
+
+@pytest.mark.parametrize("column", range(3))
+def test_a_zero_that_moves_takes_its_shape_off_the_force_of_its_gauge(column: int) -> None:
+    role = PRESSURE_ROLES[column]
+    found = of_bench()
+    largest_pa = np.abs(bench_signals().series[role]).max()
+    since = np.maximum(bench().times_s - FIRE_S, 0.0)
+    for tau_s in (5e-3, 30e-3, 0.3):
+        cause = found[f"{role} zero that moves in {1e3 * tau_s:g} ms"]
+        # where no range is declared, a thousandth of what it reads
+        assert (cause.u, cause.unit, cause.kind) == (pytest.approx(1e-3 * largest_pa), "Pa", "B")
+        expected = np.zeros((since.size, 3))
+        expected[:, column] = -BENCH_AREAS_M2[column] * filtered(1.0 - np.exp(-since / tau_s))
+        np.testing.assert_allclose(cause.forces_n, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("declared", "u_pa"),
+    [("range = [-2e5, 4e7]", 4e4), ("range = [-5e7, 4e7]", 5e4), ("range = [0, 4e7], u_zero_rel = 0.002", 8e4)],
+)
+def test_a_zero_moves_by_a_share_of_the_farther_end_of_its_range(declared: str, u_pa: float) -> None:
+    spec = bench_rig(p_brake=declared).channel("p_brake")
+    assert moving_zero_pa(spec, np.array([1e9, np.nan])) == pytest.approx(u_pa)
+
+
+def test_without_a_range_a_zero_moves_by_a_share_of_what_was_read() -> None:
+    spec = bench_rig().channel("p_brake")
+    assert moving_zero_pa(spec, np.array([2e6, -3e6, np.nan])) == pytest.approx(3e3)
+    assert moving_zero_pa(spec, np.zeros(0)) == 0.0
+
+
+def test_of_two_gauges_the_mean_moves_by_less_and_is_late_by_the_share_that_is_on_a_late_clock() -> None:
+    rig = bench_rig(p_brake="range = [0, 4e7]")
+    second = rig.channel("p_brake").model_copy(update={"name": "p_brake_2", "signal": "p_brake_2"})
+    shot = bench_shot()
+    late = replace(
+        shot.channels["p_brake"], name="p_brake_2", time_base=TimeBase.uniform("late", 0.0, 5e-5, bench().times_s.size)
+    )
+    shot = replace(
+        shot,
+        channels={**shot.channels, "p_brake_2": late},
+        alignments=(ClockAlignment("late", 0.0, 2e-5, 0.0, 0.0, "ok", "fixed"),),
+    )
+    found = of_bench(shot=shot, rig=replace(rig, channels=(*rig.channels, second)))
+    assert found[moving_zero("brake_pressure", 5e-3)].u == pytest.approx(4e4 / np.sqrt(2))
+    clock = found["alignment of clock late"]
+    assert (clock.u, clock.unit, clock.kind) == (2e-5, "s", "B")
+    slope_n_s = np.gradient(bench().forces_n[:, 1], bench().times_s)
+    np.testing.assert_allclose(clock.forces_n, np.outer(0.5 * slope_n_s, [0.0, 1.0, 0.0]), rtol=1e-6, atol=1e-3)
+    assert not clock.acceleration_m_s2.any()
+
+
+@pytest.mark.parametrize(("u_s", "counts"), [(2e-5, True), (0.0, False), (np.inf, False)])
+def test_a_clock_of_the_acceleration_moves_it_and_one_that_is_exact_or_unknown_is_no_cause(
+    u_s: float, counts: bool
+) -> None:
+    shot = bench_shot()
+    late = replace(shot.channels["acc"], time_base=TimeBase.uniform("late", 0.0, 5e-5, bench().times_s.size))
+    shot = replace(
+        shot,
+        channels={**shot.channels, "acc": late},
+        alignments=(ClockAlignment("late", 0.0, u_s, 0.0, 0.0, "ok", "fixed"),),
+    )
+    found = of_bench(shot=shot)
+    jerk_m_s3 = np.gradient(bench().acceleration_m_s2, bench().times_s)
+    assert [source for source in found if source.startswith("alignment")] == ["alignment of clock late"] * counts
+    for cause in (*(found[source] for source in ("alignment of clock late",) if counts), found[SKEW]):
+        np.testing.assert_allclose(cause.acceleration_m_s2, -jerk_m_s3, rtol=1e-6, atol=1e-3)
+        assert not cause.forces_n.any()
+    assert (found[SKEW].u, found[SKEW].unit) == (5e-5, "s")
+
+
+def test_what_a_repair_may_have_left_is_a_cause_of_the_force_or_of_the_motion() -> None:
+    left = np.linspace(0.0, 1e5, bench().times_s.size)
+    roles = ("brake_pressure", "recoil_acceleration", "carriage_rate")
+    found = of_bench(signals=replace(bench_signals(), left={(role, "droop"): left for role in roles}))
+    force, motion = found["brake_pressure droop"], found["recoil_acceleration droop"]
+    assert (force.u, force.unit, force.kind) == (motion.u, motion.unit, motion.kind) == (1.0, "1", "B")
+    error = left * bench().released
+    np.testing.assert_allclose(force.forces_n, np.outer(BRAKE_M2 * error, [0.0, 1.0, 0.0]))
+    np.testing.assert_allclose(motion.acceleration_m_s2, error)
+    assert not force.acceleration_m_s2.any()
+    assert not motion.forces_n.any()
+    assert "carriage_rate droop" not in found
+
+
+def test_the_four_longest_stretches_of_lost_samples_are_causes_in_order_of_time() -> None:
+    recorded = bench_regression()
+    trusted = np.ones(recorded.times_s.size, dtype=bool)
+    first = round(FIRE_S / recorded.step_s)
+    lost = {first + 200: 1, first + 400: 5, first + 600: 3, first + 800: 2, first + 1000: 8, first + 1200: 4}
+    # before the onset nothing is lost that counts
+    for at, count in {first - 100: 20, **lost}.items():
+        trusted[at : at + count] = False
+    recorded = replace(recorded, trusted=trusted)
+    found = of_bench(recorded=recorded)
+    stretches = [source for source in found if source.startswith("samples lost")]
+    assert stretches == [f"samples lost at {at}.0 ms" for at in (20, 30, 50, 60)]
+    largest = np.abs(bench().acceleration_m_s2[bench().inside]).max()
+    for source, at in zip(stretches, (400, 600, 1000, 1200), strict=True):
+        cause = found[source]
+        assert (cause.u, cause.unit, cause.kind) == (pytest.approx(0.3 * largest), "m/s^2", "B")
+        box = np.zeros(trusted.size)
+        box[first + at : first + at + lost[first + at]] = 1.0
+        np.testing.assert_allclose(cause.acceleration_m_s2, filtered(box), atol=1e-9)
+        assert not cause.forces_n.any()
+    # without a filter nothing of a bridge is carried into the rows that count
+    assert not any(source.startswith("samples lost") for source in of_bench(regression=recorded, recorded=recorded))
+
+
+def test_a_pressure_that_was_not_recorded_has_no_zero_that_moves() -> None:
+    role = "recuperator_pressure"
+    signals = bench_signals()
+    series = {other: samples for other, samples in signals.series.items() if other != role}
+    for changed in (
+        {"signals": replace(signals, series=series)},
+        {"rig": bench_rig().without_channel("p_recuperator")},
+    ):
+        assert not any(source.startswith(role) for source in of_bench(**changed))
+
+
+def test_zeros_of_a_shot_without_a_filter_move_as_they_are() -> None:
+    found = of_bench(regression=bench_regression())
+    since = np.maximum(bench().times_s - FIRE_S, 0.0)
+    cause = found[moving_zero("breech_pressure", 0.3)]
+    np.testing.assert_allclose(cause.forces_n[:, 0], BORE_M2 * np.expm1(-since / 0.3), atol=1e-12)
