@@ -11,7 +11,7 @@ import pytest
 
 from recoil_identification.calibration import Calibration, calibrated_mass
 from recoil_identification.equation_of_motion import MASS, change, ramps
-from recoil_identification.mass_over_time import mass_constancy, mass_over_time
+from recoil_identification.mass_over_time import MassConstancy, mass_constancy, mass_over_time
 from recoil_identification.row_noise import RowNoise
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.regression import Regression, spaced_rows
@@ -68,6 +68,12 @@ def test_a_constant_mass_is_called_changing_as_often_as_the_level_says():
     # and what the drift is measured by is standard normal
     z = [one.normalised_drift for one in found if one is not None]
     assert np.std(z) == pytest.approx(1.0, abs=0.2)
+    # probabilities of what chance alone brings are evenly spread
+    for p_values in (
+        [one.p_step for one in found if one is not None],
+        [one.p_drift for one in found if one is not None],
+    ):
+        assert np.quantile(p_values, [0.25, 0.5, 0.75]) == pytest.approx([0.25, 0.5, 0.75], abs=0.15)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -134,6 +140,97 @@ def test_a_walk_that_may_not_move_is_the_constant_mass():
     held = calibration.with_changes(ramps(r.times_s, r.interval_s, 4), 1e-9)
     assert held.inferred.value(MASS.name) == pytest.approx(calibration.inferred.value(MASS.name), abs=1e-9)
     assert held.inferred.u(MASS.name) == pytest.approx(calibration.inferred.u(MASS.name), rel=1e-6)
+
+
+@cache
+def constancy_of_a_step() -> MassConstancy:
+    one = mass_constancy(calibrated(shot(0, stepping(0.06, -0.2))))
+    assert one is not None
+    return one
+
+
+def test_a_large_step_is_as_unlikely_as_a_draw_can_tell_and_its_instant_as_sure_as_its_interval_says():
+    one = constancy_of_a_step()
+    # one of 20001, the shot itself among the draws
+    assert one.p_step == pytest.approx(1 / 20_001)
+    low, high = one.interval_s
+    assert low < one.onset_s + 0.06 < high
+    assert high - low < 2e-3
+
+
+def test_a_mass_after_a_change_is_the_one_before_and_the_change_of_which_each_has_its_uncertainty():
+    one = constancy_of_a_step()
+    assert one.after_kg == pytest.approx(one.before_kg + one.change_kg)
+    inferred = one.changed.inferred
+    at = [[unknown.name for unknown in inferred.unknowns].index(name) for name in (MASS.name, change(0).name)]
+    logs = np.random.default_rng(1).multivariate_normal(
+        inferred.values[at], inferred.covariance[np.ix_(at, at)], 40_000
+    )
+    before = np.exp(logs[:, 0])
+    after = np.exp(logs.sum(axis=1))
+    scale = one.before_kg / np.exp(inferred.value(MASS.name))
+    assert one.u_before_kg == pytest.approx(scale * before.std(), rel=0.02)
+    assert one.u_after_kg == pytest.approx(scale * after.std(), rel=0.02)
+    # the change at the mass that was before
+    assert one.u_change_kg == pytest.approx(one.before_kg * np.std(after / before), rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("step", "drift", "size"), [(2.9, 0.0, 2.24), (-2.9, 1.0, 2.24), (1.8, -0.5, 0.5), (2.0, 3.0, 3.0)]
+)
+def test_the_largest_of_many_steps_counts_for_less_than_what_was_known_before(step, drift, size):
+    one = replace(constancy_of_a_step(), normalised_step=step, normalised_drift=drift)
+    assert one.normalised_residual == pytest.approx(size, abs=0.005)
+
+
+@pytest.mark.parametrize(("p_step", "p_drift", "p_value"), [(0.004, 0.5, 0.008), (0.5, 0.004, 0.008), (0.7, 0.8, 1.0)])
+def test_of_two_tests_the_rarer_counts_twice(p_step, p_drift, p_value):
+    one = replace(constancy_of_a_step(), p_step=p_step, p_drift=p_drift)
+    assert one.p_value == pytest.approx(p_value)
+    assert one.constant() is (p_value > 0.02)
+    assert not one.constant(p_value)
+
+
+def told(**changed: object) -> str:
+    figures: dict[str, object] = {
+        "onset_s": 1.0, "instant_s": 1.0604, "interval_s": (1.059, 1.061), "p_step": 1e-4, "p_drift": 0.5,
+        "before_kg": 780.0, "u_before_kg": 5.0, "after_kg": 630.0, "u_after_kg": 4.0,
+        "change_kg": -150.0, "u_change_kg": 3.0,
+    }  # fmt: skip
+    return str(replace(constancy_of_a_step(), **{**figures, **changed}))
+
+
+def test_the_constancy_is_told_in_a_sentence():
+    masses = "780.0 kg (u 5.0 kg) before, 630.0 kg (u 4.0 kg) after."
+    assert told() == (
+        "No constant mass explains the shot (p = 0.0002): a step of -150.0 kg (u 3.0 kg) 60.4 ms after the onset "
+        f"(95 %: 59.0 to 61.0 ms) fits best; {masses}"
+    )
+    assert told(kind="drift") == (
+        "No constant mass explains the shot (p = 0.0002): a drift of -150.0 kg (u 3.0 kg) over the travel fits best; "
+        + masses
+    )
+    assert told(p_step=0.1) == (
+        "One constant mass explains the shot (p = 0.2); the step of -150.0 kg (u 3.0 kg) 60.4 ms after the onset "
+        "would fit best."
+    )
+    assert told(p_step=0.1, kind="drift") == (
+        "One constant mass explains the shot (p = 0.2); the drift of -150.0 kg (u 3.0 kg) over the travel "
+        "would fit best."
+    )
+
+
+@pytest.mark.parametrize(("rows", "with_priors", "tells"), [(10, True, True), (10, False, False), (11, False, True)])
+def test_three_rows_more_than_unknowns_without_a_prior_are_needed(rows, with_priors, tells):
+    regression = shot(7)
+    every = spaced_rows(regression)
+    trusted = np.zeros(regression.times_s.size, dtype=bool)
+    trusted[every[np.linspace(10, every.size - 20, rows).astype(int)]] = True
+    calibration = calibrated(replace(regression, trusted=trusted))
+    assert len(calibration.rows.unknowns) == 8
+    if not with_priors:
+        calibration = replace(calibration, common=(), own=())
+    assert (mass_constancy(calibration) is not None) is tells
 
 
 def test_too_few_rows_tell_nothing():
