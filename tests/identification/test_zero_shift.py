@@ -93,7 +93,20 @@ def test_without_a_baseline_no_shift_is_told_from_a_zero_that_was_never_known() 
     filtered, _, _, shift = found(measured(4, step=25.0), u_bias=math.inf)
     assert filtered.shifts is None
     assert shift == ZeroShift()
-    assert not ZeroShift(criterion=MARGIN).demanded
+
+
+def test_a_zero_that_does_not_shift_has_no_size_and_no_uncertainty() -> None:
+    sound = ZeroShift()
+    assert (sound.step_m_s2, sound.decaying_m_s2, sound.kick_m_s) == (0.0, 0.0, 0.0)
+    assert (sound.u_step_m_s2, sound.u_decaying_m_s2, sound.u_kick_m_s) == (0.0, 0.0, 0.0)
+    assert math.isinf(sound.time_constant_s)
+    assert not sound.demanded
+    assert not sound.confirmed
+
+
+def test_a_shift_is_demanded_where_the_criterion_falls_by_more_than_ten() -> None:
+    assert not ZeroShift(criterion=10.0).demanded
+    assert ZeroShift(criterion=10.1).demanded
 
 
 def shapes_by_hand(regression: Regression, *taus_s: float) -> np.ndarray:
