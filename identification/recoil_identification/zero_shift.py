@@ -193,8 +193,7 @@ def _scores(calibration: Calibration, full: Regression, camera: CameraRows | Non
     """Score every shape of a shift by what a zero that does not shift leaves of rows and frames."""
     block = replace(calibration.block, regression=full)
     parts = (block,) if camera is None else (block, camera)
-    number = 0 if full.shifts is None else full.shifts.shape[1]
-    sizes = [shift(i).name for i in range(number)]
+    sizes = [shift(i).name for i in range(_DECAYS + len(TIME_CONSTANTS_S))]
     joint = replace(calibration.rows, parts=parts)
     _, derivatives = joint.linearised(calibration.values | dict.fromkeys(sizes, 0.0))
     return calibration.scores(derivatives[:, [joint.unknowns.index(name) for name in sizes]])

@@ -75,6 +75,31 @@ def test_a_step_that_came_earlier_or_later_than_the_onset_leaves_a_kick(late_s: 
     assert abs(mass - MASS_KG) < 3 * u
 
 
+@pytest.mark.parametrize(("step", "kicks"), [(2.0, False), (2.3, True)])
+def test_a_kick_is_told_only_beside_a_step_of_four_standard_uncertainties(step: float, kicks: bool) -> None:
+    regression = measured(1, step=step)
+    kicked = regression.acceleration_m_s2 + 0.3 * shapes_by_hand(regression)[:, 1]
+    regression = replace(regression, acceleration_m_s2=kicked)
+    _, filtered, calibration, shift = calibrated_with_zero_shift(regression, LOW_PASS, SCALES, U_BIAS)
+    both = filtered.with_shifts(shapes_by_hand(regression)).shifts
+    assert both is not None
+    free = fitted(filtered, calibration, both)
+    assert bool(abs(free.shifts_m_s2[0]) > 4.0 * free.u_shifts_m_s2[0]) is kicks
+    assert (shift.u_kick_m_s > 0.0) is kicks
+    assert shift.demanded
+
+
+def test_a_gauge_that_explains_the_shot_as_well_is_no_shift_to_the_force_alone() -> None:
+    regression = measured(1)
+    forces = regression.forces_n.copy()
+    forces[:, 2] *= 1.15
+    filtered, _, _, shift = found(replace(regression, forces_n=forces))
+    assert filtered.shifts is None
+    assert not shift.demanded
+    # though the rows alone would have it
+    assert shift.criterion == MARGIN
+
+
 def test_corrected_both_sides_agree_where_the_shift_was() -> None:
     regression = measured(2, step=25.0)
     _, filtered, calibration, _ = calibrated_with_zero_shift(regression, LOW_PASS, SCALES, U_BIAS)
@@ -100,6 +125,7 @@ def test_a_zero_that_does_not_shift_has_no_size_and_no_uncertainty() -> None:
     assert (sound.step_m_s2, sound.decaying_m_s2, sound.kick_m_s) == (0.0, 0.0, 0.0)
     assert (sound.u_step_m_s2, sound.u_decaying_m_s2, sound.u_kick_m_s) == (0.0, 0.0, 0.0)
     assert math.isinf(sound.time_constant_s)
+    assert sound.criterion == 0.0
     assert not sound.demanded
     assert not sound.confirmed
 
