@@ -283,6 +283,17 @@ def test_a_spike_and_a_duplicated_picture_are_set_aside_and_counted(gain):
     assert verdict.details["frames_set_aside"] == 2
 
 
+@pytest.mark.parametrize(("frame_rate_hz", "frames"), [(1000.0, 750), (250.0, 188)])
+def test_a_spike_within_the_shot_is_told_from_the_motion_by_the_accelerometer(frame_rate_hz, frames):
+    motion = record_motion(9, gain=1.25, frame_rate_hz=frame_rate_hz, frames=frames)
+    assert fit_of(motion).frames_set_aside == 0
+    faulty = motion.displacement_m.copy()
+    faulty[round((ONSET_S + 0.01 - motion.offset_s) * frame_rate_hz)] += 0.005
+    fit = fit_of(replace(motion, displacement_m=faulty))
+    assert fit.frames_set_aside == 1
+    assert abs(error_s(motion, fit)) < 4 * fit.u_offset_s
+
+
 def test_a_dropped_frame_with_uncorrected_times_shows_in_the_residuals():
     motion = record_motion(10)
     assert 0.8 < fit_of(motion).innovation_statistic < 1.2
