@@ -111,6 +111,24 @@ def test_what_a_departure_is_measured_by_is_its_size_in_a_new_fit_over_its_uncer
     assert one.normalised_drift == pytest.approx(anew.value(size) / anew.u(size), abs=0.05)
 
 
+@pytest.mark.parametrize("low_pass", [LowPass(300.0), None], ids=["filtered", "as recorded"])
+def test_steps_are_tried_from_2_percent_of_the_travel_to_6_before_its_end_each_as_a_new_fit_would_tell(low_pass):
+    r = shot(0) if low_pass else replace(recorded(), acceleration_m_s2=shot(0).acceleration_m_s2)
+    calibration = calibrated(r)
+    one = mass_constancy(calibration)
+    assert one is not None
+    onset_s, end_s = r.interval_s
+    travel_s = end_s - onset_s
+    sizes = []
+    for instant_s in np.linspace(onset_s + 0.02 * travel_s, end_s - 0.06 * travel_s, 48):
+        # half way up at the instant itself, which lies between two samples
+        step = np.clip((r.times_s - instant_s) / r.step_s + 0.5, 0.0, 1.0)
+        column = (low_pass.apply(step, r.rate_hz) if low_pass else r.times_s >= instant_s)[:, np.newaxis]
+        anew = calibration.with_changes(column.astype(np.float64)).inferred
+        sizes.append(anew.value(change(0).name) / anew.u(change(0).name))
+    assert abs(one.normalised_step) == pytest.approx(np.abs(sizes).max(), rel=0.02)
+
+
 def test_a_gauge_that_may_be_off_explains_what_else_would_be_a_change():
     regression = shot(3, gauges=(1.01, 1.0, 1.0))
     sure, unsure = (mass_constancy(calibrated(regression, scales)) for scales in (NO_DOUBT, SCALES))
