@@ -82,6 +82,13 @@ class MotionModel(ReadOnlyArrays):
             return kicked
         return [0.5 * np.maximum(mapped_s - self.shifted_from_s, 0.0) ** 2, *kicked]
 
+    def error_rates(self, mapped_s: Array) -> list[Array]:
+        """Rates of change of `errors`, m/s."""
+        kicked = [np.where(mapped_s > kick_s, 1.0, 0.0) for kick_s in self.kicks_s]
+        if self.shifted_from_s is None:
+            return kicked
+        return [np.maximum(mapped_s - self.shifted_from_s, 0.0), *kicked]
+
 
 @dataclass(frozen=True, eq=False)
 class MotionSolution(ReadOnlyArrays):
@@ -170,11 +177,16 @@ def gauss_newton_step(
         walk = WalkFilter.design(model.times_s[inside], marker_variance, density)
     travel, velocity = model.integral.at(mapped[inside])
     constants = model.constants(inside, mapped[inside])
-    rows = walk.whiten(
-        np.column_stack([model.positions_m[inside], travel, velocity, velocity * constants[:, 1], constants])
+    # as the camera sees it, without the velocity that the accelerometer's errors made
+    rates = np.column_stack([velocity, *model.error_rates(mapped[inside])])
+    since = constants[:, 1:2]
+    rows = walk.whiten(np.column_stack([model.positions_m[inside], travel, constants, rates, rates * since]))
+    z, (linear, by_shift, by_drift) = (
+        rows[:, 0],
+        np.split(rows[:, 1:], np.cumsum([1 + constants.shape[1], rates.shape[1]]), axis=1),
     )
-    z, design = rows[:, 0], rows[:, 1:].copy()
-    design[:, 1:3] *= float(np.linalg.lstsq(np.delete(design, [1, 2], axis=1), z, rcond=None)[0][0])
+    sizes = np.delete(np.linalg.lstsq(linear, z, rcond=None)[0], [1, 2, 3])
+    design = np.column_stack([linear[:, 0], by_shift @ sizes, by_drift @ sizes, linear[:, 1:]])
     prior = np.zeros((1, design.shape[1]))
     prior[0, 2] = 1.0 / max(drift_allowance, 1e-12)
     design = np.vstack([design, prior])

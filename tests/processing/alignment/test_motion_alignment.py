@@ -453,3 +453,15 @@ def test_a_velocity_that_a_bridged_gap_got_wrong_costs_nothing_where_the_gap_is_
     assert verdict_on(kicked, told).status == "ok", verdict_on(kicked, told).reasons
     assert abs(error_s(kicked, told)) < 4 * told.u_offset_s
     assert told.u_offset_s < 1.5 * fit_of(motion).u_offset_s
+
+
+def test_a_velocity_that_was_never_there_tells_nothing_of_a_clock_of_which_nothing_is_known():
+    motion = record_motion(3)
+    at_s = ONSET_S + 0.06
+    index = round((at_s - motion.start_s) / motion.step_s)
+    wrong = motion.acceleration_m_s2.copy()
+    wrong[index - 10 : index + 11] += 2.0 / (21 * motion.step_s)
+    kicked = replace(motion, acceleration_m_s2=wrong)
+    told = fit_of(kicked, drift_allowance=10.0, kicks_s=(at_s,))
+    assert told.u_offset_s == pytest.approx(fit_of(motion, drift_allowance=10.0).u_offset_s, rel=0.1)
+    assert abs(error_s(kicked, told)) < 2 * told.u_offset_s
