@@ -16,6 +16,7 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Any
 
+from recoil_acquisition.can_library import load_can_library
 from recoil_acquisition.devices.back_off import BackOff
 from recoil_acquisition.devices.can_link import can_links, enlarge_queue, flags_of, kernel_drops
 from recoil_acquisition.devices.device import CAN, Block, Counters, EmptyLook, StreamCheck, event_block
@@ -64,6 +65,7 @@ class CanDevice:
     kind = CAN
 
     def __init__(self, name: str, table: Mapping[str, Any], *, check: StreamCheck | None = None) -> None:
+        load_can_library()
         import can
 
         self.name = name

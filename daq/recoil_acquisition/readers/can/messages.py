@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.can_library import load_can_library
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.readers.can.decoding import SignalLayout, layout_of
@@ -184,6 +185,7 @@ def _check_sizes(text: str, kind: str) -> None:
 @lru_cache(maxsize=4)
 def _parse_database(text: str, kind: str) -> CanDatabase:
     """Parse once per text: a campaign reads hundreds of logs with one database."""
+    load_can_library()
     import cantools
     from cantools.database.errors import Error
 
