@@ -1,6 +1,7 @@
 """Settings of the whole test suite."""
 
 import os
+import sys
 import warnings
 from contextlib import ExitStack
 from typing import Any
@@ -26,10 +27,21 @@ def pytest_configure(config: pytest.Config) -> None:
     The threads of OpenBLAS spin while they wait for one another: with two workers that have two each, a test of small
     matrices took twenty times as long. The library looks once, when it is loaded: a worker must be born with it.
     """
+    _keep_what_is_compiled(config)
     if config.getoption("numprocesses", None):
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     config.stash[OF_THE_RUN] = ExitStack()
     config.stash[OF_THE_RUN].enter_context(folder_of_this_run())
+
+
+def _keep_what_is_compiled(config: pytest.Config) -> None:
+    """Let workers, and the processes that tests start, keep what they compile in pytest's cache.
+
+    Where Python is told to leave nothing beside the sources, each of some hundred processes would compile them again.
+    """
+    if sys.dont_write_bytecode and sys.pycache_prefix is None and (cache := getattr(config, "cache", None)) is not None:
+        os.environ["PYTHONPYCACHEPREFIX"] = str(cache.mkdir("bytecode"))
+        os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:

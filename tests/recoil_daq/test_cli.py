@@ -6,10 +6,12 @@ import shutil
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
 
+from recoil_daq import device_check
 from recoil_daq.ingest import ingest_files
 from recoil_rigs.rig import load_rig, parse_rig
 from recoil_rigs.twin import TwinShot
@@ -366,8 +368,13 @@ def test_a_rig_without_devices_is_no_rig_for_live(run, tmp_path):
 @pytest.mark.real_time
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals for the virtual port")
 def test_a_demonstrated_range_day_identifies_three_masses(run, tmp_path):
-    # a process of its own: collecting the garbage of all tests before stops players and readers for longer than a shot
-    command = [sys.executable, "-P", "-c", "from recoil_daq.cli import main; main()", "demo", "--live", "--json"]
+    # a process of its own: collecting the garbage of all tests before stops players and readers for longer than a shot;
+    # nobody has to watch: less silence between the shots
+    program = (
+        "from functools import partial; from recoil_daq import cli, live;"
+        "live.RangeDay = partial(live.RangeDay, silence_before_s=1.0, silence_after_s=0.8); cli.main()"
+    )
+    command = [sys.executable, "-P", "-c", program, "demo", "--live", "--json"]
     with MachineStalls() as machine:
         result = subprocess.run([*command, "--out", tmp_path], check=False, capture_output=True, text=True, timeout=600)
     document = json.loads(result.stdout)
@@ -391,7 +398,8 @@ def test_a_demonstrated_range_day_identifies_three_masses(run, tmp_path):
 
 @pytest.mark.real_time
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals for the virtual port")
-def test_check_listens_to_devices(run):
+def test_check_listens_to_devices(run, monkeypatch):
+    monkeypatch.setattr(device_check, "check_devices", partial(device_check.check_devices, listen_s=0.5))
     result = run("check", "mixed", "--devices")
     assert result.exit_code == 0
     assert "noise is" in result.stdout

@@ -15,6 +15,7 @@ from recoil_daq.conversion import Conversion
 from recoil_rigs.rig import find_rig
 from recoil_rigs.twin import TwinShot
 from tests.builders.live_rigs import LiveProcess, write_live_rig
+from tests.builders.own_commands import own_commands
 from tests.builders.port_player import PortPlayer
 from tests.builders.virtual_shots import SHORTER, with_twin
 
@@ -59,17 +60,25 @@ def test_no_command_on_files_runs_a_module_of_the_users_folder(hostile: Path) ->
     # a short record: whose modules are run does not depend on its length
     rig = hostile / "rig.toml"
     rig.write_text(with_twin("field-2013", **SHORTER).text, encoding="utf-8")
-    _run(hostile, "check", "field-2013")
     _run(hostile, "formats")
-    _run(hostile, "simulate", rig, "--out", "simulated")
-    files = sorted((hostile / "simulated" / "0001").glob("*.csv"))
-    _run(hostile, "ingest", rig, *files, "--shot", "0001")
-    _run(hostile, "show", files[0])
-    _run(hostile, "show", "shots/0001.h5")
-    _run(hostile, "identify", "shots")
-    _run(hostile, "export", "shots/0001.h5", "--format", "csv")
-    _run(hostile, "recover", "shots")
-    _run(hostile, "demo", "--out", "demo")
+    _run(hostile, "check", rig)
+    files = [f"simulated/0001/0001_{what}.csv" for what in ("camera", "dewetron")]
+    done = own_commands(
+        ("simulate", rig, "--out", "simulated"),
+        ("ingest", rig, *files, "--shot", "0001"),
+        ("show", files[0]),
+        ("show", "shots/0001.h5"),
+        ("identify", "shots"),
+        ("export", "shots/0001.h5", "--format", "csv"),
+        ("recover", "shots"),
+        ("demo", "--out", "demo"),
+        cwd=hostile,
+    )
+    assert [one.code for one in done] == [0] * len(done), [one.out for one in done]
+    assert [path.name for path in hostile.glob("*.was_run")] == []
+    # what one command imported the next does not look for: it must not have begun to look in the folder either
+    looked = {Path(hostile, place).resolve() for one in done for place in one.path}
+    assert hostile.resolve() not in looked
 
 
 def test_a_users_script_beside_files_of_the_folders_names_works(tmp_path: Path) -> None:

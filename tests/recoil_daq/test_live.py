@@ -21,11 +21,12 @@ from recoil_acquisition.errors import DeviceError, RigError
 from recoil_acquisition.store import read_shot, shot_summary
 from recoil_acquisition.store.shot_log import ShotLog
 from recoil_acquisition.trigger import find_triggers
-from recoil_daq import live_range
+from recoil_daq import folder_watch, live_range
 from recoil_daq.live import run_live
 from recoil_daq.live_shot import LiveOptions, LiveOutcome, LiveShot
 from recoil_daq.live_tables import print_acquisition
 from recoil_rigs.rig import Rig, load_rig, parse_rig
+from recoil_rigs.twin import range_day
 from recoil_rigs.twin.faults import ClockStep, Faults, Interval
 from recoil_rigs.twin.range_day import RangeDay
 from tests.builders.range_session import PlayedConversion
@@ -82,6 +83,13 @@ class Watched:
         ]
 
 
+@pytest.fixture(autouse=True)
+def soon_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the dropped files be written fast, and be looked at often."""
+    monkeypatch.setattr(range_day, "PIECE_EVERY_S", 0.03)
+    monkeypatch.setattr(folder_watch, "LOOK_EVERY_S", 0.05)
+
+
 def day(
     out: Path, display: Watched, *, shots: int = 1, rig: Rig | None = None, watch: bool = True, **play: Any
 ) -> tuple[LiveOutcome, dict[str, Any]]:
@@ -128,12 +136,13 @@ def test_two_shots_are_triggered_cut_matched_with_their_files_and_converted(tmp_
 
 def test_every_lost_frame_is_counted_and_the_shot_says_so(tmp_path: Path) -> None:
     rig = load_rig("mixed")
-    whole = rig.text.replace("pre_s = 0.3 ", "pre_s = 9.0 ").replace("post_s = 0.7 ", "post_s = 4.0 ")
+    whole = rig.text.replace("pre_s = 0.3 ", "pre_s = 9.0 ").replace("post_s = 0.7 ", "post_s = 2.0 ")
     (tmp_path / "mixed.dbc").write_text(rig.databases["mixed.dbc"])
     (tmp_path / "rig.toml").write_text(whole)
     display = Watched()
     faults = {"imu": Faults(dropped_bytes=0.01), "can": Faults(lost_frames=0.01)}
-    outcome, truth = day(tmp_path / "out", display, rig=parse_rig(whole, tmp_path / "rig.toml"), faults=faults)
+    rig = parse_rig(whole, tmp_path / "rig.toml")
+    outcome, truth = day(tmp_path / "out", display, rig=rig, faults=faults, silence_after_s=0.2)
     assert outcome.shots[0].state == "not usable"
     (imu,) = display.found("missing frames", "imu")
     # what the virtual sensor itself damages in each record, and leaves out of its count, comes on top; what is lost

@@ -127,7 +127,7 @@ def test_a_new_session_recovers_what_a_killed_one_left_over(tmp_path):
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_signal_ends_a_session_in_order(tmp_path, number):
     # the shot is recorded to its end: as long as a busy machine may take to send the signal within it
-    with armed(tmp_path / "live", post_s=3.0) as one:
+    with armed(tmp_path / "live", post_s=1.5) as one:
         pulse = one.port.fire()
         one.process.wait_for("trigger", lambda: "  trigger (imu_acc_x at " in one.process.said)
         signalled_ns = time.monotonic_ns()

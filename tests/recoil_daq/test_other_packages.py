@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import logging
 import os
-import subprocess
 import sys
 import tomllib
 from collections.abc import Callable, Iterator
@@ -27,6 +26,7 @@ from recoil_acquisition.readers.table import READERS, readers, recognise, surest
 from recoil_acquisition.store import read_shot
 from recoil_rigs.twin import TwinShot
 from tests.builders import vendor_files
+from tests.builders.own_commands import own_commands
 from tests.other_package.recoil_lvm import LvmReader
 
 PACKAGE = Path(__file__).resolve().parents[1] / "other_package"
@@ -70,7 +70,7 @@ def installed(folder: Path) -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": os.pathsep.join([str(folder), str(PACKAGE), *sys.path])}
 
 
-def test_show_and_ingest_read_a_format_of_another_package(field_shot: TwinShot, tmp_path: Path) -> None:
+def test_show_and_ingest_read_a_format_of_another_package(field_shot: TwinShot, stored: Path, tmp_path: Path) -> None:
     environment = installed(tmp_path)
     csv, camera = sorted(field_shot.files, key=lambda path: recognise(path).kind, reverse=True)
     recorded = recognise(csv).open(csv, Declarations("dewetron"))
@@ -80,21 +80,14 @@ def test_show_and_ingest_read_a_format_of_another_package(field_shot: TwinShot, 
     names, units = zip(*((signal.name, signal.unit) for signal in recorded.signals), strict=True)
     file.write_bytes(lvm([*names], [*units], samples, step_s or 0.0))
 
-    def command(*arguments: object) -> dict:
-        done = subprocess.run(
-            [sys.executable, "-m", "recoil_daq.cli", *map(str, arguments), "--json"],
-            env=environment, capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        assert done.returncode == 0, done.stderr
-        return json.loads(done.stdout)
-
-    shown = command("show", file)
+    ingest = ("ingest", "field-2013", file, camera, "--shot", "other", "--out", tmp_path)
+    done = own_commands(("show", file, "--json"), ("formats", "--json"), ingest, env=environment)
+    assert [one.code for one in done] == [0, 0, 0]
+    shown, formats = (json.loads(one.out) for one in done[:2])
     assert shown["format"] == LvmReader.name
     assert [signal["name"] for signal in shown["signals"]] == [signal.name for signal in recorded.signals]
-    assert LvmReader.name in [row["format"] for row in command("formats")["formats"]]
-    command("ingest", "field-2013", file, camera, "--shot", "other", "--out", tmp_path)
-    command("ingest", "field-2013", csv, camera, "--shot", "own", "--out", tmp_path)
-    other, own = read_shot(tmp_path / "other.h5"), read_shot(tmp_path / "own.h5")
+    assert LvmReader.name in [row["format"] for row in formats["formats"]]
+    other, own = read_shot(tmp_path / "other.h5"), read_shot(stored)
     assert list(other.channels) == list(own.channels)
     for name, channel in other.channels.items():
         np.testing.assert_array_equal(channel.samples, own.channels[name].samples)

@@ -8,11 +8,13 @@ import queue
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 import recoil_acquisition.capture.live_session
+from recoil_acquisition.capture.engine import CaptureEngine
 from recoil_acquisition.capture.live_session import LiveSession
 from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource, operator_records
 from recoil_acquisition.devices.device import Block, Counters
@@ -164,13 +166,17 @@ def test_what_a_stalled_read_returns_after_the_shots_end_is_in_the_shot(
     assert not (tmp_path / "journal").exists()
 
 
-def test_a_source_that_answers_after_its_shot_was_given_up_keeps_the_journal(tmp_path: Path, device: PlayedBus) -> None:
+def test_a_source_that_answers_after_its_shot_was_given_up_keeps_the_journal(
+    tmp_path: Path, device: PlayedBus, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    less_patient = partial(CaptureEngine, patience_s=0.5)
+    monkeypatch.setattr(recoil_acquisition.capture.live_session, "CaptureEngine", less_patient)
     session = started(tmp_path, device)
     session.arm()
     time.sleep(0.3)
     device.pressure_kpa = pulse_at(number_now(device) + 2)
     time.sleep(0.2)
-    device.stops.put(3.5)
+    device.stops.put(2.0)
     window = session.next_window(10.0)
     assert window is not None
     assert window.late_sources == ("bus",)
