@@ -60,10 +60,10 @@ def with_twin(
     return parse_rig("\n".join([f"{head}[twin]", *lines.values(), ""]), path)
 
 
-def with_second_gauge(name: str) -> Rig:
-    """Load a bundled rig and mount a second breech gauge of the same kind, with a number of its own."""
+def with_second_gauge(name: str, **settings: float | bool) -> Rig:
+    """Load a bundled rig with other settings of its virtual rig, and mount a second breech gauge of the same kind."""
     path = find_rig(name)
-    text = path.read_text(encoding="utf-8")
+    text = with_twin(name, **settings).text
     first = text.index('[[channel]]\nname = "p_breech"')
     stop = text.index("[[channel]]", first + 1)
     second = text[first:stop].replace("p_breech", "p_breech_2").replace("AI 6/", "AI 26/").replace("V301", "V399")

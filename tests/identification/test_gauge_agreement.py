@@ -20,14 +20,14 @@ from recoil_processing.shot.sensor_scales import of_gauge, scale_uncertainty
 from recoil_processing.shot.signals import GaugeReading, Offset, Signals, collect_signals
 from recoil_rigs.rig import ChannelSpec, Rig
 from recoil_rigs.twin import simulate_shot
-from tests.builders.virtual_shots import with_channels, with_second_gauge
+from tests.builders.virtual_shots import SHORTER, with_channels, with_second_gauge
 
 FIRST, SECOND = "p_breech", "p_breech_2"
 
 
 @pytest.fixture(scope="module")
 def rig() -> Rig:
-    return with_second_gauge("field-2013")
+    return with_second_gauge("field-2013", duration_s=SHORTER["duration_s"])
 
 
 @pytest.fixture(scope="module")

@@ -17,6 +17,7 @@ from recoil_rigs.rig import load_rig, parse_rig
 from recoil_rigs.twin import TwinShot
 from tests.builders.long_recordings import triggered_rig
 from tests.builders.machine_stalls import MachineStalls
+from tests.builders.virtual_shots import SHORTER, with_twin
 
 COMMANDS = ("ingest", "recover", "log", "identify", "simulate", "demo", "check", "formats", "show", "export")
 
@@ -271,11 +272,13 @@ def test_check_reports_an_overdue_calibration(run, tmp_path, field_shot: TwinSho
 
 
 def test_simulate_gives_each_shot_a_folder(run, tmp_path):
-    result = run("simulate", "field-2013", "--seed", "3", "--shots", "2", "--out", tmp_path, "--json")
+    rig, out = tmp_path / "rig.toml", tmp_path / "out"
+    rig.write_text(with_twin("field-2013", **SHORTER).text, encoding="utf-8")
+    result = run("simulate", rig, "--seed", "3", "--shots", "2", "--out", out, "--json")
     assert result.exit_code == 0, result.output
     assert [s["truth"]["m3"] for s in json.loads(result.stdout)["shots"]] == [782.0, 782.0]
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["0001", "0002"]
-    again = run("simulate", "field-2013", "--seed", "3", "--out", tmp_path)
+    assert sorted(p.name for p in out.iterdir()) == ["0001", "0002"]
+    again = run("simulate", rig, "--seed", "3", "--out", out)
     assert again.exit_code == 3
 
 

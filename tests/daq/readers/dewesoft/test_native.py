@@ -151,8 +151,8 @@ def test_a_crash_of_the_library_is_a_corrupt_file(fault: str, told: Callable[...
 def test_a_hang_of_the_library_is_a_corrupt_file(
     told: Callable[..., Recording], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(dewesoft_native, "LIMIT_S", 3.0)
-    with pytest.raises(CorruptFileError, match="did not come back within 3 s"):
+    monkeypatch.setattr(dewesoft_native, "LIMIT_S", 1.0)
+    with pytest.raises(CorruptFileError, match="did not come back within 1 s"):
         told(hang=True)
 
 
