@@ -114,11 +114,13 @@ class Combined(Printed):
 
 @dataclass(frozen=True, eq=False)
 class _Report:
-    """A report that is there."""
+    """A report that is there; `sha256` is its own digest, `of_sha256` that of its shot file."""
 
     path: Path
     document: Mapping[str, Any]
     sha256: str
+    of_sha256: str
+    version: str
 
     @classmethod
     def read(cls, path: Path) -> _Report:
@@ -127,11 +129,13 @@ class _Report:
             document = json.loads(content)
             if document["schema"] != REPORT_SCHEMA:
                 raise ValueError(f"schema {document['schema']!r}")
-        except (ValueError, KeyError, TypeError, RecursionError) as error:
+            provenance = document["provenance"]
+            stated = str(provenance["inputs"][0]["sha256"]), str(provenance["version"])
+        except (ValueError, LookupError, TypeError, RecursionError) as error:
             raise ReadError(
                 "this is no report of a shot", path=path, expected=f"schema {REPORT_SCHEMA}", found=str(error)
             ) from error
-        return cls(path, document, hashlib.sha256(content).hexdigest())
+        return cls(path, document, hashlib.sha256(content).hexdigest(), *stated)
 
     @property
     def cutoff_hz(self) -> float | None:
@@ -164,11 +168,9 @@ class _Report:
         cutoff_hz
             That it must have been found with; None for any.
         """
-        if shot_file is not None:
-            inputs = self.document.get("provenance", {}).get("inputs") or [{}]
-            if inputs[0].get("sha256") != described(shot_file).sha256:
-                return "is of another shot file"
-        if self.document.get("provenance", {}).get("version") != __version__:
+        if shot_file is not None and self.of_sha256 != described(shot_file).sha256:
+            return "is of another shot file"
+        if self.version != __version__:
             return f"was made by another version than {__version__}"
         if self.shot().summary is None:
             return "has no summary for campaigns"
