@@ -10,6 +10,7 @@ from recoil_daq.tables import print_table, say
 
 if TYPE_CHECKING:
     from recoil_daq.campaign import Combined
+    from recoil_daq.demo import CampaignDemonstration
 
 
 def print_campaign(done: Combined) -> None:
@@ -58,6 +59,28 @@ def print_campaign(done: Combined) -> None:
     console.print(line, soft_wrap=True)
     for reason in d["reasons"]:
         say(f"  {reason}")
+
+
+def campaign_demo_document(done: CampaignDemonstration) -> dict[str, Any]:
+    """Build the document of ``demo --campaign --json``."""
+    combined = done.combined
+    error = 100 * (combined.mass_kg / done.true_kg - 1)
+    return {
+        "schema": "recoil-daq/demo/1",
+        "campaign": combined.document,
+        "folder": str(combined.folder),
+        "truth": {"mass_kg": done.true_kg, "error_percent": error},
+    }
+
+
+def print_campaign_demo(done: CampaignDemonstration) -> None:
+    """Print a demonstrated campaign beside the truth."""
+    combined = done.combined
+    print_campaign(combined)
+    error = 100 * (combined.mass_kg / done.true_kg - 1)
+    say(
+        f"true mass {done.true_kg:.2f} kg: the campaign is {error:+.3f} % off, u {100 * combined.u_kg / combined.mass_kg:.3f} %"
+    )
 
 
 def _shot(shot: dict[str, Any]) -> tuple[str, ...]:

@@ -489,12 +489,27 @@ def demo(
     live: Annotated[
         bool, typer.Option("--live", help="A range day of three shots with virtual devices, in real time.")
     ] = False,
+    campaign: Annotated[
+        bool, typer.Option("--campaign", help="Eight shots of one set of sensors, combined to one mass.")
+    ] = False,
     no_screen: Annotated[bool, typer.Option("--no-screen", help="With --live: print plain lines.")] = False,
     overwrite: OverwriteOption = False,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
     """Simulate a shot on the rig `mixed`, ingest its four files, identify its mass, and compare with the truth."""
+    if live and campaign:
+        raise typer.BadParameter("give either --live or --campaign")
+    if campaign:
+        with Session(json, debug) as session:
+            from recoil_daq.campaign_tables import campaign_demo_document, print_campaign_demo
+            from recoil_daq.demo import run_campaign_demo
+
+            with session.steps("demo") as progress:
+                combined = run_campaign_demo(out, seed=seed, overwrite=overwrite, progress=progress)
+            code = OK if combined.combined.valid else NOT_VALID
+            session.finish(campaign_demo_document(combined), lambda: print_campaign_demo(combined), code)
+        return
     if live:
         _demo_live(out, seed, no_screen, overwrite, json, debug)
         return

@@ -1,4 +1,4 @@
-"""The whole way once: simulate, ingest, identify, compare with the truth."""
+"""The whole way: simulate, ingest, identify, compare with the truth; one shot, a range day, a campaign."""
 
 from __future__ import annotations
 
@@ -9,17 +9,26 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import IdentificationError, StoreError
+from recoil_acquisition.store.shot_log import SHOT_LOG
+from recoil_daq.campaign import Combined, campaign
 from recoil_daq.identify import Reported, identify_file
 from recoil_daq.ingest import Ingested, ingest_files
 from recoil_daq.live import run_live
 from recoil_daq.live_shot import Display, LiveOptions, LiveOutcome
+from recoil_daq.simulated import simulate
 from recoil_rigs.rig import load_rig
-from recoil_rigs.twin import TwinShot, simulate_shot
+from recoil_rigs.twin import CampaignPlan, TwinShot, simulate_shot
 from recoil_rigs.twin.range_day import RangeDay
 
 DEMO_RIG = "mixed"
 DEMO_SHOT = "0001"
 LIVE_DEMO_SHOTS = 3
+CAMPAIGN_DEMO_SHOTS = 8
+CAMPAIGN_DEMO: dict[str, Any] = {
+    "added_mass_kg": 120.0,
+    "charges": (1.0, 1.0, 0.8, 0.8, 0.65, 0.65, 0.9, 0.9),
+    "friction_scatter": 0.03,
+}
 Progress = Callable[[str], None]
 
 
@@ -69,6 +78,51 @@ def run_demo(
         ingested.path, out=out / "reports", truth=simulated.truth, overwrite=overwrite, progress=progress
     )
     return Demonstration(simulated, ingested, report)
+
+
+@dataclass(frozen=True)
+class CampaignDemonstration:
+    """Files of a demonstrated campaign; `true_kg` is the mass without what was added."""
+
+    combined: Combined
+    true_kg: float
+
+
+def run_campaign_demo(
+    out: Path, *, seed: int = 1, overwrite: bool = False, progress: Progress = lambda _: None
+) -> CampaignDemonstration:
+    """Fire eight shots of one set of sensors, every second one with a mass added, and combine them.
+
+    Parameters
+    ----------
+    out
+        Gets ``campaign`` with the simulated files, the shot files and the answer.
+    overwrite
+        Remove an earlier campaign there.
+
+    Raises
+    ------
+    StoreError
+        If the folder holds an earlier campaign.
+    """
+    folder = out / "campaign"
+    if folder.exists():
+        if not overwrite:
+            raise StoreError("an earlier campaign is here", path=folder, remedy="give another --out, or --overwrite")
+        shutil.rmtree(folder)
+    rig, plan = load_rig(DEMO_RIG), CampaignPlan(**CAMPAIGN_DEMO)
+    fired = simulate(
+        rig, folder / "simulated", seed=seed, shots=CAMPAIGN_DEMO_SHOTS, campaign_seed=seed, plan=plan,
+        progress=lambda step: progress(f"simulate, {step}"),
+    )  # fmt: skip
+    (folder / "shots").mkdir(parents=True)
+    shutil.copy(folder / "simulated" / SHOT_LOG, folder / "shots" / SHOT_LOG)
+    for number, one in enumerate(fired.shots, 1):
+        progress(f"ingest, shot {number} of {len(fired.shots)}")
+        ingest_files(rig, one.files, shot=one.shot, out=folder / "shots")
+    combined = campaign(folder / "shots", reports=folder / "reports", out=folder / "answer", progress=progress)
+    first = fired.shots[0].truth
+    return CampaignDemonstration(combined, float(first["m3"]) - float(first["added_mass_kg"]))
 
 
 @dataclass(frozen=True)
