@@ -78,9 +78,8 @@ def print_campaign_demo(done: CampaignDemonstration) -> None:
     combined = done.combined
     print_campaign(combined)
     error = 100 * (combined.mass_kg / done.true_kg - 1)
-    say(
-        f"true mass {done.true_kg:.2f} kg: the campaign is {error:+.3f} % off, u {100 * combined.u_kg / combined.mass_kg:.3f} %"
-    )
+    u_percent = 100 * combined.u_kg / combined.mass_kg
+    say(f"true mass {done.true_kg:.2f} kg: the campaign is {error:+.3f} % off, u {u_percent:.3f} %")
 
 
 def _shot(shot: dict[str, Any]) -> tuple[str, ...]:

@@ -148,3 +148,19 @@ def test_frames_and_figures_are_at_hand_in_python(reports: Path, tmp_path) -> No
     assert list(done.shots["shot"]) == ["0001", "0002", "0003", "0004"]
     assert set(done.common["influence"]) == {one["influence"] for one in done.document["common"]}
     assert "from 4 of 4 shots" in str(done)
+
+
+def test_a_campaign_is_demonstrated_beside_the_truth(run, tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("recoil_daq.demo.CAMPAIGN_DEMO_SHOTS", 2)
+    result = run("demo", "--campaign", "--out", tmp_path, "--json")
+    document = json.loads(result.stdout)
+    assert abs(document["truth"]["error_percent"]) < 1.0
+    assert document["campaign"]["mass"]["value"] == pytest.approx(document["truth"]["mass_kg"], rel=0.01)
+    assert [one["added_mass_kg"] for one in document["campaign"]["shots"]] == [0.0, 120.0]
+    again = run("demo", "--campaign", "--out", tmp_path)
+    assert again.exit_code == 3
+    assert "an earlier campaign is here" in again.stderr
+
+
+def test_a_demonstration_is_of_one_kind(run, tmp_path) -> None:
+    assert run("demo", "--campaign", "--live", "--out", tmp_path).exit_code == 2
