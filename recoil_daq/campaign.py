@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,8 +20,10 @@ from recoil_daq.printed import Printed
 from recoil_daq.report_folder import publish, refuse_existing, refuse_unwritable
 from recoil_daq.several_shots import shared_options
 from recoil_identification.analysis import Options
-from recoil_identification.campaign.campaign import combine
+from recoil_identification.campaign.campaign import Campaign, combine
 from recoil_identification.campaign.campaign_shot import CampaignShot
+from recoil_identification.campaign.changes import OUTLIER
+from recoil_identification.campaign.overlay import Overlay, overlay
 from recoil_identification.report.campaign_document import (
     CAMPAIGN_FILE,
     SCHEMA,
@@ -28,8 +31,10 @@ from recoil_identification.report.campaign_document import (
     campaign_document,
     write_campaign,
 )
-from recoil_identification.report.document import REPORT_FILE
+from recoil_identification.report.campaign_figures import campaign_figures
+from recoil_identification.report.document import REPORT_FILE, read_curves
 from recoil_identification.report.document import SCHEMA as REPORT_SCHEMA
+from recoil_identification.report.html import CAMPAIGN_PAGE, PAGE_NAME, render_campaign_page, write_page
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -51,7 +56,7 @@ class Combined(Printed):
     document
         The contents of ``campaign.json``.
     folder
-        Holds ``campaign.json`` and ``campaign.csv``.
+        Holds ``campaign.json``, ``campaign.html`` with the script of its figures, and ``campaign.csv``.
     """
 
     document: dict[str, Any]
@@ -204,7 +209,7 @@ def campaign(
     overwrite: bool = False,
     progress: Progress = lambda _: None,
 ) -> Combined:
-    """Combine shots of one rig to one mass, and write ``campaign.json`` and ``campaign.csv``.
+    """Combine shots of one rig to one mass, and write ``campaign.json``, ``.html`` and ``.csv``.
 
     A shot whose report in `reports` is not of this shot file, this version or this cut-off is identified anew, and its
     new report stands in ``out/reports``: what others made is left as it is.
@@ -238,7 +243,7 @@ def campaign(
     folder, listed = Path(out), [shots] if isinstance(shots, (str, Path)) else list(shots)
     refuse_unwritable(folder)
     if not overwrite:
-        refuse_existing(folder, (CAMPAIGN_FILE, TABLE_FILE))
+        refuse_existing(folder, (CAMPAIGN_FILE, TABLE_FILE, CAMPAIGN_PAGE))
     sources = list(_sources([Path(one) for one in listed], (Path(reports), folder / REPORTS)))
     given = cutoff_hz or _cutoff_hz_of(folder, sources)
     whole, notes = _current(sources, given, folder / REPORTS, progress)
@@ -250,11 +255,36 @@ def campaign(
         {"file": f"{one.path.parent.name}/{one.path.name}", "sha256": one.sha256} for one in whole
     ]
     inputs += [{"file": read.path.name, "sha256": read.sha256} for read in logs.read.values()]
-    document = campaign_document(
-        replace(combined, notes=(*combined.notes, *notes)), version=__version__, inputs=inputs, parameters={}
-    )
-    publish(folder, lambda partial: write_campaign(partial, document))
+    combined = replace(combined, notes=(*combined.notes, *notes))
+    places = {str(one.document["shot"]): one.path.parent for one in whole}
+    pages = {name: page for name, place in places.items() if (page := _page_from(folder, place)) is not None}
+    document = campaign_document(combined, version=__version__, inputs=inputs, parameters={}, pages=pages)
+    progress("page")
+    page = render_campaign_page(document, campaign_figures(combined, _curves(combined, places)))
+
+    def write(partial: Path) -> None:
+        write_campaign(partial, document)
+        write_page(partial, page, CAMPAIGN_PAGE)
+
+    publish(folder, write)
     return Combined(document, folder)
+
+
+def _page_from(folder: Path, place: Path) -> str | None:
+    """Return the way from the answer to a report's page, with slashes; None where there is no page, or no way."""
+    if not (place / PAGE_NAME).exists():
+        return None
+    try:
+        return Path(os.path.relpath(place / PAGE_NAME, folder)).as_posix()
+    except ValueError:  # another drive
+        return None
+
+
+def _curves(combined: Campaign, places: Mapping[str, Path]) -> Overlay | None:
+    """Lay the shots' curves over one another, as far as they stand beside their reports."""
+    standing_out = [shot for change in combined.changes if change.kind == OUTLIER for shot in change.shots]
+    read = ((used.shot.name, read_curves(places[used.shot.name])) for used in combined.shots)
+    return overlay(((name, curves) for name, curves in read if curves is not None), standing_out)
 
 
 def _sources(places: Sequence[Path], reports: Sequence[Path]) -> Iterator[_Source]:
@@ -376,6 +406,7 @@ class _Logs:
             added_mass_kg=row.added_mass_kg,
             u_added_mass_kg=row.u_added_mass_kg,
             excluded=row.exclude,
+            log=row.to_json(),
         )
 
     def strangers(self, names: Sequence[str]) -> list[str]:

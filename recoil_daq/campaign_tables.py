@@ -35,10 +35,14 @@ def print_campaign(done: Combined) -> None:
         f"from shot to shot gains scatter by {100 * gain['value']:.3f} % (95 %: {100 * gain['U95'][0]:.3f} to "
         f"{100 * gain['U95'][1]:.3f} %), friction by {100 * friction['value']:.1f} %"
     )
-    for signal in d["signals"]:
-        say(f"changed: {signal['detail']}")
-    if not d["signals"]:
+    changes = [signal["detail"] for signal in d["signals"] if signal["kind"] != "chart"]
+    for change in changes:
+        say(f"changed: {change}")
+    if not changes:
         say("nothing changed among the shots")
+    for signal in d["signals"]:
+        if signal["kind"] == "chart":
+            say(f"chart: {signal['detail']}")
     for note in d["notes"]:
         say(f"note: {note}")
     if len(d["configurations"]) > 1:

@@ -13,7 +13,16 @@ from recoil_daq.fired import described, read_fired
 from recoil_daq.printed import Printed
 from recoil_daq.report_folder import publish, refuse_existing, refuse_unwritable
 from recoil_identification.analysis import Options, identify_shot
-from recoil_identification.report.document import REPORT_FILE, TRACE_FILE, report_document, write_document, write_trace
+from recoil_identification.firing_record import curves_of
+from recoil_identification.report.document import (
+    CURVES_FILE,
+    REPORT_FILE,
+    TRACE_FILE,
+    report_document,
+    write_curves,
+    write_document,
+    write_trace,
+)
 from recoil_identification.report.figures import report_figures
 from recoil_identification.report.html import PAGE_NAME, render_page, write_page
 
@@ -29,7 +38,7 @@ class Reported(Printed):
     document
         The contents of ``report.json``.
     folder
-        Holds ``report.json``, ``report.html``, ``mass.csv`` and the script of the figures.
+        Holds ``report.json``, ``report.html``, ``mass.csv``, ``curves.csv`` and the script of the figures.
     """
 
     document: dict[str, Any]
@@ -189,7 +198,7 @@ def identify_file(
     folder = Path(out) / shot.name
     refuse_unwritable(folder)
     if not overwrite:
-        refuse_existing(folder, (REPORT_FILE, TRACE_FILE, PAGE_NAME))
+        refuse_existing(folder, (REPORT_FILE, TRACE_FILE, CURVES_FILE, PAGE_NAME))
     progress("identify")
     found = identify_shot(shot, fired.rig, options or Options())
     found = replace(found, notes=(*fired.notes, *found.notes))
@@ -203,6 +212,7 @@ def identify_file(
     def write(partial: Path) -> None:
         write_document(partial, document)
         write_trace(partial, found.chosen)
+        write_curves(partial, curves_of(found))
         write_page(partial, page)
 
     publish(folder, write)

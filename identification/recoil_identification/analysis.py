@@ -9,6 +9,7 @@ import numpy as np
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import Shot
+from recoil_identification.baseline import baselines_of
 from recoil_identification.calibration import Calibration
 from recoil_identification.camera_route import mass_by_camera
 from recoil_identification.camera_shot import identify_by_camera
@@ -204,6 +205,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         fused=prepared.fused,
         alignments=prepared.alignments,
         reasons=reasons,
+        baseline=baselines_of(shot, rig, signals, camera, prepared.alignments),
         assumptions=assumptions_of(rig),
         notes=(*notes_on(rig, signals, recorded, trace, zero_shift), *notes),
     )

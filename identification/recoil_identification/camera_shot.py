@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import Shot
+from recoil_identification.baseline import baselines_of
 from recoil_identification.camera_route import LARGEST_CUTOFF_HZ, mass_by_camera, regression_by_camera
 from recoil_identification.camera_rows import LATE
 from recoil_identification.camera_verdict import notes_on_camera, reasons_against_camera
@@ -115,6 +116,7 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
         fused=tracked.fused,
         alignments=alignments,
         reasons=reasons,
+        baseline=baselines_of(shot, rig, signals, camera, alignments),
         assumptions=assumptions_of(rig),
         notes=(*notes_on_camera(shot, tracked, regression, trace, calibration), *missing_routes),
     )

@@ -14,6 +14,7 @@ from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import ClockAlignment
+from recoil_identification.baseline import Baseline
 from recoil_identification.calibration import Calibration
 from recoil_identification.estimators.endogeneity import Endogeneity
 from recoil_identification.filter_choice import FilterChoice
@@ -176,6 +177,8 @@ class Identification(ReadOnlyArrays):
         What a reader should know although it does not make the result invalid.
     set_aside
         Gauges that are not used, because others of the same pressure contradict them or tell more.
+    baseline
+        What each sensor read before the shot, and its noise.
     """
 
     options: Options
@@ -207,6 +210,7 @@ class Identification(ReadOnlyArrays):
     assumptions: list[dict[str, str]]
     notes: tuple[str, ...] = field(default=())
     set_aside: tuple[str, ...] = ()
+    baseline: tuple[Baseline, ...] = ()
     zero_shift: ZeroShift | None = None
     skew: RecorderSkew | None = None
     peaks: ShotPeaks | None = None

@@ -22,6 +22,7 @@ from recoil_identification.campaign.changes import (
     joint_fit_with_changes,
     normalised_residuals,
 )
+from recoil_identification.campaign.charted import Charted, charted_residuals, charted_sensors
 from recoil_identification.campaign.influence import Influence
 from recoil_identification.campaign.joint_fit import JointFit
 from recoil_identification.campaign.joint_rows import JointRows
@@ -77,8 +78,9 @@ class Used:
     ----------
     excluded
         Why it was set aside; None if it was used.
-    own_u_kg
-        Standard uncertainty of its mass if all that the shots share were known; None if it was set aside.
+    own_mass_kg, own_u_kg
+        What its own readings say of its mass, with what was added, if all that the shots share is as the campaign found
+        it, and the standard uncertainty of that; None if it was set aside.
     joint_kg
         What the campaign says of its mass, with what was added; None if it was set aside.
     normalised_residual
@@ -87,6 +89,7 @@ class Used:
 
     shot: CampaignShot
     excluded: str | None
+    own_mass_kg: float | None = None
     own_u_kg: float | None = None
     joint_kg: float | None = None
     normalised_residual: float | None = None
@@ -128,6 +131,8 @@ class Campaign:
         Mean and 95 % bounds of the standard deviations by which gains and friction do not repeat, relative.
     changes
         That nobody declared, the likeliest first.
+    charts
+        Of the residuals and of each sensor; what they show says nothing against the mass.
     cutoff_hz
         Of all shots' rows; None where they have passed no low-pass.
     reasons
@@ -145,6 +150,7 @@ class Campaign:
     gain_scatter: tuple[float, float, float]
     friction_scatter: tuple[float, float, float]
     changes: tuple[Change, ...]
+    charts: tuple[Charted, ...]
     cutoff_hz: float | None
     reasons: tuple[str, ...]
     notes: tuple[str, ...]
@@ -202,15 +208,21 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
         )
         for one in rows.influences
     )
+    in_campaign = _used(ordered, fit)
+    residuals = {one.shot.name: one.normalised_residual for one in in_campaign if one.normalised_residual is not None}
     reasons = [*_reasons_of(changes), *_contradictions(common), *_unexplained(fit)]
     return Campaign(
         rig=ordered[0].rig,
-        shots=_used(ordered, fit),
+        shots=in_campaign,
         mechanisms=_mechanisms(fit),
         common=common,
         gain_scatter=fit.scatter("gain_rel"),
         friction_scatter=fit.scatter("friction_rel"),
         changes=changes,
+        charts=(
+            *charted_residuals(list(residuals), list(residuals.values())),
+            *charted_sensors((shot.name, shot.baseline) for shot in ordered),
+        ),
         cutoff_hz=used[0].cutoff_hz,
         reasons=tuple(reasons),
         notes=tuple(_notes(used, rows)),
@@ -265,13 +277,16 @@ def _refuse_mixed(ordered: Sequence[CampaignShot], used: Sequence[CampaignShot])
 
 def _used(ordered: Sequence[CampaignShot], fit: JointFit) -> tuple[Used, ...]:
     white, at = fit.likeliest.rows, fit.rows.parameters.index(LN_MASS)
-    masses_kg = np.exp(fit.rows.modelled(fit.likeliest.values)[0][:, at])
-    own_u_kg = masses_kg / np.linalg.norm(white.triangle[:, :, at], axis=1)
+    values = fit.likeliest.values
+    masses_kg = np.exp(fit.rows.modelled(values)[0][:, at])
+    column = white.triangle[:, :, at]
+    information = np.einsum("nk,nk->n", column, column)
+    own_u_kg = masses_kg / np.sqrt(information)
+    own_kg = masses_kg * (1.0 + np.einsum("nk,nk->n", column, white.by_shot(values)[0]) / information)
+    columns = (own_kg, own_u_kg, masses_kg, normalised_residuals(fit))
     found = {
-        shot.name: Used(shot, None, own, joint, w)
-        for shot, own, joint, w in zip(
-            fit.rows.shots, own_u_kg.tolist(), masses_kg.tolist(), normalised_residuals(fit).tolist(), strict=True
-        )
+        shot.name: Used(shot, None, *numbers)
+        for shot, *numbers in zip(fit.rows.shots, *(one.tolist() for one in columns), strict=True)
     }
     return tuple(found.get(shot.name) or Used(shot, shot.set_aside) for shot in ordered)
 

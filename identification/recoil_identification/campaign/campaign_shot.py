@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
+from recoil_identification.baseline import Baseline
 from recoil_identification.shot_summary import ShotSummary
 
 
@@ -31,6 +32,14 @@ class CampaignShot:
         Of the rows that the summary stands for; None where these have passed no low-pass.
     excluded
         What the shot log says against its use; empty if nothing.
+    log
+        The shot's row of the shot log, cells by column.
+    peaks
+        Largest values of the shot, units in the names.
+    baseline
+        What each sensor read before it, and its noise.
+    assumptions
+        What its report takes for granted.
     """
 
     name: str
@@ -44,6 +53,10 @@ class CampaignShot:
     added_mass_kg: float = 0.0
     u_added_mass_kg: float = 0.0
     excluded: str = ""
+    log: Mapping[str, Any] = field(default_factory=dict)
+    peaks: Mapping[str, float] = field(default_factory=dict)
+    baseline: tuple[Baseline, ...] = ()
+    assumptions: tuple[Mapping[str, str], ...] = ()
 
     @classmethod
     def of_report(cls, document: Mapping[str, Any]) -> CampaignShot:
@@ -68,6 +81,13 @@ class CampaignShot:
                 added_mass_kg=float(log.get("added_mass_kg", 0.0)),
                 u_added_mass_kg=float(log.get("u_added_mass_kg", 0.0)),
                 excluded=str(log.get("exclude", "")),
+                log=dict(log),
+                peaks={str(name): float(value) for name, value in (document.get("peaks") or {}).items()},
+                baseline=tuple(Baseline.of_json(one) for one in document.get("baseline") or ()),
+                assumptions=tuple(
+                    {key: str(one[key]) for key in ("quantity", "taken", "detail")}
+                    for one in document.get("assumptions") or ()
+                ),
             )
         except (KeyError, TypeError, AttributeError) as error:
             raise ValueError(f"it is no report of a shot: {type(error).__name__}: {error}") from error

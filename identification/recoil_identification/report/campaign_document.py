@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from recoil_identification.campaign.campaign import Campaign, Estimated, Used
+from recoil_identification.campaign.charted import CHART, Charted, ChartSignal
+from recoil_identification.campaign.charts import RULE_SET
 from recoil_identification.report.document import to_json
 
 SCHEMA = "recoil-daq/campaign/1"
@@ -18,7 +20,12 @@ TABLE_FILE = "campaign.csv"
 
 
 def campaign_document(
-    campaign: Campaign, *, version: str, inputs: Sequence[Mapping[str, Any]], parameters: Mapping[str, Any]
+    campaign: Campaign,
+    *,
+    version: str,
+    inputs: Sequence[Mapping[str, Any]],
+    parameters: Mapping[str, Any],
+    pages: Mapping[str, str] | None = None,
 ) -> dict[str, Any]:
     """Build the answer of a campaign, JSON types only.
 
@@ -30,6 +37,8 @@ def campaign_document(
         File and digest of each report, and of the shot log.
     parameters
         With which the shots were identified.
+    pages
+        The page of each shot's report, relative to the answer's folder with slashes, by shot; of those that have one.
     """
     mass = campaign.mass
     document = {
@@ -50,7 +59,7 @@ def campaign_document(
             }
             for one in campaign.mechanisms
         ],
-        "shots": [_shot(one) for one in campaign.shots],
+        "shots": [_shot(one, (pages or {}).get(one.shot.name)) for one in campaign.shots],
         "common": [
             {
                 "influence": one.influence.label,
@@ -79,7 +88,10 @@ def campaign_document(
                 "detail": str(change),
             }
             for change in campaign.changes
-        ],
+        ]
+        + [_chart_signal(signal) for chart in campaign.charts for signal in chart.signals],
+        "charts": {"rules": RULE_SET, "series": [_chart(one) for one in campaign.charts]},
+        "assumptions": _assumptions(campaign),
         "valid": campaign.valid,
         "reasons": list(campaign.reasons),
         "notes": list(campaign.notes),
@@ -95,12 +107,17 @@ def campaign_document(
 def campaign_table(document: Mapping[str, Any]) -> str:
     """Return the shots of a campaign as text that spreadsheets read, one row a shot."""
     text = io.StringIO()
-    columns = ("shot", "started", "configuration", "added_mass_kg", "mass_kg", "u_kg", "joint_mass_kg", "own_u_kg")
+    columns = (
+        "shot", "started", "configuration", "added_mass_kg", "mass_kg", "u_kg", "joint_mass_kg", "own_mass_kg",
+        "own_u_kg",
+    )  # fmt: skip
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow((*columns, "normalised_residual", "excluded"))
+    peaks = list(dict.fromkeys(name for shot in document["shots"] for name in shot["peaks"]))
+    writer.writerow((*columns, "normalised_residual", "excluded", *peaks))
     for shot in document["shots"]:
         cells = [shot[name] for name in columns[:4]] + [shot["mass"]["value"], shot["mass"]["u"]]
         cells += [shot[name] for name in (*columns[6:], "normalised_residual", "excluded")]
+        cells += [shot["peaks"].get(name) for name in peaks]
         writer.writerow(["" if cell is None else cell for cell in cells])
     return text.getvalue()
 
@@ -120,7 +137,44 @@ def _scatter(scatter: tuple[float, float, float]) -> dict[str, Any]:
     return {"value": mean, "U95": [low, high]}
 
 
-def _shot(used: Used) -> dict[str, Any]:
+def _chart_signal(signal: ChartSignal) -> dict[str, Any]:
+    return {
+        "kind": CHART,
+        "influence": signal.influence,
+        "quantity": signal.quantity,
+        "rule": signal.rule,
+        "shots": list(signal.shots),
+        "size": signal.size,
+        "u": signal.u,
+        "unit": signal.unit,
+        "normalised_residual": None,
+        "detail": str(signal),
+    }
+
+
+def _chart(one: Charted) -> dict[str, Any]:
+    """Return a chart's numbers: those of a noise are natural logarithms of its SI values."""
+    chart = one.individuals
+    return {
+        "influence": one.influence,
+        "quantity": one.quantity,
+        "unit": one.unit,
+        "shots": list(one.shots),
+        "values": chart.values.tolist(),
+        "centre": chart.centre,
+        "sigma": chart.sigma,
+        "provisional": chart.provisional,
+        "trend": None if one.trend is None else {"change": one.trend.change, "u": one.trend.u, "p": one.trend.p_value},
+    }
+
+
+def _assumptions(campaign: Campaign) -> list[dict[str, str]]:
+    """List what the shots' reports take for granted, each once."""
+    found = (tuple(one.items()) for used in campaign.shots for one in used.shot.assumptions)
+    return [dict(one) for one in dict.fromkeys(found)]
+
+
+def _shot(used: Used, page: str | None) -> dict[str, Any]:
     shot = used.shot
     return {
         "shot": shot.name,
@@ -130,7 +184,11 @@ def _shot(used: Used) -> dict[str, Any]:
         "u_added_mass_kg": shot.u_added_mass_kg,
         "mass": {"value": shot.mass_kg, "u": shot.u_kg},
         "joint_mass_kg": used.joint_kg,
+        "own_mass_kg": used.own_mass_kg,
         "own_u_kg": used.own_u_kg,
         "excluded": used.excluded,
         "normalised_residual": used.normalised_residual,
+        "peaks": dict(shot.peaks),
+        "shot_log": dict(shot.log),
+        "report": page,
     }

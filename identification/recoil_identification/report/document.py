@@ -1,4 +1,4 @@
-"""The machine-readable report: ``report.json`` and ``mass.csv``."""
+"""The machine-readable report: ``report.json``, ``mass.csv`` and ``curves.csv``."""
 
 from __future__ import annotations
 
@@ -11,10 +11,13 @@ from typing import Any
 import numpy as np
 
 from recoil_acquisition.acquisition import AT_TRIGGER
+from recoil_acquisition.errors import ReadError
+from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.shot import InputFile, Shot
 from recoil_acquisition.store.shot_log import ShotLogRow
 from recoil_identification.analysis import Identification, Result
 from recoil_identification.budget import COVERAGE
+from recoil_identification.firing_record import CURVES, Curves, peaks_of
 from recoil_identification.rpe import RPE_MEANING
 from recoil_identification.skew import RecorderSkew
 from recoil_identification.stress_waves import StressWaves
@@ -23,7 +26,11 @@ from recoil_identification.zero_shift import ZeroShift
 SCHEMA = "recoil-daq/report/1"
 REPORT_FILE = "report.json"
 TRACE_FILE = "mass.csv"
+CURVES_FILE = "curves.csv"
 TRACE_COLUMNS = ("time_s", "mass_kg", "u_kg", "identified")
+
+LARGEST_CURVES = 1_000_000
+"""Bytes of a curves.csv, beyond which it is none."""
 
 METHOD_NOTES = {
     "calibrated": "acceleration on forces, both filtered alike, every sensor's scale restricted by its calibration",
@@ -94,6 +101,9 @@ def report_document(
         "window_reason": "given" if found.window_choice is None else found.window_choice.reason,
         "identified_share": chosen.trace.share,
         "trace": {"file": TRACE_FILE, "columns": list(TRACE_COLUMNS)},
+        "curves": {"file": CURVES_FILE, "columns": ["time_s", *CURVES]},
+        "peaks": peaks_of(found),
+        "baseline": [one.to_json() for one in found.baseline],
         "budget": [
             {
                 "source": row.source,
@@ -365,6 +375,47 @@ def write_trace(folder: Path, result: Result) -> Path:
         rows.append(f"{t:.9g},{number}")
     path.write_text("\n".join(rows) + "\n", encoding="utf-8")
     return path
+
+
+def write_curves(folder: Path, curves: Curves) -> Path:
+    """Write a shot's thin curves as ``curves.csv``, times after the onset of force; what was lost is left blank."""
+    path = folder / CURVES_FILE
+    rows = [",".join(("time_s", *CURVES))]
+    columns = [curves.values.get(name, np.full(curves.times_s.size, math.nan)) for name in CURVES]
+    for t, *values in zip(curves.times_s, *columns, strict=True):
+        rows.append(",".join([f"{t:.6g}", *(f"{value:.6g}" if math.isfinite(value) else "" for value in values)]))
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    return path
+
+
+def read_curves(folder: Path) -> Curves | None:
+    """Read the ``curves.csv`` of a report's folder; None where there is none.
+
+    Raises
+    ------
+    ReadError
+        If it is no such file.
+    """
+    path = folder / CURVES_FILE
+    if not path.exists():
+        return None
+    header, *lines = read_small(path, LARGEST_CURVES, "a shot's curves").decode("utf-8", "replace").splitlines() or [""]
+    try:
+        if header.split(",") != ["time_s", *CURVES]:
+            raise ValueError(f"the columns {header!r}")
+        numbers = np.array([[float(cell) if cell else math.nan for cell in line.split(",")] for line in lines])
+        if numbers.ndim != 2 or numbers.shape[1] != 1 + len(CURVES) or not np.all(np.diff(numbers[:, 0]) > 0):
+            raise ValueError("rows of another length, or times that do not ascend")
+    except ValueError as error:
+        raise ReadError(
+            "these are no curves of a shot",
+            path=path,
+            expected=f"columns time_s, {', '.join(CURVES)}",
+            found=str(error),
+            remedy="identify the shot anew",
+        ) from error
+    values = {name: numbers[:, 1 + k] for k, name in enumerate(CURVES)}
+    return Curves(numbers[:, 0], {name: column for name, column in values.items() if np.isfinite(column).any()})
 
 
 def to_json(value: Any) -> Any:

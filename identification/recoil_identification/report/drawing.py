@@ -31,6 +31,7 @@ HUES = ("50,116,186", "217,121,32", "46,146,104", "138,92,176", "20,150,170", "2
 REFERENCE_HUE = "139,147,160"
 LINE_COLOUR = {"specification": "rgb(200,66,72)", "limit": "rgb(217,121,32)", "mean": "rgb(45,106,176)"}
 SPAN_COLOUR = "rgba(110,130,160,0.11)"
+FIRED_COLOUR = "rgb(200,66,72)"
 MARK_COLOUR = "rgb(139,147,160)"
 
 PAGE_POINTS = 96_000  # times two coordinates, 4 bytes and base64: about 1 MB
@@ -38,6 +39,8 @@ TRACE_POINTS = 8_000
 
 SINGLE_PX, STACKED_PX = 360, 235
 LEGEND_PX, AXIS_PX, GAP_PX, BOTTOM_PX = 34, 52, 4, 46
+MOST_TICKS = 24
+"""Names along an axis."""
 LOG_DECADES = 10  # below the largest value; what lies deeper is the arithmetic's, not the recorder's
 
 
@@ -77,9 +80,9 @@ def drawing(figure: Figure, buckets: int = TRACE_POINTS // 2) -> dict[str, Any]:
         As of `drawings`.
     """
     data: list[dict[str, Any]] = []
+    single = figure.single or bool(figure.names)
     layout: dict[str, Any] = {
-        "hovermode": "x unified",
-        "hoversubplots": "axis",
+        **({"hovermode": "closest"} if single else {"hovermode": "x unified", "hoversubplots": "axis"}),
         "dragmode": "zoom",
         "showlegend": True,
         "shapes": [],
@@ -96,9 +99,11 @@ def drawing(figure: Figure, buckets: int = TRACE_POINTS // 2) -> dict[str, Any]:
         if own or i == sharing[-1]:
             label = figure.x_label if panel.x_label is None else panel.x_label
             layout[f"xaxis{x_number}"] = _axis(label, scale, shown, anchor=f"y{number}") | {
-                "showspikes": True,
+                "showspikes": not single,
                 "unifiedhovertitle": {"text": f"{_plain(label)}: %{{x:.6~g}}"},
             }
+            if figure.names and not own:
+                layout[f"xaxis{x_number}"] |= _named_ticks(figure.names)
         layout[f"yaxis{number}"] = _axis(panel.y_label, panel.y_scale, _y_range(panel, shown), anchor=f"x{x_number}")
         layout[f"yaxis{number}"]["domain"] = [bottoms[i], tops[i]]
         layout[f"legend{number}"] = {
@@ -114,12 +119,49 @@ def drawing(figure: Figure, buckets: int = TRACE_POINTS // 2) -> dict[str, Any]:
             hue = _hue(trace, used[trace.kind])
             used[trace.kind] += trace.hue is None
             axes = {"xaxis": f"x{x_number}", "yaxis": f"y{number}", "legend": f"legend{number}"}
-            data += [part | axes for part in _trace(trace, hue, buckets, log=scale == "log", shown=shown)]
+            parts = [part | axes for part in _trace(trace, hue, buckets, log=scale == "log", shown=shown)]
+            if figure.names and not own:
+                parts = [part | _named(trace, figure.names) for part in parts]
+            if trace.group:
+                parts = [part | _grouped(trace, data) for part in parts]
+            data += parts
         for span in panel.spans:
             layout["shapes"].append(_span(span, f"x{x_number}", f"y{number}"))
         for line in panel.lines:
             layout["shapes"] += _line(line, f"x{x_number}", f"y{number}")
     return {"key": figure.key, "data": data, "layout": layout, "height": height}
+
+
+def _named_ticks(names: Sequence[str]) -> dict[str, Any]:
+    """Label as many places as there is room for."""
+    shown = range(0, len(names), -(-len(names) // MOST_TICKS))
+    return {
+        "tickmode": "array",
+        "tickvals": list(shown),
+        "ticktext": [_plain(names[i]) for i in shown],
+        "range": [-0.6, len(names) - 0.4],
+        "zeroline": False,
+    }
+
+
+def _named(trace: Trace, names: Sequence[str]) -> dict[str, Any]:
+    """Let the read-out of each point begin with the name of its place."""
+    if trace.kind == "band":
+        return {}
+    places = np.asarray(trace.x)
+    known = np.isclose(places, np.round(places)) & (places > -0.5) & (places < len(names) - 0.5)
+    texts = [_plain(names[round(x)]) if at else "" for x, at in zip(places.tolist(), known.tolist(), strict=True)]
+    unit = _plain(trace.unit)
+    spread = " ± %{customdata:.2~g}" if trace.kind == "whiskers" else ""
+    return {"text": texts, "hovertemplate": f"%{{text}}: %{{y:.5~g}}{spread} {unit}"}
+
+
+def _grouped(trace: Trace, earlier: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Hang a trace on its group's entry in the legend, which the group's first trace makes."""
+    group = _plain(trace.group)
+    if any(one.get("legendgroup") == group for one in earlier):
+        return {"legendgroup": group, "showlegend": False}
+    return {"legendgroup": group, "legendgrouptitle": {"text": ""}, "showlegend": True}
 
 
 def _hue(trace: Trace, earlier: int) -> str:
@@ -206,6 +248,19 @@ def _trace(trace: Trace, hue: str, buckets: int, *, log: bool, shown: Range | No
         drawn["line"] |= {"dash": "2px,2px"}
     elif trace.kind == "points":
         drawn |= {"mode": "markers", "marker": {"size": 4, "color": f"rgb({hue})"}}
+        del drawn["line"]
+    elif trace.kind == "marks":
+        ring = {"size": 13, "symbol": "circle-open", "color": FIRED_COLOUR, "line": {"width": 2}}
+        drawn |= {"mode": "markers", "marker": ring}
+        del drawn["line"]
+    elif trace.kind == "whiskers":
+        half = (np.asarray(trace.y_high, dtype=np.float64) - np.asarray(trace.y_low, dtype=np.float64)) / 2
+        drawn |= {
+            "mode": "markers",
+            "marker": {"size": 6, "color": f"rgb({hue})"},
+            "error_y": {"type": "data", "array": _samples(half), "color": f"rgb({hue})", "thickness": 1.4, "width": 3},
+            "customdata": _samples(half),
+        }
         del drawn["line"]
     elif trace.kind == "bars":
         drawn |= {"type": "bar", "marker": {"color": f"rgba({hue},0.55)"}}

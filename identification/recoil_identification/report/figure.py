@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.intp]
-TraceKind = Literal["measured", "filtered", "model", "reference", "band", "points", "bars"]
+TraceKind = Literal["measured", "filtered", "model", "reference", "band", "points", "bars", "whiskers", "marks"]
 Scale = Literal["linear", "log"]
 LineKind = Literal["specification", "limit", "mean"]
 
@@ -40,18 +40,21 @@ class Trace:
         As the legend and the cursor's read-out show it.
     x, y : array-like, shape (n_samples,)
         ``x`` is finite; ``y`` may have gaps (NaN), which stay gaps.
-    kind : {"measured", "filtered", "model", "reference", "band", "points", "bars"}
+    kind : {"measured", "filtered", "model", "reference", "band", "points", "bars", "whiskers", "marks"}
         What the curve is, which decides how it is drawn. The k-th measured and the k-th filtered trace of a
         panel share a hue, and the k-th model and the k-th set of points the next one. The first reference is
-        grey. A band is the curve ``y`` between ``y_low`` and ``y_high``.
+        grey. A band is the curve ``y`` between ``y_low`` and ``y_high``; whiskers are points with a bar from the one to
+        the other; marks are rings round points of another trace.
     unit
         Of ``y``, shown in the cursor's read-out.
     y_low, y_high : array-like, shape (n_samples,), or None
-        Limits of a band; needed for a band, refused elsewhere.
+        Limits of a band or of whiskers; needed for them, refused elsewhere.
     visible
         False: the trace is drawn once its name in the legend is clicked.
     hue
         Number of its colour; None takes the next one of its kind.
+    group
+        Traces of one group have one entry in the figure's legend, under the group's name, and are hidden together.
 
     Raises
     ------
@@ -68,14 +71,17 @@ class Trace:
     y_high: npt.ArrayLike | None = None
     visible: bool = True
     hue: int | None = None
+    group: str = ""
 
     def __post_init__(self) -> None:
         if self.kind not in get_args(TraceKind):
             raise ValueError(
                 f"trace {self.name!r}: kind {self.kind!r}; expected one of {', '.join(get_args(TraceKind))}"
             )
-        if (self.kind == "band") != (self.y_low is not None and self.y_high is not None):
-            raise ValueError(f"trace {self.name!r}: a band has y_low and y_high, a trace of kind {self.kind!r} has not")
+        if (self.kind in ("band", "whiskers")) != (self.y_low is not None and self.y_high is not None):
+            raise ValueError(
+                f"trace {self.name!r}: a band and whiskers have y_low and y_high, a trace of kind {self.kind!r} has not"
+            )
         for field in ("x", "y", "y_low", "y_high"):
             values = getattr(self, field)
             if values is None:
@@ -159,6 +165,12 @@ class Figure:
         The range of the shared x axis that is shown first, and drawn finest; None shows all.
     x_scale : {"linear", "log"}
         Of the shared x axis.
+    names
+        Of the places 0, 1, .. of the shared x axis, where these are no numbers; the read-out is that of one trace.
+    single
+        Whether the read-out is that of the nearest trace, where there are many.
+    folded
+        Whether it is shown only when it is asked for.
 
     Raises
     ------
@@ -173,6 +185,9 @@ class Figure:
     panels: tuple[Panel, ...]
     shown: tuple[float, float] | None = None
     x_scale: Scale = "linear"
+    names: tuple[str, ...] = ()
+    single: bool = False
+    folded: bool = False
 
     def __post_init__(self) -> None:
         if not self.panels:

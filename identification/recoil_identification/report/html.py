@@ -1,8 +1,8 @@
-"""The pages of one shot: they explain themselves, print, and need no network.
+"""The pages of a shot and of a campaign: they explain themselves, print, and need no network.
 
-`render_page` turns a report (the mapping of ``report.json``) and its figures into one HTML text, and
-`render_target_page` the document of another target; `write_page` puts a page into a folder, with plotly's
-script beside it. The numbers come from the documents.
+`render_page` turns a report (the mapping of ``report.json``) and its figures into one HTML text,
+`render_target_page` the document of another target, and `render_campaign_page` a campaign's answer; `write_page` puts
+a page into a folder, with plotly's script beside it. The numbers come from the documents.
 """
 
 from __future__ import annotations
@@ -17,13 +17,14 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import StoreError
-from recoil_identification.report import tables
+from recoil_identification.report import campaign_tables, tables
 from recoil_identification.report.drawing import drawings
 from recoil_identification.report.figure import Figure
 from recoil_identification.report.rounding import NO_NUMBER
 
 SCHEMA = "recoil-daq/report/1"
 PAGE_NAME = "report.html"
+CAMPAIGN_PAGE = "campaign.html"
 SCRIPT_NAME = "plotly.min.js"
 REQUIRED_KEYS = ("schema", "shot", "rig", "mass", "rpe_percent", "valid", "reasons", "provenance")
 
@@ -137,7 +138,7 @@ def render_page(report: Mapping[str, Any], figures: Sequence[Figure]) -> str:
         quality=tables.quality(report),
         quality_counts=tables.quality_counts(report),
         series_file=(report.get("trace") or {}).get("file"),
-        series_name="mass",
+        series_name="mass over time",
     )
 
 
@@ -167,11 +168,57 @@ def render_target_page(document: Mapping[str, Any], figures: Sequence[Figure]) -
         figures,
         quantities=tables.quantities(document),
         series_file=(document.get("series") or {}).get("file"),
-        series_name="what was identified",
+        series_name="what was identified over time",
     )
 
 
-def _render(template: str, report: Mapping[str, Any], figures: Sequence[Figure], **more: Any) -> str:
+def render_campaign_page(document: Mapping[str, Any], figures: Sequence[Figure]) -> str:
+    """Render the page of a campaign.
+
+    Parameters
+    ----------
+    document
+        Of `recoil_identification.report.campaign_document.campaign_document`. It is not embedded: ``campaign.json``
+        stands beside the page.
+    figures
+        Of `recoil_identification.report.campaign_figures.campaign_figures`.
+
+    Returns
+    -------
+    str
+        A complete HTML document that refers to ``plotly.min.js`` beside it, to the shots' pages, and to nothing else.
+
+    Raises
+    ------
+    ValueError
+        Figures with equal keys.
+    """
+    return _render(
+        "campaign.html",
+        document,
+        figures,
+        embedded={"shot": f"campaign-{document['rig']}"},
+        verdict=campaign_tables.verdict(document),
+        changed=campaign_tables.changed(document),
+        charted=campaign_tables.charted(document),
+        facts=campaign_tables.facts(document),
+        mechanisms=campaign_tables.mechanisms(document),
+        learnt=campaign_tables.learnt(document),
+        columns=campaign_tables.shot_columns(document),
+        rows=campaign_tables.shots(document),
+        assumed=campaign_tables.assumed(document),
+        series_file="campaign.csv",
+        series_name="the shots",
+    )
+
+
+def _render(
+    template: str,
+    report: Mapping[str, Any],
+    figures: Sequence[Figure],
+    embedded: Mapping[str, Any] | None = None,
+    **more: Any,
+) -> str:
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
     from markupsafe import Markup
 
@@ -188,7 +235,12 @@ def _render(template: str, report: Mapping[str, Any], figures: Sequence[Figure],
     return environment.get_template(template).render(
         report=report,
         figures=[
-            {"title": f.title, "caption": f.caption, "height": d["height"]} for f, d in zip(figures, drawn, strict=True)
+            {
+                "number": number,
+                "height": d["height"],
+                **{k: getattr(f, k) for k in ("key", "title", "caption", "folded")},
+            }
+            for number, (f, d) in enumerate(zip(figures, drawn, strict=True))
         ],
         inputs=tables.inputs(report),
         started=tables.started(report),
@@ -199,7 +251,7 @@ def _render(template: str, report: Mapping[str, Any], figures: Sequence[Figure],
         ),
         script=SCRIPT_NAME,
         figures_json=Markup(_embedded(drawn)),  # noqa: S704 - `_embedded` leaves no character that HTML reads
-        report_json=Markup(_embedded(report)),  # noqa: S704 - as above
+        report_json=Markup(_embedded(report if embedded is None else embedded)),  # noqa: S704 - as above
     )
 
 

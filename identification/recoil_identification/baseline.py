@@ -1,0 +1,117 @@
+"""What each sensor read in the silence before the shot, and how noisy it was: over a season, that shows its drift."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.channel import Channel
+from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_processing.noise import robust_sigma
+from recoil_processing.shot.onset import LEAST_LEVEL_SAMPLES
+from recoil_processing.shot.signals import Offset, Signals, static_value
+from recoil_rigs.rig import Rig
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """One sensor before one shot.
+
+    Attributes
+    ----------
+    channel, role
+    sensor
+        Its serial number, or rig and channel where it has none.
+    offset
+        Mean reading, less what it should read at rest in battery; the mean reading itself where that is not known.
+    noise
+        Standard deviation of a sample.
+    unit
+        Of all numbers, SI.
+    at_rest
+        What it should read; None where that is not known.
+    """
+
+    channel: str
+    role: str
+    sensor: str
+    offset: float | None
+    noise: float | None
+    unit: str
+    at_rest: float | None
+
+    @classmethod
+    def of_json(cls, stated: Mapping[str, Any]) -> Baseline:
+        """Read it from ``report.json``.
+
+        Raises
+        ------
+        KeyError, TypeError, ValueError
+            If it is none.
+        """
+
+        def number(key: str) -> float | None:
+            return None if stated[key] is None else float(stated[key])
+
+        channel, role, sensor, unit = (str(stated[key]) for key in ("channel", "role", "sensor", "unit"))
+        return cls(channel, role, sensor, number("offset"), number("noise"), unit, number("at_rest"))
+
+    def to_json(self) -> dict[str, Any]:
+        """Return its fields."""
+        return asdict(self)
+
+
+def baselines_of(
+    shot: Shot, rig: Rig, signals: Signals, camera: Channel | None, alignments: Mapping[str, ClockAlignment]
+) -> tuple[Baseline, ...]:
+    """List what the sensors of a shot read before it; nothing where the record has no silence before the onset.
+
+    Parameters
+    ----------
+    camera
+        On its own clock; None where there is none.
+    alignments
+        By clock.
+    """
+    first, last = signals.baseline_s
+    return tuple(_baselines(shot, rig, signals, camera, alignments)) if last > first else ()
+
+
+def _baselines(
+    shot: Shot, rig: Rig, signals: Signals, camera: Channel | None, alignments: Mapping[str, ClockAlignment]
+) -> Iterator[Baseline]:
+    silent = (signals.times_s >= signals.baseline_s[0]) & (signals.times_s < signals.baseline_s[1])
+
+    def baseline(channel: str, role: str, offset: float, noise: float, at_rest: float | None) -> Baseline:
+        serial = rig.channel(channel).sensor.serial or f"{rig.name}/{channel}"
+        mean, sigma = (number if math.isfinite(number) else None for number in (offset, noise))
+        return Baseline(channel, role, serial, mean, sigma, shot.channels[channel].unit, at_rest)
+
+    for role, series in signals.series.items():
+        at_rest = static_value(role, rig.mechanism)
+        readings: list[tuple[str, Array, Offset]] = [
+            (one.channel, one.samples, one.offset) for one in signals.gauges.get(role, ())
+        ]
+        if not readings:
+            name = next(c.name for c in shot.with_role(role) if c.name not in signals.unused)
+            readings = [(name, series, signals.offsets[role])]
+        for name, samples, offset in readings:
+            value = offset.value if at_rest is not None else _mean(samples[silent])
+            yield baseline(name, role, value if math.isfinite(offset.u) else math.nan, offset.noise, at_rest)
+    alignment = None if camera is None else alignments.get(camera.time_base.clock)
+    if camera is not None and alignment is not None and alignment.status != "failed":
+        before = camera.measured[alignment.to_reference(camera.time_base.times_s) < signals.baseline_s[1]]
+        if np.count_nonzero(np.isfinite(before)) >= LEAST_LEVEL_SAMPLES:
+            yield baseline(camera.name, camera.role, _mean(before), robust_sigma(before), None)
+
+
+def _mean(samples: Array) -> float:
+    present = samples[np.isfinite(samples)]
+    return float(present.mean()) if present.size else math.nan

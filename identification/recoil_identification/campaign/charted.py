@@ -1,0 +1,184 @@
+"""What is charted over the shots of a campaign, and what the charts say.
+
+Charted are the standardised residuals of the joint fit, and of each sensor what it read before the shot and how noisy
+it was: the masses themselves differ by charge and by what was added, the residuals do not. A chart asks for a look; it
+says nothing against the mass.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from recoil_identification.baseline import Baseline
+from recoil_identification.campaign.charts import (
+    EWMA_RULE,
+    LEAST_POINTS,
+    MOVING_RANGE,
+    RULES,
+    TREND_RULE,
+    EwmaChart,
+    IndividualsChart,
+    Trend,
+    ewma_chart,
+    individuals_chart,
+    trend,
+)
+
+CHART = "chart"
+"""Kind of the signals."""
+MASS = "mass"
+RESIDUAL, ZERO, READING, NOISE = "residual", "zero before the shot", "reading before the shot", "noise before the shot"
+"""Quantities that are charted."""
+MEANINGS = {MOVING_RANGE: "a jump from the shot before", EWMA_RULE: "the weighted average beyond its limits", **RULES}
+
+
+@dataclass(frozen=True)
+class ChartSignal:
+    """One thing that a chart shows.
+
+    Attributes
+    ----------
+    influence
+        ``mass``, or the sensor.
+    rule
+        That fired.
+    shots
+        Those that complete the pattern; of a trend the first and the last.
+    size, u
+        Of a trend, in `unit`: of a noise the share by which it grew. None where the rule has no size.
+    """
+
+    influence: str
+    quantity: str
+    rule: str
+    shots: tuple[str, ...]
+    size: float | None = None
+    u: float | None = None
+    unit: str | None = None
+    provisional: bool = False
+
+    @property
+    def told(self) -> str:
+        """What it is, without the name of the sensor."""
+        limits = ", limits provisional" if self.provisional else ""
+        if self.rule == TREND_RULE:
+            scale, unit = (100.0, "%") if self.unit == "1" else (1.0, self.unit)
+            size, u = scale * (self.size or 0.0), scale * (self.u or 0.0)
+            what = f"a trend of {size:+.3g} {unit}, u {u:.2g} {unit}, from shot {self.shots[0]} to {self.shots[-1]}"
+        else:
+            where = f"shot{'s' if len(self.shots) > 1 else ''} {', '.join(self.shots)}"
+            what = f"{MEANINGS[self.rule]} at {where} ({self.rule}{limits})"
+        return f"{self.quantity.partition(' ')[0]}: {what}"
+
+    def __str__(self) -> str:
+        return f"{self.influence}, {self.told}"
+
+
+@dataclass(frozen=True, eq=False)
+class Charted:
+    """One series over the shots.
+
+    Attributes
+    ----------
+    shots
+        That have a value.
+    unit
+        Of the values; empty for residuals, and for noise, of which the natural logarithm of its SI value is charted.
+    sensor_unit
+        Of the noise itself.
+    ewma
+        Of residuals only.
+    trend
+        Of sensors only.
+    """
+
+    influence: str
+    quantity: str
+    unit: str
+    shots: tuple[str, ...]
+    individuals: IndividualsChart
+    sensor_unit: str = ""
+    ewma: EwmaChart | None = None
+    trend: Trend | None = None
+
+    @property
+    def signals(self) -> tuple[ChartSignal, ...]:
+        """What fired, one for each rule."""
+        fired = dict(self.individuals.fired)
+        if self.ewma is not None and self.ewma.fired.any():
+            fired[EWMA_RULE] = self.ewma.fired
+        found = [
+            ChartSignal(
+                self.influence,
+                self.quantity,
+                rule,
+                tuple(shot for shot, flag in zip(self.shots, flags.tolist(), strict=True) if flag),
+                provisional=self.individuals.provisional,
+            )
+            for rule, flags in fired.items()
+        ]
+        if self.trend is not None and self.trend.fired:
+            ends = (self.shots[0], self.shots[-1])
+            unit = "1" if self.quantity == NOISE else self.unit
+            found.append(
+                ChartSignal(self.influence, self.quantity, TREND_RULE, ends, self.trend.change, self.trend.u, unit)
+            )
+        return tuple(found)
+
+
+def charted_residuals(shots: Sequence[str], residuals: Sequence[float]) -> tuple[Charted, ...]:
+    """Chart the standardised residuals of a joint fit; nothing of fewer than three shots."""
+    if len(shots) < LEAST_POINTS:
+        return ()
+    individuals = individuals_chart(residuals)
+    return (Charted(MASS, RESIDUAL, "", tuple(shots), individuals, ewma=ewma_chart(individuals)),)
+
+
+def charted_sensors(shots: Iterable[tuple[str, Sequence[Baseline]]]) -> tuple[Charted, ...]:
+    """Chart what each sensor read before the shots, and its noise; of sensors with three or more shots.
+
+    Parameters
+    ----------
+    shots
+        Name and baselines, in the order in which they were fired. Another serial number is another sensor.
+    """
+    by_sensor: dict[tuple[str, str], list[tuple[str, Baseline]]] = {}
+    for name, baselines in shots:
+        for one in baselines:
+            by_sensor.setdefault((one.channel, one.sensor), []).append((name, one))
+    found = []
+    for (channel, sensor), read in by_sensor.items():
+        label = f"{channel}, sensor {sensor}"
+        first = read[0][1]
+        offsets = {name: one.offset for name, one in read}
+        noises = {name: math.log(one.noise) for name, one in read if one.noise is not None and one.noise > 0}
+        quantity = READING if first.at_rest is None else ZERO
+        found += [
+            *_charted(label, quantity, first.unit, offsets, first.unit),
+            *_charted(label, NOISE, "", noises, first.unit),
+        ]
+    return tuple(found)
+
+
+def _charted(
+    label: str, quantity: str, unit: str, values: Mapping[str, float | None], sensor_unit: str
+) -> tuple[Charted, ...]:
+    known = {name: value for name, value in values.items() if value is not None and math.isfinite(value)}
+    if len(known) < LEAST_POINTS:
+        return ()
+    series = np.array(list(known.values()))
+    return (
+        Charted(
+            label,
+            quantity,
+            unit,
+            tuple(known),
+            individuals_chart(series),
+            sensor_unit,
+            trend=trend(series),
+        ),
+    )

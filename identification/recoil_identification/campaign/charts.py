@@ -1,0 +1,209 @@
+"""Control charts of a series, one value a shot: individuals with moving range, EWMA, and a trend.
+
+Individuals and moving range as in ISO 7870-2:2023 with the rules of `RULES`; EWMA as in ISO 7870-6:2016 with the limits
+of each point; the trend is the median of all slopes (Theil 1950, Sen 1968), tested by Kendall's rank correlation with
+the order of the shots (Mann 1945). Centre and sigma are those of the series itself.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from statistics import NormalDist
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from recoil_acquisition.read_only import ReadOnlyArrays
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+RULE_SET = "ISO 7870-2:2023, Nelson's rules 1, 2, 3, 5, 6"
+RULES = {
+    "rule 1": "beyond 3 sigma",
+    "rule 2": "nine in a row on one side of the centre",
+    "rule 3": "six in a row rising or falling",
+    "rule 5": "two of three beyond 2 sigma on one side",
+    "rule 6": "four of five beyond 1 sigma on one side",
+}
+MOVING_RANGE = "moving range"
+EWMA_RULE = "EWMA"
+TREND_RULE = "trend"
+"""Names of what fires beside the rules of the individuals."""
+
+LEAST_POINTS = 3
+"""Below this there is no chart."""
+SETTLED_POINTS = 20
+"""Below this the limits are provisional."""
+D2, D4 = 1.128, 3.267
+"""Of ranges of two: their mean over sigma, and their upper limit over their mean."""
+LAMBDA, EWMA_SIGMAS = 0.2, 3.0
+TREND_LEVEL = 0.005
+"""Share of series without a trend in which one is reported."""
+LEAST_SPREAD = 1e-9
+"""Of a series over its largest magnitude, below which it is one number, as it was rounded."""
+
+
+@dataclass(frozen=True, eq=False)
+class IndividualsChart(ReadOnlyArrays):
+    """Individuals and moving range.
+
+    Attributes
+    ----------
+    values : ndarray, shape (n,)
+    moving_range : ndarray, shape (n - 1,)
+        Of each value and the one before it.
+    centre, sigma
+        Mean, and mean moving range over 1.128.
+    fired : mapping of str to ndarray of bool, shape (n,)
+        By rule, and for the moving range: the points that complete a pattern. Only what fired.
+    """
+
+    values: Array
+    moving_range: Array
+    centre: float
+    sigma: float
+    fired: dict[str, Flags]
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Three sigma below and above the centre."""
+        return self.centre - 3.0 * self.sigma, self.centre + 3.0 * self.sigma
+
+    @property
+    def moving_range_limit(self) -> float:
+        """What a moving range rarely exceeds."""
+        return D4 * D2 * self.sigma
+
+    @property
+    def provisional(self) -> bool:
+        """Whether there are too few points for limits that stay."""
+        return self.values.size < SETTLED_POINTS
+
+
+@dataclass(frozen=True, eq=False)
+class EwmaChart(ReadOnlyArrays):
+    """Exponentially weighted moving average.
+
+    Attributes
+    ----------
+    values, half_width : ndarray, shape (n,)
+        The average, and the distance of its limits from the centre, which grows with each point.
+    fired : ndarray of bool, shape (n,)
+    """
+
+    values: Array
+    half_width: Array
+    fired: Flags
+
+
+@dataclass(frozen=True)
+class Trend:
+    """A monotonic change over the shots.
+
+    Attributes
+    ----------
+    change, u
+        From the first shot to the last, and its standard uncertainty by the slopes' 95 % interval.
+    p_value
+        Of a rank correlation as large by chance.
+    """
+
+    change: float
+    u: float
+    p_value: float
+
+    @property
+    def fired(self) -> bool:
+        """Whether it is no chance."""
+        return self.p_value < TREND_LEVEL
+
+
+def individuals_chart(values: ArrayLike) -> IndividualsChart:
+    """Chart individuals and their moving range.
+
+    Parameters
+    ----------
+    values : array-like, shape (n,)
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than three values, or one is not finite.
+    """
+    series, from_first = _series(values)
+    ranges = np.abs(np.diff(from_first))
+    sigma = float(ranges.mean()) / D2
+    apart = from_first - from_first.mean()
+    found = _patterns(apart, sigma)
+    found[MOVING_RANGE] = np.append(False, ranges > D4 * D2 * sigma) if sigma > 0 else np.zeros(series.size, bool)
+    return IndividualsChart(
+        series,
+        ranges,
+        float(series[0] + from_first.mean()),
+        sigma,
+        {name: flags for name, flags in found.items() if flags.any()},
+    )
+
+
+def ewma_chart(chart: IndividualsChart) -> EwmaChart:
+    """Chart the weighted average of individuals about their centre, which sees small shifts that last."""
+    n = chart.values.size
+    apart, average = chart.values - chart.centre, np.empty(n)
+    last = 0.0
+    for i in range(n):
+        last = LAMBDA * apart[i] + (1.0 - LAMBDA) * last
+        average[i] = last
+    spread = np.sqrt(LAMBDA / (2.0 - LAMBDA) * (1.0 - (1.0 - LAMBDA) ** (2 * np.arange(1, n + 1))))
+    half = EWMA_SIGMAS * chart.sigma * spread
+    return EwmaChart(chart.centre + average, half, (np.abs(average) > half) & (chart.sigma > 0))
+
+
+def trend(values: ArrayLike) -> Trend:
+    """Estimate and test a monotonic change.
+
+    Raises
+    ------
+    ValueError
+        As `individuals_chart`.
+    """
+    from scipy.stats import kendalltau, theilslopes
+
+    series, from_first = _series(values)
+    if not from_first.any():
+        return Trend(0.0, 0.0, 1.0)
+    order, steps = np.arange(series.size), series.size - 1
+    found = theilslopes(from_first, order, alpha=0.95)
+    u = (found.high_slope - found.low_slope) / (2.0 * NormalDist().inv_cdf(0.975))
+    p_value = float(kendalltau(order, from_first).pvalue)
+    return Trend(float(found.slope) * steps, float(u) * steps, p_value if math.isfinite(p_value) else 1.0)
+
+
+def _series(values: ArrayLike) -> tuple[Array, Array]:
+    """Return a series, and by how much each value is off the first, so that equal values are equal to the last bit."""
+    series = np.asarray(values, dtype=np.float64)
+    if series.ndim != 1 or series.size < LEAST_POINTS or not np.isfinite(series).all():
+        raise ValueError(f"a chart needs {LEAST_POINTS} or more finite values; got shape {series.shape}")
+    from_first = series - series[0]
+    if np.ptp(from_first) <= LEAST_SPREAD * np.abs(series).max():
+        from_first = np.zeros_like(series)
+    return series, from_first
+
+
+def _patterns(apart: Array, sigma: float) -> dict[str, Flags]:
+    """Find the points that complete a pattern of `RULES`, of deviations from the centre."""
+    n, found = apart.size, {name: np.zeros(apart.size, dtype=bool) for name in RULES}
+    if sigma == 0:
+        return found
+    found["rule 1"] = np.abs(apart) > 3.0 * sigma
+    rising = np.diff(apart) > 0
+    falling = np.diff(apart) < 0
+    for i in range(n):
+        for sign in (1.0, -1.0):
+            side = sign * apart[: i + 1]
+            found["rule 2"][i] |= i >= 8 and bool(np.all(side[-9:] > 0))
+            found["rule 5"][i] |= side[-1] > 2 * sigma and int(np.count_nonzero(side[-3:] > 2 * sigma)) >= 2
+            found["rule 6"][i] |= side[-1] > sigma and int(np.count_nonzero(side[-5:] > sigma)) >= 4
+        found["rule 3"][i] = i >= 5 and bool(rising[i - 5 : i].all() or falling[i - 5 : i].all())
+    return found

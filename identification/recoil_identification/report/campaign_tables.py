@@ -1,0 +1,210 @@
+"""What a campaign's page says in words and tables: rows of text, rounded to their uncertainties.
+
+Every number comes from ``campaign.json``; only its rounding, and its place on a bar, are made here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from recoil_identification.budget import COVERAGE_FACTOR
+from recoil_identification.report.rounding import NO_NUMBER, fixed, rounded, significant
+from recoil_rigs.assumptions import assumption_lines
+
+Document = Mapping[str, Any]
+Row = dict[str, Any]
+
+CHART = "chart"
+BAR_REACH = 4.0
+"""Standard uncertainties, as they were known before, from the middle of a bar to its ends."""
+PEAKS = (
+    ("breech_pressure_pa", "Breech&nbsp;/&nbsp;MPa", 1e-6, 1),
+    ("recoil_velocity_m_s", "Velocity&nbsp;/&nbsp;m/s", 1.0, 2),
+    ("recoil_travel_m", "Travel&nbsp;/&nbsp;mm", 1e3, 1),
+    ("impulse_n_s", "Impulse&nbsp;/&nbsp;N&nbsp;s", 1.0, 0),
+)
+LOG_COLUMNS = (
+    ("charge", "Charge"),
+    ("charge_temperature_c", "Charge&nbsp;/&nbsp;°C"),
+    ("elevation_deg", "Elevation&nbsp;/&nbsp;°"),
+)
+
+
+def verdict(document: Document) -> Row:
+    """Word the page's first line."""
+    mass = document["mass"]
+    low, high = mass["U95"]
+    value, half = rounded(mass["value"], (high - low) / 2)
+    used = sum(shot["excluded"] is None for shot in document["shots"])
+    of = "" if used == len(document["shots"]) else f" of {len(document['shots'])}"
+    return {
+        "valid": bool(document["valid"]),
+        "mass": value,
+        "spread": f"± {half}",
+        "unit": mass.get("unit", "kg"),
+        "interval": f"{rounded(low, (high - low) / 2)[0]} to {rounded(high, (high - low) / 2)[0]} kg",
+        "u": rounded(mass["value"], mass["u"])[1],
+        "between": significant(mass["u_between_shots"], 2),
+        "shots": f"{used}{of}",
+    }
+
+
+def changed(document: Document) -> list[str]:
+    """Say what changed among the shots, a sentence each."""
+    return [_sentence(signal["detail"]) for signal in document["signals"] if signal["kind"] != CHART]
+
+
+def charted(document: Document) -> list[str]:
+    """Say what the charts show, a sentence each."""
+    return [_sentence(signal["detail"]) for signal in document["signals"] if signal["kind"] == CHART]
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def facts(document: Document) -> list[tuple[str, str]]:
+    """Label and text of what stands in small print under the verdict."""
+    gain, friction = document["repeatability"]["gain_rel"], document["repeatability"]["friction_rel"]
+    cutoff_hz = document["provenance"]["parameters"].get("cutoff_hz")
+    found = [("gains repeat to", _scatter(gain, 3)), ("friction repeats to", _scatter(friction, 1))]
+    if cutoff_hz is not None:
+        found.append(("low-pass of all shots", f"{significant(cutoff_hz, 3)} Hz"))
+    return found
+
+
+def _scatter(scatter: Mapping[str, Any], decimals: int) -> str:
+    value, low, high = (fixed(100 * share, decimals) for share in (scatter["value"], *scatter["U95"]))
+    return f"{value} % (95 %: {low} to {high} %)"
+
+
+def mechanisms(document: Document) -> list[Row]:
+    """One row for each mechanism, where there are several."""
+    if len(document["configurations"]) < 2:
+        return []
+    rows = []
+    for one in document["configurations"]:
+        value, u = rounded(one["mass"]["value"], one["mass"]["u"])
+        apart = one["difference"]
+        difference, u_difference = (NO_NUMBER, NO_NUMBER) if apart is None else rounded(apart["value"], apart["u"])
+        rows.append(
+            {
+                "name": one["name"],
+                "shots": len(one["shots"]),
+                "mass": value,
+                "u": u,
+                "difference": difference,
+                "u_difference": u_difference,
+            }
+        )
+    return rows
+
+
+def learnt(document: Document) -> list[Row]:
+    """One row for each influence that the shots share: known before, found, and both as bars.
+
+    The bars are in standard uncertainties of what was known, 95 % each; what lies beyond their end is cut there.
+    """
+    rows = []
+    for one in document["common"]:
+        prior = one["prior_u"]
+        percent = one["unit"] == "1" and prior < 1.0
+        scale, unit = (100.0, "%") if percent else (1.0, "" if one["unit"] == "1" else one["unit"])
+        value, u = rounded(scale * one["value"], scale * one["u"])
+        at, half = one["value"] / prior, COVERAGE_FACTOR * one["u"] / prior
+        low, high = _place(at - half), _place(at + half)
+        rows.append(
+            {
+                "influence": one["influence"],
+                "prior": f"{significant(scale * prior, 2)} {unit}".strip(),
+                "value": value if value.startswith("\N{MINUS SIGN}") or value == "0" else f"+{value}",
+                "u": f"{u} {unit}".strip(),
+                "w": fixed(one["normalised_residual"], 1),
+                "gained": fixed(prior / one["u"], 1),
+                "prior_from": f"{_place(-COVERAGE_FACTOR):.1f}",
+                "prior_width": f"{_place(COVERAGE_FACTOR) - _place(-COVERAGE_FACTOR):.1f}",
+                "from": f"{low:.1f}",
+                "width": f"{max(high - low, 0.8):.1f}",
+                "at": f"{_place(at):.1f}",
+                "beyond": abs(at) > BAR_REACH,
+            }
+        )
+    return rows
+
+
+def _place(in_u: float) -> float:
+    """Percent of a bar's length."""
+    return 50.0 + 50.0 * max(-BAR_REACH, min(BAR_REACH, in_u)) / BAR_REACH
+
+
+def shot_columns(document: Document) -> list[tuple[str, bool]]:
+    """Heading of each column of the table of shots, as HTML, and whether it holds numbers."""
+    shots = document["shots"]
+    log = [(label, name != "charge") for name, label in LOG_COLUMNS if any(name in one["shot_log"] for one in shots)]
+    peaks = [(label, True) for name, label, _, _ in PEAKS if any(name in one["peaks"] for one in shots)]
+    masses = [
+        (label, True)
+        for label in (
+            "Mass&nbsp;/&nbsp;kg",
+            "u&nbsp;/&nbsp;kg",
+            "Bare, own&nbsp;/&nbsp;kg",
+            "own u&nbsp;/&nbsp;kg",
+            "w",
+        )
+    ]
+    first = [("Shot", False), ("Time", False), ("Configuration", False), ("Added&nbsp;/&nbsp;kg", True)]
+    return [*first, *log, *peaks, *masses, ("w", True), ("Remarks", False)]
+
+
+def shots(document: Document) -> list[Row]:
+    """One row for each shot: its page, and its cells in the order of `shot_columns`."""
+    stated = document["shots"]
+    log = [name for name, _ in LOG_COLUMNS if any(name in one["shot_log"] for one in stated)]
+    peaks = [one for one in PEAKS if any(one[0] in shot["peaks"] for shot in stated)]
+    rows = []
+    for one in stated:
+        added, cells = one["added_mass_kg"], one["shot_log"]
+        mass, u = rounded(one["mass"]["value"], one["mass"]["u"])
+        own, u_own = rounded(None if one["own_mass_kg"] is None else one["own_mass_kg"] - added, one["own_u_kg"])
+        remarks = [f"set aside: {one['excluded']}"] if one["excluded"] else []
+        remarks += [str(cells["notes"])] if cells.get("notes") else []
+        rows.append(
+            {
+                "shot": one["shot"],
+                "page": one.get("report"),
+                "excluded": one["excluded"] is not None,
+                "cells": [
+                    (_time(one["started"]), False),
+                    (one["configuration"], False),
+                    (f"{added:g}" if added else "", True),
+                    *((_cell(cells.get(name)), name != "charge") for name in log),
+                    *((_peak(one["peaks"].get(name), scale, digits), True) for name, _, scale, digits in peaks),
+                    (mass, True),
+                    (u, True),
+                    (own, True),
+                    (u_own, True),
+                    (fixed(one["normalised_residual"], 1), True),
+                    ("; ".join(remarks), False),
+                ],
+            }
+        )
+    return rows
+
+
+def _time(started: str | None) -> str:
+    """Date and time to the second."""
+    return NO_NUMBER if not started else started[:19].replace("T", " ")
+
+
+def _cell(value: Any) -> str:
+    return "" if value is None else f"{value:g}" if isinstance(value, int | float) else str(value)
+
+
+def _peak(value: float | None, scale: float, decimals: int) -> str:
+    return fixed(None if value is None else scale * value, decimals)
+
+
+def assumed(document: Document) -> list[str]:
+    """Say in a line for each kind what the shots' reports take for granted."""
+    return assumption_lines(document.get("assumptions") or ())
