@@ -33,6 +33,8 @@ CHART = "chart"
 MASS = "mass"
 RESIDUAL, ZERO, READING, NOISE = "residual", "zero before the shot", "reading before the shot", "noise before the shot"
 """Quantities that are charted."""
+MOST_TOLD = 8
+"""Shots that a sentence names."""
 MEANINGS = {MOVING_RANGE: "a jump from the shot before", EWMA_RULE: "the weighted average beyond its limits", **RULES}
 
 
@@ -70,7 +72,8 @@ class ChartSignal:
             size, u = scale * (self.size or 0.0), scale * (self.u or 0.0)
             what = f"a trend of {size:+.3g} {unit}, u {u:.2g} {unit}, from shot {self.shots[0]} to {self.shots[-1]}"
         else:
-            where = f"shot{'s' if len(self.shots) > 1 else ''} {', '.join(self.shots)}"
+            more = f" and {len(self.shots) - MOST_TOLD} more" if len(self.shots) > MOST_TOLD else ""
+            where = f"shot{'s' if len(self.shots) > 1 else ''} {', '.join(self.shots[:MOST_TOLD])}{more}"
             what = f"{MEANINGS[self.rule]} at {where} ({self.rule}{limits})"
         return f"{self.quantity.partition(' ')[0]}: {what}"
 

@@ -193,17 +193,21 @@ def _series(values: ArrayLike) -> tuple[Array, Array]:
 
 def _patterns(apart: Array, sigma: float) -> dict[str, Flags]:
     """Find the points that complete a pattern of `RULES`, of deviations from the centre."""
-    n, found = apart.size, {name: np.zeros(apart.size, dtype=bool) for name in RULES}
+    found = {name: np.zeros(apart.size, dtype=bool) for name in RULES}
     if sigma == 0:
         return found
     found["rule 1"] = np.abs(apart) > 3.0 * sigma
-    rising = np.diff(apart) > 0
-    falling = np.diff(apart) < 0
-    for i in range(n):
-        for sign in (1.0, -1.0):
-            side = sign * apart[: i + 1]
-            found["rule 2"][i] |= i >= 8 and bool(np.all(side[-9:] > 0))
-            found["rule 5"][i] |= side[-1] > 2 * sigma and int(np.count_nonzero(side[-3:] > 2 * sigma)) >= 2
-            found["rule 6"][i] |= side[-1] > sigma and int(np.count_nonzero(side[-5:] > sigma)) >= 4
-        found["rule 3"][i] = i >= 5 and bool(rising[i - 5 : i].all() or falling[i - 5 : i].all())
+    for side in (apart, -apart):
+        found["rule 2"] |= _of_last(side > 0, 9) == 9
+        # six points have five steps between them
+        found["rule 3"] |= _of_last(np.diff(side, prepend=side[0]) > 0, 5) == 5
+        # the point that completes a pattern is itself beyond
+        found["rule 5"] |= (side > 2.0 * sigma) & (_of_last(side > 2.0 * sigma, 3) >= 2)
+        found["rule 6"] |= (side > sigma) & (_of_last(side > sigma, 5) >= 4)
     return found
+
+
+def _of_last(flags: Flags, count: int) -> NDArray[np.int_]:
+    """Return how many of the last so many points are flagged, this one among them, shape (n,)."""
+    total = np.cumsum(flags)
+    return np.asarray(total - np.concatenate([np.zeros(count, dtype=int), total])[: flags.size])

@@ -16,10 +16,13 @@ Array = NDArray[np.float64]
 MOST_SINGLE = 40
 """Shots whose curves are drawn one by one; of more, those that stand out and some of the others."""
 
+LEAST_SHARE = 0.9
+"""Of the shots that must have a value: where shots drop out, the middle of those that are left jumps."""
+
 
 @dataclass(frozen=True, eq=False)
 class Envelope(ReadOnlyArrays):
-    """Lowest, middle and highest of all shots at each instant, shapes (n,)."""
+    """Lowest, middle and highest of all shots at each instant, shapes (n,); NaN where too few have a value."""
 
     lowest: Array
     median: Array
@@ -85,7 +88,7 @@ def overlay(curves: Iterable[tuple[str, Curves]], standing_out: Sequence[str] = 
                     if curve in one.values
                 ]
             )
-            known = np.isfinite(stack).any(axis=0) if stack.size else np.zeros(times_s.size, dtype=bool)
+            known = np.isfinite(stack).mean(axis=0) >= LEAST_SHARE if stack.size else np.zeros(times_s.size, dtype=bool)
             if known.any():
                 rows = np.full((3, times_s.size), np.nan)
                 rows[:, known] = np.nanquantile(stack[:, known], [0.0, 0.5, 1.0], axis=0)

@@ -21,7 +21,7 @@ from recoil_identification.campaign.charts import (
     IndividualsChart,
 )
 from recoil_identification.campaign.overlay import Overlay
-from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Span, Trace, TraceKind
+from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Span, Trace
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -33,7 +33,10 @@ PANELS = (
     ("recoil_acceleration_m_s2", "acceleration, m/s^2", 1.0, "m/s^2"),
     ("recoil_travel_m", "travel, mm", 1e3, "mm"),
 )
-LIMIT_HUE = 1
+MOST_STRONG = 12
+"""Shots up to which each curve is as strong as any."""
+Lines = tuple[float, ...]
+"""Centre and limits."""
 
 
 def campaign_figures(campaign: Campaign, curves: Overlay | None) -> list[Figure]:
@@ -79,25 +82,27 @@ def _masses(campaign: Campaign) -> Figure:
     half = COVERAGE_FACTOR * u_own
     spans = tuple(Span(group_name(group), *_reach([_group(one) == group for one in shots])) for group in groups)
     traces = [
-        *_bands(campaign, shots),
         Trace("each shot by itself", places[used], alone[used], "points", "kg", hue=7),
         Trace(
-            "with what the shots share as found, own scatter, 95 %",
+            "without the sensors' errors, own scatter 95 %",
             places[used], (own - added)[used], "whiskers", "kg", (own - added - half)[used], (own - added + half)[used],
             hue=0,
         ),
     ]  # fmt: skip
     if not used.all():
         traces.append(Trace("set aside", places[~used], alone[~used], "points", "kg", hue=5))
-    steps = joint - added
-    if np.ptp(steps[used]) > 1e-6 * abs(float(np.nanmax(steps))):
-        traces.append(Trace("as the campaign explains it", places[used], steps[used], "model", "kg", hue=2))
+    if any(change.unit == "kg" for change in campaign.changes):
+        last = np.array([_group(a) != _group(b) for a, b in pairwise(shots)] + [True])
+        # parted where the next shot is of another group
+        x, y = np.insert(places, np.flatnonzero(last) + 1, places[last]), joint - added
+        y = np.insert(y, np.flatnonzero(last) + 1, math.nan)
+        traces.append(Trace("with what changed", x, y, "model", "kg", hue=2))
     common = np.array([one.shot.u_kg for one in shots]) ** 2 - u_own**2
     bracket_kg = COVERAGE_FACTOR * math.sqrt(max(float(np.nanmedian(common)), 0.0))
-    middle = float(np.median(alone[used]))
+    middle, edge = float(np.median(alone[used])), max(0.8, 0.05 * len(shots))
     traces.append(
         Trace(
-            "common to all shots by themselves, 95 %", [len(shots) - 0.1], [middle], "whiskers", "kg",
+            "common to all by themselves, 95 %", [len(shots) - 0.5 + 0.6 * edge], [middle], "whiskers", "kg",
             [middle - bracket_kg], [middle + bracket_kg], hue=7,
         )
     )  # fmt: skip
@@ -108,9 +113,10 @@ def _masses(campaign: Campaign) -> Figure:
         "Blue: the same shots with the sensors' errors as the campaign found them, with their own scatter; the band is "
         "the campaign's mass with its 95 % interval.",
         "shot",
-        (Panel("mass, kg", tuple(traces), spans=spans if len(groups) > 1 else ()),),
+        # the band last: many shots would hide it
+        (Panel("mass, kg", (*traces, *_bands(campaign, shots)), spans=spans if len(groups) > 1 else ()),),
         names=tuple(one.shot.name for one in shots),
-        shown=(-0.6, len(shots) + 0.2),
+        shown=(-0.6, len(shots) - 0.5 + edge),
     )
 
 
@@ -136,27 +142,15 @@ def _bands(campaign: Campaign, shots: Sequence[Used]) -> list[Trace]:
     return traces
 
 
-def _chart_panel(
-    label: str,
-    unit: str,
-    chart: tuple[Array, Array, Flags],
-    centre: float,
-    limits: tuple[Array | float, Array | float],
-    *,
-    log: bool = False,
-) -> Panel:
-    """Draw one chart: places, values and what fired of them, between limits."""
-    places, values, fired = chart
-    low, high = (np.broadcast_to(limit, values.shape) for limit in limits)
-    traces = [
-        Trace("limit", places, high, "reference", unit, hue=LIMIT_HUE, group="limits"),
-        Trace("limit", places, low, "reference", unit, hue=LIMIT_HUE, group="limits"),
-        Trace(label, places, values, "filtered", unit, hue=0, group="value"),
-        Trace(label, places, values, "points", unit, hue=0, group="value"),
-    ]
+def _chart_panel(label: str, unit: str, points: tuple[Array, Array, Flags], lines: Lines, *more: Trace) -> Panel:
+    """Draw one chart: places, values and what fired of them, with its centre and its limits."""
+    places, values, fired = points
+    traces = [*more, Trace(label, places, values, "series", unit, hue=0)]
     if fired.any():
-        traces.append(Trace("fired", places[fired], values[fired], "marks", unit, group="fired"))
-    return Panel(label, tuple(traces), (HorizontalLine("", centre, "mean"),), y_scale="log" if log else "linear")
+        traces.append(Trace("fired", places[fired], values[fired], "marks", unit))
+    centre, *limits = lines
+    levels = [HorizontalLine("", centre, "mean"), *(HorizontalLine("", limit, "limit") for limit in limits)]
+    return Panel(label, tuple(traces), tuple(levels))
 
 
 def _fired(chart: IndividualsChart, *, jumps: bool) -> Flags:
@@ -170,15 +164,16 @@ def _residuals(one: Charted) -> Figure:
     ranges, jumps = chart.moving_range, chart.fired.get(MOVING_RANGE, np.zeros(places.size, dtype=bool))[1:]
     points = (places, chart.values, _fired(chart, jumps=False))
     panels = [
-        _chart_panel("residual w", "", points, chart.centre, chart.limits),
-        _chart_panel(
-            "moving range", "", (places[1:], ranges, jumps), float(ranges.mean()), (0.0, chart.moving_range_limit)
-        ),
+        _chart_panel("residual w", "", points, (chart.centre, *chart.limits)),
+        _chart_panel("moving range", "", (places[1:], ranges, jumps), (float(ranges.mean()), chart.moving_range_limit)),
     ]
     if one.ewma is not None:
-        limits = (chart.centre - one.ewma.half_width, chart.centre + one.ewma.half_width)
+        limits = [
+            Trace("limits", places, chart.centre + sign * one.ewma.half_width, "reference", "", hue=1, group="limits")
+            for sign in (1.0, -1.0)
+        ]
         average = (places, one.ewma.values, one.ewma.fired)
-        panels.append(_chart_panel("weighted average", "", average, chart.centre, limits))
+        panels.append(_chart_panel("weighted average", "", average, (chart.centre,), *limits))
     return Figure(
         "residuals",
         "Control charts of the residuals",
@@ -201,14 +196,15 @@ def _sensor(campaign: Campaign, number: int, charts: Sequence[Charted]) -> Figur
     place_of = {name: place for place, name in enumerate(names)}
     panels = []
     for one in charts:
-        chart, log = one.individuals, one.quantity == NOISE
+        chart = one.individuals
+        lines: Lines = (chart.centre, *chart.limits)
         places = np.array([place_of[name] for name in one.shots], dtype=np.float64)
-        values, limits, centre = chart.values, chart.limits, chart.centre
-        if log:
-            values, centre, limits = np.exp(values), math.exp(centre), (math.exp(limits[0]), math.exp(limits[1]))
+        values = chart.values
+        if one.quantity == NOISE:
+            # its logarithm is charted, and the noise itself is drawn
+            values, lines = np.exp(values), tuple(math.exp(line) for line in lines)
         label = f"{one.quantity.partition(' ')[0]}, {one.sensor_unit}"
-        points = (places, values, _fired(chart, jumps=True))
-        panels.append(_chart_panel(label, one.sensor_unit, points, centre, limits, log=log))
+        panels.append(_chart_panel(label, one.sensor_unit, (places, values, _fired(chart, jumps=True)), lines))
     told = "; ".join(signal.told for one in charts for signal in one.signals) or "nothing fired"
     return Figure(
         f"sensor-{number}",
@@ -225,7 +221,7 @@ def _curves(campaign: Campaign, curves: Overlay) -> Figure:
     groups = list(dict.fromkeys(_group(one) for one in campaign.shots))
     group_of = {one.shot.name: _group(one) for one in campaign.shots}
     named = {name for change in campaign.changes if change.kind == "outlier" for name in change.shots}
-    panels = []
+    panels, drawn = [], len(curves.single)
     for curve, label, scale, unit in PANELS:
         traces = []
         if curve in curves.envelopes:
@@ -238,24 +234,24 @@ def _curves(campaign: Campaign, curves: Overlay) -> Figure:
             )  # fmt: skip
         for shot, one in curves.single.items():
             if curve in one.values:
-                group = group_of[shot]
-                kind: TraceKind = "filtered" if shot in named else "measured"
+                group, strong = group_of[shot], shot in named or drawn <= MOST_STRONG
+                x, y = 1e3 * one.times_s, scale * one.values[curve]
+                hue, name = groups.index(group), group_name(group)
+                if shot in named:
+                    hue, name = 5, f"shot {shot} lies apart"
                 traces.append(
-                    Trace(
-                        f"shot {shot}", 1e3 * one.times_s, scale * one.values[curve], kind, unit,
-                        hue=groups.index(group), group=group_name(group),
-                    )
-                )  # fmt: skip
+                    Trace(f"shot {shot}", x, y, "filtered" if strong else "measured", unit, hue=hue, group=name)
+                )
         if traces:
             panels.append(Panel(label, tuple(traces)))
-    drawn = len(curves.single)
     what = "each shot is a line" if not curves.envelopes else f"{drawn} of {curves.shots} shots are lines"
+    apart = f"; {', '.join(sorted(named))} lies apart, and is red" if named else ""
     missing = len(campaign.shots) - curves.shots
     lacking = f" {missing} shots have no curves beside their reports." if missing else ""
     return Figure(
         "curves",
         "All shots laid over one another",
-        f"Behind the low-pass, from the onset of force: {what}; those that lie apart are strong.{lacking}",
+        f"Behind the low-pass, from the onset of force: {what}{apart}.{lacking}",
         "time after the onset of force, ms",
         tuple(panels),
         single=True,

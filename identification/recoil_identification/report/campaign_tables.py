@@ -16,18 +16,19 @@ Document = Mapping[str, Any]
 Row = dict[str, Any]
 
 CHART = "chart"
+MINUS = "\N{MINUS SIGN}"
 BAR_REACH = 4.0
 """Standard uncertainties, as they were known before, from the middle of a bar to its ends."""
 PEAKS = (
-    ("breech_pressure_pa", "Breech&nbsp;/&nbsp;MPa", 1e-6, 1),
-    ("recoil_velocity_m_s", "Velocity&nbsp;/&nbsp;m/s", 1.0, 2),
-    ("recoil_travel_m", "Travel&nbsp;/&nbsp;mm", 1e3, 1),
-    ("impulse_n_s", "Impulse&nbsp;/&nbsp;N&nbsp;s", 1.0, 0),
+    ("breech_pressure_pa", "Breech /&nbsp;MPa", 1e-6, 1),
+    ("recoil_velocity_m_s", "Velocity /&nbsp;m/s", 1.0, 2),
+    ("recoil_travel_m", "Travel /&nbsp;mm", 1e3, 1),
+    ("impulse_n_s", "Impulse /&nbsp;N&nbsp;s", 1.0, 0),
 )
 LOG_COLUMNS = (
     ("charge", "Charge"),
-    ("charge_temperature_c", "Charge&nbsp;/&nbsp;°C"),
-    ("elevation_deg", "Elevation&nbsp;/&nbsp;°"),
+    ("charge_temperature_c", "Charge /&nbsp;°C"),
+    ("elevation_deg", "Elevation /&nbsp;°"),
 )
 
 
@@ -51,17 +52,14 @@ def verdict(document: Document) -> Row:
 
 
 def changed(document: Document) -> list[str]:
-    """Say what changed among the shots, a sentence each."""
-    return [_sentence(signal["detail"]) for signal in document["signals"] if signal["kind"] != CHART]
+    """Say what changed among the shots, as far as no reason says it."""
+    told = (signal["detail"] for signal in document["signals"] if signal["kind"] != CHART)
+    return [detail for detail in told if not any(detail in reason for reason in document["reasons"])]
 
 
 def charted(document: Document) -> list[str]:
-    """Say what the charts show, a sentence each."""
-    return [_sentence(signal["detail"]) for signal in document["signals"] if signal["kind"] == CHART]
-
-
-def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:]
+    """Say what the charts show."""
+    return [signal["detail"] for signal in document["signals"] if signal["kind"] == CHART]
 
 
 def facts(document: Document) -> list[tuple[str, str]]:
@@ -118,7 +116,7 @@ def learnt(document: Document) -> list[Row]:
             {
                 "influence": one["influence"],
                 "prior": f"{significant(scale * prior, 2)} {unit}".strip(),
-                "value": value if value.startswith("\N{MINUS SIGN}") or value == "0" else f"+{value}",
+                "value": f"{'' if value.startswith(MINUS) else '+'}{value} {unit}".strip(),
                 "u": f"{u} {unit}".strip(),
                 "w": fixed(one["normalised_residual"], 1),
                 "gained": fixed(prior / one["u"], 1),
@@ -138,58 +136,58 @@ def _place(in_u: float) -> float:
     return 50.0 + 50.0 * max(-BAR_REACH, min(BAR_REACH, in_u)) / BAR_REACH
 
 
-def shot_columns(document: Document) -> list[tuple[str, bool]]:
-    """Heading of each column of the table of shots, as HTML, and whether it holds numbers."""
-    shots = document["shots"]
-    log = [(label, name != "charge") for name, label in LOG_COLUMNS if any(name in one["shot_log"] for one in shots)]
-    peaks = [(label, True) for name, label, _, _ in PEAKS if any(name in one["peaks"] for one in shots)]
-    masses = [
-        (label, True)
-        for label in (
-            "Mass&nbsp;/&nbsp;kg",
-            "u&nbsp;/&nbsp;kg",
-            "Bare, own&nbsp;/&nbsp;kg",
-            "own u&nbsp;/&nbsp;kg",
-            "w",
-        )
+def shots(document: Document) -> tuple[list[tuple[str, bool]], list[Row]]:
+    """Return the table of shots, without columns in which nothing stands.
+
+    Returns
+    -------
+    columns : list of (str, bool)
+        Heading, as HTML, and whether it holds numbers.
+    rows : list of dict
+        ``page``, ``excluded``, and ``cells``: text, and whether it is a number.
+    """
+    columns = [
+        ("Shot", False),
+        ("Time", False),
+        ("Configuration", False),
+        ("Added /&nbsp;kg", True),
+        *((label, name != "charge") for name, label in LOG_COLUMNS),
+        *((label, True) for _, label, _, _ in PEAKS),
+        *((f"{name} /&nbsp;kg", True) for name in ("Mass", "u", "Bare", "Own u")),
+        ("w", True),
+        ("Remarks", False),
     ]
-    first = [("Shot", False), ("Time", False), ("Configuration", False), ("Added&nbsp;/&nbsp;kg", True)]
-    return [*first, *log, *peaks, *masses, ("w", True), ("Remarks", False)]
+    table = [_shot(one) for one in document["shots"]]
+    filled = [k for k in range(len(columns)) if any(cells[k] not in ("", NO_NUMBER) for cells in table)]
+    rows = [
+        {
+            "page": one.get("report"),
+            "excluded": one["excluded"] is not None,
+            "cells": [(cells[k], columns[k][1]) for k in filled],
+        }
+        for one, cells in zip(document["shots"], table, strict=True)
+    ]
+    return [columns[k] for k in filled], rows
 
 
-def shots(document: Document) -> list[Row]:
-    """One row for each shot: its page, and its cells in the order of `shot_columns`."""
-    stated = document["shots"]
-    log = [name for name, _ in LOG_COLUMNS if any(name in one["shot_log"] for one in stated)]
-    peaks = [one for one in PEAKS if any(one[0] in shot["peaks"] for shot in stated)]
-    rows = []
-    for one in stated:
-        added, cells = one["added_mass_kg"], one["shot_log"]
-        mass, u = rounded(one["mass"]["value"], one["mass"]["u"])
-        own, u_own = rounded(None if one["own_mass_kg"] is None else one["own_mass_kg"] - added, one["own_u_kg"])
-        remarks = [f"set aside: {one['excluded']}"] if one["excluded"] else []
-        remarks += [str(cells["notes"])] if cells.get("notes") else []
-        rows.append(
-            {
-                "shot": one["shot"],
-                "page": one.get("report"),
-                "excluded": one["excluded"] is not None,
-                "cells": [
-                    (_time(one["started"]), False),
-                    (one["configuration"], False),
-                    (f"{added:g}" if added else "", True),
-                    *((_cell(cells.get(name)), name != "charge") for name in log),
-                    *((_peak(one["peaks"].get(name), scale, digits), True) for name, _, scale, digits in peaks),
-                    (mass, True),
-                    (u, True),
-                    (own, True),
-                    (u_own, True),
-                    (fixed(one["normalised_residual"], 1), True),
-                    ("; ".join(remarks), False),
-                ],
-            }
-        )
-    return rows
+def _shot(one: Mapping[str, Any]) -> list[str]:
+    """Return a shot's cells, in the order of all columns."""
+    added, cells = one["added_mass_kg"], one["shot_log"]
+    mass, u = rounded(one["mass"]["value"], one["mass"]["u"])
+    own, u_own = rounded(None if one["own_mass_kg"] is None else one["own_mass_kg"] - added, one["own_u_kg"])
+    remarks = [f"set aside: {one['excluded']}"] if one["excluded"] else []
+    remarks += [str(cells["notes"])] if cells.get("notes") else []
+    return [
+        one["shot"],
+        _time(one["started"]),
+        one["configuration"],
+        f"{added:g}" if added else "",
+        *(_cell(cells.get(name)) for name, _ in LOG_COLUMNS),
+        *(_peak(one["peaks"].get(name), scale, decimals) for name, _, scale, decimals in PEAKS),
+        *(mass, u, own, u_own),
+        fixed(one["normalised_residual"], 1),
+        "; ".join(remarks),
+    ]
 
 
 def _time(started: str | None) -> str:

@@ -103,7 +103,7 @@ def drawing(figure: Figure, buckets: int = TRACE_POINTS // 2) -> dict[str, Any]:
                 "unifiedhovertitle": {"text": f"{_plain(label)}: %{{x:.6~g}}"},
             }
             if figure.names and not own:
-                layout[f"xaxis{x_number}"] |= _named_ticks(figure.names)
+                layout[f"xaxis{x_number}"] = _named_ticks(figure.names) | layout[f"xaxis{x_number}"]
         layout[f"yaxis{number}"] = _axis(panel.y_label, panel.y_scale, _y_range(panel, shown), anchor=f"x{x_number}")
         layout[f"yaxis{number}"]["domain"] = [bottoms[i], tops[i]]
         layout[f"legend{number}"] = {
@@ -119,12 +119,9 @@ def drawing(figure: Figure, buckets: int = TRACE_POINTS // 2) -> dict[str, Any]:
             hue = _hue(trace, used[trace.kind])
             used[trace.kind] += trace.hue is None
             axes = {"xaxis": f"x{x_number}", "yaxis": f"y{number}", "legend": f"legend{number}"}
-            parts = [part | axes for part in _trace(trace, hue, buckets, log=scale == "log", shown=shown)]
-            if figure.names and not own:
-                parts = [part | _named(trace, figure.names) for part in parts]
-            if trace.group:
-                parts = [part | _grouped(trace, data) for part in parts]
-            data += parts
+            names = figure.names if not own else ()
+            parts = _trace(trace, hue, buckets, log=scale == "log", shown=shown, names=names)
+            data += [part | axes | _grouped(trace, part, data) for part in parts]
         for span in panel.spans:
             layout["shapes"].append(_span(span, f"x{x_number}", f"y{number}"))
         for line in panel.lines:
@@ -144,24 +141,21 @@ def _named_ticks(names: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def _named(trace: Trace, names: Sequence[str]) -> dict[str, Any]:
-    """Let the read-out of each point begin with the name of its place."""
-    if trace.kind == "band":
-        return {}
-    places = np.asarray(trace.x)
-    known = np.isclose(places, np.round(places)) & (places > -0.5) & (places < len(names) - 0.5)
-    texts = [_plain(names[round(x)]) if at else "" for x, at in zip(places.tolist(), known.tolist(), strict=True)]
-    unit = _plain(trace.unit)
-    spread = " ± %{customdata:.2~g}" if trace.kind == "whiskers" else ""
-    return {"text": texts, "hovertemplate": f"%{{text}}: %{{y:.5~g}}{spread} {unit}"}
+def _names_of(x: FloatArray, names: Sequence[str]) -> list[str]:
+    """Return the name of each point's place; empty beside the places."""
+    places = np.round(x).astype(int)
+    known = (np.abs(x - places) < 1e-6) & (places >= 0) & (places < len(names))
+    return [_plain(names[place]) if at else "" for place, at in zip(places.tolist(), known.tolist(), strict=True)]
 
 
-def _grouped(trace: Trace, earlier: Sequence[dict[str, Any]]) -> dict[str, Any]:
+def _grouped(trace: Trace, drawn: dict[str, Any], earlier: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Hang a trace on its group's entry in the legend, which the group's first trace makes."""
+    if not trace.group:
+        return {}
     group = _plain(trace.group)
-    if any(one.get("legendgroup") == group for one in earlier):
-        return {"legendgroup": group, "showlegend": False}
-    return {"legendgroup": group, "legendgrouptitle": {"text": ""}, "showlegend": True}
+    first = not any(one.get("legendgroup") == group for one in earlier)
+    said = f"{drawn['hovertemplate']}<extra>{drawn['name']}</extra>"
+    return {"legendgroup": group, "name": group, "showlegend": first, "hovertemplate": said}
 
 
 def _hue(trace: Trace, earlier: int) -> str:
@@ -202,7 +196,7 @@ def _y_range(panel: Panel, shown: Range | None) -> Range | None:
     if panel.y_shown is not None:
         return panel.y_shown
     log = panel.y_scale == "log"
-    if shown is None and not log and not panel.spans:
+    if shown is None and not log and not panel.spans and not panel.lines:
         return None
     within = (-np.inf, np.inf) if shown is None else shown
     levels = [np.array([v for n in panel.lines for v in (n.y, n.y_low, n.y_high) if v is not None], dtype=np.float64)]
@@ -224,7 +218,9 @@ def _y_range(panel: Panel, shown: Range | None) -> Range | None:
     return (low - below, high + above) if low < high else None
 
 
-def _trace(trace: Trace, hue: str, buckets: int, *, log: bool, shown: Range | None) -> list[dict[str, Any]]:
+def _trace(
+    trace: Trace, hue: str, buckets: int, *, log: bool, shown: Range | None, names: Sequence[str]
+) -> list[dict[str, Any]]:
     x, y = np.asarray(trace.x, dtype=np.float64), np.asarray(trace.y, dtype=np.float64)
     whole = x.size <= 2 * buckets
     chosen = np.arange(x.size) if whole else envelope_indices(y, bucket_starts(x, buckets, log=log, shown=shown))
@@ -238,6 +234,8 @@ def _trace(trace: Trace, hue: str, buckets: int, *, log: bool, shown: Range | No
         "line": {"color": f"rgb({hue})", "width": 1.5},
         "hovertemplate": f"%{{y:.5~g}} {unit}",
     }
+    if names:
+        drawn |= {"text": _names_of(x[chosen], names), "hovertemplate": f"%{{text}}: {drawn['hovertemplate']}"}
     if not trace.visible:
         drawn["visible"] = "legendonly"
     if trace.kind == "measured":
@@ -249,17 +247,20 @@ def _trace(trace: Trace, hue: str, buckets: int, *, log: bool, shown: Range | No
     elif trace.kind == "points":
         drawn |= {"mode": "markers", "marker": {"size": 4, "color": f"rgb({hue})"}}
         del drawn["line"]
+    elif trace.kind == "series":
+        drawn |= {"mode": "lines+markers", "marker": {"size": 5, "color": f"rgb({hue})"}}
     elif trace.kind == "marks":
         ring = {"size": 13, "symbol": "circle-open", "color": FIRED_COLOUR, "line": {"width": 2}}
         drawn |= {"mode": "markers", "marker": ring}
         del drawn["line"]
     elif trace.kind == "whiskers":
-        half = (np.asarray(trace.y_high, dtype=np.float64) - np.asarray(trace.y_low, dtype=np.float64)) / 2
+        half = _samples(((np.asarray(trace.y_high) - np.asarray(trace.y_low)) / 2)[chosen])
         drawn |= {
             "mode": "markers",
             "marker": {"size": 6, "color": f"rgb({hue})"},
-            "error_y": {"type": "data", "array": _samples(half), "color": f"rgb({hue})", "thickness": 1.4, "width": 3},
-            "customdata": _samples(half),
+            "error_y": {"type": "data", "array": half, "color": f"rgb({hue})", "thickness": 1.4, "width": 3},
+            "customdata": half,
+            "hovertemplate": f"{'%{text}: ' if names else ''}%{{y:.5~g}} ± %{{customdata:.2~g}} {unit}",
         }
         del drawn["line"]
     elif trace.kind == "bars":

@@ -22,7 +22,9 @@ import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.intp]
-TraceKind = Literal["measured", "filtered", "model", "reference", "band", "points", "bars", "whiskers", "marks"]
+TraceKind = Literal[
+    "measured", "filtered", "model", "reference", "band", "points", "bars", "series", "whiskers", "marks"
+]
 Scale = Literal["linear", "log"]
 LineKind = Literal["specification", "limit", "mean"]
 
@@ -40,11 +42,11 @@ class Trace:
         As the legend and the cursor's read-out show it.
     x, y : array-like, shape (n_samples,)
         ``x`` is finite; ``y`` may have gaps (NaN), which stay gaps.
-    kind : {"measured", "filtered", "model", "reference", "band", "points", "bars", "whiskers", "marks"}
+    kind : {"measured", "filtered", "model", "reference", "band", "points", "bars", "series", "whiskers", "marks"}
         What the curve is, which decides how it is drawn. The k-th measured and the k-th filtered trace of a
         panel share a hue, and the k-th model and the k-th set of points the next one. The first reference is
         grey. A band is the curve ``y`` between ``y_low`` and ``y_high``; whiskers are points with a bar from the one to
-        the other; marks are rings round points of another trace.
+        the other; a series is points on a line; marks are rings round points of another trace.
     unit
         Of ``y``, shown in the cursor's read-out.
     y_low, y_high : array-like, shape (n_samples,), or None

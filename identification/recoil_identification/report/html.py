@@ -193,6 +193,7 @@ def render_campaign_page(document: Mapping[str, Any], figures: Sequence[Figure])
     ValueError
         Figures with equal keys.
     """
+    columns, rows = campaign_tables.shots(document)
     return _render(
         "campaign.html",
         document,
@@ -200,12 +201,13 @@ def render_campaign_page(document: Mapping[str, Any], figures: Sequence[Figure])
         embedded={"shot": f"campaign-{document['rig']}"},
         verdict=campaign_tables.verdict(document),
         changed=campaign_tables.changed(document),
+        unchanged=all(signal["kind"] == campaign_tables.CHART for signal in document["signals"]),
         charted=campaign_tables.charted(document),
         facts=campaign_tables.facts(document),
         mechanisms=campaign_tables.mechanisms(document),
         learnt=campaign_tables.learnt(document),
-        columns=campaign_tables.shot_columns(document),
-        rows=campaign_tables.shots(document),
+        columns=columns,
+        rows=rows,
         assumed=campaign_tables.assumed(document),
         series_file="campaign.csv",
         series_name="the shots",
