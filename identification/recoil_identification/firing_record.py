@@ -39,7 +39,7 @@ def peaks_of(found: Identification) -> dict[str, float]:
     """Return the largest values of a shot between the onset of force and the end of recoil travel, units in the names.
 
     Pressures are as recorded; acceleration, velocity and travel as identified. The impulse is that of the breech force
-    over the same time. What the shot has no channel for is not in it.
+    over the same time, without what the projectile's friction takes off. What the shot has no channel for is not in it.
     """
     signals, recorded, inside = found.signals, found.recorded, found.recorded.inside
     t0, t1 = recorded.interval_s

@@ -89,7 +89,8 @@ def test_ingest_as_json_is_one_document(run, field_shot: TwinShot, tmp_path):
 
 def test_identify_writes_a_complete_report(identified):
     folder, report = identified.reports / "0001", identified.report
-    assert sorted(f.name for f in folder.iterdir()) == ["mass.csv", "plotly.min.js", "report.html", "report.json"]
+    names = ["curves.csv", "mass.csv", "plotly.min.js", "report.html", "report.json"]
+    assert sorted(f.name for f in folder.iterdir()) == names
     assert report["valid"] is True
     assert "VALID" in identified.result.output
     assert f"{report['mass']['value']:.2f} kg" in identified.result.output

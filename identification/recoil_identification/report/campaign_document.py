@@ -108,8 +108,8 @@ def campaign_table(document: Mapping[str, Any]) -> str:
     """Return the shots of a campaign as text that spreadsheets read, one row a shot."""
     text = io.StringIO()
     columns = (
-        "shot", "started", "configuration", "added_mass_kg", "mass_kg", "u_kg", "joint_mass_kg", "own_mass_kg",
-        "own_u_kg",
+        "shot", "started", "configuration", "added_mass_kg", "mass_kg", "u_kg", "joint_mass_kg", "own_u_kg",
+        "own_mass_kg",
     )  # fmt: skip
     writer = csv.writer(text, lineterminator="\n")
     peaks = list(dict.fromkeys(name for shot in document["shots"] for name in shot["peaks"]))

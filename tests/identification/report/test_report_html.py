@@ -4,7 +4,6 @@ import math
 import re
 import subprocess
 import sys
-from html.parser import HTMLParser
 from importlib.machinery import ModuleSpec
 from importlib.util import find_spec
 from itertools import pairwise
@@ -30,6 +29,7 @@ from recoil_identification.report.figure import (
 )
 from recoil_identification.report.html import render_page, write_page
 from recoil_identification.report.rounding import fixed, plain, rounded, significant
+from tests.builders.page_elements import PageElements
 
 HOSTILE = '</script><img src=x onerror=alert(1)>\u2028\'" onload="x%{y}{{7*7}}'
 OPTIONAL_KEYS = ("methods", "truth", "summary", "E_n", "alignment", "quality", "budget", "trace", "interval_s")
@@ -96,35 +96,6 @@ def a_figure(key="mass", name="mass", title="Identified mass", **changes):
 
 def noise(n, seed=0):
     return np.random.default_rng(seed).standard_normal(n)
-
-
-class PageElements(HTMLParser):
-    """Every element of a page with its attributes, and the text of its scripts."""
-
-    def __init__(self, page):
-        super().__init__()
-        self.elements, self.scripts, self.text, self._in = [], {}, "", None
-        self.feed(page)
-
-    def handle_starttag(self, tag, attrs):
-        self.elements.append((tag, dict(attrs)))
-        self._in = (dict(attrs).get("id", "code") if tag == "script" else None) or self._in
-
-    def handle_endtag(self, tag):
-        if tag == "script":
-            self._in = None
-
-    def handle_data(self, data):
-        if self._in is None:
-            self.text += data
-        else:
-            self.scripts[self._in] = self.scripts.get(self._in, "") + data
-
-    def json(self, name):
-        def refuse(token):
-            raise AssertionError(f"{token} is not JSON")
-
-        return json.loads(self.scripts[name], parse_constant=refuse)
 
 
 def samples(packed):

@@ -1,0 +1,67 @@
+"""What a campaign of reports writes, and where its page points."""
+
+import json
+
+import numpy as np
+import pytest
+
+from recoil_acquisition.errors import ReadError, StoreError
+from recoil_daq import __version__
+from recoil_daq.campaign import campaign
+from recoil_identification.firing_record import CURVES, Curves
+from recoil_identification.report.document import write_curves
+from tests.builders.campaign_summaries import campaign_of
+
+FILES = ["campaign.csv", "campaign.html", "campaign.json", "plotly.min.js"]
+
+
+@pytest.fixture
+def reports(tmp_path):
+    """Reports of four shots, two of them with a page and curves beside them."""
+    times_s = np.linspace(-0.01, 0.2, 300)
+    for k, shot in enumerate(campaign_of((0.0, 120.0) * 2, seed=4).shots):
+        folder = tmp_path / "my reports" / shot.name
+        folder.mkdir(parents=True)
+        document = {
+            "schema": "recoil-daq/report/1",
+            "shot": shot.name,
+            "rig": shot.rig,
+            "started": None,
+            "mass": {"value": shot.mass_kg, "u": shot.u_kg},
+            "campaign": shot.summary.to_json(cutoff_hz=300.0, zero_shift=False),
+            "shot_log": {"added_mass_kg": shot.added_mass_kg, "charge": "full"},
+            "provenance": {"version": __version__, "inputs": []},
+        }
+        (folder / "report.json").write_text(json.dumps(document))
+        if k < 2:
+            (folder / "report.html").write_text("a page")
+            write_curves(folder, Curves(times_s, {name: np.sin(times_s) for name in CURVES}))
+    return tmp_path / "my reports"
+
+
+def test_a_campaign_has_a_page_that_leads_to_the_shots_pages(reports, tmp_path):
+    done = campaign(reports, out=tmp_path / "answer")
+    assert sorted(one.name for one in done.folder.iterdir()) == FILES
+    page = (done.folder / "campaign.html").read_text(encoding="utf-8")
+    assert '<a href="./../my%20reports/0001/report.html">0001</a>' in page
+    assert page.count("report.html") == 2
+    assert [one["report"] for one in done.document["shots"][1:3]] == ["../my reports/0002/report.html", None]
+    assert (done.folder / done.document["shots"][1]["report"]).exists()
+    assert "2 shots have no curves" in page
+
+
+def test_a_page_that_is_there_is_not_overwritten_unasked(reports, tmp_path):
+    (tmp_path / "answer").mkdir()
+    (tmp_path / "answer" / "campaign.html").write_text("mine")
+    with pytest.raises(StoreError, match=r"campaign\.html.*exists already"):
+        campaign(reports, out=tmp_path / "answer")
+    assert (tmp_path / "answer" / "campaign.html").read_text() == "mine"
+    campaign(reports, out=tmp_path / "answer", overwrite=True)
+    assert "Campaign" in (tmp_path / "answer" / "campaign.html").read_text(encoding="utf-8")
+
+
+def test_curves_that_are_none_are_named_and_nothing_is_written(reports, tmp_path):
+    (reports / "0002" / "curves.csv").write_text("nonsense\n")
+    with pytest.raises(ReadError, match=r"0002.curves\.csv.*no curves of a shot"):
+        campaign(reports, out=tmp_path / "answer")
+    assert not (tmp_path / "answer").exists()
