@@ -56,7 +56,7 @@ def print_campaign(done: Combined) -> None:
     line = Text("VALID" if d["valid"] else "NOT VALID", style="bold green" if d["valid"] else "bold red")
     line.append(
         f" mass {mass['value']:.2f} kg, u {mass['u']:.2f} kg, 95 %: {low:.2f} to {high:.2f} kg, from {used} of "
-        f"{len(d['shots'])} shots -> {visible(str(done.folder))}",
+        f"{len(d['shots'])} shots -> {visible(str(done.folder / 'campaign.html'))}",
         style="default not bold",
     )
     console = output_console()

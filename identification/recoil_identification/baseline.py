@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.shot import ClockAlignment, Shot
-from recoil_processing.noise import robust_sigma
 from recoil_processing.shot.onset import LEAST_LEVEL_SAMPLES
 from recoil_processing.shot.signals import Offset, Signals, static_value
 from recoil_rigs.rig import Rig
@@ -32,7 +31,7 @@ class Baseline:
     offset
         Mean reading, less what it should read at rest in battery; the mean reading itself where that is not known.
     noise
-        Standard deviation of a sample.
+        Standard deviation of a sample; not a robust one, which moves by steps of the recorder and not with the noise.
     unit
         Of all numbers, SI.
     at_rest
@@ -103,15 +102,18 @@ def _baselines(
             name = next(c.name for c in shot.with_role(role) if c.name not in signals.unused)
             readings = [(name, series, signals.offsets[role])]
         for name, samples, offset in readings:
-            value = offset.value if at_rest is not None else _mean(samples[silent])
-            yield baseline(name, role, value if math.isfinite(offset.u) else math.nan, offset.noise, at_rest)
+            mean, noise = _moments(samples[silent])
+            value = offset.value if at_rest is not None else mean
+            yield baseline(name, role, value if math.isfinite(offset.u) else math.nan, noise, at_rest)
     alignment = None if camera is None else alignments.get(camera.time_base.clock)
     if camera is not None and alignment is not None and alignment.status != "failed":
         before = camera.measured[alignment.to_reference(camera.time_base.times_s) < signals.baseline_s[1]]
-        if np.count_nonzero(np.isfinite(before)) >= LEAST_LEVEL_SAMPLES:
-            yield baseline(camera.name, camera.role, _mean(before), robust_sigma(before), None)
+        yield baseline(camera.name, camera.role, *_moments(before), None)
 
 
-def _mean(samples: Array) -> float:
+def _moments(samples: Array) -> tuple[float, float]:
+    """Return mean and standard deviation of what was recorded; NaN where that is too little."""
     present = samples[np.isfinite(samples)]
-    return float(present.mean()) if present.size else math.nan
+    if present.size < LEAST_LEVEL_SAMPLES:
+        return math.nan, math.nan
+    return float(present.mean()), float(present.std())

@@ -32,7 +32,7 @@ def test_offset_and_noise_are_those_of_the_samples_before_the_onset():
         assert one.at_rest == at_rest
         scatter = float(np.std(silent))
         assert one.offset == pytest.approx(np.mean(silent) - (at_rest or 0.0), abs=scatter / 10)
-        assert one.noise == pytest.approx(scatter, rel=0.1)
+        assert one.noise == pytest.approx(scatter, rel=1e-3)
 
 
 def test_where_it_is_not_known_what_a_gauge_should_read_it_is_the_reading():
