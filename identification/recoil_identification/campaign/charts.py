@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from statistics import NormalDist
 
 import numpy as np
@@ -98,26 +99,47 @@ class EwmaChart(ReadOnlyArrays):
     fired: Flags
 
 
-@dataclass(frozen=True)
-class Trend:
+@dataclass(frozen=True, eq=False)
+class Trend(ReadOnlyArrays):
     """A monotonic change over the shots.
 
     Attributes
     ----------
-    change, u
-        From the first shot to the last, and its standard uncertainty by the slopes' 95 % interval.
-    p_value
-        Of a rank correlation as large by chance.
+    values : ndarray, shape (n,)
+        By how much each is off the first.
     """
 
-    change: float
-    u: float
-    p_value: float
+    values: Array
+
+    @cached_property
+    def p_value(self) -> float:
+        """Probability of a rank correlation as large by chance (H. B. Mann, Econometrica 13(3), 1945)."""
+        from scipy.stats import kendalltau
+
+        p_value = float(kendalltau(np.arange(self.values.size), self.values).pvalue) if self.values.any() else 1.0
+        return p_value if math.isfinite(p_value) else 1.0
 
     @property
     def fired(self) -> bool:
         """Whether it is no chance."""
         return self.p_value < TREND_LEVEL
+
+    @property
+    def change(self) -> float:
+        """From the first shot to the last: the median of all slopes (P. K. Sen, J. Am. Stat. Assoc. 63, 1968)."""
+        return self._slope[0] * (self.values.size - 1)
+
+    @property
+    def u(self) -> float:
+        """Its standard uncertainty, by the slopes' 95 % interval."""
+        return self._slope[1] * (self.values.size - 1)
+
+    @cached_property
+    def _slope(self) -> tuple[float, float]:
+        from scipy.stats import theilslopes
+
+        found = theilslopes(self.values, np.arange(self.values.size), alpha=0.95)
+        return float(found.slope), float((found.high_slope - found.low_slope) / (2.0 * NormalDist().inv_cdf(0.975)))
 
 
 def individuals_chart(values: ArrayLike) -> IndividualsChart:
@@ -161,23 +183,14 @@ def ewma_chart(chart: IndividualsChart) -> EwmaChart:
 
 
 def trend(values: ArrayLike) -> Trend:
-    """Estimate and test a monotonic change.
+    """Look for a monotonic change.
 
     Raises
     ------
     ValueError
         As `individuals_chart`.
     """
-    from scipy.stats import kendalltau, theilslopes
-
-    series, from_first = _series(values)
-    if not from_first.any():
-        return Trend(0.0, 0.0, 1.0)
-    order, steps = np.arange(series.size), series.size - 1
-    found = theilslopes(from_first, order, alpha=0.95)
-    u = (found.high_slope - found.low_slope) / (2.0 * NormalDist().inv_cdf(0.975))
-    p_value = float(kendalltau(order, from_first).pvalue)
-    return Trend(float(found.slope) * steps, float(u) * steps, p_value if math.isfinite(p_value) else 1.0)
+    return Trend(_series(values)[1])
 
 
 def _series(values: ArrayLike) -> tuple[Array, Array]:

@@ -11,7 +11,7 @@ from typing import Any
 
 from recoil_identification.campaign.campaign import Campaign, Estimated, Used
 from recoil_identification.campaign.charted import CHART, Charted, ChartSignal
-from recoil_identification.campaign.charts import RULE_SET
+from recoil_identification.campaign.charts import RULE_SET, Trend
 from recoil_identification.report.document import to_json
 
 SCHEMA = "recoil-daq/campaign/1"
@@ -164,7 +164,7 @@ def _chart(one: Charted) -> dict[str, Any]:
         "centre": chart.centre,
         "sigma": chart.sigma,
         "provisional": chart.provisional,
-        "trend": None if one.trend is None else {"change": one.trend.change, "u": one.trend.u, "p": one.trend.p_value},
+        "trend": _trend(one.trend),
     }
 
 
@@ -192,3 +192,10 @@ def _shot(used: Used, page: str | None) -> dict[str, Any]:
         "shot_log": dict(shot.log),
         "report": page,
     }
+
+
+def _trend(trend: Trend | None) -> dict[str, Any] | None:
+    """State a trend that is no chance."""
+    if trend is None or not trend.fired:
+        return None
+    return {"change": trend.change, "u": trend.u, "p": trend.p_value}
