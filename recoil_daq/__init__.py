@@ -2,12 +2,18 @@
 
 The public Python interface::
 
-    from recoil_daq import identify_file, ingest_files, load_rig
+    from recoil_daq import identify_file, ingest_files, load_rig, predict
 
     done = ingest_files(load_rig("rig.toml"), ["daq.csv", "camera.csv"], shot="0001")
     report = identify_file(done.path)
     print(report)                                    # what the command prints
     print(report.mass_kg, report.u_kg, report.valid)
+
+Before the day, with the rig's table ``[twin]`` or a shot that was recorded on it::
+
+    expected = predict(load_rig("rig.toml"), shots=16, added_mass_kg=120.0)
+    print(expected)
+    print(expected.u_rel, expected.campaign, expected.what_if)
 
 Every error that a file, a rig or a device causes is a `RecoilDaqError`; a caller's own mistake is a ValueError or a
 TypeError.
@@ -40,6 +46,7 @@ if TYPE_CHECKING:
     from recoil_daq.file_summary import open_recording
     from recoil_daq.identify import Reported, identify_file, identify_folder
     from recoil_daq.ingest import Ingested, ingest_files
+    from recoil_daq.predicted import Predicted, predict
     from recoil_daq.simulated import Simulated, simulate
     from recoil_identification.analysis import Options
     from recoil_rigs.rig import Rig, load_rig
@@ -57,6 +64,7 @@ _HOMES = {
     "recoil_daq.file_summary": ("open_recording",),
     "recoil_daq.identify": ("Reported", "identify_file", "identify_folder"),
     "recoil_daq.ingest": ("Ingested", "ingest_files"),
+    "recoil_daq.predicted": ("Predicted", "predict"),
     "recoil_daq.simulated": ("Simulated", "simulate"),
     "recoil_identification.analysis": ("Options",),
     "recoil_rigs.rig": ("Rig", "load_rig"),
@@ -75,6 +83,7 @@ __all__ = [
     "Ingested",
     "MissingChannelError",
     "Options",
+    "Predicted",
     "ReadError",
     "RecoilDaqError",
     "Recording",
@@ -92,6 +101,7 @@ __all__ = [
     "ingest_files",
     "load_rig",
     "open_recording",
+    "predict",
     "read_shot",
     "simulate",
     "write_shot",

@@ -366,6 +366,71 @@ def campaign(
         session.finish(done.to_json(), done.show, OK if done.valid else NOT_VALID)
 
 
+def _uncertainties(words: list[str]) -> dict[str, float]:
+    """Read KEY=U words."""
+    stated: dict[str, float] = {}
+    for key, text in _cells(words).items():
+        try:
+            stated[key] = float(text)
+        except ValueError:
+            raise typer.BadParameter(f"--with takes KEY=NUMBER, not {key}={text}") from None
+    return stated
+
+
+@app.command(
+    epilog="Example: recoil-daq predict mixed --shots 16 --added-mass 120 --with p_breech.u_rel=0.002, or of a stand "
+    "that has fired: recoil-daq predict rig.toml --from shots/0001.h5"
+)
+def predict(
+    rig: RigArgument,
+    from_shot: Annotated[
+        Path | None,
+        typer.Option(
+            "--from", help="A shot file of this rig: shots to come move as it did.", show_default="the rig's [twin]"
+        ),
+    ] = None,
+    shots: Annotated[int, typer.Option(min=1, max=1000, help="How many shots.")] = 8,
+    added_mass: Annotated[
+        float, typer.Option(metavar="KG", help="Every second shot carries so much more.", show_default="none")
+    ] = 0.0,
+    u_added_mass: Annotated[float, typer.Option(metavar="KG", help="Its standard uncertainty.")] = 0.05,
+    stated: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--with",
+            metavar="KEY=U",
+            help="Another standard uncertainty than the rig's: p_breech.u_rel=0.002 (a channel's, as a share), "
+            "u_friction=75 (a value of [mechanism], in its unit); may be repeated.",
+            show_default=False,
+        ),
+    ] = None,
+    repeatability: Annotated[
+        float | None,
+        typer.Option(
+            metavar="REL", help="Relative standard deviation of gains from shot to shot.", show_default="0.0001"
+        ),
+    ] = None,
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Say before the day how well shots and campaigns will tell the mass, and what would make it better."""
+    uncertainties = _uncertainties(stated or [])
+    with Session(json, debug) as session:
+        from recoil_daq.predicted import predict as foretell
+        from recoil_rigs.rig import load_rig
+
+        with session.steps("predict") as progress:
+            try:
+                done = foretell(
+                    load_rig(rig), from_shot=from_shot, shots=shots, added_mass_kg=added_mass,
+                    u_added_mass_kg=u_added_mass, uncertainties=uncertainties, repeatability=repeatability,
+                    progress=progress,
+                )  # fmt: skip
+            except ValueError as error:
+                raise typer.BadParameter(str(error)) from error
+        session.finish(done.to_json(), done.show, OK if done.valid else NOT_VALID)
+
+
 @app.command(
     epilog="Example: recoil-daq simulate mixed --seed 7 --shots 3, or a campaign whose even shots carry a known mass: "
     "recoil-daq simulate mixed --shots 8 --campaign-seed 3 --added-mass 120 --charges 1,1,0.8,0.8"

@@ -140,18 +140,20 @@ def shot_summary(calibration: Calibration, rig: Rig, against: tuple[str, ...] = 
     """Summarise a shot; `against` is what speaks against it."""
     inferred, regression = calibration.inferred, calibration.block.regression
     friction_n, u_release_m_s = rig.mechanism.friction, regression.u_release_n_s / calibration.m0_kg
-    gauges = zip(motion.GAUGES, PRESSURE_ROLES, AREAS, strict=True)
+    certified = certified_influences(rig)
     known = {prior.unknowns[0]: math.sqrt(prior.covariance[0, 0]) for prior in calibration.own if not prior.exact}
     stated = {
         motion.MASS.name: (Parameter(LN_MASS), 1.0),
-        **{gauge.name: (Parameter(gauge.name, _gauge(rig, role, area)), 1.0) for gauge, role, area in gauges},
+        **{gauge.name: (Parameter(gauge.name, certified[gauge.name]), 1.0) for gauge in motion.GAUGES},
         motion.FRICTION.name: (
-            Parameter(FRICTION_SHARE, _friction(rig)) if friction_n else Parameter(FRICTION_N, _friction(rig), "N"),
+            Parameter(FRICTION_SHARE, certified[FRICTION_SHARE])
+            if friction_n
+            else Parameter(FRICTION_N, certified[FRICTION_N], "N"),
             friction_n or 1.0,
         ),
-        motion.ACCELERATION.name: (Parameter(LN_ACCELERATION, _scale(rig, "recoil_acceleration")), 1.0),
+        motion.ACCELERATION.name: (Parameter(LN_ACCELERATION, certified[LN_ACCELERATION]), 1.0),
         motion.RELEASE.name: (Parameter("release", ((f"rig:{rig.name}:{RELEASE}", 1.0),)), u_release_m_s),
-        motion.CAMERA.name: (Parameter(motion.CAMERA.name, _scale(rig, "recoil_displacement")), 1.0),
+        motion.CAMERA.name: (Parameter(motion.CAMERA.name, certified[motion.CAMERA.name]), 1.0),
         # one camera's optics, and one rig's carriage sensors, are the same in all shots
         **{
             name: (Parameter(name, ((f"rig:{rig.name}:{name}", known[name]),), BESIDE[name].unit), 1.0)
@@ -179,6 +181,20 @@ def shot_summary(calibration: Calibration, rig: Rig, against: tuple[str, ...] = 
         geometry={symbol: getattr(rig.mechanism, symbol) for symbol in Mechanism.symbols() if symbol not in OF_A_SHOT},
         against=against,
     )
+
+
+def certified_influences(rig: Rig) -> dict[str, tuple[tuple[str, float], ...]]:
+    """Return what a rig's certificates say of the parameters of its shots' summaries, by name.
+
+    Parameters of which they say nothing, the mass, the release and what a camera's optics bend, are left out.
+    """
+    gauges = zip(motion.GAUGES, PRESSURE_ROLES, AREAS, strict=True)
+    return {
+        **{gauge.name: _gauge(rig, role, area) for gauge, role, area in gauges},
+        **dict.fromkeys((FRICTION_SHARE, FRICTION_N), _friction(rig)),
+        LN_ACCELERATION: _scale(rig, "recoil_acceleration"),
+        motion.CAMERA.name: _scale(rig, "recoil_displacement"),
+    }
 
 
 def scopes_of(rig: Rig) -> dict[str, str]:

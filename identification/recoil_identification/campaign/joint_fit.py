@@ -170,6 +170,11 @@ def joint_fit(rows: JointRows, columns: Sequence[Column] = ()) -> JointFit:
     return JointFit(tuple(trials), weights / weights.sum())
 
 
+def joint_fit_under(rows: JointRows, scatter: Scatter) -> JointFit:
+    """Estimate everything that the shots share, where it is known by how much gains and friction do not repeat."""
+    return JointFit((_trial(rows, scatter, None),), np.ones(1))
+
+
 def _trial(rows: JointRows, scatter: Scatter, neighbour: Trial | None) -> Trial:
     """Estimate everything under one scatter, from where the estimate under a neighbour's is."""
     white = rows.whitened(scatter)

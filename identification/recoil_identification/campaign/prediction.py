@@ -1,0 +1,263 @@
+"""The uncertainty that a campaign's mass will have, before the first shot is fired.
+
+What a shot will tell of the mass and of what shots share does not hang on how its errors will fall: the triangle of a
+nominal shot's summary is that of every shot like it. A campaign's uncertainty follows from as many of them, and from
+what the certificates say, by the joint fit itself; with other certificates, from the same triangles.
+
+A part of mass M that carries a known mass d more is driven by the same forces with ``s = M / (M + d)`` times the
+acceleration, and every row's derivative by the logarithms of mass and scales, by the friction and by the impulse at
+the release is s times as large, in the rows of the camera too. What the shot alone knows, its zero and its clocks,
+is taken out by a projection that s does not turn, so that of the triangle R the heavier part's is ``R diag(s)``, with 1
+in place of s for what does not hang on the motion: lengths that a camera's optics bend, and the share of the travel
+that is the carriage's. The brake in fact answers to the velocity; a nominal shot of that mass says it better.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from recoil_identification.camera_rows import OTHER
+from recoil_identification.campaign.campaign_shot import CampaignShot
+from recoil_identification.campaign.changes import DRIFT, STEP, Candidate, candidates_of, least_gain
+from recoil_identification.campaign.influence import SENSOR
+from recoil_identification.campaign.joint_fit import JointFit, joint_fit_under
+from recoil_identification.campaign.joint_rows import JointRows, Scatter
+from recoil_identification.campaign.mechanisms import UNNAMED
+from recoil_identification.sensor_priors import DISTORTIONS
+from recoil_identification.shot_summary import ShotSummary, certified_influences
+from recoil_rigs.rig import Rig
+from recoil_rigs.stated_uncertainty import SCALED_ROLES, stated_uncertainties, with_uncertainties
+
+SUPPOSED = Scatter(gain_rel=1e-4, friction_rel=0.01)
+"""Scatter from shot to shot that a few shots leave possible even where nothing scatters."""
+OTHER_SCATTERS_REL = (5e-4, 1e-3)
+"""By which good gauges and usual ones do not repeat."""
+OTHER_SHOTS = (4, 8, 16, 32)
+ADDED_SHARES = (0.1, 0.2, 0.4)
+"""Of the mass."""
+GOOD_BREECH_REL = 1e-3
+"""To which a breech gauge can be calibrated."""
+OTHER_PARTS = "other parts"
+"""A configuration that differs by an unknown mass."""
+LEAST_SHOTS = 4
+"""Of which half can differ from the other half."""
+
+
+@dataclass(frozen=True, eq=False)
+class NominalShot:
+    """A shot as it will be.
+
+    Attributes
+    ----------
+    mass_kg
+        Without what is added.
+    added_mass_kg
+        Weighed.
+    summary
+        What it tells; nothing is off.
+    """
+
+    mass_kg: float
+    added_mass_kg: float
+    summary: ShotSummary
+
+    @classmethod
+    def of(cls, mass_kg: float, added_mass_kg: float, summary: ShotSummary) -> NominalShot:
+        """Keep of a shot's summary what it tells, and nothing of how its errors fell."""
+        reference = np.zeros(len(summary.parameters))
+        reference[0] = math.log(mass_kg + added_mass_kg)
+        nothing = np.zeros_like(summary.seen)
+        return cls(mass_kg, added_mass_kg, replace(summary, reference=reference, seen=nothing, against=()))
+
+    def known_by(self, rig: Rig) -> NominalShot:
+        """Take what a rig's certificates say of what its shots share."""
+        certified = certified_influences(rig)
+        parameters = (
+            replace(one, influences=certified.get(one.name, one.influences)) for one in self.summary.parameters
+        )
+        return replace(self, summary=replace(self.summary, parameters=tuple(parameters)))
+
+    def carrying(self, added_mass_kg: float) -> NominalShot:
+        """Return the shot with another mass added, driven by the same forces."""
+        s = (self.mass_kg + self.added_mass_kg) / (self.mass_kg + added_mass_kg)
+        unmoved = (*DISTORTIONS, OTHER.name)
+        turned = np.array([1.0 if one.name in unmoved else s for one in self.summary.parameters])
+        summary = replace(self.summary, triangle=self.summary.triangle * turned)
+        return NominalShot.of(self.mass_kg, added_mass_kg, summary)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A campaign that is to be fired.
+
+    Attributes
+    ----------
+    added_mass_kg, u_added_mass_kg
+        Of what every second shot carries in addition, from the second on; 0 for nothing.
+    scatter
+        By how much gains and friction do not repeat.
+    """
+
+    shots: int
+    added_mass_kg: float = 0.0
+    u_added_mass_kg: float = 0.0
+    scatter: Scatter = SUPPOSED
+
+
+@dataclass(frozen=True)
+class WhatIf:
+    """What one change would make of the relative standard uncertainties of a shot's and of the campaign's mass."""
+
+    change: str
+    u_rel_shot: float
+    u_rel_campaign: float
+
+
+@dataclass(frozen=True)
+class Found:
+    """The smallest changes among the shots that half of such campaigns find.
+
+    Attributes
+    ----------
+    mass_step_kg
+        From one half of the shots to the other; None if there are too few.
+    drifts
+        Label of a sensor, and the share by which its gain drifts from the first shot to the last.
+    u_difference_kg
+        Standard uncertainty of the difference of two mechanisms that half of the shots are of, each, nothing added to
+        either; None likewise.
+    """
+
+    mass_step_kg: float | None
+    drifts: tuple[tuple[str, float], ...]
+    u_difference_kg: float | None
+
+
+def predicted_fit(nominal: Sequence[NominalShot], plan: Plan, *, halves: bool = False) -> JointFit:
+    """Fit the shots of a plan as if nothing in them were off.
+
+    Parameters
+    ----------
+    nominal
+        At least one; of one that a shot of the plan is to be like, the one whose added mass is nearest is taken.
+    halves
+        Whether the second half of the shots has other parts.
+    """
+    used = {added_kg: _nearest(nominal, added_kg) for added_kg in {0.0, plan.added_mass_kg}}
+    shots = []
+    for number in range(plan.shots):
+        added_kg = plan.added_mass_kg if number % 2 else 0.0
+        one = used[added_kg]
+        shots.append(
+            CampaignShot(
+                name=f"{number + 1:04d}",
+                rig="",
+                started=None,
+                mass_kg=one.mass_kg + added_kg,
+                u_kg=0.0,
+                summary=one.summary,
+                configuration=OTHER_PARTS if halves and number >= plan.shots // 2 else UNNAMED,
+                added_mass_kg=added_kg,
+                u_added_mass_kg=plan.u_added_mass_kg if added_kg else 0.0,
+            )
+        )
+    return joint_fit_under(JointRows.of(shots, {name: name for name in (UNNAMED, OTHER_PARTS)}), plan.scatter)
+
+
+def alone(plan: Plan) -> Plan:
+    """Return the plan of one shot of a plan, with nothing added."""
+    return replace(plan, shots=1, added_mass_kg=0.0)
+
+
+def predicted_u_rel(nominal: Sequence[NominalShot], plan: Plan) -> float:
+    """Return the relative standard uncertainty of the mass without what is added."""
+    fit = predicted_fit(nominal, plan)
+    return fit.u(fit.rows.masses[0])
+
+
+def found_by(nominal: Sequence[NominalShot], plan: Plan) -> Found:
+    """Say which changes among its shots a campaign would find.
+
+    A column of size c, of standard uncertainty u, raises the log likelihood by a number whose median is c^2 / 2 u^2
+    (`recoil_identification.campaign.changes`), where gains repeat as the plan says.
+    """
+    if plan.shots < LEAST_SHOTS:
+        return Found(None, (), None)
+    fit = predicted_fit(nominal, plan)
+    candidates = candidates_of(fit)
+    least = math.sqrt(2.0 * least_gain(len(candidates)))
+
+    def smallest(one: Candidate) -> float:
+        with_it = joint_fit_under(fit.rows.with_columns([one.column]), plan.scatter)
+        return least * with_it.u(one.column.name)
+
+    middle = fit.rows.shots[plan.shots // 2].name
+    steps = [smallest(one) for one in candidates if one.kind == STEP and one.shots[0] == middle]
+    drifts = sorted((smallest(one), one.influence) for one in candidates if one.kind == DRIFT)
+    apart = predicted_fit(nominal, replace(plan, added_mass_kg=0.0), halves=True)
+    return Found(
+        mass_step_kg=steps[0] * fit.rows.reference_kg if steps else None,
+        drifts=tuple((label, size) for size, label in drifts),
+        u_difference_kg=apart.difference_kg(OTHER_PARTS, UNNAMED)[1],
+    )
+
+
+def what_ifs(nominal: Sequence[NominalShot], rig: Rig, plan: Plan) -> tuple[WhatIf, ...]:
+    """List what could be done instead, what helps the campaign most first.
+
+    Parameters
+    ----------
+    nominal
+        At least one, whose influences are those of `rig`.
+    """
+    listed: list[WhatIf] = []
+
+    def add(change: str, shots: Sequence[NominalShot], plan: Plan) -> None:
+        listed.append(WhatIf(change, predicted_u_rel(shots, alone(plan)), predicted_u_rel(shots, plan)))
+
+    def known(change: str, key: str, u: float) -> None:
+        supposed = with_uncertainties(rig, {key: u})
+        add(change, [one.known_by(supposed) for one in nominal], plan)
+
+    channels = {f"{one.name}.u_rel": one for one in rig.channels if one.role in SCALED_ROLES}
+    for key, u in stated_uncertainties(rig).items():
+        channel = channels.get(key)
+        if not u or (channel is not None and not _is_in(channel.role, nominal)):
+            continue
+        if channel is None:
+            known(f"{key[2:]} known twice as well: {key} {0.5 * u:.3g}", key, 0.5 * u)
+            continue
+        known(f"{channel.name} calibrated twice as well: {50 * u:.3g} %", key, 0.5 * u)
+        if channel.role == "breech_pressure" and u > GOOD_BREECH_REL:
+            known(f"{channel.name} calibrated to {100 * GOOD_BREECH_REL:g} %", key, GOOD_BREECH_REL)
+    for share in ADDED_SHARES if plan.shots > 1 else ():
+        added_kg = float(f"{share * nominal[0].mass_kg:.2g}")
+        change = f"{added_kg:g} kg ({100 * share:.0f} % of the mass) added to every second shot"
+        add(change, nominal, replace(plan, added_mass_kg=added_kg))
+    if plan.added_mass_kg:
+        add("nothing added to any shot", nominal, replace(plan, added_mass_kg=0.0))
+    for shots in OTHER_SHOTS:
+        if shots != plan.shots:
+            add(f"{shots} shots", nominal, replace(plan, shots=shots))
+    for rel in OTHER_SCATTERS_REL:
+        if rel > plan.scatter.gain_rel:
+            scatter = replace(plan.scatter, gain_rel=rel)
+            add(f"gains that repeat to {100 * rel:g} % only", nominal, replace(plan, scatter=scatter))
+    listed.sort(key=lambda one: one.u_rel_campaign)
+    return tuple(listed)
+
+
+def _is_in(role: str, nominal: Sequence[NominalShot]) -> bool:
+    """Return whether a sensor of a role tells something in the shots."""
+    named = (name for one in nominal for parameter in one.summary.parameters for name, _ in parameter.influences)
+    return any(name.startswith(f"{SENSOR}{role}:") for name in named)
+
+
+def _nearest(nominal: Sequence[NominalShot], added_mass_kg: float) -> NominalShot:
+    """Return a shot with a mass added, by the nominal one that is nearest to it."""
+    nearest = min(nominal, key=lambda one: abs(one.added_mass_kg - added_mass_kg))
+    return nearest if nearest.added_mass_kg == added_mass_kg else nearest.carrying(added_mass_kg)

@@ -1,0 +1,259 @@
+"""What a campaign will tell, before the day: a rig, one nominal shot, and what would be better."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from recoil_acquisition.errors import Fault, IdentificationError, ReadError, RigError
+from recoil_daq import __version__
+from recoil_daq.fired import described, read_fired
+from recoil_daq.ingest import ingest_files
+from recoil_daq.printed import Printed
+from recoil_identification.analysis import Identification, Options, identify_shot
+from recoil_identification.campaign.prediction import (
+    OTHER_SHOTS,
+    SUPPOSED,
+    NominalShot,
+    Plan,
+    alone,
+    found_by,
+    predicted_u_rel,
+    what_ifs,
+)
+from recoil_rigs.rig import Rig
+from recoil_rigs.stated_uncertainty import with_uncertainties
+from recoil_rigs.twin import simulate_shot
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Progress = Callable[[str], None]
+
+SCHEMA = "recoil-daq/predict/1"
+NOMINAL = "nominal"
+"""Name of the shot that is simulated."""
+UNDRAWN = {"gain_errors": False, "friction_error": False, "shot_to_shot": 0.0, "released_mass_kg": 0.0}
+"""Of the virtual rig: nothing of the nominal shot is off."""
+SIMULATED_SHARE = 0.2
+"""Of the mass: what the second nominal shot carries, where no other added mass is asked for."""
+LARGEST_ADDED_SHARE = 2.0
+"""Likewise, beyond which what is added is no part of the same mechanism any more: grams for kilograms, perhaps."""
+LARGEST_U_OF_ADDED_MASS = 0.2
+"""Of the added mass, as for a campaign that is simulated."""
+MOST_SHOTS = 1000
+LARGEST_REPEATABILITY = 0.05
+
+
+@dataclass(frozen=True, repr=False)
+class Predicted(Printed):
+    """What to expect of a campaign.
+
+    Attributes
+    ----------
+    document
+        The document of ``predict --json``.
+    """
+
+    document: dict[str, Any]
+
+    @property
+    def u_rel(self) -> float:
+        """Relative standard uncertainty of one shot's mass."""
+        return float(self.document["u_rel"])
+
+    @property
+    def campaign(self) -> pd.DataFrame:
+        """One row for each number of shots, with and without an added mass: `shots`, `added_mass_kg`, `u_rel`."""
+        import pandas as pd
+
+        return pd.DataFrame(self.document["campaign"])
+
+    @property
+    def what_if(self) -> pd.DataFrame:
+        """One row for each change, the best first: `change`, `u_rel_shot`, `u_rel_campaign`."""
+        import pandas as pd
+
+        return pd.DataFrame(self.document["what_if"])
+
+    @property
+    def valid(self) -> bool:
+        """Whether the nominal shot's own mass is to be trusted."""
+        return bool(self.document["valid"])
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the document of ``predict --json``."""
+        return self.document
+
+    def show(self) -> None:
+        """Print what to expect of a shot and of campaigns, and what would be better."""
+        from recoil_daq.predicted_tables import print_predicted
+
+        print_predicted(self)
+
+    def __repr__(self) -> str:
+        return f"Predicted({self.document['rig']!r}: u {100 * self.u_rel:.3f} % a shot)"
+
+
+def predict(
+    rig: Rig,
+    *,
+    from_shot: str | Path | None = None,
+    shots: int = 8,
+    added_mass_kg: float = 0.0,
+    u_added_mass_kg: float = 0.05,
+    uncertainties: Mapping[str, float] | None = None,
+    repeatability: float | None = None,
+    progress: Progress = lambda _: None,
+) -> Predicted:
+    """Say how well a campaign will tell the mass, and what would make it better.
+
+    Parameters
+    ----------
+    rig
+        With a table ``[twin]``, unless a shot is given.
+    from_shot
+        A shot file of the rig, whose motion and forces are taken for those of the shots to come.
+    shots
+        Of the campaign, 1 to 1000.
+    added_mass_kg, u_added_mass_kg
+        What every second shot carries in addition, and its standard uncertainty.
+    uncertainties
+        Standard uncertainties in place of the rig's: ``p_breech.u_rel`` (a channel's) as a share, ``u_friction``,
+        ``u_bore_area`` and the other areas' in their units, ``u_bore_friction``.
+    repeatability
+        Standard deviation by which gains do not repeat from shot to shot, relative; left out, the little that a few
+        shots cannot tell from none.
+    progress
+        Told the name of each step.
+
+    Raises
+    ------
+    ValueError
+        If a number is none that a campaign can have.
+    RigError
+        If an uncertainty is none of the rig's, or the rig cannot be simulated.
+    ReadError, StoreError
+        If the shot is of another rig, or its file is at fault.
+    IdentificationError
+        If the nominal shot has no mass.
+    """
+    plan = _plan(rig, shots, added_mass_kg, u_added_mass_kg, repeatability)
+    supposed = with_uncertainties(rig, uncertainties or {})
+    if from_shot is None:
+        found, nominal = _simulated(rig, plan, progress)
+    else:
+        found, nominal = _recorded(rig, Path(from_shot), progress)
+    progress("predict")
+    nominal = [one.known_by(supposed) for one in nominal]
+    changes = found_by(nominal, plan)
+    document = {
+        "schema": SCHEMA,
+        "rig": rig.name,
+        "from": None if from_shot is None else str(from_shot),
+        "mass_kg": nominal[0].mass_kg,
+        "u_rel": predicted_u_rel(nominal, alone(plan)),
+        "shots": plan.shots,
+        "added_mass_kg": plan.added_mass_kg,
+        "campaign": [
+            {"shots": n, "added_mass_kg": added_kg, "u_rel": predicted_u_rel(nominal, one)}
+            for n in sorted({*OTHER_SHOTS, plan.shots})
+            for added_kg in dict.fromkeys((0.0, plan.added_mass_kg if n > 1 else 0.0))
+            for one in [replace(plan, shots=n, added_mass_kg=added_kg)]
+        ],
+        "what_if": [
+            {"change": one.change, "u_rel_shot": one.u_rel_shot, "u_rel_campaign": one.u_rel_campaign}
+            for one in what_ifs(nominal, supposed, plan)
+        ],
+        "least_found": {
+            "mass_step_kg": changes.mass_step_kg,
+            "drifts": [{"influence": label, "size": size} for label, size in changes.drifts],
+            "u_difference_kg": changes.u_difference_kg,
+        },
+        "repeatability": {"gain_rel": plan.scatter.gain_rel, "friction_rel": plan.scatter.friction_rel},
+        "valid": not found.reasons,
+        "reasons": list(found.reasons),
+        "provenance": {
+            "version": __version__,
+            "inputs": [] if from_shot is None else [_input(Path(from_shot))],
+            "parameters": {
+                "u_added_mass_kg": plan.u_added_mass_kg if plan.added_mass_kg else None,
+                "uncertainties": dict(uncertainties or {}),
+                "repeatability": repeatability,
+            },
+        },
+    }
+    return Predicted(document)
+
+
+def _plan(rig: Rig, shots: int, added_mass_kg: float, u_added_mass_kg: float, repeatability: float | None) -> Plan:
+    """Return the plan, after all numbers that make none of it are refused at once."""
+    faults = []
+    if not 1 <= shots <= MOST_SHOTS:
+        faults.append(f"shots must be 1 to {MOST_SHOTS}, not {shots}")
+    most_kg = LARGEST_ADDED_SHARE * rig.mechanism.m3
+    if not 0 <= added_mass_kg <= most_kg:
+        faults.append(f"the added mass must be 0 to {most_kg:g} kg, twice the recoiling mass, not {added_mass_kg:g} kg")
+    elif added_mass_kg and not 0 <= u_added_mass_kg <= LARGEST_U_OF_ADDED_MASS * added_mass_kg:
+        most_kg = LARGEST_U_OF_ADDED_MASS * added_mass_kg
+        faults.append(f"the u of the added mass must be 0 to {most_kg:g} kg, a fifth of it, not {u_added_mass_kg:g} kg")
+    if added_mass_kg and shots < 2:
+        faults.append("every second shot carries the added mass, and there is only one")
+    if repeatability is not None and not 0 <= repeatability <= LARGEST_REPEATABILITY:
+        faults.append(f"the repeatability must be a share of 0 to {LARGEST_REPEATABILITY:g}, not {repeatability:g}")
+    if faults:
+        raise ValueError("; ".join(faults))
+    scatter = SUPPOSED if repeatability is None else replace(SUPPOSED, gain_rel=repeatability)
+    return Plan(shots, float(added_mass_kg), u_added_mass_kg, scatter)
+
+
+def _simulated(rig: Rig, plan: Plan, progress: Progress) -> tuple[Identification, list[NominalShot]]:
+    """Fire the virtual rig twice, bare and with a mass added, and identify both as they would be recorded."""
+    if not rig.twin:
+        problem = "is missing: without it nothing says how the mechanism moves; state it, or give a recorded shot"
+        raise RigError(rig.path, [Fault("twin", problem)])
+    mass_kg = rig.mechanism.m3
+    added_kg = plan.added_mass_kg or float(f"{SIMULATED_SHARE * mass_kg:.2g}")
+    progress("nominal shot")
+    first = _fired(rig, Options())
+    progress(f"nominal shot with {added_kg:g} kg more")
+    options = Options(mass_cutoff_hz=first.mass_low_pass.cutoff_hz)
+    second = _fired(rig.with_added_mass(added_kg, None), options)
+    return first, [NominalShot.of(mass_kg, 0.0, first.summary), NominalShot.of(mass_kg, added_kg, second.summary)]
+
+
+def _fired(rig: Rig, options: Options) -> Identification:
+    settings = {key: value for key, value in rig.twin.items() if key != "m3_true"} | UNDRAWN
+    virtual = replace(rig, twin=settings)
+    with tempfile.TemporaryDirectory(prefix="recoil-daq-") as folder:
+        fired = simulate_shot(virtual, Path(folder) / "files", seed=1, shot=NOMINAL)
+        done = ingest_files(virtual, fired.files, shot=NOMINAL, out=Path(folder) / "shots")
+    return identify_shot(done.shot, virtual, options)
+
+
+def _recorded(rig: Rig, path: Path, progress: Progress) -> tuple[Identification, list[NominalShot]]:
+    """Identify a recorded shot, and take its motion for that of the shots to come."""
+    progress(f"read {path.name}")
+    if not path.exists():
+        raise ReadError("no such file", path=path, remedy="check the name and the folder")
+    fired = read_fired(path)
+    if fired.rig.name != rig.name:
+        raise ReadError(
+            "the shot was recorded on another rig", path=path, expected=repr(rig.name), found=repr(fired.rig.name),
+            remedy="give a shot of this rig",
+        )  # fmt: skip
+    progress(f"identify {path.name}")
+    found = identify_shot(fired.shot, fired.rig, Options())
+    added_kg = fired.rig.added_mass_kg
+    mass_kg = found.chosen.estimate.mass_kg - added_kg
+    if mass_kg <= 0:
+        raise IdentificationError("the shot's mass is less than what was added to it", found=f"{mass_kg:g} kg")
+    return found, [NominalShot.of(mass_kg, added_kg, found.summary)]
+
+
+def _input(path: Path) -> dict[str, str]:
+    one = described(path)
+    return {"file": one.name, "sha256": one.sha256}

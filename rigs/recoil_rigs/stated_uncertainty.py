@@ -1,0 +1,74 @@
+"""What a rig's certificates state of the influences that all its shots share, and the rig as if they stated other.
+
+A sensor's scale goes by ``<channel>.u_rel``, a share; a value of the mechanism by ``u_<name>``, in its unit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+
+from recoil_acquisition.errors import Fault, RigError, did_you_mean
+from recoil_rigs.assumptions import AREAS
+from recoil_rigs.rig import Rig
+from recoil_rigs.rig_tables import GAUGE_ROLES, ChannelSpec
+
+SCALED_ROLES = (*GAUGE_ROLES, "recoil_acceleration", "recoil_displacement")
+"""Roles whose scale is the same in every shot of a rig, and enters the mass."""
+OF_MECHANISM = ("friction", *AREAS, "bore_friction")
+"""Values of the mechanism likewise."""
+LARGEST_SHARE = 0.5
+"""Of a scale, or of a value of the mechanism, beyond which it is not known at all: a percentage was meant, perhaps."""
+
+
+def stated_uncertainties(rig: Rig) -> dict[str, float]:
+    """Return the standard uncertainties by their keys; 0 for what the rig file takes as exact."""
+    scales = {f"{one.name}.u_rel": one.sensor.u_rel for one in rig.channels if one.role in SCALED_ROLES}
+    return scales | {f"u_{symbol}": rig.mechanism.u.get(symbol, 0.0) for symbol in OF_MECHANISM}
+
+
+def with_uncertainties(rig: Rig, stated: Mapping[str, float]) -> Rig:
+    """State other standard uncertainties; the part of a scale's that comes from a standard shrinks as the whole does.
+
+    Raises
+    ------
+    RigError
+        With every key that is none, and every number that is no standard uncertainty of it.
+    """
+    faults = list(_faults(rig, stated))
+    if faults:
+        raise RigError(rig.path, faults)
+    channels = tuple(_with_scale(one, stated.get(f"{one.name}.u_rel")) for one in rig.channels)
+    of_mechanism = {symbol: stated[f"u_{symbol}"] for symbol in OF_MECHANISM if f"u_{symbol}" in stated}
+    u = MappingProxyType(dict(rig.mechanism.u) | of_mechanism)
+    return replace(rig, channels=channels, mechanism=replace(rig.mechanism, u=u))
+
+
+def _with_scale(channel: ChannelSpec, u_rel: float | None) -> ChannelSpec:
+    sensor = channel.sensor
+    if u_rel is None or channel.role not in SCALED_ROLES:
+        return channel
+    of_standard = sensor.u_reference_rel * min(1.0, u_rel / sensor.u_rel if sensor.u_rel else 1.0)
+    other = sensor.model_copy(update={"u_rel": u_rel, "u_reference_rel": of_standard})
+    return channel.model_copy(update={"sensor": other})
+
+
+def _faults(rig: Rig, stated: Mapping[str, float]) -> list[Fault]:
+    known, faults = stated_uncertainties(rig), []
+    for key, u in stated.items():
+        symbol = key.removeprefix("u_")
+        if key not in known:
+            faults.append(
+                Fault(key, f"no such uncertainty, or none that shots share; {did_you_mean(key, list(known))}")
+            )
+        elif not (math.isfinite(u) and u >= 0):
+            faults.append(Fault(key, f"must be a standard uncertainty, not negative, found {u:g}"))
+        elif symbol not in OF_MECHANISM or symbol == "bore_friction":
+            if u > LARGEST_SHARE:
+                faults.append(Fault(key, f"must be a share of at most {LARGEST_SHARE:g}, found {u:g}: 0.002 is 0.2 %"))
+        elif 0 < getattr(rig.mechanism, symbol) * LARGEST_SHARE < u:
+            value = getattr(rig.mechanism, symbol)
+            faults.append(Fault(key, f"must be at most half of {symbol} = {value:g}, in its unit, found {u:g}"))
+    return faults
