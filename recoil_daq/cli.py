@@ -416,18 +416,20 @@ def predict(
     """Say before the day how well shots and campaigns will tell the mass, and what would make it better."""
     uncertainties = _uncertainties(stated or [])
     with Session(json, debug) as session:
+        from recoil_daq.predicted import plan_of
         from recoil_daq.predicted import predict as foretell
         from recoil_rigs.rig import load_rig
 
+        loaded = load_rig(rig)
+        try:
+            plan_of(loaded, shots, added_mass, u_added_mass, repeatability)
+        except ValueError as error:
+            raise typer.BadParameter(str(error)) from error
         with session.steps("predict") as progress:
-            try:
-                done = foretell(
-                    load_rig(rig), from_shot=from_shot, shots=shots, added_mass_kg=added_mass,
-                    u_added_mass_kg=u_added_mass, uncertainties=uncertainties, repeatability=repeatability,
-                    progress=progress,
-                )  # fmt: skip
-            except ValueError as error:
-                raise typer.BadParameter(str(error)) from error
+            done = foretell(
+                loaded, from_shot=from_shot, shots=shots, added_mass_kg=added_mass, u_added_mass_kg=u_added_mass,
+                uncertainties=uncertainties, repeatability=repeatability, progress=progress,
+            )  # fmt: skip
         session.finish(done.to_json(), done.show, OK if done.valid else NOT_VALID)
 
 

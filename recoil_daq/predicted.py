@@ -67,7 +67,7 @@ class Predicted(Printed):
 
     @property
     def campaign(self) -> pd.DataFrame:
-        """One row for each number of shots, with and without an added mass: `shots`, `added_mass_kg`, `u_rel`."""
+        """One row for each number of shots, without and with an added mass: `shots`, `added_mass_kg`, `u_rel`."""
         import pandas as pd
 
         return pd.DataFrame(self.document["campaign"])
@@ -141,7 +141,7 @@ def predict(
     IdentificationError
         If the nominal shot has no mass.
     """
-    plan = _plan(rig, shots, added_mass_kg, u_added_mass_kg, repeatability)
+    plan = plan_of(rig, shots, added_mass_kg, u_added_mass_kg, repeatability)
     supposed = with_uncertainties(rig, uncertainties or {})
     if from_shot is None:
         found, nominal = _simulated(rig, plan, progress)
@@ -160,7 +160,7 @@ def predict(
         "added_mass_kg": plan.added_mass_kg,
         "campaign": [
             {"shots": n, "added_mass_kg": added_kg, "u_rel": predicted_u_rel(nominal, one)}
-            for n in sorted({*OTHER_SHOTS, plan.shots})
+            for n in sorted({1, *OTHER_SHOTS, plan.shots})
             for added_kg in dict.fromkeys((0.0, plan.added_mass_kg if n > 1 else 0.0))
             for one in [replace(plan, shots=n, added_mass_kg=added_kg)]
         ],
@@ -189,8 +189,14 @@ def predict(
     return Predicted(document)
 
 
-def _plan(rig: Rig, shots: int, added_mass_kg: float, u_added_mass_kg: float, repeatability: float | None) -> Plan:
-    """Return the plan, after all numbers that make none of it are refused at once."""
+def plan_of(rig: Rig, shots: int, added_mass_kg: float, u_added_mass_kg: float, repeatability: float | None) -> Plan:
+    """Return the plan of a campaign; parameters as of `predict`.
+
+    Raises
+    ------
+    ValueError
+        With every number that none can have.
+    """
     faults = []
     if not 1 <= shots <= MOST_SHOTS:
         faults.append(f"shots must be 1 to {MOST_SHOTS}, not {shots}")

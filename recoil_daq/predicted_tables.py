@@ -19,10 +19,11 @@ def print_predicted(done: Predicted) -> None:
     shots, added_kg, mass_kg = d["shots"], d["added_mass_kg"], d["mass_kg"]
     columns = ["shots", "u", "u, kg"] + ([f"u, {added_kg:g} kg on every second", "u, kg"] if added_kg else [])
     print_table(f"Campaigns to expect on rig {d['rig']}", columns, _by_shots(d), numeric=range(len(columns)))
+    both = ("u_rel_shot", "u_rel_campaign") if shots > 1 else ("u_rel_shot",)
     print_table(
         f"What would change it, best for {_of_shots(shots)} first",
-        ("change", "u of a shot", f"u of {_of_shots(shots)}"),
-        [(one["change"], _percent(one["u_rel_shot"]), _percent(one["u_rel_campaign"])) for one in d["what_if"]],
+        ("change", "u of a shot", f"u of {shots} shots")[: 1 + len(both)],
+        [(one["change"], *(_percent(one[key]) for key in both)) for one in d["what_if"]],
         numeric=(1, 2),
     )
     found = d["least_found"]
@@ -40,12 +41,13 @@ def print_predicted(done: Predicted) -> None:
     )
     for reason in d["reasons"]:
         say(f"the nominal shot itself is not valid: {reason}")
-    base = next(one for one in d["campaign"] if (one["shots"], one["added_mass_kg"]) == (shots, added_kg))
     line = Text(f"u {_percent(done.u_rel)}", style="bold")
-    line.append(f" ({mass_kg * done.u_rel:.2f} kg of {mass_kg:.0f} kg) from one shot, ", style="default not bold")
-    line.append(f"u {_percent(base['u_rel'])}")
-    carried = f", {added_kg:g} kg added to every second" if added_kg else ""
-    line.append(f" ({mass_kg * base['u_rel']:.2f} kg) from {_of_shots(shots)}{carried}", style="default not bold")
+    line.append(f" ({mass_kg * done.u_rel:.2f} kg of {mass_kg:.0f} kg) from one shot", style="default not bold")
+    if shots > 1:
+        base = next(one for one in d["campaign"] if (one["shots"], one["added_mass_kg"]) == (shots, added_kg))
+        carried = f", {added_kg:g} kg added to every second" if added_kg else ""
+        line.append(f", u {_percent(base['u_rel'])}")
+        line.append(f" ({mass_kg * base['u_rel']:.2f} kg) from {shots} shots{carried}", style="default not bold")
     output_console().print(line, soft_wrap=True)
 
 
