@@ -2,7 +2,7 @@
 
 The public Python interface::
 
-    from recoil_daq import identify_file, ingest_files, load_rig, predict
+    from recoil_daq import CampaignPlan, identify_file, ingest_files, load_rig, predict
 
     done = ingest_files(load_rig("rig.toml"), ["daq.csv", "camera.csv"], shot="0001")
     report = identify_file(done.path)
@@ -11,7 +11,7 @@ The public Python interface::
 
 Before the day, with the rig's table ``[twin]`` or a shot that was recorded on it::
 
-    expected = predict(load_rig("rig.toml"), shots=16, added_mass_kg=120.0)
+    expected = predict(load_rig("rig.toml"), shots=16, plan=CampaignPlan(added_mass_kg=120.0))
     print(expected)
     print(expected.u_rel, expected.campaign, expected.what_if)
 

@@ -391,9 +391,17 @@ def predict(
     ] = None,
     shots: Annotated[int, typer.Option(min=1, max=1000, help="How many shots.")] = 8,
     added_mass: Annotated[
-        float, typer.Option(metavar="KG", help="Every second shot carries so much more.", show_default="none")
-    ] = 0.0,
-    u_added_mass: Annotated[float, typer.Option(metavar="KG", help="Its standard uncertainty.")] = 0.05,
+        float | None, typer.Option(metavar="KG", help="Every second shot carries so much more.", show_default="none")
+    ] = None,
+    u_added_mass: Annotated[
+        float | None, typer.Option(metavar="KG", help="Its standard uncertainty.", show_default="0.05")
+    ] = None,
+    charges: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FACTOR,...", help="Of the peak breech pressure, shot by shot, and over again.", show_default="1"
+        ),
+    ] = None,
     stated: Annotated[
         list[str] | None,
         typer.Option(
@@ -404,10 +412,16 @@ def predict(
             show_default=False,
         ),
     ] = None,
+    friction_scatter: Annotated[
+        float | None,
+        typer.Option(
+            metavar="REL", help="Relative standard deviation of the friction from shot to shot.", show_default="0.015"
+        ),
+    ] = None,
     repeatability: Annotated[
         float | None,
         typer.Option(
-            metavar="REL", help="Relative standard deviation of gains from shot to shot.", show_default="0.0001"
+            metavar="REL", help="Relative standard deviation of gains from shot to shot.", show_default="0.00015"
         ),
     ] = None,
     json: JsonOption = False,
@@ -415,20 +429,21 @@ def predict(
 ) -> None:
     """Say before the day how well shots and campaigns will tell the mass, and what would make it better."""
     uncertainties = _uncertainties(stated or [])
+    options = {
+        "added_mass_kg": added_mass, "u_added_mass_kg": u_added_mass, "charges": charges,
+        "friction_scatter": friction_scatter, "repeatability": repeatability,
+    }  # fmt: skip
+    plan = _campaign_plan({key: value for key, value in options.items() if value is not None}, shots)
+    if from_shot is not None and charges is not None:
+        raise typer.BadParameter("--charges needs the rig's [twin]: the shot of --from tells of its own only")
     with Session(json, debug) as session:
-        from recoil_daq.predicted import plan_of
         from recoil_daq.predicted import predict as foretell
         from recoil_rigs.rig import load_rig
 
-        loaded = load_rig(rig)
-        try:
-            plan_of(loaded, shots, added_mass, u_added_mass, repeatability)
-        except ValueError as error:
-            raise typer.BadParameter(str(error)) from error
         with session.steps("predict") as progress:
             done = foretell(
-                loaded, from_shot=from_shot, shots=shots, added_mass_kg=added_mass, u_added_mass_kg=u_added_mass,
-                uncertainties=uncertainties, repeatability=repeatability, progress=progress,
+                load_rig(rig), from_shot=from_shot, shots=shots, plan=plan, uncertainties=uncertainties,
+                progress=progress,
             )  # fmt: skip
         session.finish(done.to_json(), done.show, OK if done.valid else NOT_VALID)
 

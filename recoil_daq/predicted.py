@@ -14,6 +14,7 @@ from recoil_daq.fired import described, read_fired
 from recoil_daq.ingest import ingest_files
 from recoil_daq.printed import Printed
 from recoil_identification.analysis import Identification, Options, identify_shot
+from recoil_identification.campaign.joint_rows import Scatter
 from recoil_identification.campaign.prediction import (
     OTHER_SHOTS,
     SUPPOSED,
@@ -26,7 +27,7 @@ from recoil_identification.campaign.prediction import (
 )
 from recoil_rigs.rig import Rig
 from recoil_rigs.stated_uncertainty import with_uncertainties
-from recoil_rigs.twin import simulate_shot
+from recoil_rigs.twin import CampaignPlan, read_settings, simulate_shot
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -42,10 +43,10 @@ SIMULATED_SHARE = 0.2
 """Of the mass: what the second nominal shot carries, where no other added mass is asked for."""
 LARGEST_ADDED_SHARE = 2.0
 """Likewise, beyond which what is added is no part of the same mechanism any more: grams for kilograms, perhaps."""
-LARGEST_U_OF_ADDED_MASS = 0.2
-"""Of the added mass, as for a campaign that is simulated."""
-MOST_SHOTS = 1000
-LARGEST_REPEATABILITY = 0.05
+MOST_SHOTS, MOST_CHARGES = 1000, 4
+"""The latter of different ones, each of which is simulated."""
+EXPECTED = ("added_mass_kg", "u_added_mass_kg", "charges", "friction_scatter", "repeatability")
+"""Of a campaign's plan, what is known before the day."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -103,10 +104,8 @@ def predict(
     *,
     from_shot: str | Path | None = None,
     shots: int = 8,
-    added_mass_kg: float = 0.0,
-    u_added_mass_kg: float = 0.05,
+    plan: CampaignPlan | None = None,
     uncertainties: Mapping[str, float] | None = None,
-    repeatability: float | None = None,
     progress: Progress = lambda _: None,
 ) -> Predicted:
     """Say how well a campaign will tell the mass, and what would make it better.
@@ -119,121 +118,120 @@ def predict(
         A shot file of the rig, whose motion and forces are taken for those of the shots to come.
     shots
         Of the campaign, 1 to 1000.
-    added_mass_kg, u_added_mass_kg
-        What every second shot carries in addition, and its standard uncertainty.
+    plan
+        The mass that every second shot is to carry in addition, up to four different charges, and by how much gains
+        and friction do not repeat from shot to shot: where it does not say, by the little that a few shots cannot tell
+        from nothing.
     uncertainties
         Standard uncertainties in place of the rig's: ``p_breech.u_rel`` (a channel's) as a share, ``u_friction``,
         ``u_bore_area`` and the other areas' in their units, ``u_bore_friction``.
-    repeatability
-        Standard deviation by which gains do not repeat from shot to shot, relative; left out, the little that a few
-        shots cannot tell from none.
     progress
         Told the name of each step.
 
     Raises
     ------
     ValueError
-        If a number is none that a campaign can have.
+        If the plan does not go with the number of shots, or has what nobody can expect.
     RigError
-        If an uncertainty is none of the rig's, or the rig cannot be simulated.
+        If an uncertainty is none of the rig's, the added mass is no part of it, or it cannot be simulated.
     ReadError, StoreError
         If the shot is of another rig, or its file is at fault.
     IdentificationError
         If the nominal shot has no mass.
     """
-    plan = plan_of(rig, shots, added_mass_kg, u_added_mass_kg, repeatability)
+    expected = _expected(rig, shots, plan or CampaignPlan(), recorded=from_shot is not None)
     supposed = with_uncertainties(rig, uncertainties or {})
     if from_shot is None:
-        found, nominal = _simulated(rig, plan, progress)
+        found, nominal = _simulated(rig, expected, progress)
     else:
         found, nominal = _recorded(rig, Path(from_shot), progress)
     progress("predict")
     nominal = [one.known_by(supposed) for one in nominal]
-    changes = found_by(nominal, plan)
+    changes = found_by(nominal, expected)
     document = {
         "schema": SCHEMA,
         "rig": rig.name,
         "from": None if from_shot is None else str(from_shot),
         "mass_kg": nominal[0].mass_kg,
-        "u_rel": predicted_u_rel(nominal, alone(plan)),
-        "shots": plan.shots,
-        "added_mass_kg": plan.added_mass_kg,
+        "u_rel": predicted_u_rel(nominal, alone(expected)),
+        "shots": expected.shots,
+        "added_mass_kg": expected.added_mass_kg,
+        "charges": list(expected.charges),
         "campaign": [
             {"shots": n, "added_mass_kg": added_kg, "u_rel": predicted_u_rel(nominal, one)}
-            for n in sorted({1, *OTHER_SHOTS, plan.shots})
-            for added_kg in dict.fromkeys((0.0, plan.added_mass_kg if n > 1 else 0.0))
-            for one in [replace(plan, shots=n, added_mass_kg=added_kg)]
+            for n in sorted({1, *OTHER_SHOTS, expected.shots})
+            for added_kg in dict.fromkeys((0.0, expected.added_mass_kg if n > 1 else 0.0))
+            for one in [replace(expected, shots=n, added_mass_kg=added_kg)]
         ],
         "what_if": [
             {"change": one.change, "u_rel_shot": one.u_rel_shot, "u_rel_campaign": one.u_rel_campaign}
-            for one in what_ifs(nominal, supposed, plan)
+            for one in what_ifs(nominal, supposed, expected)
         ],
         "least_found": {
             "mass_step_kg": changes.mass_step_kg,
             "drifts": [{"influence": label, "size": size} for label, size in changes.drifts],
             "u_difference_kg": changes.u_difference_kg,
         },
-        "repeatability": {"gain_rel": plan.scatter.gain_rel, "friction_rel": plan.scatter.friction_rel},
+        "repeatability": {"gain_rel": expected.scatter.gain_rel, "friction_rel": expected.scatter.friction_rel},
         "valid": not found.reasons,
         "reasons": list(found.reasons),
         "provenance": {
             "version": __version__,
             "inputs": [] if from_shot is None else [_input(Path(from_shot))],
             "parameters": {
-                "u_added_mass_kg": plan.u_added_mass_kg if plan.added_mass_kg else None,
+                "plan": {} if plan is None else plan.model_dump(mode="json", exclude_unset=True),
                 "uncertainties": dict(uncertainties or {}),
-                "repeatability": repeatability,
             },
         },
     }
     return Predicted(document)
 
 
-def plan_of(rig: Rig, shots: int, added_mass_kg: float, u_added_mass_kg: float, repeatability: float | None) -> Plan:
-    """Return the plan of a campaign; parameters as of `predict`.
-
-    Raises
-    ------
-    ValueError
-        With every number that none can have.
-    """
-    faults = []
+def _expected(rig: Rig, shots: int, plan: CampaignPlan, *, recorded: bool) -> Plan:
+    """Return what is expected of a campaign."""
+    plan.check_shots(shots)
     if not 1 <= shots <= MOST_SHOTS:
-        faults.append(f"shots must be 1 to {MOST_SHOTS}, not {shots}")
-    most_kg = LARGEST_ADDED_SHARE * rig.mechanism.m3
-    if not 0 <= added_mass_kg <= most_kg:
-        faults.append(f"the added mass must be 0 to {most_kg:g} kg, twice the recoiling mass, not {added_mass_kg:g} kg")
-    elif added_mass_kg and not 0 <= u_added_mass_kg <= LARGEST_U_OF_ADDED_MASS * added_mass_kg:
-        most_kg = LARGEST_U_OF_ADDED_MASS * added_mass_kg
-        faults.append(f"the u of the added mass must be 0 to {most_kg:g} kg, a fifth of it, not {u_added_mass_kg:g} kg")
-    if added_mass_kg and shots < 2:
-        faults.append("every second shot carries the added mass, and there is only one")
-    if repeatability is not None and not 0 <= repeatability <= LARGEST_REPEATABILITY:
-        faults.append(f"the repeatability must be a share of 0 to {LARGEST_REPEATABILITY:g}, not {repeatability:g}")
-    if faults:
-        raise ValueError("; ".join(faults))
-    scatter = SUPPOSED if repeatability is None else replace(SUPPOSED, gain_rel=repeatability)
-    return Plan(shots, float(added_mass_kg), u_added_mass_kg, scatter)
+        raise ValueError(f"shots must be 1 to {MOST_SHOTS}, not {shots}")
+    if unexpected := plan.model_fields_set.difference(EXPECTED):
+        raise ValueError(f"{', '.join(sorted(unexpected))}: nobody expects that of shots to come")
+    if recorded and plan.charges:
+        raise ValueError("charges: a recorded shot tells of its own only")
+    if len(set(plan.charges)) > MOST_CHARGES:
+        raise ValueError(f"charges: {len(set(plan.charges))} different ones, and at most {MOST_CHARGES} are simulated")
+    added_kg, mass_kg = plan.added_mass_kg or 0.0, rig.mechanism.m3
+    if added_kg > LARGEST_ADDED_SHARE * mass_kg:
+        problem = f"{added_kg:g} kg are more than {LARGEST_ADDED_SHARE:g} times the recoiling mass of {mass_kg:g} kg"
+        raise RigError(rig.path, [Fault("added mass", problem)])
+    scatter = Scatter(
+        plan.repeatability if "repeatability" in plan.model_fields_set else SUPPOSED.gain_rel,
+        plan.friction_scatter if "friction_scatter" in plan.model_fields_set else SUPPOSED.friction_rel,
+    )
+    return Plan(shots, added_kg, plan.u_added_mass_kg, scatter, plan.charges or (1.0,))
 
 
 def _simulated(rig: Rig, plan: Plan, progress: Progress) -> tuple[Identification, list[NominalShot]]:
-    """Fire the virtual rig twice, bare and with a mass added, and identify both as they would be recorded."""
+    """Fire the virtual rig as planned, and identify its shots as they would be recorded."""
     if not rig.twin:
         problem = "is missing: without it nothing says how the mechanism moves; state it, or give a recorded shot"
         raise RigError(rig.path, [Fault("twin", problem)])
     mass_kg = rig.mechanism.m3
-    added_kg = plan.added_mass_kg or float(f"{SIMULATED_SHARE * mass_kg:.2g}")
+    usual, *others = dict.fromkeys(plan.charges)
     progress("nominal shot")
-    first = _fired(rig, Options())
-    progress(f"nominal shot with {added_kg:g} kg more")
+    first = _fired(rig, usual, Options())
+    nominal = [NominalShot.of(mass_kg, 0.0, first.summary, usual)]
     options = Options(mass_cutoff_hz=first.mass_low_pass.cutoff_hz)
-    second = _fired(rig.with_added_mass(added_kg, None), options)
-    return first, [NominalShot.of(mass_kg, 0.0, first.summary), NominalShot.of(mass_kg, added_kg, second.summary)]
+    added_kg = plan.added_mass_kg or float(f"{SIMULATED_SHARE * mass_kg:.2g}")
+    for more_kg, charge in ((added_kg, usual), *((0.0, charge) for charge in others)):
+        progress(f"nominal shot with {more_kg:g} kg more, {charge:g} of the charge")
+        one = _fired(rig.with_added_mass(more_kg, None), charge, options)
+        nominal.append(NominalShot.of(mass_kg, more_kg, one.summary, charge))
+    return first, nominal
 
 
-def _fired(rig: Rig, options: Options) -> Identification:
-    settings = {key: value for key, value in rig.twin.items() if key != "m3_true"} | UNDRAWN
-    virtual = replace(rig, twin=settings)
+def _fired(rig: Rig, charge: float, options: Options) -> Identification:
+    peak_pa = charge * read_settings(rig).peak_pressure_pa
+    settings = {key: value for key, value in rig.twin.items() if key != "m3_true"}
+    virtual = replace(rig, twin=settings | UNDRAWN | {"peak_pressure_pa": peak_pa})
     with tempfile.TemporaryDirectory(prefix="recoil-daq-") as folder:
         fired = simulate_shot(virtual, Path(folder) / "files", seed=1, shot=NOMINAL)
         done = ingest_files(virtual, fired.files, shot=NOMINAL, out=Path(folder) / "shots")

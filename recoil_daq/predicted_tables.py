@@ -33,11 +33,14 @@ def print_predicted(done: Predicted) -> None:
             + ", ".join(f"a drift of {one['influence']} by {_percent(one['size'], 2)}" for one in found["drifts"])
         )
         say(f"difference of two configurations, half of the bare shots each: u {found['u_difference_kg']:.2f} kg")
-    repeats = d["repeatability"]
+    repeats, charges = d["repeatability"], d["charges"]
     nominal = "of the virtual rig" if d["from"] is None else f"as {d['from']}"
+    charged = (
+        "all with the same charge" if len(set(charges)) == 1 else f"charges {', '.join(f'{c:g}' for c in charges)}"
+    )
     say(
-        f"taken: shots {nominal}, all with the same charge; from shot to shot gains scatter by "
-        f"{_percent(repeats['gain_rel'])}, friction by {_percent(repeats['friction_rel'], 0)}"
+        f"taken: shots {nominal}, {charged}; from shot to shot gains scatter by {_percent(repeats['gain_rel'])}, "
+        f"friction by {_percent(repeats['friction_rel'], 1)}"
     )
     for reason in d["reasons"]:
         say(f"the nominal shot itself is not valid: {reason}")

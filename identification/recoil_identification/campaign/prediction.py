@@ -32,8 +32,8 @@ from recoil_identification.shot_summary import ShotSummary, certified_influences
 from recoil_rigs.rig import Rig
 from recoil_rigs.stated_uncertainty import SCALED_ROLES, stated_uncertainties, with_uncertainties
 
-SUPPOSED = Scatter(gain_rel=1e-4, friction_rel=0.01)
-"""Scatter from shot to shot that a few shots leave possible even where nothing scatters."""
+SUPPOSED = Scatter(gain_rel=1.5e-4, friction_rel=0.015)
+"""Scatter from shot to shot that eight shots leave possible where nothing scatters, the mean of what they say of it."""
 OTHER_SCATTERS_REL = (5e-4, 1e-3)
 """By which good gauges and usual ones do not repeat."""
 OTHER_SHOTS = (4, 8, 16, 32)
@@ -59,19 +59,22 @@ class NominalShot:
         Weighed.
     summary
         What it tells; nothing is off.
+    charge
+        Factor of the usual one's peak breech pressure.
     """
 
     mass_kg: float
     added_mass_kg: float
     summary: ShotSummary
+    charge: float = 1.0
 
     @classmethod
-    def of(cls, mass_kg: float, added_mass_kg: float, summary: ShotSummary) -> NominalShot:
+    def of(cls, mass_kg: float, added_mass_kg: float, summary: ShotSummary, charge: float = 1.0) -> NominalShot:
         """Keep of a shot's summary what it tells, and nothing of how its errors fell."""
         reference = np.zeros(len(summary.parameters))
         reference[0] = math.log(mass_kg + added_mass_kg)
         nothing = np.zeros_like(summary.seen)
-        return cls(mass_kg, added_mass_kg, replace(summary, reference=reference, seen=nothing, against=()))
+        return cls(mass_kg, added_mass_kg, replace(summary, reference=reference, seen=nothing, against=()), charge)
 
     def known_by(self, rig: Rig) -> NominalShot:
         """Take what a rig's certificates say of what its shots share."""
@@ -87,7 +90,7 @@ class NominalShot:
         unmoved = (*DISTORTIONS, OTHER.name)
         turned = np.array([1.0 if one.name in unmoved else s for one in self.summary.parameters])
         summary = replace(self.summary, triangle=self.summary.triangle * turned)
-        return NominalShot.of(self.mass_kg, added_mass_kg, summary)
+        return NominalShot.of(self.mass_kg, added_mass_kg, summary, self.charge)
 
 
 @dataclass(frozen=True)
@@ -100,12 +103,15 @@ class Plan:
         Of what every second shot carries in addition, from the second on; 0 for nothing.
     scatter
         By how much gains and friction do not repeat.
+    charges
+        One shot after the other, and from the first again.
     """
 
     shots: int
     added_mass_kg: float = 0.0
     u_added_mass_kg: float = 0.0
     scatter: Scatter = SUPPOSED
+    charges: tuple[float, ...] = (1.0,)
 
 
 @dataclass(frozen=True)
@@ -143,15 +149,14 @@ def predicted_fit(nominal: Sequence[NominalShot], plan: Plan, *, halves: bool = 
     Parameters
     ----------
     nominal
-        At least one; of one that a shot of the plan is to be like, the one whose added mass is nearest is taken.
+        At least one; a shot of the plan is like the one whose charge, and then whose added mass, is nearest to its own.
     halves
         Whether the second half of the shots has other parts.
     """
-    used = {added_kg: _nearest(nominal, added_kg) for added_kg in {0.0, plan.added_mass_kg}}
-    shots = []
+    shots, used = [], dict[tuple[float, float], NominalShot]()
     for number in range(plan.shots):
-        added_kg = plan.added_mass_kg if number % 2 else 0.0
-        one = used[added_kg]
+        added_kg, charge = plan.added_mass_kg if number % 2 else 0.0, plan.charges[number % len(plan.charges)]
+        one = used.setdefault((charge, added_kg), _nearest(nominal, charge, added_kg))
         shots.append(
             CampaignShot(
                 name=f"{number + 1:04d}",
@@ -257,7 +262,7 @@ def _is_in(role: str, nominal: Sequence[NominalShot]) -> bool:
     return any(name.startswith(f"{SENSOR}{role}:") for name in named)
 
 
-def _nearest(nominal: Sequence[NominalShot], added_mass_kg: float) -> NominalShot:
+def _nearest(nominal: Sequence[NominalShot], charge: float, added_mass_kg: float) -> NominalShot:
     """Return a shot with a mass added, by the nominal one that is nearest to it."""
-    nearest = min(nominal, key=lambda one: abs(one.added_mass_kg - added_mass_kg))
+    nearest = min(nominal, key=lambda one: (abs(one.charge - charge), abs(one.added_mass_kg - added_mass_kg)))
     return nearest if nearest.added_mass_kg == added_mass_kg else nearest.carrying(added_mass_kg)

@@ -1,0 +1,165 @@
+"""`predict`: what a campaign will tell, by the command and in Python, of the virtual rig and of a recorded shot."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import pytest
+from typer.testing import Result
+
+from recoil_daq import Predicted, RigError, load_rig, predict
+from recoil_daq.campaign import campaign
+from recoil_rigs.rig import Rig
+from recoil_rigs.twin import CampaignPlan
+from tests.builders.campaigns import fire_campaign
+from tests.builders.virtual_shots import SHORTER, with_twin
+
+Run = Callable[..., Result]
+RING = CampaignPlan(added_mass_kg=120.0)
+
+
+def shorter() -> Rig:
+    return with_twin("field-2013", **SHORTER)
+
+
+@cache
+def expected() -> Predicted:
+    return predict(shorter(), shots=4, plan=RING)
+
+
+def u_rel_of(done: Predicted, shots: int, added_kg: float) -> float:
+    (u_rel,) = (
+        one["u_rel"] for one in done.document["campaign"] if (one["shots"], one["added_mass_kg"]) == (shots, added_kg)
+    )
+    return float(u_rel)
+
+
+def test_a_prediction_has_what_is_promised_of_it() -> None:
+    document = expected().to_json()
+    assert document["schema"] == "recoil-daq/predict/1"
+    assert 0.0032 < document["u_rel"] < 0.0036  # a share, not percent
+    told = [(one["shots"], one["added_mass_kg"]) for one in document["campaign"]]
+    assert told == [(1, 0), *((n, added) for n in (4, 8, 16, 32) for added in (0, 120))]
+    assert all(set(one) == {"change", "u_rel_shot", "u_rel_campaign"} for one in document["what_if"])
+    assert expected().what_if.u_rel_campaign.is_monotonic_increasing
+    assert expected().campaign.u_rel.max() == expected().u_rel
+    assert expected().valid
+    assert repr(expected()).startswith("Predicted('field-2013': u 0.3")
+    json.dumps(document, allow_nan=False)
+
+
+def test_what_is_printed_ends_with_what_to_expect() -> None:
+    *_, last = str(expected()).splitlines()
+    u = 100 * u_rel_of(expected(), 4, 120)
+    assert last.startswith(f"u {100 * expected().u_rel:.3f} % (2.7")
+    assert f"u {u:.3f} %" in last
+    assert last.endswith("from 4 shots, 120 kg added to every second")
+    assert "p_breech calibrated twice as well: 0.25 %" in str(expected())
+
+
+def test_a_campaign_states_what_was_predicted_of_it(tmp_path: Path) -> None:
+    fired = fire_campaign(tmp_path, RING, shots=4, campaign_seed=12)
+    mass = campaign(fired.shots, reports=tmp_path / "reports", out=tmp_path / "campaign").document["mass"]
+    stated = mass["u"] / mass["value"]
+    assert u_rel_of(expected(), 4, 120) == pytest.approx(stated, rel=0.1)
+    by_shot = predict(fired.rig, from_shot=fired.files[0], shots=4, plan=RING)
+    assert u_rel_of(by_shot, 4, 120) == pytest.approx(stated, rel=0.1)
+    # a shot that carried the mass tells what a bare one will
+    by_heavier = predict(fired.rig, from_shot=fired.files[1], shots=4, plan=RING)
+    assert by_heavier.u_rel == pytest.approx(expected().u_rel, rel=0.05)
+    assert by_heavier.document["mass_kg"] == pytest.approx(782, rel=0.02)
+
+
+def test_options_and_python_predict_the_same_of_a_recorded_shot(run: Run, stored: Path) -> None:
+    words = ("--from", stored, "--shots", "6", "--added-mass", "60", "--u-added-mass", "0.1", "--repeatability", "5e-4")
+    result = run("predict", "field-2013", *words, "--with", "p_breech.u_rel=0.002", "--with", "u_friction=75", "--json")
+    assert result.exit_code == 0, result.output
+    done = predict(
+        load_rig("field-2013"),
+        from_shot=stored,
+        shots=6,
+        plan=CampaignPlan(added_mass_kg=60.0, u_added_mass_kg=0.1, repeatability=5e-4),
+        uncertainties={"p_breech.u_rel": 0.002, "u_friction": 75.0},
+    )
+    assert json.loads(result.stdout) == json.loads(json.dumps(done.to_json()))
+    plain = predict(load_rig("field-2013"), from_shot=stored, shots=6, plan=CampaignPlan(added_mass_kg=60.0))
+    assert done.u_rel < 0.75 * plain.u_rel
+    assert [shot["file"] for shot in done.document["provenance"]["inputs"]] == ["0001.h5"]
+    shown = run("predict", "field-2013", "--from", stored, "--shots", "1")
+    assert shown.exit_code == 0, shown.output
+    assert shown.stdout.splitlines()[-1].endswith("from one shot")
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("--shots", "1", "--added-mass", "120"), "there is only one"),
+        (("--added-mass", "-5"), "--added-mass: "),
+        (("--added-mass", "120", "--u-added-mass", "50"), "a fifth of the added mass"),
+        (("--added-mass", "nan"), "--added-mass: "),
+        (("--repeatability", "5"), "--repeatability: "),
+        (("--from", "0001.h5", "--charges", "1,0.8"), "tells of its own only"),
+        (("--shots", "0"), "greater than or equal to 1"),
+        (("--with", "p_breech.u_rel"), "is not KEY=VALUE"),
+        (("--with", "p_breech.u_rel=few"), "KEY=NUMBER"),
+        (("--with", "u_friction=1", "--with", "u_friction=2"), "given twice"),
+    ],
+)
+def test_a_number_that_no_campaign_can_have_is_a_wrong_usage(run: Run, words: tuple[str, ...], told: str) -> None:
+    result = run("predict", "field-2013", *words)
+    assert result.exit_code == 2
+    assert told in " ".join(result.stderr.split())
+
+
+def test_an_uncertainty_that_the_rig_does_not_have_is_named_with_the_nearest(run: Run) -> None:
+    result = run("predict", "field-2013", "--with", "p_brech.u_rel=0.002")
+    assert result.exit_code == 3
+    assert "p_brech.u_rel: no such uncertainty" in result.stderr
+    assert "did you mean 'p_breech.u_rel'?" in result.stderr
+
+
+def test_what_nobody_expects_of_shots_to_come_is_refused() -> None:
+    rig = shorter()
+    for plan, told in (
+        (CampaignPlan(mass_steps={2: -4.0}), "mass_steps: nobody expects"),
+        (CampaignPlan(charges=(1.0, 0.9, 0.8, 0.7, 0.6)), "5 different ones"),
+    ):
+        with pytest.raises(ValueError, match=told):
+            predict(rig, plan=plan)
+    with pytest.raises(RigError, match="120000 kg are more than 2 times the recoiling mass"):
+        predict(rig, plan=CampaignPlan(added_mass_kg=120e3))
+
+
+def test_weaker_charges_tell_less() -> None:
+    done = predict(shorter(), shots=4, plan=CampaignPlan(charges=(0.65, 1.0)))
+    assert done.u_rel > 1.1 * expected().u_rel
+    assert u_rel_of(expected(), 4, 0) < u_rel_of(done, 4, 0) < done.u_rel
+    assert "charges 0.65, 1" in str(done)
+
+
+def test_a_rig_of_which_nothing_says_how_it_moves_needs_a_shot(run: Run, stored: Path, tmp_path: Path) -> None:
+    head, _, _ = load_rig("field-2013").text.partition("[twin]\n")
+    path = tmp_path / "rig.toml"
+    path.write_text(head, encoding="utf-8")
+    result = run("predict", path)
+    assert result.exit_code == 3
+    assert "twin: is missing" in result.stderr
+    assert "recorded shot" in result.stderr
+    assert run("predict", path, "--from", stored).exit_code == 0
+
+
+def test_a_shot_of_another_rig_or_none_is_refused(run: Run, stored: Path, tmp_path: Path) -> None:
+    other = run("predict", "mixed", "--from", stored)
+    assert other.exit_code == 3
+    assert "recorded on another rig" in other.stderr
+    missing = run("predict", "mixed", "--from", tmp_path / "none.h5")
+    assert missing.exit_code == 3
+    assert "no such file" in missing.stderr
+
+
+def test_a_virtual_rig_that_cannot_move_is_refused_and_leaves_nothing() -> None:
+    with pytest.raises(RigError, match="orifice"):
+        predict(with_twin("field-2013", orifice_m2=-1.0))
