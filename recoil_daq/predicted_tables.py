@@ -22,15 +22,20 @@ def print_predicted(done: Predicted) -> None:
     both = ("u_rel_shot", "u_rel_campaign") if shots > 1 else ("u_rel_shot",)
     print_table(
         f"What would change it, best for {_of_shots(shots)} first",
-        ("change", "u of a shot", f"u of {shots} shots")[: 1 + len(both)],
+        ("change", "u of a shot", "u of the campaign")[: 1 + len(both)],
         [(one["change"], *(_percent(one[key]) for key in both)) for one in d["what_if"]],
         numeric=(1, 2),
     )
     found = d["least_found"]
     if found["mass_step_kg"] is not None:
-        say(
-            f"found in half of such campaigns: a mass step of {found['mass_step_kg']:.1f} kg between the halves, "
-            + ", ".join(f"a drift of {one['influence']} by {_percent(one['size'], 2)}" for one in found["drifts"])
+        print_table(
+            "Smallest changes that half of such campaigns find",
+            ("change", "size"),
+            [
+                ("mass, from one half of the shots to the other", f"{found['mass_step_kg']:.1f} kg"),
+                *((f"drift of {one['influence']}", _percent(one["size"], 2)) for one in found["drifts"]),
+            ],
+            numeric=(1,),
         )
         say(f"difference of two configurations, half of the bare shots each: u {found['u_difference_kg']:.2f} kg")
     repeats, charges = d["repeatability"], d["charges"]

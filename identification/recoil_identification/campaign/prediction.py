@@ -156,7 +156,9 @@ def predicted_fit(nominal: Sequence[NominalShot], plan: Plan, *, halves: bool = 
     shots, used = [], dict[tuple[float, float], NominalShot]()
     for number in range(plan.shots):
         added_kg, charge = plan.added_mass_kg if number % 2 else 0.0, plan.charges[number % len(plan.charges)]
-        one = used.setdefault((charge, added_kg), _nearest(nominal, charge, added_kg))
+        if (charge, added_kg) not in used:
+            used[charge, added_kg] = _nearest(nominal, charge, added_kg)
+        one = used[charge, added_kg]
         shots.append(
             CampaignShot(
                 name=f"{number + 1:04d}",
