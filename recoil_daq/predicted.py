@@ -25,8 +25,10 @@ from recoil_identification.campaign.prediction import (
     predicted_u_rel,
     what_ifs,
 )
+from recoil_identification.shot_summary import OF_A_SHOT
+from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.rig import Rig
-from recoil_rigs.stated_uncertainty import with_uncertainties
+from recoil_rigs.stated_uncertainty import SCALED_ROLES, with_uncertainties
 from recoil_rigs.twin import CampaignPlan, read_settings, simulate_shot
 
 if TYPE_CHECKING:
@@ -244,11 +246,7 @@ def _recorded(rig: Rig, path: Path, progress: Progress) -> tuple[Identification,
     if not path.exists():
         raise ReadError("no such file", path=path, remedy="check the name and the folder")
     fired = read_fired(path)
-    if fired.rig.name != rig.name:
-        raise ReadError(
-            "the shot was recorded on another rig", path=path, expected=repr(rig.name), found=repr(fired.rig.name),
-            remedy="give a shot of this rig",
-        )  # fmt: skip
+    _refuse_other(rig, fired.rig, path)
     progress(f"identify {path.name}")
     found = identify_shot(fired.shot, fired.rig, Options())
     added_kg = fired.rig.added_mass_kg
@@ -256,6 +254,25 @@ def _recorded(rig: Rig, path: Path, progress: Progress) -> tuple[Identification,
     if mass_kg <= 0:
         raise IdentificationError("the shot's mass is less than what was added to it", found=f"{mass_kg:g} kg")
     return found, [NominalShot.of(mass_kg, added_kg, found.summary)]
+
+
+def _refuse_other(rig: Rig, recorded: Rig, path: Path) -> None:
+    """Refuse a shot of another stand: what it tells would be taken with certificates of other sensors."""
+
+    def described_by(one: Rig) -> dict[str, object]:
+        sensors = {channel.name: channel.role for channel in one.channels if channel.role in SCALED_ROLES}
+        geometry = {symbol: getattr(one.mechanism, symbol) for symbol in Mechanism.symbols() if symbol not in OF_A_SHOT}
+        # a value that is not stated is no number, which equals nothing
+        return {"name": one.name, **sensors, **{symbol: str(value) for symbol, value in geometry.items()}}
+
+    expected, found = described_by(rig), described_by(recorded)
+    if other := [key for key in {**expected, **found} if expected.get(key) != found.get(key)]:
+        raise ReadError(
+            "the shot was recorded on another rig", path=path,
+            expected=", ".join(f"{key} {expected.get(key, 'missing')}" for key in other),
+            found=", ".join(f"{key} {found.get(key, 'missing')}" for key in other),
+            remedy="give a shot of this rig, or the rig as it was then",
+        )  # fmt: skip
 
 
 def _input(path: Path) -> dict[str, str]:

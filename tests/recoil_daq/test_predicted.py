@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import pytest
 from typer.testing import Result
 
-from recoil_daq import Predicted, RigError, load_rig, predict
+from recoil_daq import Predicted, ReadError, RigError, load_rig, predict
 from recoil_daq.campaign import campaign
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin import CampaignPlan
@@ -155,6 +156,12 @@ def test_a_shot_of_another_rig_or_none_is_refused(run: Run, stored: Path, tmp_pa
     other = run("predict", "mixed", "--from", stored)
     assert other.exit_code == 3
     assert "recorded on another rig" in other.stderr
+    rig = load_rig("field-2013")
+    lacking = rig.without_channel("x_camera")
+    with pytest.raises(ReadError, match="expected x_camera missing, found x_camera recoil_displacement"):
+        predict(lacking, from_shot=stored)
+    with pytest.raises(ReadError, match=r"expected b 0\.9, found b 0\.8"):
+        predict(replace(rig, mechanism=replace(rig.mechanism, b=0.9)), from_shot=stored)
     missing = run("predict", "mixed", "--from", tmp_path / "none.h5")
     assert missing.exit_code == 3
     assert "no such file" in missing.stderr

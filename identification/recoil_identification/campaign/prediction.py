@@ -243,8 +243,9 @@ def what_ifs(nominal: Sequence[NominalShot], rig: Rig, plan: Plan) -> tuple[What
             known(f"{channel.name} calibrated to {100 * GOOD_BREECH_REL:g} %", key, GOOD_BREECH_REL)
     for share in ADDED_SHARES if plan.shots > 1 else ():
         added_kg = float(f"{share * nominal[0].mass_kg:.2g}")
-        change = f"{added_kg:g} kg ({100 * share:.0f} % of the mass) added to every second shot"
-        add(change, nominal, replace(plan, added_mass_kg=added_kg))
+        if added_kg != plan.added_mass_kg:
+            change = f"{added_kg:g} kg ({100 * share:.0f} % of the mass) added to every second shot"
+            add(change, nominal, replace(plan, added_mass_kg=added_kg))
     if plan.added_mass_kg:
         add("nothing added to any shot", nominal, replace(plan, added_mass_kg=0.0))
     for shots in OTHER_SHOTS:
