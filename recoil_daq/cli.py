@@ -434,11 +434,16 @@ def predict(
         "friction_scatter": friction_scatter, "repeatability": repeatability,
     }  # fmt: skip
     plan = _campaign_plan({key: value for key, value in options.items() if value is not None}, shots)
-    if from_shot is not None and charges is not None:
-        raise typer.BadParameter("--charges needs the rig's [twin]: the shot of --from tells of its own only")
     with Session(json, debug) as session:
+        from recoil_daq.predicted import check_expected
         from recoil_daq.predicted import predict as foretell
         from recoil_rigs.rig import load_rig
+
+        if plan is not None:
+            try:
+                check_expected(shots, plan, recorded=from_shot is not None)
+            except ValueError as error:
+                raise typer.BadParameter(str(error)) from error
 
         with session.steps("predict") as progress:
             done = foretell(

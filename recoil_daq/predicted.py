@@ -141,7 +141,9 @@ def predict(
     IdentificationError
         If the nominal shot has no mass.
     """
-    expected = _expected(rig, shots, plan or CampaignPlan(), recorded=from_shot is not None)
+    planned = plan or CampaignPlan()
+    check_expected(shots, planned, recorded=from_shot is not None)
+    expected = _expected(rig, shots, planned)
     supposed = with_uncertainties(rig, uncertainties or {})
     if from_shot is None:
         found, nominal = _simulated(rig, expected, progress)
@@ -189,8 +191,14 @@ def predict(
     return Predicted(document)
 
 
-def _expected(rig: Rig, shots: int, plan: CampaignPlan, *, recorded: bool) -> Plan:
-    """Return what is expected of a campaign."""
+def check_expected(shots: int, plan: CampaignPlan, *, recorded: bool) -> None:
+    """Check whether a campaign can be predicted; `recorded` if by a shot file.
+
+    Raises
+    ------
+    ValueError
+        If it has no shots, or none that could have all that is planned, or what nobody can expect is planned.
+    """
     plan.check_shots(shots)
     if not 1 <= shots <= MOST_SHOTS:
         raise ValueError(f"shots must be 1 to {MOST_SHOTS}, not {shots}")
@@ -200,6 +208,10 @@ def _expected(rig: Rig, shots: int, plan: CampaignPlan, *, recorded: bool) -> Pl
         raise ValueError("charges: a recorded shot tells of its own only")
     if len(set(plan.charges)) > MOST_CHARGES:
         raise ValueError(f"charges: {len(set(plan.charges))} different ones, and at most {MOST_CHARGES} are simulated")
+
+
+def _expected(rig: Rig, shots: int, plan: CampaignPlan) -> Plan:
+    """Return what is expected of a campaign."""
     added_kg, mass_kg = plan.added_mass_kg or 0.0, rig.mechanism.m3
     if added_kg > LARGEST_ADDED_SHARE * mass_kg:
         problem = f"{added_kg:g} kg are more than {LARGEST_ADDED_SHARE:g} times the recoiling mass of {mass_kg:g} kg"

@@ -103,6 +103,7 @@ def test_options_and_python_predict_the_same_of_a_recorded_shot(run: Run, stored
         (("--added-mass", "nan"), "--added-mass: "),
         (("--repeatability", "5"), "--repeatability: "),
         (("--from", "0001.h5", "--charges", "1,0.8"), "tells of its own only"),
+        (("--charges", "1,0.9,0.8,0.7,0.6"), "5 different ones, and at most 4"),
         (("--shots", "0"), "greater than or equal to 1"),
         (("--with", "p_breech.u_rel"), "is not KEY=VALUE"),
         (("--with", "p_breech.u_rel=few"), "KEY=NUMBER"),
