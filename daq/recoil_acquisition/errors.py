@@ -13,6 +13,7 @@
     +-- DeviceError             a live source cannot be opened or fails
     +-- AlignmentError          two clocks cannot be related at all
     +-- IdentificationError     no number can be given at all
+    +-- WorkerError             a process or machine that a shot was given to does not answer
 
 A caller's mistake stays ``ValueError`` or ``TypeError``. A poor fit or an unusable shot is a
 result with reasons, not an error. Foreign exceptions are mapped at the edge, ``from`` the cause.
@@ -204,6 +205,10 @@ class AlignmentError(RecoilDaqError):
 
 class IdentificationError(RecoilDaqError):
     """No number can be given at all."""
+
+
+class WorkerError(RecoilDaqError):
+    """A process or a machine that a shot was given to cannot be reached, or ended before the shot was done."""
 
 
 LEAST_LIKENESS = 0.5

@@ -22,6 +22,7 @@ from recoil_acquisition.errors import (
     RigError,
     StoreError,
     UnknownFormatError,
+    WorkerError,
     nearest_first,
 )
 
@@ -39,6 +40,7 @@ ONE_OF_EACH = (
     DeviceError("wrong"),
     AlignmentError("wrong"),
     IdentificationError("wrong"),
+    WorkerError("wrong", found="killed"),
 )
 
 

@@ -1,0 +1,378 @@
+"""Workers: the processes, here or on other machines, among which shots are shared out; results in the shots' order."""
+
+from __future__ import annotations
+
+import _thread
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import FrameType, ModuleType, TracebackType
+from typing import TYPE_CHECKING, TypeVar
+
+from recoil_acquisition.errors import RecoilDaqError, WorkerError
+from recoil_daq import __version__
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+Progress = Callable[[str], None]
+
+MOST_PROCESSES = 61
+"""Windows waits for no more at once."""
+CLEAN_UP_S = 10.0
+"""A process that is to end has so long to take away what it had half done."""
+LOOK_EVERY_S = 0.5
+"""Between two looks whether somebody pressed Ctrl-C: Windows interrupts no wait for it."""
+ENDED = 130
+"""Exit code of a process that ends because the one that started it does."""
+
+_SURROUNDINGS = {
+    # the matrices of a shot are small, and each core has a process of its own
+    **dict.fromkeys(
+        ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "BLIS_NUM_THREADS"),
+        "1",
+    ),
+    # as `recoil_acquisition.child_process.own_command`: no modules from the folder that the user happens to be in
+    "PYTHONSAFEPATH": "1",
+}
+_STARTING = threading.Lock()
+
+
+def cores() -> int:
+    """Return how many cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+class Workers:
+    """Does one piece of work for each of many shots, several at a time; to be closed, or used as a context.
+
+    Parameters
+    ----------
+    number
+        Of processes; 1 works in this one, None takes one for each core. They are started when there is work for more
+        than one.
+    executor
+        Any other executor, which stays its owner's: it is told functions and values that can be pickled. It may do
+        work again that was lost with a machine.
+    lost
+        What its futures raise, beside what those of the standard library do, when the work was lost.
+
+    Raises
+    ------
+    ValueError
+        If the number is below 1, or both are given.
+    """
+
+    def __init__(
+        self,
+        number: int | None = None,
+        *,
+        executor: Executor | None = None,
+        lost: tuple[type[Exception], ...] = (),
+    ) -> None:
+        if number is not None and number < 1:
+            raise ValueError(f"workers must be at least 1, not {number}")
+        if number is not None and executor is not None:
+            raise ValueError("give either a number of workers or an executor")
+        self.number = min(number or cores(), MOST_PROCESSES)
+        self._given = executor
+        self._lost: tuple[type[Exception], ...] = (BrokenExecutor, CancelledError, *lost)
+        self._own: _Processes | None = None
+
+    @classmethod
+    def of(cls, workers: int | Workers | None, executor: Executor | None) -> AbstractContextManager[Workers]:
+        """Return those that a caller means: so many, an executor, or some that are there and stay open."""
+        if isinstance(workers, Workers):
+            return nullcontext(workers)
+        return cls(workers, executor=executor)
+
+    @property
+    def may_repeat(self) -> bool:
+        """Whether a piece of work may be done twice: what it wrote the first time is there then."""
+        return self._given is not None
+
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close(at_once=error is not None)
+
+    def close(self, *, at_once: bool = False) -> None:
+        """End the processes.
+
+        Parameters
+        ----------
+        at_once
+            Do not let them complete what they are at; they leave nothing half done.
+        """
+        own, self._own = self._own, None
+        if own is not None:
+            own.close(at_once=at_once)
+
+    def place(self, path: Path) -> Path:
+        """Return a path as the workers are told it: in full, where they may stand in another folder."""
+        return path if self._given is None else path.absolute()
+
+    def map(
+        self,
+        work: Callable[[Item], Result],
+        items: Sequence[Item],
+        names: Sequence[str],
+        *,
+        progress: Progress = lambda _: None,
+    ) -> Iterator[Result]:
+        """Do one piece of work for each item, and stop at the first fault.
+
+        Parameters
+        ----------
+        work
+            A function that can be pickled.
+        names
+            Of the items, for people.
+        progress
+            Told how many are done, and how long the others may take.
+
+        Yields
+        ------
+        object
+            The results, in the order of the items.
+
+        Raises
+        ------
+        RecoilDaqError
+            The first, in the order of the items, that the work raised; `WorkerError` if its process ended.
+        """
+        for one in self.outcomes(work, items, names, progress=progress):
+            if isinstance(one, RecoilDaqError):
+                raise one
+            yield one
+
+    def outcomes(
+        self,
+        work: Callable[[Item], Result],
+        items: Sequence[Item],
+        names: Sequence[str],
+        *,
+        progress: Progress = lambda _: None,
+    ) -> Iterator[Result | RecoilDaqError]:
+        """Do one piece of work for each item, as `map`, and go on past those that fail: their errors are yielded."""
+        tally = _Tally(len(items), progress)
+        if self._given is None and (self.number == 1 or len(items) == 1):
+            for k, (item, name) in enumerate(zip(items, names, strict=True)):
+                tally.say(k, name)
+                try:
+                    yield work(item)
+                except RecoilDaqError as error:
+                    yield error
+            return
+        futures, whole = self._submitted(work, items), False
+        own = self._own
+        try:
+            for k, (item, name) in enumerate(zip(items, names, strict=True)):
+                tally.wait(futures, k)
+                try:
+                    outcome: Result | RecoilDaqError = futures[k].result()
+                except RecoilDaqError as error:
+                    outcome = error
+                except self._lost as error:
+                    outcome = self._done_alone(work, item, name, error)
+                futures[k] = Future()  # a result is not kept longer than whoever asked for it does
+                yield outcome
+            whole = True
+        finally:
+            if not whole and own is not None:
+                # futures that are cancelled would make trouble for a pool whose processes end
+                own.close(at_once=True)
+                self._own = None if self._own is own else self._own
+            elif not whole:
+                for future in futures:
+                    future.cancel()
+
+    def _submitted(self, work: Callable[[Item], Result], items: Sequence[Item]) -> list[Future[Result]]:
+        if self._given is not None:
+            given = self._given
+            return [self._sent(lambda one: given.submit(_same_version, __version__, work, one), item) for item in items]
+        if self._own is None or self._own.number < self.number:
+            self.close()
+            self._own = _Processes(self.number)
+        own = self._own
+        return [self._sent(lambda one: own.submit(work, one), item) for item in items]
+
+    def _sent(self, submit: Callable[[Item], Future[Result]], item: Item) -> Future[Result]:
+        """Submit an item; where one that was submitted before it has ended the executor by now, it is lost too."""
+        try:
+            return submit(item)
+        except self._lost as error:
+            lost: Future[Result] = Future()
+            lost.set_exception(error)
+            return lost
+
+    def _done_alone(
+        self, work: Callable[[Item], Result], item: Item, name: str, error: Exception
+    ) -> Result | RecoilDaqError:
+        """Do what was lost in a process of its own: so it shows whether this item or another one at a time ends it."""
+        if self._given is None:
+            if self._own is None or self._own.number > 1:
+                self.close(at_once=True)
+                self._own = _Processes(1)
+            own = self._own
+            future = self._sent(lambda one: own.submit(work, one), item)
+            while not future.done():
+                wait([future], timeout=LOOK_EVERY_S)
+            try:
+                return future.result()
+            except RecoilDaqError as fault:
+                return fault
+            except self._lost as again:
+                error = again
+                self.close(at_once=True)
+        lost = WorkerError(
+            f"{name}: the process that worked on it ended before it was done",
+            found=" ".join(str(error).split()) or type(error).__name__,
+            remedy="look at the memory of the machine, and try it by itself with --workers 1",
+        )
+        lost.__cause__ = error
+        return lost
+
+
+@dataclass
+class _Tally:
+    """Counts what is done of so many, and says how long the others may take."""
+
+    total: int
+    progress: Progress
+    since_s: float = field(default_factory=time.monotonic)
+
+    def say(self, done: int, name: str = "") -> None:
+        words = [f"{done} of {self.total} done", *([name] if name else [])]
+        if 0 < done < self.total:
+            left_s = (time.monotonic() - self.since_s) / done * (self.total - done)
+            words.append(f"{_duration(left_s)} left")
+        self.progress(", ".join(words))
+
+    def wait(self, futures: Sequence[Future[Result]], first: int) -> None:
+        """Wait for one of some futures, and count all of them meanwhile."""
+        while True:
+            waited_for = [future for future in futures[first:] if not future.done()]
+            self.say(self.total - len(waited_for))
+            if futures[first].done():
+                return
+            wait(waited_for, timeout=LOOK_EVERY_S, return_when=FIRST_COMPLETED)
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 90.0 else f"{seconds / 60.0:.0f} min"
+
+
+class _Processes:
+    """Processes of this machine, started anew: what this one has in its memory or runs as a script is not theirs.
+
+    They are tied to this process by a pipe: when that is closed, or this process is gone, they end.
+    """
+
+    def __init__(self, number: int) -> None:
+        from concurrent.futures import ProcessPoolExecutor
+        from multiprocessing import get_context
+
+        context = get_context("spawn")
+        self.number = number
+        self._end, self._tie = context.Pipe(duplex=False)
+        with _surroundings():  # its semaphores start a process that watches over them
+            self._pool = ProcessPoolExecutor(number, mp_context=context, initializer=_tied, initargs=(self._end,))
+
+    def submit(self, work: Callable[[Item], Result], item: Item) -> Future[Result]:
+        with _surroundings():
+            return self._pool.submit(_at_work, work, item)
+
+    def close(self, *, at_once: bool) -> None:
+        if at_once:
+            self._tie.close()
+        self._pool.shutdown(wait=True, cancel_futures=True)
+        self._tie.close()
+        self._end.close()
+
+
+@contextmanager
+def _surroundings() -> Iterator[None]:
+    """Set what a process is started with: its environment, and that it does not run the user's script once more."""
+    with _STARTING:
+        before = {name: os.environ.get(name) for name in _SURROUNDINGS}
+        script = sys.modules["__main__"]
+        os.environ.update(_SURROUNDINGS)
+        sys.modules["__main__"] = ModuleType("__main__")
+        try:
+            yield
+        finally:
+            sys.modules["__main__"] = script
+            for name, value in before.items():
+                if value is None:
+                    del os.environ[name]
+                else:
+                    os.environ[name] = value
+
+
+_WORKING = threading.Lock()
+"""Held, in a process of `_Processes`, while it is at work."""
+_asked_to_end = threading.Event()
+
+
+def _tied(tie: Connection) -> None:
+    """Tie this process to the one that started it: Ctrl-C is for that one to answer."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, _end_soon)
+    threading.Thread(target=_end_with, args=(tie,), daemon=True).start()
+
+
+def _end_with(tie: Connection) -> None:
+    """Wait for the other end of the pipe to be closed, and end this process wherever it is in its work."""
+    with suppress(EOFError, OSError):
+        tie.recv_bytes()
+    if sys.platform == "win32":
+        _thread.interrupt_main(signal.SIGTERM)
+    else:
+        # which also interrupts what the main thread waits for
+        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGTERM)
+    _WORKING.acquire(timeout=CLEAN_UP_S)
+    os._exit(ENDED)
+
+
+def _end_soon(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - a signal's handler gets both
+    if not _WORKING.locked():
+        os._exit(ENDED)
+    if not _asked_to_end.is_set():
+        # once: what this one lets be cleaned up is not to be interrupted by a second one
+        _asked_to_end.set()
+        raise KeyboardInterrupt
+
+
+def _at_work(work: Callable[[Item], Result], item: Item) -> Result:
+    with _WORKING:
+        try:
+            return work(item)
+        except KeyboardInterrupt:
+            os._exit(ENDED)
+
+
+def _same_version(version: str, work: Callable[[Item], Result], item: Item) -> Result:
+    """Do a piece of work on another machine, which must compute the same digits."""
+    if version != __version__:
+        raise WorkerError(
+            "a worker has another version of recoil-daq",
+            expected=version,
+            found=__version__,
+            remedy="install the same version on all machines",
+        )
+    return work(item)
