@@ -79,6 +79,7 @@ def ingest_files(
     at_s: float | None = None,
     on: dt.date | None = None,
     replaces: str = "",
+    log: bool = True,
     progress: Progress = lambda _: None,
 ) -> Ingested:
     """Turn one shot's recorded files into a verified shot file, and add its row to the shot log beside it.
@@ -103,6 +104,8 @@ def ingest_files(
     replaces
         Why the shot file that is there is made anew, which its history keeps; empty if none is. It is replaced in one
         step, when the new one is verified.
+    log
+        Add the row; whoever does not adds it later.
     progress
         Told the name of each step.
 
@@ -184,7 +187,7 @@ def ingest_files(
     finished = assembled.with_results(alignments, quality, Step("ingest", __version__, parameters))
     progress("write")
     write_shot(finished, target, overwrite=overwrite)
-    return Ingested(finished, rig, target, add_row(target, name, started) or log_fault)
+    return Ingested(finished, rig, target, (log and add_row(target, name, started)) or log_fault)
 
 
 def _check_name(name: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.visible_text import visible
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from recoil_daq.identify import Reported
     from recoil_daq.ingest import Ingested
     from recoil_daq.logged import Logged
+    from recoil_daq.shot_folder import IngestedFolder
     from recoil_daq.targets import TargetReported
 
 STYLES = {"ok": "green", "warn": "yellow", "fail": "bold red"}
@@ -88,6 +90,27 @@ def verdict_document(done: Ingested) -> dict[str, Any]:
         "alignment": [a.to_json() for a in shot.alignments],
         "quality": [c.to_json() for c in shot.quality],
     }
+
+
+def print_ingested_folder(done: IngestedFolder) -> None:
+    """Print a row a shot, the files that were left alone, and at the end every shot that failed, and why."""
+    rows = [
+        (one.shot, str(len(one.files)), "fail" if one.error else "warn" if one.reasons else "ok", one.state,
+         "; ".join(one.reasons) if one.path is None or one.reasons else str(one.path))
+        for one in done.shots
+    ]  # fmt: skip
+    print_table(
+        f"Shots on rig {done.rig.name}", ("shot", "files", "verdict", "state", "reasons, or file"), rows, numeric=(1,)
+    )
+    alone: dict[tuple[str, str], list[Path]] = {}
+    for path, why in done.left_alone.items():
+        alone.setdefault((path.name, why), []).append(path)
+    for (name, why), paths in alone.items():
+        say(f"left alone: {paths[0] if len(paths) == 1 else f'{name}, {len(paths)} times'}: {why}")
+    for fault in dict.fromkeys(f"shot log: {one.log_fault}" for one in done.shots if one.log_fault):
+        say(fault)
+    for one in done.failed:
+        say(f"FAILED {one.shot}: {one.error}")
 
 
 def print_verdict(document: Mapping[str, Any], console: Console | None = None) -> None:
