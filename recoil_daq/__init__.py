@@ -38,15 +38,18 @@ if TYPE_CHECKING:
         RigError,
         StoreError,
         UnknownFormatError,
+        WorkerError,
     )
     from recoil_acquisition.readers.recording import Recording
     from recoil_acquisition.shot import Shot
     from recoil_acquisition.store import read_shot, write_shot
     from recoil_daq.exported import Exported, export
     from recoil_daq.file_summary import open_recording
-    from recoil_daq.identify import Reported, identify_file, identify_folder
+    from recoil_daq.identify import Reported, identify_file
     from recoil_daq.ingest import Ingested, ingest_files
     from recoil_daq.predicted import Predicted, predict
+    from recoil_daq.several_shots import identify_folder
+    from recoil_daq.shot_folder import IngestedFolder, ShotOutcome, ingest_folder
     from recoil_daq.simulated import Simulated, simulate
     from recoil_identification.analysis import Options
     from recoil_rigs.rig import Rig, load_rig
@@ -56,15 +59,18 @@ _HOMES = {
     "recoil_acquisition.errors": (
         "AlignmentError", "CorruptFileError", "DeviceError", "FramingError", "IdentificationError",
         "MissingChannelError", "ReadError", "RecoilDaqError", "RigError", "StoreError", "UnknownFormatError",
+        "WorkerError",
     ),
     "recoil_acquisition.readers.recording": ("Recording",),
     "recoil_acquisition.shot": ("Shot",),
     "recoil_acquisition.store": ("read_shot", "write_shot"),
     "recoil_daq.exported": ("Exported", "export"),
     "recoil_daq.file_summary": ("open_recording",),
-    "recoil_daq.identify": ("Reported", "identify_file", "identify_folder"),
+    "recoil_daq.identify": ("Reported", "identify_file"),
     "recoil_daq.ingest": ("Ingested", "ingest_files"),
     "recoil_daq.predicted": ("Predicted", "predict"),
+    "recoil_daq.several_shots": ("identify_folder",),
+    "recoil_daq.shot_folder": ("IngestedFolder", "ShotOutcome", "ingest_folder"),
     "recoil_daq.simulated": ("Simulated", "simulate"),
     "recoil_identification.analysis": ("Options",),
     "recoil_rigs.rig": ("Rig", "load_rig"),
@@ -81,6 +87,7 @@ __all__ = [
     "FramingError",
     "IdentificationError",
     "Ingested",
+    "IngestedFolder",
     "MissingChannelError",
     "Options",
     "Predicted",
@@ -91,14 +98,17 @@ __all__ = [
     "Rig",
     "RigError",
     "Shot",
+    "ShotOutcome",
     "Simulated",
     "StoreError",
     "UnknownFormatError",
+    "WorkerError",
     "__version__",
     "export",
     "identify_file",
     "identify_folder",
     "ingest_files",
+    "ingest_folder",
     "load_rig",
     "open_recording",
     "predict",

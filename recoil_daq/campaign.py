@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,10 +16,12 @@ from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog, ShotLogRow
 from recoil_daq import __version__
 from recoil_daq.fired import described
-from recoil_daq.identify import find_shot_files, identify_file
+from recoil_daq.identify import find_shot_files
 from recoil_daq.printed import Printed
 from recoil_daq.report_folder import publish, refuse_existing, refuse_unwritable
-from recoil_daq.several_shots import shared_options
+from recoil_daq.several_shots import identify_shots, shared_options
+from recoil_daq.shared_cutoff import SharedCutoff
+from recoil_daq.workers import Workers
 from recoil_identification.analysis import Options
 from recoil_identification.campaign.campaign import Campaign, combine
 from recoil_identification.campaign.campaign_shot import CampaignShot
@@ -119,13 +122,23 @@ class Combined(Printed):
 
 @dataclass(frozen=True, eq=False)
 class _Report:
-    """A report that is there; `sha256` is its own digest, `of_sha256` that of its shot file."""
+    """What of a report a campaign needs: a season's reports as a whole would fill the memory.
+
+    Attributes
+    ----------
+    sha256, of_sha256
+        Its own digest, and that of its shot file.
+    version
+        That made it.
+    taken
+        The shot as a campaign takes it, or why it cannot.
+    """
 
     path: Path
-    document: Mapping[str, Any]
     sha256: str
     of_sha256: str
     version: str
+    taken: CampaignShot | str
 
     @classmethod
     def read(cls, path: Path) -> _Report:
@@ -140,13 +153,16 @@ class _Report:
             raise ReadError(
                 "this is no report of a shot", path=path, expected=f"schema {REPORT_SCHEMA}", found=str(error)
             ) from error
-        return cls(path, document, hashlib.sha256(content).hexdigest(), *stated)
+        try:
+            taken: CampaignShot | str = CampaignShot.of_report(document)
+        except ValueError as error:
+            taken = str(error)
+        return cls(path, hashlib.sha256(content).hexdigest(), *stated, taken)
 
     @property
     def cutoff_hz(self) -> float | None:
         """Of the rows that its summary stands for."""
-        stated = self.document.get("campaign")
-        return stated.get("cutoff_hz") if isinstance(stated, dict) else None
+        return self.taken.cutoff_hz if isinstance(self.taken, CampaignShot) else None
 
     def shot(self) -> CampaignShot:
         """Return the shot as a campaign takes it.
@@ -156,24 +172,23 @@ class _Report:
         ReadError
             If the report is damaged.
         """
-        try:
-            return CampaignShot.of_report(self.document)
-        except ValueError as error:
+        if isinstance(self.taken, str):
             raise ReadError(
-                "this report cannot be combined", path=self.path, found=str(error), remedy="identify the shot anew"
-            ) from error
+                "this report cannot be combined", path=self.path, found=self.taken, remedy="identify the shot anew"
+            )
+        return self.taken
 
-    def why_not(self, shot_file: Path | None, cutoff_hz: float | None) -> str:
+    def why_not(self, sha256: str | None, cutoff_hz: float | None) -> str:
         """Say why it is not taken as it is; empty if it is.
 
         Parameters
         ----------
-        shot_file
-            That it must be of; None if that is not at hand.
+        sha256
+            Of the shot file that it must be of; None if that is not at hand.
         cutoff_hz
             That it must have been found with; None for any.
         """
-        if shot_file is not None and self.of_sha256 != described(shot_file).sha256:
+        if sha256 is not None and self.of_sha256 != sha256:
             return "is of another shot file"
         if self.version != __version__:
             return f"was made by another version than {__version__}"
@@ -186,9 +201,10 @@ class _Report:
 
 @dataclass(frozen=True, eq=False)
 class _Source:
-    """A shot of a campaign: its file, its report, or both."""
+    """A shot of a campaign: its file with its digest, its report, or both."""
 
     shot_file: Path | None
+    sha256: str | None
     report: _Report | None
 
     @property
@@ -206,13 +222,16 @@ def campaign(
     log: str | Path | None = None,
     out: str | Path = "campaign",
     cutoff_hz: float | None = None,
+    workers: int | Workers | None = None,
+    executor: Executor | None = None,
     overwrite: bool = False,
     progress: Progress = lambda _: None,
 ) -> Combined:
     """Combine shots of one rig to one mass, and write ``campaign.json``, ``.html`` and ``.csv``.
 
     A shot whose report in `reports` is not of this shot file, this version or this cut-off is identified anew, and its
-    new report stands in ``out/reports``: what others made is left as it is.
+    new report stands in ``out/reports``: what others made is left as it is. A run that was ended
+    is taken up again by the next one, with the cut-off and the reports that are there.
 
     Parameters
     ----------
@@ -226,16 +245,18 @@ def campaign(
     out
         Gets the answer.
     cutoff_hz
-        Of all shots; None for that of the last time, as ``campaign.json`` has it, that of the reports where these
-        agree, or one chosen from the spectra of all shots.
+        Of all shots; None for that of the last time, as `out` has it, that of the reports where these agree, or one
+        chosen from the spectra of all shots.
+    workers, executor
+        Who identify the shots, as of `recoil_daq.workers.Workers`: the digits are the same, whoever does it.
     overwrite
         Replace an answer that is there.
     progress
-        Told the name of each file and step.
+        Told each step, how many shots are done, and how long the others may take.
 
     Raises
     ------
-    ReadError, StoreError, RigError
+    ReadError, StoreError, RigError, WorkerError
         If a file is missing or damaged, or the answer is there already or cannot be written.
     IdentificationError
         If the shots cannot be combined, or of one of them no number can be given at all.
@@ -245,8 +266,12 @@ def campaign(
     if not overwrite:
         refuse_existing(folder, (CAMPAIGN_FILE, TABLE_FILE, CAMPAIGN_PAGE))
     sources = list(_sources([Path(one) for one in listed], (Path(reports), folder / REPORTS)))
-    given = cutoff_hz or _cutoff_hz_of(folder, sources)
-    whole, notes = _current(sources, given, folder / REPORTS, progress)
+    kept = SharedCutoff.read(folder)
+    given = cutoff_hz if cutoff_hz is not None or kept is not None else _cutoff_hz_of(folder, sources)
+    if given is not None and (kept is None or kept.mass_cutoff_hz != given):
+        kept = SharedCutoff(None, given)
+    with Workers.of(workers, executor) as crew:
+        whole, notes = _current(sources, kept, folder, crew, progress)
     progress("combine")
     logs = _Logs.of(None if log is None else Path(log), sources)
     combined = combine([logs.applied(source, one.shot()) for source, one in zip(sources, whole, strict=True)])
@@ -256,7 +281,7 @@ def campaign(
     ]
     inputs += [{"file": read.path.name, "sha256": read.sha256} for read in logs.read.values()]
     combined = replace(combined, notes=(*combined.notes, *notes))
-    places = {str(one.document["shot"]): one.path.parent for one in whole}
+    places = {one.shot().name: one.path.parent for one in whole}
     pages = {name: page for name, place in places.items() if (page := _page_from(folder, place)) is not None}
     document = campaign_document(combined, version=__version__, inputs=inputs, parameters={}, pages=pages)
     progress("page")
@@ -307,13 +332,14 @@ def _sources(places: Sequence[Path], reports: Sequence[Path]) -> Iterator[_Sourc
                 )
         for path in inside:
             if path.suffix == ".json":
-                yield _Source(None, _Report.read(path))
+                yield _Source(None, None, _Report.read(path))
                 continue
             for shot_file in find_shot_files([path]):
                 at = [folder / shot_file.stem / REPORT_FILE for folder in reversed(reports)]
                 there = [_Report.read(one) for one in at if one.exists()]
-                of_file = [one for one in there if not one.why_not(shot_file, None)]
-                yield _Source(shot_file, next(iter([*of_file, *there]), None))
+                sha256 = described(shot_file).sha256
+                of_file = [one for one in there if not one.why_not(sha256, None)]
+                yield _Source(shot_file, sha256, next(iter([*of_file, *there]), None))
 
 
 def _cutoff_hz_of(folder: Path, sources: Sequence[_Source]) -> float | None:
@@ -335,12 +361,21 @@ def _cutoff_hz_of(folder: Path, sources: Sequence[_Source]) -> float | None:
 
 
 def _current(
-    sources: Sequence[_Source], cutoff_hz: float | None, out: Path, progress: Progress
+    sources: Sequence[_Source], kept: SharedCutoff | None, folder: Path, workers: Workers, progress: Progress
 ) -> tuple[list[_Report], list[str]]:
-    """Return a current report of each shot, and which had to be made anew and why."""
-    doubts = [one.report.why_not(one.shot_file, cutoff_hz) if one.report else "is missing" for one in sources]
+    """Return a current report of each shot, and which had to be made anew and why.
+
+    Parameters
+    ----------
+    kept
+        The cut-off of all; None if none is chosen.
+    folder
+        Of the answer.
+    """
+    cutoff_hz = None if kept is None else kept.mass_cutoff_hz
+    doubts = [one.report.why_not(one.sha256, cutoff_hz) if one.report else "is missing" for one in sources]
     sound = {one.report.cutoff_hz for one, doubt in zip(sources, doubts, strict=True) if one.report and not doubt}
-    if cutoff_hz is None and (len(sound) > 1 or any(doubts)):
+    if kept is None and (len(sound) > 1 or any(doubts)):
         doubts = [doubt or "was found with a cut-off of its own" for doubt in doubts]
     files = [one.shot_file for one in sources if one.shot_file is not None]
     for source, doubt in zip(sources, doubts, strict=True):
@@ -350,19 +385,31 @@ def _current(
                 path=source.place,
                 remedy="give the shot file, or identify the shot anew",
             )
-    options = dict.fromkeys(files, Options(mass_cutoff_hz=cutoff_hz))
-    if cutoff_hz is None and any(doubts):
-        options = dict(shared_options(files, Options(), progress=progress))
+    if not any(doubts):
+        return [one.report for one in sources if one.report is not None], []
+    if kept is None:
+        options = shared_options(
+            files, Options(), workers=workers, progress=lambda done: progress(f"one cut-off for all shots, {done}")
+        )
+        kept = SharedCutoff.of(list(options.values()))
+    else:
+        options = dict.fromkeys(files, kept.options)
+    if kept is not None:
+        # before the first report: a run that is ended here has chosen
+        kept.write(folder)
+    anew = {
+        one.shot_file: options[one.shot_file]
+        for one, doubt in zip(sources, doubts, strict=True)
+        if doubt and one.shot_file is not None
+    }
+    done = identify_shots(anew, out=folder / REPORTS, overwrite=True, workers=workers, progress=progress)
+    made = {path: _Report.read(one.folder / REPORT_FILE) for path, one in zip(anew, done, strict=True)}
     whole, notes = [], []
-    for number, (source, doubt) in enumerate(zip(sources, doubts, strict=True), 1):
-        report = source.report
-        if doubt and report is not None:
-            notes.append(f"{report.path} {doubt}: the shot was identified anew")
-        if doubt or report is None:
-            progress(f"{source.place.name}, {number} of {len(sources)}")
-            done = identify_file(source.place, out=out, options=options[source.place], overwrite=True)
-            report = _Report.read(done.folder / REPORT_FILE)
-        whole.append(report)
+    for source, doubt in zip(sources, doubts, strict=True):
+        if doubt and source.report is not None:
+            notes.append(f"{source.report.path} {doubt}: the shot was identified anew")
+        report = source.report if not doubt or source.shot_file is None else made[source.shot_file]
+        whole += [] if report is None else [report]
     return whole, notes
 
 

@@ -10,6 +10,7 @@ import math
 import os
 import sys
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -20,6 +21,7 @@ from recoil_daq.session import Session
 if TYPE_CHECKING:
     from recoil_daq.identify import Reported
     from recoil_daq.targets import TargetReported
+    from recoil_daq.workers import Workers
     from recoil_rigs.twin import CampaignPlan
 
 OK, NOT_VALID, FAULT, INTERRUPTED = 0, 1, 3, 130
@@ -45,6 +47,34 @@ MethodOption = Annotated[
         show_default="calibrated; camera without an accelerometer on the recoiling part",
     ),
 ]
+
+
+WorkersOption = Annotated[
+    int | None,
+    typer.Option(min=1, help="Processes that share the shots; 1: this one alone.", show_default="one for each core"),
+]
+ClusterOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="tcp://HOST:PORT",
+        help="A dask scheduler, whose workers share the shots. They see the same files under the same paths (a shared "
+        "file system), have this version installed, and are best started with --nthreads 1.",
+        show_default=False,
+    ),
+]
+
+
+def _crew(number: int | None, cluster: str | None) -> AbstractContextManager[Workers]:
+    """Return who shares the work."""
+    if cluster is None:
+        from recoil_daq.workers import Workers
+
+        return Workers(number)
+    if number is not None:
+        raise typer.BadParameter("give either --workers or --cluster")
+    from recoil_daq.cluster import workers_at
+
+    return workers_at(cluster)
 
 
 def _known_targets(names: list[str] | None) -> list[str] | None:
@@ -146,6 +176,14 @@ def ingest(
             show_default="the rig's trigger finds it in a long file",
         ),
     ] = None,
+    batch: Annotated[
+        bool,
+        typer.Option(
+            "--batch",
+            help="FILES is one folder of many shots' files, whose numbers are in their names, or with a folder a shot.",
+        ),
+    ] = False,
+    workers: WorkersOption = None,
     replaces: Annotated[str, typer.Option(hidden=True)] = "",
     json: JsonOption = False,
     debug: DebugOption = False,
@@ -154,8 +192,10 @@ def ingest(
     if live:
         if files:
             raise typer.BadParameter("give either FILES or --live")
-        if overwrite or accept_incomplete or at is not None:
-            raise typer.BadParameter("--overwrite, --accept-incomplete and --at go with FILES, not with --live")
+        if overwrite or accept_incomplete or batch or at is not None:
+            raise typer.BadParameter(
+                "--overwrite, --accept-incomplete, --batch and --at go with FILES, not with --live"
+            )
         if shot is not None and not (shot.isdecimal() and len(shot) <= 9):
             raise typer.BadParameter("with --live, --shot is the number of the first shot")
         first = None if shot is None else int(shot)
@@ -165,6 +205,13 @@ def ingest(
         raise typer.BadParameter("give one shot's FILES, or --live")
     if shots is not None or watch is not None or spare is not None or no_screen:
         raise typer.BadParameter("--shots, --watch, --spare and --no-screen go with --live")
+    if batch:
+        if len(files) != 1 or shot is not None or at is not None:
+            raise typer.BadParameter("--batch takes one folder, and neither --shot nor --at")
+        _batch(rig, files[0], out, overwrite, accept_incomplete, workers, json, debug)
+        return
+    if workers is not None:
+        raise typer.BadParameter("--workers goes with --batch")
     with Session(json, debug) as session:
         from recoil_daq.ingest import ingest_files
         from recoil_rigs.rig import load_rig
@@ -175,6 +222,22 @@ def ingest(
                 accept_incomplete=accept_incomplete, at_s=at, replaces=replaces, progress=progress,
             )  # fmt: skip
         session.finish(done.to_json(), done.show, OK if done.shot.usable else NOT_VALID)
+
+
+def _batch(
+    rig: str, folder: Path, out: Path, overwrite: bool, accept_incomplete: bool, workers: int | None, json: bool,
+    debug: bool,
+) -> None:  # fmt: skip
+    with Session(json, debug) as session:
+        from recoil_daq.shot_folder import ingest_folder
+        from recoil_rigs.rig import load_rig
+
+        with session.steps("ingest") as progress:
+            done = ingest_folder(
+                load_rig(rig), folder, out=out, overwrite=overwrite, accept_incomplete=accept_incomplete,
+                workers=workers, progress=progress,
+            )  # fmt: skip
+        session.finish(done.to_json(), done.show, FAULT if done.failed else OK if done.usable else NOT_VALID)
 
 
 def _live(
@@ -287,6 +350,8 @@ def identify(
     ] = "0.02",
     compare: Annotated[bool, typer.Option("--compare", help="Compute all estimators, for comparison.")] = False,
     target: TargetOption = None,
+    workers: WorkersOption = None,
+    cluster: ClusterOption = None,
     overwrite: OverwriteOption = False,
     json: JsonOption = False,
     debug: DebugOption = False,
@@ -295,38 +360,34 @@ def identify(
     wanted = tuple(dict.fromkeys(target or ["mass"]))
     memory_s = _memory(window_s)
     with Session(json, debug) as session:
-        from recoil_acquisition.reader_process import READER
+        if workers == 1 or (len(shots) == 1 and shots[0].is_file()):
+            from recoil_acquisition.reader_process import READER
 
-        READER.start()  # it loads its libraries while this process loads its own
-        from recoil_daq.identify import find_shot_files, identify_file
-        from recoil_daq.several_shots import repeatability, shared_options
+            READER.start()  # it loads its libraries while this process loads its own
+        from recoil_daq.identify import find_shot_files
+        from recoil_daq.several_shots import identify_shots, repeatability, shared_options
         from recoil_daq.tables import print_repeatability, reports_document
         from recoil_daq.target_tables import print_target
-        from recoil_daq.targets import identify_targets
         from recoil_identification.analysis import Options
 
         paths = find_shot_files(shots)
-        with session.steps("one cut-off for all shots") as progress:
-            shared = shared_options(paths, Options(method, cutoff_hz, memory_s, compare=compare), progress=progress)
         reports: list[Reported] = []
         found: list[TargetReported] = []
-        for path, options in shared.items():
-            if "mass" in wanted:
-                with session.steps(f"identify {path.name}") as progress:
-                    reports.append(
-                        identify_file(path, out=out, options=options, overwrite=overwrite, progress=progress)
-                    )
-                if not json:
-                    reports[-1].show()
-            others = [name for name in wanted if name != "mass"]
-            if others:
-                with session.steps(f"identify {path.name}") as progress:
-                    found += identify_targets(
-                        path, others, out=out, options=options, overwrite=overwrite, progress=progress
-                    )
-                if not json:
-                    for one in found[-len(others) :]:
-                        print_target(one)
+        with _crew(workers, cluster) as crew:
+            asked = Options(method, cutoff_hz, memory_s, compare=compare)
+            with session.steps("one cut-off for all shots") as progress:
+                shared = shared_options(paths, asked, workers=crew, progress=progress)
+            for done in session.each(
+                "identify",
+                lambda tell: identify_shots(shared, wanted, out=out, overwrite=overwrite, workers=crew, progress=tell),
+            ):
+                found += done.targets
+                if done.report is not None:
+                    reports.append(done.report)
+                if done.report is not None and not json:
+                    done.report.show()
+                for one in done.targets if not json else ():
+                    print_target(one)
         repeats = repeatability([report.document for report in reports])
         if not json:
             print_repeatability(repeats)
@@ -351,6 +412,8 @@ def campaign(
             min=1.0, help="-3 dB point of the low-pass of all shots.", show_default="that of the last time, or chosen"
         ),
     ] = None,
+    workers: WorkersOption = None,
+    cluster: ClusterOption = None,
     overwrite: OverwriteOption = False,
     json: JsonOption = False,
     debug: DebugOption = False,
@@ -359,10 +422,11 @@ def campaign(
     with Session(json, debug) as session:
         from recoil_daq.campaign import campaign as combine
 
-        with session.steps("campaign") as progress:
+        with _crew(workers, cluster) as crew, session.steps("campaign") as progress:
             done = combine(
-                shots, reports=reports, log=log, out=out, cutoff_hz=cutoff_hz, overwrite=overwrite, progress=progress
-            )
+                shots, reports=reports, log=log, out=out, cutoff_hz=cutoff_hz, workers=crew, overwrite=overwrite,
+                progress=progress,
+            )  # fmt: skip
         session.finish(done.to_json(), done.show, OK if done.valid else NOT_VALID)
 
 

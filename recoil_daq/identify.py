@@ -28,6 +28,9 @@ from recoil_identification.report.html import PAGE_NAME, render_page, write_page
 
 Progress = Callable[[str], None]
 
+FILES = (REPORT_FILE, TRACE_FILE, CURVES_FILE, PAGE_NAME)
+"""Of a report; none of them is replaced unasked."""
+
 
 @dataclass(frozen=True, repr=False)
 class Reported(Printed):
@@ -102,41 +105,6 @@ class Reported(Printed):
         return f"Reported({self.shot!r}: {self.mass_kg:.2f} kg, u {self.u_kg:.2f} kg, {verdict} -> {self.folder})"
 
 
-def identify_folder(
-    folder: str | Path,
-    *,
-    out: str | Path = "reports",
-    options: Options | None = None,
-    overwrite: bool = False,
-    progress: Progress = lambda _: None,
-) -> tuple[Reported, ...]:
-    """Identify every shot file of a folder, with one cut-off for all shots of a rig unless one is asked for.
-
-    Parameters
-    ----------
-    out, options, overwrite
-        As of `identify_file`.
-    progress
-        Told the name of each file and step.
-
-    Raises
-    ------
-    ReadError
-        If the folder holds no shot file.
-    StoreError, RigError, IdentificationError
-        As `identify_file`, of the first file at fault: the reports before it are written.
-    """
-    from recoil_daq.several_shots import shared_options
-
-    paths = find_shot_files([Path(folder)])
-    shared = shared_options(paths, options or Options(), progress=progress)
-    reports = []
-    for k, path in enumerate(paths, 1):
-        progress(f"{path.name}, {k} of {len(paths)}")
-        reports.append(identify_file(path, out=out, options=shared[path], overwrite=overwrite))
-    return tuple(reports)
-
-
 def find_shot_files(paths: list[Path]) -> list[Path]:
     """Expand folders to the shot files in them, in order of their names.
 
@@ -198,7 +166,7 @@ def identify_file(
     folder = Path(out) / shot.name
     refuse_unwritable(folder)
     if not overwrite:
-        refuse_existing(folder, (REPORT_FILE, TRACE_FILE, CURVES_FILE, PAGE_NAME))
+        refuse_existing(folder, FILES)
     progress("identify")
     found = identify_shot(shot, fired.rig, options or Options())
     found = replace(found, notes=(*fired.notes, *found.notes))

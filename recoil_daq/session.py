@@ -8,13 +8,15 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from types import TracebackType
-from typing import Any
+from typing import Any, TypeVar
 
 import typer
 
 from recoil_acquisition.visible_text import visible
 
 FAULT, INTERRUPTED = 3, 130
+
+Item = TypeVar("Item")
 
 
 class Session:
@@ -61,6 +63,27 @@ class Session:
         else:
             show()
         raise typer.Exit(code)
+
+    def each(self, title: str, start: Callable[[Callable[[str], None]], Iterator[Item]]) -> Iterator[Item]:
+        """Show the steps towards each of several results; while one is printed nothing is shown beside it.
+
+        Parameters
+        ----------
+        start
+            Given whom to tell of a step, returns the results.
+        """
+
+        def tell(step: str) -> None:
+            told(step)
+
+        results = start(tell)
+        while True:
+            with self.steps(title) as told:
+                try:
+                    one = next(results)
+                except StopIteration:
+                    return
+            yield one
 
     @contextmanager
     def steps(self, title: str) -> Iterator[Callable[[str], None]]:

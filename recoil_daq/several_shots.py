@@ -1,14 +1,21 @@
-"""Several shots of one rig together: one cut-off for all of them, and whether they repeat."""
+"""Several shots of one rig together: one cut-off for all of them, their reports, and whether they repeat."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from recoil_acquisition.errors import StoreError
 from recoil_acquisition.shot import Verdict
+from recoil_acquisition.store import read_shot
 from recoil_daq.fired import read_fired
+from recoil_daq.identify import FILES, Reported, find_shot_files, identify_file
+from recoil_daq.report_folder import refuse_existing
+from recoil_daq.targets import TargetReported, files_of, identify_targets
+from recoil_daq.workers import Workers
 from recoil_identification.analysis import Options
 from recoil_identification.default_method import default_method
 from recoil_identification.filter_choice import campaign_band_hz, campaign_choice, force_band_hz, force_spectra
@@ -24,7 +31,7 @@ LEAST_SHOTS = 2
 
 
 def shared_options(
-    paths: Sequence[Path], options: Options, *, progress: Progress = lambda _: None
+    paths: Sequence[Path], options: Options, *, workers: Workers | None = None, progress: Progress = lambda _: None
 ) -> Mapping[Path, Options]:
     """Return the options of each shot file: with one cut-off for all shots of a rig, unless one is asked for.
 
@@ -34,8 +41,10 @@ def shared_options(
     ----------
     options
         As asked for.
+    workers
+        Who look at the shots; None to do it in this process.
     progress
-        Told each shot's name.
+        Told how many shots are done.
 
     Raises
     ------
@@ -44,10 +53,11 @@ def shared_options(
     """
     if len(paths) < LEAST_SHOTS or options.cutoff_hz is not None:
         return dict.fromkeys(paths, options)
-    bands: dict[Path, ShotBand] = {}
-    for path in paths:
-        progress(path.name)
-        bands[path] = shot_band(path)
+    workers = workers or Workers(1)
+    looked_at = workers.map(
+        shot_band, [workers.place(path) for path in paths], [path.name for path in paths], progress=progress
+    )
+    bands = dict(zip(paths, looked_at, strict=True))
     chosen: dict[str, tuple[CutoffChoice | None, float | None]] = {}
     for rig in {band.rig for band in bands.values()}:
         several = [band for band in bands.values() if band.rig == rig and band.spectra is not None]
@@ -85,6 +95,149 @@ def shot_band(path: Path) -> ShotBand:
         return ShotBand(shot.rig_name)
     recorded = prepare(shot, rig).recorded
     return ShotBand(shot.rig_name, force_spectra(recorded), force_band_hz(recorded))
+
+
+@dataclass(frozen=True)
+class Identified:
+    """What was identified from one shot file.
+
+    Attributes
+    ----------
+    report
+        Of the mass; None if that was not asked for.
+    targets
+        The others that were asked for.
+    """
+
+    report: Reported | None
+    targets: tuple[TargetReported, ...]
+
+    @property
+    def folder(self) -> Path:
+        """Where it was written."""
+        return self.targets[0].folder if self.report is None else self.report.folder
+
+    def at(self, folder: Path) -> Identified:
+        """Return it with the folder as this process names it."""
+        report = None if self.report is None else replace(self.report, folder=folder)
+        return Identified(report, tuple(replace(one, folder=folder) for one in self.targets))
+
+
+@dataclass(frozen=True)
+class _Task:
+    """What is to be identified from a shot file."""
+
+    path: Path
+    out: Path
+    options: Options
+    targets: tuple[str, ...]
+    overwrite: bool
+
+    def refuse_existing(self) -> None:
+        names = [one for target in self.targets for one in (FILES if target == "mass" else files_of(target))]
+        refuse_existing(self.out / read_shot(self.path).name, names)
+
+    def identified(self) -> Identified:
+        report, others = None, [target for target in self.targets if target != "mass"]
+        if "mass" in self.targets:
+            report = identify_file(self.path, out=self.out, options=self.options, overwrite=self.overwrite)
+        found = []
+        if others:
+            found = identify_targets(self.path, others, out=self.out, options=self.options, overwrite=self.overwrite)
+        return Identified(report, tuple(found))
+
+
+def identify_shots(
+    options: Mapping[Path, Options],
+    targets: Sequence[str] = ("mass",),
+    *,
+    out: Path,
+    overwrite: bool = False,
+    workers: Workers | None = None,
+    progress: Progress = lambda _: None,
+) -> Iterator[Identified]:
+    """Identify shot files and write their reports; one after another is yielded, in the order of the files.
+
+    Parameters
+    ----------
+    options
+        Of each file.
+    targets
+        ``mass``, or names of `recoil_identification.targets.TARGETS`.
+    out, overwrite
+        As of `recoil_daq.identify.identify_file`.
+    workers
+        Who do it; None to do it in this process.
+    progress
+        Told how many shots are done, and how long the others may take.
+
+    Yields
+    ------
+    Identified
+
+    Raises
+    ------
+    StoreError
+        If two files are of shots with one name, or as `recoil_daq.identify.identify_file`.
+    RigError, IdentificationError, WorkerError
+        Of the first file at fault: the reports before it are written.
+    """
+    workers = workers or Workers(1)
+    place = workers.place
+    tasks = [
+        _Task(place(path), place(out), one, tuple(targets), overwrite or workers.may_repeat)
+        for path, one in options.items()
+    ]
+    names = [path.name for path in options]
+    if workers.may_repeat and not overwrite:
+        # before the first of them is done: a report that is there when one is done again is of this run
+        list(workers.map(_Task.refuse_existing, tasks, names, progress=lambda done: progress(f"look, {done}")))
+    written: dict[str, Path] = {}
+    for path, done in zip(options, workers.map(_Task.identified, tasks, names, progress=progress), strict=True):
+        name = done.folder.name
+        if name in written:
+            raise StoreError(
+                f"this file and {written[name]} are both of a shot {name!r}, and their reports would be one",
+                path=path,
+                remedy="give another --out for one of them",
+            )
+        written[name] = path
+        yield done.at(out / name)
+
+
+def identify_folder(
+    folder: str | Path,
+    *,
+    out: str | Path = "reports",
+    options: Options | None = None,
+    overwrite: bool = False,
+    workers: int | Workers | None = None,
+    executor: Executor | None = None,
+    progress: Progress = lambda _: None,
+) -> tuple[Reported, ...]:
+    """Identify every shot file of a folder, with one cut-off for all shots of a rig unless one is asked for.
+
+    Parameters
+    ----------
+    out, options, overwrite
+        As of `recoil_daq.identify.identify_file`.
+    workers, executor
+        As of `recoil_daq.workers.Workers`: the digits are the same, whoever does it.
+    progress
+        Told how many shots are done, and how long the others may take.
+
+    Raises
+    ------
+    ReadError
+        If the folder holds no shot file.
+    StoreError, RigError, IdentificationError, WorkerError
+        As `identify_shots`, of the first file at fault: the reports before it are written.
+    """
+    paths = find_shot_files([Path(folder)])
+    with Workers.of(workers, executor) as crew:
+        shared = shared_options(paths, options or Options(), workers=crew, progress=progress)
+        done = identify_shots(shared, out=Path(out), overwrite=overwrite, workers=crew, progress=progress)
+        return tuple(one.report for one in done if one.report is not None)
 
 
 def repeatability(documents: Sequence[Mapping[str, Any]]) -> dict[str, tuple[Verdict, str]]:

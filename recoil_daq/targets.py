@@ -35,6 +35,11 @@ class TargetReported:
     folder: Path
 
 
+def files_of(target: str) -> tuple[str, ...]:
+    """Return the names of a target's files; none of them is replaced unasked."""
+    return tuple(f"{target}.{suffix}" for suffix in ("json", "html", "csv"))
+
+
 def identify_targets(
     path: str | Path,
     targets: Sequence[str],
@@ -75,7 +80,7 @@ def identify_targets(
     folder = Path(out) / shot.name
     refuse_unwritable(folder)
     if not overwrite:
-        refuse_existing(folder, [f"{name}.{suffix}" for name in targets for suffix in ("json", "html", "csv")])
+        refuse_existing(folder, [file for name in targets for file in files_of(name)])
     recorded = Case(shot, fired.rig, options or Options())
     case = recorded.with_agreeing_gauges()
     left_out = [f"{name} is set aside, as for the mass" for name in shot.channels if name not in case.shot.channels]

@@ -1,4 +1,4 @@
-"""Libraries that some formats need beside this package, and how each is installed."""
+"""Libraries that some formats and commands need beside this package, and how each is installed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from recoil_acquisition.errors import ReadError
 
 
 class Extra(NamedTuple):
-    """A library that a format needs beside the package.
+    """A library that a format or a command needs beside the package.
 
     Attributes
     ----------
@@ -47,4 +47,5 @@ MDF = Extra("mdf", "asammdf", "asammdf>=8.6")
 TDMS = Extra("tdms", "nptdms", "npTDMS>=1.9")
 XLSX = Extra("xlsx", "openpyxl", "openpyxl>=3.1")
 PARQUET = Extra("parquet", "pyarrow", "pyarrow>=17")
-EXTRAS = {extra.name: extra for extra in (DEWESOFT, MDF, TDMS, XLSX, PARQUET)}
+CLUSTER = Extra("cluster", "distributed", "distributed>=2025.1")
+EXTRAS = {extra.name: extra for extra in (DEWESOFT, MDF, TDMS, XLSX, PARQUET, CLUSTER)}

@@ -7,6 +7,7 @@ import sys
 import textwrap
 import venv
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,7 @@ from recoil_daq import (
     open_recording,
     read_shot,
     simulate,
+    write_shot,
 )
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -72,8 +74,8 @@ def test_a_report_has_its_figures_as_numbers(done: tuple[Ingested, Reported]) ->
 def test_a_folder_of_shots_is_identified_with_one_cutoff(done: tuple[Ingested, Reported], tmp_path: Path) -> None:
     shots = tmp_path / "shots"
     shots.mkdir()
-    for name in ("a.h5", "b.h5"):
-        (shots / name).write_bytes(done[0].path.read_bytes())
+    for name in ("a", "b"):
+        write_shot(replace(read_shot(done[0].path), name=name), shots / f"{name}.h5")
     first, second = identify_folder(shots, out=tmp_path / "again", options=Options(), overwrite=True)
     assert first.mass_kg == second.mass_kg
     assert first.document["filter"]["basis"] == "campaign"

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from recoil_acquisition.errors import StoreError
 from recoil_acquisition.store import write_shot
-from recoil_daq.several_shots import repeatability, shared_options
+from recoil_daq.several_shots import identify_folder, identify_shots, repeatability, shared_options
 from recoil_identification.analysis import Options
 from tests.builders.virtual_shots import virtual_shot
 
@@ -19,7 +22,7 @@ def shots(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     paths = []
     for seed in (3, 4, 5):
         path = folder / f"{seed:04d}.h5"
-        write_shot(virtual_shot(seed=seed).shot, path)
+        write_shot(replace(virtual_shot(seed=seed).shot, name=path.stem), path)
         paths.append(path)
     return paths
 
@@ -27,7 +30,7 @@ def shots(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 def test_shots_of_one_rig_are_given_one_cutoff(shots: list[Path]) -> None:
     named: list[str] = []
     shared = shared_options(shots, Options(compare=True), progress=named.append)
-    assert named == [path.name for path in shots]
+    assert [one.split(", ")[:2] for one in named] == [[f"{k} of 3 done", path.name] for k, path in enumerate(shots)]
     choices = [shared[path].campaign for path in shots]
     assert choices[0] is not None
     assert choices[0].cutoff_hz is not None
@@ -66,3 +69,26 @@ def test_a_shot_whose_peak_is_off_is_named() -> None:
     assert verdict == "warn"
     assert "shot 4" in detail
     assert repeatability(documents[:1]) == {}
+
+
+def test_reports_are_the_same_bytes_whoever_makes_them(shots: list[Path], tmp_path: Path) -> None:
+    folder = shots[0].parent
+    one = identify_folder(folder, out=tmp_path / "1", workers=1)
+    two = identify_folder(folder, out=tmp_path / "2", workers=2)
+    assert [report.shot for report in two] == [path.stem for path in shots]
+    assert [report.document for report in two] == [report.document for report in one]
+    for report in one:
+        for file in ("report.json", "report.html", "mass.csv"):
+            assert (report.folder / file).read_bytes() == (tmp_path / "2" / report.shot / file).read_bytes()
+    assert two[0].folder == tmp_path / "2" / shots[0].stem
+    # another executor may do work again: what is there already is refused before the first of it
+    with ThreadPoolExecutor(1) as threads, pytest.raises(StoreError, match="exists already"):
+        identify_folder(folder, out=tmp_path / "2", executor=threads)
+
+
+def test_two_files_of_one_shot_are_not_one_report(shots: list[Path], tmp_path: Path) -> None:
+    again = tmp_path / "again.h5"
+    again.write_bytes(shots[0].read_bytes())
+    options = dict.fromkeys((shots[0], again), Options())
+    with pytest.raises(StoreError, match=r"again\.h5: this file and .*0003\.h5 are both of a shot"):
+        list(identify_shots(options, out=tmp_path / "out", overwrite=True))
