@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from recoil_acquisition.readers.recording import Recording
     from recoil_acquisition.shot import Shot
     from recoil_acquisition.store import read_shot, write_shot
+    from recoil_daq.combined import Combined, campaign
     from recoil_daq.exported import Exported, export
     from recoil_daq.file_summary import open_recording
     from recoil_daq.identify import Reported, identify_file
@@ -64,6 +65,7 @@ _HOMES = {
     "recoil_acquisition.readers.recording": ("Recording",),
     "recoil_acquisition.shot": ("Shot",),
     "recoil_acquisition.store": ("read_shot", "write_shot"),
+    "recoil_daq.combined": ("Combined", "campaign"),
     "recoil_daq.exported": ("Exported", "export"),
     "recoil_daq.file_summary": ("open_recording",),
     "recoil_daq.identify": ("Reported", "identify_file"),
@@ -81,6 +83,7 @@ _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 __all__ = [
     "AlignmentError",
     "CampaignPlan",
+    "Combined",
     "CorruptFileError",
     "DeviceError",
     "Exported",
@@ -104,6 +107,7 @@ __all__ = [
     "UnknownFormatError",
     "WorkerError",
     "__version__",
+    "campaign",
     "export",
     "identify_file",
     "identify_folder",

@@ -9,7 +9,7 @@ from recoil_daq.console import output_console
 from recoil_daq.tables import print_table, say
 
 if TYPE_CHECKING:
-    from recoil_daq.campaign import Combined
+    from recoil_daq.combined import Combined
     from recoil_daq.demo import CampaignDemonstration
 
 

@@ -420,7 +420,7 @@ def campaign(
 ) -> None:
     """Combine shots of one rig to one mass, and say what changed among them and what they tell of the sensors."""
     with Session(json, debug) as session:
-        from recoil_daq.campaign import campaign as combine
+        from recoil_daq.combined import campaign as combine
 
         with _crew(workers, cluster) as crew, session.steps("campaign") as progress:
             done = combine(

@@ -10,7 +10,7 @@ from typing import Any
 
 from recoil_acquisition.errors import IdentificationError, StoreError
 from recoil_acquisition.store.shot_log import SHOT_LOG
-from recoil_daq.campaign import Combined, campaign
+from recoil_daq.combined import Combined, campaign
 from recoil_daq.identify import Reported, identify_file
 from recoil_daq.ingest import Ingested, ingest_files
 from recoil_daq.live import run_live

@@ -7,7 +7,7 @@ import pytest
 
 from recoil_acquisition.errors import ReadError, StoreError
 from recoil_daq import __version__
-from recoil_daq.campaign import campaign
+from recoil_daq.combined import campaign
 from recoil_identification.firing_record import CURVES, Curves
 from recoil_identification.report.document import write_curves
 from tests.builders.campaign_summaries import campaign_of

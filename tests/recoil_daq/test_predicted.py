@@ -12,7 +12,7 @@ import pytest
 from typer.testing import Result
 
 from recoil_daq import Predicted, ReadError, RigError, load_rig, predict
-from recoil_daq.campaign import campaign
+from recoil_daq.combined import campaign
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin import CampaignPlan
 from tests.builders.campaigns import fire_campaign

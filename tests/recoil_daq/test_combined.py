@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from recoil_daq.campaign import campaign
+from recoil_daq.combined import campaign
 from recoil_rigs.twin import CampaignPlan
 from tests.builders.campaigns import FiredCampaign, fire_campaign
 
