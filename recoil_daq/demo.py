@@ -15,6 +15,7 @@ from recoil_daq.identify import Reported, identify_file
 from recoil_daq.ingest import Ingested, ingest_files
 from recoil_daq.live import run_live
 from recoil_daq.live_shot import Display, LiveOptions, LiveOutcome
+from recoil_daq.shot_folder import ingest_folder
 from recoil_daq.simulated import simulate
 from recoil_rigs.rig import load_rig
 from recoil_rigs.twin import CampaignPlan, TwinShot, simulate_shot
@@ -117,9 +118,7 @@ def run_campaign_demo(
     )  # fmt: skip
     (folder / "shots").mkdir(parents=True)
     shutil.copy(folder / "simulated" / SHOT_LOG, folder / "shots" / SHOT_LOG)
-    for number, one in enumerate(fired.shots, 1):
-        progress(f"ingest, shot {number} of {len(fired.shots)}")
-        ingest_files(rig, one.files, shot=one.shot, out=folder / "shots")
+    ingest_folder(rig, folder / "simulated", out=folder / "shots", progress=lambda step: progress(f"ingest, {step}"))
     combined = campaign(folder / "shots", reports=folder / "reports", out=folder / "answer", progress=progress)
     first = fired.shots[0].truth
     return CampaignDemonstration(combined, float(first["m3"]) - float(first["added_mass_kg"]))
