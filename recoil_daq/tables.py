@@ -343,7 +343,7 @@ def print_rig(checked: Checked, document: Mapping[str, Any]) -> None:
     rows = [
         (
             c.name, c.source, c.signal, c.unit or "as in the file", c.role,
-            f"{100 * c.sensor.u_rel:g}" if c.sensor.states_u_rel else "-",
+            f"{100 * c.sensor.u_scale_rel:g}" if c.sensor.states_u_rel else "-",
             "" if c.sensor.due is None else str(c.sensor.due),
         )
         for c in rig.channels

@@ -44,9 +44,9 @@ def carriage_causes(forced: ForcedRecoil) -> tuple[Cause, ...]:
             found.append(cause(f"{role} zero", "m/s^2", u, "A", _with_error(forced.motion, role, u * free)))
     for role in (*CARRIAGE_ACCELERATIONS, *RATE_ROLES):
         spec = forced.rig.by_role(role)
-        if spec is not None and role in signals.series and spec.sensor.u_rel:
-            other = _with_scale(forced, role, spec.sensor.u_rel)
-            found.append(cause(f"{role} sensitivity", "1", spec.sensor.u_rel, "B", other))
+        if spec is not None and role in signals.series and spec.sensor.u_scale_rel:
+            other = _with_scale(forced, role, spec.sensor.u_scale_rel)
+            found.append(cause(f"{role} sensitivity", "1", spec.sensor.u_scale_rel, "B", other))
     return tuple(found)
 
 

@@ -220,7 +220,7 @@ def _scale(rig: Rig, role: str) -> tuple[tuple[str, float], ...]:
         calibrated = "" if sensor.calibrated is None else f":{sensor.calibrated.isoformat()}"
         # without a serial number a sensor is known by its place
         identity = sensor.serial or f"{rig.name}/{channel.name}"
-        own = math.sqrt(sensor.u_rel**2 - sensor.u_reference_rel**2)
+        own = math.sqrt(sensor.u_scale_rel**2 - sensor.u_reference_rel**2)
         found[f"sensor:{role}:{identity}{calibrated}"] = own / len(channels)
         if sensor.u_reference_rel:
             name = f"standard:{sensor.reference}"

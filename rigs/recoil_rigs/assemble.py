@@ -132,9 +132,12 @@ def _channel(spec: ChannelSpec, recording: Recording, header: SignalHeader, unit
         ),
         Step("convert to SI", version, {"factor": unit.factor, "offset": unit.offset}),
     ]
-    factor = sensor_factor(spec.sensor, "voltage" in unit.quantities)
+    sensor = spec.sensor
+    factor = sensor_factor(sensor, "voltage" in unit.quantities)
     if factor != 1.0:
         history.append(Step("apply sensitivity", version, {"factor_per_volt": factor}))
+    if (sensor.gain, sensor.offset) != (1.0, 0.0):
+        history.append(Step("apply calibration", version, {"gain": sensor.gain, "offset": sensor.offset}))
     if spec.polarity == -1:
         history.append(Step("turn polarity", version, {}))
     raw = recording.raw(header.name)
@@ -145,15 +148,15 @@ def _channel(spec: ChannelSpec, recording: Recording, header: SignalHeader, unit
         time_base=recording.time_base(header.name),
         signal=spec.signal,
         role=spec.role,
-        u_rel=spec.sensor.u_rel,
-        resolution=0.0 if raw is None else abs(raw.gain * unit.factor * factor),
+        u_rel=sensor.u_scale_rel,
+        resolution=0.0 if raw is None else abs(raw.gain * si_line(spec, unit)[0]),
         raw=raw,
         history=tuple(history),
     )
 
 
 def in_si(spec: ChannelSpec, unit: Unit, values: Array) -> Array:
-    """Turn the file's numbers into the channel's SI samples: unit, sensitivity, polarity.
+    """Turn the file's numbers into the channel's SI samples, see `si_line`.
 
     Parameters
     ----------
@@ -165,11 +168,23 @@ def in_si(spec: ChannelSpec, unit: Unit, values: Array) -> Array:
     -------
     ndarray of float64, shape (n_samples,)
     """
-    samples = unit.to_si(values)
-    factor = sensor_factor(spec.sensor, "voltage" in unit.quantities)
-    if factor != 1.0:
-        samples = samples * factor
-    return -samples if spec.polarity == -1 else samples
+    factor, offset = si_line(spec, unit)
+    return factor * values + offset
+
+
+def si_line(spec: ChannelSpec, unit: Unit) -> tuple[float, float]:
+    """Factor and offset of ``SI value = factor * number + offset``: unit, sensitivity, calibration, polarity.
+
+    Parameters
+    ----------
+    unit
+        Of the file's numbers; see `unit_of`. A calibration counts in it: a gain on degrees Celsius is none on kelvins.
+    """
+    sensor = spec.sensor
+    factor = sensor_factor(sensor, "voltage" in unit.quantities)
+    own = _own_unit(spec)
+    offset = unit.offset * factor + sensor.offset * (1.0 if own is None else own.factor)
+    return spec.polarity * sensor.gain * unit.factor * factor, spec.polarity * offset
 
 
 def sensor_factor(sensor: Sensor, in_volts: bool) -> float:
@@ -188,11 +203,15 @@ def range_si(spec: ChannelSpec) -> tuple[float, float] | None:
     """Return the sensor's declared range in SI; its numbers are in the channel's unit, or SI without one."""
     if spec.sensor.range is None:
         return None
-    unit = find_unit(spec.unit) if spec.unit is not None else None
+    unit = _own_unit(spec)
     low, high = spec.sensor.range
-    if unit is None or spec.quantity not in unit.quantities:
-        return low, high
-    return unit.to_si(low), unit.to_si(high)
+    return (low, high) if unit is None else (unit.to_si(low), unit.to_si(high))
+
+
+def _own_unit(spec: ChannelSpec) -> Unit | None:
+    """Return the unit that the rig states for a channel; None if it states none, or that of the recorder's volts."""
+    unit = find_unit(spec.unit) if spec.unit is not None else None
+    return unit if unit is not None and spec.quantity in unit.quantities else None
 
 
 def match_files(rig: Rig, files: Sequence[tuple[Path, str]]) -> dict[str, Path]:

@@ -11,7 +11,7 @@ from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.readers.can.messages import load_database
 from recoil_acquisition.readers.reader import SignalHeader
-from recoil_rigs.assemble import range_si, sensor_factor, unit_of
+from recoil_rigs.assemble import range_si, si_line, unit_of
 from recoil_rigs.can_signals import faults_of_can_signals
 from recoil_rigs.rig import ChannelSpec, Rig, Source
 
@@ -77,12 +77,12 @@ def _live_channel(
     unit = unit_of(spec, header, source, rig.path, faults)
     if unit is None:
         return None
-    scale = sensor_factor(spec.sensor, "voltage" in unit.quantities) * spec.polarity
+    factor, offset = si_line(spec, unit)
     return LiveChannel(
         name=spec.name,
         signal=spec.signal,
-        factor=scale * unit.factor,
-        offset=scale * unit.offset,
+        factor=factor,
+        offset=offset,
         unit=SI_UNITS[spec.quantity],
         range=range_si(spec),
     )

@@ -77,6 +77,7 @@ OF_SOURCE: Mapping[str, Bounds] = MappingProxyType(
 )
 """Key of a source -> its bounds."""
 U_REL = Bounds((0.0, 1.0), (0.0, 0.1), "of the reading (1 % is 0.01)")
+GAIN = Bounds((1e-3, 1e3), (0.8, 1.25), "of the recorded value")
 
 
 def implausible_values(
@@ -127,5 +128,6 @@ def _bounded(
                 yield f"{where}.{key}", getattr(source, key), bounds
     for where, channel in channels:
         yield f"{where}.sensor.u_rel", channel.sensor.u_rel, U_REL
+        yield f"{where}.sensor.gain", channel.sensor.gain, GAIN
         for i, place in enumerate(channel.sensor.position):
             yield f"{where}.sensor.position[{i}]", place, LENGTH

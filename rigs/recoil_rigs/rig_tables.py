@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import datetime as dt
 import fnmatch
+import math
 import re
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -225,6 +226,9 @@ class Sensor(DeclaredTable):
     ``filter_hz`` counts, by ``filter_type`` and ``filter_order``. ``resonance_hz`` and ``resonance_damping`` are those
     of the sensor on its mount, and come on top. The 0 of a ``u_rel`` that is left out is no statement, see
     `states_u_rel`. Sensors that name one ``reference`` are off together by what their standard is off.
+
+    ``gain`` and ``offset`` are what a newer calibration says of the values as recorded, before the polarity:
+    ``gain * value + offset``, both in the channel's unit, in SI without one or where the chain is recorded in volts.
     """
 
     model: str = ""
@@ -241,6 +245,9 @@ class Sensor(DeclaredTable):
         default=None, description="a length in m, not negative, by which optics may bend a travel"
     )
     range: Pair | None = Field(default=None, description="an array [lowest, highest] in the channel's SI unit")
+    gain: Positive = Field(default=1.0, description="a positive factor on the recorded values, by a newer calibration")
+    u_gain: NotNegative = Field(default=0.0, description="the standard uncertainty of `gain`, not negative")
+    offset: Finite = Field(default=0.0, description="a number in the channel's unit, added after `gain`")
     sensitivity: Positive | None = None
     sensitivity_unit: Literal["pC", "mV", "V"] | None = None
     amplifier: Positive = 1.0
@@ -279,6 +286,11 @@ class Sensor(DeclaredTable):
         if faults:
             raise ValueError("; ".join(faults))
         return self
+
+    @property
+    def u_scale_rel(self) -> float:
+        """Relative standard uncertainty of the scale: ``u_rel``, and what is uncertain of ``gain``."""
+        return math.hypot(self.u_rel, self.u_gain / self.gain) if self.u_gain else self.u_rel
 
     @property
     def u_moving_zero_rel(self) -> float:

@@ -21,11 +21,12 @@ from recoil_processing.alignment.motion_alignment import align_motion
 from recoil_processing.alignment.motion_fit import MotionFit
 from recoil_processing.shot.kinematics import angular_motion, travel_acceleration
 from recoil_processing.shot.signals import collect_signals
+from recoil_rigs.assemble import in_si
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin import draw_scene
 from recoil_rigs.twin.instruments import generator, sample
 from recoil_rigs.twin.motion import Motion
-from recoil_rigs.twin.sources import Scene, from_file
+from recoil_rigs.twin.sources import Scene, declared_unit
 from tests.builders.virtual_shots import with_twin
 
 Array = NDArray[np.float64]
@@ -192,7 +193,7 @@ def track_shot(
     base = TimeBase.uniform(reference.name, 0.0, 1.0 / sample_rate_hz, times.size)
     channels = {}
     for spec in (c for c in rig.channels if c.source == reference.name):
-        si = from_file(scene.samples(spec, times), spec)
+        si = in_si(spec, declared_unit(spec), scene.samples(spec, times))
         channels[spec.name] = Channel(spec.name, spec.quantity, si, base, spec.signal, spec.role, spec.sensor.u_rel)
     shot = Shot(scene.shot, rig.name, rig.text, reference.name, channels)
     signals = collect_signals(shot, rig, {})

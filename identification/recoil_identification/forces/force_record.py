@@ -153,7 +153,7 @@ def force_record(shot: Shot, rig: Rig) -> ForceRecord:
         carried_m_s2=(whole - seen)[window],
         mass_kg=m.m3,
         noise_n=max(noise, 1e-9 * float(np.max(np.abs(force[np.isfinite(force)])))),
-        u_gain=spec.sensor.u_rel if spec is not None else 0.0,
+        u_gain=spec.sensor.u_scale_rel if spec is not None else 0.0,
         u_zero_m_s2=shift,
     )
     by_gauge = None
@@ -173,7 +173,7 @@ def force_record(shot: Shot, rig: Rig) -> ForceRecord:
         parts_n={name: part[window] for name, part in parts.items()},
         systematic_n=_systematic(signals, shot, rig, gauges, smooth, onset, window),
         gauge_n=by_gauge,
-        u_gauge=math.hypot(breech.sensor.u_rel if breech else 0.0, m.u_force_areas_rel[0]),
+        u_gauge=math.hypot(breech.sensor.u_scale_rel if breech else 0.0, m.u_force_areas_rel[0]),
         notes=tuple(notes),
     )
 
@@ -228,7 +228,7 @@ def _systematic(
     causes: dict[str, Array] = {"mass of the recoiling part": m.u.get("m3", 0.0) * (smooth - static)}
     for role, area in RESISTANCE:
         spec, force = rig.by_role(role), gauges[role]
-        u_rel = math.hypot(spec.sensor.u_rel if spec else 0.0, m.u.get(area, 0.0) / getattr(m, area))
+        u_rel = math.hypot(spec.sensor.u_scale_rel if spec else 0.0, m.u.get(area, 0.0) / getattr(m, area))
         causes[f"{role} sensitivity and area"] = u_rel * force
         zero = signals.offsets[role].u
         if math.isfinite(zero) and zero > 0:

@@ -69,7 +69,7 @@ def sensor_errors(
 
     def u_of(role: str) -> float:
         spec = rig.by_role(role)
-        return spec.sensor.u_rel if spec is not None and role in _channels(shot) else 0.0
+        return spec.sensor.u_scale_rel if spec is not None and role in _channels(shot) else 0.0
 
     statics = {
         "f_x": m.g * math.sin(m.phi10),

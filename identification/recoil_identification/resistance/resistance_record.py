@@ -103,7 +103,7 @@ def resistance_record(
     fused = found.fused
     u_v = np.zeros_like(v) if fused is None else fused.u_velocity_m_s[part]
     camera, accelerometer = found.camera, rig.by_role("recoil_acceleration")
-    u_own = accelerometer.sensor.u_rel if accelerometer else 0.0
+    u_own = accelerometer.sensor.u_scale_rel if accelerometer else 0.0
     u_scale = u_own if fused is None or camera is None else camera.u_rel
     pressures = [signals.series[role][part] for role in PRESSURE_ROLES]
     block = max(1, round(BLOCK_S / step))

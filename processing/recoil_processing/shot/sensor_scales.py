@@ -61,7 +61,7 @@ def scale_uncertainty(rig: Rig) -> ScaleUncertainty:
             if sensor.u_reference_rel:
                 name = f"standard {sensor.reference}"
                 standards[name] = standards.get(name, 0.0) + sensor.u_reference_rel / len(channels)
-            own[of_gauge(channel.name)] = math.sqrt(sensor.u_rel**2 - sensor.u_reference_rel**2) / len(channels)
+            own[of_gauge(channel.name)] = math.sqrt(sensor.u_scale_rel**2 - sensor.u_reference_rel**2) / len(channels)
         total[role] = math.hypot(*own.values(), *standards.values(), *listed.values())
         # of the mean of several gauges each has its part
         listed |= standards | (own if len(channels) > 1 else {})

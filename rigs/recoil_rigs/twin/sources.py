@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import Fault
-from recoil_acquisition.quantity import SI_UNITS, find_unit
-from recoil_rigs.assemble import range_si
+from recoil_acquisition.quantity import SI_UNITS, Unit, find_unit
+from recoil_rigs.assemble import range_si, si_line
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.rig import ChannelSpec, Rig, Source
 from recoil_rigs.rig_tables import SHOT_PLACE
@@ -134,7 +134,9 @@ class Scene:
         shift = self._zero_shift(role) * after_shot + self._moving_zero(role, spec, at_s)
         shared = self.scale_error(spec)
         factor = self.gain_factor(spec)
-        stored, errors = digitise(stored, full_range, spec.sensor.u_rel, self.settings, rng, shift, shared, factor)
+        stored, errors = digitise(
+            stored, full_range, spec.sensor.u_scale_rel, self.settings, rng, shift, shared, factor
+        )
         self.gains[spec.name], self.offsets[spec.name] = errors.gain, errors.offset
         return stored
 
@@ -149,7 +151,7 @@ class Scene:
         own = float(generator(seed, "scale", spec.name).normal())
         if not sensor.u_reference_rel:
             return own
-        part = sensor.u_reference_rel / sensor.u_rel
+        part = sensor.u_reference_rel / sensor.u_scale_rel
         return math.sqrt(1.0 - part**2) * own + part * float(generator(seed, "standard", sensor.reference).normal())
 
     def gain_factor(self, spec: ChannelSpec) -> float:
@@ -230,30 +232,15 @@ def file_unit(spec: ChannelSpec) -> str:
     return spec.unit or SI_UNITS[spec.quantity]
 
 
-def _line(spec: ChannelSpec) -> tuple[float, float]:
-    """Return factor and offset of ``SI value = factor * number + offset``, the polarity included."""
-    unit = find_unit(file_unit(spec))
-    factor, offset = (1.0, 0.0) if unit is None else (unit.factor, unit.offset)
-    sensor = spec.sensor
-    if sensor.sensitivity is not None and unit is not None and "voltage" in unit.quantities:
-        # a charge amplifier's gain is in V per pC
-        volts = (
-            {"pC": 1.0, "mV": 1e-3, "V": 1.0}[sensor.sensitivity_unit or "V"] * sensor.sensitivity * sensor.amplifier
-        )
-        factor /= volts
-    return spec.polarity * factor, offset
+def declared_unit(spec: ChannelSpec) -> Unit:
+    """Return the unit of a channel's numbers in its file; that of SI for pixels, whose scale is the camera's."""
+    return find_unit(file_unit(spec)) or Unit(frozenset(), 1.0)
 
 
 def to_file(values: Array, spec: ChannelSpec) -> Array:
-    """Convert SI values to the numbers of the channel's file: its unit, its polarity, its voltage chain."""
-    factor, offset = _line(spec)
+    """Convert SI values to the numbers of the channel's file: its unit, its polarity, its chain."""
+    factor, offset = si_line(spec, declared_unit(spec))
     return (values - offset) / factor
-
-
-def from_file(numbers: Array, spec: ChannelSpec) -> Array:
-    """Convert the numbers of the channel's file to SI values."""
-    factor, offset = _line(spec)
-    return factor * numbers + offset
 
 
 def _range_in_file(spec: ChannelSpec) -> tuple[float, float] | None:
@@ -270,7 +257,7 @@ def in_unit(numbers: Array, spec: ChannelSpec, unit_name: str) -> Array:
     unit = find_unit(unit_name) if unit_name else None
     if unit is None or spec.sensor.sensitivity is not None:
         return numbers
-    return spec.polarity * (from_file(numbers, spec) - unit.offset) / unit.factor
+    return (declared_unit(spec).to_si(numbers) - unit.offset) / unit.factor
 
 
 def file_name(scene: Scene, source: Source, suffix: str, faults: list[Fault]) -> str:
@@ -332,7 +319,7 @@ def camera_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile
         unit = file_unit(spec)
         shared = scene.scale_error(spec)
         drawn = float(generator(scene.seed, "channel", spec.name).normal()) if shared is None else shared
-        gain = (1.0 + spec.sensor.u_rel * drawn * s.gain_errors) * scene.gain_factor(spec)
+        gain = (1.0 + spec.sensor.u_scale_rel * drawn * s.gain_errors) * scene.gain_factor(spec)
         place = np.zeros((count, 2))
         travel = sample(
             truth(scene.roles[spec.name], scene.mechanism, scene.motion, (0.0, 0.0)), scene.motion.times_s, at
@@ -370,5 +357,5 @@ def camera_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile
 def _in_picture(place_m: Array, spec: ChannelSpec, source: Source) -> Array:
     """Convert positions to the unit of the tracks: a length, or pixels of a declared scale."""
     if file_unit(spec) == "px":
-        return spec.polarity * place_m * 1e3 / float(source.scale_mm_per_px or 1.0)
+        return to_file(place_m, spec) * 1e3 / float(source.scale_mm_per_px or 1.0)
     return to_file(place_m, spec)
