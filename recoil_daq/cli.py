@@ -39,6 +39,14 @@ app = typer.Typer(
 RigArgument = Annotated[str, typer.Argument(help="A rig file (TOML) or the name of a bundled rig.", show_default=False)]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else there.")]
 DebugOption = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
+CorrectedRigOption = Annotated[
+    str | None,
+    typer.Option(
+        "--rig",
+        help="A rig file with corrected calibrations or values of the mechanism.",
+        show_default="that of each shot file",
+    ),
+]
 OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="Replace what exists.")]
 MethodOption = Annotated[
     Literal["calibrated", "reverse", "forward", "paper", "camera", "tls", "ar-gls", "weak"] | None,
@@ -350,6 +358,7 @@ def identify(
     ] = "0.02",
     compare: Annotated[bool, typer.Option("--compare", help="Compute all estimators, for comparison.")] = False,
     target: TargetOption = None,
+    rig: CorrectedRigOption = None,
     workers: WorkersOption = None,
     cluster: ClusterOption = None,
     overwrite: OverwriteOption = False,
@@ -376,10 +385,12 @@ def identify(
         with _crew(workers, cluster) as crew:
             asked = Options(method, cutoff_hz, memory_s, compare=compare)
             with session.steps("one cut-off for all shots") as progress:
-                shared = shared_options(paths, asked, workers=crew, progress=progress)
+                shared = shared_options(paths, asked, rig=rig, workers=crew, progress=progress)
             for done in session.each(
                 "identify",
-                lambda tell: identify_shots(shared, wanted, out=out, overwrite=overwrite, workers=crew, progress=tell),
+                lambda tell: identify_shots(
+                    shared, wanted, out=out, rig=rig, overwrite=overwrite, workers=crew, progress=tell
+                ),
             ):
                 found += done.targets
                 if done.report is not None:
@@ -412,6 +423,7 @@ def campaign(
             min=1.0, help="-3 dB point of the low-pass of all shots.", show_default="that of the last time, or chosen"
         ),
     ] = None,
+    rig: CorrectedRigOption = None,
     workers: WorkersOption = None,
     cluster: ClusterOption = None,
     overwrite: OverwriteOption = False,
@@ -424,8 +436,8 @@ def campaign(
 
         with _crew(workers, cluster) as crew, session.steps("campaign") as progress:
             done = combine(
-                shots, reports=reports, log=log, out=out, cutoff_hz=cutoff_hz, workers=crew, overwrite=overwrite,
-                progress=progress,
+                shots, reports=reports, log=log, out=out, cutoff_hz=cutoff_hz, rig=rig, workers=crew,
+                overwrite=overwrite, progress=progress,
             )  # fmt: skip
         session.finish(done.to_json(), done.show, OK if done.valid else NOT_VALID)
 

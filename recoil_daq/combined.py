@@ -15,7 +15,7 @@ from recoil_acquisition.errors import ReadError
 from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog, ShotLogRow
 from recoil_daq import __version__
-from recoil_daq.fired import described
+from recoil_daq.fired import RIG_FILE, described
 from recoil_daq.identify import find_shot_files
 from recoil_daq.printed import Printed
 from recoil_daq.report_folder import publish, refuse_existing, refuse_unwritable
@@ -38,6 +38,7 @@ from recoil_identification.report.campaign_figures import campaign_figures
 from recoil_identification.report.document import REPORT_FILE, read_curves
 from recoil_identification.report.document import SCHEMA as REPORT_SCHEMA
 from recoil_identification.report.html import CAMPAIGN_PAGE, PAGE_NAME, render_campaign_page, write_page
+from recoil_rigs.rig import find_rig
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -46,6 +47,7 @@ Progress = Callable[[str], None]
 
 LARGEST_REPORT = 64_000_000
 """Bytes of a report.json, beyond which it is none."""
+OF_ANOTHER = "is of another shot file"
 REPORTS = "reports"
 """Folder, beside a campaign's answer, of the reports that were made for it."""
 
@@ -130,6 +132,8 @@ class _Report:
         Its own digest, and that of its shot file.
     version
         That made it.
+    rig_sha256
+        Of the corrected rig file that it was made with; empty if it was made with the shot file's rig.
     taken
         The shot as a campaign takes it, or why it cannot.
     """
@@ -138,6 +142,7 @@ class _Report:
     sha256: str
     of_sha256: str
     version: str
+    rig_sha256: str
     taken: CampaignShot | str
 
     @classmethod
@@ -148,8 +153,9 @@ class _Report:
             if document["schema"] != REPORT_SCHEMA:
                 raise ValueError(f"schema {document['schema']!r}")
             provenance = document["provenance"]
-            stated = str(provenance["inputs"][0]["sha256"]), str(provenance["version"])
-        except (ValueError, LookupError, TypeError, RecursionError) as error:
+            rigs = [str(one["sha256"]) for one in provenance["inputs"] if one.get("source") == RIG_FILE]
+            stated = str(provenance["inputs"][0]["sha256"]), str(provenance["version"]), "".join(rigs)
+        except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
             raise ReadError(
                 "this is no report of a shot", path=path, expected=f"schema {REPORT_SCHEMA}", found=str(error)
             ) from error
@@ -178,7 +184,7 @@ class _Report:
             )
         return self.taken
 
-    def why_not(self, sha256: str | None, cutoff_hz: float | None) -> str:
+    def why_not(self, sha256: str | None, cutoff_hz: float | None, rig_sha256: str = "") -> str:
         """Say why it is not taken as it is; empty if it is.
 
         Parameters
@@ -187,13 +193,17 @@ class _Report:
             Of the shot file that it must be of; None if that is not at hand.
         cutoff_hz
             That it must have been found with; None for any.
+        rig_sha256
+            Of the corrected rig file that it must have been found with; empty for any, or none.
         """
         if sha256 is not None and self.of_sha256 != sha256:
-            return "is of another shot file"
+            return OF_ANOTHER
         if self.version != __version__:
             return f"was made by another version than {__version__}"
         if self.shot().summary is None:
             return "has no summary for campaigns"
+        if rig_sha256 and rig_sha256 != self.rig_sha256:
+            return "was made without this corrected rig file"
         if cutoff_hz is not None and self.cutoff_hz not in (None, cutoff_hz):
             return f"was found with a cut-off of {self.cutoff_hz:g} Hz, the campaign's is {cutoff_hz:g} Hz"
         return ""
@@ -222,6 +232,7 @@ def campaign(
     log: str | Path | None = None,
     out: str | Path = "campaign",
     cutoff_hz: float | None = None,
+    rig: str | Path | None = None,
     workers: int | Workers | None = None,
     executor: Executor | None = None,
     overwrite: bool = False,
@@ -247,6 +258,9 @@ def campaign(
     cutoff_hz
         Of all shots; None for that of the last time, as `out` has it, that of the reports where these agree, or one
         chosen from the spectra of all shots.
+    rig
+        A corrected rig file, as of `recoil_daq.identify.identify_file`: a report that was made without it is not
+        current. None takes the reports as they are, and the rig of each shot file where one is made anew.
     workers, executor
         Who identify the shots, as of `recoil_daq.workers.Workers`: the digits are the same, whoever does it.
     overwrite
@@ -271,7 +285,7 @@ def campaign(
     if given is not None and (kept is None or kept.mass_cutoff_hz != given):
         kept = SharedCutoff(None, given)
     with Workers.of(workers, executor) as crew:
-        whole, notes = _current(sources, kept, folder, crew, progress)
+        whole, notes = _current(sources, kept, folder, rig, crew, progress)
     progress("combine")
     logs = _Logs.of(None if log is None else Path(log), sources)
     combined = combine([logs.applied(source, one.shot()) for source, one in zip(sources, whole, strict=True)])
@@ -280,6 +294,9 @@ def campaign(
         {"file": f"{one.path.parent.name}/{one.path.name}", "sha256": one.sha256} for one in whole
     ]
     inputs += [{"file": read.path.name, "sha256": read.sha256} for read in logs.read.values()]
+    if rig is not None:
+        corrected = described(find_rig(str(rig)))
+        inputs.append({"file": corrected.name, "sha256": corrected.sha256})
     combined = replace(combined, notes=(*combined.notes, *notes))
     places = {one.shot().name: one.path.parent for one in whole}
     pages = {name: page for name, place in places.items() if (page := _page_from(folder, place)) is not None}
@@ -361,7 +378,12 @@ def _cutoff_hz_of(folder: Path, sources: Sequence[_Source]) -> float | None:
 
 
 def _current(
-    sources: Sequence[_Source], kept: SharedCutoff | None, folder: Path, workers: Workers, progress: Progress
+    sources: Sequence[_Source],
+    kept: SharedCutoff | None,
+    folder: Path,
+    rig: str | Path | None,
+    workers: Workers,
+    progress: Progress,
 ) -> tuple[list[_Report], list[str]]:
     """Return a current report of each shot, and which had to be made anew and why.
 
@@ -371,9 +393,12 @@ def _current(
         The cut-off of all; None if none is chosen.
     folder
         Of the answer.
+    rig
+        A corrected rig file.
     """
+    rig_sha256 = "" if rig is None else described(find_rig(str(rig))).sha256
     cutoff_hz = None if kept is None else kept.mass_cutoff_hz
-    doubts = [one.report.why_not(one.sha256, cutoff_hz) if one.report else "is missing" for one in sources]
+    doubts = [one.report.why_not(one.sha256, cutoff_hz, rig_sha256) if one.report else "is missing" for one in sources]
     sound = {one.report.cutoff_hz for one, doubt in zip(sources, doubts, strict=True) if one.report and not doubt}
     if kept is None and (len(sound) > 1 or any(doubts)):
         doubts = [doubt or "was found with a cut-off of its own" for doubt in doubts]
@@ -385,12 +410,19 @@ def _current(
                 path=source.place,
                 remedy="give the shot file, or identify the shot anew",
             )
+        if doubt not in ("", OF_ANOTHER) and rig is None and source.report is not None and source.report.rig_sha256:
+            raise ReadError(
+                f"this report {doubt}, and was made with a corrected rig file",
+                path=source.report.path,
+                remedy="give that rig file with --rig, or remove the report",
+            )
     if not any(doubts):
         return [one.report for one in sources if one.report is not None], []
     if kept is None:
         options = shared_options(
-            files, Options(), workers=workers, progress=lambda done: progress(f"one cut-off for all shots, {done}")
-        )
+            files, Options(), rig=rig, workers=workers,
+            progress=lambda done: progress(f"one cut-off for all shots, {done}"),
+        )  # fmt: skip
         kept = SharedCutoff.of(list(options.values()))
     else:
         options = dict.fromkeys(files, kept.options)
@@ -402,7 +434,7 @@ def _current(
         for one, doubt in zip(sources, doubts, strict=True)
         if doubt and one.shot_file is not None
     }
-    done = identify_shots(anew, out=folder / REPORTS, overwrite=True, workers=workers, progress=progress)
+    done = identify_shots(anew, out=folder / REPORTS, rig=rig, overwrite=True, workers=workers, progress=progress)
     made = {path: _Report.read(one.folder / REPORT_FILE) for path, one in zip(anew, done, strict=True)}
     whole, notes = [], []
     for source, doubt in zip(sources, doubts, strict=True):

@@ -1,18 +1,28 @@
-"""A stored shot as it was fired: its file, and its row of the shot log beside it."""
+"""A stored shot as it was fired: its file, its row of the shot log beside it, and what was corrected of its rig."""
 
 from __future__ import annotations
 
+import datetime as dt
 import hashlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from recoil_acquisition.shot import InputFile, Shot
+from recoil_acquisition.shot import ClockAlignment, InputFile, Shot
 from recoil_acquisition.store import read_shot
 from recoil_acquisition.store.shot_log import ShotLog, ShotLogRow
+from recoil_daq import __version__
 from recoil_daq.logged import ADDED_MASS, as_fired
+from recoil_processing.shot.clocks.shot_clocks import align_clocks
+from recoil_processing.shot.verdict.corrected_quality import judged_anew
 from recoil_processing.shot.verdict.motion_quality import against_specification
-from recoil_rigs.rig import Rig, parse_rig
+from recoil_rigs.rig import Rig, load_rig, parse_rig
+from recoil_rigs.rig_correction import Correction, corrected_channels, corrections
+
+RIG_FILE = "rig file"
+"""Source of a corrected rig file among the inputs of a report."""
+ROUNDING = 1e-6
+"""Share of its standard uncertainty by which an offset may differ and still be the same."""
 
 
 @dataclass(frozen=True)
@@ -21,6 +31,8 @@ class Fired:
 
     Attributes
     ----------
+    shot
+        With its channels as the corrected rig has them, where one is given.
     rig
         With the mass that was added for this shot.
     row
@@ -28,7 +40,11 @@ class Fired:
     log_file
         None if there is no log.
     notes
-        What a reader should know of the row.
+        What a reader should know of the row and of the corrections.
+    rig_file
+        The corrected rig file; None if the rig is the one that the shot was recorded with.
+    corrections
+        What it says anew.
     """
 
     shot: Shot
@@ -36,10 +52,24 @@ class Fired:
     row: ShotLogRow | None
     log_file: InputFile | None
     notes: tuple[str, ...]
+    rig_file: InputFile | None = None
+    corrections: tuple[Correction, ...] = ()
+
+    @property
+    def beside(self) -> tuple[InputFile, ...]:
+        """What was read beside the shot file, for the provenance."""
+        return tuple(file for file in (self.log_file, self.rig_file) if file is not None)
 
 
-def read_fired(path: Path) -> Fired:
-    """Read a shot file and its row of the shot log.
+def read_fired(path: Path, rig_file: str | Path | None = None, *, judge: bool = True) -> Fired:
+    """Read a shot file and its row of the shot log, and correct its rig.
+
+    Parameters
+    ----------
+    rig_file
+        A corrected rig file; None for the rig that is in the shot file.
+    judge
+        Whether the verdict is made anew where added mass or corrections change what it hangs on.
 
     Raises
     ------
@@ -48,7 +78,10 @@ def read_fired(path: Path) -> Fired:
     ReadError
         If the shot log is at fault.
     RigError
-        If the rig stored in the shot file is at fault, or the log leaves no recoiling part of it.
+        If the rig stored in the shot file or the corrected one is at fault, the log leaves no recoiling part of it, or
+        the corrected one differs by more than corrections: with every such difference.
+    ReadError
+        If there is no such rig file.
     """
     shot = read_shot(path)
     log = ShotLog.beside(path)
@@ -58,12 +91,57 @@ def read_fired(path: Path) -> Fired:
     checked = next(
         (step.parameters.get(ADDED_MASS, 0.0) for step in reversed(shot.history) if step.what == "ingest"), 0.0
     )
-    if rig.added_mass_kg != checked:
+    if judge and rig.added_mass_kg != checked:
         shot = against_specification(shot, rig)
     log_file = None
     if log.sha256 is not None:
         log_file = InputFile(log.path.name, log.sha256, len(log.sheet.content()), "shot log", "spreadsheet")
-    return Fired(shot, rig, row, log_file, tuple(_notes_on(shot.name, bare, log, row)))
+    fired = Fired(shot, rig, row, log_file, tuple(_notes_on(shot.name, bare, log, row)))
+    return fired if rig_file is None else _corrected(fired, bare, load_rig(rig_file), judge=judge)
+
+
+def _corrected(fired: Fired, bare: Rig, corrected: Rig, *, judge: bool) -> Fired:
+    """Apply a corrected rig to a shot.
+
+    Parameters
+    ----------
+    bare
+        As the shot file has it, without what was added.
+    """
+    found = corrections(bare, corrected)
+    file = corrected.path.name
+    rig_file = described(corrected.path, RIG_FILE, "TOML")
+    if not found:
+        nothing = f"{file} says nothing but what the shot file's rig says: nothing was corrected"
+        return replace(fired, rig_file=rig_file, notes=(nothing, *fired.notes))
+    rig = as_fired(corrected, fired.row)
+    shot = replace(fired.shot, channels=corrected_channels(fired.shot.channels, bare, corrected, __version__))
+    notes = [f"corrected by {file}: {one}" for one in found]
+    shot = replace(shot, alignments=align_clocks(shot, rig))
+    were = {alignment.clock: alignment for alignment in fired.shot.alignments}
+    moved = [one.clock for one in shot.alignments if one.clock not in were or _moved(were[one.clock], one)]
+    if moved:
+        notes.append(f"aligned anew with what was corrected: {', '.join(moved)}")
+    if judge:
+        shot, kept = judged_anew(fired.shot, fired.rig, shot, rig, _day_of(shot))
+        if kept:
+            notes.append(
+                f"of the verdict these are kept as ingest found them, with the rig as it was: {', '.join(kept)}"
+            )
+    return replace(fired, shot=shot, rig=rig, notes=(*notes, *fired.notes), rig_file=rig_file, corrections=found)
+
+
+def _moved(one: ClockAlignment, other: ClockAlignment) -> bool:
+    """Whether two alignments of a clock differ by more than rounding."""
+    return one.status != other.status or abs(other.offset_s - one.offset_s) > ROUNDING * other.u_offset_s
+
+
+def _day_of(shot: Shot) -> dt.date:
+    """Return the day of a shot, for due dates; today, as ingest takes it, where the shot does not say."""
+    try:
+        return dt.datetime.fromisoformat(shot.started).date()
+    except ValueError:
+        return dt.date.today()
 
 
 def _notes_on(shot: str, bare: Rig, log: ShotLog, row: ShotLogRow | None) -> Iterator[str]:
@@ -77,8 +155,8 @@ def _notes_on(shot: str, bare: Rig, log: ShotLog, row: ShotLogRow | None) -> Ite
         yield f"{log.path.name} has no row of shot {shot}: nothing is taken as added to the recoiling part{beside}"
 
 
-def described(path: Path) -> InputFile:
-    """Describe a shot file for the provenance of what is made of it."""
+def described(path: Path, source: str = "", reader: str = "shot file") -> InputFile:
+    """Describe a file, a shot file if nothing else is said, for the provenance of what is made of it."""
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
-    return InputFile(path.name, digest, path.stat().st_size, "", "shot file")
+    return InputFile(path.name, digest, path.stat().st_size, source, reader)

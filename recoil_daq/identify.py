@@ -132,6 +132,7 @@ def identify_file(
     *,
     out: str | Path = "reports",
     options: Options | None = None,
+    rig: str | Path | None = None,
     truth: Mapping[str, Any] | None = None,
     overwrite: bool = False,
     progress: Progress = lambda _: None,
@@ -143,6 +144,9 @@ def identify_file(
 
     Parameters
     ----------
+    rig
+        A rig file that corrects the one in the shot file, which is left as it is: calibrations, and values of the
+        mechanism. What it corrects is in the report. None if nothing is to be corrected.
     truth
         Of a virtual shot, for comparison in the report.
     progress
@@ -155,13 +159,13 @@ def identify_file(
     ReadError
         If the shot log is at fault.
     RigError
-        If the rig stored in the shot file is at fault.
+        If the rig stored in the shot file is at fault, or the corrected one differs by more than corrections.
     IdentificationError
         If no number can be given at all.
     """
     source = Path(path)
     progress("read")
-    fired = read_fired(source)
+    fired = read_fired(source, rig)
     shot = fired.shot
     folder = Path(out) / shot.name
     refuse_unwritable(folder)
@@ -173,7 +177,7 @@ def identify_file(
     progress("report")
     document = report_document(
         shot, found, version=__version__, shot_file=described(source), truth=truth, row=fired.row,
-        log_file=fired.log_file,
+        beside=fired.beside, corrections=fired.corrections,
     )  # fmt: skip
     page = render_page(document, report_figures(found))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from recoil_identification.preparation import prepare
 from recoil_processing.quality.repeatability import ShotPeaks, check_repeat_peaks
 from recoil_processing.spectra.cutoff import CutoffChoice
 from recoil_processing.spectra.spectral_gap import ShotSpectrum
+from recoil_rigs.rig import find_rig
 
 Progress = Callable[[str], None]
 
@@ -31,7 +33,12 @@ LEAST_SHOTS = 2
 
 
 def shared_options(
-    paths: Sequence[Path], options: Options, *, workers: Workers | None = None, progress: Progress = lambda _: None
+    paths: Sequence[Path],
+    options: Options,
+    *,
+    rig: str | Path | None = None,
+    workers: Workers | None = None,
+    progress: Progress = lambda _: None,
 ) -> Mapping[Path, Options]:
     """Return the options of each shot file: with one cut-off for all shots of a rig, unless one is asked for.
 
@@ -41,6 +48,8 @@ def shared_options(
     ----------
     options
         As asked for.
+    rig
+        A corrected rig file, as of `recoil_daq.identify.identify_file`.
     workers
         Who look at the shots; None to do it in this process.
     progress
@@ -55,7 +64,10 @@ def shared_options(
         return dict.fromkeys(paths, options)
     workers = workers or Workers(1)
     looked_at = workers.map(
-        shot_band, [workers.place(path) for path in paths], [path.name for path in paths], progress=progress
+        partial(shot_band, rig_file=_place(rig, workers)),
+        [workers.place(path) for path in paths],
+        [path.name for path in paths],
+        progress=progress,
     )
     bands = dict(zip(paths, looked_at, strict=True))
     chosen: dict[str, tuple[CutoffChoice | None, float | None]] = {}
@@ -87,9 +99,9 @@ class ShotBand:
     band_hz: float | None = None
 
 
-def shot_band(path: Path) -> ShotBand:
+def shot_band(path: Path, rig_file: str | Path | None = None) -> ShotBand:
     """Return what of a shot file a common cut-off is chosen by; errors as of `shared_options`."""
-    fired = read_fired(path)
+    fired = read_fired(path, rig_file, judge=False)
     shot, rig = fired.shot, fired.rig
     if default_method(shot) != "calibrated":
         return ShotBand(shot.rig_name)
@@ -131,6 +143,7 @@ class _Task:
     out: Path
     options: Options
     targets: tuple[str, ...]
+    rig: Path | None
     overwrite: bool
 
     def refuse_existing(self) -> None:
@@ -140,10 +153,14 @@ class _Task:
     def identified(self) -> Identified:
         report, others = None, [target for target in self.targets if target != "mass"]
         if "mass" in self.targets:
-            report = identify_file(self.path, out=self.out, options=self.options, overwrite=self.overwrite)
+            report = identify_file(
+                self.path, out=self.out, options=self.options, rig=self.rig, overwrite=self.overwrite
+            )
         found = []
         if others:
-            found = identify_targets(self.path, others, out=self.out, options=self.options, overwrite=self.overwrite)
+            found = identify_targets(
+                self.path, others, out=self.out, options=self.options, rig=self.rig, overwrite=self.overwrite
+            )
         return Identified(report, tuple(found))
 
 
@@ -152,6 +169,7 @@ def identify_shots(
     targets: Sequence[str] = ("mass",),
     *,
     out: Path,
+    rig: str | Path | None = None,
     overwrite: bool = False,
     workers: Workers | None = None,
     progress: Progress = lambda _: None,
@@ -164,7 +182,7 @@ def identify_shots(
         Of each file.
     targets
         ``mass``, or names of `recoil_identification.targets.TARGETS`.
-    out, overwrite
+    out, rig, overwrite
         As of `recoil_daq.identify.identify_file`.
     workers
         Who do it; None to do it in this process.
@@ -185,7 +203,7 @@ def identify_shots(
     workers = workers or Workers(1)
     place = workers.place
     tasks = [
-        _Task(place(path), place(out), one, tuple(targets), overwrite or workers.may_repeat)
+        _Task(place(path), place(out), one, tuple(targets), _place(rig, workers), overwrite or workers.may_repeat)
         for path, one in options.items()
     ]
     names = [path.name for path in options]
@@ -210,6 +228,7 @@ def identify_folder(
     *,
     out: str | Path = "reports",
     options: Options | None = None,
+    rig: str | Path | None = None,
     overwrite: bool = False,
     workers: int | Workers | None = None,
     executor: Executor | None = None,
@@ -219,7 +238,7 @@ def identify_folder(
 
     Parameters
     ----------
-    out, options, overwrite
+    out, options, rig, overwrite
         As of `recoil_daq.identify.identify_file`.
     workers, executor
         As of `recoil_daq.workers.Workers`: the digits are the same, whoever does it.
@@ -235,9 +254,14 @@ def identify_folder(
     """
     paths = find_shot_files([Path(folder)])
     with Workers.of(workers, executor) as crew:
-        shared = shared_options(paths, options or Options(), workers=crew, progress=progress)
-        done = identify_shots(shared, out=Path(out), overwrite=overwrite, workers=crew, progress=progress)
+        shared = shared_options(paths, options or Options(), rig=rig, workers=crew, progress=progress)
+        done = identify_shots(shared, out=Path(out), rig=rig, overwrite=overwrite, workers=crew, progress=progress)
         return tuple(one.report for one in done if one.report is not None)
+
+
+def _place(rig: str | Path | None, workers: Workers) -> Path | None:
+    """Return the path of a rig file, or of a bundled rig, as the workers are told it."""
+    return None if rig is None else workers.place(find_rig(str(rig)))
 
 
 def repeatability(documents: Sequence[Mapping[str, Any]]) -> dict[str, tuple[Verdict, str]]:

@@ -46,6 +46,7 @@ def identify_targets(
     *,
     out: str | Path = "reports",
     options: Options | None = None,
+    rig: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress = lambda _: None,
 ) -> list[TargetReported]:
@@ -57,6 +58,8 @@ def identify_targets(
     ----------
     targets
         Names of `recoil_identification.targets.TARGETS`.
+    rig
+        A corrected rig file, as of `recoil_daq.identify.identify_file`.
     progress
         Told the name of each step.
 
@@ -69,13 +72,13 @@ def identify_targets(
     ReadError
         If the shot log is at fault.
     RigError
-        If the rig stored in the shot file is at fault.
+        If the rig stored in the shot file is at fault, or the corrected one differs by more than corrections.
     IdentificationError
         If a target can give no number at all.
     """
     source = Path(path)
     progress("read")
-    fired = read_fired(source)
+    fired = read_fired(source, rig)
     shot = fired.shot
     folder = Path(out) / shot.name
     refuse_unwritable(folder)
@@ -91,8 +94,9 @@ def identify_targets(
         found = find(case)
         found = replace(found, notes=(*fired.notes, *left_out, *found.notes))
         document = target_document(
-            shot, found, version=__version__, shot_file=described(source), row=fired.row, log_file=fired.log_file
-        )
+            shot, found, version=__version__, shot_file=described(source), row=fired.row, beside=fired.beside,
+            corrections=fired.corrections,
+        )  # fmt: skip
         _publish(folder, found, document)
         done.append(TargetReported(document, folder))
     return done

@@ -22,6 +22,7 @@ from recoil_identification.rpe import RPE_MEANING
 from recoil_identification.skew import RecorderSkew
 from recoil_identification.stress_waves import StressWaves
 from recoil_identification.zero_shift import ZeroShift
+from recoil_rigs.rig_correction import Correction
 
 SCHEMA = "recoil-daq/report/1"
 REPORT_FILE = "report.json"
@@ -53,7 +54,8 @@ def report_document(
     shot_file: InputFile,
     truth: Mapping[str, Any] | None = None,
     row: ShotLogRow | None = None,
-    log_file: InputFile | None = None,
+    beside: Sequence[InputFile] = (),
+    corrections: Sequence[Correction] = (),
 ) -> dict[str, Any]:
     """Build the report of one shot, JSON types only.
 
@@ -65,8 +67,12 @@ def report_document(
         The shot file itself, for the provenance.
     truth
         Of a virtual shot: ``m3``.
-    row, log_file
-        The shot's row of the shot log, and the log itself, for the provenance.
+    row
+        Of the shot log.
+    beside
+        What was read beside the shot file, for the provenance.
+    corrections
+        What a corrected rig file says anew.
 
     Returns
     -------
@@ -81,6 +87,7 @@ def report_document(
         "rig": shot.rig_name,
         **started(shot),
         "shot_log": None if row is None else row.to_json(),
+        "corrections": [one.to_json() for one in corrections],
         "mass": {
             "value": estimate.mass_kg,
             "u": estimate.u_kg,
@@ -149,7 +156,7 @@ def report_document(
         "assumptions": found.assumptions,
         "provenance": {
             "version": version,
-            "inputs": provenance_inputs(shot, shot_file, log_file),
+            "inputs": provenance_inputs(shot, shot_file, beside),
             "parameters": {
                 "method": found.method,
                 "cutoff_hz": found.filtered.low_pass.cutoff_hz if found.filtered.low_pass else None,
@@ -174,12 +181,11 @@ def started(shot: Shot) -> dict[str, str | None]:
     return {"started": when or None, "started_source": source or None}
 
 
-def provenance_inputs(shot: Shot, shot_file: InputFile, log_file: InputFile | None) -> list[dict[str, Any]]:
-    """List the shot file, the shot log, and what the shot file was made of, with their digests."""
-    log = () if log_file is None else (log_file,)
+def provenance_inputs(shot: Shot, shot_file: InputFile, beside: Sequence[InputFile]) -> list[dict[str, Any]]:
+    """List the shot file, what was read beside it, and what it was made of, with their digests."""
     return [
         {"file": f.name, "sha256": f.sha256, "size": f.size, "source": f.source, "reader": f.reader}
-        for f in (shot_file, *log, *shot.inputs)
+        for f in (shot_file, *beside, *shot.inputs)
     ]
 
 

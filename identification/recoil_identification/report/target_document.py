@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from recoil_acquisition.shot import InputFile, Shot
 from recoil_acquisition.store.shot_log import ShotLogRow
 from recoil_identification.report.document import provenance_inputs, started, to_json
 from recoil_identification.report.finding import Finding, Quantity, Series
+from recoil_rigs.rig_correction import Correction
 
 SCHEMA = "recoil-daq/target/1"
 
@@ -25,7 +26,8 @@ def target_document(
     version: str,
     shot_file: InputFile,
     row: ShotLogRow | None = None,
-    log_file: InputFile | None = None,
+    beside: Sequence[InputFile] = (),
+    corrections: Sequence[Correction] = (),
 ) -> dict[str, Any]:
     """Build the document of one target of one shot, JSON types only.
 
@@ -35,8 +37,8 @@ def target_document(
         Of the package.
     shot_file
         The shot file itself, for the provenance.
-    row, log_file
-        The shot's row of the shot log, and the log itself, for the provenance.
+    row, beside, corrections
+        As of `recoil_identification.report.document.report_document`.
 
     Returns
     -------
@@ -55,6 +57,7 @@ def target_document(
         "rig": shot.rig_name,
         **started(shot),
         "shot_log": None if row is None else row.to_json(),
+        "corrections": [one.to_json() for one in corrections],
         "quantities": [_quantity(one) for one in found.quantities],
         "series": series,
         "tables": [
@@ -66,7 +69,7 @@ def target_document(
         "notes": list(found.notes),
         "provenance": {
             "version": version,
-            "inputs": provenance_inputs(shot, shot_file, log_file),
+            "inputs": provenance_inputs(shot, shot_file, beside),
             "parameters": dict(found.parameters),
         },
     }

@@ -1,0 +1,58 @@
+"""The verdict of a shot whose rig was corrected: what hangs on the corrected values is judged anew."""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import replace
+
+from recoil_acquisition.shot import QualityCheck, Shot
+from recoil_processing.shot.verdict.shot_quality import check_shot
+from recoil_rigs.rig import Rig
+
+
+def judged_anew(recorded: Shot, rig: Rig, corrected: Shot, corrected_rig: Rig, on: dt.date) -> tuple[Shot, list[str]]:
+    """Judge a corrected shot: what a correction changes is taken, everything else is as ingest found it.
+
+    Both shots are checked without their recorded files, which are not at hand, and only what differs between them
+    counts. What was found from the files themselves (lost frames, stamps, a file that was cut off) is therefore kept.
+
+    Parameters
+    ----------
+    recorded, rig
+        As the shot file has them.
+    corrected, corrected_rig
+        With the samples as the corrected rig has them.
+    on
+        Day of the shot, for the calibrations' due dates.
+
+    Returns
+    -------
+    shot : Shot
+        The corrected one with its verdict.
+    kept : list of str
+        Checks that the correction changes and that cannot be made without the recorded files: they stand as they were.
+    """
+    before = check_shot(recorded, rig, recorded.alignments, {}, on)
+    after = check_shot(corrected, corrected_rig, corrected.alignments, {}, on)
+    gone, come = Counter(before) - Counter(after), Counter(after) - Counter(before)
+    quality, kept = list(recorded.quality), []
+    for place in dict.fromkeys(_place(check) for check in (*gone, *come)):
+        were, are = _at(place, gone), _at(place, come)
+        there = [check for check in quality if _place(check) == place]
+        if any(check not in there for check in were) or (there and not were):
+            kept.append(" ".join(place))
+            continue
+        first = quality.index(were[0]) if were else len(quality)
+        quality = [check for check in quality if check not in were]
+        quality[first:first] = are
+    return replace(corrected, quality=tuple(quality)), kept
+
+
+def _place(check: QualityCheck) -> tuple[str, str]:
+    return check.channel, check.check
+
+
+def _at(place: tuple[str, str], checks: Iterable[QualityCheck]) -> list[QualityCheck]:
+    return [check for check in checks if _place(check) == place]
