@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import datetime as dt
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from recoil_acquisition.shot import ClockAlignment, InputFile, Shot
 from recoil_acquisition.store import read_shot
 from recoil_acquisition.store.shot_log import ShotLog, ShotLogRow
 from recoil_daq import __version__
-from recoil_daq.logged import ADDED_MASS, as_fired
+from recoil_daq.logged import ADDED_MASS, DAY, as_fired
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.verdict.corrected_quality import judged_anew
 from recoil_processing.shot.verdict.motion_quality import against_specification
@@ -88,10 +89,7 @@ def read_fired(path: Path, rig_file: str | Path | None = None, *, judge: bool = 
     row = log.row(shot.name)
     bare = parse_rig(shot.rig_text, path, shot.databases or {}, refuse_doubts=False)
     rig = as_fired(bare, row)
-    checked = next(
-        (step.parameters.get(ADDED_MASS, 0.0) for step in reversed(shot.history) if step.what == "ingest"), 0.0
-    )
-    if judge and rig.added_mass_kg != checked:
+    if judge and rig.added_mass_kg != _checked(shot).get(ADDED_MASS, 0.0):
         shot = against_specification(shot, rig)
     log_file = None
     if log.sha256 is not None:
@@ -123,7 +121,9 @@ def _corrected(fired: Fired, bare: Rig, corrected: Rig, *, judge: bool) -> Fired
     if moved:
         notes.append(f"aligned anew with what was corrected: {', '.join(moved)}")
     if judge:
-        shot, kept = judged_anew(fired.shot, fired.rig, shot, rig, _day_of(shot))
+        day = _checked(shot).get(DAY)
+        on = dt.date.today() if day is None else dt.date.fromisoformat(day)
+        shot, kept = judged_anew(fired.shot, fired.rig, shot, rig, on)
         if kept:
             notes.append(
                 f"of the verdict these are kept as ingest found them, with the rig as it was: {', '.join(kept)}"
@@ -136,12 +136,9 @@ def _moved(one: ClockAlignment, other: ClockAlignment) -> bool:
     return one.status != other.status or abs(other.offset_s - one.offset_s) > ROUNDING * other.u_offset_s
 
 
-def _day_of(shot: Shot) -> dt.date:
-    """Return the day of a shot, for due dates; today, as ingest takes it, where the shot does not say."""
-    try:
-        return dt.datetime.fromisoformat(shot.started).date()
-    except ValueError:
-        return dt.date.today()
+def _checked(shot: Shot) -> Mapping[str, Any]:
+    """Return with which parameters a shot was checked when it was ingested."""
+    return next((step.parameters for step in reversed(shot.history) if step.what == "ingest"), {})
 
 
 def _notes_on(shot: str, bare: Rig, log: ShotLog, row: ShotLogRow | None) -> Iterator[str]:

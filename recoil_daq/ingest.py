@@ -24,7 +24,7 @@ from recoil_acquisition.shot import InputFile, Shot
 from recoil_acquisition.shot_name import shot_name_fault
 from recoil_acquisition.store import write_shot
 from recoil_daq import __version__
-from recoil_daq.logged import ADDED_MASS, add_row, as_planned
+from recoil_daq.logged import ADDED_MASS, DAY, add_row, as_planned
 from recoil_daq.printed import Printed
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.verdict.shot_quality import check_shot
@@ -178,9 +178,11 @@ def ingest_files(
     rig, log_fault = as_planned(rig, target, name)
     alignments = align_clocks(assembled, rig)
     progress("check")
-    quality = check_shot(assembled, rig, alignments, recordings, on or dt.date.today())
+    day = on or dt.date.today()
+    quality = check_shot(assembled, rig, alignments, recordings, day)
     parameters = {
         "rig": rig.path.name,
+        DAY: day.isoformat(),
         **({"excerpts": excerpts} if excerpts else {}),
         **({ADDED_MASS: rig.added_mass_kg} if rig.added_mass_kg else {}),
     }

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 ADDED_MASS = "added_mass_kg"
 """Parameter in a shot's history: what was added to the specification when the shot was checked."""
+DAY = "day"
+"""Parameter in a shot's history: on which day it was checked that calibrations were not overdue."""
 ATTEMPTS = 5
 """At a log that another ingest writes at the same time."""
 

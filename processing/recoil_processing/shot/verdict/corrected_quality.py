@@ -25,7 +25,7 @@ def judged_anew(recorded: Shot, rig: Rig, corrected: Shot, corrected_rig: Rig, o
     corrected, corrected_rig
         With the samples as the corrected rig has them.
     on
-        Day of the shot, for the calibrations' due dates.
+        Day of the first verdict, for the calibrations' due dates.
 
     Returns
     -------
