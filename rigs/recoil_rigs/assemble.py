@@ -200,11 +200,15 @@ def sensor_factor(sensor: Sensor, in_volts: bool) -> float:
 
 
 def range_si(spec: ChannelSpec) -> tuple[float, float] | None:
-    """Return the sensor's declared range in SI; its numbers are in the channel's unit, or SI without one."""
-    if spec.sensor.range is None:
+    """Return the sensor's declared range in SI; its numbers are in the channel's unit, or SI without one.
+
+    A record is clipped where its recorded values reach the range, so that the calibration corrects the range with them.
+    """
+    sensor = spec.sensor
+    if sensor.range is None:
         return None
     unit = _own_unit(spec)
-    low, high = spec.sensor.range
+    low, high = (sensor.gain * limit + spec.polarity * sensor.offset for limit in sensor.range)
     return (low, high) if unit is None else (unit.to_si(low), unit.to_si(high))
 
 

@@ -190,6 +190,13 @@ def test_a_range_is_in_the_channels_unit_and_in_si_where_that_is_not_the_quantit
     assert range_si(rig_of("").channel("p")) is None
 
 
+def test_a_record_that_is_clipped_at_its_range_is_so_when_its_values_are_corrected():
+    keys = 'unit = "bar"\npolarity = {}\nsensor = {{ range = [-1.0, 20.0], gain = 0.98, offset = -0.5 }}'
+    for polarity, recorded in ((1, (-1.0, 20.0)), (-1, (1.0, -20.0))):
+        rig = rig_of(keys.format(polarity))
+        np.testing.assert_allclose(read(rig, "bar", recorded).samples, range_si(rig.channel("p")), rtol=1e-14)
+
+
 # ---- signals
 
 
