@@ -3,7 +3,6 @@
 import os
 import sys
 import warnings
-from collections.abc import Generator
 from contextlib import ExitStack
 from typing import Any
 
@@ -49,13 +48,6 @@ def pytest_unconfigure(config: pytest.Config) -> None:
     """Remove the folder of the run."""
     if OF_THE_RUN in config.stash:
         config.stash[OF_THE_RUN].close()
-
-
-@pytest.hookimpl(wrapper=True, optionalhook=True)
-def pytest_xdist_auto_num_workers() -> Generator[None, int, int]:
-    """Add a worker to as many as there are cores: the one that plays devices in real time mostly waits."""
-    cores = yield
-    return cores if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else cores + 1
 
 
 @pytest.hookimpl(optionalhook=True)
