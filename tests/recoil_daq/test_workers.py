@@ -154,10 +154,13 @@ def test_progress_says_how_many_are_done_and_how_long_the_others_take(number: in
 
 
 SCRIPT = """
+    import signal
     from pathlib import Path
     from recoil_daq.workers import Workers
     from tests.builders import pieces_of_work as work
 
+    # whoever runs the tests in the background has them ignore Ctrl-C
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     print("once", flush=True)
     with Workers(2) as workers:
         list(workers.map(work.{work}, [Path({folder!r})] * 4, list("abcd")))
