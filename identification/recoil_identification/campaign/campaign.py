@@ -276,7 +276,7 @@ def _refuse_mixed(ordered: Sequence[CampaignShot], used: Sequence[CampaignShot])
 
 
 def _used(ordered: Sequence[CampaignShot], fit: JointFit) -> tuple[Used, ...]:
-    white, at = fit.likeliest.rows, fit.rows.parameters.index(LN_MASS)
+    white, at = fit.rows.whitened(fit.likeliest.scatter), fit.rows.parameters.index(LN_MASS)
     values = fit.likeliest.values
     masses_kg = np.exp(fit.rows.modelled(values)[0][:, at])
     column = white.triangle[:, :, at]
@@ -331,7 +331,7 @@ def _contradictions(common: Sequence[Learnt]) -> list[str]:
 def _unexplained(fit: JointFit) -> list[str]:
     """Say that the shots do not agree, if what is left of them is no chance."""
     best = fit.likeliest
-    sizes = np.linalg.svd(best.rows.triangle, compute_uv=False)
+    sizes = np.linalg.svd(fit.rows.triangle, compute_uv=False)
     told = int(np.count_nonzero(sizes > LEAST_SINGULAR * sizes.max()))
     freedom = told + len(best.estimate.sources) - len(best.estimate.unknowns)
     probability = float(chi2.sf(best.estimate.misfit, freedom))

@@ -31,7 +31,9 @@ LEAST_SHOTS = 3
 TIE = 2
 """Decimals of a log likelihood up to which two are the same."""
 CLOSE, MOST_CONTENDERS = 0.9, 6
-"""Share of the largest gain from which on a candidate is fitted, because a large change is not linear; and how many."""
+"""Share of the largest gain from which on a candidate comes close; and how many are looked at."""
+LARGE = 40.0
+"""Gain, that of nine standard deviations, from which on a change is not linear."""
 MASS, STEP, DRIFT, OUTLIER, ADDED, OFF = "mass", "mass step", "sensor drift", "outlier", "added mass", "calibration"
 """Influence, and kinds."""
 
@@ -112,18 +114,25 @@ def joint_fit_with_changes(rows: JointRows) -> tuple[JointFit, tuple[Change, ...
         candidates = candidates_of(fit, found)
         if not candidates or candidates[0].gain < least_gain(len(candidates)):
             break
-        contenders = [one for one in candidates if one.gain > CLOSE * candidates[0].gain][:MOST_CONTENDERS]
-        fits = [joint_fit(rows, [*(one.column for one in found), each.column]) for each in contenders]
-        levels = [max(trial.level for trial in each.trials) for each in fits]
-        # a number that somebody wrote into the log, and then the mass, rather than a sensor that looks the same
-        preferred = [(one.kind == ADDED, one.influence == MASS) for one in contenders]
-        at = max(range(len(fits)), key=lambda i: (round(levels[i], TIE), *preferred[i]))
-        best, fit = contenders[at], fits[at]
+        best = _best(rows, found, candidates)
+        fit = joint_fit(rows, [*(one.column for one in found), best.column])
         others = (one for one in candidates if (one.kind, one.influence) != (best.kind, best.influence))
         other = next(others, None)
         found.append(best)
         instead.append("" if other is None else f"{other}, {other.gain:.1f} against {best.gain:.1f} of log likelihood")
     return fit, tuple(_change(fit, one, other) for one, other in zip(found, instead, strict=True))
+
+
+def _best(rows: JointRows, found: Sequence[Candidate], candidates: Sequence[Candidate]) -> Candidate:
+    """Choose the change that explains most; a large one is not linear, so that the few that come close are fitted."""
+    contenders = [one for one in candidates if one.gain > CLOSE * candidates[0].gain][:MOST_CONTENDERS]
+    levels = [one.gain for one in contenders]
+    if len(contenders) > 1 and levels[0] > LARGE:
+        fits = (joint_fit(rows, [*(one.column for one in found), each.column]) for each in contenders)
+        levels = [max(trial.level for trial in fit.trials) for fit in fits]
+    # a number that somebody wrote into the log, and then the mass, rather than a sensor that looks the same
+    preferred = [(one.kind == ADDED, one.influence == MASS) for one in contenders]
+    return contenders[max(range(len(contenders)), key=lambda i: (round(levels[i], TIE), *preferred[i]))]
 
 
 def least_gain(count: int) -> float:
@@ -140,19 +149,31 @@ def candidates_of(fit: JointFit, found: Sequence[Candidate] = ()) -> list[Candid
         Columns of the fit.
     """
     rows, told = fit.rows, {one.column.name for one in found}
-    candidates = []
-    for parameter in (name for name in (LN_MASS, *GAINS) if name in rows.parameters):
-        asked = [one for one in _patterns(rows, parameter) if one[-1].name not in told]
-        shares = np.array([column.shares for *_, column in asked])
-        levels = [trial.log_likelihood + 0.5 * _normalised(trial, parameter, shares) ** 2 for trial in fit.trials]
-        gains = np.max(levels, axis=0) - max(trial.log_likelihood for trial in fit.trials)
-        candidates += [Candidate(*one, gain) for one, gain in zip(asked, gains.tolist(), strict=True)]
+    asked = {
+        parameter: [one for one in _patterns(rows, parameter) if one[-1].name not in told]
+        for parameter in (LN_MASS, *GAINS)
+        if parameter in rows.parameters
+    }
+    shares = {parameter: np.array([column.shares for *_, column in of_it]) for parameter, of_it in asked.items()}
+    best = {parameter: np.full(len(of_it), -np.inf) for parameter, of_it in asked.items()}
+    for trial in fit.trials:
+        score = _Score.of(rows, trial)
+        for parameter, level in best.items():
+            np.maximum(
+                level, trial.log_likelihood + 0.5 * score.of_columns(parameter, shares[parameter]) ** 2, out=level
+            )
+    base = max(trial.log_likelihood for trial in fit.trials)
+    candidates = [
+        Candidate(*one, level - base)
+        for parameter, of_it in asked.items()
+        for one, level in zip(of_it, best[parameter].tolist(), strict=True)
+    ]
     return sorted(candidates, key=lambda one: -one.gain)
 
 
 def normalised_residuals(fit: JointFit) -> Array:
     """Return how far the mass of each shot lies from what all others say, standard normal, shape (n_shots,)."""
-    return _normalised(fit.likeliest, LN_MASS, np.eye(len(fit.rows.shots)))
+    return _Score.of(fit.rows, fit.likeliest).of_columns(LN_MASS, np.eye(len(fit.rows.shots)))
 
 
 def _patterns(rows: JointRows, parameter: str) -> Iterator[tuple[str, str, tuple[str, ...], Column]]:
@@ -197,25 +218,39 @@ def _sensors(rows: JointRows, parameter: str) -> dict[int, Array]:
     return {at: moved[:, at] / one.u for at, one in enumerate(rows.influences) if one.is_sensor and moved[:, at].any()}
 
 
-def _normalised(trial: Trial, parameter: str, shares: Array) -> Array:
-    """Return w of columns that move a parameter by given shares, shape (n_columns,); 0 where nothing tells of one.
+@dataclass(frozen=True, eq=False)
+class _Score:
+    """What the estimate under one scatter leaves of the shots' rows."""
 
-    Parameters
-    ----------
-    shares : ndarray, shape (n_columns, n_shots)
-    """
-    rows, place = trial.rows.rows, trial.rows.rows.parameters.index(parameter)
-    left, derivatives = trial.by_shot
-    column = trial.rows.triangle[:, :, place]
-    if parameter == LN_MASS:  # one kg is a smaller share of a heavier part
-        whole_kg = np.exp(rows.modelled(trial.values)[0][:, place])
-        column = column * (rows.reference_kg / whole_kg)[:, np.newaxis]
-    energy = shares**2 @ np.einsum("nk,nk->n", column, column)
-    shared = shares @ np.einsum("nkp,nk->np", derivatives, column)
-    own = energy - np.einsum("cp,cp->c", shared @ trial.estimate.covariance, shared)
-    judged = own > LEAST_REDUNDANCY * np.maximum(energy, np.finfo(np.float64).tiny)
-    product = shares @ np.einsum("nk,nk->n", column, left)
-    return np.where(judged, product / np.sqrt(np.where(judged, own, 1.0)), 0.0)
+    rows: JointRows
+    trial: Trial
+    triangle: Array
+    left: Array
+    derivatives: Array
+
+    @classmethod
+    def of(cls, rows: JointRows, trial: Trial) -> _Score:
+        white = rows.whitened(trial.scatter)
+        return cls(rows, trial, white.triangle, *white.by_shot(trial.values))
+
+    def of_columns(self, parameter: str, shares: Array) -> Array:
+        """Return w of columns that move a parameter, shape (n_columns,); 0 where nothing tells of one.
+
+        Parameters
+        ----------
+        shares : ndarray, shape (n_columns, n_shots)
+        """
+        place = self.rows.parameters.index(parameter)
+        column = self.triangle[:, :, place]
+        if parameter == LN_MASS:  # one kg is a smaller share of a heavier part
+            whole_kg = np.exp(self.rows.modelled(self.trial.values)[0][:, place])
+            column = column * (self.rows.reference_kg / whole_kg)[:, np.newaxis]
+        energy = shares**2 @ np.einsum("nk,nk->n", column, column)
+        shared = shares @ np.einsum("nkp,nk->np", self.derivatives, column)
+        own = energy - np.einsum("cp,cp->c", shared @ self.trial.estimate.covariance, shared)
+        judged = own > LEAST_REDUNDANCY * np.maximum(energy, np.finfo(np.float64).tiny)
+        product = shares @ np.einsum("nk,nk->n", column, self.left)
+        return np.where(judged, product / np.sqrt(np.where(judged, own, 1.0)), 0.0)
 
 
 def _change(fit: JointFit, found: Candidate, instead: str) -> Change:

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_identification.campaign.joint_rows import Column, JointRows, Scatter, WhiteRows
+from recoil_identification.campaign.joint_rows import Column, JointRows, Scatter
 from recoil_identification.inference.estimate import Estimate
 from recoil_identification.inference.solve import solve
 from recoil_identification.shot_summary import FRICTION_SHARE
@@ -44,27 +44,20 @@ class Trial(ReadOnlyArrays):
     ----------
     log_likelihood
         Marginal, with what is known of the scatter beforehand; up to a constant.
+    level
+        The largest one of any values, instead of that of all of them.
     """
 
     scatter: Scatter
-    rows: WhiteRows
     estimate: Estimate
     log_likelihood: float
-
-    @property
-    def level(self) -> float:
-        """The largest log likelihood of any values, instead of that of all of them."""
-        return -0.5 * (self.estimate.misfit + self.rows.log_determinant) - self.scatter.unlikely
-
-    @cached_property
-    def by_shot(self) -> tuple[Array, Array]:
-        """What the estimate leaves of each shot's rows, and their derivatives."""
-        return self.rows.by_shot(self.values)
+    level: float
 
     @property
     def values(self) -> dict[str, float]:
         """Of all unknowns, by name."""
-        return dict(zip(self.rows.unknowns, self.estimate.values.tolist(), strict=True))
+        names = [unknown.name for unknown in self.estimate.unknowns]
+        return dict(zip(names, self.estimate.values.tolist(), strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,12 +66,15 @@ class JointFit(ReadOnlyArrays):
 
     Attributes
     ----------
+    rows
+        Of all shots, before they are divided by any scatter.
     trials
         One for each scatter on the grid.
     weights : ndarray, shape (n_trials,)
         Probability of each.
     """
 
+    rows: JointRows
     trials: tuple[Trial, ...]
     weights: Array
 
@@ -86,11 +82,6 @@ class JointFit(ReadOnlyArrays):
     def likeliest(self) -> Trial:
         """The trial of the largest probability."""
         return self.trials[int(np.argmax(self.weights))]
-
-    @property
-    def rows(self) -> JointRows:
-        """The rows, before they were divided by any scatter."""
-        return self.trials[0].rows.rows
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -167,12 +158,12 @@ def joint_fit(rows: JointRows, columns: Sequence[Column] = ()) -> JointFit:
             break
     levels = np.array([one.log_likelihood for one in trials])
     weights = np.exp(levels - levels.max()) * _widths(trials)
-    return JointFit(tuple(trials), weights / weights.sum())
+    return JointFit(wanted, tuple(trials), weights / weights.sum())
 
 
 def joint_fit_under(rows: JointRows, scatter: Scatter) -> JointFit:
     """Estimate everything that the shots share, where it is known by how much gains and friction do not repeat."""
-    return JointFit((_trial(rows, scatter, None),), np.ones(1))
+    return JointFit(rows, (_trial(rows, scatter, None),), np.ones(1))
 
 
 def _trial(rows: JointRows, scatter: Scatter, neighbour: Trial | None) -> Trial:
@@ -182,9 +173,9 @@ def _trial(rows: JointRows, scatter: Scatter, neighbour: Trial | None) -> Trial:
     estimate = solve(rows.all_unknowns, [white], rows.priors, start)
     exact = {name for name, (_, u) in zip(rows.added, rows.weights, strict=True) if u == 0}
     free = np.array([name not in exact for name in white.unknowns])
-    log_determinant = -float(np.linalg.slogdet(estimate.covariance[np.ix_(free, free)])[1])
-    log_likelihood = -0.5 * (estimate.misfit + white.log_determinant + log_determinant) - scatter.unlikely
-    return Trial(scatter, white, estimate, log_likelihood)
+    level = -0.5 * (estimate.misfit + white.log_determinant) - scatter.unlikely
+    log_likelihood = level + 0.5 * float(np.linalg.slogdet(estimate.covariance[np.ix_(free, free)])[1])
+    return Trial(scatter, estimate, log_likelihood, level)
 
 
 def _widths(trials: Sequence[Trial]) -> Array:

@@ -32,6 +32,8 @@ LARGEST_STEP = 0.3
 """By which one iteration may move the logarithm of the mass."""
 USUAL_GAIN_REL, USUAL_FRICTION_REL = 5e-4, 0.03
 """Of what is known of scatters beforehand, exponential: gauges repeat to .05 % or .1 %, packings to a few percent."""
+FEW = 0.2
+"""Groups of shots that are alike, as a share of the shots, beyond which they are not put together."""
 LEAST_SHARE = 0.01
 """Of the reference, below which no recoiling mass is."""
 GAINS = (*(f"ln {role}" for role in PRESSURE_ROLES), LN_ACCELERATION)
@@ -170,6 +172,14 @@ class JointRows(ReadOnlyArrays):
             loads=loads,
         )
 
+    @cached_property
+    def alike(self) -> list[NDArray[np.intp]]:
+        """Shots that all unknowns move alike, in groups."""
+        moved = [self.mechanism, self.weight, *(column.shares for column in self.columns)]
+        features = np.column_stack([*moved, self.loads.reshape(len(self.shots), -1)])
+        groups = np.unique(features, axis=0, return_inverse=True)[1].reshape(-1)
+        return [np.flatnonzero(groups == group) for group in dict.fromkeys(groups.tolist())]
+
     @property
     def masses(self) -> tuple[str, ...]:
         """Names of the unknowns that are masses: logarithms over the reference."""
@@ -278,9 +288,30 @@ class WhiteRows(ReadOnlyArrays):
         return tuple(unknown.name for unknown in self.rows.all_unknowns)
 
     def linearised(self, values: Mapping[str, float]) -> tuple[Array, Array]:
-        """Return what the common unknowns leave of the rows, and the derivatives."""
-        left, derivatives = self.by_shot(values)
-        return left.reshape(-1), derivatives.reshape(-1, derivatives.shape[-1])
+        """Return what the common unknowns leave of the rows, and the derivatives; shots that are alike are one."""
+        if len(self.rows.alike) > FEW * len(self.rows.shots):
+            rest, slopes = self.by_shot(values)
+            return rest.reshape(-1), slopes.reshape(-1, slopes.shape[-1])
+        theta, derivatives = self.rows.modelled(values)
+        left, moved = [], []
+        for shot, condensed in self._condensed:
+            off = condensed[:, :-1] @ (theta[shot] - self.rows.reference[shot])
+            left.append(condensed[:, -1] - off)
+            moved.append(condensed[:, :-1] @ derivatives[shot])
+        return np.concatenate(left), np.concatenate(moved)
+
+    @cached_property
+    def _condensed(self) -> list[tuple[int, Array]]:
+        """The rows of shots with the same parameters as a triangle, with the first of them: about its reference."""
+        found = []
+        for shots in self.rows.alike:
+            first = shots[0]
+            apart = (self.rows.reference[shots] - self.rows.reference[first])[:, :, np.newaxis]
+            seen = self.seen[shots] + (self.triangle[shots] @ apart)[:, :, 0]
+            stacked = np.concatenate([self.triangle[shots], seen[:, :, np.newaxis]], axis=2)
+            triangle = np.asarray(np.linalg.qr(stacked.reshape(-1, stacked.shape[2]), mode="r"))
+            found.append((int(first), triangle))
+        return found
 
     def by_shot(self, values: Mapping[str, float]) -> tuple[Array, Array]:
         """Return the same, shapes (n_shots, n_parameters) and (n_shots, n_parameters, n_unknowns)."""
