@@ -17,7 +17,7 @@ from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog, ShotLogRow
 from recoil_daq import __version__
 from recoil_daq.fired import RIG_FILE, described
 from recoil_daq.identify import find_shot_files
-from recoil_daq.printed import Printed
+from recoil_daq.printed import MassResult
 from recoil_daq.report_folder import publish, refuse_existing, refuse_unwritable
 from recoil_daq.several_shots import identify_shots, shared_options
 from recoil_daq.shared_cutoff import SharedCutoff
@@ -53,8 +53,8 @@ REPORTS = "reports"
 
 
 @dataclass(frozen=True, repr=False)
-class Combined(Printed):
-    """The answer of a campaign and where it was written.
+class Combined(MassResult):
+    """The answer of a campaign and where it was written; its mass is the mechanism's, without what was added to it.
 
     Attributes
     ----------
@@ -63,35 +63,6 @@ class Combined(Printed):
     folder
         Holds ``campaign.json``, ``campaign.html`` with the script of its figures, and ``campaign.csv``.
     """
-
-    document: dict[str, Any]
-    folder: Path
-
-    @property
-    def mass_kg(self) -> float:
-        """Of the mechanism, without what was added to it."""
-        return float(self.document["mass"]["value"])
-
-    @property
-    def u_kg(self) -> float:
-        """Its standard uncertainty."""
-        return float(self.document["mass"]["u"])
-
-    @property
-    def interval_kg(self) -> tuple[float, float]:
-        """Its 95 % interval."""
-        low, high = self.document["mass"]["U95"]
-        return float(low), float(high)
-
-    @property
-    def valid(self) -> bool:
-        """Whether the mass is to be trusted."""
-        return bool(self.document["valid"])
-
-    @property
-    def reasons(self) -> tuple[str, ...]:
-        """Why it is not."""
-        return tuple(self.document["reasons"])
 
     @property
     def shots(self) -> pd.DataFrame:
@@ -106,10 +77,6 @@ class Combined(Printed):
         import pandas as pd
 
         return pd.DataFrame(self.document["common"])
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the contents of ``campaign.json``."""
-        return self.document
 
     def show(self) -> None:
         """Print the mass, what changed, what was learnt of the sensors, and the shots."""

@@ -10,7 +10,7 @@ from typing import Any
 from recoil_acquisition.errors import ReadError
 from recoil_daq import __version__
 from recoil_daq.fired import described, read_fired
-from recoil_daq.printed import Printed
+from recoil_daq.printed import MassResult
 from recoil_daq.report_folder import publish, refuse_existing, refuse_unwritable
 from recoil_identification.analysis import Options, identify_shot
 from recoil_identification.firing_record import curves_of
@@ -33,7 +33,7 @@ FILES = (REPORT_FILE, TRACE_FILE, CURVES_FILE, PAGE_NAME)
 
 
 @dataclass(frozen=True, repr=False)
-class Reported(Printed):
+class Reported(MassResult):
     """A report and where it was written.
 
     Attributes
@@ -44,29 +44,10 @@ class Reported(Printed):
         Holds ``report.json``, ``report.html``, ``mass.csv``, ``curves.csv`` and the script of the figures.
     """
 
-    document: dict[str, Any]
-    folder: Path
-
     @property
     def shot(self) -> str:
         """The shot's name."""
         return str(self.document["shot"])
-
-    @property
-    def mass_kg(self) -> float:
-        """The recoiling mass."""
-        return float(self.document["mass"]["value"])
-
-    @property
-    def u_kg(self) -> float:
-        """Its standard uncertainty."""
-        return float(self.document["mass"]["u"])
-
-    @property
-    def interval_kg(self) -> tuple[float, float]:
-        """Its 95 % interval."""
-        low, high = self.document["mass"]["U95"]
-        return float(low), float(high)
 
     @property
     def specification_kg(self) -> float:
@@ -78,20 +59,6 @@ class Reported(Printed):
         """Equation (37) of the paper; None where no sample of the trace was identified."""
         value = self.document["rpe_percent"]["value"]
         return None if value is None else float(value)
-
-    @property
-    def valid(self) -> bool:
-        """Whether the mass is to be trusted."""
-        return bool(self.document["valid"])
-
-    @property
-    def reasons(self) -> tuple[str, ...]:
-        """Why it is not."""
-        return tuple(self.document["reasons"])
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the contents of ``report.json``."""
-        return self.document
 
     def show(self) -> None:
         """Print the mass, its methods, and what speaks against it."""

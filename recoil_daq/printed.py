@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 
@@ -27,3 +29,49 @@ class Printed(ABC):
 
         page = '<pre style="white-space:pre;overflow-x:auto;line-height:normal">{code}</pre>'
         return shown(self.show).export_html(inline_styles=True, code_format=page)
+
+
+@dataclass(frozen=True, repr=False)
+class MassResult(Printed):
+    """A mass, and where what was written of it stands.
+
+    Attributes
+    ----------
+    document
+        The contents of the JSON file.
+    folder
+        Holds that and all else.
+    """
+
+    document: dict[str, Any]
+    folder: Path
+
+    @property
+    def mass_kg(self) -> float:
+        """The recoiling mass."""
+        return float(self.document["mass"]["value"])
+
+    @property
+    def u_kg(self) -> float:
+        """Its standard uncertainty."""
+        return float(self.document["mass"]["u"])
+
+    @property
+    def interval_kg(self) -> tuple[float, float]:
+        """Its 95 % interval."""
+        low, high = self.document["mass"]["U95"]
+        return float(low), float(high)
+
+    @property
+    def valid(self) -> bool:
+        """Whether the mass is to be trusted."""
+        return bool(self.document["valid"])
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why it is not."""
+        return tuple(self.document["reasons"])
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the contents of the JSON file."""
+        return self.document
