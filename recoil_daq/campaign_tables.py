@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from recoil_daq.demo import CampaignDemonstration
 
 
+MOST_STEPS = 3
+"""Of what to do next."""
+
+
 def print_campaign(done: Combined) -> None:
     """Print the mass, what changed, what was learnt of the sensors, and the shots."""
     from rich.text import Text
@@ -43,6 +47,8 @@ def print_campaign(done: Combined) -> None:
     for signal in d["signals"]:
         if signal["kind"] == "chart":
             say(f"chart: {signal['detail']}")
+    for one in d["next"][:MOST_STEPS]:
+        say(f"next: {one['change']}: u {one['u_kg']:.2f} kg")
     for note in d["notes"]:
         say(f"note: {note}")
     if len(d["configurations"]) > 1:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,7 @@ from recoil_identification.campaign.influence import Influence
 from recoil_identification.campaign.joint_fit import JointFit
 from recoil_identification.campaign.joint_rows import JointRows
 from recoil_identification.campaign.mechanisms import mechanisms_of
+from recoil_identification.campaign.next_steps import NextStep, next_steps
 from recoil_identification.shot_summary import LN_MASS
 
 Array = NDArray[np.float64]
@@ -160,6 +162,11 @@ class Campaign:
     def mass(self) -> Estimated:
         """Of the mechanism that was fired first, without what was added to it."""
         return self.mechanisms[0].mass
+
+    @cached_property
+    def next_steps(self) -> tuple[NextStep, ...]:
+        """What would make the mass surer, what helps most first."""
+        return next_steps(self.fit)
 
     @property
     def u_between_shots_kg(self) -> float:

@@ -92,6 +92,7 @@ def campaign_document(
         + [_chart_signal(signal) for chart in campaign.charts for signal in chart.signals],
         "charts": {"rules": RULE_SET, "series": [_chart(one) for one in campaign.charts]},
         "assumptions": _assumptions(campaign),
+        "next": [{"change": one.change, "u_kg": one.u_kg} for one in campaign.next_steps],
         "valid": campaign.valid,
         "reasons": list(campaign.reasons),
         "notes": list(campaign.notes),

@@ -77,6 +77,19 @@ def _scatter(scatter: Mapping[str, Any], decimals: int) -> str:
     return f"{value} % (95 %: {low} to {high} %)"
 
 
+def next_steps(document: Document) -> list[Row]:
+    """Word what would make the mass surer."""
+    mass = document["mass"]
+    return [
+        {
+            "change": one["change"],
+            "u": rounded(mass["value"], one["u_kg"])[1],
+            "percent": fixed(100 * one["u_kg"] / mass["value"], 3),
+        }
+        for one in document["next"]
+    ]
+
+
 def mechanisms(document: Document) -> list[Row]:
     """One row for each mechanism, where there are several."""
     if len(document["configurations"]) < 2:

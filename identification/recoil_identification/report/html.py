@@ -206,6 +206,7 @@ def render_campaign_page(document: Mapping[str, Any], figures: Sequence[Figure])
         facts=campaign_tables.facts(document),
         mechanisms=campaign_tables.mechanisms(document),
         learnt=campaign_tables.learnt(document),
+        next_steps=campaign_tables.next_steps(document),
         columns=columns,
         rows=rows,
         assumed=campaign_tables.assumed(document),

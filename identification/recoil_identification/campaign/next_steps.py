@@ -1,0 +1,75 @@
+"""What would make a campaign's mass surer: more shots, a mass added to them, a sensor known better.
+
+Each is tried on the campaign's own shots: what they tell does not hang on how their errors fell, so that the
+uncertainty with as many more like them, or with another certificate, is that of the joint fit with these
+(`recoil_identification.campaign.prediction` does the same before the first shot).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from recoil_identification.campaign.campaign_shot import CampaignShot
+from recoil_identification.campaign.joint_fit import JointFit, joint_fit_under
+from recoil_identification.campaign.joint_rows import JointRows, Scatter
+from recoil_identification.campaign.mechanisms import mechanisms_of
+from recoil_identification.campaign.prediction import ADDED_SHARES, NominalShot
+
+MOST_STEPS = 6
+LEAST_GAIN = 0.03
+"""Share of the uncertainty below which a step is not worth its name."""
+
+
+@dataclass(frozen=True)
+class NextStep:
+    """One thing to do, and the standard uncertainty of the mass with it."""
+
+    change: str
+    u_kg: float
+
+
+def next_steps(fit: JointFit) -> tuple[NextStep, ...]:
+    """List what would lower the uncertainty of the first mechanism's mass, what helps most first.
+
+    What changed among the shots is left aside.
+    """
+    shots, mass_kg = fit.rows.shots, fit.mass_kg(fit.rows.mechanisms[0])[0]
+    scatter, of = Scatter(fit.scatter("gain_rel")[0], fit.scatter("friction_rel")[0]), mechanisms_of(shots)
+
+    def u_kg(of_shots: Sequence[CampaignShot]) -> float:
+        found = joint_fit_under(JointRows.of(of_shots, of), scatter)
+        return mass_kg * found.u(found.rows.masses[0])
+
+    last = next((shot for shot in reversed(shots) if shot.added_mass_kg == 0), shots[-1])
+    steps = [NextStep(f"{len(shots)} more shots", u_kg([*shots, *_more(last, len(shots), 0.0)]))]
+    for share in ADDED_SHARES:
+        added_kg = float(f"{share * mass_kg:.2g}")
+        change = f"{len(shots)} more shots with {added_kg:g} kg ({100 * share:.0f} % of the mass) weighed and added"
+        steps.append(NextStep(change, u_kg([*shots, *_more(last, len(shots), added_kg)])))
+    for one in fit.rows.influences:
+        known = [_knowing(shot, one.identity) for shot in shots]
+        steps.append(NextStep(f"{one.label} known twice as well", u_kg(known)))
+    worth = [step for step in steps if step.u_kg < (1.0 - LEAST_GAIN) * u_kg(shots)]
+    return tuple(sorted(worth, key=lambda step: step.u_kg)[:MOST_STEPS])
+
+
+def _more(like: CampaignShot, count: int, added_kg: float) -> list[CampaignShot]:
+    """Return further shots like one, with a mass added."""
+    if like.summary is None:
+        raise ValueError(f"shot {like.name} has no summary")
+    bare_kg = like.mass_kg - like.added_mass_kg
+    nominal = NominalShot.of(bare_kg, like.added_mass_kg, like.summary).carrying(added_kg)
+    further = replace(like, mass_kg=bare_kg + added_kg, added_mass_kg=added_kg, summary=nominal.summary)
+    return [replace(further, name=f"next {number}") for number in range(count)]
+
+
+def _knowing(shot: CampaignShot, identity: str) -> CampaignShot:
+    """Return a shot of which an influence is known twice as well."""
+    if shot.summary is None:
+        raise ValueError(f"shot {shot.name} has no summary")
+    parameters = tuple(
+        replace(one, influences=tuple((name, 0.5 * u if name == identity else u) for name, u in one.influences))
+        for one in shot.summary.parameters
+    )
+    return replace(shot, summary=replace(shot.summary, parameters=parameters))
