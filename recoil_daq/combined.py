@@ -247,6 +247,8 @@ def campaign(
     if not overwrite:
         refuse_existing(folder, (CAMPAIGN_FILE, TABLE_FILE, CAMPAIGN_PAGE))
     sources = list(_sources([Path(one) for one in listed], (Path(reports), folder / REPORTS)))
+    # before any work: a log that is at fault leaves nothing behind
+    logs = _Logs.of(None if log is None else Path(log), sources)
     kept = SharedCutoff.read(folder)
     given = cutoff_hz if cutoff_hz is not None or kept is not None else _cutoff_hz_of(folder, sources)
     if given is not None and (kept is None or kept.mass_cutoff_hz != given):
@@ -254,7 +256,6 @@ def campaign(
     with Workers.of(workers, executor) as crew:
         whole, notes = _current(sources, kept, folder, rig, crew, progress)
     progress("combine")
-    logs = _Logs.of(None if log is None else Path(log), sources)
     combined = combine([logs.applied(source, one.shot()) for source, one in zip(sources, whole, strict=True)])
     notes += logs.strangers([used.shot.name for used in combined.shots])
     inputs: list[Mapping[str, Any]] = [

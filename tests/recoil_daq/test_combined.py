@@ -164,3 +164,12 @@ def test_a_campaign_is_demonstrated_beside_the_truth(run, tmp_path, monkeypatch:
 
 def test_a_demonstration_is_of_one_kind(run, tmp_path) -> None:
     assert run("demo", "--campaign", "--live", "--out", tmp_path).exit_code == 2
+
+
+def test_a_faulty_shot_log_is_refused_before_any_shot_is_identified(run, fired: FiredCampaign, tmp_path) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text("shot,added_mass_kg\n0001,0\n0001,120\n")
+    result = run("campaign", fired.shots, "--reports", tmp_path / "none", "--log", log, "--out", tmp_path / "out")
+    assert result.exit_code == 3
+    assert "line 3, column shot: a second row of shot 0001" in result.stderr
+    assert not (tmp_path / "out").exists()
