@@ -22,6 +22,10 @@ from recoil_rigs.rig_correction import Correction, corrected_channels, correctio
 
 RIG_FILE = "rig file"
 """Source of a corrected rig file among the inputs of a report."""
+LOG_FILE = "shot log"
+"""Source of the shot log among them."""
+NOTHING_ADDED = "nothing is taken as added to the recoiling part"
+"""Said of a shot that the log has no row of."""
 ROUNDING = 1e-6
 """Share of its standard uncertainty by which an offset may differ and still be the same."""
 
@@ -44,6 +48,8 @@ class Fired:
         What a reader should know of the row and of the corrections.
     rig_file
         The corrected rig file; None if the rig is the one that the shot was recorded with.
+    rig_text
+        The text of that file.
     corrections
         What it says anew.
     """
@@ -54,6 +60,7 @@ class Fired:
     log_file: InputFile | None
     notes: tuple[str, ...]
     rig_file: InputFile | None = None
+    rig_text: str | None = None
     corrections: tuple[Correction, ...] = ()
 
     @property
@@ -84,34 +91,75 @@ def read_fired(path: Path, rig_file: str | Path | None = None, *, judge: bool = 
     ReadError
         If there is no such rig file.
     """
-    shot = read_shot(path)
+    shot, bare = _stored(path)
     log = ShotLog.beside(path)
-    row = log.row(shot.name)
-    bare = parse_rig(shot.rig_text, path, shot.databases or {}, refuse_doubts=False)
+    fired = _as_logged(shot, bare, log.row(shot.name), judge=judge)
+    if log.sha256 is not None:
+        log_file = InputFile(log.path.name, log.sha256, len(log.sheet.content()), LOG_FILE, "spreadsheet")
+        fired = replace(fired, log_file=log_file, notes=(*fired.notes, *_notes_on_log(shot.name, log)))
+    if rig_file is None:
+        return fired
+    corrected = load_rig(rig_file)
+    return _corrected(fired, bare, corrected, described(corrected.path, RIG_FILE, "TOML"), judge=judge)
+
+
+def read_fired_again(
+    path: Path, row: ShotLogRow | None, log_file: InputFile | None, rig_file: InputFile | None, rig_text: str | None
+) -> Fired:
+    """Read a shot file with the row of the shot log and the corrected rig that an earlier report says of it.
+
+    Parameters
+    ----------
+    log_file, rig_file
+        As that report describes them; None where there was none.
+    rig_text
+        Of the corrected rig file.
+
+    Raises
+    ------
+    StoreError
+        If the file is no shot file.
+    RigError
+        If the rig stored in the shot file or the corrected one is at fault.
+    """
+    shot, bare = _stored(path)
+    fired = replace(_as_logged(shot, bare, row, judge=True), log_file=log_file)
+    if rig_file is None or rig_text is None:
+        return fired
+    # the CAN databases are no correction: they are those of the shot file
+    corrected = parse_rig(rig_text, Path(rig_file.name), shot.databases or {})
+    return _corrected(fired, bare, corrected, rig_file, judge=True)
+
+
+def _stored(path: Path) -> tuple[Shot, Rig]:
+    shot = read_shot(path)
+    return shot, parse_rig(shot.rig_text, path, shot.databases or {}, refuse_doubts=False)
+
+
+def _as_logged(shot: Shot, bare: Rig, row: ShotLogRow | None, *, judge: bool) -> Fired:
+    """Take what the shot log's row says of a shot."""
     rig = as_fired(bare, row)
     if judge and rig.added_mass_kg != _checked(shot).get(ADDED_MASS, 0.0):
         shot = against_specification(shot, rig)
-    log_file = None
-    if log.sha256 is not None:
-        log_file = InputFile(log.path.name, log.sha256, len(log.sheet.content()), "shot log", "spreadsheet")
-    fired = Fired(shot, rig, row, log_file, tuple(_notes_on(shot.name, bare, log, row)))
-    return fired if rig_file is None else _corrected(fired, bare, load_rig(rig_file), judge=judge)
+    return Fired(shot, rig, row, None, tuple(_notes_on_row(bare, row)))
 
 
-def _corrected(fired: Fired, bare: Rig, corrected: Rig, *, judge: bool) -> Fired:
+def _corrected(fired: Fired, bare: Rig, corrected: Rig, rig_file: InputFile, *, judge: bool) -> Fired:
     """Apply a corrected rig to a shot.
 
     Parameters
     ----------
     bare
         As the shot file has it, without what was added.
+    rig_file
+        Of the corrected one.
     """
     found = corrections(bare, corrected)
-    file = corrected.path.name
-    rig_file = described(corrected.path, RIG_FILE, "TOML")
+    file = rig_file.name
+    fired = replace(fired, rig_file=rig_file, rig_text=corrected.text, corrections=found)
     if not found:
         nothing = f"{file} says nothing but what the shot file's rig says: nothing was corrected"
-        return replace(fired, rig_file=rig_file, notes=(nothing, *fired.notes))
+        return replace(fired, notes=(nothing, *fired.notes))
     rig = as_fired(corrected, fired.row)
     shot = replace(fired.shot, channels=corrected_channels(fired.shot.channels, bare, corrected, __version__))
     notes = [f"corrected by {file}: {one}" for one in found]
@@ -128,7 +176,7 @@ def _corrected(fired: Fired, bare: Rig, corrected: Rig, *, judge: bool) -> Fired
             notes.append(
                 f"of the verdict these are kept as ingest found them, with the rig as it was: {', '.join(kept)}"
             )
-    return replace(fired, shot=shot, rig=rig, notes=(*notes, *fired.notes), rig_file=rig_file, corrections=found)
+    return replace(fired, shot=shot, rig=rig, notes=(*notes, *fired.notes))
 
 
 def _moved(one: ClockAlignment, other: ClockAlignment) -> bool:
@@ -141,15 +189,18 @@ def _checked(shot: Shot) -> Mapping[str, Any]:
     return next((step.parameters for step in reversed(shot.history) if step.what == "ingest"), {})
 
 
-def _notes_on(shot: str, bare: Rig, log: ShotLog, row: ShotLogRow | None) -> Iterator[str]:
+def _notes_on_row(bare: Rig, row: ShotLogRow | None) -> Iterator[str]:
     if row is not None and row.exclude:
         yield f"excluded in the shot log: {row.exclude}"
     if row is not None and row.u_added_mass_kg and "m3" not in bare.mechanism.u:
         yield "the rig declares no u_m3: the specification is taken as uncertain by the added mass alone"
-    if row is None and log.sha256 is not None:
+
+
+def _notes_on_log(shot: str, log: ShotLog) -> Iterator[str]:
+    if log.row(shot) is None:
         others = ", ".join(log.without_shot()[:8])
         beside = f"; its rows {others} are of no shot here" if others else ""
-        yield f"{log.path.name} has no row of shot {shot}: nothing is taken as added to the recoiling part{beside}"
+        yield f"{log.path.name} has no row of shot {shot}: {NOTHING_ADDED}{beside}"
 
 
 def described(path: Path, source: str = "", reader: str = "shot file") -> InputFile:

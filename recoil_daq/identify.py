@@ -8,20 +8,22 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import ReadError
+from recoil_acquisition.shot import InputFile
 from recoil_daq import __version__
-from recoil_daq.fired import described, read_fired
+from recoil_daq.fired import Fired, described, read_fired
 from recoil_daq.printed import MassResult
 from recoil_daq.report_folder import publish, refuse_existing, refuse_unwritable
-from recoil_identification.analysis import Options, identify_shot
+from recoil_identification.analysis import Identification, Options, identify_shot
 from recoil_identification.firing_record import curves_of
 from recoil_identification.report.document import (
     CURVES_FILE,
     REPORT_FILE,
     TRACE_FILE,
+    curves_text,
     report_document,
-    write_curves,
+    trace_text,
     write_document,
-    write_trace,
+    write_files,
 )
 from recoil_identification.report.figures import report_figures
 from recoil_identification.report.html import PAGE_NAME, render_page, write_page
@@ -140,19 +142,27 @@ def identify_file(
         refuse_existing(folder, FILES)
     progress("identify")
     found = identify_shot(shot, fired.rig, options or Options())
-    found = replace(found, notes=(*fired.notes, *found.notes))
     progress("report")
-    document = report_document(
-        shot, found, version=__version__, shot_file=described(source), truth=truth, row=fired.row,
-        beside=fired.beside, corrections=fired.corrections,
-    )  # fmt: skip
+    document, files = reported(fired, found, described(source), truth)
     page = render_page(document, report_figures(found))
 
     def write(partial: Path) -> None:
         write_document(partial, document)
-        write_trace(partial, found.chosen)
-        write_curves(partial, curves_of(found))
+        write_files(partial, files)
         write_page(partial, page)
 
     publish(folder, write)
     return Reported(document, folder)
+
+
+def reported(
+    fired: Fired, found: Identification, shot_file: InputFile, truth: Mapping[str, Any] | None = None
+) -> tuple[dict[str, Any], dict[str, str]]:
+    """Return the report of what was found of a shot, and the texts of the files beside it, by name."""
+    found = replace(found, notes=(*fired.notes, *found.notes))
+    files = {TRACE_FILE: trace_text(found.chosen), CURVES_FILE: curves_text(curves_of(found))}
+    document = report_document(
+        fired.shot, found, version=__version__, shot_file=shot_file, truth=truth, row=fired.row, beside=fired.beside,
+        corrections=fired.corrections, rig_text=fired.rig_text, files=files,
+    )  # fmt: skip
+    return document, files

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Collection
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 from recoil_acquisition.errors import ReadError, StoreError
@@ -18,7 +17,6 @@ CUTOFF_FILE = "cutoff.json"
 SCHEMA = "recoil-daq/cutoff/1"
 LARGEST = 1_000_000
 """Bytes of such a file, beyond which it is none."""
-_MAY_BE_NAN = ("valley_hz", "shoulder_hz", "depth_db", "predicted_error")
 
 
 @dataclass(frozen=True)
@@ -64,9 +62,7 @@ class SharedCutoff:
             if stated["schema"] != SCHEMA:
                 raise ValueError(f"schema {stated['schema']!r}")
             choice, mass_hz = stated["choice"], stated["mass_cutoff_hz"]
-            if choice is not None:
-                unknown = {name: math.nan for name in _MAY_BE_NAN if choice[name] is None}
-                choice = CutoffChoice(**{**choice, **unknown})
+            choice = None if choice is None else CutoffChoice.of_json(choice)
             kept = cls(choice, None if mass_hz is None else float(mass_hz))
             kept.options  # noqa: B018 - refuses what is no cut-off
         except (ValueError, KeyError, TypeError, RecursionError) as error:
@@ -85,9 +81,7 @@ class SharedCutoff:
             If it cannot be written; what was there is there still.
         """
         path = folder / CUTOFF_FILE
-        choice = None if self.choice is None else asdict(self.choice)
-        if choice is not None:
-            choice.update({k: None for k in _MAY_BE_NAN if math.isnan(choice[k])})
+        choice = None if self.choice is None else self.choice.to_json()
         document = {"schema": SCHEMA, "mass_cutoff_hz": self.mass_cutoff_hz, "choice": choice}
         temporary = partial_path(path)
         try:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,6 +91,16 @@ class Options:
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise ValueError(f"{name} must be positive, not {value}")
+
+    @classmethod
+    def of_json(cls, stated: Mapping[str, Any]) -> Options:
+        """Return the options that `to_json` stated; KeyError, TypeError or ValueError if these are none."""
+        campaign = stated["campaign"]
+        return cls(**{**stated, "campaign": None if campaign is None else CutoffChoice.of_json(campaign)})
+
+    def to_json(self) -> dict[str, Any]:
+        """Return all of them in JSON types: with them a shot is identified again."""
+        return {**asdict(self), "campaign": None if self.campaign is None else self.campaign.to_json()}
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,6 +41,8 @@ FINER = 41
 """Instants around the largest, for the step's own instant."""
 DRAWS = 20_000
 """Of the largest step by chance: probabilities of 1 % are then known to a tenth."""
+SEED = 0
+"""Of the draws."""
 LEVEL = 0.02
 """Probability below which a constant mass is no explanation."""
 BY_SCAN = 1.84
@@ -230,7 +232,7 @@ def _steps(regression: Regression, instants_s: Array) -> Array:
     return np.asarray(np.interp(since, times, risen, left=0.0, right=1.0))
 
 
-def _largest_by_chance(correlation: Array, seed: int = 0) -> Array:
+def _largest_by_chance(correlation: Array, seed: int = SEED) -> Array:
     """Draw the largest departure of rows that hold nothing but their errors."""
     values, vectors = np.linalg.eigh(correlation)
     kept = values > 1e-10 * values[-1]

@@ -19,6 +19,8 @@ from recoil_identification.budget import COVERAGE
 Array = NDArray[np.float64]
 Draw = Callable[[np.random.Generator, int], Array]
 
+SEED = 0
+"""Of the draws."""
 BLOCK = 10_000
 """Draws of a block: at least 10^4, and 100 / (1 - p) of them lie outside (7.9.4)."""
 LEAST_BLOCKS = 5
@@ -71,7 +73,7 @@ def numerical_tolerance(u: float, digits: int = DIGITS) -> float:
     return 0.5 * 10.0 ** (int(f"{u:.{digits - 1}e}".partition("e")[2]) - (digits - 1))
 
 
-def propagate(draw: Draw, *, seed: int = 0, most_blocks: int = 40) -> MonteCarlo | None:
+def propagate(draw: Draw, *, seed: int = SEED, most_blocks: int = 40) -> MonteCarlo | None:
     """Draw from a measurand's distribution until the results are known to the tolerance.
 
     Parameters

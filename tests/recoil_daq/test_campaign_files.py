@@ -9,7 +9,7 @@ from recoil_acquisition.errors import ReadError, StoreError
 from recoil_daq import __version__
 from recoil_daq.combined import campaign
 from recoil_identification.firing_record import CURVES, Curves
-from recoil_identification.report.document import write_curves
+from recoil_identification.report.document import CURVES_FILE, curves_text, write_files
 from tests.builders.campaign_summaries import campaign_of
 
 FILES = ["campaign.csv", "campaign.html", "campaign.json", "plotly.min.js"]
@@ -35,7 +35,7 @@ def reports(tmp_path):
         (folder / "report.json").write_text(json.dumps(document))
         if k < 2:
             (folder / "report.html").write_text("a page")
-            write_curves(folder, Curves(times_s, {name: np.sin(times_s) for name in CURVES}))
+            write_files(folder, {CURVES_FILE: curves_text(Curves(times_s, {name: np.sin(times_s) for name in CURVES}))})
     return tmp_path / "my reports"
 
 

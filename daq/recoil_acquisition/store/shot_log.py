@@ -96,6 +96,13 @@ class ShotLogRow:
         empty |= set() if stated else {"u_added_mass_kg"}
         return {name: value for name, value in cells.items() if name not in empty} | dict(self.own)
 
+    @classmethod
+    def of_json(cls, cells: Mapping[str, Any]) -> ShotLogRow:
+        """Return the row that `to_json` said; TypeError if there is no shot."""
+        known = {name: value for name, value in cells.items() if name in COLUMNS}
+        own = MappingProxyType({name: str(value) for name, value in cells.items() if name not in COLUMNS})
+        return cls(**known, own=own, u_added_mass_stated="u_added_mass_kg" in cells)
+
 
 @dataclass(frozen=True, repr=False)
 class ShotLog:

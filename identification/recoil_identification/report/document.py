@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -18,7 +19,12 @@ from recoil_acquisition.store.shot_log import ShotLogRow
 from recoil_identification.analysis import Identification, Result
 from recoil_identification.budget import COVERAGE
 from recoil_identification.firing_record import CURVES, Curves, peaks_of
+from recoil_identification.mass_over_time import SEED as SEED_OF_CONSTANCY
+from recoil_identification.monte_carlo import SEED as SEED_OF_MONTE_CARLO
+from recoil_identification.report.computer import computer
+from recoil_identification.report.seal import sealed
 from recoil_identification.rpe import RPE_MEANING
+from recoil_identification.rpe import SEED as SEED_OF_RPE
 from recoil_identification.skew import RecorderSkew
 from recoil_identification.stress_waves import StressWaves
 from recoil_identification.zero_shift import ZeroShift
@@ -56,6 +62,8 @@ def report_document(
     row: ShotLogRow | None = None,
     beside: Sequence[InputFile] = (),
     corrections: Sequence[Correction] = (),
+    rig_text: str | None = None,
+    files: Mapping[str, str] | None = None,
 ) -> dict[str, Any]:
     """Build the report of one shot, JSON types only.
 
@@ -73,11 +81,16 @@ def report_document(
         What was read beside the shot file, for the provenance.
     corrections
         What a corrected rig file says anew.
+    rig_text
+        The text of that file.
+    files
+        Name -> text of what is written beside the report, for its digests.
 
     Returns
     -------
     dict
-        Keys as published in the README; numbers that are not finite are null.
+        Keys as published in the README; numbers that are not finite are null. Its provenance holds all that it takes
+        to make it again from the shot file, and the digest of the report itself.
     """
     chosen = found.chosen
     estimate = chosen.estimate
@@ -156,8 +169,17 @@ def report_document(
         "assumptions": found.assumptions,
         "provenance": {
             "version": version,
+            "computer": computer(),
             "inputs": provenance_inputs(shot, shot_file, beside),
+            "outputs": [{"file": name, "sha256": _digest(text)} for name, text in (files or {}).items()],
+            "corrected_rig": rig_text,
             "parameters": {
+                "options": found.options.to_json(),
+                "seeds": {
+                    "rpe": SEED_OF_RPE,
+                    "monte_carlo": SEED_OF_MONTE_CARLO,
+                    "constancy": SEED_OF_CONSTANCY,
+                },
                 "method": found.method,
                 "cutoff_hz": found.filtered.low_pass.cutoff_hz if found.filtered.low_pass else None,
                 "half_order": found.filtered.low_pass.half_order if found.filtered.low_pass else None,
@@ -170,7 +192,11 @@ def report_document(
     if truth is not None and "m3" in truth:
         error = 100 * (estimate.mass_kg / float(truth["m3"]) - 1)
         document["truth"] = {"mass_kg": float(truth["m3"]), "error_percent": error}
-    return dict(to_json(document))
+    return sealed(to_json(document))
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode("utf-8")).hexdigest()
 
 
 def started(shot: Shot) -> dict[str, str | None]:
@@ -367,31 +393,33 @@ def _method(name: str, result: Result, found: Identification) -> dict[str, Any]:
 def write_document(folder: Path, document: Mapping[str, Any]) -> Path:
     """Write ``report.json`` into a folder."""
     path = folder / REPORT_FILE
-    path.write_text(json.dumps(document, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    path.write_text(json.dumps(document, indent=2, allow_nan=False) + "\n", encoding="utf-8", newline="\n")
     return path
 
 
-def write_trace(folder: Path, result: Result) -> Path:
-    """Write the identified mass over time as ``mass.csv``; what was not identified is left blank."""
-    path = folder / TRACE_FILE
+def trace_text(result: Result) -> str:
+    """Return the text of ``mass.csv``, the identified mass over time; what was not identified is left blank."""
     trace = result.trace
     rows = [",".join(TRACE_COLUMNS)]
     for t, mass, u, identified in zip(trace.times_s, trace.mass_kg, trace.u_kg, trace.identified, strict=True):
         number = f"{mass:.6f},{u:.6f},1" if identified else ",,0"
         rows.append(f"{t:.9g},{number}")
-    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
-    return path
+    return "\n".join(rows) + "\n"
 
 
-def write_curves(folder: Path, curves: Curves) -> Path:
-    """Write a shot's thin curves as ``curves.csv``, times after the onset of force; what was lost is left blank."""
-    path = folder / CURVES_FILE
+def curves_text(curves: Curves) -> str:
+    """Return the text of ``curves.csv``, thin curves over the time after the onset of force; what was lost is blank."""
     rows = [",".join(("time_s", *CURVES))]
     columns = [curves.values.get(name, np.full(curves.times_s.size, math.nan)) for name in CURVES]
     for t, *values in zip(curves.times_s, *columns, strict=True):
         rows.append(",".join([f"{t:.6g}", *(f"{value:.6g}" if math.isfinite(value) else "" for value in values)]))
-    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
-    return path
+    return "\n".join(rows) + "\n"
+
+
+def write_files(folder: Path, files: Mapping[str, str]) -> None:
+    """Write texts into a folder, by name; the bytes are the same on every system."""
+    for name, text in files.items():
+        (folder / name).write_text(text, encoding="utf-8", newline="\n")
 
 
 def read_curves(folder: Path) -> Curves | None:

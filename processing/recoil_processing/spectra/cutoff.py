@@ -10,8 +10,9 @@ zero-phase Butterworth filters.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +45,8 @@ MUCH_ABOVE = 0.1
 """Share of a signal's energy above the rise's own frequencies that, without a gap, is motion and ringing mixed."""
 WORTH = 0.5
 """Largest expected error over that without a filter: one that does not halve it is not worth a changed motion."""
+
+_MAY_BE_NAN = ("valley_hz", "shoulder_hz", "depth_db", "predicted_error")
 
 
 @dataclass(frozen=True)
@@ -81,6 +84,18 @@ class CutoffChoice:
     def low_pass(self) -> LowPass | None:
         """The filter, or None."""
         return None if self.cutoff_hz is None else LowPass(self.cutoff_hz, self.half_order)
+
+    @classmethod
+    def of_json(cls, stated: Mapping[str, Any]) -> CutoffChoice:
+        """Return what `to_json` said; KeyError or TypeError if it is no such choice."""
+        unknown = {name: math.nan for name in _MAY_BE_NAN if stated[name] is None}
+        return cls(**{**stated, **unknown})
+
+    def to_json(self) -> dict[str, Any]:
+        """Return all of it in JSON types; what is not a number is None."""
+        return {
+            name: None if name in _MAY_BE_NAN and math.isnan(value) else value for name, value in asdict(self).items()
+        }
 
 
 def choose_cutoff(

@@ -15,7 +15,7 @@ from recoil_identification.campaign.overlay import MOST_SINGLE, overlay
 from recoil_identification.firing_record import CURVES, Curves
 from recoil_identification.report.campaign_document import campaign_document
 from recoil_identification.report.campaign_figures import campaign_figures, group_name
-from recoil_identification.report.document import read_curves, write_curves
+from recoil_identification.report.document import CURVES_FILE, curves_text, read_curves, write_files
 from recoil_identification.report.html import CAMPAIGN_PAGE, render_campaign_page, write_page
 from tests.builders.campaign_summaries import campaign_of
 from tests.builders.page_elements import PageElements
@@ -222,7 +222,7 @@ def test_hostile_names_neither_break_out_nor_get_lost():
 def test_curves_come_back_from_their_file(tmp_path):
     curves = curves_of(3)
     lost = Curves(curves.times_s, {CURVES[0]: np.where(curves.times_s < 0, np.nan, 1.0)})
-    write_curves(tmp_path, lost)
+    write_files(tmp_path, {CURVES_FILE: curves_text(lost)})
     again = read_curves(tmp_path)
     np.testing.assert_allclose(again.times_s, lost.times_s, rtol=1e-5)
     assert list(again.values) == [CURVES[0]]

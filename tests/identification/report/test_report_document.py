@@ -10,7 +10,14 @@ import pytest
 
 from recoil_acquisition.shot import InputFile
 from recoil_identification.analysis import Options, identify_shot
-from recoil_identification.report.document import TRACE_COLUMNS, report_document, write_document, write_trace
+from recoil_identification.report.document import (
+    TRACE_COLUMNS,
+    TRACE_FILE,
+    report_document,
+    trace_text,
+    write_document,
+    write_files,
+)
 from tests.builders.bench_shots import bench_rig, bench_shot
 from tests.builders.virtual_shots import identified, virtual_shot
 
@@ -146,7 +153,8 @@ def test_the_trace_is_a_table_of_the_interval_with_blanks_where_nothing_was_iden
     holes = result.trace.identified.copy()
     holes[10:20] = False
     result = replace(result, trace=replace(result.trace, identified=holes))
-    with write_trace(tmp_path, result).open(encoding="utf-8", newline="") as file:
+    write_files(tmp_path, {TRACE_FILE: trace_text(result)})
+    with (tmp_path / TRACE_FILE).open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert tuple(rows[0]) == TRACE_COLUMNS
     assert len(rows) == result.trace.times_s.size
