@@ -31,6 +31,37 @@ def test_that_fails(tmp_path, fails):
     assert attempts.count(fails) > fails
 """
 
+SHARED = """
+import pytest
+import tests.builders.machine_stalls
+
+class Stalled:
+    largest_s = 1.0
+
+    def __enter__(self): ...
+    def __exit__(self, *_): ...
+
+tests.builders.machine_stalls.MachineStalls = Stalled  # of what is shared alone
+plays = []
+
+@pytest.fixture(scope="module")
+def played(request):
+    with tests.builders.machine_stalls.stalls_kept(request):
+        plays.append("")
+    return len(plays)
+
+@pytest.mark.real_time
+def test_that_does_not_mind(played): ...
+
+@pytest.mark.real_time
+def test_that_minds(played):
+    assert played == 2
+
+@pytest.mark.real_time
+def test_without_it_that_minds():
+    raise AssertionError
+"""
+
 ALWAYS = """
 import pytest
 
@@ -56,6 +87,13 @@ def test_a_failure_while_the_machine_stood_still_is_tried_once_more_and_told(tmp
     assert "1 passed" in said
     assert "1 failed" in said
     assert said.count("once more: the machine stood still for") == 2
+
+
+def test_what_tests_share_is_played_again_if_the_machine_stood_still_then(tmp_path: Path) -> None:
+    said = outcome(tmp_path, SHARED)
+    assert "2 passed" in said
+    assert "1 failed" in said
+    assert said.count("once more: the machine stood still for 1.00 s") == 1
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="no process can be made to stand still here")

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import TracebackType
+
+import pytest
+
+LARGEST_S = pytest.StashKey[dict[str, float]]()
+"""Of a module: by how much the machine was late while each fixture of it played."""
 
 _WATCH = """
 import os, sys, threading, time
@@ -51,3 +58,22 @@ class MachineStalls:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         said, _ = self.process.communicate()
         self.largest_s = float(said or 0.0)
+
+
+@contextmanager
+def stalls_kept(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Measure while a fixture plays what several tests share, and keep the lateness for each of them."""
+    machine = MachineStalls()
+    try:
+        with machine:
+            yield
+    finally:
+        kept = request.node.stash.setdefault(LARGEST_S, {})
+        kept[request.fixturename] = machine.largest_s
+
+
+def shared_stall_s(item: pytest.Item) -> float:
+    """Return by how much the machine was late while anything was played that a test shares with others."""
+    kept = [node.stash.get(LARGEST_S, {}) for node in item.listchain()]
+    names = set(getattr(item, "fixturenames", ()))
+    return max((late_s for one in kept for name, late_s in one.items() if name in names), default=0.0)
