@@ -1,0 +1,154 @@
+"""One trace of a panel as SVG paths: thinned by its envelope, and cut to the panel."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from recoil_identification.report.appearance import FIRED_COLOUR, band_outline
+from recoil_identification.report.figure import FloatArray, Trace, bucket_starts, envelope_indices
+from recoil_identification.report.svg_axes import LEFT_PX, RIGHT_PX, Axes, bar_width
+from recoil_identification.report.svg_text import number
+
+PENS = {
+    "measured": 'stroke-width="0.7" stroke-opacity="0.6"',
+    "model": 'stroke-width="1.3" stroke-dasharray="6 3"',
+    "reference": 'stroke-width="1.2" stroke-dasharray="1.5 2"',
+    "series": 'stroke-width="0.8"',
+}
+"""How lines are drawn: in grey, dashes tell what colours tell otherwise."""
+PEN = 'stroke-width="1.3" stroke-linecap="round"'
+DOTTED = ("points", "whiskers", "series")
+"""Kinds of traces that have a dot at each sample."""
+
+
+def trace_parts(trace: Trace, hue: str, axes: Axes, buckets: int) -> list[str]:
+    """Draw a trace.
+
+    Parameters
+    ----------
+    hue
+        Red, green and blue with commas between them.
+    buckets
+        Stretches of its envelope.
+
+    Returns
+    -------
+    list of str
+        SVG elements.
+    """
+    x, y = np.asarray(trace.x, dtype=np.float64), np.asarray(trace.y, dtype=np.float64)
+    limits = [np.asarray(v, dtype=np.float64) for v in (trace.y_low, trace.y_high) if v is not None]
+    if np.all(x[1:] >= x[:-1]):
+        # with a neighbour on either side, to which a line leads that leaves the drawing
+        part = slice(max(int(np.searchsorted(x, axes.x[0])) - 1, 0), int(np.searchsorted(x, axes.x[1], "right")) + 1)
+        x, y, limits = x[part], y[part], [v[part] for v in limits]
+    starts = bucket_starts(x, buckets, log=axes.x_scale == "log")
+    chosen = np.arange(x.size) if x.size <= 2 * buckets else envelope_indices(y, starts)
+    across, up = axes.across(x[chosen]), axes.up(y[chosen])
+    if trace.kind == "bars":
+        return _bars(across, up, axes, bar_width(x), hue)
+    if trace.kind == "marks":
+        ring = f'r="5" fill="none" stroke="{FIRED_COLOUR}" stroke-width="1.5"'
+        return [f'<circle cx="{number(a)}" cy="{number(b)}" {ring}/>' for a, b in _inside(across, up, axes)]
+    parts = []
+    if trace.kind == "band":
+        edge_x, edge_y = band_outline(x, *limits, starts)
+        outline = _outline(axes.across(edge_x), axes.up(edge_y), axes)
+        parts.append(f'<path d="{outline}" fill="rgb({hue})" fill-opacity="0.22"/>')
+    if trace.kind == "whiskers":
+        low, high = (axes.up(v[chosen]) for v in limits)
+        parts.append(_drawn(_whiskers(across, low, high, axes), hue, 'stroke-width="1.1"'))
+    if trace.kind in DOTTED:
+        dots = "".join(f"M{number(a)} {number(b)}h.1" for a, b in _inside(across, up, axes))
+        parts.append(
+            _drawn(dots, hue, f'stroke-width="{2.4 if trace.kind == "points" else 4.2}" stroke-linecap="round"')
+        )
+    if trace.kind not in ("points", "whiskers"):
+        parts.append(_drawn(_curve(across, up, axes), hue, PENS.get(trace.kind, PEN)))
+    return parts
+
+
+def _drawn(path: str, hue: str, pen: str) -> str:
+    return f'<path d="{path}" fill="none" stroke="rgb({hue})" {pen} stroke-linejoin="round"/>'
+
+
+def _inside(across: FloatArray, up: FloatArray, axes: Axes) -> list[tuple[float, float]]:
+    """Return the points that lie in the panel."""
+    seen = (across >= LEFT_PX) & (across <= RIGHT_PX) & (up >= axes.top_px) & (up <= axes.bottom_px)
+    return list(zip(across[seen].tolist(), up[seen].tolist(), strict=True))
+
+
+def _with_crossings(limited: FloatArray, other: FloatArray, low: float, high: float) -> tuple[FloatArray, FloatArray]:
+    """Insert the points at which a curve crosses two levels of one of its coordinates."""
+    places = [np.arange(limited.size, dtype=np.float64)]
+    for level in (low, high):
+        before, after = limited[:-1] - level, limited[1:] - level
+        at = np.flatnonzero(before * after < 0.0)
+        places.append(at + before[at] / (before[at] - after[at]))
+    order = np.unique(np.concatenate(places))
+    base = np.minimum(order.astype(np.intp), max(limited.size - 1, 0))
+    share, following = order - base, np.minimum(base + 1, max(limited.size - 1, 0))
+    cut = [np.where(share > 0.0, v[base] + share * (v[following] - v[base]), v[base]) for v in (limited, other)]
+    return cut[0], cut[1]
+
+
+def _curve(across: FloatArray, up: FloatArray, axes: Axes) -> str:
+    """Draw a line through points; what lies outside the panel, or is a gap, parts it."""
+    across, up = _with_crossings(across, up, LEFT_PX, RIGHT_PX)
+    up, across = _with_crossings(up, across, axes.top_px, axes.bottom_px)
+    near = 1e-3  # of a pixel: a crossing is not on the level to the last digit
+    seen = (across >= LEFT_PX - near) & (across <= RIGHT_PX + near)
+    seen &= (up >= axes.top_px - near) & (up <= axes.bottom_px + near)
+    cuts = np.flatnonzero(np.diff(seen.astype(np.int8), prepend=0, append=0))
+    pieces = []
+    for first, last in zip(cuts[::2].tolist(), cuts[1::2].tolist(), strict=True):
+        points = [
+            f"{number(a)} {number(b)}"
+            for a, b in zip(across[first:last].tolist(), up[first:last].tolist(), strict=True)
+        ]
+        # a sample between two gaps is a dot
+        pieces.append("M" + "L".join(points) if len(points) > 1 else f"M{points[0]}h.1")
+    return "".join(pieces)
+
+
+def _points(across: FloatArray, up: FloatArray) -> list[str]:
+    return [f"{number(a)} {number(b)}" for a, b in zip(across.tolist(), up.tolist(), strict=True)]
+
+
+def _outline(across: FloatArray, up: FloatArray, axes: Axes) -> str:
+    """Draw the closed outlines of a band, parted by gaps; they run along the panel's edge where the band leaves it."""
+    pieces = []
+    cuts = np.flatnonzero(np.diff(np.isfinite(across + up).astype(np.int8), prepend=0, append=0))
+    for first, last in zip(cuts[::2], cuts[1::2], strict=True):
+        a, b = _with_crossings(across[first:last], up[first:last], LEFT_PX, RIGHT_PX)
+        seen = (a >= LEFT_PX - 1e-3) & (a <= RIGHT_PX + 1e-3)
+        b, a = _with_crossings(b[seen], a[seen], axes.top_px, axes.bottom_px)
+        b = np.clip(b, axes.top_px, axes.bottom_px)
+        points = _points(a, b)
+        pieces.append("M" + "L".join(points) + "Z" if points else "")
+    return "".join(pieces)
+
+
+def _whiskers(across: FloatArray, low: FloatArray, high: FloatArray, axes: Axes) -> str:
+    pieces = []
+    low, high = (np.clip(v, axes.top_px, axes.bottom_px) for v in (low, high))
+    for x, bottom, top in zip(across.tolist(), low.tolist(), high.tolist(), strict=True):
+        if LEFT_PX <= x <= RIGHT_PX and bottom - top >= 0.0:
+            left, right = number(max(x - 3, LEFT_PX)), number(min(x + 3, RIGHT_PX))
+            pieces.append(f"M{left} {number(bottom)}H{right}M{left} {number(top)}H{right}")
+            pieces.append(f"M{number(x)} {number(bottom)}V{number(top)}")
+    return "".join(pieces)
+
+
+def _bars(across: FloatArray, up: FloatArray, axes: Axes, width: float, hue: str) -> list[str]:
+    half = 0.46 * width * (RIGHT_PX - LEFT_PX) / (axes.x[1] - axes.x[0]) if axes.x_scale == "linear" else 3.0
+    foot = axes.bottom_px if axes.y_scale == "log" else float(axes.up(np.zeros(1))[0])
+    foot, up = (np.clip(v, axes.top_px, axes.bottom_px) for v in (foot, up))
+    pieces = []
+    for x, y in zip(across.tolist(), up.tolist(), strict=True):
+        left, right = max(x - half, LEFT_PX), min(x + half, RIGHT_PX)
+        if left < right and math.isfinite(y):
+            pieces.append(f"M{number(left)} {number(float(foot))}V{number(y)}H{number(right)}V{number(float(foot))}Z")
+    return [f'<path d="{"".join(pieces)}" fill="rgb({hue})" fill-opacity="0.55"/>']
