@@ -234,8 +234,12 @@ class Calibration(ReadOnlyArrays):
         _, derivatives = block.linearised(self.values)
         # of those that the equation has, the mass apart
         n = len(block.unknowns)
-        variances, directions = np.linalg.eigh(self.inferred.covariance[1:n, 1:n])
-        return np.asarray(derivatives[:, 1:] @ (directions * np.sqrt(np.maximum(variances, 0.0))))
+        covariance = self.inferred.covariance[1:n, 1:n]
+        # each in its own standard uncertainty: beside the variance of a force in N that of a scale would be rounding
+        u = np.sqrt(np.diag(covariance))
+        known = np.where(u > 0, u, 1.0)
+        variances, directions = np.linalg.eigh(covariance / np.outer(known, known))
+        return np.asarray((derivatives[:, 1:] * u) @ (directions * np.sqrt(np.maximum(variances, 0.0))))
 
     def draws(self) -> Draw:
         """Return what draws masses, linearly in the logarithms of mass and scales.
