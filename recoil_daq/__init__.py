@@ -2,12 +2,13 @@
 
 The public Python interface::
 
-    from recoil_daq import CampaignPlan, identify_file, ingest_files, load_rig, predict
+    from recoil_daq import CampaignPlan, explain, identify_file, ingest_files, load_rig, predict
 
     done = ingest_files(load_rig("rig.toml"), ["daq.csv", "camera.csv"], shot="0001")
     report = identify_file(done.path)
     print(report)                                    # what the command prints
     print(report.mass_kg, report.u_kg, report.valid)
+    print(explain(report.folder, "mass.u"))          # where a number comes from, and whether it comes again
 
 Before the day, with the rig's table ``[twin]`` or a shot that was recorded on it::
 
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
     from recoil_acquisition.shot import Shot
     from recoil_acquisition.store import read_shot, write_shot
     from recoil_daq.combined import Combined, campaign
+    from recoil_daq.explained import CheckedReports, Explained, check_reports, explain
     from recoil_daq.exported import Exported, export
     from recoil_daq.file_summary import open_recording
     from recoil_daq.identify import Reported, identify_file
@@ -66,6 +68,7 @@ _HOMES = {
     "recoil_acquisition.shot": ("Shot",),
     "recoil_acquisition.store": ("read_shot", "write_shot"),
     "recoil_daq.combined": ("Combined", "campaign"),
+    "recoil_daq.explained": ("CheckedReports", "Explained", "check_reports", "explain"),
     "recoil_daq.exported": ("Exported", "export"),
     "recoil_daq.file_summary": ("open_recording",),
     "recoil_daq.identify": ("Reported", "identify_file"),
@@ -83,9 +86,11 @@ _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 __all__ = [
     "AlignmentError",
     "CampaignPlan",
+    "CheckedReports",
     "Combined",
     "CorruptFileError",
     "DeviceError",
+    "Explained",
     "Exported",
     "FramingError",
     "IdentificationError",
@@ -108,6 +113,8 @@ __all__ = [
     "WorkerError",
     "__version__",
     "campaign",
+    "check_reports",
+    "explain",
     "export",
     "identify_file",
     "identify_folder",

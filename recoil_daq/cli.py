@@ -407,6 +407,53 @@ def identify(
         session.finish(reports_document(reports, found, repeats), lambda: None, OK if valid else NOT_VALID)
 
 
+@app.command(
+    epilog="Example: recoil-daq explain reports/0001 mass.u, or of all reports of a folder: "
+    "recoil-daq explain reports --check"
+)
+def explain(
+    report: Annotated[
+        Path, typer.Argument(help="A report.json, its folder, or with --check a folder of reports.", show_default=False)
+    ],
+    key: Annotated[
+        str | None,
+        typer.Argument(
+            help="What to explain: mass, rpe, budget, peaks, alignment, or any key of the report, such as mass.u or "
+            "'budget.packing friction'.",
+            show_default="the first five",
+        ),
+    ] = None,
+    shots: Annotated[
+        Path | None,
+        typer.Option(help="Folder in which to look for the shot files first.", show_default="around the reports"),
+    ] = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Make every report of a folder again; exit code 1 if a number differs.")
+    ] = False,
+    workers: WorkersOption = None,
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Say where a report's numbers come from, make it again from its shot file, and compare every number."""
+    if check and key is not None:
+        raise typer.BadParameter("--check takes no KEY")
+    if workers is not None and not check:
+        raise typer.BadParameter("--workers goes with --check")
+    with Session(json, debug) as session:
+        if check:
+            from recoil_daq.explained import check_reports
+
+            with session.steps("explain --check") as progress:
+                checked = check_reports(report, shots=shots, workers=workers, progress=progress)
+            code = FAULT if checked.faults else OK if checked.again else NOT_VALID
+            session.finish(checked.to_json(), checked.show, code)
+        from recoil_daq.explained import explain as explain_report
+
+        with session.steps("explain") as progress:
+            done = explain_report(report, key, shots=shots, progress=progress)
+        session.finish(done.to_json(), done.show, OK if done.again else NOT_VALID)
+
+
 @app.command(epilog="Example: recoil-daq campaign shots --out campaign")
 def campaign(
     shots: Annotated[

@@ -35,7 +35,7 @@ from recoil_identification.report.campaign_document import (
     write_campaign,
 )
 from recoil_identification.report.campaign_figures import campaign_figures
-from recoil_identification.report.document import REPORT_FILE, read_curves
+from recoil_identification.report.document import LARGEST_REPORT, REPORT_FILE, read_curves
 from recoil_identification.report.document import SCHEMA as REPORT_SCHEMA
 from recoil_identification.report.html import CAMPAIGN_PAGE, PAGE_NAME, render_campaign_page, write_page
 from recoil_rigs.rig import find_rig
@@ -45,8 +45,6 @@ if TYPE_CHECKING:
 
 Progress = Callable[[str], None]
 
-LARGEST_REPORT = 64_000_000
-"""Bytes of a report.json, beyond which it is none."""
 OF_ANOTHER = "is of another shot file"
 REPORTS = "reports"
 """Folder, beside a campaign's answer, of the reports that were made for it."""

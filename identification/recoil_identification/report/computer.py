@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import platform
 
 import numpy as np
 import scipy
+
+_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+"""Environment variables that limit the threads of the linear algebra."""
 
 
 def computer() -> dict[str, str]:
@@ -14,8 +18,9 @@ def computer() -> dict[str, str]:
     Returns
     -------
     dict of str to str
-        ``system``, ``machine``, ``python``, ``numpy``, ``scipy``, ``blas`` (numpy's and scipy's), and ``simd``: which
-        extensions of the processor numpy found and uses. It tells kinds of computers apart, and names none.
+        ``system``, ``machine``, ``python``, ``numpy``, ``scipy``, ``blas`` (numpy's and scipy's), ``blas_threads``
+        that share its sums, and ``simd``: which extensions of the processor numpy found and uses. It tells kinds of
+        computers apart, and names none.
     """
     built = [np.show_config(mode="dicts") or {}, scipy.show_config(mode="dicts") or {}]
     blas = [one.get("Build Dependencies", {}).get("blas", {}) for one in built]
@@ -26,5 +31,6 @@ def computer() -> dict[str, str]:
         "numpy": np.__version__,
         "scipy": scipy.__version__,
         "blas": ", ".join(dict.fromkeys(f"{one.get('name', '')} {one.get('version', '')}".strip() for one in blas)),
+        "blas_threads": next((os.environ[name] for name in _THREADS if os.environ.get(name)), str(os.cpu_count())),
         "simd": " ".join(built[0].get("SIMD Extensions", {}).get("found", ())),
     }

@@ -36,6 +36,8 @@ TRACE_FILE = "mass.csv"
 CURVES_FILE = "curves.csv"
 TRACE_COLUMNS = ("time_s", "mass_kg", "u_kg", "identified")
 
+LARGEST_REPORT = 64_000_000
+"""Bytes of a report.json, beyond which it is none."""
 LARGEST_CURVES = 1_000_000
 """Bytes of a curves.csv, beyond which it is none."""
 

@@ -1,0 +1,217 @@
+"""By which formula each number of a report comes about, with its source: each formula is written here, and once.
+
+The paper is R. Xu, Q. Chen, G. Yang, H. Yan, "Identification of a certain mechanism's recoiling mass by limited memory
+least square method", Journal of Vibroengineering, 2013. a is the acceleration of the recoiling part, F the force on
+it, m its mass, k the number of a sample.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import Any
+
+FORCES = ("breech_pressure", "brake_pressure", "recuperator_pressure")
+MOTION = ("recoil_acceleration", *FORCES)
+OF_FORCES = ("bore_area", "brake_area", "recuperator_area", "friction", "bore_friction")
+EQUATION_36 = "equation (36) of the paper, m3 a' = P - R_f"
+
+
+@dataclass(frozen=True)
+class Formula:
+    """How a number comes about.
+
+    Attributes
+    ----------
+    text
+        The formula, or the step in words where it is none.
+    source
+        The equation of the paper, the standard or the publication.
+    inputs
+        Key paths of the report that enter it.
+    roles
+        Of the channels of the shot file that enter it.
+    rig
+        Values of the rig's table ``[mechanism]`` that enter it.
+    """
+
+    text: str
+    source: str
+    inputs: tuple[str, ...] = ()
+    roles: tuple[str, ...] = ()
+    rig: tuple[str, ...] = ()
+
+
+_BY_FILTER = ("filter.mass_cutoff_hz", "filter.half_order", "interval_s")
+_SCALES = "each restricted by the certificate of its sensor"
+_MASSES: Mapping[str, Formula] = {
+    "calibrated": Formula(
+        "m = m0 e^mu, with mu and the sensors' errors by least squares of a = e^(al - mu) [sum_j F_j e^-g_j + R - df s]"
+        " / m0 + b + v d + S z, " + _SCALES,
+        f"{EQUATION_36}, with its sensors' errors as unknowns; generalized least squares, the certificates as "
+        "observations",
+        _BY_FILTER, (*MOTION, "recoil_displacement"), OF_FORCES,
+    ),
+    "camera": Formula(
+        "m = m0 e^mu, with mu and the sensors' errors by least squares of the camera's frames on the double integral "
+        "of the forces over m, " + _SCALES,
+        f"{EQUATION_36}, integrated twice; generalized least squares, the certificates as observations",
+        ("interval_s",), ("recoil_displacement", *FORCES), OF_FORCES,
+    ),
+    "reverse": Formula(
+        "1/m = sum a F / sum F^2, both behind one low-pass", f"least squares of {EQUATION_36}: acceleration on force",
+        _BY_FILTER, MOTION, OF_FORCES,
+    ),
+    "forward": Formula(
+        "m = sum a F / sum a^2, both behind one low-pass", f"least squares of {EQUATION_36}: force on acceleration",
+        _BY_FILTER, MOTION, OF_FORCES,
+    ),
+    "paper": Formula(
+        "m = sum a F / sum a^2, unfiltered",
+        "equations (32) to (36) of the paper, with na = nb = d = 0", ("interval_s",), MOTION, OF_FORCES,
+    ),
+    "kinematic": Formula(
+        "1/m = sum a F / sum F^2, with a from the camera's displacement", f"least squares of {EQUATION_36}",
+        ("filter.half_order", "interval_s"), ("recoil_displacement", *FORCES), OF_FORCES,
+    ),
+    "tls": Formula(
+        "total least squares of F = m a, with the ratio of the noises known from the baseline",
+        "W. E. Deming, Statistical Adjustment of Data, 1943", _BY_FILTER, MOTION, OF_FORCES,
+    ),
+    "ar-gls": Formula(
+        "a = F / m + e by generalized least squares, e autoregressive",
+        "D. Cochrane and G. H. Orcutt, J. Am. Stat. Assoc. 44, 1949", ("interval_s",), MOTION, OF_FORCES,
+    ),
+    "weak": Formula(
+        "m <phi, a> = <phi, F> over functions phi of finite reach",
+        "D. M. Bortz, D. A. Messenger and V. Dukic, Bull. Math. Biol. 85, 2023", ("interval_s",), MOTION, OF_FORCES,
+    ),
+}  # fmt: skip
+_CERTIFICATE = "the certificate in the rig file, taken as it is (type B: JCGM 100:2008, 4.3)"
+_U_OF_ROWS = Formula(
+    "u = m times the standard deviation of mu that the errors of the rows, as they correlate, leave",
+    "statistics of the residuals (type A: JCGM 100:2008, 4.2)", ("provenance.parameters.rows",),
+)  # fmt: skip
+_CLOCK = "t_ref = (1 + drift) t_source + offset_s"
+_PEAK = "largest value from the onset of force to the end of recoil travel"
+_FUSED = "A. W. Smyth and M. Wu, Mech. Syst. Signal Process. 21(2), 2007: camera and accelerometer together"
+_STUDENT = ("uncertainty.coverage_factor", "uncertainty.degrees_of_freedom")
+_EDGES = (
+    "H. Theil, Nederl. Akad. Wetensch. Proc. 53, 1950, and P. K. Sen, J. Amer. Statist. Assoc. 63, 1968; "
+    "then least squares"
+)
+_ALIGNED: Mapping[str, Formula] = {
+    "motion": Formula(
+        f"{_CLOCK}, the likeliest for z_i = k D((1 + gamma) t_i + tau) + c0 + c1 t_i + c2 t_i^2 / 2 + w_i + n_i",
+        "A. W. Smyth and M. Wu, Mech. Syst. Signal Process. 21(2), 2007, with the clock's offset as a parameter",
+        (), ("recoil_displacement", "recoil_acceleration"),
+    ),
+    "redundant": Formula(
+        f"{_CLOCK}, by least squares of y_i = g r(t_i + shift + drift (t_i - origin)) + c, both behind one low-pass",
+        "Gauss-Newton; u by J. G. MacKinnon and H. White, J. Econometrics 29(3), 1985, and W. K. Newey and K. D. West, "
+        "Econometrica 55(3), 1987",
+    ),
+    "trigger": Formula(
+        f"{_CLOCK}, a line through the instants of edges that both recorders saw",
+        _EDGES,
+    ),
+    "force": Formula(
+        f"{_CLOCK}, the likeliest for the camera's frames on the double integral of the forces over a mass left open",
+        "A. W. Smyth and M. Wu, Mech. Syst. Signal Process. 21(2), 2007, with the clock's offset as a parameter",
+        (), ("recoil_displacement", *FORCES), OF_FORCES,
+    ),
+    "exposure": Formula(
+        f"{_CLOCK}, a line through the pulses of the camera's exposures",
+        _EDGES,
+    ),
+    "fixed": Formula(f"{_CLOCK}, as the rig file states it", "the rig file"),
+}  # fmt: skip
+_TABLE: tuple[tuple[str, Formula], ...] = (
+    ("mass.u", Formula("u = sqrt(sum of u_i^2 over the budget)", "JCGM 100:2008 (GUM), equation (10)", ("budget",))),
+    ("mass.U95", Formula("m - k u to m + k u, k of Student's t",
+                         "JCGM 100:2008 (GUM), G.3.2", ("mass.value", "mass.u", *_STUDENT))),
+    ("mass.specification", Formula("m3 + added mass", "the rig file and the shot log",
+                                   ("shot_log.added_mass_kg",), (), ("m3",))),
+    ("rpe_percent.value", Formula(
+        "RPE = sum |m_true - m(k)| / sum |m_true| * 100 %, over the identified samples k of the interval",
+        "equation (37) of the paper; m(k) by limited memory least squares of the last window_s, its equations (32) to "
+        "(35)", ("mass.specification", "window_s", "interval_s", "identified_share"))),
+    ("rpe_percent.U95", Formula(
+        "shortest interval that holds 95 % of the drawn RPEs", "JCGM 101:2008, 5.3.4",
+        ("rpe_percent.value", "mass.u", "provenance.parameters.seeds.rpe"))),
+    ("E_n", Formula("E_n = (m - m_spec) / sqrt(U^2 + U_spec^2), k = 2", "ISO/IEC 17043, annex B",
+                    ("mass.value", "mass.u", "mass.specification"), (), ("m3",))),
+    ("budget.random errors of this shot.u_kg", _U_OF_ROWS),
+    ("budget.*.u_kg", Formula("u_i = |sensitivity| u_source", "JCGM 100:2008 (GUM), 5.1.3")),
+    ("budget.*.sensitivity_kg", Formula("change of the mass if the source is off by one sensitivity_per",
+                                        "JCGM 100:2008 (GUM), 5.1.3: c_i = df/dx_i")),
+    ("budget.*_pressure sensitivity and area.u_source", Formula(
+        "sqrt(u_rel^2 + (u_area / area)^2)", _CERTIFICATE, (), FORCES, OF_FORCES[:3])),
+    ("budget.packing friction.u_source", Formula("u_friction", _CERTIFICATE, (), (), ("friction",))),
+    ("budget.recoil_acceleration sensitivity.u_source", Formula("u_rel", _CERTIFICATE, (), ("recoil_acceleration",))),
+    ("budget.camera scale.u_source", Formula("u_rel", _CERTIFICATE, (), ("recoil_displacement",))),
+    ("budget.* of the camera's picture.u_source", Formula(
+        "u_distortion_m, half of it for the S", _CERTIFICATE, (), ("recoil_displacement",))),
+    ("budget.*zero that moves*.u_source", Formula("u_zero_rel of the range, or of the peak", _CERTIFICATE)),
+    ("budget.alignment of clock *.u_source", Formula("u of the clock's offset", "the alignment of this shot",
+                                                     ("alignment",))),
+    ("budget.*zero.u_source", Formula("standard uncertainty of the mean of the baseline before the shot",
+                                      "statistics (type A: JCGM 100:2008, 4.2)", ("baseline",))),
+    ("peaks.*_pressure_pa", Formula(f"{_PEAK}, as recorded", "the channel of the shot file", ("interval_s",), FORCES)),
+    ("peaks.recoil_acceleration_m_s2", Formula(f"{_PEAK} of |a|, behind the low-pass", "the channel of the shot file",
+                                               ("interval_s", "filter.cutoff_hz", "filter.half_order"),
+                                               ("recoil_acceleration",))),
+    ("peaks.recoil_velocity_m_s", Formula(f"{_PEAK} of the velocity", _FUSED, ("interval_s",),
+                                          ("recoil_acceleration", "recoil_displacement"))),
+    ("peaks.recoil_travel_m", Formula(f"{_PEAK} of the travel", _FUSED, ("interval_s",),
+                                      ("recoil_acceleration", "recoil_displacement"))),
+    ("peaks.recoil_time_s", Formula("t1 - t0", "ends of the identification interval", ("interval_s",))),
+    ("peaks.impulse_n_s", Formula("sum of P dt, P = breech pressure * bore_area * (1 - bore_friction)",
+                                  "the breech force of equation (36) of the paper", ("interval_s",),
+                                  ("breech_pressure",), ("bore_area", "bore_friction"))),
+    ("uncertainty.degrees_of_freedom", Formula("u^4 / sum(u_i^4 / nu_i)", "JCGM 100:2008 (GUM), (G.2b)", ("budget",))),
+    ("uncertainty.coverage_factor", Formula("97.5 % quantile of Student's t", "JCGM 100:2008 (GUM), G.3.2",
+                                            ("uncertainty.degrees_of_freedom",))),
+    ("uncertainty.U_kg", Formula("U = k u", "JCGM 100:2008 (GUM), 6.2.1", ("uncertainty.coverage_factor", "mass.u"))),
+    ("uncertainty.frisch_bracket_kg", Formula("sum a F / sum a^2 to sum F^2 / sum a F", "R. Frisch, 1934")),
+    ("uncertainty.monte_carlo.*", Formula(
+        "propagation of distributions, in blocks of draws until the results stand to the tolerance",
+        "JCGM 101:2008, 7.9, 5.3.3, 5.3.4 and 8.1", ("provenance.parameters.seeds.monte_carlo",))),
+    ("constancy.*", Formula(
+        "score tests of a drift and of a step of the mass", "C. R. Rao, Proc. Camb. Phil. Soc. 44, 1948; D. W. K. "
+        "Andrews, Econometrica 61(4), 1993; B. E. Hansen, J. Econometrics 97(1), 2000",
+        ("provenance.parameters.seeds.constancy",))),
+    ("endogeneity.*", Formula("force on acceleration, with and without an instrument", "Durbin-Wu-Hausman test")),
+    ("sensors.*.normalised_residual", Formula(
+        "pull over its own standard deviation", "W. Baarda, A testing procedure for use in geodetic networks, 1968")),
+    ("campaign.*", Formula(
+        "what the shot says of what shots share: |R (x - reference) - y|^2",
+        "G. J. Bierman, Factorization Methods for Discrete Sequential Estimation, 1977")),
+    ("filter.mass_cutoff_hz", Formula("below it the force has 99 % of its energy", "the spectrum of the force")),
+    ("filter.*_hz", Formula("where motion lost and ringing left over are least together",
+                            "N. Wiener, 1949, within zero-phase Butterworth filters")),
+    ("fusion.*", Formula("z_i = k D(t_i) + c0 + c1 t_i + c2 t_i^2 / 2 + w(t_i) + n_i", _FUSED)),
+    ("interval_s", Formula("from the onset of force to the end of recoil travel", "the shot's own signals")),
+    ("identified_share", Formula("identified samples over all samples of the interval", "the trace, mass.csv")),
+)  # fmt: skip
+
+
+def formula_of(key: str, document: Mapping[str, Any]) -> Formula | None:
+    """Return the formula of a number of a report; None for what is no result of one.
+
+    Parameters
+    ----------
+    key
+        Its key path, without quotes and without places in arrays.
+    """
+    parts = key.split(".")
+    if key == "mass.value":
+        return _MASSES.get(document["mass"]["method"])
+    if parts[0] == "methods" and parts[-1] == "mass_kg":
+        return _MASSES.get(".".join(parts[1:-1]))
+    if parts[0] == "alignment" and parts[-1] in ("offset_s", "u_offset_s", "drift", "u_drift"):
+        clock = ".".join(parts[1:-1])
+        method = next((row.get("method") for row in document["alignment"] if row.get("clock") == clock), None)
+        return _ALIGNED.get(str(method))
+    return next((formula for pattern, formula in _TABLE if fnmatchcase(key, pattern)), None)

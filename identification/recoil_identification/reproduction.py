@@ -1,0 +1,276 @@
+"""A report against the same report made again: whether each of its numbers comes again, and what differs if not.
+
+On the same kind of computer with the same versions numbers come again to the last bit. Elsewhere the order in which
+sums are taken differs, and they come again within `ELSEWHERE`: of themselves; of the largest number of the array that
+they stand in, because an element near zero is the rounding of its neighbours; of one standard uncertainty, where they
+count in such.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+ELSEWHERE = 1e-9
+"""Relative difference within which a number comes again on another computer, or with other versions."""
+NAMED_BY = ("source", "clock", "name", "channel", "quantity", "key", "file")
+"""Keys by which the rows of a table are told apart, the first that every row has another value of."""
+IN_SIGMAS = ("_sigma", ".pull", ".normalised_residual", ".criterion", "E_n")
+"""Ends of the key paths of numbers that count standard uncertainties."""
+_NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+_PLAIN = re.compile(r"[A-Za-z_][\w-]*")
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """A single value of a report.
+
+    Attributes
+    ----------
+    value
+        JSON type.
+    scale
+        Largest magnitude of the array that a number stands in, its own where it stands by itself; 0 for no number.
+    """
+
+    value: Any
+    scale: float
+
+
+@dataclass(frozen=True)
+class Difference:
+    """What does not come again.
+
+    Attributes
+    ----------
+    key
+        Its path in the report, or a cell of a file beside it.
+    stored, again
+        JSON types; None for what is not there.
+    relative
+        By how much two numbers differ, relative as `ELSEWHERE` is; infinite for anything else.
+    """
+
+    key: str
+    stored: Any
+    again: Any
+    relative: float = math.inf
+
+    def __str__(self) -> str:
+        by = f", relative {self.relative:.2g}" if math.isfinite(self.relative) else ""
+        return f"{self.key}: {_shown(self.stored)} in the report, {_shown(self.again)} again{by}"
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it in JSON types; the relative difference is None where it is infinite."""
+        relative = self.relative if math.isfinite(self.relative) else None
+        return {"key": self.key, "stored": self.stored, "again": self.again, "relative": relative}
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What a comparison found.
+
+    Attributes
+    ----------
+    numbers
+        That were compared.
+    differences
+        Beyond the tolerance; the worst first, and what is no number before.
+    largest
+        Relative difference of any number, within the tolerance or not.
+    """
+
+    numbers: int
+    differences: tuple[Difference, ...]
+    largest: float
+
+    def joined(self, other: Comparison) -> Comparison:
+        """Return both as one."""
+        found = sorted((*self.differences, *other.differences), key=lambda one: -one.relative)
+        return Comparison(self.numbers + other.numbers, tuple(found), max(self.largest, other.largest))
+
+
+def path_of(parent: str, label: str | int) -> str:
+    """Return the key path of a part of a report, quoted where it needs to be.
+
+    >>> path_of("budget", "packing friction"), path_of("mass.U95", 0)
+    ('budget."packing friction"', 'mass.U95[0]')
+    """
+    if isinstance(label, int):
+        return f"{parent}[{label}]"
+    shown = label if _PLAIN.fullmatch(label) else f'"{label}"'
+    return f"{parent}.{shown}" if parent else shown
+
+
+def parts_of(value: Any) -> list[tuple[str | int, Any]]:
+    """Return the parts of a value with their labels; of a table's rows their names, none of a single value."""
+    if isinstance(value, Mapping):
+        return [(str(key), one) for key, one in value.items()]
+    if not isinstance(value, list | tuple):
+        return []
+    if value and all(isinstance(one, Mapping) for one in value):
+        for key in NAMED_BY:
+            names = [one.get(key) for one in value]
+            if all(isinstance(name, str) and name for name in names) and len(set(names)) == len(names):
+                return list(zip(names, value, strict=True))
+    return list(enumerate(value))
+
+
+def leaves_of(document: Any, parent: str = "", scale: float | None = None) -> Iterator[tuple[str, Leaf]]:
+    """Yield all single values of a report with their key paths."""
+    parts = parts_of(document)
+    if not parts:
+        if not isinstance(document, Mapping | list | tuple):
+            yield parent, Leaf(document, _scale(parent, document, scale))
+        return
+    if scale is None and isinstance(document, list | tuple) and not isinstance(parts[0][0], str):
+        scale = _largest(document)
+    for label, part in parts:
+        yield from leaves_of(part, path_of(parent, label), scale)
+
+
+def compare(
+    stored: Mapping[str, Any], again: Mapping[str, Any], *, exact: bool, besides: Sequence[str] = ()
+) -> Comparison:
+    """Compare a report with the same report made again.
+
+    Parameters
+    ----------
+    exact
+        To the last bit, else within `ELSEWHERE`. A text must be the same; the numbers in it may then differ by one in
+        the last place that is printed.
+    besides
+        Key paths whose values are not compared, nor what is below them.
+    """
+    if not exact:
+        stored, again = _determined(stored), _determined(again)
+    ours, theirs = (
+        {key: leaf for key, leaf in leaves_of(one) if not any(_below(key, path) for path in besides)}
+        for one in (stored, again)
+    )
+    found: list[Difference] = []
+    largest, numbers = 0.0, 0
+    for key in dict.fromkeys((*ours, *theirs)):
+        one, other = ours.get(key), theirs.get(key)
+        if one is None or other is None:
+            # a number that is not there is one that does not come again; null stands for no number
+            found.append(Difference(key, one and one.value, other and other.value))
+            continue
+        if _is_number(one.value) and _is_number(other.value):
+            numbers += 1
+            relative = _relative(one.value, other.value, max(one.scale, other.scale))
+            largest = max(largest, relative)
+            if one.value != other.value if exact else relative > ELSEWHERE:
+                found.append(Difference(key, one.value, other.value, relative))
+        elif not _same(one.value, other.value, exact=exact):
+            found.append(Difference(key, one.value, other.value))
+    return Comparison(numbers, tuple(sorted(found, key=lambda one: -one.relative)), largest)
+
+
+def compare_tables(name: str, stored: str, again: str, *, exact: bool) -> Comparison:
+    """Compare a file beside a report, a table with commas, with the same file made again, cell by cell.
+
+    Parameters
+    ----------
+    name
+        Of the file.
+    exact
+        Else numbers may differ by `ELSEWHERE` and one in the last place that is printed.
+    """
+    ours, theirs = stored.split("\n"), again.split("\n")
+    columns = theirs[0].split(",")
+    numbers = sum(bool(cell) for line in theirs[1:] for cell in line.split(","))
+    if stored == again:
+        return Comparison(numbers, (), 0.0)
+    if ours[0] != theirs[0] or len(ours) != len(theirs):
+        return Comparison(numbers, (Difference(name, f"{len(ours) - 1} lines", f"{len(theirs) - 1} lines"),), 0.0)
+    found, largest = [], 0.0
+    for row, (line, other) in enumerate(zip(ours, theirs, strict=True)):
+        if line == other:
+            continue
+        cells, others = line.split(","), other.split(",")
+        if len(cells) != len(others):
+            found.append(Difference(f"{name}[{row - 1}]", line, other))
+            continue
+        for column, one, two in zip(columns, cells, others, strict=True):
+            relative = _relative_text(one, two)
+            largest = max(largest, relative if math.isfinite(relative) else 0.0)
+            if one != two and (exact or not (relative <= ELSEWHERE or _last_place(one, two))):
+                found.append(Difference(f"{name}[{row - 1}].{column}", one, two, relative))
+    return Comparison(numbers, tuple(sorted(found, key=lambda one: -one.relative)), largest)
+
+
+def _determined(document: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Put a shot's information R'R and R'y for R and y: where R is singular these are told but for a rotation."""
+    campaign = document.get("campaign")
+    try:
+        triangle, seen = (np.array(campaign[key], dtype=np.float64) for key in ("R", "y"))
+        products = {"R'R": (triangle.T @ triangle).tolist(), "R'y": (triangle.T @ seen).tolist()}
+    except (KeyError, TypeError, ValueError):
+        return document
+    return {**document, "campaign": {**{k: v for k, v in campaign.items() if k not in ("R", "y")}, **products}}
+
+
+def _scale(key: str, value: Any, of_array: float | None) -> float:
+    if not _is_number(value):
+        return 0.0
+    return max(abs(value), 1.0 if key.endswith(IN_SIGMAS) else 0.0) if of_array is None else of_array
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _largest(value: Any) -> float | None:
+    """Return the largest magnitude in an array of numbers; None for a list of anything else."""
+    if isinstance(value, list | tuple):
+        found = [_largest(one) for one in value]
+        sizes = [one for one in found if one is not None]
+        return max(sizes) if len(sizes) == len(found) and sizes else None
+    if value is None:
+        return 0.0
+    return abs(value) if _is_number(value) else None
+
+
+def _relative(one: float, other: float, scale: float) -> float:
+    return 0.0 if one == other else abs(one - other) / scale
+
+
+def _below(key: str, path: str) -> bool:
+    return key == path or key.startswith((f"{path}.", f"{path}["))
+
+
+def _same(one: Any, other: Any, *, exact: bool) -> bool:
+    if exact or not (isinstance(one, str) and isinstance(other, str)):
+        return type(one) is type(other) and bool(one == other)
+    return _NUMBER.sub("0", one) == _NUMBER.sub("0", other) and all(
+        _last_place(a, b) for a, b in zip(_NUMBER.findall(one), _NUMBER.findall(other), strict=True)
+    )
+
+
+def _last_place(one: str, other: str) -> bool:
+    """Whether two printed numbers differ by no more than one in their last place."""
+    if one == other:
+        return True
+    places = [len(text.partition("e")[0].partition(".")[2]) for text in (one, other)]
+    powers = [int(text.partition("e")[2] or 0) for text in (one, other)]
+    unit = max(10.0 ** (power - place) for power, place in zip(powers, places, strict=True))
+    return bool(one and other) and abs(float(one) - float(other)) <= 1.5 * unit
+
+
+def _relative_text(one: str, other: str) -> float:
+    """Return by how much two cells differ; infinite where either is blank or no number."""
+    try:
+        a, b = float(one), float(other)
+    except ValueError:
+        return 0.0 if one == other else math.inf
+    return _relative(a, b, max(abs(a), abs(b)))
+
+
+def _shown(value: Any) -> str:
+    return "nothing" if value is None else repr(value) if isinstance(value, float) else str(value)
