@@ -120,7 +120,7 @@ class Kept:
     def same_computer(self) -> bool:
         """Whether it was made by this version, on this kind of computer and with these libraries."""
         provenance = self.document["provenance"]
-        return provenance["version"] == __version__ and provenance.get("computer") == computer()
+        return bool(provenance["version"] == __version__ and provenance.get("computer") == computer())
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +176,8 @@ def recompute(kept: Kept, shots: Sequence[Path] = (), *, progress: Progress = la
     fired = replace(fired, notes=(*fired.notes, *told))
     progress("identify")
     found = identify_shot(fired.shot, fired.rig, kept.options)
-    document, files = reported(fired, found, kept.shot_file, kept.truth)
+    shot_file = replace(described(path), name=kept.shot_file.name)
+    document, files = reported(fired, found, shot_file, kept.truth)
     progress("compare")
     exact = kept.same_computer
     comparison = compare(kept.document, document, exact=exact, besides=BESIDES)

@@ -207,7 +207,7 @@ def compare_tables(name: str, stored: str, again: str, *, exact: bool) -> Compar
 
 def _determined(document: Mapping[str, Any]) -> Mapping[str, Any]:
     """Put a shot's information R'R and R'y for R and y: where R is singular these are told but for a rotation."""
-    campaign = document.get("campaign")
+    campaign: Any = document.get("campaign")
     try:
         triangle, seen = (np.array(campaign[key], dtype=np.float64) for key in ("R", "y"))
         products = {"R'R": (triangle.T @ triangle).tolist(), "R'y": (triangle.T @ seen).tolist()}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+from typing import Any
 
 import numpy as np
 import scipy
@@ -22,7 +23,7 @@ def computer() -> dict[str, str]:
         that share its sums, and ``simd``: which extensions of the processor numpy found and uses. It tells kinds of
         computers apart, and names none.
     """
-    built = [np.show_config(mode="dicts") or {}, scipy.show_config(mode="dicts") or {}]
+    built: list[Any] = [np.show_config(mode="dicts"), scipy.show_config(mode="dicts")]
     blas = [one.get("Build Dependencies", {}).get("blas", {}) for one in built]
     return {
         "system": platform.system(),

@@ -25,6 +25,7 @@ _SUFFIXES = (
 _RIG_UNITS = {"m3": "kg", "friction": "N", "bore_friction": "1"}
 """Of values of the mechanism; those of areas are m^2."""
 
+_OTHER_NAMES = re.compile(rf"^({'|'.join(OTHER_NAMES)})(?![^.\[])")
 _PLACE = re.compile(r"\[\d+\]")
 
 
@@ -110,7 +111,7 @@ def explained(document: Mapping[str, Any], key: str | None, shot: Shot, rig: Rig
     LookupError
         If the report has no such key; with the nearest ones.
     """
-    paths = EXPLAINED if key is None else (OTHER_NAMES.get(key, key),)
+    paths = EXPLAINED if key is None else (_OTHER_NAMES.sub(lambda name: OTHER_NAMES[name[0]], key),)
     given = _Sources(document, shot, rig)
     found = [_found(document, path) for path in paths if key is not None or path in document]
     return tuple(_entry(path, path, plain, value, given) for path, plain, value in found)
@@ -182,7 +183,7 @@ def unit_of(key: str, document: Mapping[str, Any]) -> str:
     key
         Its key path without quotes.
     """
-    parent, _, name = key.rpartition(".")
+    parent, _, name = _PLACE.sub("", key).rpartition(".")
     if parent == "mass" and name not in ("method", "unit"):
         return str(document["mass"]["unit"])
     holder = _value_at(document, parent)
