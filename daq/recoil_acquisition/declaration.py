@@ -35,7 +35,7 @@ STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 class DeclaredTable(BaseModel):
     """A table of a rig file: frozen, strict about its keys and their types."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, defer_build=True)
 
     def contradictions(self) -> list[tuple[str, str]]:
         """Return the faults between keys that are sound alone: the key, and what is wrong."""

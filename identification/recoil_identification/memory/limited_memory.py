@@ -33,7 +33,7 @@ GUARDED_RESIDUAL = 1e-10
 COLLINEAR_PIVOT = 1e-12
 """Below this smallest pivot the regressors are the same but for round-off in the data themselves."""
 NO_ENERGY = 2.0**-300
-"""Sum of squares of a regressor, its largest sample scaled to one, below which it is not there."""
+"""Sum of squares of a regressor or the response, its largest sample scaled to one, below which it is not there."""
 NUMBERS_AT_ONCE = 2**21
 """Of products or rows: what is worked on at a time stays within some tens of megabytes."""
 
@@ -165,7 +165,7 @@ def limited_memory_least_squares(
 
     Notes
     -----
-    A regressor's samples below 2^-150 of its largest in the record count as zero. Where a regressor is nearly
+    Samples below 2^-150 of the largest in the record count as zero. Where a regressor is nearly
     constant beside its mean, take the mean off before: the smallest pivot is uncentred.
     """
     rows, present, exponents = _scaled_rows(regressors, response, weights)
@@ -198,7 +198,9 @@ def limited_memory_least_squares(
             found.put(part, _solved(triangles))
         there = (found.energies > NO_ENERGY).all(axis=0)
         residual_share = found.residual_sum_of_squares / np.maximum(found.response_energy, np.finfo(float).tiny)
-        sound = (found.smallest_pivot >= GUARDED_PIVOT) & (residual_share >= GUARDED_RESIDUAL)
+        # where there is no response, nothing is left over: sums of products say so exactly
+        precise = (residual_share >= GUARDED_RESIDUAL) | (found.response_energy <= NO_ENERGY)
+        sound = (found.smallest_pivot >= GUARDED_PIVOT) & precise
         factorised = np.asarray(tried & there & ~sound)
         for some, triangles in _by_rows(rows, int(window), np.flatnonzero(factorised)):
             found.put(some, _solved(triangles))

@@ -12,15 +12,19 @@ import json
 import math
 import shutil
 from collections.abc import Mapping, Sequence
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.errors import StoreError
 from recoil_identification.report import campaign_tables, tables
 from recoil_identification.report.drawing import drawings
 from recoil_identification.report.figure import Figure
 from recoil_identification.report.rounding import NO_NUMBER
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 SCHEMA = "recoil-daq/report/1"
 PAGE_NAME = "report.html"
@@ -215,6 +219,20 @@ def render_campaign_page(document: Mapping[str, Any], figures: Sequence[Figure])
     )
 
 
+@cache
+def _environment() -> Environment:
+    """Make the environment once: it keeps its templates compiled."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    return Environment(
+        loader=FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
 def _render(
     template: str,
     report: Mapping[str, Any],
@@ -222,39 +240,35 @@ def _render(
     embedded: Mapping[str, Any] | None = None,
     **more: Any,
 ) -> str:
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
     from markupsafe import Markup
 
     if len({figure.key for figure in figures}) != len(figures):
         raise ValueError("two figures have the same key")
     drawn = drawings(figures)
-    environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template(template).render(
-        report=report,
-        figures=[
-            {
-                "number": number,
-                "height": d["height"],
-                **{k: getattr(f, k) for k in ("key", "title", "caption", "folded")},
-            }
-            for number, (f, d) in enumerate(zip(figures, drawn, strict=True))
-        ],
-        inputs=tables.inputs(report),
-        started=tables.started(report),
-        **more,
-        version=report["provenance"].get("version", NO_NUMBER),
-        parameters=json.dumps(
-            _finite(report["provenance"].get("parameters") or {}), indent=2, ensure_ascii=False, default=str
-        ),
-        script=SCRIPT_NAME,
-        figures_json=Markup(_embedded(drawn)),  # noqa: S704 - `_embedded` leaves no character that HTML reads
-        report_json=Markup(_embedded(report if embedded is None else embedded)),  # noqa: S704 - as above
+    return (
+        _environment()
+        .get_template(template)
+        .render(
+            report=report,
+            figures=[
+                {
+                    "number": number,
+                    "height": d["height"],
+                    **{k: getattr(f, k) for k in ("key", "title", "caption", "folded")},
+                }
+                for number, (f, d) in enumerate(zip(figures, drawn, strict=True))
+            ],
+            inputs=tables.inputs(report),
+            started=tables.started(report),
+            **more,
+            version=report["provenance"].get("version", NO_NUMBER),
+            parameters=json.dumps(
+                _finite(report["provenance"].get("parameters") or {}), indent=2, ensure_ascii=False, default=str
+            ),
+            script=SCRIPT_NAME,
+            figures_json=Markup(_embedded(drawn)),  # noqa: S704 - `_embedded` leaves no character that HTML reads
+            report_json=Markup(_embedded(report if embedded is None else embedded)),  # noqa: S704 - as above
+        )
     )
 
 

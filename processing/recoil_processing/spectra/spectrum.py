@@ -92,7 +92,7 @@ def multitaper(samples: Array, rate_hz: float) -> Spectrum:
 
 @lru_cache(maxsize=8)
 def slepian_tapers(count: int) -> Array:
-    """Return the discrete prolate spheroidal sequences of `TIME_BANDWIDTH`, of unit energy.
+    """Return the discrete prolate spheroidal sequences of `TIME_BANDWIDTH`, of unit energy and of either sign.
 
     Parameters
     ----------
@@ -106,9 +106,16 @@ def slepian_tapers(count: int) -> Array:
         interpolations of those of 2,048, which are off by less than 1e-6 of the largest value.
     """
     from scipy.interpolate import CubicSpline
-    from scipy.signal.windows import dpss
+    from scipy.linalg import eigh_tridiagonal
 
-    exact = dpss(min(count, _LONGEST_EXACT), TIME_BANDWIDTH, TAPERS)
+    # eigenvectors of a tridiagonal matrix (D. Slepian, Bell System Technical Journal 57, 1978, 1371-1430)
+    length = min(count, _LONGEST_EXACT)
+    i = np.arange(length)
+    diagonal = ((length - 1) / 2 - i) ** 2 * math.cos(2 * math.pi * TIME_BANDWIDTH / length)
+    _, vectors = eigh_tridiagonal(
+        diagonal, i[1:] * (length - i[1:]) / 2, select="i", select_range=(length - TAPERS, length - 1)
+    )
+    exact = vectors.T[::-1]
     if count > _LONGEST_EXACT:
         # sample centres of both grids lie at (i + 1/2) / n of the window
         known = (np.arange(_LONGEST_EXACT) + 0.5) / _LONGEST_EXACT

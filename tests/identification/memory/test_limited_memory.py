@@ -302,6 +302,16 @@ def test_the_residual_sum_of_a_next_to_perfect_fit_is_not_lost_in_cancellation(m
     assert np.abs(alone.residual_sum_of_squares[39:] / truth - 1.0).max() > 0.1
 
 
+def test_windows_without_a_response_are_zeros_from_sums_of_products():
+    regressors, response = white_record(24, 300, 2)
+    response[100:200] = 0.0
+    estimates = limited_memory_least_squares(regressors, response, 30)
+    silent = slice(129, 200)
+    assert not estimates.factorised.any()
+    for name in ("parameters", "standard_errors", "residual_sum_of_squares"):
+        assert (getattr(estimates, name)[silent] == 0.0).all()
+
+
 @pytest.mark.parametrize(("of_regressors", "of_response"), [(1e-200, 1e-180), (1e200, 1e-50), (1e-140, 1e140)])
 @pytest.mark.usefixtures("way")
 def test_units_far_from_one_change_nothing(of_regressors, of_response):
