@@ -60,6 +60,15 @@ def with_twin(
     return parse_rig("\n".join([f"{head}[twin]", *lines.values(), ""]), path)
 
 
+def settling_soon(rig: Rig, settle_s: float = 0.4) -> Rig:
+    """Take the files that a rig's recorder and camera drop for whole when they have not changed for so long."""
+    text = rig.text.replace("settle_s = 1.0 ", f"settle_s = {settle_s} ")
+    text = text.replace('[[source]]\nname = "camera"', f'[[source]]\nsettle_s = {settle_s}\nname = "camera"')
+    if text.count(f"settle_s = {settle_s}") != 2:
+        raise ValueError("the bundled rig has other times to settle")
+    return parse_rig(text, rig.path, rig.databases)
+
+
 def with_second_gauge(name: str, **settings: float | bool) -> Rig:
     """Load a bundled rig with other settings of its virtual rig, and mount a second breech gauge of the same kind."""
     path = find_rig(name)

@@ -8,10 +8,14 @@ import sys
 import time
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
+from typer.testing import CliRunner, Result
 
-from recoil_daq import device_check
+from recoil_daq import demo, device_check
+from recoil_daq.cli import app
+from recoil_daq.demo import Demonstration
 from recoil_daq.ingest import ingest_files
 from recoil_rigs.rig import load_rig, parse_rig
 from recoil_rigs.twin import TwinShot
@@ -48,7 +52,7 @@ def test_help_is_there_at_once():
         spent = after.children_user + after.children_system - before.children_user - before.children_system
         return spent or passed
 
-    assert min(seconds() for _ in range(8)) < 0.25
+    assert any(seconds() < 0.25 for _ in range(8))
 
 
 def test_version_is_printed(run):
@@ -283,10 +287,38 @@ def test_simulate_gives_each_shot_a_folder(run, tmp_path):
     assert again.exit_code == 3
 
 
-def test_demo_goes_the_whole_way_through_all_four_readers(run, tmp_path):
-    result = run("demo", "--out", tmp_path / "demo", "--json")
+class Demonstrated(NamedTuple):
+    """What `demo` printed, what it made, and its folder; not to be changed."""
+
+    result: Result
+    done: Demonstration
+    folder: Path
+
+
+@pytest.fixture(scope="module")
+def demonstrated(tmp_path_factory):
+    folder, kept = tmp_path_factory.mktemp("demonstrated") / "demo", []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(demo, "run_demo", keeping(demo.run_demo, kept))
+        result = CliRunner().invoke(app, ["demo", "--out", str(folder)])
     assert result.exit_code == 0, result.output
-    document = json.loads(result.stdout)
+    return Demonstrated(result, kept[0], folder)
+
+
+def keeping(function, kept):
+    """Run a function at its first call, and return its answer at every call."""
+
+    def once(*arguments, **options):
+        kept[:] = kept or [function(*arguments, **options)]
+        return kept[0]
+
+    return once
+
+
+def test_demo_goes_the_whole_way_through_all_four_readers(run, monkeypatch, demonstrated):
+    assert run("demo", "--out", demonstrated.folder).exit_code == 3
+    monkeypatch.setattr(demo, "run_demo", lambda *_, **__: demonstrated.done)
+    document = json.loads(run("demo", "--json").stdout)
     report = document["report"]
     assert abs(report["truth"]["error_percent"]) < 0.5
     assert report["rpe_percent"]["value"] < 2.0
@@ -295,14 +327,12 @@ def test_demo_goes_the_whole_way_through_all_four_readers(run, tmp_path):
     paper = next(m for m in report["methods"] if m["name"] == "paper")
     assert paper["mass_kg"] / report["truth"]["mass_kg"] - 1 < -0.02
     assert (Path(document["folder"]) / "report.html").exists()
-    assert run("demo", "--out", tmp_path / "demo").exit_code == 3
 
 
-def test_demo_prints_mass_rpe_truth_and_the_reports_path(run, tmp_path):
-    result = run("demo", "--out", tmp_path / "demo")
-    assert result.exit_code == 0
-    for word in ("mass 78", "RPE", "truth 782.00 kg", str(tmp_path / "demo" / "reports" / "0001" / "report.html")):
-        assert word in result.output
+def test_demo_prints_mass_rpe_truth_and_the_reports_path(demonstrated):
+    report = demonstrated.folder / "reports" / "0001" / "report.html"
+    for word in ("mass 78", "RPE", "truth 782.00 kg", str(report)):
+        assert word in demonstrated.result.output
 
 
 def test_an_error_as_json_is_a_document_too(run, tmp_path):
@@ -369,26 +399,38 @@ def test_a_rig_without_devices_is_no_rig_for_live(run, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+SHORTER_RANGE_DAY = f"""
+import sys
+from functools import partial
+from recoil_daq import cli, demo, live
+from recoil_rigs.twin import range_day
+sys.path.append({str(Path(__file__).parents[2])!r})
+from tests.builders.virtual_shots import SHORTER, settling_soon, with_twin
+
+demo.LIVE_DEMO_SHOTS = 2
+demo.load_rig = lambda name: settling_soon(with_twin(name, **SHORTER))
+live.RangeDay = partial(live.RangeDay, silence_before_s=0.7, silence_after_s=0.6)
+range_day.FILES_AFTER_S, range_day.PIECE_EVERY_S = 0.1, 0.03
+cli.main()
+"""
+"""The command, of less and shorter shots than a person watches, with less silence between them."""
+
+
 @pytest.mark.real_time
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals for the virtual port")
-def test_a_demonstrated_range_day_identifies_three_masses(run, tmp_path):
-    # a process of its own: collecting the garbage of all tests before stops players and readers for longer than a shot;
-    # nobody has to watch: less silence between the shots
-    program = (
-        "from functools import partial; from recoil_daq import cli, live;"
-        "live.RangeDay = partial(live.RangeDay, silence_before_s=1.0, silence_after_s=0.8); cli.main()"
-    )
-    command = [sys.executable, "-P", "-c", program, "demo", "--live", "--json"]
+def test_a_demonstrated_range_day_identifies_the_mass_of_every_shot(run, tmp_path):
+    # a process of its own: collecting the garbage of all tests before stops players and readers for longer than a shot
+    command = [sys.executable, "-P", "-c", SHORTER_RANGE_DAY, "demo", "--live", "--json", "--out", tmp_path]
     with MachineStalls() as machine:
-        result = subprocess.run([*command, "--out", tmp_path], check=False, capture_output=True, text=True, timeout=600)
+        result = subprocess.run(command, check=False, capture_output=True, text=True, timeout=600)
     document = json.loads(result.stdout)
     states = [shot["state"] for shot in document["session"]["shots"]]
     reasons = [shot["ingest"] and shot["ingest"]["reasons"] for shot in document["session"]["shots"]]
     # devices that play late, because the machine did nothing for so long, rightly cost a shot its verdict
     late = machine.largest_s > 0.1 and set(states) == {"usable", "not usable"}
-    assert states == ["usable"] * 3 or late, (machine.largest_s, reasons)
+    assert states == ["usable"] * 2 or late, (machine.largest_s, reasons)
     assert document["session"]["journal"] is None
-    assert len(document["reports"]) == 3 or late
+    assert len(document["reports"]) == 2 or late
     for report in document["reports"]:
         low, high = report["mass"]["U95"]
         assert abs(report["mass"]["value"] - 782.0) < high - low
@@ -403,7 +445,8 @@ def test_a_demonstrated_range_day_identifies_three_masses(run, tmp_path):
 @pytest.mark.real_time
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals for the virtual port")
 def test_check_listens_to_devices(run, monkeypatch):
-    monkeypatch.setattr(device_check, "check_devices", partial(device_check.check_devices, listen_s=0.5))
+    listen = partial(device_check.check_devices, listen_s=0.5)
+    monkeypatch.setattr(device_check, "check_devices", keeping(listen, []))
     result = run("check", "mixed", "--devices")
     assert result.exit_code == 0
     assert "noise is" in result.stdout

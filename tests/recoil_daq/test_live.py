@@ -25,12 +25,12 @@ from recoil_daq import folder_watch
 from recoil_daq.live import run_live
 from recoil_daq.live_shot import LiveOptions, LiveOutcome, LiveShot
 from recoil_daq.live_tables import print_acquisition
-from recoil_rigs.rig import Rig, load_rig, parse_rig
+from recoil_rigs.rig import Rig, load_rig
 from recoil_rigs.twin import range_day
 from recoil_rigs.twin.faults import ClockStep, Faults, Interval
 from recoil_rigs.twin.range_day import RangeDay
 from tests.builders.machine_stalls import stalls_kept
-from tests.builders.virtual_shots import SHORTER, with_twin
+from tests.builders.virtual_shots import SHORTER, settling_soon, with_twin
 
 pytestmark = [
     pytest.mark.real_time,
@@ -111,14 +111,6 @@ def soon_whole() -> Iterator[None]:
         patch.setattr(range_day, "PIECE_EVERY_S", 0.03)
         patch.setattr(folder_watch, "LOOK_EVERY_S", 0.05)
         yield
-
-
-def settling_soon(rig: Rig) -> Rig:
-    """Take a file for whole that has not changed for 0.4 s."""
-    text = rig.text.replace("settle_s = 1.0 ", "settle_s = 0.4 ")
-    text = text.replace('[[source]]\nname = "camera"', '[[source]]\nsettle_s = 0.4\nname = "camera"')
-    assert text.count("settle_s = 0.4") == 2
-    return parse_rig(text, rig.path, rig.databases)
 
 
 def day(out: Path, display: Watched, *, shots: int = 1, rig: Rig | None = None, **play: Any) -> Day:

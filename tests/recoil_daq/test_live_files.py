@@ -14,9 +14,10 @@ import pytest
 
 from recoil_acquisition.store import read_shot
 from recoil_daq.ingest import ingest_files
-from recoil_rigs.rig import load_rig, parse_rig
+from recoil_rigs.rig import load_rig
 from recoil_rigs.twin import TwinShot
 from tests.builders.range_session import PlayedConversion, Range, Told
+from tests.builders.virtual_shots import settling_soon
 
 FILES = ("0001_dewetron.csv", "0001_camera.csv")
 RangeOf = Callable[..., Range]
@@ -29,11 +30,7 @@ def range_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> RangeOf:
     def make(display: Told, settle_s: float = 0.3, **options: Any) -> Range:
         monkeypatch.setattr("recoil_daq.dropped_files.source_of", lambda _, f: f.path.stem.rpartition("_")[2])
         monkeypatch.setattr("recoil_daq.folder_watch.LOOK_EVERY_S", 0.02)
-        rig = load_rig("mixed")
-        text = rig.text.replace("settle_s = 1.0", f"settle_s = {settle_s}")
-        text = text.replace('[[source]]\nname = "camera"', f'[[source]]\nsettle_s = {settle_s}\nname = "camera"')
-        assert text.count(f"settle_s = {settle_s}") == 2
-        rig = parse_rig(text, rig.path, rig.databases)
+        rig = settling_soon(load_rig("mixed"), settle_s)
         return Range(monkeypatch, rig, tmp_path, display, watch=tmp_path / "in", **options)
 
     return make
