@@ -7,22 +7,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from time import process_time
 from typing import Any
 
 import can
+import cantools
 import numpy as np
 import pytest
 
 from recoil_acquisition.readers.can.asc import read_asc
 from recoil_acquisition.readers.can.blf import read_blf
 from recoil_acquisition.readers.can.candump import read_candump
-from recoil_acquisition.readers.can.decoding import SignalLayout, bit_runs_of
+from recoil_acquisition.readers.can.decoding import SignalLayout, bit_runs_of, layout_of
 from recoil_acquisition.readers.can.frames import CanLog
 from recoil_acquisition.readers.can.mdf import read_mdf
 from recoil_acquisition.readers.can.messages import load_database
 from recoil_acquisition.readers.can.recording import CanRecording
 from recoil_acquisition.readers.reader import Declarations
+from tests.builders.beside import Beside, fastest_s
 from tests.builders.mdf_logs import bus_log
 
 FRAMES = 100_000
@@ -42,21 +43,11 @@ def _only_when_asked_for(request: Any) -> None:
         pytest.skip("a benchmark: ask for it with --benchmark-enable")
 
 
-def fastest_s(work: Callable[[], Any], rounds: int = 5) -> float:
-    """The machine's other work only ever slows it down."""
-    times_s = []
-    for _ in range(rounds):
-        begin_s = process_time()
-        work()
-        times_s.append(process_time() - begin_s)
-    return min(times_s)
-
-
-def written(folder: Path, suffix: str) -> Path:
+def written(folder: Path, suffix: str, frames: int) -> Path:
     path = folder / f"log.{suffix}"
-    data = np.random.default_rng(4).bytes(8 * FRAMES)
+    data = np.random.default_rng(4).bytes(8 * frames)
     with can.Logger(path) as writer:
-        for i in range(FRAMES):
+        for i in range(frames):
             writer.on_message_received(
                 can.Message(
                     timestamp=1.7e9 + 1e-4 * i,
@@ -76,23 +67,72 @@ READ: dict[str, tuple[Callable[[Path], CanLog], float]] = {
 }
 
 
-@pytest.mark.parametrize("suffix", READ)
-def test_logs_are_read_faster_than_by_python_can(suffix: str, tmp_path: Path, capsys: Any) -> None:
-    path = written(tmp_path, suffix)
-    read, target = READ[suffix]
+def read_beside_python_can(folder: Path, suffix: str, frames: int, *, rounds: int = 5) -> Beside:
+    """Time the reading of a log, after checking that both count the same frames."""
+    path = written(folder, suffix, frames)
+    read, _ = READ[suffix]
 
     def pythons() -> int:
         with can.LogReader(path) as log:
             return sum(1 for _ in log)
 
-    assert pythons() == read(path).frames.key.size == FRAMES
-    theirs_s, ours_s = fastest_s(pythons, 2), fastest_s(lambda: read(path))
+    assert pythons() == read(path).frames.key.size == frames
+    return Beside(fastest_s(lambda: read(path), rounds), fastest_s(pythons, max(rounds // 2, 1)))
+
+
+def decoded_beside_cantools(frames: int, *, rounds: int = 5) -> Beside:
+    """Time the decoding of 8 signals of 2 messages, after checking that both find the same; frames are at hand."""
+    data = np.random.default_rng(4).integers(0, 256, (frames, 8), dtype=np.uint8)
+    messages = cantools.database.load_string(DBC, "dbc").messages
+    layouts = [[layout_of(signal) for signal in message.signals] for message in messages]
+    each = [row.tobytes() for row in data]
+
+    def ours() -> list[np.ndarray[Any, Any]]:
+        return [one.decode(data[m::2]) for m in range(2) for one in layouts[m] if one is not None]
+
+    def theirs() -> list[dict[str, Any]]:
+        return [messages[i % 2].decode(frame, decode_choices=False) for i, frame in enumerate(each)]  # type: ignore[misc]
+
+    np.testing.assert_allclose(ours()[0], [frame["s0"] for frame in theirs()[::2]], rtol=1e-12)
+    return Beside(fastest_s(ours, rounds), fastest_s(theirs, max(rounds // 2, 1)))
+
+
+def extracted_beside_asammdf(folder: Path, frames: int, *, rounds: int = 5) -> tuple[Beside, float]:
+    """Time the decoding of a bus log in MDF, after checking that both find the same; return that, and opening too."""
+    from asammdf import MDF
+
+    data = np.random.default_rng(4).bytes(8 * frames)
+    path = folder / "bus.mf4"
+    path.write_bytes(bus_log([(i * 100_000, 0x100 + i % 2, data[8 * i : 8 * i + 8]) for i in range(frames)]))
+    dbc = folder / "bus.dbc"
+    dbc.write_text(DBC)
+    database = load_database(DBC, path)
+    log = read_mdf(path)
+
+    def ours(log: CanLog) -> list[np.ndarray[Any, Any]]:
+        recording = CanRecording(path, "", log, database, Declarations("can", database=DBC))
+        return [recording.read(header.name) for header in recording.signals]
+
+    with MDF(path) as file:
+
+        def theirs() -> Any:
+            return file.extract_bus_logging({"CAN": [(str(dbc), 0)]})
+
+        extracted = theirs()  # warm
+        np.testing.assert_allclose(extracted.get("s1", group=0).samples, ours(log)[1], rtol=1e-12)
+        took = Beside(fastest_s(lambda: ours(log), rounds), fastest_s(theirs, max(rounds // 2, 1)))
+    return took, fastest_s(lambda: ours(read_mdf(path)), max(rounds // 2, 1))
+
+
+@pytest.mark.parametrize("suffix", READ)
+def test_logs_are_read_faster_than_by_python_can(suffix: str, tmp_path: Path, capsys: Any) -> None:
+    took = read_beside_python_can(tmp_path, suffix, FRAMES)
     with capsys.disabled():
         print(
-            f"\n{suffix}: {FRAMES / ours_s / 1e3:.0f} thousand frames/s, python-can {FRAMES / theirs_s / 1e3:.0f}, "
-            f"{theirs_s / ours_s:.1f} times"
+            f"\n{suffix}: {FRAMES / took.ours_s / 1e3:.0f} thousand frames/s, "
+            f"python-can {FRAMES / took.theirs_s / 1e3:.0f}, {took.times:.1f} times"
         )
-    assert theirs_s >= target * ours_s
+    assert took.times >= READ[suffix][1]
 
 
 @pytest.mark.parametrize(("order", "target_m"), [("little", 10.0), ("big", 5.0)])
@@ -119,34 +159,22 @@ def test_four_signals_of_each_frame_are_decoded(order: str, target_m: float, cap
     assert target_m * 1e6 * took_s <= DECODED
 
 
-def test_decoding_is_faster_than_asammdfs_extraction(tmp_path: Path, capsys: Any) -> None:
-    from asammdf import MDF
-
-    data = np.random.default_rng(4).bytes(8 * FRAMES)
-    path = tmp_path / "bus.mf4"
-    path.write_bytes(bus_log([(i * 100_000, 0x100 + i % 2, data[8 * i : 8 * i + 8]) for i in range(FRAMES)]))
-    dbc = tmp_path / "bus.dbc"
-    dbc.write_text(DBC)
-    database = load_database(DBC, path)
-    log = read_mdf(path)
-
-    def ours(log: CanLog) -> list[np.ndarray[Any, Any]]:
-        recording = CanRecording(path, "", log, database, Declarations("can", database=DBC))
-        return [recording.read(header.name) for header in recording.signals]
-
-    with MDF(path) as file:
-
-        def theirs() -> Any:
-            return file.extract_bus_logging({"CAN": [(str(dbc), 0)]})
-
-        extracted = theirs()  # warm
-        np.testing.assert_allclose(extracted.get("s1", group=0).samples, ours(log)[1], rtol=1e-12)
-        theirs_s, ours_s = fastest_s(theirs, 3), fastest_s(lambda: ours(log))
-    whole_s = fastest_s(lambda: ours(read_mdf(path)), 3)
+def test_decoding_is_faster_than_cantools(capsys: Any) -> None:
+    took = decoded_beside_cantools(FRAMES)
     with capsys.disabled():
         print(
-            f"\nMDF bus logging, 8 signals of 2 messages: {FRAMES / ours_s / 1e6:.1f} million frames/s decoded, "
-            f"{FRAMES / whole_s / 1e6:.2f} with opening; asammdf extracts {FRAMES / theirs_s / 1e6:.2f}: "
-            f"{theirs_s / ours_s:.1f} times"
+            f"\n8 signals of 2 messages: {FRAMES / took.ours_s / 1e6:.1f} million frames/s, "
+            f"{took.times:.0f} times cantools"
         )
-    assert theirs_s >= 5 * ours_s
+    assert took.times >= 20
+
+
+def test_decoding_is_faster_than_asammdfs_extraction(tmp_path: Path, capsys: Any) -> None:
+    took, whole_s = extracted_beside_asammdf(tmp_path, FRAMES)
+    with capsys.disabled():
+        print(
+            f"\nMDF bus logging, 8 signals of 2 messages: {FRAMES / took.ours_s / 1e6:.1f} million frames/s decoded, "
+            f"{FRAMES / whole_s / 1e6:.2f} with opening; asammdf extracts {FRAMES / took.theirs_s / 1e6:.2f}: "
+            f"{took.times:.1f} times"
+        )
+    assert took.times >= 5

@@ -1,0 +1,120 @@
+"""How near the truth the virtual rig's answers are, beside other methods on the same shots, and beside bounds."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+from tests.benchmarks import test_alignment_benchmark as aligning
+from tests.benchmarks import test_campaign_benchmark as campaigns
+from tests.benchmarks import test_coverage_benchmark as coverage
+from tests.proof.row import Row, significant, times
+
+
+def alignment(quick: bool, _: Path) -> list[Row]:
+    """A camera's clock beside obspy's pick correction, and beside the bound of Cramer and Rao."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # obspy 1.4 asks for its plug-ins as Python 3.9 did
+        found = aligning.aligned(aligning.SHOTS[:2] if quick else aligning.SHOTS)
+    error_s, bound_s = aligning.beside_its_bound(range(3 if quick else 200))
+    ours = float(np.median(np.abs(found.errors_s["likelihood (this)"])))
+    what = f"clock of a camera, {len(found.u_s)} shots: median error"
+    peers = {"whole frames": "correlation to a frame", "obspy pick correction": "obspy xcorr_pick_correction"}
+    rows = [Row(what, f"{significant(1e6 * ours)} µs", "obspy is not installed: extra `bench`", "", "alignment")]
+    medians = {name: float(np.median(np.abs(found.errors_s[name]))) for name in peers if name in found.errors_s}
+    if "obspy pick correction" in medians:
+        rows = []
+    for name, theirs in medians.items():
+        peer = f"{peers[name]}: {significant(1e6 * theirs)} µs"
+        rows.append(Row(what, f"{significant(1e6 * ours)} µs", peer, times(theirs / ours), "alignment"))
+    rows.append(
+        Row(
+            "clock of a camera: RMS error where only the camera is noisy",
+            f"{significant(1e6 * error_s, 3)} µs",
+            f"Cramér-Rao bound: {significant(1e6 * bound_s, 3)} µs",
+            f"{error_s / bound_s:.2f} of the bound",
+            "alignment",
+        )
+    )
+    holds = float(np.mean(np.abs(found.pulls) < 1.96))
+    rows.append(Row("clock of a camera: 95 % interval holds", f"{100 * holds:.0f} %", "95 %", "", "alignment"))
+    return rows
+
+
+def shots(quick: bool, _: Path) -> list[Row]:
+    """The mass of single shots: coverage, and error beside the published method."""
+    rows = []
+    count = 1 if quick else coverage.SHOTS
+    for name in ("field-2013",) if quick else ("field-2013", "mixed"):
+        settings = dict(coverage.DRAWN)
+        outcomes = (
+            [coverage.outcome(name, coverage.FIRST_SEED[name], settings)]
+            if quick
+            else coverage.all_of(name, settings, count)
+        )
+        both = {
+            method: np.array([(*one.methods[method][:4], one.truth_kg) for one in outcomes]).T
+            for method in ("calibrated", "paper")
+        }
+        errors = {
+            method: 100 * float(np.sqrt(np.mean((mass / true - 1) ** 2)))
+            for method, (mass, _, _, _, true) in both.items()
+        }
+        held = {method: int(np.sum((low <= true) & (true <= high))) for method, (_, _, low, high, true) in both.items()}
+        what = f"mass of a shot, `{name}`"
+        rows += [
+            Row(
+                f"{what}: 95 % interval holds the truth",
+                f"{held['calibrated']} of {count} shots",
+                f"published method: {held['paper']} of {count}",
+                "",
+                "shots",
+            ),
+            Row(
+                f"{what}: RMS error",
+                f"{significant(errors['calibrated'])} %",
+                f"published method: {significant(errors['paper'])} %",
+                times(errors["paper"] / errors["calibrated"]),
+                "shots",
+            ),
+        ]
+    return rows
+
+
+def many_shots(quick: bool, _: Path) -> list[Row]:
+    """Campaigns of eight shots beside the weighted mean of their masses."""
+    if quick:
+        one = campaigns.fired(0, shots=2)
+        found = campaigns.combine(one.shots).mass
+        sets = {
+            "a quick one": ([(found.mass_kg, found.u_kg, one.mass_kg)], [(*campaigns.naive(one.shots), one.mass_kg)])
+        }
+    else:
+        replayed = {
+            kind: campaigns.combined(campaigns.REPLAYS, ringed=ringed)
+            for kind, ringed in (("nothing added", False), ("120 kg on every second shot", True))
+        }
+        sets = {kind: (one.joint, one.mean) for kind, one in replayed.items()}
+    rows = []
+    for kind, (joint, mean) in sets.items():
+        (_, hits, _, rms), (_, mean_hits, _, mean_rms) = campaigns.judged(joint), campaigns.judged(mean)
+        what, count = f"mass of 8 shots, {kind}", len(joint)
+        rows += [
+            Row(
+                f"{what}: 95 % interval holds the truth",
+                f"{hits} of {count} campaigns",
+                f"weighted mean: {mean_hits} of {count}",
+                "",
+                "campaign",
+            ),
+            Row(
+                f"{what}: RMS error",
+                f"{significant(rms)} %",
+                f"weighted mean: {significant(mean_rms)} %",
+                times(mean_rms / rms),
+                "campaign",
+            ),
+        ]
+    return rows
