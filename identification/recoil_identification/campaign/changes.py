@@ -9,8 +9,8 @@ asked again.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from statistics import NormalDist
 
 import numpy as np
@@ -89,21 +89,59 @@ class Change:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A change that is asked for: its column, and by how much it would raise the largest log likelihood."""
+    """A change that is asked for.
+
+    Attributes
+    ----------
+    parameter
+        Of a summary, that it moves.
+    names
+        Of all shots.
+    at
+        Place of the first shot that it concerns.
+    level : ndarray, shape (n_shots,), or None
+        Its size in each shot, over that of the whole; None for an outlier and a step, of which there are as many as
+        shots.
+    gain
+        By how much it would raise the largest log likelihood.
+    """
 
     kind: str
     influence: str
-    shots: tuple[str, ...]
-    column: Column
-    gain: float
+    parameter: str
+    names: tuple[str, ...]
+    at: int
+    level: Array | None = None
+    gain: float = 0.0
+
+    @property
+    def shots(self) -> tuple[str, ...]:
+        """Which it concerns, as of `Change`."""
+        concerned = tuple(self.names[i] for i in np.flatnonzero(self.column.shares))
+        return (self.names[self.at], concerned[-1]) if self.kind == DRIFT else concerned
+
+    @property
+    def column(self) -> Column:
+        """Of the joint fit."""
+        places = np.arange(len(self.names))
+        alike = places == self.at if self.kind == OUTLIER else places >= self.at
+        shares = alike.astype(np.float64) if self.level is None else self.level
+        return Column(self.name, self.parameter, shares)
+
+    @property
+    def name(self) -> str:
+        """Of its column."""
+        last = {OUTLIER: self.at, STEP: -1}.get(self.kind)
+        last = int(np.flatnonzero(self.level)[-1]) if last is None else last
+        return f"{self.kind}: {self.influence}, {self.names[self.at]} to {self.names[last]}"
 
     def __str__(self) -> str:
         return {
-            STEP: f"a step of the mass before shot {self.shots[0]}",
+            STEP: f"a step of the mass before shot {self.names[self.at]}",
             DRIFT: f"a drift of {self.influence}",
             ADDED: f"another mass added to shots {', '.join(self.shots)}",
             OFF: f"{self.influence} off in all shots",
-            OUTLIER: f"{self.influence} of shot {self.shots[0]} alone",
+            OUTLIER: f"{self.influence} of shot {self.names[self.at]} alone",
         }[self.kind]
 
 
@@ -148,68 +186,51 @@ def candidates_of(fit: JointFit, found: Sequence[Candidate] = ()) -> list[Candid
     found
         Columns of the fit.
     """
-    rows, told = fit.rows, {one.column.name for one in found}
-    asked = {
-        parameter: [one for one in _patterns(rows, parameter) if one[-1].name not in told]
-        for parameter in (LN_MASS, *GAINS)
-        if parameter in rows.parameters
-    }
-    shares = {parameter: np.array([column.shares for *_, column in of_it]) for parameter, of_it in asked.items()}
+    rows, told = fit.rows, {one.name for one in found}
+    asked = {parameter: _asked(rows, parameter) for parameter in (LN_MASS, *GAINS) if parameter in rows.parameters}
     best = {parameter: np.full(len(of_it), -np.inf) for parameter, of_it in asked.items()}
     for trial in fit.trials:
         score = _Score.of(rows, trial)
-        for parameter, level in best.items():
-            np.maximum(
-                level, trial.log_likelihood + 0.5 * score.of_columns(parameter, shares[parameter]) ** 2, out=level
-            )
+        for parameter, of_it in asked.items():
+            level = trial.log_likelihood + 0.5 * score.of_candidates(parameter, of_it) ** 2
+            np.maximum(best[parameter], level, out=best[parameter])
     base = max(trial.log_likelihood for trial in fit.trials)
     candidates = [
-        Candidate(*one, level - base)
+        replace(one, gain=level - base)
         for parameter, of_it in asked.items()
         for one, level in zip(of_it, best[parameter].tolist(), strict=True)
+        if one.name not in told
     ]
     return sorted(candidates, key=lambda one: -one.gain)
 
 
 def normalised_residuals(fit: JointFit) -> Array:
     """Return how far the mass of each shot lies from what all others say, standard normal, shape (n_shots,)."""
-    return _Score.of(fit.rows, fit.likeliest).of_columns(LN_MASS, np.eye(len(fit.rows.shots)))
+    return _w(*_Score.of(fit.rows, fit.likeliest).by_shot(LN_MASS))
 
 
-def _patterns(rows: JointRows, parameter: str) -> Iterator[tuple[str, str, tuple[str, ...], Column]]:
-    """List the changes of a parameter that are asked for: kind, influence, shots, column."""
+def _asked(rows: JointRows, parameter: str) -> list[Candidate]:
+    """List the changes of a parameter that are asked for: each shot apart, the steps, and all others."""
     names = tuple(shot.name for shot in rows.shots)
-    n, alone = len(names), np.eye(len(names))
-
-    def pattern(
-        kind: str, influence: str, shots: Sequence[str], shares: Array
-    ) -> tuple[str, str, tuple[str, ...], Column]:
-        return (
-            kind,
-            influence,
-            tuple(shots),
-            Column(f"{kind}: {influence}, {shots[0]} to {shots[-1]}", parameter, shares),
-        )
-
-    sensors = _sensors(rows, parameter)
+    n, sensors = len(names), _sensors(rows, parameter)
     label = ", ".join(rows.influences[at].label for at in sensors) or f"{parameter[3:]} scale"
-    for i, name in enumerate(names):
-        yield pattern(OUTLIER, MASS if parameter == LN_MASS else label, [name], alone[i])
+    found = [Candidate(OUTLIER, MASS if parameter == LN_MASS else label, parameter, names, i) for i in range(n)]
     if parameter == LN_MASS:
-        for i in range(2, n - 1):  # one shot after it, or before, is one that lies apart
-            yield pattern(STEP, MASS, names[i:], np.where(np.arange(n) < i, 0.0, 1.0))
+        # one shot after it, or before, is one that lies apart
+        found += [Candidate(STEP, MASS, parameter, names, i) for i in range(2, n - 1)]
         for number, (mass_kg, _) in enumerate(rows.weights):
-            bear = np.flatnonzero(rows.weight == number)
-            if 1 < bear.size < n:
-                concerned = [names[i] for i in bear]
-                yield pattern(ADDED, f"{MASS} of {mass_kg:g} kg added", concerned, alone[bear].sum(axis=0))
+            bear = rows.weight == number
+            if 1 < np.count_nonzero(bear) < n:
+                level, influence = bear.astype(np.float64), f"{MASS} of {mass_kg:g} kg added"
+                found.append(Candidate(ADDED, influence, parameter, names, int(np.argmax(bear)), level))
     for identity, level in sensors.items():
         at, sensor = np.flatnonzero(level), rows.influences[identity].label
-        yield pattern(OFF, sensor, [names[i] for i in at], level)
+        found.append(Candidate(OFF, sensor, parameter, names, int(at[0]), level))
         if at.size >= LEAST_SHOTS:
             ramp = np.zeros(n)
             ramp[at] = level[at] * np.linspace(0.0, 1.0, at.size)
-            yield pattern(DRIFT, sensor, [names[at[0]], names[at[-1]]], ramp)
+            found.append(Candidate(DRIFT, sensor, parameter, names, int(at[0]), ramp))
+    return found
 
 
 def _sensors(rows: JointRows, parameter: str) -> dict[int, Array]:
@@ -233,24 +254,54 @@ class _Score:
         white = rows.whitened(trial.scatter)
         return cls(rows, trial, white.triangle, *white.by_shot(trial.values))
 
-    def of_columns(self, parameter: str, shares: Array) -> Array:
-        """Return w of columns that move a parameter, shape (n_columns,); 0 where nothing tells of one.
+    def by_shot(self, parameter: str) -> tuple[Array, Array, Array]:
+        """Return what each shot alone tells of a parameter in it.
 
-        Parameters
-        ----------
-        shares : ndarray, shape (n_columns, n_shots)
+        Returns
+        -------
+        energy : ndarray, shape (n_shots,)
+            Of its column.
+        shared : ndarray, shape (n_shots, n_unknowns)
+            Its product with what the common unknowns move, behind a square root of their covariance.
+        product : ndarray, shape (n_shots,)
+            With what is left of the rows.
         """
         place = self.rows.parameters.index(parameter)
         column = self.triangle[:, :, place]
         if parameter == LN_MASS:  # one kg is a smaller share of a heavier part
             whole_kg = np.exp(self.rows.modelled(self.trial.values)[0][:, place])
             column = column * (self.rows.reference_kg / whole_kg)[:, np.newaxis]
-        energy = shares**2 @ np.einsum("nk,nk->n", column, column)
-        shared = shares @ np.einsum("nkp,nk->np", self.derivatives, column)
-        own = energy - np.einsum("cp,cp->c", shared @ self.trial.estimate.covariance, shared)
-        judged = own > LEAST_REDUNDANCY * np.maximum(energy, np.finfo(np.float64).tiny)
-        product = shares @ np.einsum("nk,nk->n", column, self.left)
-        return np.where(judged, product / np.sqrt(np.where(judged, own, 1.0)), 0.0)
+        variances, directions = np.linalg.eigh(self.trial.estimate.covariance)
+        root = directions * np.sqrt(np.maximum(variances, 0.0))
+        shared = np.einsum("nkp,nk->np", self.derivatives, column) @ root
+        return np.einsum("nk,nk->n", column, column), shared, np.einsum("nk,nk->n", column, self.left)
+
+    def of_candidates(self, parameter: str, asked: Sequence[Candidate]) -> Array:
+        """Return w of the candidates that move a parameter, as `_asked` lists them, shape (n_candidates,)."""
+        energy, shared, product = self.by_shot(parameter)
+        steps = slice(2, max(len(energy) - 1, 2)) if parameter == LN_MASS else slice(0)
+        later = (np.cumsum(each[::-1], axis=0)[::-1][steps] for each in (energy, shared, product))
+        levels = np.array([one.level for one in asked if one.level is not None]).reshape(-1, len(energy))
+        return np.concatenate(
+            [
+                _w(energy, shared, product),
+                _w(*later),
+                _w(levels**2 @ energy, levels @ shared, levels @ product),
+            ]
+        )
+
+
+def _w(energy: Array, shared: Array, product: Array) -> Array:
+    """Return w of columns that no unknown stands for, shape (n_columns,); 0 where nothing tells of one.
+
+    Parameters
+    ----------
+    energy, shared, product
+        As of `_Score.by_shot`, of columns instead of shots.
+    """
+    own = energy - np.einsum("cp,cp->c", shared, shared)
+    judged = own > LEAST_REDUNDANCY * np.maximum(energy, np.finfo(np.float64).tiny)
+    return np.where(judged, product / np.sqrt(np.where(judged, own, 1.0)), 0.0)
 
 
 def _change(fit: JointFit, found: Candidate, instead: str) -> Change:
