@@ -8,12 +8,18 @@ from recoil_identification.report.figure import FloatArray, IndexArray, Panel, T
 
 Range = tuple[float, float]
 
-HUES = ("50,116,186", "217,121,32", "46,146,104", "138,92,176", "20,150,170", "200,66,72", "150,120,40", "110,120,135")
+HUES = ("0,114,178", "213,94,0", "0,158,115", "204,121,167", "86,180,233", "185,35,85", "230,159,0", "110,120,135")
+"""Six of them are those of Okabe and Ito, *Color Universal Design* (2008): whoever is colour-blind tells them apart."""
 REFERENCE_HUE = "139,147,160"
-LINE_COLOUR = {"specification": "rgb(200,66,72)", "limit": "rgb(217,121,32)", "mean": "rgb(45,106,176)"}
+DASHES = ("", "8px,3px", "2px,2px", "9px,3px,2px,3px", "15px,4px", "5px,2px,1px,2px,1px,2px")
+"""Of the lines of one panel, so that grey paper tells them apart; the first is drawn through."""
+LINE_COLOUR = {"specification": "rgb(185,35,85)", "limit": "rgb(213,94,0)", "mean": "rgb(0,114,178)"}
 SPAN_COLOUR = "rgba(110,130,160,0.11)"
-FIRED_COLOUR = "rgb(200,66,72)"
+FIRED_COLOUR = "rgb(185,35,85)"
 MARK_COLOUR = "rgb(139,147,160)"
+
+METHODS = ("calibrated", "reverse", "kinematic", "paper", "camera", "forward", "tls", "ar-gls", "weak")
+"""Their places are their hues: a method has one look in every report."""
 
 LOG_DECADES = 10  # below the largest value; what lies deeper is the arithmetic's, not the recorder's
 
@@ -25,6 +31,14 @@ def hue_of(trace: Trace, earlier: int) -> str:
     # a model and points are there to be compared with a filtered trace, and so begin with another hue
     first = 1 if trace.kind in ("model", "points", "reference") else 0
     return HUES[(first + earlier if trace.hue is None else trace.hue) % len(HUES)]
+
+
+def dash_of(trace: Trace, earlier: int) -> str:
+    """Choose the dashes of a line as `hue_of` chooses its colour; empty for one that is drawn through."""
+    if trace.kind not in ("filtered", "model", "reference", "series"):
+        return ""
+    first = 1 if trace.kind == "model" else 2 if trace.kind == "reference" else 0
+    return DASHES[(first + earlier if trace.hue is None else trace.hue) % len(DASHES)]
 
 
 def y_range(panel: Panel, shown: Range | None) -> Range | None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from recoil_identification.campaign.campaign import Campaign, Estimated, Used
 from recoil_identification.campaign.charted import CHART, Charted, ChartSignal
 from recoil_identification.campaign.charts import RULE_SET, Trend
 from recoil_identification.report.document import to_json
+from recoil_identification.report.json_file import json_bytes
 
 SCHEMA = "recoil-daq/campaign/1"
 CAMPAIGN_FILE = "campaign.json"
@@ -125,7 +125,7 @@ def campaign_table(document: Mapping[str, Any]) -> str:
 
 def write_campaign(folder: Path, document: Mapping[str, Any]) -> None:
     """Write ``campaign.json`` and ``campaign.csv`` into a folder."""
-    (folder / CAMPAIGN_FILE).write_text(json.dumps(document, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    (folder / CAMPAIGN_FILE).write_bytes(json_bytes(document))
     (folder / TABLE_FILE).write_text(campaign_table(document), encoding="utf-8")
 
 

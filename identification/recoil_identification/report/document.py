@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -22,6 +21,7 @@ from recoil_identification.firing_record import CURVES, Curves, peaks_of
 from recoil_identification.mass_over_time import SEED as SEED_OF_CONSTANCY
 from recoil_identification.monte_carlo import SEED as SEED_OF_MONTE_CARLO
 from recoil_identification.report.computer import computer
+from recoil_identification.report.json_file import json_bytes
 from recoil_identification.report.seal import sealed
 from recoil_identification.rpe import RPE_MEANING
 from recoil_identification.rpe import SEED as SEED_OF_RPE
@@ -395,7 +395,7 @@ def _method(name: str, result: Result, found: Identification) -> dict[str, Any]:
 def write_document(folder: Path, document: Mapping[str, Any]) -> Path:
     """Write ``report.json`` into a folder."""
     path = folder / REPORT_FILE
-    path.write_text(json.dumps(document, indent=2, allow_nan=False) + "\n", encoding="utf-8", newline="\n")
+    path.write_bytes(json_bytes(document))
     return path
 
 

@@ -9,19 +9,22 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_identification.report.appearance import FIRED_COLOUR, LINE_COLOUR, Range, hue_of
+from recoil_identification.report.appearance import FIRED_COLOUR, LINE_COLOUR, Range, dash_of, hue_of
 from recoil_identification.report.figure import Figure, FloatArray, HorizontalLine, Panel, Scale, Span, Trace
 from recoil_identification.report.svg_axes import LEFT_PX, RIGHT_PX, Axes, axes_of
 from recoil_identification.report.svg_text import clean, fitted, label, number, text_width
-from recoil_identification.report.svg_trace import DOTTED, PEN, PENS, trace_parts
+from recoil_identification.report.svg_trace import DOTTED, pen, trace_parts
 from recoil_identification.report.ticks import Ticks, linear_ticks, log_ticks
 
 WIDTH_PX = 720
 """Of every figure: 4 pixels in a millimetre of an A4 page between its margins."""
-SINGLE_PX, STACKED_PX = 230.0, 150.0
+PANEL_PX = {1: 180.0, 2: 105.0}
+"""Height of each panel of a figure with so many; `MANY_PX` of one with more."""
+MANY_PX = 95.0
 LEGEND_ROW_PX, AXIS_PX, GAP_PX = 16.0, 34.0, 8.0
 TEXT_PX, SMALL_PX = 11.0, 10.0
 SWATCH_PX = 24.0
@@ -52,11 +55,11 @@ def figure_svg(figure: Figure) -> str:
     last_sharing = max((i for i, panel in enumerate(figure.panels) if panel.x_label is None), default=-1)
     top = 2.0
     for i, panel in enumerate(figure.panels):
-        drawn, own = _hued(panel), panel.x_label is not None
+        drawn, own = _drawn(panel), panel.x_label is not None
         for row in _legend_rows(drawn):
             top += LEGEND_ROW_PX
             parts += _legend(row, top - 5.0)
-        axes = axes_of(figure, panel, top, top + (SINGLE_PX if len(figure.panels) == 1 else STACKED_PX))
+        axes = axes_of(figure, panel, top, top + PANEL_PX.get(len(figure.panels), MANY_PX))
         ticks = _places(figure.names) if figure.names and not own else _ticks(axes.x, axes.x_scale, 9)
         parts += _panel(panel, drawn, axes, ticks)
         top = axes.bottom_px + GAP_PX
@@ -74,66 +77,76 @@ def figure_svg(figure: Figure) -> str:
     return "\n".join([*head, *parts, "</svg>\n"])
 
 
-def _hued(panel: Panel) -> list[tuple[Trace, str]]:
-    """Return what is drawn with its colours, which are those that it has beside what is not drawn."""
+@dataclass(frozen=True)
+class _Drawn:
+    """A trace that is drawn, with the look that it has beside those that are not."""
+
+    trace: Trace
+    hue: str
+    dash: str
+
+
+def _drawn(panel: Panel) -> list[_Drawn]:
     used: Counter[str] = Counter()
     found = []
     for trace in panel.traces:
-        hue = hue_of(trace, used[trace.kind])
+        earlier = used[trace.kind]
         used[trace.kind] += trace.hue is None
         if trace.visible:
-            found.append((trace, hue))
+            found.append(_Drawn(trace, hue_of(trace, earlier), dash_of(trace, earlier)))
     return found
 
 
-def _legend_rows(drawn: Sequence[tuple[Trace, str]]) -> list[list[tuple[float, str, Trace, str]]]:
-    """Put the names into rows: place, name, trace and colour of each."""
-    named = {trace.group or f"\n{trace.name}": (trace, hue) for trace, hue in reversed(drawn)}
-    rows: list[list[tuple[float, str, Trace, str]]] = []
+def _legend_rows(drawn: Sequence[_Drawn]) -> list[list[tuple[float, str, _Drawn]]]:
+    """Put the names of traces and groups into rows, with the place of each."""
+    named: dict[tuple[str, str], _Drawn] = {}
+    for one in drawn:
+        named.setdefault((one.trace.group, "" if one.trace.group else one.trace.name), one)
+    rows: list[list[tuple[float, str, _Drawn]]] = []
     x = RIGHT_PX
-    for name, (trace, hue) in reversed(named.items()):
-        text = fitted(name.removeprefix("\n"), TEXT_PX, RIGHT_PX - LEFT_PX - SWATCH_PX - 5.0)
+    for (group, name), one in named.items():
+        text = fitted(group or name, TEXT_PX, RIGHT_PX - LEFT_PX - SWATCH_PX - 5.0)
         width = SWATCH_PX + 5.0 + text_width(text, TEXT_PX)
         if x + width > RIGHT_PX:
             rows.append([])
             x = LEFT_PX
-        rows[-1].append((x, text, trace, hue))
+        rows[-1].append((x, text, one))
         x += width + 12.0
     return rows
 
 
-def _legend(row: Sequence[tuple[float, str, Trace, str]], base_px: float) -> list[str]:
+def _legend(row: Sequence[tuple[float, str, _Drawn]], base_px: float) -> list[str]:
     parts = []
-    for x, text, trace, hue in row:
-        y, middle = base_px - 3.5, x + SWATCH_PX / 2
-        place = f'cx="{number(middle)}" cy="{number(y)}"'
-        if trace.kind in ("band", "bars"):
-            fill = f'fill="rgb({hue})" fill-opacity="{0.22 if trace.kind == "band" else 0.55}"'
+    for x, text, one in row:
+        kind, y = one.trace.kind, base_px - 3.5
+        place = f'cx="{number(x + SWATCH_PX / 2)}" cy="{number(y)}"'
+        if kind in ("band", "bars"):
+            fill = f'fill="rgb({one.hue})" fill-opacity="{0.22 if kind == "band" else 0.55}"'
             parts.append(_rectangle(x, y - 4.5, x + SWATCH_PX, y + 4.5, fill))
-        if trace.kind == "marks":
+        if kind == "marks":
             parts.append(f'<circle {place} r="4" fill="none" stroke="{FIRED_COLOUR}" stroke-width="1.5"/>')
-        elif trace.kind in DOTTED:
-            parts.append(f'<circle {place} r="2.2" fill="rgb({hue})"/>')
-        if trace.kind not in ("bars", "marks", "points", "whiskers"):
-            line = f'd="M{number(x)} {number(y)}H{number(x + SWATCH_PX)}" fill="none"'
-            parts.append(f'<path {line} stroke="rgb({hue})" {PENS.get(trace.kind, PEN)}/>')
+        elif kind in DOTTED:
+            parts.append(f'<circle {place} r="2.2" fill="rgb({one.hue})"/>')
+        if kind not in ("bars", "marks", "points", "whiskers"):
+            line = f"M{number(x)} {number(y)}H{number(x + SWATCH_PX)}"
+            parts.append(f'<path d="{line}" {pen(one.trace, one.hue, one.dash)}/>')
         parts.append(label(text, x + SWATCH_PX + 5.0, base_px, size_px=TEXT_PX))
     return parts
 
 
-def _panel(panel: Panel, drawn: Sequence[tuple[Trace, str]], axes: Axes, x: Ticks) -> list[str]:
+def _panel(panel: Panel, drawn: Sequence[_Drawn], axes: Axes, x: Ticks) -> list[str]:
     spans = [(span, *_reach(span, axes)) for span in panel.spans]
     spans = [one for one in spans if one[1] <= one[2]]
     parts = [_rectangle(x0, axes.top_px, x1, axes.bottom_px, f'fill="{SPAN}"') for _, x0, x1 in spans if x1 > x0]
     parts += [part for line in panel.lines for part in _level_band(line, axes)]
-    y = _ticks(axes.y, axes.y_scale, 6 if axes.bottom_px - axes.top_px > STACKED_PX else 4)
+    y = _ticks(axes.y, axes.y_scale, round((axes.bottom_px - axes.top_px) / 32.0))
     rules = [f"M{number(v)} {number(axes.top_px)}V{number(axes.bottom_px)}" for v in axes.across(_named(x)).tolist()]
     rules += [f"M{LEFT_PX:g} {number(v)}H{RIGHT_PX:g}" for v in axes.up(_named(y)).tolist()]
     parts.append(f'<path d="{"".join(rules)}" fill="none" stroke="{GRID}" stroke-width="0.7"/>')
-    points = sum(min(np.size(trace.x), TRACE_POINTS) for trace, _ in drawn)
+    points = sum(min(np.size(one.trace.x), TRACE_POINTS) for one in drawn)
     buckets = max(round(TRACE_POINTS / 2 * min(1.0, PANEL_POINTS / max(points, 1))), 50)
-    for trace, hue in drawn:
-        parts += trace_parts(trace, hue, axes, buckets)
+    for one in drawn:
+        parts += trace_parts(one.trace, one.hue, one.dash, axes, buckets)
     for line in panel.lines:
         parts += _level(line, axes)
     edge = f'fill="none" stroke="{EDGE}" stroke-width="0.8"'

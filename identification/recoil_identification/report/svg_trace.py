@@ -11,25 +11,32 @@ from recoil_identification.report.figure import FloatArray, Trace, bucket_starts
 from recoil_identification.report.svg_axes import LEFT_PX, RIGHT_PX, Axes, bar_width
 from recoil_identification.report.svg_text import number
 
-PENS = {
-    "measured": 'stroke-width="0.7" stroke-opacity="0.6"',
-    "model": 'stroke-width="1.3" stroke-dasharray="6 3"',
-    "reference": 'stroke-width="1.2" stroke-dasharray="1.5 2"',
-    "series": 'stroke-width="0.8"',
-}
-"""How lines are drawn: in grey, dashes tell what colours tell otherwise."""
-PEN = 'stroke-width="1.3" stroke-linecap="round"'
 DOTTED = ("points", "whiskers", "series")
 """Kinds of traces that have a dot at each sample."""
 
 
-def trace_parts(trace: Trace, hue: str, axes: Axes, buckets: int) -> list[str]:
-    """Draw a trace.
+def pen(trace: Trace, hue: str, dash: str) -> str:
+    """Return how the line of a trace is drawn: attributes of a path.
 
     Parameters
     ----------
     hue
         Red, green and blue with commas between them.
+    dash
+        Lengths with commas between them; empty for a line that is drawn through.
+    """
+    widths = {"measured": '0.7" stroke-opacity="0.6', "series": "0.8"}
+    ends = f'stroke-dasharray="{dash.replace("px", "")}"' if dash else 'stroke-linecap="round"'
+    return f'fill="none" stroke="rgb({hue})" stroke-width="{widths.get(trace.kind, "1.3")}" {ends}'
+
+
+def trace_parts(trace: Trace, hue: str, dash: str, axes: Axes, buckets: int) -> list[str]:
+    """Draw a trace.
+
+    Parameters
+    ----------
+    hue, dash
+        As `pen`.
     buckets
         Stretches of its envelope.
 
@@ -52,26 +59,22 @@ def trace_parts(trace: Trace, hue: str, axes: Axes, buckets: int) -> list[str]:
     if trace.kind == "marks":
         ring = f'r="5" fill="none" stroke="{FIRED_COLOUR}" stroke-width="1.5"'
         return [f'<circle cx="{number(a)}" cy="{number(b)}" {ring}/>' for a, b in _inside(across, up, axes)]
-    parts = []
+    parts, line = [], pen(trace, hue, dash)
     if trace.kind == "band":
         edge_x, edge_y = band_outline(x, *limits, starts)
         outline = _outline(axes.across(edge_x), axes.up(edge_y), axes)
         parts.append(f'<path d="{outline}" fill="rgb({hue})" fill-opacity="0.22"/>')
     if trace.kind == "whiskers":
         low, high = (axes.up(v[chosen]) for v in limits)
-        parts.append(_drawn(_whiskers(across, low, high, axes), hue, 'stroke-width="1.1"'))
+        parts.append(f'<path d="{_whiskers(across, low, high, axes)}" {line}/>')
     if trace.kind in DOTTED:
         dots = "".join(f"M{number(a)} {number(b)}h.1" for a, b in _inside(across, up, axes))
-        parts.append(
-            _drawn(dots, hue, f'stroke-width="{2.4 if trace.kind == "points" else 4.2}" stroke-linecap="round"')
-        )
+        size = 2.4 if trace.kind == "points" else 4.2
+        ends = f'stroke-width="{size}" stroke-linecap="round"'
+        parts.append(f'<path d="{dots}" fill="none" stroke="rgb({hue})" {ends}/>')
     if trace.kind not in ("points", "whiskers"):
-        parts.append(_drawn(_curve(across, up, axes), hue, PENS.get(trace.kind, PEN)))
+        parts.append(f'<path d="{_curve(across, up, axes)}" {line} stroke-linejoin="round"/>')
     return parts
-
-
-def _drawn(path: str, hue: str, pen: str) -> str:
-    return f'<path d="{path}" fill="none" stroke="rgb({hue})" {pen} stroke-linejoin="round"/>'
 
 
 def _inside(across: FloatArray, up: FloatArray, axes: Axes) -> list[tuple[float, float]]:

@@ -16,6 +16,17 @@ from recoil_rigs.assumptions import assumption_lines
 Report = Mapping[str, Any]
 Row = dict[str, Any]
 
+PEAKS = (
+    ("breech_pressure_pa", "peak breech pressure", 1e-6, 1, "MPa"),
+    ("brake_pressure_pa", "peak brake pressure", 1e-6, 2, "MPa"),
+    ("recuperator_pressure_pa", "peak recuperator pressure", 1e-6, 2, "MPa"),
+    ("recoil_acceleration_m_s2", "peak acceleration, filtered", 1.0, 0, "m/s²"),
+    ("recoil_velocity_m_s", "peak velocity", 1.0, 2, "m/s"),
+    ("recoil_travel_m", "recoil length", 1e3, 1, "mm"),
+    ("recoil_time_s", "time of recoil", 1e3, 1, "ms"),
+    ("impulse_n_s", "impulse of the breech force", 1e-3, 2, "kN s"),
+)
+"""Key, label, factor, decimals and unit."""
 SEVERITY = {"fail": 0, "warn": 1, "ok": 2}
 
 
@@ -53,6 +64,36 @@ def verdict(report: Report) -> Row:
         "deviation": report.get("deviation"),
         "agrees": e_n is not None and abs(e_n) <= 1.0,
     }
+
+
+def in_words(report: Report) -> str:
+    """Say the verdict in a sentence; the reasons and the deviation stand below it."""
+    mass = report["mass"]
+    reasons = len(report.get("reasons") or ())
+    if not report["valid"]:
+        against = "one reason speaks" if reasons == 1 else f"{reasons} reasons speak" if reasons else "something speaks"
+        return f"Not to be relied on: {against} against this mass."
+    specification = _known(mass.get("specification"))
+    e_n = report.get("E_n")
+    if specification is None or e_n is None:
+        return "Nothing speaks against this mass."
+    how = "agrees with" if abs(e_n) <= 1.0 else "deviates from"
+    return f"Nothing speaks against this mass; it {how} the specification of {specification} {mass.get('unit', 'kg')}."
+
+
+def peaks(report: Report) -> list[tuple[str, str]]:
+    """Label and text, with its unit, of the largest values of the shot, as far as it has them."""
+    known = report.get("peaks") or {}
+    return [
+        (label, f"{fixed(scale * known[name], decimals)} {unit}")
+        for name, label, scale, decimals, unit in PEAKS
+        if known.get(name) is not None
+    ]
+
+
+def assumed(report: Report) -> str | None:
+    """Say in one line what is taken for granted; None if it is nothing."""
+    return "; ".join(assumption_lines(report.get("assumptions") or ())) or None
 
 
 def started(report: Report) -> str | None:

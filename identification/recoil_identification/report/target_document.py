@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,6 +13,7 @@ from recoil_acquisition.shot import InputFile, Shot
 from recoil_acquisition.store.shot_log import ShotLogRow
 from recoil_identification.report.document import provenance_inputs, started, to_json
 from recoil_identification.report.finding import Finding, Quantity, Series
+from recoil_identification.report.json_file import json_bytes
 from recoil_rigs.rig_correction import Correction
 
 SCHEMA = "recoil-daq/target/1"
@@ -106,7 +106,7 @@ def series_file(target: str) -> str:
 def write_target_document(folder: Path, document: Mapping[str, Any]) -> Path:
     """Write ``<target>.json`` into a folder."""
     path = folder / f"{document['target']}.json"
-    path.write_text(json.dumps(document, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    path.write_bytes(json_bytes(document))
     return path
 
 

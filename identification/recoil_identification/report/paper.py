@@ -1,0 +1,309 @@
+"""The paper copy of a report: what a page shows, put into an order for sheets, without what only a screen can do.
+
+The rows are those of the page (`tables`, `campaign_tables`); checks that passed are counted, not listed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from recoil_identification.report import campaign_tables, tables
+from recoil_identification.report.figure import Figure
+from recoil_identification.report.json_file import json_bytes
+from recoil_identification.report.rounding import NO_NUMBER, plain
+from recoil_identification.report.svg import figure_svg
+from recoil_identification.report.typeset import pdf_bytes, png_bytes
+
+PDF_FILE = "report.pdf"
+CAMPAIGN_PDF = "campaign.pdf"
+FIGURES_FOLDER = "figures"
+MOST_UPRIGHT = 9
+"""Columns of a table that has room on an upright sheet."""
+
+Document = Mapping[str, Any]
+Part = dict[str, Any]
+Columns = Sequence[tuple[str, str]]
+"""Heading and kind of each: ``text``, ``long`` (takes what room is left), ``number`` or ``code``."""
+
+
+def write_figures(folder: Path, figures: Sequence[Figure], prefix: str = "") -> None:
+    """Write each figure as SVG and PNG into ``figures`` in a folder, under its key.
+
+    Parameters
+    ----------
+    folder
+        Is there already.
+    prefix
+        Of the files' names.
+
+    Raises
+    ------
+    StoreError
+        If typst refuses one.
+    """
+    place = folder / FIGURES_FOLDER
+    place.mkdir(exist_ok=True)
+    drawn = [figure_svg(figure) for figure in figures]
+    for figure, svg, png in zip(figures, drawn, png_bytes(drawn), strict=True):
+        (place / f"{prefix}{figure.key}.svg").write_bytes(svg.encode("utf-8"))
+        (place / f"{prefix}{figure.key}.png").write_bytes(png)
+
+
+def report_pdf(report: Document, figures: Sequence[Figure]) -> bytes:
+    """Typeset a shot's report, with its ``report.json`` embedded.
+
+    Parameters
+    ----------
+    report
+        Schema ``recoil-daq/report/1``.
+    figures
+        In reading order.
+
+    Returns
+    -------
+    bytes
+        PDF/A-3b; the same for the same report and figures.
+
+    Raises
+    ------
+    StoreError
+        If typst refuses it.
+    """
+    verdict = tables.verdict(report)
+    mass, rpe = report["mass"], report["rpe_percent"] or {}
+    measures = [
+        ("specification", verdict["specification"] and f"{verdict['specification']} {verdict['unit']}"),
+        ("95 % coverage interval", verdict["interval"]),
+        ("standard uncertainty u", mass.get("u") and f"{tables.budget(report)[1]} {verdict['unit']}"),
+        ("relative percentage error, RPE", verdict["rpe"] and f"{verdict['rpe']} %"),
+        ("RPE, 95 % coverage interval", verdict["rpe_interval"]),
+        ("Eₙ to the specification", verdict["e_n"]),
+    ]
+    result = "no number"
+    if verdict["number"]:
+        result = f"{verdict['mass']} {verdict['spread'] or ''} {verdict['unit']}".replace("  ", " ")
+    reasons = list(report.get("reasons") or ())
+    if verdict["deviation"]:
+        reasons.append(f"Valid, {verdict['deviation']}.")
+    notes = [*(report.get("notes") or ()), *([rpe["meaning"]] if rpe.get("meaning") else ())]
+    assumed = tables.assumed(report)
+    head = {
+        "tone": "bad" if not verdict["valid"] else "doubt" if verdict["deviation"] else "ok",
+        "stamp": "VALID" if verdict["valid"] else "NOT VALID",
+        "result": result,
+        "words": tables.in_words(report),
+        "reasons": reasons,
+        "measures": [pair for pair in measures if pair[1]],
+        "groups": [("The shot", tables.facts(report)), ("Peaks", tables.peaks(report))],
+        "lists": [("Notes", notes), ("What was assumed", [assumed] if assumed else [])],
+    }
+    parts = [*_results(report), *_figures(figures), *_processing(report)]
+    return _typeset(f"Shot {report['shot']} on rig {report['rig']}", "report.json", report, head, parts, figures)
+
+
+def target_pdf(document: Document, figures: Sequence[Figure]) -> bytes:
+    """Typeset what was identified of a shot beside its mass, as `report_pdf`."""
+    head = {
+        **_plain_head(document),
+        "result": document["title"],
+        "words": document["summary"],
+        "lists": [("Notes", list(document["notes"]))],
+    }
+    columns = [("Quantity", "long"), ("Symbol", "text"), ("Value", "number"), ("u", "number"),
+               ("95 % interval", "number"), ("Unit", "text"), ("Declared", "number"), ("Eₙ", "number"),
+               ("How", "long")]  # fmt: skip
+    keys = ("name", "symbol", "value", "u", "interval", "unit", "expected", "e_n", "basis")
+    parts = [
+        _table("What was identified", columns, _cells(tables.quantities(document), keys),
+               "u is the standard uncertainty; the interval covers the true value with 95 %. Eₙ compares with what the "
+               "rig file declares: within 1 the two agree."),
+        *_figures(figures),
+        *(_table(one["title"], [(head, "text") for head in one["columns"]], one["rows"], one["caption"])
+          for one in document["tables"]),
+    ]  # fmt: skip
+    name = f"{document['target']}.json"
+    title = f"Shot {document['shot']} on rig {document['rig']}: {document['title']}"
+    return _typeset(title, name, document, head, parts, figures)
+
+
+def campaign_pdf(document: Document, figures: Sequence[Figure]) -> bytes:
+    """Typeset a campaign's answer, with its ``campaign.json`` embedded, as `report_pdf`.
+
+    Of the figures that a page shows when it is asked for, only those in which something fired are on paper.
+    """
+    verdict = campaign_tables.verdict(document)
+    changed = campaign_tables.changed(document)
+    head = {
+        **_plain_head(document),
+        "result": f"{verdict['mass']} {verdict['spread']} {verdict['unit']}",
+        "words": "" if changed or document["signals"] else "Nothing changed among the shots.",
+        "reasons": [*document["reasons"], *changed],
+        "measures": [
+            ("95 % coverage interval", verdict["interval"]),
+            ("standard uncertainty u", f"{verdict['u']} {verdict['unit']}"),
+            ("shots", verdict["shots"]),
+            ("from shot to shot", f"{verdict['between']} {verdict['unit']}"),
+            *campaign_tables.facts(document),
+        ],
+        "lists": [("Looks that the control charts ask for", campaign_tables.charted(document))],
+    }
+    shown = [one for one in figures if not one.folded or any(t.kind == "marks" for p in one.panels for t in p.traces)]
+    left_out = len(figures) - len(shown)
+    notes = [*document["notes"], *campaign_tables.assumed(document)]
+    if left_out:
+        notes.append(f"The control charts of {left_out} sensors, in which nothing fired, are in campaign.html.")
+    columns, rows = campaign_tables.shots(document)
+    headings = [(label.replace("&nbsp;", "\u00a0"), "number" if numeric else "text") for label, numeric in columns]
+    parts = [
+        *_figures(shown),
+        _table("Configurations with other parts",
+               [("Configuration", "long"), ("Shots", "number"), ("Mass / kg", "number"), ("u / kg", "number"),
+                ("Difference / kg", "number"), ("u / kg", "number")],
+               _cells(campaign_tables.mechanisms(document),
+                      ("name", "shots", "mass", "u", "difference", "u_difference")),
+               "Each has a mass of its own; the difference is that from the first."),
+        _table("What the campaign learnt of the sensors",
+               [("Influence", "long"), ("Known to", "number"), ("Found", "number"), ("u now", "number"),
+                ("Times better", "number"), ("w", "number")],
+               _cells(campaign_tables.learnt(document), ("influence", "prior", "value", "u", "gained", "w")),
+               "What the shots share, and may be off by; w is by how much the shots contradict what was known."),
+        _table("What to do next", [("Change", "long"), ("u / kg", "number"), ("u / %", "number")],
+               _cells(campaign_tables.next_steps(document), ("change", "u", "percent")),
+               "What would make the mass surer, tried on what these shots tell."),
+        _table("Shots", headings, [[cell for cell, _ in row["cells"]] for row in rows],
+               "Mass and u are those of the shot's report, with what was added; bare and own u are without it, and "
+               "with the sensors' errors as the campaign found them."),
+        _text("Notes, and what was assumed", notes),
+    ]  # fmt: skip
+    title = f"Campaign on rig {document['rig']}, {verdict['shots']} shots"
+    return _typeset(title, "campaign.json", document, head, parts, shown)
+
+
+def _plain_head(document: Document) -> Part:
+    return {
+        "tone": "ok" if document["valid"] else "bad",
+        "stamp": "VALID" if document["valid"] else "NOT VALID",
+        "reasons": list(document["reasons"]),
+        "measures": [],
+        "groups": [],
+        "lists": [],
+    }
+
+
+def _figures(figures: Sequence[Figure]) -> list[Part]:
+    return [
+        {"kind": "figure", "number": number, "title": figure.title, "caption": figure.caption}
+        for number, figure in enumerate(figures)
+    ]
+
+
+def _results(report: Document) -> list[Part | None]:
+    budget, combined = tables.budget(report)
+    rows = _cells(budget, ("source", "kind", "u_source", "sensitivity", "freedom", "u", "share"))
+    if combined is not None:
+        rows.append(["Combined standard uncertainty", "", "", "", "", combined, ""])
+    methods = tables.methods(report)
+    return [
+        _table("Methods compared",
+               [("Method", "text"), ("Mass / kg", "number"), ("u / kg", "number"), ("Deviation / %", "number"),
+                ("RPE / %", "number"), ("Note", "long")],
+               _cells(methods, ("name", "mass", "u", "deviation", "rpe", "note")),
+               "Every method sees the same signals; the one in bold gives the result. The deviation is that from the "
+               "specification.",
+               strong=[k for k, row in enumerate(methods) if row["chosen"]]),
+        _table("Uncertainty budget",
+               [("Source", "long"), ("Type", "text"), ("u of the source", "number"), ("Sensitivity", "number"),
+                ("ν", "number"), ("u / kg", "number"), ("Share / %", "number")],
+               rows,
+               "Standard uncertainty of the mass from each source, the largest first: A by statistics of this shot, B "
+               "by other knowledge; ν are degrees of freedom, the share is that of the variance.",
+               strong=[len(rows) - 1] if combined is not None else [], after=tables.coverage(report)),
+    ]  # fmt: skip
+
+
+def _processing(report: Document) -> list[Part | None]:
+    attention = [row for row in tables.quality(report) if row["verdict"] != "ok"]
+    passed = sum(count for verdict, count in tables.quality_counts(report) if verdict == "ok")
+    checks = f"{passed} checks passed"
+    return [
+        _table("Alignment of the clocks",
+               [("Clock", "text"), ("Offset / ms", "number"), ("u / µs", "number"), ("Drift / ppm", "number"),
+                ("u / ppm", "number"), ("Status", "text"), ("Method", "long")],
+               _cells(tables.alignment(report),
+                      ("clock", "offset", "u_offset", "drift", "u_drift", "status", "method")),
+               "How each source's clock maps to the reference clock, in which the figures' times are: reference time = "
+               "(1 + drift) × time of the source + offset; u is that of the mapped time in the middle of the motion."),
+        _text("What was done to the signals", tables.conditioning(report)),
+        _table("Ringing taken off",
+               [("Channel", "long"), ("Energy taken off / %", "number"), ("Mode / Hz", "number"),
+                ("Damping / %", "number"), ("Its energy / %", "number"), ("Amplitude", "number")],
+               _cells(tables.ringing(report), ("channel", "share", "frequency", "damping", "mode", "amplitude"))),
+        _table("Repairs", [("Channel", "text"), ("Repair", "text"), ("Samples", "number"), ("Detail", "long")],
+               _cells(tables.repairs(report), ("channel", "what", "samples", "detail"))),
+        _table("Quality of the recording",
+               [("Channel", "text"), ("Check", "text"), ("Verdict", "text"), ("Detail", "long")],
+               _cells(attention, ("channel", "check", "verdict", "detail")),
+               f"{checks}; what needs attention:" if attention else f"{checks}; nothing needs attention.",
+               shown=bool(attention or passed)),
+    ]  # fmt: skip
+
+
+def _typeset(
+    title: str, name: str, document: Document, head: Part, parts: Iterable[Part | None], figures: Sequence[Figure]
+) -> bytes:
+    content, provenance = json_bytes(document), document["provenance"]
+    version = provenance.get("version", NO_NUMBER)
+    given = ", ".join(f"{key} {_short(value)}" for key, value in (provenance.get("parameters") or {}).items())
+    made = f"Made by recoil-daq {version} from the files below; {name}, which holds every number of this document, is "
+    sentences = [f"{made}embedded in it.", *([f"Parameters: {given}."] if given else [])]
+    rows = [[row["file"], row["sha256"]] for row in tables.inputs(document)]
+    rows.append([f"{name} (embedded)", hashlib.sha256(content).hexdigest()])
+    origin = _table("Provenance", [("File", "long"), ("SHA-256", "code")], rows, *sentences)
+    page = {
+        "title": title,
+        "running": " · ".join([title, *([when] if (when := document.get("started")) else [])]),
+        "made-by": f"recoil-daq {version}",
+        "head": head,
+        "parts": [part for part in (*parts, origin) if part is not None],
+    }
+    return pdf_bytes(page, [figure_svg(figure) for figure in figures], (name, content), document.get("started"))
+
+
+def _short(value: Any) -> str:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return plain(value) if number else str(value)
+
+
+def _cells(rows: Iterable[Mapping[str, Any]], keys: Sequence[str]) -> list[list[str]]:
+    return [[str(row[key]) for key in keys] for row in rows]
+
+
+def _table(
+    title: str,
+    columns: Columns,
+    rows: Sequence[Sequence[str]],
+    *sentences: str,
+    after: Sequence[str] = (),
+    strong: Sequence[int] = (),
+    shown: bool = False,
+) -> Part | None:
+    """Return a table; None if it has no rows, unless it is to be shown all the same."""
+    if not rows and not shown:
+        return None
+    return {
+        "kind": "table",
+        "title": title,
+        "wide": len(columns) > MOST_UPRIGHT,
+        "size": 7.5 if len(columns) > MOST_UPRIGHT else 8.5,
+        "sentences": sentences,
+        "columns": [{"head": head, "kind": kind} for head, kind in columns],
+        "rows": [{"cells": list(row), "strong": number in strong} for number, row in enumerate(rows)],
+        "after": after,
+    }
+
+
+def _text(title: str, sentences: Sequence[str]) -> Part | None:
+    return _table(title, (), (), *sentences, shown=bool(sentences))
