@@ -57,6 +57,12 @@ MethodOption = Annotated[
 ]
 
 
+PdfOption = Annotated[
+    bool, typer.Option("--pdf", help="Write a paper copy (PDF/A-3b) beside the page. Needs the extra `pdf`.")
+]
+FiguresOption = Annotated[
+    bool, typer.Option("--figures", help="Write each figure as SVG and PNG, too. Needs the extra `pdf`.")
+]
 WorkersOption = Annotated[
     int | None,
     typer.Option(min=1, help="Processes that share the shots; 1: this one alone.", show_default="one for each core"),
@@ -359,6 +365,8 @@ def identify(
     compare: Annotated[bool, typer.Option("--compare", help="Compute all estimators, for comparison.")] = False,
     target: TargetOption = None,
     rig: CorrectedRigOption = None,
+    pdf: PdfOption = False,
+    figures: FiguresOption = False,
     workers: WorkersOption = None,
     cluster: ClusterOption = None,
     overwrite: OverwriteOption = False,
@@ -378,7 +386,9 @@ def identify(
         from recoil_daq.tables import print_repeatability, reports_document
         from recoil_daq.target_tables import print_target
         from recoil_identification.analysis import Options
+        from recoil_identification.report.typeset import refuse_without_typst
 
+        refuse_without_typst(pdf=pdf, figures=figures)
         paths = find_shot_files(shots)
         reports: list[Reported] = []
         found: list[TargetReported] = []
@@ -389,7 +399,15 @@ def identify(
             for done in session.each(
                 "identify",
                 lambda tell: identify_shots(
-                    shared, wanted, out=out, rig=rig, overwrite=overwrite, workers=crew, progress=tell
+                    shared,
+                    wanted,
+                    out=out,
+                    rig=rig,
+                    pdf=pdf,
+                    figures=figures,
+                    overwrite=overwrite,
+                    workers=crew,
+                    progress=tell,
                 ),
             ):
                 found += done.targets
@@ -471,6 +489,8 @@ def campaign(
         ),
     ] = None,
     rig: CorrectedRigOption = None,
+    pdf: PdfOption = False,
+    figures: FiguresOption = False,
     workers: WorkersOption = None,
     cluster: ClusterOption = None,
     overwrite: OverwriteOption = False,
@@ -483,8 +503,8 @@ def campaign(
 
         with _crew(workers, cluster) as crew, session.steps("campaign") as progress:
             done = combine(
-                shots, reports=reports, log=log, out=out, cutoff_hz=cutoff_hz, rig=rig, workers=crew,
-                overwrite=overwrite, progress=progress,
+                shots, reports=reports, log=log, out=out, cutoff_hz=cutoff_hz, rig=rig, pdf=pdf,
+                figures=figures, workers=crew, overwrite=overwrite, progress=progress,
             )  # fmt: skip
         session.finish(done.to_json(), done.show, OK if done.valid else NOT_VALID)
 

@@ -38,6 +38,8 @@ from recoil_identification.report.campaign_figures import campaign_figures
 from recoil_identification.report.document import LARGEST_REPORT, REPORT_FILE, read_curves
 from recoil_identification.report.document import SCHEMA as REPORT_SCHEMA
 from recoil_identification.report.html import CAMPAIGN_PAGE, PAGE_NAME, render_campaign_page, write_page
+from recoil_identification.report.paper import CAMPAIGN_PDF, campaign_pdf, figure_files, write_figures
+from recoil_identification.report.typeset import refuse_without_typst
 from recoil_rigs.rig import find_rig
 
 if TYPE_CHECKING:
@@ -200,6 +202,8 @@ def campaign(
     rig: str | Path | None = None,
     workers: int | Workers | None = None,
     executor: Executor | None = None,
+    pdf: bool = False,
+    figures: bool = False,
     overwrite: bool = False,
     progress: Progress = lambda _: None,
 ) -> Combined:
@@ -228,6 +232,9 @@ def campaign(
         current. None takes the reports as they are, and the rig of each shot file where one is made anew.
     workers, executor
         Who identify the shots, as of `recoil_daq.workers.Workers`: the digits are the same, whoever does it.
+    pdf, figures
+        Write the paper copy ``campaign.pdf``, and each figure as SVG and PNG into ``figures``; both need the extra
+        ``pdf``.
     overwrite
         Replace an answer that is there.
     progress
@@ -236,14 +243,16 @@ def campaign(
     Raises
     ------
     ReadError, StoreError, RigError, WorkerError
-        If a file is missing or damaged, or the answer is there already or cannot be written.
+        If a file is missing or damaged, the answer is there already or cannot be written, or an extra is
+        missing.
     IdentificationError
         If the shots cannot be combined, or of one of them no number can be given at all.
     """
+    refuse_without_typst(pdf=pdf, figures=figures)
     folder, listed = Path(out), [shots] if isinstance(shots, (str, Path)) else list(shots)
     refuse_unwritable(folder)
     if not overwrite:
-        refuse_existing(folder, (CAMPAIGN_FILE, TABLE_FILE, CAMPAIGN_PAGE))
+        refuse_existing(folder, (CAMPAIGN_FILE, TABLE_FILE, CAMPAIGN_PAGE, CAMPAIGN_PDF))
     sources = list(_sources([Path(one) for one in listed], (Path(reports), folder / REPORTS)))
     # before any work: a log that is at fault leaves nothing behind
     logs = _Logs.of(None if log is None else Path(log), sources)
@@ -268,13 +277,19 @@ def campaign(
     pages = {name: page for name, place in places.items() if (page := _page_from(folder, place)) is not None}
     document = campaign_document(combined, version=__version__, inputs=inputs, parameters={}, pages=pages)
     progress("page")
-    page = render_campaign_page(document, campaign_figures(combined, _curves(combined, places)))
+    drawn = campaign_figures(combined, _curves(combined, places))
+    page = render_campaign_page(document, drawn)
+    paper = campaign_pdf(document, drawn) if pdf else None
 
     def write(partial: Path) -> None:
         write_campaign(partial, document)
         write_page(partial, page, CAMPAIGN_PAGE)
+        if paper is not None:
+            (partial / CAMPAIGN_PDF).write_bytes(paper)
+        if figures:
+            write_figures(partial, drawn)
 
-    publish(folder, write)
+    publish(folder, write, obsolete=(CAMPAIGN_PDF, *figure_files(drawn)))
     return Combined(document, folder)
 
 

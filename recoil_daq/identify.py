@@ -27,10 +27,12 @@ from recoil_identification.report.document import (
 )
 from recoil_identification.report.figures import report_figures
 from recoil_identification.report.html import PAGE_NAME, render_page, write_page
+from recoil_identification.report.paper import PDF_FILE, figure_files, report_pdf, write_figures
+from recoil_identification.report.typeset import refuse_without_typst
 
 Progress = Callable[[str], None]
 
-FILES = (REPORT_FILE, TRACE_FILE, CURVES_FILE, PAGE_NAME)
+FILES = (REPORT_FILE, TRACE_FILE, CURVES_FILE, PAGE_NAME, PDF_FILE)
 """Of a report; none of them is replaced unasked."""
 
 
@@ -43,7 +45,8 @@ class Reported(MassResult):
     document
         The contents of ``report.json``.
     folder
-        Holds ``report.json``, ``report.html``, ``mass.csv``, ``curves.csv`` and the script of the figures.
+        Holds ``report.json``, ``report.html``, ``mass.csv``, ``curves.csv`` and the figures' script; ``report.pdf``
+        and ``figures`` where they were asked for.
     """
 
     @property
@@ -103,6 +106,8 @@ def identify_file(
     options: Options | None = None,
     rig: str | Path | None = None,
     truth: Mapping[str, Any] | None = None,
+    pdf: bool = False,
+    figures: bool = False,
     overwrite: bool = False,
     progress: Progress = lambda _: None,
 ) -> Reported:
@@ -118,13 +123,16 @@ def identify_file(
         mechanism. What it corrects is in the report. None if nothing is to be corrected.
     truth
         Of a virtual shot, for comparison in the report.
+    pdf, figures
+        Write the paper copy ``report.pdf``, and each figure as SVG and PNG into ``figures``; both need the extra
+        ``pdf``.
     progress
         Told the name of each step.
 
     Raises
     ------
     StoreError
-        If the file is no shot file, or the report exists or cannot be written.
+        If the file is no shot file, the report exists or cannot be written, or an extra is missing.
     ReadError
         If the shot log is at fault.
     RigError
@@ -132,6 +140,7 @@ def identify_file(
     IdentificationError
         If no number can be given at all.
     """
+    refuse_without_typst(pdf=pdf, figures=figures)
     source = Path(path)
     progress("read")
     fired = read_fired(source, rig)
@@ -144,14 +153,20 @@ def identify_file(
     found = identify_shot(shot, fired.rig, options or Options())
     progress("report")
     document, files = reported(fired, found, described(source), truth)
-    page = render_page(document, report_figures(found))
+    drawn = report_figures(found)
+    page = render_page(document, drawn)
+    paper = report_pdf(document, drawn) if pdf else None
 
     def write(partial: Path) -> None:
         write_document(partial, document)
         write_files(partial, files)
         write_page(partial, page)
+        if paper is not None:
+            (partial / PDF_FILE).write_bytes(paper)
+        if figures:
+            write_figures(partial, drawn)
 
-    publish(folder, write)
+    publish(folder, write, obsolete=(PDF_FILE, *figure_files(drawn)))
     return Reported(document, folder)
 
 

@@ -55,7 +55,7 @@ def refuse_unwritable(folder: Path) -> None:
     raise StoreError(f"cannot write here: {reason}", path=folder.parent, remedy="choose --out")
 
 
-def publish(folder: Path, write: Callable[[Path], None]) -> None:
+def publish(folder: Path, write: Callable[[Path], None], obsolete: Sequence[str] = ()) -> None:
     """Let files be written beside their place, then put them there together.
 
     Parameters
@@ -65,6 +65,8 @@ def publish(folder: Path, write: Callable[[Path], None]) -> None:
         somebody's notes.
     write
         Given an empty folder, writes the files into it.
+    obsolete
+        Paths in the folder of files that go with the ones that are replaced: they would tell of an older report.
 
     Raises
     ------
@@ -84,7 +86,7 @@ def publish(folder: Path, write: Callable[[Path], None]) -> None:
         try:
             (hidden / _NEW).mkdir()
             write(hidden / _NEW)
-            _exchange(folder, hidden)
+            _exchange(folder, hidden, {Path(name) for name in obsolete})
         finally:
             lock.release()
             _settle(folder, hidden)
@@ -96,22 +98,25 @@ def publish(folder: Path, write: Callable[[Path], None]) -> None:
         ) from error
 
 
-def _exchange(folder: Path, hidden: Path) -> None:
+def _exchange(folder: Path, hidden: Path, obsolete: set[Path]) -> None:
     """Put the new report into its place, and the one that is there into the hidden folder."""
     new = hidden / _NEW
-    for file in new.rglob("*"):
-        if file.is_file():
-            sync_file(file)
+    files = [file for file in new.rglob("*") if file.is_file()]
+    for file in files:
+        sync_file(file)
     if folder.exists():
-        written = {file.name for file in new.iterdir()}
+        gone = obsolete | {file.relative_to(new) for file in files}
 
         def replaced(at: str, names: list[str]) -> set[str]:
-            return written.intersection(names) if Path(at) == folder else set()
+            inside = Path(at).relative_to(folder)
+            return {name for name in names if inside / name in gone}
 
         # what else is there comes along before anything moves, so that no interruption hides it
         shutil.copytree(folder, new, symlinks=True, ignore=replaced, copy_function=_link, dirs_exist_ok=True)
         folder.rename(hidden / _OLD)
     new.rename(folder)
+    for name in obsolete - {file.relative_to(new) for file in files}:
+        (hidden / _OLD / name).unlink(missing_ok=True)
     sync_folder(folder.parent)
 
 

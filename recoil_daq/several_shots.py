@@ -21,6 +21,7 @@ from recoil_identification.analysis import Options
 from recoil_identification.default_method import default_method
 from recoil_identification.filter_choice import campaign_band_hz, campaign_choice, force_band_hz, force_spectra
 from recoil_identification.preparation import prepare
+from recoil_identification.report.typeset import refuse_without_typst
 from recoil_processing.quality.repeatability import ShotPeaks, check_repeat_peaks
 from recoil_processing.spectra.cutoff import CutoffChoice
 from recoil_processing.spectra.spectral_gap import ShotSpectrum
@@ -144,6 +145,8 @@ class _Task:
     options: Options
     targets: tuple[str, ...]
     rig: Path | None
+    pdf: bool
+    figures: bool
     overwrite: bool
 
     def refuse_existing(self) -> None:
@@ -154,13 +157,15 @@ class _Task:
         report, others = None, [target for target in self.targets if target != "mass"]
         if "mass" in self.targets:
             report = identify_file(
-                self.path, out=self.out, options=self.options, rig=self.rig, overwrite=self.overwrite
-            )
+                self.path, out=self.out, options=self.options, rig=self.rig, pdf=self.pdf, figures=self.figures,
+                overwrite=self.overwrite,
+            )  # fmt: skip
         found = []
         if others:
             found = identify_targets(
-                self.path, others, out=self.out, options=self.options, rig=self.rig, overwrite=self.overwrite
-            )
+                self.path, others, out=self.out, options=self.options, rig=self.rig, pdf=self.pdf,
+                figures=self.figures, overwrite=self.overwrite,
+            )  # fmt: skip
         return Identified(report, tuple(found))
 
 
@@ -170,6 +175,8 @@ def identify_shots(
     *,
     out: Path,
     rig: str | Path | None = None,
+    pdf: bool = False,
+    figures: bool = False,
     overwrite: bool = False,
     workers: Workers | None = None,
     progress: Progress = lambda _: None,
@@ -182,7 +189,7 @@ def identify_shots(
         Of each file.
     targets
         ``mass``, or names of `recoil_identification.targets.TARGETS`.
-    out, rig, overwrite
+    out, rig, pdf, figures, overwrite
         As of `recoil_daq.identify.identify_file`.
     workers
         Who do it; None to do it in this process.
@@ -203,9 +210,12 @@ def identify_shots(
     workers = workers or Workers(1)
     place = workers.place
     tasks = [
-        _Task(place(path), place(out), one, tuple(targets), _place(rig, workers), overwrite or workers.may_repeat)
+        _Task(
+            place(path), place(out), one, tuple(targets), _place(rig, workers), pdf, figures,
+            overwrite or workers.may_repeat,
+        )
         for path, one in options.items()
-    ]
+    ]  # fmt: skip
     names = [path.name for path in options]
     if workers.may_repeat and not overwrite:
         # before the first of them is done: a report that is there when one is done again is of this run
@@ -229,6 +239,8 @@ def identify_folder(
     out: str | Path = "reports",
     options: Options | None = None,
     rig: str | Path | None = None,
+    pdf: bool = False,
+    figures: bool = False,
     overwrite: bool = False,
     workers: int | Workers | None = None,
     executor: Executor | None = None,
@@ -238,7 +250,7 @@ def identify_folder(
 
     Parameters
     ----------
-    out, options, rig, overwrite
+    out, options, rig, pdf, figures, overwrite
         As of `recoil_daq.identify.identify_file`.
     workers, executor
         As of `recoil_daq.workers.Workers`: the digits are the same, whoever does it.
@@ -252,10 +264,14 @@ def identify_folder(
     StoreError, RigError, IdentificationError, WorkerError
         As `identify_shots`, of the first file at fault: the reports before it are written.
     """
+    refuse_without_typst(pdf=pdf, figures=figures)
     paths = find_shot_files([Path(folder)])
     with Workers.of(workers, executor) as crew:
         shared = shared_options(paths, options or Options(), rig=rig, workers=crew, progress=progress)
-        done = identify_shots(shared, out=Path(out), rig=rig, overwrite=overwrite, workers=crew, progress=progress)
+        done = identify_shots(
+            shared, out=Path(out), rig=rig, pdf=pdf, figures=figures, overwrite=overwrite, workers=crew,
+            progress=progress,
+        )  # fmt: skip
         return tuple(one.report for one in done if one.report is not None)
 
 

@@ -14,7 +14,9 @@ from recoil_daq.report_folder import publish, refuse_existing, refuse_unwritable
 from recoil_identification.analysis import Options
 from recoil_identification.report.finding import Finding
 from recoil_identification.report.html import render_target_page, write_page
+from recoil_identification.report.paper import figure_files, target_pdf, write_figures
 from recoil_identification.report.target_document import target_document, write_series, write_target_document
+from recoil_identification.report.typeset import refuse_without_typst
 from recoil_identification.targets import target_function
 from recoil_identification.targets.target import Case
 
@@ -28,7 +30,8 @@ class TargetReported:
     document
         The contents of ``<target>.json``.
     folder
-        Holds ``<target>.json``, ``<target>.html``, and ``<target>.csv`` where there is a series.
+        Holds ``<target>.json``, ``<target>.html``, and ``<target>.csv`` where there is a series; ``<target>.pdf`` and
+        ``figures`` where they were asked for.
     """
 
     document: dict[str, Any]
@@ -37,7 +40,7 @@ class TargetReported:
 
 def files_of(target: str) -> tuple[str, ...]:
     """Return the names of a target's files; none of them is replaced unasked."""
-    return tuple(f"{target}.{suffix}" for suffix in ("json", "html", "csv"))
+    return tuple(f"{target}.{suffix}" for suffix in ("json", "html", "csv", "pdf"))
 
 
 def identify_targets(
@@ -47,6 +50,8 @@ def identify_targets(
     out: str | Path = "reports",
     options: Options | None = None,
     rig: str | Path | None = None,
+    pdf: bool = False,
+    figures: bool = False,
     overwrite: bool = False,
     progress: Progress = lambda _: None,
 ) -> list[TargetReported]:
@@ -58,8 +63,8 @@ def identify_targets(
     ----------
     targets
         Names of `recoil_identification.targets.TARGETS`.
-    rig
-        A corrected rig file, as of `recoil_daq.identify.identify_file`.
+    rig, pdf, figures
+        As of `recoil_daq.identify.identify_file`.
     progress
         Told the name of each step.
 
@@ -68,7 +73,7 @@ def identify_targets(
     ValueError
         If a target is unknown.
     StoreError
-        If the file is no shot file, or a target's files exist or cannot be written.
+        If the file is no shot file, a target's files exist or cannot be written, or an extra is missing.
     ReadError
         If the shot log is at fault.
     RigError
@@ -76,6 +81,7 @@ def identify_targets(
     IdentificationError
         If a target can give no number at all.
     """
+    refuse_without_typst(pdf=pdf, figures=figures)
     source = Path(path)
     progress("read")
     fired = read_fired(source, rig)
@@ -97,18 +103,23 @@ def identify_targets(
             shot, found, version=__version__, shot_file=described(source), row=fired.row, beside=fired.beside,
             corrections=fired.corrections,
         )  # fmt: skip
-        _publish(folder, found, document)
+        _publish(folder, found, document, pdf=pdf, figures=figures)
         done.append(TargetReported(document, folder))
     return done
 
 
-def _publish(folder: Path, found: Finding, document: dict[str, Any]) -> None:
+def _publish(folder: Path, found: Finding, document: dict[str, Any], *, pdf: bool, figures: bool) -> None:
     page = render_target_page(document, found.figures)
+    paper, prefix = target_pdf(document, found.figures) if pdf else None, f"{found.target}-"
 
     def write(partial: Path) -> None:
         write_target_document(partial, document)
         if found.series is not None:
             write_series(partial, found.target, found.series)
         write_page(partial, page, f"{found.target}.html")
+        if paper is not None:
+            (partial / f"{found.target}.pdf").write_bytes(paper)
+        if figures:
+            write_figures(partial, found.figures, prefix)
 
-    publish(folder, write)
+    publish(folder, write, obsolete=(f"{found.target}.pdf", *figure_files(found.figures, prefix)))

@@ -29,6 +29,11 @@ Columns = Sequence[tuple[str, str]]
 """Heading and kind of each: ``text``, ``long`` (takes what room is left), ``number`` or ``code``."""
 
 
+def figure_files(figures: Sequence[Figure], prefix: str = "") -> list[str]:
+    """Return the paths, in a report's folder, of the files that `write_figures` writes."""
+    return [f"{FIGURES_FOLDER}/{prefix}{one.key}.{suffix}" for one in figures for suffix in ("svg", "png")]
+
+
 def write_figures(folder: Path, figures: Sequence[Figure], prefix: str = "") -> None:
     """Write each figure as SVG and PNG into ``figures`` in a folder, under its key.
 
@@ -44,12 +49,11 @@ def write_figures(folder: Path, figures: Sequence[Figure], prefix: str = "") -> 
     StoreError
         If typst refuses one.
     """
-    place = folder / FIGURES_FOLDER
-    place.mkdir(exist_ok=True)
+    (folder / FIGURES_FOLDER).mkdir(exist_ok=True)
     drawn = [figure_svg(figure) for figure in figures]
-    for figure, svg, png in zip(figures, drawn, png_bytes(drawn), strict=True):
-        (place / f"{prefix}{figure.key}.svg").write_bytes(svg.encode("utf-8"))
-        (place / f"{prefix}{figure.key}.png").write_bytes(png)
+    pictures = (one for svg, png in zip(drawn, png_bytes(drawn), strict=True) for one in (svg.encode("utf-8"), png))
+    for name, content in zip(figure_files(figures, prefix), pictures, strict=True):
+        (folder / name).write_bytes(content)
 
 
 def report_pdf(report: Document, figures: Sequence[Figure]) -> bytes:

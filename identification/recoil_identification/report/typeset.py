@@ -28,15 +28,16 @@ _UNPRINTABLE = re.compile(
 _LONG_WORD = re.compile(rf"[^\s\u200b]{{{LONGEST_WORD}}}(?=[^\s\u200b])")
 
 
-def refuse_without_typst(option: str) -> None:
-    """Refuse an option before the work that it is for, if its extra is not installed.
+def refuse_without_typst(*, pdf: bool, figures: bool) -> None:
+    """Refuse what needs the extra before the work that it is for, if the extra is not installed.
 
     Raises
     ------
     StoreError
         Naming the option and how the extra is installed.
     """
-    if not PDF.is_installed:
+    if (pdf or figures) and not PDF.is_installed:
+        option = "--pdf" if pdf else "--figures"
         raise StoreError(f"{PDF.module}, which {option} needs, is not installed", remedy=PDF.remedy)
 
 
