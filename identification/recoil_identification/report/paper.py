@@ -6,7 +6,7 @@ The rows are those of the page (`tables`, `campaign_tables`); checks that passed
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +20,8 @@ from recoil_identification.report.typeset import pdf_bytes, png_bytes
 PDF_FILE = "report.pdf"
 CAMPAIGN_PDF = "campaign.pdf"
 FIGURES_FOLDER = "figures"
-MOST_UPRIGHT = 9
-"""Columns of a table that has room on an upright sheet."""
+FEW_COLUMNS = 9
+"""More of them need smaller letters."""
 
 Document = Mapping[str, Any]
 Part = dict[str, Any]
@@ -260,7 +260,7 @@ def _typeset(
 ) -> bytes:
     content, provenance = json_bytes(document), document["provenance"]
     version = provenance.get("version", NO_NUMBER)
-    given = ", ".join(f"{key} {_short(value)}" for key, value in (provenance.get("parameters") or {}).items())
+    given = ", ".join(f"{key} {value}" for key, value in _flat(provenance.get("parameters") or {}))
     made = f"Made by recoil-daq {version} from the files below; {name}, which holds every number of this document, is "
     sentences = [f"{made}embedded in it.", *([f"Parameters: {given}."] if given else [])]
     rows = [[row["file"], row["sha256"]] for row in tables.inputs(document)]
@@ -276,9 +276,19 @@ def _typeset(
     return pdf_bytes(page, [figure_svg(figure) for figure in figures], (name, content), document.get("started"))
 
 
-def _short(value: Any) -> str:
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    return plain(value) if number else str(value)
+def _flat(parameters: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, str]]:
+    """Yield names and values, those of a mapping in a mapping with both names."""
+    for key, value in parameters.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{above}{key}.")
+        else:
+            yield f"{above}{key}", _value(value)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return " … ".join(_value(one) for one in value)
+    return plain(value) if isinstance(value, int | float) and not isinstance(value, bool) else str(value)
 
 
 def _cells(rows: Iterable[Mapping[str, Any]], keys: Sequence[str]) -> list[list[str]]:
@@ -300,8 +310,7 @@ def _table(
     return {
         "kind": "table",
         "title": title,
-        "wide": len(columns) > MOST_UPRIGHT,
-        "size": 7.5 if len(columns) > MOST_UPRIGHT else 8.5,
+        "size": 8.5 if len(columns) <= FEW_COLUMNS else 7.0,
         "sentences": sentences,
         "columns": [{"head": head, "kind": kind} for head, kind in columns],
         "rows": [{"cells": list(row), "strong": number in strong} for number, row in enumerate(rows)],

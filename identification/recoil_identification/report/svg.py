@@ -60,7 +60,7 @@ def figure_svg(figure: Figure) -> str:
             top += LEGEND_ROW_PX
             parts += _legend(row, top - 5.0)
         axes = axes_of(figure, panel, top, top + PANEL_PX.get(len(figure.panels), MANY_PX))
-        ticks = _places(figure.names) if figure.names and not own else _ticks(axes.x, axes.x_scale, 9)
+        ticks = _places(figure.names, axes.x) if figure.names and not own else _ticks(axes.x, axes.x_scale, 9)
         parts += _panel(panel, drawn, axes, ticks)
         top = axes.bottom_px + GAP_PX
         if own or i == last_sharing:
@@ -139,7 +139,7 @@ def _panel(panel: Panel, drawn: Sequence[_Drawn], axes: Axes, x: Ticks) -> list[
     spans = [one for one in spans if one[1] <= one[2]]
     parts = [_rectangle(x0, axes.top_px, x1, axes.bottom_px, f'fill="{SPAN}"') for _, x0, x1 in spans if x1 > x0]
     parts += [part for line in panel.lines for part in _level_band(line, axes)]
-    y = _ticks(axes.y, axes.y_scale, round((axes.bottom_px - axes.top_px) / 32.0))
+    y = _ticks(axes.y, axes.y_scale, round((axes.bottom_px - axes.top_px) / 26.0))
     rules = [f"M{number(v)} {number(axes.top_px)}V{number(axes.bottom_px)}" for v in axes.across(_named(x)).tolist()]
     rules += [f"M{LEFT_PX:g} {number(v)}H{RIGHT_PX:g}" for v in axes.up(_named(y)).tolist()]
     parts.append(f'<path d="{"".join(rules)}" fill="none" stroke="{GRID}" stroke-width="0.7"/>')
@@ -226,11 +226,10 @@ def _y_axis(axes: Axes, title: str, ticks: Ticks) -> list[str]:
         marks.append(f"M{LEFT_PX:g} {number(y)}h{-4 if text else -2}")
         if text:
             parts.append(_tick_label(text, LEFT_PX - 6.0, y + 3.7, axes.y_scale, "end"))
-    if ticks.exponent:
-        title = f"{title}, times 10{str(ticks.exponent).translate(RAISED)}"
-    title = fitted(title, TEXT_PX, axes.bottom_px - axes.top_px + 14.0)
-    middle = (axes.top_px + axes.bottom_px) / 2
-    parts.append(label(title, 13.0, middle, size_px=TEXT_PX, anchor="middle", colour=SOFT, turned=True))
+    room, middle = axes.bottom_px - axes.top_px + 14.0, (axes.top_px + axes.bottom_px) / 2
+    lines = _broken(_times(title, ticks), room)
+    for line, x in zip(lines, (13.0,) if len(lines) == 1 else (9.0, 20.0), strict=True):
+        parts.append(label(line, x, middle, size_px=TEXT_PX, anchor="middle", colour=SOFT, turned=True))
     return [_marks(marks), *parts]
 
 
@@ -240,11 +239,22 @@ def _x_axis(axes: Axes, title: str, ticks: Ticks, scale: Scale) -> list[str]:
         marks.append(f"M{number(x)} {number(axes.bottom_px)}v{4 if text else 2}")
         if text:
             parts.append(_tick_label(text, x, axes.bottom_px + 15.0, scale, "middle"))
-    if ticks.exponent:
-        title = f"{title}, times 10{str(ticks.exponent).translate(RAISED)}"
-    title, middle = fitted(title, TEXT_PX, RIGHT_PX - LEFT_PX), (LEFT_PX + RIGHT_PX) / 2
+    title, middle = fitted(_times(title, ticks), TEXT_PX, RIGHT_PX - LEFT_PX), (LEFT_PX + RIGHT_PX) / 2
     parts.append(label(title, middle, axes.bottom_px + 30.0, size_px=TEXT_PX, anchor="middle", colour=SOFT))
     return [_marks(marks), *parts]
+
+
+def _times(title: str, ticks: Ticks) -> str:
+    return f"{title}, times 10{str(ticks.exponent).translate(RAISED)}" if ticks.exponent else title
+
+
+def _broken(title: str, room_px: float) -> list[str]:
+    """Put a title into one line, or into two where it is wider than its axis is high."""
+    if text_width(title, TEXT_PX) <= room_px:
+        return [title]
+    ends = [k for k, character in enumerate(title) if character == " " and text_width(title[:k], TEXT_PX) <= room_px]
+    parts = (title[: ends[-1]], title[ends[-1] + 1 :]) if ends else (title,)
+    return [fitted(part, TEXT_PX, room_px) for part in parts]
 
 
 def _marks(marks: Sequence[str]) -> str:
@@ -257,9 +267,10 @@ def _tick_label(text: str, x: float, y: float, scale: Scale, anchor: str) -> str
     return label(written + power.translate(RAISED), x, y, size_px=TEXT_PX, anchor=anchor)
 
 
-def _places(names: Sequence[str]) -> Ticks:
-    """Label as many places as there is room for."""
+def _places(names: Sequence[str], shown: Range) -> Ticks:
+    """Label as many of the places that are shown as there is room for."""
     widest = max(min(text_width(name, TEXT_PX), WIDEST_NAME_PX) for name in names) + 8.0
     room = max(min(int((RIGHT_PX - LEFT_PX) / widest), MOST_NAMES), 1)
-    shown = range(0, len(names), -(-len(names) // room))
-    return Ticks(tuple(float(i) for i in shown), tuple(fitted(names[i], TEXT_PX, WIDEST_NAME_PX) or " " for i in shown))
+    places = [place for place in range(0, len(names), -(-len(names) // room)) if shown[0] <= place <= shown[1]]
+    labels = tuple(fitted(names[place], TEXT_PX, WIDEST_NAME_PX) or " " for place in places)
+    return Ticks(tuple(float(place) for place in places), labels)

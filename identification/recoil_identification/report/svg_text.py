@@ -23,26 +23,30 @@ def clean(text: str) -> str:
 
 def text_width(text: str, size_px: float) -> float:
     """Return about how wide a text is, in pixels; rather more, because nobody knows the font that it will have."""
-    em = sum(
-        0.33 if c in _NARROW
-        else 0.0 if unicodedata.combining(c)
-        else 1.02 if unicodedata.east_asian_width(c) in "WF"
-        else 0.85 if c in _BROAD
-        else 0.68 if c.isupper()
-        else 0.55
-        for c in text
-    )  # fmt: skip
-    return em * size_px
+    return size_px * sum(map(_em, text))
 
 
 def fitted(text: str, size_px: float, width_px: float) -> str:
     """Cut a text to a width; an ellipsis says that it was cut."""
-    if text_width(text[:500], size_px) <= width_px and len(text) <= 500:
-        return text
-    shortened = text[:500]
-    while shortened and text_width(shortened + "…", size_px) > width_px:
-        shortened = shortened[:-1]
-    return shortened + "…"
+    room, end = width_px / size_px, 0
+    for place, character in enumerate(text):
+        room -= _em(character)
+        if room < 0.0:
+            return text[:end] + "…"
+        if room >= _em("…"):
+            end = place + 1
+    return text
+
+
+def _em(character: str) -> float:
+    """Return how wide a character is, in units of its size."""
+    if unicodedata.combining(character):
+        return 0.0
+    if unicodedata.east_asian_width(character) in "WF":
+        return 1.02
+    if character in _NARROW:
+        return 0.33
+    return 0.85 if character in _BROAD else 0.68 if character.isupper() else 0.55
 
 
 def label(
