@@ -48,5 +48,5 @@ TDMS = Extra("tdms", "nptdms", "npTDMS>=1.9")
 XLSX = Extra("xlsx", "openpyxl", "openpyxl>=3.1")
 PARQUET = Extra("parquet", "pyarrow", "pyarrow>=17")
 CLUSTER = Extra("cluster", "distributed", "distributed>=2025.1")
-PDF = Extra("pdf", "typst", "typst>=0.14")
+PDF = Extra("pdf", "typst", "typst>=0.15")
 EXTRAS = {extra.name: extra for extra in (DEWESOFT, MDF, TDMS, XLSX, PARQUET, CLUSTER, PDF)}

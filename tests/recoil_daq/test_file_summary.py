@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recoil_acquisition.extras import CLUSTER, EXTRAS, MDF
+from recoil_acquisition.extras import CLUSTER, EXTRAS, MDF, PDF
 from recoil_acquisition.readers.table import BY_LAYOUT, READERS, TableReader
 from recoil_rigs.twin import TwinShot
 from tests.builders import vendor_files as build
@@ -47,7 +47,7 @@ def test_formats_lists_every_reader_with_what_it_needs(run):
 
 def test_every_extra_is_a_reader_s_or_a_command_s_and_pip_knows_it():
     needed = {reader.extra for reader in READERS if isinstance(reader, TableReader) and reader.extra is not None}
-    assert set(EXTRAS.values()) == {*needed, MDF, CLUSTER}, "MDF 4 is written by its library, and read without it"
+    assert set(EXTRAS.values()) == {*needed, MDF, CLUSTER, PDF}, "MDF 4 is written by its library, and read without it"
     project = tomllib.loads((Path(__file__).resolve().parents[2] / "pyproject.toml").read_text("utf-8"))["project"]
     for name, extra in EXTRAS.items():
         assert [one.split(" ")[0] for one in project["optional-dependencies"][name]] == [extra.requirement]

@@ -105,7 +105,7 @@ def _typeset(template: str, inputs: dict[str, str], **how: Any) -> list[bytes]:
     path = Path(__file__).parent / template
     try:
         made = typst.compile(path, root=path.parent, sys_inputs=inputs, ignore_system_fonts=True, **how)
-    except typst.TypstError as error:
+    except (typst.TypstError, TypeError, ValueError) as error:  # the latter two: a version of other arguments
         raise StoreError(
             "the figures and pages cannot be typeset",
             found=" ".join(str(error).split()),

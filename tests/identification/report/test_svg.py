@@ -128,7 +128,7 @@ def any_figure(seed: int) -> Figure:
 
 
 @given(st.integers(0, 2**32))
-@settings(max_examples=100)
+@settings(max_examples=50)
 def test_any_figure_is_well_formed_and_within_its_drawing(seed):
     figure = any_figure(seed)
     text = figure_svg(figure)
