@@ -74,6 +74,21 @@ def test_only_what_is_written_is_replaced(reported: Path) -> None:
     assert [path.name for path in reported.parent.iterdir()] == ["r"]
 
 
+def test_a_folder_in_a_report_keeps_what_is_not_written_again(reported: Path) -> None:
+    def write(folder: Path) -> None:
+        (folder / "photos").mkdir()
+        (folder / "photos" / "2.txt").write_text("another")
+
+    publish(reported, write)
+    assert contents(reported) == dict.fromkeys(NAMES, "old") | NOTES | {"photos/2.txt": "another"}
+
+
+def test_what_tells_of_the_older_report_goes_with_it(reported: Path) -> None:
+    publish(reported, writer("new"), obsolete=("notes.txt", "photos/1.txt", "report.json", "never/there.txt"))
+    assert contents(reported) == dict.fromkeys(NAMES, "new")
+    assert [path.name for path in reported.parent.iterdir()] == ["r"]
+
+
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGKILL that a process sends to itself")
 def test_a_kill_at_any_step_leaves_a_whole_report_that_the_next_run_finds(reported: Path) -> None:
     texts, step, done = set(), 0, False
