@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from recoil_daq.file_summary import open_recording
     from recoil_daq.identify import Reported, identify_file
     from recoil_daq.ingest import Ingested, ingest_files
+    from recoil_daq.laid_beside import Beside, beside
     from recoil_daq.predicted import Predicted, predict
     from recoil_daq.several_shots import identify_folder
     from recoil_daq.shot_folder import IngestedFolder, ShotOutcome, ingest_folder
@@ -73,6 +74,7 @@ _HOMES = {
     "recoil_daq.file_summary": ("open_recording",),
     "recoil_daq.identify": ("Reported", "identify_file"),
     "recoil_daq.ingest": ("Ingested", "ingest_files"),
+    "recoil_daq.laid_beside": ("Beside", "beside"),
     "recoil_daq.predicted": ("Predicted", "predict"),
     "recoil_daq.several_shots": ("identify_folder",),
     "recoil_daq.shot_folder": ("IngestedFolder", "ShotOutcome", "ingest_folder"),
@@ -85,6 +87,7 @@ _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = [
     "AlignmentError",
+    "Beside",
     "CampaignPlan",
     "CheckedReports",
     "Combined",
@@ -112,6 +115,7 @@ __all__ = [
     "UnknownFormatError",
     "WorkerError",
     "__version__",
+    "beside",
     "campaign",
     "check_reports",
     "explain",

@@ -20,6 +20,7 @@ from recoil_daq.session import Session
 
 if TYPE_CHECKING:
     from recoil_daq.identify import Reported
+    from recoil_daq.laid_beside import Beside
     from recoil_daq.targets import TargetReported
     from recoil_daq.workers import Workers
     from recoil_rigs.twin import CampaignPlan
@@ -365,6 +366,15 @@ def identify(
     compare: Annotated[bool, typer.Option("--compare", help="Compute all estimators, for comparison.")] = False,
     target: TargetOption = None,
     rig: CorrectedRigOption = None,
+    beside: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="REPORT",
+            help="Lay each new report beside this one, of the same shot or another, or beside that of its shot in a "
+            "folder of reports: beside.html. May be repeated.",
+            show_default=False,
+        ),
+    ] = None,
     pdf: PdfOption = False,
     figures: FiguresOption = False,
     workers: WorkersOption = None,
@@ -375,6 +385,8 @@ def identify(
 ) -> None:
     """Identify the recoiling mass of shot files, or what else --target names, and write a report for each."""
     wanted = tuple(dict.fromkeys(target or ["mass"]))
+    if beside and "mass" not in wanted:
+        raise typer.BadParameter("--beside goes with the mass")
     memory_s = _memory(window_s)
     with Session(json, debug) as session:
         if workers == 1 or (len(shots) == 1 and shots[0].is_file()):
@@ -392,6 +404,14 @@ def identify(
         paths = find_shot_files(shots)
         reports: list[Reported] = []
         found: list[TargetReported] = []
+        pages: list[Beside] = []
+        others = None
+        if beside:
+            from recoil_daq.laid_beside import Others
+            from recoil_daq.laid_beside import beside as lay_beside
+
+            others = Others.read(beside)
+            others.refuse_before(paths, out, overwrite=overwrite)
         with _crew(workers, cluster) as crew:
             asked = Options(method, cutoff_hz, memory_s, compare=compare)
             with session.steps("one cut-off for all shots") as progress:
@@ -417,12 +437,19 @@ def identify(
                     done.report.show()
                 for one in done.targets if not json else ():
                     print_target(one)
+                if done.report is not None and others is not None:
+                    pages.append(lay_beside(done.report.folder, others, overwrite=overwrite))
+                    if not json:
+                        pages[-1].show()
         repeats = repeatability([report.document for report in reports])
         if not json:
             print_repeatability(repeats)
         documents = [*(one.document for one in reports), *(one.document for one in found)]
         valid = all(document["valid"] for document in documents)
-        session.finish(reports_document(reports, found, repeats), lambda: None, OK if valid else NOT_VALID)
+        document = reports_document(reports, found, repeats)
+        if pages:
+            document["beside"] = [one.to_json() for one in pages]
+        session.finish(document, lambda: None, OK if valid else NOT_VALID)
 
 
 @app.command(

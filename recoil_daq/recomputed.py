@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,14 +18,12 @@ from recoil_daq.identify import reported
 from recoil_identification.analysis import Options, identify_shot
 from recoil_identification.report.campaign_document import CAMPAIGN_FILE
 from recoil_identification.report.computer import computer
-from recoil_identification.report.document import LARGEST_REPORT, REPORT_FILE, SCHEMA
+from recoil_identification.report.document import LARGEST_TRACE, REPORT_FILE, read_document
 from recoil_identification.report.seal import SEAL, digest_of
 from recoil_identification.reproduction import Comparison, Difference, compare, compare_tables
 
 Progress = Callable[[str], None]
 
-LARGEST_TABLE = 4_000_000_000
-"""Bytes of a file beside a report, beyond which it is none."""
 BESIDES = ("provenance.version", "provenance.computer", "provenance.outputs", f"provenance.{SEAL}")
 """Of a report, what is compared in another way, or says what may differ."""
 SHOTS = "shots"
@@ -60,17 +57,13 @@ class Kept:
         """
         path = Path(path)
         path = path / REPORT_FILE if path.is_dir() else path
-        content = read_small(path, LARGEST_REPORT, "a report")
+        kept = cls(read_document(path), path)
         try:
-            kept = cls(json.loads(content), path)
-            if kept.document["schema"] != SCHEMA:
-                raise ValueError(f"schema {kept.document['schema']!r}")
             kept._needed()
-        except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
+        except (ValueError, LookupError, TypeError, AttributeError) as error:
             raise ReadError(
                 "this is no report of a shot that can be made again",
                 path=path,
-                expected=f"schema {SCHEMA}",
                 found=f"no {error}" if isinstance(error, LookupError) else str(error),
                 remedy=ANEW,
             ) from error
@@ -195,7 +188,7 @@ def _compared(kept: Kept, name: str, text: str, *, exact: bool) -> Comparison:
     path = kept.path.parent / name
     if not path.is_file():
         return Comparison(0, (Difference(name, None, "a table"),), 0.0)
-    content = read_small(path, LARGEST_TABLE, "a table")
+    content = read_small(path, LARGEST_TRACE, "a table")
     found = compare_tables(name, content.decode("utf-8", "replace"), text, exact=exact)
     listed = {one.get("file"): one.get("sha256") for one in kept.document["provenance"].get("outputs", ())}
     digest = hashlib.sha256(content).hexdigest()

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from recoil_acquisition.acquisition import AT_TRIGGER
 from recoil_acquisition.errors import ReadError
@@ -38,6 +40,8 @@ TRACE_COLUMNS = ("time_s", "mass_kg", "u_kg", "identified")
 
 LARGEST_REPORT = 64_000_000
 """Bytes of a report.json, beyond which it is none."""
+LARGEST_TRACE = 1_000_000_000
+"""Bytes of a mass.csv, beyond which it is none."""
 LARGEST_CURVES = 1_000_000
 """Bytes of a curves.csv, beyond which it is none."""
 
@@ -422,6 +426,61 @@ def write_files(folder: Path, files: Mapping[str, str]) -> None:
     """Write texts into a folder, by name; the bytes are the same on every system."""
     for name, text in files.items():
         (folder / name).write_text(text, encoding="utf-8", newline="\n")
+
+
+def read_document(path: Path, content: bytes | None = None) -> dict[str, Any]:
+    """Read a ``report.json``.
+
+    Parameters
+    ----------
+    content
+        Its bytes, where they are at hand.
+
+    Raises
+    ------
+    ReadError
+        If it is no report of a shot.
+    """
+    content = read_small(path, LARGEST_REPORT, "a report") if content is None else content
+    try:
+        document = json.loads(content)
+        if document["schema"] != SCHEMA:
+            raise ValueError(f"schema {document['schema']!r}")
+        lacking = [key for key in ("shot", "rig", "mass", "rpe_percent", "valid", "provenance") if key not in document]
+        if lacking:
+            raise ValueError(f"no {', '.join(lacking)}")
+    except (ValueError, LookupError, TypeError, RecursionError) as error:
+        raise ReadError(
+            "this is no report of a shot", path=path, expected=f"schema {SCHEMA}", found=str(error)
+        ) from error
+    return dict(document)
+
+
+def read_trace(folder: Path) -> NDArray[np.float64] | None:
+    """Read the ``mass.csv`` of a report's folder: time in s, mass and u in kg, NaN where blank; None if there is none.
+
+    Raises
+    ------
+    ReadError
+        If it is no such file.
+    """
+    path = folder / TRACE_FILE
+    if not path.exists():
+        return None
+    header, *lines = read_small(path, LARGEST_TRACE, "a trace").decode("utf-8", "replace").splitlines() or [""]
+    try:
+        if header.split(",") != list(TRACE_COLUMNS):
+            raise ValueError(f"the columns {header!r}")
+        cells = [line.split(",")[:3] for line in lines]
+        numbers = np.array([[float(cell) if cell else math.nan for cell in row] for row in cells], dtype=np.float64)
+        if numbers.ndim != 2 or numbers.shape[1] != 3:
+            raise ValueError("rows of another length")
+    except ValueError as error:
+        raise ReadError(
+            "this is no mass over time", path=path, expected=f"columns {', '.join(TRACE_COLUMNS)}", found=str(error),
+            remedy="identify the shot anew",
+        ) from error  # fmt: skip
+    return numbers
 
 
 def read_curves(folder: Path) -> Curves | None:

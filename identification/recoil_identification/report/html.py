@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 SCHEMA = "recoil-daq/report/1"
 PAGE_NAME = "report.html"
 CAMPAIGN_PAGE = "campaign.html"
+BESIDE_PAGE = "beside.html"
 SCRIPT_NAME = "plotly.min.js"
 REQUIRED_KEYS = ("schema", "shot", "rig", "mass", "rpe_percent", "valid", "reasons", "provenance")
 
@@ -216,6 +217,36 @@ def render_campaign_page(document: Mapping[str, Any], figures: Sequence[Figure])
         assumed=campaign_tables.assumed(document),
         series_file="campaign.csv",
         series_name="the shots",
+    )
+
+
+def render_beside_page(document: Mapping[str, Any], figures: Sequence[Figure]) -> str:
+    """Render the page of reports beside one another.
+
+    Parameters
+    ----------
+    document
+        Of `recoil_identification.report.beside.beside_document`.
+    figures
+        Of `recoil_identification.report.beside.beside_figures`.
+
+    Returns
+    -------
+    str
+        A complete HTML document that refers to ``plotly.min.js`` beside it, to the reports' pages, and to nothing else.
+
+    Raises
+    ------
+    ValueError
+        Figures with equal keys.
+    """
+    return _render(
+        "beside.html",
+        document,
+        figures,
+        embedded={"shot": f"{document['shot']}-beside"},
+        series_file=None,
+        series_name=None,
     )
 
 

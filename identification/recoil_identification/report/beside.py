@@ -1,0 +1,246 @@
+"""Reports laid beside one another: their curves over one another, and what differs in parameters and result."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_identification.budget import COVERAGE_FACTOR
+from recoil_identification.firing_record import Curves
+from recoil_identification.report.campaign_figures import PANELS
+from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Trace
+from recoil_identification.report.rounding import NO_NUMBER, fixed, plain, rounded, significant
+
+Array = NDArray[np.float64]
+
+SCHEMA = "recoil-daq/beside/1"
+
+
+@dataclass(frozen=True, eq=False)
+class Laid(ReadOnlyArrays):
+    """One of several reports.
+
+    Attributes
+    ----------
+    name
+        How it is called beside the others.
+    document
+        The contents of its ``report.json``.
+    sha256
+        Of that file.
+    trace : ndarray, shape (n, 3)
+        Time on the reference clock in s, mass and its standard uncertainty in kg, NaN where nothing was identified;
+        None where it has none.
+    curves
+        None where it has none.
+    page
+        The way to its page from that of all; None where there is none.
+    """
+
+    name: str
+    document: Mapping[str, Any]
+    sha256: str
+    trace: Array | None
+    curves: Curves | None
+    page: str | None = None
+
+
+@dataclass(frozen=True)
+class Row:
+    """What a number, or a word, is in each of the reports.
+
+    Attributes
+    ----------
+    values
+        JSON types.
+    texts
+        As people read them.
+    """
+
+    label: str
+    values: tuple[Any, ...]
+    texts: tuple[str, ...]
+
+    @property
+    def differs(self) -> bool:
+        """Whether it is not the same in all."""
+        return any(value != self.values[0] for value in self.values[1:])
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it in JSON types."""
+        return {"label": self.label, "differs": self.differs, "values": list(self.values), "texts": list(self.texts)}
+
+
+def beside_document(laid: Sequence[Laid], *, version: str) -> dict[str, Any]:
+    """Build the document of reports beside one another, the first one's folder its home.
+
+    Parameters
+    ----------
+    version
+        Of the package.
+    """
+    first = laid[0].document
+    return {
+        "schema": SCHEMA,
+        "shot": first["shot"],
+        "rig": first["rig"],
+        "reports": [{"name": one.name, "shot": one.document["shot"], "page": one.page} for one in laid],
+        "of": of_what([one.document for one in laid]),
+        "parameters": [one.to_json() for one in parameters(laid)],
+        "results": [one.to_json() for one in results(laid)],
+        "provenance": {
+            "version": version,
+            "inputs": [{"file": f"{one.name}/report.json", "sha256": one.sha256} for one in laid],
+            "parameters": {},
+        },
+    }
+
+
+def of_what(documents: Sequence[Mapping[str, Any]]) -> str:
+    """Say plainly whether reports are of one shot."""
+    shots = [str(one["shot"]) for one in documents]
+    rigs = list(dict.fromkeys(str(one["rig"]) for one in documents))
+    if len(set(shots)) > 1:
+        of_rigs = f", on the rigs {', '.join(rigs)}" if len(rigs) > 1 else ""
+        return (
+            f"These reports are of different shots, {', '.join(dict.fromkeys(shots))}{of_rigs}: what differs between "
+            "them is the firing, and not the parameters alone."
+        )
+    if len({_shot_file(one) for one in documents}) > 1:
+        return (
+            f"These reports are of shot {shots[0]}, but of different shot files: its recorded files were ingested in "
+            "different ways, or these are different shots with one name."
+        )
+    return f"These reports are of one shot file, {shots[0]}: what differs between them is how it was evaluated."
+
+
+def parameters(laid: Sequence[Laid]) -> list[Row]:
+    """List with what the reports were made."""
+    return [
+        _row(laid, "shot", lambda d: d["shot"]),
+        _row(laid, "started", lambda d: d.get("started")),
+        _row(laid, "shot file, SHA-256", _shot_file, lambda digest: f"{digest[:16]}…" if digest else NO_NUMBER),
+        _row(laid, "rig", lambda d: d["rig"]),
+        _row(laid, "corrected in the rig", _corrections),
+        _row(laid, "configuration", lambda d: (d.get("shot_log") or {}).get("configuration")),
+        _row(laid, "added mass / kg", lambda d: (d.get("shot_log") or {}).get("added_mass_kg"), _number),
+        _row(laid, "method", lambda d: d["mass"].get("method")),
+        _row(laid, "low-pass / Hz", lambda d: d.get("filter", {}).get("cutoff_hz"), _number),
+        _row(laid, "chosen by", lambda d: d.get("filter", {}).get("basis")),
+        _row(laid, "its half order", lambda d: d.get("filter", {}).get("half_order")),
+        _row(
+            laid, "low-pass of the fit of the mass / Hz", lambda d: d.get("filter", {}).get("mass_cutoff_hz"), _number
+        ),
+        _row(laid, "memory (window) / ms", lambda d: d.get("window_s"), lambda s: plain(1e3 * s)),
+        _row(laid, "recoil-daq", lambda d: d["provenance"].get("version")),
+        _row(laid, "computed with", lambda d: ", ".join((d["provenance"].get("computer") or {}).values()) or None),
+    ]
+
+
+def results(laid: Sequence[Laid]) -> list[Row]:
+    """List what the reports found."""
+    u = [one.document["mass"].get("u") for one in laid]
+    values = [one.document["mass"].get("value") for one in laid]
+    differences = [None if None in (value, values[0]) else value - values[0] for value in values]
+    by = [NO_NUMBER if one is None else _signed(significant(one, 3)) for one in differences]
+    found = [
+        _row(laid, "verdict", lambda d: "valid" if d["valid"] else "not valid"),
+        _row(laid, "reasons", lambda d: "; ".join(d["reasons"]) or "none"),
+        _numbers("mass / kg", values, [rounded(a, b)[0] for a, b in zip(values, u, strict=True)]),
+        Row("mass, from that of the first / kg", tuple(differences), ("", *by[1:])),
+        _numbers("u / kg", u, [significant(one, 2) for one in u]),
+        _row(laid, "95 % interval / kg", lambda d: d["mass"].get("U95"), _interval),
+        _row(laid, "specification / kg", lambda d: d["mass"].get("specification"), _number),
+        _row(laid, "E_n", lambda d: d.get("E_n"), lambda e_n: _signed(fixed(e_n, 2))),
+        _row(laid, "RPE / %", lambda d: d["rpe_percent"].get("value"), lambda one: significant(one, 3)),
+        _row(laid, "its 95 % interval / %", lambda d: d["rpe_percent"].get("U95"), _interval),
+        _row(laid, "identified share / %", lambda d: d.get("identified_share"), lambda share: fixed(100 * share, 1)),
+    ]
+    for name in dict.fromkeys(name for one in laid for name in one.document.get("peaks") or {}):
+        values = [(one.document.get("peaks") or {}).get(name) for one in laid]
+        found.append(_numbers(f"peak: {name}", values, [plain(one) for one in values]))
+    return found
+
+
+def beside_figures(laid: Sequence[Laid]) -> list[Figure]:
+    """Lay the reports' curves over one another, each report with one colour, times after its onset of force."""
+    figures = []
+    masses = [
+        _band(one, one.trace, hue)
+        for hue, one in enumerate(laid)
+        if one.trace is not None and np.isfinite(one.trace[:, 1]).any()
+    ]
+    if masses:
+        specified = dict.fromkeys(one.document["mass"]["specification"] for one in laid)
+        lines = tuple(HorizontalLine("specification", kg) for kg in specified if kg is not None)
+        caption = "The mass that the samples within the memory give, with its 95 % band, of each report."
+        figures.append(
+            Figure("mass", "Mass over time", caption, "time after the onset of force, ms",
+                   (Panel("mass, kg", tuple(masses), lines),))
+        )  # fmt: skip
+    panels = []
+    for name, label, scale, unit in PANELS:
+        traces = [
+            Trace(one.name, 1e3 * one.curves.times_s, scale * one.curves.values[name], "filtered", unit, hue=hue)
+            for hue, one in enumerate(laid)
+            if one.curves is not None and name in one.curves.values
+        ]
+        panels += [Panel(label, tuple(traces))] if traces else []
+    if panels:
+        caption = "Breech pressure and acceleration behind each report's low-pass, and the recoil travel."
+        figures.append(Figure("curves", "The shot", caption, "time after the onset of force, ms", tuple(panels)))
+    return figures
+
+
+def _band(one: Laid, trace: Array, hue: int) -> Trace:
+    after_onset_ms = 1e3 * (trace[:, 0] - one.document["interval_s"][0])
+    mass, half = trace[:, 1], COVERAGE_FACTOR * trace[:, 2]
+    return Trace(one.name, after_onset_ms, mass, "band", "kg", mass - half, mass + half, hue=hue)
+
+
+def _row(
+    laid: Sequence[Laid],
+    label: str,
+    value: Callable[[Mapping[str, Any]], Any],
+    text: Callable[[Any], str] = str,
+) -> Row:
+    values = [value(one.document) for one in laid]
+    return _numbers(label, values, [NO_NUMBER if one is None else text(one) for one in values])
+
+
+def _numbers(label: str, values: Sequence[Any], texts: Sequence[str]) -> Row:
+    """Return a row; where its values differ by less than is printed of them, all their digits are."""
+    row = Row(label, tuple(values), tuple(texts))
+    if row.differs and len(set(texts)) == 1:
+        return Row(label, row.values, tuple(str(value) for value in values))
+    return row
+
+
+def _shot_file(document: Mapping[str, Any]) -> str | None:
+    inputs = document["provenance"].get("inputs") or [{}]
+    digest = inputs[0].get("sha256")
+    return None if digest is None else str(digest)
+
+
+def _corrections(document: Mapping[str, Any]) -> str:
+    said = [f"{one['key']} {one['was']} -> {one['is']}" for one in document.get("corrections") or ()]
+    return "; ".join(said) or "nothing"
+
+
+def _number(value: float) -> str:
+    return plain(value)
+
+
+def _interval(ends: Sequence[float | None]) -> str:
+    low, high = (math.nan if one is None else one for one in ends)
+    return " … ".join(rounded(one, (high - low) / 2)[0] for one in (low, high))
+
+
+def _signed(text: str) -> str:
+    return f"+{text}" if text[:1].isdigit() and text.strip("0.") else text

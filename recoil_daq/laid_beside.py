@@ -1,0 +1,189 @@
+"""A report beside others, of the same shot evaluated in another way or of another shot: one page."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from recoil_acquisition.errors import ReadError
+from recoil_acquisition.regular_file import read_small
+from recoil_acquisition.store import read_shot
+from recoil_daq import __version__
+from recoil_daq.printed import Printed
+from recoil_daq.recomputed import find_reports
+from recoil_daq.report_folder import publish, refuse_existing
+from recoil_identification.report.beside import Laid, beside_document, beside_figures
+from recoil_identification.report.document import LARGEST_REPORT, REPORT_FILE, read_curves, read_document, read_trace
+from recoil_identification.report.html import BESIDE_PAGE, PAGE_NAME, render_beside_page, write_page
+
+
+@dataclass(frozen=True, repr=False)
+class Beside(Printed):
+    """Reports beside one another, and where their page was written.
+
+    Attributes
+    ----------
+    document
+        What differs, and what is equal.
+    folder
+        Of the first report; it holds ``beside.html``.
+    """
+
+    document: dict[str, Any]
+    folder: Path
+
+    @property
+    def page(self) -> Path:
+        """The page."""
+        return self.folder / BESIDE_PAGE
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what differs, and what is equal."""
+        return {**self.document, "page": str(self.page)}
+
+    def show(self) -> None:
+        """Print what differs, and where the page is."""
+        from recoil_daq.tables import print_table, say
+
+        names = [one["name"] for one in self.document["reports"]]
+        listed = [row for key in ("results", "parameters") for row in self.document[key]]
+        rows = [(row["label"], *row["texts"]) for row in listed if row["differs"]]
+        say(self.document["of"])
+        print_table("What differs", ("", *names), rows, fold=True)
+        say(f"beside one another -> {self.page}")
+
+    def __repr__(self) -> str:
+        return f"Beside({len(self.document['reports'])} reports -> {self.page})"
+
+
+@dataclass(frozen=True, eq=False)
+class Others:
+    """Reports that new ones are to be laid beside, read before anything is written.
+
+    Attributes
+    ----------
+    of_places
+        Of each place that was given the reports in it.
+    """
+
+    of_places: tuple[tuple[Path, tuple[tuple[Path, Laid], ...]], ...]
+
+    @classmethod
+    def read(cls, places: Sequence[str | Path]) -> Others:
+        """Read the reports of places: report files, their folders, or folders of reports.
+
+        Raises
+        ------
+        ReadError
+            If there is none, or one is damaged.
+        """
+        found = []
+        for place in map(Path, places):
+            found.append((place, tuple((path.parent, read_laid(path)) for path in find_reports(place))))
+        return cls(tuple(found))
+
+    def beside(self, folder: Path, shot: str) -> list[tuple[Path, Laid]]:
+        """Return those that are laid beside the report of a shot: of a folder of several the one of that shot.
+
+        Raises
+        ------
+        ReadError
+            If a folder of several has none of it, or the report itself would replace one of them.
+        """
+        found: list[tuple[Path, Laid]] = []
+        for place, reports in self.of_places:
+            taken = reports if len(reports) == 1 else [one for one in reports if one[1].document["shot"] == shot]
+            if not taken:
+                raise ReadError(
+                    f"no report of shot {shot} in this folder of reports", path=place, remedy="name the report itself"
+                )
+            known = {os.path.realpath(other) for other, _ in found}
+            found += [one for one in taken if os.path.realpath(one[0]) not in known]
+        for other, _ in found:
+            if os.path.realpath(other) == os.path.realpath(folder):
+                raise ReadError(
+                    "this report is to be laid beside itself", path=other, remedy="give another --out for the new one"
+                )
+        return found
+
+    def refuse_before(self, shot_files: Sequence[Path], out: Path, *, overwrite: bool) -> None:
+        """Raise, before any shot is identified, what `beside` would raise of their new reports in a folder."""
+        for path in shot_files:
+            shot = read_shot(path).name
+            self.beside(out / shot, shot)
+            if not overwrite:
+                refuse_existing(out / shot, (BESIDE_PAGE,))
+
+
+def beside(report: str | Path, others: Sequence[str | Path] | Others, *, overwrite: bool = False) -> Beside:
+    """Lay a report beside others, and write ``beside.html`` into its folder.
+
+    Parameters
+    ----------
+    report
+        The folder of a report, or its ``report.json``.
+    others
+        Reports, of this or of other shots, or folders of reports, of which the one of this shot is taken.
+    overwrite
+        Replace the page that is there.
+
+    Raises
+    ------
+    ReadError
+        If a report is missing or damaged.
+    StoreError
+        If the page is there already or cannot be written.
+    """
+    path = Path(report) / REPORT_FILE if Path(report).is_dir() else Path(report)
+    home, own = path.parent, read_laid(path)
+    read = others if isinstance(others, Others) else Others.read(others)
+    all_of_them = [(home, own), *read.beside(home, str(own.document["shot"]))]
+    if not overwrite:
+        refuse_existing(home, (BESIDE_PAGE,))
+    names = _names([folder for folder, _ in all_of_them])
+
+    def write(partial: Path) -> None:
+        write_page(partial, page, BESIDE_PAGE)
+
+    laid = [
+        replace(one, name=name, page=_way(home, folder))
+        for name, (folder, one) in zip(names, all_of_them, strict=True)
+    ]  # fmt: skip
+    document = beside_document(laid, version=__version__)
+    page = render_beside_page(document, beside_figures(laid))
+    publish(home, write)
+    return Beside(document, home)
+
+
+def read_laid(path: Path) -> Laid:
+    """Read a report and the files beside it; ReadError if one is damaged."""
+    folder, content = path.parent, read_small(path, LARGEST_REPORT, "a report")
+    document = read_document(path, content)
+    return Laid(
+        name=folder.name,
+        document=document,
+        sha256=hashlib.sha256(content).hexdigest(),
+        trace=read_trace(folder),
+        curves=read_curves(folder),
+    )
+
+
+def _names(folders: Sequence[Path]) -> list[str]:
+    """Name folders by as much of the end of their paths as tells them apart."""
+    parts = [Path(os.path.realpath(folder)).parts for folder in folders]
+    count = next(n for n in range(1, 1000) if len({one[-n:] for one in parts}) == len(set(parts)))
+    return ["/".join(one[-count:]) for one in parts]
+
+
+def _way(home: Path, folder: Path) -> str | None:
+    """Return the way from one report's folder to another one's page; None where there is no page, or no way."""
+    if not (folder / PAGE_NAME).exists():
+        return None
+    try:
+        return Path(os.path.relpath(folder / PAGE_NAME, home)).as_posix()
+    except ValueError:  # another drive
+        return None
