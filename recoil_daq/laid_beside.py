@@ -81,10 +81,11 @@ class Others:
         ReadError
             If there is none, or one is damaged.
         """
-        found = []
-        for place in map(Path, places):
-            found.append((place, tuple((path.parent, read_laid(path)) for path in find_reports(place))))
-        return cls(tuple(found))
+        return cls(
+            tuple(
+                (Path(place), tuple((path.parent, read_laid(path)) for path in find_reports(place))) for place in places
+            )
+        )
 
     def beside(self, folder: Path, shot: str) -> list[tuple[Path, Laid]]:
         """Return those that are laid beside the report of a shot: of a folder of several the one of that shot.

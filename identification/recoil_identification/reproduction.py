@@ -1,9 +1,9 @@
 """A report against the same report made again: whether each of its numbers comes again, and what differs if not.
 
 On the same kind of computer with the same versions numbers come again to the last bit. Elsewhere the order in which
-sums are taken differs, and they come again within `ELSEWHERE`: of themselves; of the largest number of the array that
-they stand in, because an element near zero is the rounding of its neighbours; of one standard uncertainty, where they
-count in such.
+sums are taken differs, and they come again within `ELSEWHERE`: of themselves; of the largest number of the array or the
+column that they stand in, because an element near zero is the rounding of its neighbours; of the combined standard
+uncertainty, where they are contributions to it; and within `OF_A_SIGMA`, where they count standard uncertainties.
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ import numpy as np
 
 ELSEWHERE = 1e-9
 """Relative difference within which a number comes again on another computer, or with other versions."""
+OF_A_SIGMA = 1e-6
+"""Share of a standard uncertainty within which a number comes again that counts such."""
 NAMED_BY = ("source", "clock", "name", "channel", "quantity", "key", "file")
 """Keys by which the rows of a table are told apart, the first that every row has another value of."""
 IN_SIGMAS = ("_sigma", ".pull", ".normalised_residual", ".criterion", "E_n")
@@ -153,6 +155,7 @@ def compare(
         {key: leaf for key, leaf in leaves_of(one) if not any(_below(key, path) for path in besides)}
         for one in (stored, again)
     )
+    contributions = _contributions(stored)
     found: list[Difference] = []
     largest, numbers = 0.0, 0
     for key in dict.fromkeys((*ours, *theirs)):
@@ -163,7 +166,7 @@ def compare(
             continue
         if _is_number(one.value) and _is_number(other.value):
             numbers += 1
-            relative = _relative(one.value, other.value, max(one.scale, other.scale))
+            relative = _relative(one.value, other.value, max(one.scale, other.scale, contributions.get(key, 0.0)))
             largest = max(largest, relative)
             if one.value != other.value if exact else relative > ELSEWHERE:
                 found.append(Difference(key, one.value, other.value, relative))
@@ -190,6 +193,7 @@ def compare_tables(name: str, stored: str, again: str, *, exact: bool) -> Compar
     if ours[0] != theirs[0] or len(ours) != len(theirs):
         return Comparison(numbers, (Difference(name, f"{len(ours) - 1} lines", f"{len(theirs) - 1} lines"),), 0.0)
     found, largest = [], 0.0
+    scales = [_largest_cell(column) for column in zip(*(line.split(",") for line in theirs[1:-1]), strict=True)]
     for row, (line, other) in enumerate(zip(ours, theirs, strict=True)):
         if line == other:
             continue
@@ -197,12 +201,23 @@ def compare_tables(name: str, stored: str, again: str, *, exact: bool) -> Compar
         if len(cells) != len(others):
             found.append(Difference(f"{name}[{row - 1}]", line, other))
             continue
-        for column, one, two in zip(columns, cells, others, strict=True):
-            relative = _relative_text(one, two)
+        for column, scale, one, two in zip(columns, scales, cells, others, strict=True):
+            relative = _relative_text(one, two, scale)
             largest = max(largest, relative if math.isfinite(relative) else 0.0)
             if one != two and (exact or not (relative <= ELSEWHERE or _last_place(one, two))):
                 found.append(Difference(f"{name}[{row - 1}].{column}", one, two, relative))
     return Comparison(numbers, tuple(sorted(found, key=lambda one: -one.relative)), largest)
+
+
+def _contributions(document: Mapping[str, Any]) -> dict[str, float]:
+    """Return the combined standard uncertainty, and that over each source's, by the keys of the budget's rows."""
+    try:
+        u_kg, rows = float(document["mass"]["u"]), parts_of(document["budget"])
+        keys = [(path_of("budget", label), row.get("u_source")) for label, row in rows]
+    except (KeyError, TypeError, ValueError, AttributeError):
+        return {}
+    scales = {path_of(key, "u_kg"): u_kg for key, _ in keys}
+    return scales | {path_of(key, "sensitivity_kg"): u_kg / abs(u) for key, u in keys if _is_number(u) and u}
 
 
 def _determined(document: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -219,7 +234,8 @@ def _determined(document: Mapping[str, Any]) -> Mapping[str, Any]:
 def _scale(key: str, value: Any, of_array: float | None) -> float:
     if not _is_number(value):
         return 0.0
-    return max(abs(value), 1.0 if key.endswith(IN_SIGMAS) else 0.0) if of_array is None else of_array
+    of_sigmas = OF_A_SIGMA / ELSEWHERE if key.endswith(IN_SIGMAS) else 0.0
+    return max(abs(value), of_sigmas) if of_array is None else of_array
 
 
 def _is_number(value: Any) -> bool:
@@ -263,13 +279,17 @@ def _last_place(one: str, other: str) -> bool:
     return bool(one and other) and abs(float(one) - float(other)) <= 1.5 * unit
 
 
-def _relative_text(one: str, other: str) -> float:
+def _relative_text(one: str, other: str, scale: float) -> float:
     """Return by how much two cells differ; infinite where either is blank or no number."""
     try:
         a, b = float(one), float(other)
     except ValueError:
         return 0.0 if one == other else math.inf
-    return _relative(a, b, max(abs(a), abs(b)))
+    return _relative(a, b, max(abs(a), abs(b), scale))
+
+
+def _largest_cell(column: Sequence[str]) -> float:
+    return max((abs(float(cell)) for cell in column if cell), default=0.0)
 
 
 def _shown(value: Any) -> str:

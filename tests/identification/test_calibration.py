@@ -278,6 +278,19 @@ def test_the_errors_left_are_those_that_draws_of_the_sensors_leave():
     np.testing.assert_allclose(np.std(left, axis=0)[between], stated[between], rtol=0.25)
 
 
+def test_the_errors_left_are_as_exact_as_their_covariance_whatever_the_units():
+    found, shot = calibrated_mass(measured(noise=alternating(1.0)), SCALES, U_BIAS, None), measured()
+    n = shot.times_s.size
+    rows = {"regression": shot, "rows": np.arange(n), "sigma_m_s2": np.ones(n), "changes": None}
+    slopes = replace(found.block, **rows).linearised(found.values)[1][:, 1:]
+    kept = len(found.block.unknowns)
+    covariance = found.inferred.covariance[1:kept, 1:kept]
+    # a friction's variance in N^2 beside that of a scale
+    assert np.ptp(np.log10(np.diag(covariance)[np.diag(covariance) > 0])) > 8
+    expected = np.einsum("ni,ij,nj->n", slopes, covariance, slopes)
+    np.testing.assert_allclose((found.errors_left(shot) ** 2).sum(axis=1), expected, rtol=1e-9, atol=1e-12)
+
+
 def test_a_sensor_beyond_its_uncertainty_stands_out():
     found = calibrated_mass(measured(gauges=(0.06, 0.0, 0.0), noise=alternating(1.0)), SCALES, U_BIAS, tracked())
     assert max(found.normalised_residuals, key=lambda s: abs(found.normalised_residuals[s])) == GAUGES[0]

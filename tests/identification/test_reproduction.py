@@ -13,7 +13,10 @@ from recoil_identification.reproduction import compare, compare_tables, leaves_o
 
 REPORT: dict[str, Any] = {
     "mass": {"value": 782.5452581923083, "u": 2.647795722239834, "U95": [777.355673938299, 787.7348424463177]},
-    "budget": [{"source": "packing friction", "u_kg": 1.1718}, {"source": "camera scale", "u_kg": 0.7303}],
+    "budget": [
+        {"source": "packing friction", "u_kg": 1.1718},
+        {"source": "camera scale", "u_kg": 1e-5, "sensitivity_kg": -0.01, "u_source": 1e-3},
+    ],
     "campaign": {"R": [[2.0, 1.0], [0.0, 1e-13]], "y": [0.5, 3.0]},
     "sensors": [{"source": "camera scale", "pull": 1.2e-9}],
     "valid": True,
@@ -37,7 +40,7 @@ def test_a_report_has_the_names_of_its_rows_in_its_key_paths() -> None:
 
 def test_the_same_report_has_no_difference_and_all_its_numbers_are_counted() -> None:
     found = compare(REPORT, copy.deepcopy(REPORT), exact=True)
-    assert (found.numbers, found.differences, found.largest) == (13, (), 0.0)
+    assert (found.numbers, found.differences, found.largest) == (15, (), 0.0)
 
 
 def test_the_last_bit_counts_on_the_same_computer_and_not_elsewhere() -> None:
@@ -53,8 +56,12 @@ def test_the_last_bit_counts_on_the_same_computer_and_not_elsewhere() -> None:
     [
         (("mass", "u"), 2.647795722239834 * (1 + 2e-9), False),
         (("mass", "u"), 2.647795722239834 * (1 + 5e-10), True),
-        (("sensors", 0, "pull"), 1.5e-9, True),
-        (("sensors", 0, "pull"), 1.2e-8, False),
+        (("sensors", 0, "pull"), 9e-7, True),
+        (("sensors", 0, "pull"), 1.2e-6, False),
+        (("budget", 1, "u_kg"), 1e-5 + 2e-9, True),
+        (("budget", 1, "u_kg"), 1e-5 + 3e-9, False),
+        (("budget", 1, "sensitivity_kg"), -0.01 + 2e-6, True),
+        (("budget", 1, "sensitivity_kg"), -0.01 + 3e-6, False),
         (("campaign", "R", 1, 1), 3e-13, True),
         (("campaign", "y", 1), 17.0, True),
         (("campaign", "y", 0), 0.5000001, False),
@@ -105,6 +112,7 @@ TABLE = "time_s,mass_kg\n0.1,782.000001\n0.2,\n"
         (TABLE.replace("0001", "0002"), False, []),
         (TABLE.replace("0001", "0009"), False, ["mass.csv[0].mass_kg"]),
         (TABLE.replace("0.2,", "0.2,1"), False, ["mass.csv[1].mass_kg"]),
+        (TABLE.replace("0.1", "0.1000000001"), False, []),
         (TABLE + "0.3,1\n", False, ["mass.csv"]),
         (TABLE.replace("0.2,", "0.2,1,2"), True, ["mass.csv[1]"]),
     ],
