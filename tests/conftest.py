@@ -4,12 +4,14 @@ import os
 import sys
 import warnings
 from contextlib import ExitStack
+from pathlib import Path
 from typing import Any
 
 import pytest
 from _pytest.runner import runtestprotocol
 from hypothesis import settings
 
+from tests.builders.bytecode import Backwards, collects_backwards, in_order, keep_bytecode
 from tests.builders.machine_stalls import MachineStalls, shared_stall_s
 from tests.builders.shared_motions import folder_of_this_run, share_motions
 
@@ -27,21 +29,12 @@ def pytest_configure(config: pytest.Config) -> None:
     The threads of OpenBLAS spin while they wait for one another: with two workers that have two each, a test of small
     matrices took twenty times as long. The library looks once, when it is loaded: a worker must be born with it.
     """
-    _keep_what_is_compiled(config)
+    if sys.dont_write_bytecode and sys.pycache_prefix is None and (cache := getattr(config, "cache", None)) is not None:
+        keep_bytecode(cache.mkdir("bytecode"))
     if config.getoption("numprocesses", None):
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     config.stash[OF_THE_RUN] = ExitStack()
     config.stash[OF_THE_RUN].enter_context(folder_of_this_run())
-
-
-def _keep_what_is_compiled(config: pytest.Config) -> None:
-    """Let workers, and the processes that tests start, keep what they compile in pytest's cache.
-
-    Where Python is told to leave nothing beside the sources, each of some hundred processes would compile them again.
-    """
-    if sys.dont_write_bytecode and sys.pycache_prefix is None and (cache := getattr(config, "cache", None)) is not None:
-        os.environ["PYTHONPYCACHEPREFIX"] = str(cache.mkdir("bytecode"))
-        os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
@@ -61,11 +54,18 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     return TestsByFile(config, log)
 
 
+def pytest_collect_directory(path: Path, parent: pytest.Collector) -> pytest.Dir | None:
+    """Let every second worker begin with the last files, so that no two compile the same ones."""
+    is_package = (path / "__init__.py").exists()
+    return Backwards.from_parent(parent, path=path) if collects_backwards() and not is_package else None
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with what takes long by the clock, where there are several workers."""
     if "PYTEST_XDIST_WORKER" in os.environ:
         from tests.builders.tests_by_file import played_first
 
+        in_order(items)
         played_first(items)
 
 
