@@ -70,9 +70,9 @@ def page(measured: dict[str, list[Point]]) -> str:
     """Write the page."""
     head = (
         "# Growth\n\n"
-        "How much time and memory a step takes on more data. `python -m tests.growth` measures it, each point in a process\n"
-        "of its own, after its libraries are loaded. Processor time counts all threads. A power of 1 is proportional, 0\n"
-        f"does not grow. Measured with Python {sys.version.split()[0]} on {os.cpu_count()} cores.\n\n"
+        "How much time and memory a step takes on more data. `python -m tests.growth` measures it, each point in a\n"
+        "process of its own, after its libraries are loaded. Processor time counts all threads. A power of 1 is\n"
+        f"proportional, 0 does not grow. Measured with Python {sys.version.split()[0]} on {os.cpu_count()} cores.\n\n"
     )
     return head + "\n".join(section(name, measured[name]) for name in SERIES if measured.get(name))
 

@@ -34,7 +34,7 @@ print(json.dumps([*took, peak]))
 INGEST = STEP.format(
     imports="from recoil_daq import ingest_files, load_rig\nimport scipy.signal, pandas, h5py",
     before="rig = load_rig(words[0])",
-    step="ingest_files(rig, words[2:], shot='s', out=words[1], overwrite=True)",
+    step="ingest_files(rig, words[3:], shot=words[2], out=words[1], overwrite=True)",
 )
 IDENTIFY = STEP.format(
     imports="from recoil_daq import identify_file\nimport scipy.signal, scipy.optimize, h5py, jinja2",
@@ -95,7 +95,7 @@ def ingest_of_samples(samples: int) -> Point:
         else:
             write_long_text(recorder, long, (rows // 2 if samples > 2**24 else 0,), rows)
         return run(
-            samples, INGEST, saved(rig, folder), folder / "shots", long, camera, rounds=1 if samples > 2**24 else 2
+            samples, INGEST, saved(rig, folder), folder / "shots", "s", long, camera, rounds=1 if samples > 2**24 else 2
         )
 
 
@@ -106,7 +106,7 @@ def identify_of_samples(samples: int) -> Point:
         rig = with_twin("field-2013", sample_rate_hz=samples / OWN_CHANNELS / 0.5)
         path = saved(rig, folder)
         files = simulate_shot(rig, folder / "files", seed=5, shot="1").files
-        run(samples, INGEST, path, folder / "shots", *files)
+        run(samples, INGEST, path, folder / "shots", "s", *files)
         return run(samples, IDENTIFY, folder / "reports", folder / "shots/s.h5")
 
 
@@ -129,7 +129,7 @@ def ingest_of_channels(channels: int) -> Point:
             first = line.split(",")[1]
             wide.append(line + f",{first}" * len(more))
         recorder.write_text("\n".join(wide) + "\n", encoding="utf-8")
-        return run(channels, INGEST, saved(rig, folder), folder / "shots", recorder, camera, rounds=2)
+        return run(channels, INGEST, saved(rig, folder), folder / "shots", "s", recorder, camera, rounds=2)
 
 
 def identify_of_shots(shots: int) -> Point:
@@ -140,9 +140,9 @@ def identify_of_shots(shots: int) -> Point:
         path = saved(rig, folder)
         stored = []
         for i in range(shots):
-            out = folder / f"shots{i}"
-            run(1, INGEST, path, out, *simulate_shot(rig, folder / f"files{i}", seed=i + 1, shot="1").files)
-            stored.append((out / "s.h5").rename(folder / f"{i:04d}.h5"))
+            files = simulate_shot(rig, folder / f"files{i}", seed=i + 1, shot="1").files
+            run(1, INGEST, path, folder / "shots", f"{i:04d}", *files)
+            stored.append(folder / f"shots/{i:04d}.h5")
         return run(shots, IDENTIFY, folder / "reports", *stored)
 
 
