@@ -1,5 +1,6 @@
 """Settings of the whole test suite."""
 
+import gc
 import os
 import sys
 import warnings
@@ -70,8 +71,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Share what many tests would compute again."""
+    """Share what many tests would compute again, and never look through what was collected for garbage.
+
+    That is a million objects which stay to the end: each search took a third of a second, and stopped what was played.
+    """
     share_motions()
+    gc.collect()
+    gc.freeze()
 
 
 ATTEMPTS = 2

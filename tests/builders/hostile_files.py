@@ -27,7 +27,7 @@ from tests.builders.vendor_files import (
     motion_rows,
 )
 
-PACKED = 100_000_000
+PACKED = 25_000_000
 """Bytes that packed files unpack to, whatever their size."""
 
 

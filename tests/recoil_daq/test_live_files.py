@@ -27,7 +27,7 @@ RangeOf = Callable[..., Range]
 def range_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> RangeOf:
     """Make a range that watches ``in``, where a file's source is the end of its name, and where files settle soon."""
 
-    def make(display: Told, settle_s: float = 0.3, **options: Any) -> Range:
+    def make(display: Told, settle_s: float = 0.1, **options: Any) -> Range:
         monkeypatch.setattr("recoil_daq.dropped_files.source_of", lambda _, f: f.path.stem.rpartition("_")[2])
         monkeypatch.setattr("recoil_daq.folder_watch.LOOK_EVERY_S", 0.02)
         rig = settling_soon(load_rig("mixed"), settle_s)
@@ -124,7 +124,7 @@ def test_a_file_that_stays_cut_off_fails_its_shot_when_it_has_waited_long_enough
     tmp_path: Path, range_of: RangeOf
 ) -> None:
     display = Told()
-    one = range_of(display, files_within_s=2.0, shots=1)
+    one = range_of(display, files_within_s=1.0, shots=1)
     display.then["0001 captured"] = drop(tmp_path / "in", *FILES)
     cut = tmp_path / "in" / FILES[0]
     PlayedConversion.answer = {"error": "CorruptFileError", "message": f"{cut}: was cut off", "path": str(cut)}
@@ -159,7 +159,7 @@ def test_nothing_is_matched_while_a_shot_is_recorded_whose_file_it_may_be(tmp_pa
     display = Told()
     one = range_of(display)
     now_s = time.monotonic()
-    ends_s = now_s + 1.5
+    ends_s = now_s + 0.7
     display.then["0001 captured"] = lambda: (
         one.session.opened(now_s - 0.5, lambda: time.monotonic() > ends_s),
         drop(tmp_path / "in", "a_camera.csv")(),

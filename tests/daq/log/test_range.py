@@ -17,7 +17,7 @@ from recoil_acquisition.log.folder import open_log
 from recoil_acquisition.log.record import Kind
 from recoil_acquisition.log.writer import LogWriter
 
-SEGMENT_BYTES = 1 << 17
+SEGMENT_BYTES = 1 << 16
 STEP_NS = 1_000_000
 
 
@@ -42,10 +42,10 @@ def write_late(folder: Path, monkeypatch: pytest.MonkeyPatch, *, closed: bool) -
     due = []
     for source in range(3):
         until_ns = 0
-        for k in range(4000):
+        for k in range(2000):
             read_ns = clock.now_ns + k * 2 * STEP_NS + source
             until_ns = max(until_ns, read_ns + 20_000)
-            if choice.random() < 0.0005:
+            if choice.random() < 0.001:
                 until_ns = read_ns + choice.randrange(3_000_000_000)
             span_ns = None if choice.random() < 0.01 else choice.choice((300_000, STEP_NS, 40 * STEP_NS))
             due.append((until_ns, source, read_ns, None if span_ns is None else read_ns - span_ns, k))
@@ -123,7 +123,7 @@ def test_a_range_is_a_filter_of_all_where_the_log_is_damaged(tmp_path, monkeypat
         content[choice.randrange(len(content))] ^= 1 << choice.randrange(8)
         path.write_bytes(content)
     content = bytearray(paths[4].read_bytes())
-    content[40_000:120_000] = bytes(80_000)
+    content[20_000:60_000] = bytes(40_000)
     paths[4].write_bytes(content)
     paths[7].unlink()
     assert faults_of_windows(tmp_path / "log", 30, 3) == []

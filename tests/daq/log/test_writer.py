@@ -159,13 +159,13 @@ def test_the_log_is_forced_to_the_disk_at_least_four_times_a_second(tmp_path, mo
     monkeypatch.setattr(os, "fdatasync", forced.append)
     oldest = 0.0
     with writer_in(tmp_path / "j", segment_bytes=1 << 20) as writer:
-        stop = time.monotonic() + 1.5
+        stop = time.monotonic() + 0.9
         while time.monotonic() < stop:
             writer.append(1, 1, 0, b"x" * 100)
             oldest = max(oldest, writer.counters.unsynced_s)
             time.sleep(0.002)
         assert writer.counters.largest_sync_s > 0
-    assert len(forced) >= 6
+    assert len(forced) >= 3
     # Half a second of allowance for a machine that does other things too
     assert oldest < 0.75
 
@@ -373,10 +373,10 @@ def test_a_failure_at_the_end_is_told_by_close(tmp_path, monkeypatch):
 
 @pytest.fixture
 def small_disk(tmp_path) -> Iterator[Path]:
-    """Mount a file system of 4 MB."""
+    """Mount a file system of 2 MB."""
     mount, point = shutil.which("mount"), tmp_path / "disk"
     point.mkdir()
-    command = [mount or "mount", "-t", "tmpfs", "-o", "size=4m", "tmpfs", str(point)]
+    command = [mount or "mount", "-t", "tmpfs", "-o", "size=2m", "tmpfs", str(point)]
     if mount is None or subprocess.run(command, capture_output=True, check=False).returncode:
         pytest.skip("a file system cannot be mounted on this machine")
     yield point
@@ -387,11 +387,11 @@ def test_a_really_full_disk_is_refused_when_arming_and_told_later(small_disk):
     with pytest.raises(StoreError, match="not enough room"):
         writer_in(small_disk / "j", reserve_bytes=5 << 20, segment_bytes=1 << 18)
     assert list(small_disk.iterdir()) == []
-    writer = writer_in(small_disk / "j", reserve_bytes=1 << 20, segment_bytes=1 << 18)
+    writer = writer_in(small_disk / "j", reserve_bytes=1 << 19, segment_bytes=1 << 17)
     count, error = append_until_it_fails(writer)
     assert "No space left on device" in str(error)
     writer.close()
-    assert count * 180 > 3 << 20
+    assert count * 180 > 3 << 19
     assert as_tuples(small_disk / "j") == written(count)
 
 
@@ -409,7 +409,7 @@ def test_reserved_space_is_there_when_another_program_fills_the_disk(small_disk)
 
 @needs_kill
 def test_a_killed_writer_loses_nothing_that_it_was_told_is_written(tmp_path):
-    for i, delay_s in enumerate(random_delays_s(8, seed=1)):
+    for i, delay_s in enumerate(random_delays_s(4, seed=1)):
         acknowledged, found = kill_a_writer(tmp_path / str(i), delay_s)
         assert 2 <= acknowledged <= found <= acknowledged + 2
 
@@ -628,13 +628,13 @@ def test_a_session_longer_than_a_record_stands_in_parts(tmp_path):
 
 
 def test_clocks_stand_at_the_beginning_and_every_ten_seconds(tmp_path, monkeypatch):
-    monkeypatch.setattr("recoil_acquisition.log.writer.CLOCK_EVERY_S", 0.3)
+    monkeypatch.setattr("recoil_acquisition.log.writer.CLOCK_EVERY_S", 0.1)
     with writer_in(tmp_path / "j", segment_bytes=1 << 16):
-        time.sleep(1.2)
+        time.sleep(0.5)
     clocks = [r for r in open_log(tmp_path / "j").records(OWN) if r.kind == Kind.CLOCK]
-    assert 4 <= len(clocks) <= 7
+    assert len(clocks) >= 4
     # behind the two of the session
-    assert all(later.host_ns - earlier.host_ns >= 300_000_000 for earlier, later in pairwise(clocks[1:]))
+    assert all(later.host_ns - earlier.host_ns >= 100_000_000 for earlier, later in pairwise(clocks[1:]))
     for clock in clocks:
         said = clock.said
         assert said["monotonic_ns"] == clock.host_ns
