@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from recoil_identification.analysis import Options, identify_shot
+from recoil_identification.analysis import Identification, Options, identify_shot
 from recoil_identification.calibration import Calibration, calibrated_mass
 from recoil_identification.zero_shift import MARGIN, ZeroShift, calibrated_with_zero_shift, shift_columns
 from recoil_processing.filters import LowPass
@@ -253,6 +253,36 @@ def test_with_a_camera_a_step_is_confirmed_and_costs_the_mass_nothing(step_m_s2:
     assert found.valid
     assert estimate.mass_kg == pytest.approx(sound.mass_kg, abs=0.3 * sound.u_kg)
     assert estimate.u_kg == pytest.approx(sound.u_kg, rel=0.02)
+
+
+@pytest.mark.parametrize("kick_m_s", [0.2, -0.2])
+@pytest.mark.parametrize("anew", [False, True], ids=["clock known otherwise", "clock by the motion"])
+def test_a_false_velocity_at_the_release_makes_no_valid_mass_whatever_it_is_taken_for(kick_m_s: float, anew: bool):
+    found = identified_with_a_kick(kick_m_s, anew)
+    assert found.inertial.zero_shift.demanded
+    assert not found.valid
+
+
+def test_a_small_false_velocity_at_the_release_is_found_and_costs_the_mass_nothing() -> None:
+    found = identified_with_a_kick(0.1, anew=False)
+    shift, estimate = found.inertial.zero_shift, found.chosen.estimate
+    assert shift.kick_m_s == pytest.approx(0.1, abs=4 * shift.u_kick_m_s)
+    assert found.valid
+    assert abs(estimate.mass_kg - 782.0) < 2 * estimate.u_kg
+
+
+def identified_with_a_kick(kick_m_s: float, anew: bool) -> Identification:
+    """A whole shot whose accelerometer reads, at the release, a velocity that was not there."""
+    virtual = virtual_shot("mixed")
+    accelerometer = virtual.shot.by_role("recoil_acceleration")
+    times_s = accelerometer.time_base.times_s
+    samples = np.array(accelerometer.samples)
+    first = int(np.argmax(times_s >= virtual.truth["t_fire"]))
+    # one sample alone would be a spike, which is taken out
+    samples[first : first + 2] += 0.5 * kick_m_s * accelerometer.time_base.rate_hz
+    shot = with_channels(virtual.shot, **{accelerometer.name: samples})
+    alignments = align_clocks(shot, virtual.rig) if anew else shot.alignments
+    return identify_shot(replace(shot, alignments=alignments), virtual.rig, Options())
 
 
 def test_a_gauge_that_is_off_is_no_shift_of_the_zero() -> None:

@@ -15,6 +15,8 @@ from recoil_processing.alignment.motion_fit import MotionFit
 from recoil_processing.alignment.redundant_alignment import RedundantFit
 from recoil_processing.alignment.trigger_alignment import EdgeFit
 
+ACCELEROMETER = "accelerometer"
+"""What a camera is aligned by, unless it is the force."""
 LEAST_CORRELATION = 0.8
 """Below this the two records are not of one motion."""
 LEAST_MARGIN = 0.03
@@ -25,6 +27,10 @@ GAIN_LIMIT_SIGMA = 4.0
 """How many standard uncertainties the scales of two sensors may differ by."""
 DRIFT_LIMIT_SIGMA = 3.5
 """How many standard uncertainties the record's own drift may be off zero, that of the clocks' quality among them."""
+BIAS_LIMIT_SIGMA = 4.0
+"""How many standard uncertainties a zero must be off beyond `MOST_BIAS_M_S2`."""
+MOST_BIAS_M_S2 = 10.0
+"""What is left at rest beyond which a zero was never taken off: more than gravity, a hundred times what is usual."""
 VELOCITY_LIMIT_SIGMA = 3.0
 """How many combined standard uncertainties velocities and likelihood may differ by."""
 MOST_SET_ASIDE = 0.02
@@ -51,7 +57,7 @@ def judge_motion(
     u_gain: float,
     noise_density: float,
     frame_period_s: float,
-    against: str = "accelerometer",
+    against: str = ACCELEROMETER,
     method: str = "motion",
 ) -> ClockAlignment:
     """Judge a camera's alignment by motion.
@@ -119,6 +125,12 @@ def judge_motion(
         doubts.append(
             f"the motions fit best if the camera's seconds are {100 * sound.free_drift:+.3f} % longer "
             f"(u {100 * sound.u_free_drift:.3f} %): check the frame rate"
+        )
+    # what the forces leave unexplained at rest is no sensor's zero
+    if against == ACCELEROMETER and abs(sound.bias_m_s2) > MOST_BIAS_M_S2 + BIAS_LIMIT_SIGMA * sound.u_bias_m_s2:
+        doubts.append(
+            f"the {against} reads {sound.bias_m_s2:+.3g} m/s^2 (u {sound.u_bias_m_s2:.2g}) where the camera sees no "
+            "acceleration: take its zero from the time before the shot, and check its sensitivity"
         )
     apart = abs(sound.coarse_offset_s - (sound.offset_s + sound.drift * sound.origin_s))
     if apart > max(2e-3, 6 * frame_period_s):

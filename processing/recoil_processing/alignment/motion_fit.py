@@ -27,7 +27,7 @@ class MotionFit(ReadOnlyArrays):
     gain, u_gain
         Camera scale over accelerometer scale, and its standard uncertainty.
     u_bias_m_s2
-        Standard uncertainty of c2.
+        Standard uncertainty of c2, and but for the gain of `bias_m_s2`.
     gain_bias_correlation
         Correlation of the estimates of gain and c2.
     integration_constants
@@ -103,6 +103,11 @@ class MotionFit(ReadOnlyArrays):
     shifted_zero_m_s2: float | None = None
     frame_faults: tuple[FrameFault, ...] = ()
     corrected: MotionFit | None = None
+
+    @property
+    def bias_m_s2(self) -> float:
+        """What the accelerometer reads at rest, if the camera's travel is right: ``-c2 / gain``."""
+        return -self.integration_constants[2] / self.gain
 
     @property
     def drift_earned(self) -> bool:

@@ -63,6 +63,21 @@ def motion_verdict(**changes) -> ClockAlignment:
     return judge_motion("camera", replace(MOTION, **changes), u_gain=0.01, noise_density=1.25e-3, frame_period_s=5e-4)
 
 
+@pytest.mark.parametrize(("bias_m_s2", "u_m_s2", "said"), [
+    (10.3, 0.1, False), (10.5, 0.1, True), (-10.5, 0.1, True), (10.5, 1.0, False), (-14.5, 1.0, True),
+])  # fmt: skip
+def test_an_accelerometer_that_is_off_zero_by_more_than_gravity_is_doubted_the_force_is_not(bias_m_s2, u_m_s2, said):
+    changes = {"integration_constants": (0.0, 0.0, -1.002 * bias_m_s2), "u_bias_m_s2": u_m_s2}
+    verdict = motion_verdict(**changes)
+    assert verdict.status == ("ambiguous" if said else "ok")
+    words = f"the accelerometer reads {bias_m_s2:+.3g} m/s^2 (u {u_m_s2:.2g}) where the camera sees no acceleration"
+    assert [reason.startswith(words) for reason in verdict.reasons] == [True] * said
+    by_force = judge_motion(
+        "c", replace(MOTION, **changes), u_gain=0.01, noise_density=1.25e-3, frame_period_s=5e-4, against="force"
+    )
+    assert by_force.status == "ok"
+
+
 def test_a_good_fit_is_ok_and_reported_as_it_is():
     verdict = motion_verdict()
     assert (verdict.clock, verdict.status, verdict.method, verdict.reasons) == ("camera", "ok", "motion", ())

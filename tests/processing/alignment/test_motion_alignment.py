@@ -232,6 +232,23 @@ def test_what_the_bias_adds_to_the_velocity_is_no_motion_that_tells_the_offset()
     assert other.offset_s == pytest.approx(one.offset_s, abs=1e-9)
 
 
+@pytest.mark.parametrize("bias_m_s2", [-12.0, 30.0])
+def test_a_zero_that_was_never_taken_off_costs_the_offset_nothing_but_is_told(bias_m_s2):
+    motion = record_motion(5, bias_m_s2=bias_m_s2)
+    fit = fit_of(motion)
+    assert fit.bias_m_s2 == pytest.approx(bias_m_s2, abs=4 * fit.u_bias_m_s2)
+    assert abs(error_s(motion, fit)) < 4 * fit.u_offset_s
+    verdict = verdict_on(motion, fit)
+    assert verdict.status != "ok"
+    assert any("take its zero from the time before the shot" in reason for reason in verdict.reasons)
+
+
+@pytest.mark.parametrize("bias_m_s2", [-100.0, 100.0])
+def test_a_zero_so_far_off_that_it_hides_the_motion_fails(bias_m_s2):
+    motion = record_motion(5, bias_m_s2=bias_m_s2)
+    assert verdict_on(motion, align(motion)).status == "failed"
+
+
 def shifted_from_the_onset(motion: RecordedMotion, by_m_s2: float) -> RecordedMotion:
     felt = motion.acceleration_m_s2 + by_m_s2 * (motion.reference_times_s >= ONSET_S)
     return replace(motion, acceleration_m_s2=felt)
