@@ -20,6 +20,8 @@ from recoil_identification.report.typeset import pdf_bytes, png_bytes
 PDF_FILE = "report.pdf"
 CAMPAIGN_PDF = "campaign.pdf"
 FIGURES_FOLDER = "figures"
+SAID_ABOVE = ("rig", "date and time")
+"""Facts that the heading of the first sheet has."""
 FEW_COLUMNS = 9
 """More of them need smaller letters."""
 
@@ -94,6 +96,7 @@ def report_pdf(report: Document, figures: Sequence[Figure]) -> bytes:
         reasons.append(f"Valid, {verdict['deviation']}.")
     notes = [*(report.get("notes") or ()), *([rpe["meaning"]] if rpe.get("meaning") else ())]
     assumed = tables.assumed(report)
+    facts = [(label, text) for label, text in tables.facts(report) if label not in SAID_ABOVE]
     head = {
         "tone": "bad" if not verdict["valid"] else "doubt" if verdict["deviation"] else "ok",
         "stamp": "VALID" if verdict["valid"] else "NOT VALID",
@@ -101,7 +104,7 @@ def report_pdf(report: Document, figures: Sequence[Figure]) -> bytes:
         "words": tables.in_words(report),
         "reasons": reasons,
         "measures": [pair for pair in measures if pair[1]],
-        "groups": [("The shot", tables.facts(report)), ("Peaks", tables.peaks(report))],
+        "groups": [("The shot", facts), ("Peaks", tables.peaks(report))],
         "lists": [("Notes", notes), ("What was assumed", [assumed] if assumed else [])],
     }
     parts = [*_results(report), *_figures(figures), *_processing(report)]
@@ -268,6 +271,7 @@ def _typeset(
     origin = _table("Provenance", [("File", "long"), ("SHA-256", "code")], rows, *sentences)
     page = {
         "title": title,
+        "when": tables.started(document) or "",
         "running": " · ".join([title, *([when] if (when := document.get("started")) else [])]),
         "made-by": f"recoil-daq {version}",
         "head": head,
@@ -277,11 +281,11 @@ def _typeset(
 
 
 def _flat(parameters: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, str]]:
-    """Yield names and values, those of a mapping in a mapping with both names."""
+    """Yield names and values as far as there are any, those of a mapping in a mapping with both names."""
     for key, value in parameters.items():
         if isinstance(value, Mapping):
             yield from _flat(value, f"{above}{key}.")
-        else:
+        elif value is not None:
             yield f"{above}{key}", _value(value)
 
 

@@ -61,7 +61,7 @@ def trace_parts(trace: Trace, hue: str, dash: str, axes: Axes, buckets: int) -> 
         return [f'<circle cx="{number(a)}" cy="{number(b)}" {ring}/>' for a, b in _inside(across, up, axes)]
     parts, line = [], pen(trace, hue, dash)
     if trace.kind == "band":
-        edge_x, edge_y = band_outline(x, *limits, starts)
+        edge_x, edge_y = band_outline(x, limits[0], limits[1], starts)
         outline = _outline(axes.across(edge_x), axes.up(edge_y), axes)
         parts.append(f'<path d="{outline}" fill="rgb({hue})" fill-opacity="0.22"/>')
     if trace.kind == "whiskers":
@@ -147,11 +147,11 @@ def _whiskers(across: FloatArray, low: FloatArray, high: FloatArray, axes: Axes)
 
 def _bars(across: FloatArray, up: FloatArray, axes: Axes, width: float, hue: str) -> list[str]:
     half = 0.46 * width * (RIGHT_PX - LEFT_PX) / (axes.x[1] - axes.x[0]) if axes.x_scale == "linear" else 3.0
-    foot = axes.bottom_px if axes.y_scale == "log" else float(axes.up(np.zeros(1))[0])
-    foot, up = (np.clip(v, axes.top_px, axes.bottom_px) for v in (foot, up))
+    zero = axes.bottom_px if axes.y_scale == "log" else float(axes.up(np.zeros(1))[0])
+    foot, up = min(max(zero, axes.top_px), axes.bottom_px), np.clip(up, axes.top_px, axes.bottom_px)
     pieces = []
     for x, y in zip(across.tolist(), up.tolist(), strict=True):
         left, right = max(x - half, LEFT_PX), min(x + half, RIGHT_PX)
         if left < right and math.isfinite(y):
-            pieces.append(f"M{number(left)} {number(float(foot))}V{number(y)}H{number(right)}V{number(float(foot))}Z")
+            pieces.append(f"M{number(left)} {number(foot)}V{number(y)}H{number(right)}V{number(foot)}Z")
     return [f'<path d="{"".join(pieces)}" fill="rgb({hue})" fill-opacity="0.55"/>']

@@ -86,7 +86,9 @@ def log_ticks(low: float, high: float, most: int) -> Ticks:
             for value in (lead * 10.0**power for lead in (1, 2, 5))
             if low <= value <= high
         ]
-        return Ticks(*zip(*found, strict=True)) if len(found) >= LEAST_DECADES else linear_ticks(low, high, most)
+        if len(found) < LEAST_DECADES:
+            return linear_ticks(low, high, most)
+        return Ticks(tuple(value for value, _ in found), tuple(label for _, label in found))
     stride = -(-(last - first + 1) // most)
     written = all(power in PLAIN_POWERS for power in (first, last))
     found = []
@@ -95,8 +97,8 @@ def log_ticks(low: float, high: float, most: int) -> Ticks:
             continue
         label = _number(10.0**power, power) if written else f"10^{power}".replace("-", MINUS)
         found += [(lead * 10.0**power, label if lead == 1 else "") for lead in (range(1, 10) if stride == 1 else (1,))]
-    values, labels = zip(*((value, label) for value, label in found if low <= value <= high), strict=True)
-    return Ticks(values, labels)
+    within = [(value, label) for value, label in found if low <= value <= high]
+    return Ticks(tuple(value for value, _ in within), tuple(label for _, label in within))
 
 
 def _number(value: float, power: int) -> str:
