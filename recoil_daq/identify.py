@@ -26,7 +26,7 @@ from recoil_identification.report.document import (
     write_files,
 )
 from recoil_identification.report.figures import report_figures
-from recoil_identification.report.html import PAGE_NAME, render_page, write_page
+from recoil_identification.report.html import BESIDE_PAGE, PAGE_NAME, render_page, write_page
 from recoil_identification.report.paper import PDF_FILE, figure_files, report_pdf, write_figures
 from recoil_identification.report.typeset import refuse_without_typst
 
@@ -166,7 +166,7 @@ def identify_file(
         if figures:
             write_figures(partial, drawn)
 
-    publish(folder, write, obsolete=(PDF_FILE, *figure_files(drawn)))
+    publish(folder, write, obsolete=(PDF_FILE, BESIDE_PAGE, *figure_files(drawn)))
     return Reported(document, folder)
 
 

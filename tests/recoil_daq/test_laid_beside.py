@@ -51,6 +51,8 @@ def test_a_shot_with_another_window_is_laid_beside_its_report(
     assert result.exit_code == 0
     (found,) = json.loads(result.stdout)["beside"]
     assert found["page"] == str(page)
+    assert run(*words[:4], "--overwrite").exit_code == 0
+    assert not page.exists(), "it is of the report that was replaced"
 
 
 def test_a_result_shows_itself(two: Path) -> None:
