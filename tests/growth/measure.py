@@ -44,7 +44,8 @@ IDENTIFY = STEP.format(
 COMBINE = STEP.format(
     imports="from recoil_identification.campaign.campaign import combine\n"
     "from tests.builders.campaign_summaries import campaign_of\nimport scipy.stats, scipy.linalg",
-    before="drawn = campaign_of([120.0 * (i % 2) for i in range(int(words[0]))])",
+    before="combine(campaign_of([0.0, 120.0]).shots)\n"
+    "drawn = campaign_of([120.0 * (i % 2) for i in range(int(words[0]))])",
     step="found = combine(drawn.shots)\nassert abs(found.mass.mass_kg - drawn.mass_kg) < 5 * found.mass.u_kg",
 )
 
