@@ -7,8 +7,6 @@ would have left in the slow samples, each band of frequencies at a phase of its 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -39,8 +37,8 @@ def folded_samples(
     anti_alias: AnalogLowPass,
     *,
     integral: bool = False,
-) -> Iterator[Array]:
-    """Give what a source's samples would hold of the reference's content above half the source's sampling rate.
+) -> Array:
+    """Return what a source's samples would hold of the reference's content above half the source's sampling rate.
 
     Parameters
     ----------
@@ -55,30 +53,46 @@ def folded_samples(
     integral
         Whether the source samples the reference's integral.
 
-    Yields
-    ------
-    ndarray, shape (n,)
+    Returns
+    -------
+    ndarray, shape (n, 2 * n_bands)
         For each band its content twice, a quarter of a period apart, so that the mean of both squares is that over all
-        phases; in the source's unit but for its gain. Nothing where the reference is no faster than the source.
+        phases; in the source's unit but for its gain. No column where the reference is no faster than the source.
     """
-    from scipy.interpolate import CubicSpline
+    from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 
     rate_hz = 1.0 / float(np.median(np.diff(times_s)))
-    size = 1 << (2 * reference.size - 1).bit_length()
-    frequency = np.asarray(np.fft.rfftfreq(size, step_s), dtype=np.float64)
+    size = next_fast_len(2 * reference.size - 1, real=True)
+    frequency = np.asarray(rfftfreq(size, step_s), dtype=np.float64)
     above = frequency > 0.5 * rate_hz
     if not above.any():
-        return
-    spectrum = np.fft.rfft(reference - np.median(reference), size) * above * anti_alias.gain(frequency)
+        return np.zeros((times_s.size, 0))
+    spectrum = rfft(reference - np.median(reference), size) * above * anti_alias.gain(frequency)
     if integral:
         spectrum[above] /= 2j * np.pi * frequency[above]
-    instants = start_s + step_s * np.arange(reference.size)
-    inside = (times_s >= instants[0]) & (times_s <= instants[-1])
     band = np.minimum(frequency * BANDS_PER_RATE / rate_hz, HIGHEST * BANDS_PER_RATE).astype(np.int64)
     power = np.bincount(band, weights=np.abs(spectrum) ** 2)
-    for number in np.flatnonzero(power > LEAST_SHARE * power.sum()):
-        for turned in (1.0, 1j):
-            content = np.fft.irfft(spectrum * (band == number) * turned, size)[: reference.size]
-            samples = np.zeros(times_s.size)
-            samples[inside] = CubicSpline(instants, content)(times_s[inside])
-            yield samples
+    bands = np.flatnonzero(power > LEAST_SHARE * power.sum())
+    # between its samples the content is a cubic spline, whose coefficients are at hand as long as it is a spectrum
+    spectrum /= (2.0 + np.cos(2 * np.pi * frequency * step_s)) / 3.0
+    place = (times_s - start_s) / step_s
+    inside = (place >= 0) & (place <= reference.size - 1)
+    first = np.floor(place[inside]).astype(np.int64)
+    weights = _spline_weights(place[inside] - first)
+    near = (first[:, None] + np.arange(-1, 3)) % size
+    folded = np.zeros((times_s.size, 2 * bands.size))
+    for column, (number, turned) in enumerate((number, turned) for number in bands for turned in (1.0, 1j)):
+        coefficients = irfft(spectrum * (band == number) * turned, size)
+        folded[inside, column] = np.einsum("ij,ij->i", weights, coefficients[near])
+    return folded
+
+
+def _spline_weights(behind: Array) -> Array:
+    """Shares of four coefficients in a cubic spline between the middle two, shape (n, 4), by the step's share behind.
+
+    The cubic B-spline of I. J. Schoenberg, Quart. Appl. Math. 4 (1946).
+    """
+    ahead = 1.0 - behind
+    return np.column_stack([
+        ahead**3, 4.0 - 6.0 * behind**2 + 3.0 * behind**3, 4.0 - 6.0 * ahead**2 + 3.0 * ahead**3, behind**3
+    ]) / 6.0  # fmt: skip

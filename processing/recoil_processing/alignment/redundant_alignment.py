@@ -144,10 +144,10 @@ def align_redundant(
         return found
     mapped = t + found.shift_s + found.drift * (t - rows.origin_s)
     anti_alias = source_filter or usual_filter(rate_hz)
-    pulls = []
-    for alias in folded_samples(mapped, start_s, step_s, reference, anti_alias, integral=derivative):
-        _, folded, _ = _smoothed(t, alias, low_pass, grid_step, derivative=derivative)
-        pulls.append(float(found.influence @ np.interp(rows.times_s[found.inside], grid, folded)))
+    aliases = folded_samples(mapped, start_s, step_s, reference, anti_alias, integral=derivative)
+    folded = _smoothed(t, aliases, low_pass, grid_step, derivative=derivative)[1] if aliases.size else aliases
+    at = rows.times_s[found.inside]
+    pulls = [float(found.influence @ np.interp(at, grid, column)) for column in folded.T]
     # each band is there twice, a quarter of a period apart
     u_alias = abs(found.gain) * math.sqrt(0.5 * sum(pull**2 for pull in pulls))
     return RedundantFit(
@@ -172,16 +172,20 @@ def align_redundant(
 def _smoothed(
     times_s: Array, samples: Array, low_pass: LowPass, grid_step_s: float, *, derivative: bool
 ) -> tuple[Array, Array, Flags]:
-    """Low-pass samples or their derivative on an even grid; false where a gap is in the filter's reach."""
-    from scipy.interpolate import CubicSpline
+    """Low-pass samples or their derivative on an even grid; false where a gap is in the filter's reach.
+
+    ``samples`` may have columns, shape (n,) or (n, n_columns).
+    """
+    from scipy.interpolate import CubicSpline, make_interp_spline
 
     grid = np.arange(times_s[0], times_s[-1], grid_step_s)
     after = np.clip(np.searchsorted(times_s, grid, side="right"), 1, times_s.size - 1)
     gap = times_s[after] - times_s[after - 1] > LONGEST_GAP / low_pass.cutoff_hz
-    # a cubic swings out of a long gap; a straight line does not
-    spline, line = CubicSpline(times_s, samples), np.interp(grid, times_s, samples)
-    if derivative:
-        spline, line = spline.derivative(), np.gradient(line, grid_step_s)
-    values = np.where(gap, line, spline(grid))
+    spline = CubicSpline(times_s, samples)
+    values = (spline.derivative() if derivative else spline)(grid)
+    if gap.any():
+        # a cubic swings out of a long gap; a straight line does not
+        line = make_interp_spline(times_s, samples, k=1)(grid)
+        values[gap] = (np.gradient(line, grid_step_s, axis=0) if derivative else line)[gap]
     trusted = ~near(gap, math.ceil(low_pass.reach_s / grid_step_s))
     return grid, low_pass.apply(values, 1.0 / grid_step_s), trusted
