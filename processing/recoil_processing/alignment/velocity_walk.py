@@ -68,21 +68,28 @@ class WalkFilter(ReadOnlyArrays):
         for name, value in (("marker_variance", marker_variance), ("density", density)):
             if not (math.isfinite(value) and value > 0):
                 raise ValueError(f"{name} must be positive, not {value}")
-        rows = []
+        predicted = []
         p00 = p01 = p11 = 0.0
-        for h in steps.tolist():
-            p00 += h * (2 * p01 + h * p11) + density * h**3 / 3
-            p01 += h * p11 + density * h**2 / 2
-            p11 += density * h
+        # what the walk adds over each step; the loop does only what needs the step before
+        added = (density * steps**3 / 3, density * steps**2 / 2, density * steps)
+        for h, a00, a01, a11 in zip(steps.tolist(), *(a.tolist() for a in added), strict=True):
+            p00 += h * (2 * p01 + h * p11) + a00
+            p01 += h * p11 + a01
+            p11 += a11
+            predicted.append((p00, p01, p11))
             s = p00 + marker_variance
-            g0, g1 = p00 / s, p01 / s
-            # marker_variance / s is 1 - g0 without the cancellation where the walk outgrows the marker's noise
+            # marker_variance / s is 1 - p00 / s without the cancellation where the walk outgrows the marker's noise
             left = marker_variance / s
-            q00, q01, q11 = left * p00, left * p01, p11 - g1 * p01
-            rows.append((g0, g1, s, p00, p01, p11, q00, q01, q11))
-            p00, p01, p11 = q00, q01, q11
-        table = np.array(rows)
-        return cls(steps, table[:, 0:2], table[:, 2], table[:, 3:6], table[:, 6:9])
+            p11 -= p01 / s * p01
+            p00 *= left
+            p01 *= left
+        before = np.array(predicted)
+        variances = before[:, 0] + marker_variance
+        gains = before[:, :2] / variances[:, None]
+        after = np.column_stack([
+            (marker_variance / variances)[:, None] * before[:, :2], before[:, 2] - gains[:, 1] * before[:, 1]
+        ])  # fmt: skip
+        return cls(steps, gains, variances, before, after)
 
     @property
     def log_determinant(self) -> float:
