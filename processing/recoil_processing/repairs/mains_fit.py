@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,6 +100,18 @@ class Baseline(ReadOnlyArrays):
         drift = self.times_s / self.length_s
         return np.column_stack([np.cos(angles), np.sin(angles), np.ones_like(drift), drift])
 
+    @cached_property
+    def _waves(self) -> dict[int, NDArray[np.complex128]]:
+        return {}
+
+    def _at(self, periods: int, samples: NDArray[np.complex128]) -> complex:
+        """Return the sum of samples times a wave of so many periods in the baseline, which turns back if negative."""
+        wave = self._waves.get(abs(periods))
+        if wave is None:
+            wave = np.exp(-2j * np.pi * abs(periods) / self.length_s * self.times_s)
+            self._waves[abs(periods)] = wave
+        return complex(wave @ samples if periods > 0 else np.vdot(wave, samples))
+
     def _residual(self, hz: float, numbers: Sequence[int]) -> Array:
         q, _ = np.linalg.qr(self._design(hz, numbers))
         return np.asarray(self.samples - q @ (q.T @ self.samples))
@@ -115,15 +128,17 @@ class Baseline(ReadOnlyArrays):
         values = np.linalg.lstsq(design, self.samples, rcond=None)[0]
         residual = self.samples - design @ values
         n, step = len(fitted), 1.0 / self.length_s
-        away = step * np.arange(1, 4 * NEIGHBOURS)
+        away = np.arange(1, 4 * NEIGHBOURS)
+        away = np.concatenate([-away, away])
         excess, noise = {}, {}
         for i, k in enumerate(fitted):
-            beside = np.concatenate([k * hz - away, k * hz + away])
-            beside = beside[(beside > 0.75 * step) & (beside < 0.45 * self.rate_hz)]
+            beside = k * hz + step * away
             free = np.min(np.abs(beside[:, None] - hz * np.asarray(numbers)), axis=1) > 0.49 * step
-            beside = beside[free]
-            beside = beside[np.argsort(np.abs(beside - k * hz))][:NEIGHBOURS]
-            spectrum = np.exp(-2j * np.pi * np.outer(beside, self.times_s)) @ residual
+            free &= (beside > 0.75 * step) & (beside < 0.45 * self.rate_hz)
+            nearest = away[free][np.argsort(np.abs(away[free]), kind="stable")][:NEIGHBOURS]
+            # a neighbour's wave is the line's times one of whole periods in the baseline, which serves all lines
+            shifted = residual * (design[:, i] - 1j * design[:, n + i])
+            spectrum = np.array([self._at(int(periods), shifted) for periods in nearest])
             noise[k] = float(np.mean(np.abs(spectrum) ** 2)) * 4.0 / self.samples.size**2
             power = float(values[i] ** 2 + values[n + i] ** 2)
             # 120 dB below a line nothing is measured any more
