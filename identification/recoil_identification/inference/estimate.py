@@ -142,7 +142,8 @@ class Estimate(ReadOnlyArrays):
         random = self.u_random(name) * rng.standard_normal(count)
         if math.isfinite(degrees_of_freedom):
             random *= np.sqrt(degrees_of_freedom / rng.chisquare(degrees_of_freedom, count))
-        known = self.contributions[self._place(name)] @ rng.standard_normal((len(self.sources), count))
+        # of sources that are normal and enter linearly the sum is drawn at once: it is normal, too
+        known = float(np.linalg.norm(self.contributions[self._place(name)])) * rng.standard_normal(count)
         return np.asarray(self.value(name) + random + known)
 
     def __str__(self) -> str:
