@@ -237,7 +237,8 @@ def _largest_by_chance(correlation: Array, seed: int = SEED) -> Array:
     values, vectors = np.linalg.eigh(correlation)
     kept = values > 1e-10 * values[-1]
     drawn = np.random.default_rng(seed).standard_normal((DRAWS, int(kept.sum())))
-    return np.asarray(np.abs(drawn @ (vectors[:, kept] * np.sqrt(values[kept])).T).max(axis=1))
+    departures = (vectors[:, kept] * np.sqrt(values[kept])) @ drawn.T
+    return np.asarray(np.maximum(departures.max(axis=0), -departures.min(axis=0)))
 
 
 def _most_likely(instants: Array, normalised: Array) -> tuple[float, tuple[float, float]]:

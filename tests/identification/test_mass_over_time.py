@@ -56,7 +56,9 @@ def drifting(by: float) -> np.ndarray:
     return 1.0 + by * ramps(r.times_s, r.interval_s, 1)[:, 0]
 
 
-def test_a_constant_mass_is_called_changing_as_often_as_the_level_says():
+def test_a_constant_mass_is_called_changing_as_often_as_the_level_says(monkeypatch: pytest.MonkeyPatch):
+    # a probability of 5 % is known to a tenth
+    monkeypatch.setattr("recoil_identification.mass_over_time.DRAWS", 2_000)
     rng = np.random.default_rng(20130901)
     found = [
         mass_constancy(calibrated(shot(seed, gauges=tuple(1.0 + rng.normal(0.0, SCALES.gauges)))))
