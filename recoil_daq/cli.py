@@ -66,7 +66,11 @@ FiguresOption = Annotated[
 ]
 WorkersOption = Annotated[
     int | None,
-    typer.Option(min=1, help="Processes that share the shots; 1: this one alone.", show_default="one for each core"),
+    typer.Option(
+        min=1,
+        help="Processes that share the shots; 1: this one alone.",
+        show_default="one for each core, from 4 shots on",
+    ),
 ]
 ClusterOption = Annotated[
     str | None,

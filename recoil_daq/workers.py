@@ -26,6 +26,8 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 Progress = Callable[[str], None]
 
+LEAST_FOR_PROCESSES = 4
+"""Pieces of work from which on processes pay: each of them takes longer to start than a shot takes to identify."""
 MOST_PROCESSES = 61
 """Windows waits for no more at once."""
 CLEAN_UP_S = 10.0
@@ -60,8 +62,8 @@ class Workers:
     Parameters
     ----------
     number
-        Of processes; 1 works in this one, None takes one for each core. They are started when there is work for more
-        than one.
+        Of processes; 1 works in this one. None takes one for each core, and none for fewer pieces of work than
+        `LEAST_FOR_PROCESSES`. They are started when there is work for more than one.
     executor
         Any other executor, which stays its owner's: it is told functions and values that can be pickled. It may do
         work again that was lost with a machine.
@@ -86,6 +88,7 @@ class Workers:
         if number is not None and executor is not None:
             raise ValueError("give either a number of workers or an executor")
         self.number = min(number or cores(), MOST_PROCESSES)
+        self._least = LEAST_FOR_PROCESSES if number is None else 2
         self._given = executor
         self._lost: tuple[type[Exception], ...] = (BrokenExecutor, CancelledError, *lost)
         self._own: _Processes | None = None
@@ -170,7 +173,7 @@ class Workers:
     ) -> Iterator[Result | RecoilDaqError]:
         """Do one piece of work for each item, as `map`, and go on past those that fail: their errors are yielded."""
         tally = _Tally(len(items), progress)
-        if self._given is None and (self.number == 1 or len(items) == 1):
+        if self._given is None and (self.number == 1 or len(items) < self._least):
             for k, (item, name) in enumerate(zip(items, names, strict=True)):
                 tally.say(k, name)
                 try:

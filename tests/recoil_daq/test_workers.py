@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from recoil_acquisition.errors import MissingChannelError, RecoilDaqError, WorkerError
-from recoil_daq.workers import Workers
+from recoil_daq.workers import LEAST_FOR_PROCESSES, Workers
 from tests.builders import pieces_of_work as work
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -50,6 +50,13 @@ def test_results_come_in_the_order_of_the_shots(number: int) -> None:
 def test_one_worker_or_one_shot_stays_in_this_process(two: Workers) -> None:
     assert [pid for pid, *_ in Workers(1).map(work.process, *named(2))] == [os.getpid()] * 2
     assert [pid for pid, *_ in two.map(work.process, *named(1))] == [os.getpid()]
+
+
+def test_few_shots_stay_in_this_process_unless_processes_are_asked_for(two: Workers) -> None:
+    few = LEAST_FOR_PROCESSES - 1
+    with Workers() as workers:
+        assert {pid for pid, *_ in workers.map(work.process, *named(few))} == {os.getpid()}
+    assert os.getpid() not in {pid for pid, *_ in two.map(work.process, *named(few))}
 
 
 def test_each_process_has_one_thread_for_its_linear_algebra_before_that_is_loaded(two: Workers) -> None:
