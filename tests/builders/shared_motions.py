@@ -1,4 +1,4 @@
-"""Motions of the virtual rig, integrated once in a test run for all of its processes.
+"""What is made once in a test run for all of its processes: motions of the virtual rig, and what a test asks for.
 
 Most of a simulated shot's time is the integration of its motion, and the shots of many tests differ in nothing but
 their sensors. A motion is taken from another shot only if the mechanism, the shot and every setting that the
@@ -10,13 +10,15 @@ from __future__ import annotations
 import hashlib
 import os
 import pickle
+import shutil
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -25,8 +27,12 @@ if TYPE_CHECKING:
     from recoil_rigs.twin import TwinSettings
     from recoil_rigs.twin.motion import Motion
 
+Made = TypeVar("Made")
+
 FOLDER = "RECOIL_DAQ_MOTIONS_OF_THIS_RUN"
 """Environment variable: the folder that the processes of a run share."""
+LONGEST_S = 300.0
+"""That a process may take to make what others wait for."""
 
 
 @contextmanager
@@ -41,6 +47,32 @@ def folder_of_this_run() -> Iterator[None]:
             yield
         finally:
             del os.environ[FOLDER]
+
+
+def once_in_this_run(name: str, make: Callable[[Path], Made]) -> Made:
+    """Return what the first process of the run that asks has made; nobody may change it.
+
+    Parameters
+    ----------
+    make
+        Given a new folder for files, returns what can be pickled.
+    """
+    folder = Path(os.environ[FOLDER]) / name
+    made, deadline_s = folder.with_suffix(".made"), time.monotonic() + LONGEST_S
+    while not made.exists():
+        try:
+            folder.mkdir()
+        except FileExistsError:
+            # another process is at it; where it failed, the folder is gone again
+            assert time.monotonic() < deadline_s, f"nobody completes {folder}"
+            time.sleep(0.05)
+            continue
+        try:
+            _write(made, pickle.dumps(make(folder)))
+        except BaseException:
+            shutil.rmtree(folder)
+            raise
+    return pickle.loads(made.read_bytes())  # noqa: S301 - of this run's own processes
 
 
 def share_motions() -> None:
@@ -73,17 +105,12 @@ class SharedMotions:
         seen = Seen(settings)
         motion = self._integrate(mechanism, seen, peak_pressure_pa=peak_pressure_pa, friction_n=friction_n)
         names = sorted(seen.names)
-        self._write(self._kept(shot, settings, names), pickle.dumps(motion))
-        self._write(self._folder / f"{_digest(names)}.names", "\n".join(names).encode())
+        _write(self._kept(shot, settings, names), pickle.dumps(motion))
+        _write(self._folder / f"{_digest(names)}.names", "\n".join(names).encode())
         return _read_only(motion)
 
     def _kept(self, shot: object, settings: TwinSettings, looked_at: Sequence[str]) -> Path:
         return self._folder / f"{_digest([shot, *((name, getattr(settings, name)) for name in looked_at)])}.motion"
-
-    def _write(self, path: Path, content: bytes) -> None:
-        partial = path.with_suffix(f".{os.getpid()}")
-        partial.write_bytes(content)
-        partial.replace(path)
 
 
 class Seen:
@@ -94,9 +121,16 @@ class Seen:
         self.names: set[str] = set()
 
     def __getattr__(self, name: str) -> Any:
-        value = getattr(self._settings, name)
+        # remembered, so that this is not asked again: the integration looks at some of them at every step
+        value = self.__dict__[name] = getattr(self._settings, name)
         self.names.add(name)
         return value
+
+
+def _write(path: Path, content: bytes) -> None:
+    partial = path.with_suffix(f".{os.getpid()}")
+    partial.write_bytes(content)
+    partial.replace(path)
 
 
 def _digest(things: object) -> str:

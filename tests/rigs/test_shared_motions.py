@@ -11,7 +11,7 @@ import pytest
 from recoil_rigs.rig import load_rig
 from recoil_rigs.twin import TwinSettings, read_settings
 from recoil_rigs.twin.motion import Motion, simulate_motion
-from tests.builders.shared_motions import SharedMotions
+from tests.builders.shared_motions import FOLDER, SharedMotions, once_in_this_run
 
 RIG = load_rig("field-2013")
 SHOT = {"peak_pressure_pa": 130e6, "friction_n": 1500.0}
@@ -66,3 +66,24 @@ def test_a_shot_that_moves_otherwise_is_integrated(tmp_path: Path, other: dict[s
     motions(RIG.mechanism, changed, **shot)
     motions(RIG.mechanism, settings(), **SHOT)
     assert counted.times == 2
+
+
+def test_what_a_test_asks_for_is_made_once_and_by_another_one_where_that_failed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    made: list[Path] = []
+
+    def make(folder: Path) -> int:
+        (folder / "file").write_text("half")
+        made.append(folder)
+        if len(made) == 1:
+            raise RuntimeError("power cut")
+        return 782
+
+    with pytest.raises(RuntimeError, match="power cut"):
+        once_in_this_run("shots", make)
+    assert list(tmp_path.iterdir()) == []
+    assert [once_in_this_run("shots", make) for _ in range(2)] == [782, 782]
+    assert len(made) == 2
+    assert (made[1] / "file").read_text() == "half"
