@@ -9,18 +9,23 @@ import datetime as dt
 import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.store.shot_log import SHOT_LOG
+from recoil_daq.combined import campaign
 from recoil_daq.ingest import ingest_files
 from recoil_daq.simulated import simulate
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin import CampaignPlan
+from tests.builders.shared_motions import once_in_this_run
 from tests.builders.virtual_shots import SHORTER, with_twin
 
 CHARGES = (1.0, 1.0, 0.8, 0.8, 0.65, 0.65, 0.9, 0.9)
 """Each twice in a row: once bare, and once with what every second shot carries."""
+RING = CampaignPlan(added_mass_kg=120.0)
+RING_SHOTS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,3 +80,26 @@ def fire_campaign(
         ingest_files(rig, one.files, shot=one.shot, out=out, on=dt.date(2026, 6, 1)).path for one in fired.shots
     )
     return FiredCampaign(rig, out, files, log, tuple(one.truth for one in fired.shots))
+
+
+@dataclass(frozen=True, eq=False)
+class AnsweredCampaign:
+    """A campaign and the folder of its answer, with the reports that were made for it; not to be changed."""
+
+    fired: FiredCampaign
+    answer: Path
+
+
+@cache
+def ring_campaign() -> AnsweredCampaign:
+    """Return four shots, every second of which carries a ring, and their answer; made once in a test run."""
+    # a rig cannot be pickled
+    fired, answer = once_in_this_run("ring-campaign", _ring_campaign)
+    return AnsweredCampaign(FiredCampaign(with_twin("field-2013", **SHORTER), *fired), answer)
+
+
+def _ring_campaign(folder: Path) -> tuple[tuple[Any, ...], Path]:
+    fired = fire_campaign(folder, RING, shots=RING_SHOTS, campaign_seed=5)
+    # by one process: workers of its own would take longer to start
+    done = campaign(fired.shots, reports=folder / "none", out=folder / "campaign", workers=1)
+    return (fired.shots, fired.files, fired.log, fired.truths), done.folder

@@ -10,21 +10,19 @@ from typing import Any
 import pytest
 
 from recoil_daq.combined import campaign
-from recoil_rigs.twin import CampaignPlan
-from tests.builders.campaigns import FiredCampaign, fire_campaign
+from recoil_rigs.rig import find_rig
+from tests.builders.campaigns import FiredCampaign, ring_campaign
+from tests.builders.virtual_shots import SHORTER, with_twin
 
 
 @pytest.fixture(scope="module")
-def fired(tmp_path_factory: pytest.TempPathFactory) -> FiredCampaign:
-    folder = tmp_path_factory.mktemp("campaign")
-    return fire_campaign(folder, CampaignPlan(added_mass_kg=120.0), shots=4, campaign_seed=5)
+def fired() -> FiredCampaign:
+    return ring_campaign().fired
 
 
 @pytest.fixture(scope="module")
-def answered(fired: FiredCampaign) -> Path:
-    out = fired.shots.parent / "campaign"
-    campaign(fired.shots, reports=out.parent / "none", out=out)
-    return out
+def answered() -> Path:
+    return ring_campaign().answer
 
 
 @pytest.fixture
@@ -61,16 +59,17 @@ def test_reports_alone_give_the_same_mass_and_no_shot_is_identified_again(
 
 
 def test_an_answer_is_not_overwritten_unless_asked_and_keeps_its_cutoff(
-    run, fired: FiredCampaign, answered: Path
+    run, fired: FiredCampaign, answered: Path, tmp_path
 ) -> None:
-    before = (answered / "campaign.json").read_bytes()
-    refused = run("campaign", fired.shots, "--out", answered)
+    out = Path(shutil.copytree(answered, tmp_path / "campaign"))
+    before = (out / "campaign.json").read_bytes()
+    refused = run("campaign", fired.shots, "--out", out)
     assert refused.exit_code == 3
     assert "exists already" in refused.stderr
-    assert (answered / "campaign.json").read_bytes() == before
-    done = run("campaign", fired.shots, "--out", answered, "--overwrite")
+    assert (out / "campaign.json").read_bytes() == before
+    done = run("campaign", fired.shots, "--out", out, "--overwrite")
     assert done.exit_code == 0
-    assert (answered / "campaign.json").read_bytes() == before
+    assert (out / "campaign.json").read_bytes() == before
 
 
 def test_what_the_log_says_now_counts_and_not_what_it_said(run, reports: Path, tmp_path) -> None:
@@ -152,6 +151,10 @@ def test_frames_and_figures_are_at_hand_in_python(reports: Path, tmp_path) -> No
 
 def test_a_campaign_is_demonstrated_beside_the_truth(run, tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("recoil_daq.demo.CAMPAIGN_DEMO_SHOTS", 2)
+    # the bundled rig in shorter records
+    shutil.copy(find_rig("mixed").parent / "mixed.dbc", tmp_path)
+    (tmp_path / "rig.toml").write_text(with_twin("mixed", **SHORTER).text, encoding="utf-8")
+    monkeypatch.setattr("recoil_daq.demo.DEMO_RIG", str(tmp_path / "rig.toml"))
     result = run("demo", "--campaign", "--out", tmp_path, "--json")
     document = json.loads(result.stdout)
     assert abs(document["truth"]["error_percent"]) < 1.0

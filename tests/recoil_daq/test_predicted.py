@@ -12,14 +12,12 @@ import pytest
 from typer.testing import Result
 
 from recoil_daq import Predicted, ReadError, RigError, load_rig, predict
-from recoil_daq.combined import campaign
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin import CampaignPlan
-from tests.builders.campaigns import fire_campaign
+from tests.builders.campaigns import RING, ring_campaign
 from tests.builders.virtual_shots import SHORTER, with_twin
 
 Run = Callable[..., Result]
-RING = CampaignPlan(added_mass_kg=120.0)
 
 
 def shorter() -> Rig:
@@ -61,9 +59,9 @@ def test_what_is_printed_ends_with_what_to_expect() -> None:
     assert "p_breech calibrated twice as well: 0.25 %" in str(expected())
 
 
-def test_a_campaign_states_what_was_predicted_of_it(tmp_path: Path) -> None:
-    fired = fire_campaign(tmp_path, RING, shots=4, campaign_seed=12)
-    mass = campaign(fired.shots, reports=tmp_path / "reports", out=tmp_path / "campaign").document["mass"]
+def test_a_campaign_states_what_was_predicted_of_it() -> None:
+    fired, answer = ring_campaign().fired, ring_campaign().answer
+    mass = json.loads((answer / "campaign.json").read_text(encoding="utf-8"))["mass"]
     stated = mass["u"] / mass["value"]
     assert u_rel_of(expected(), 4, 120) == pytest.approx(stated, rel=0.1)
     by_shot = predict(fired.rig, from_shot=fired.files[0], shots=4, plan=RING)

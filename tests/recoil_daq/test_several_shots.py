@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -10,27 +11,23 @@ from pathlib import Path
 import pytest
 
 from recoil_acquisition.errors import StoreError
-from recoil_acquisition.store import write_shot
+from recoil_acquisition.store import read_shot, write_shot
 from recoil_daq.several_shots import identify_folder, identify_shots, repeatability, shared_options
 from recoil_identification.analysis import Options
-from tests.builders.virtual_shots import virtual_shot
+from tests.builders.campaigns import ring_campaign
 
 
 @pytest.fixture(scope="module")
 def shots(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Two bare shots of one rig."""
     folder = tmp_path_factory.mktemp("campaign")
-    paths = []
-    for seed in (3, 4, 5):
-        path = folder / f"{seed:04d}.h5"
-        write_shot(replace(virtual_shot(seed=seed).shot, name=path.stem), path)
-        paths.append(path)
-    return paths
+    return [Path(shutil.copy(ring_campaign().fired.files[at], folder)) for at in (0, 2)]
 
 
 def test_shots_of_one_rig_are_given_one_cutoff(shots: list[Path]) -> None:
     named: list[str] = []
     shared = shared_options(shots, Options(compare=True), progress=named.append)
-    assert [one.split(", ")[:2] for one in named] == [[f"{k} of 3 done", path.name] for k, path in enumerate(shots)]
+    assert [one.split(", ")[:2] for one in named] == [[f"{k} of 2 done", path.name] for k, path in enumerate(shots)]
     choices = [shared[path].campaign for path in shots]
     assert choices[0] is not None
     assert choices[0].cutoff_hz is not None
@@ -44,7 +41,9 @@ def test_one_shot_or_a_cutoff_that_is_asked_for_share_nothing(shots: list[Path])
 
 
 def test_identify_takes_one_cutoff_for_all_shots_and_says_whether_they_repeat(run, shots: list[Path], tmp_path) -> None:
-    result = run("identify", *shots, "--out", tmp_path, "--overwrite", "--json")
+    third = tmp_path / "0005.h5"
+    write_shot(replace(read_shot(shots[1]), name="0005"), third)
+    result = run("identify", *shots, third, "--out", tmp_path, "--overwrite", "--json")
     document = json.loads(result.stdout)
     filters = [report["filter"] for report in document["reports"]]
     assert len({f["cutoff_hz"] for f in filters}) == 1
@@ -90,5 +89,5 @@ def test_two_files_of_one_shot_are_not_one_report(shots: list[Path], tmp_path: P
     again = tmp_path / "again.h5"
     again.write_bytes(shots[0].read_bytes())
     options = dict.fromkeys((shots[0], again), Options())
-    with pytest.raises(StoreError, match=r"again\.h5: this file and .*0003\.h5 are both of a shot"):
+    with pytest.raises(StoreError, match=r"again\.h5: this file and .*0001\.h5 are both of a shot"):
         list(identify_shots(options, out=tmp_path / "out", overwrite=True))

@@ -12,8 +12,11 @@ from recoil_acquisition.errors import StoreError
 from recoil_acquisition.store.shot_log import ShotLog
 from recoil_daq import CampaignPlan, load_rig, read_shot, simulate
 from recoil_daq.campaign_options import plan_of_options
-from tests.builders.campaigns import CHARGES, fire_campaign
-from tests.builders.virtual_shots import SHORTER, with_twin
+from tests.builders.campaigns import ring_campaign
+from tests.builders.virtual_shots import with_twin
+
+QUICK = {"sample_rate_hz": 20e3, "duration_s": 0.3}
+"""To fire; too short to be identified."""
 
 OPTIONS = (
     "--added-mass", "120", "--u-added-mass", "0.1", "--charges", "1,0.8", "--friction-scatter", "0.03",
@@ -37,11 +40,13 @@ PLAN = CampaignPlan(
 def test_options_and_python_fire_the_same_campaign_and_its_log_has_what_those_who_fire_know(
     run, tmp_path: Path
 ) -> None:
-    words = ("field-2013", "--shots", "3", "--campaign-seed", "3", *OPTIONS)
+    rig = with_twin("field-2013", **QUICK)
+    (tmp_path / "rig.toml").write_text(rig.text, encoding="utf-8")
+    words = (tmp_path / "rig.toml", "--shots", "3", "--campaign-seed", "3", *OPTIONS)
     result = run("simulate", *words, "--out", tmp_path / "a", "--json")
     assert result.exit_code == 0, result.output
     told = json.loads(result.stdout)
-    done = simulate(load_rig("field-2013"), tmp_path / "b", shots=3, campaign_seed=3, plan=PLAN)
+    done = simulate(rig, tmp_path / "b", shots=3, campaign_seed=3, plan=PLAN)
     assert str(done).endswith(f"shot log: {done.log}")
     assert told["shot_log"] == str(tmp_path / "a" / "shotlog.csv")
     with (tmp_path / "a" / "shotlog.csv").open(encoding="utf-8", newline="") as file:
@@ -62,7 +67,7 @@ def test_options_and_python_fire_the_same_campaign_and_its_log_has_what_those_wh
 
 def test_an_exactly_known_added_mass_is_stated_as_such_and_shots_without_a_campaign_have_no_log(tmp_path: Path) -> None:
     exact = CampaignPlan(added_mass_kg=60.0, u_added_mass_kg=0.0)
-    rig = with_twin("field-2013", **SHORTER)
+    rig = with_twin("field-2013", **QUICK)
     fired = simulate(rig, tmp_path / "exact", shots=2, campaign_seed=3, plan=exact)
     row = ShotLog.read(fired.log).row("0002")
     assert (row.added_mass_kg, row.u_added_mass_kg, row.added_mass_is_exact) == (60.0, 0.0, False)
@@ -72,12 +77,12 @@ def test_an_exactly_known_added_mass_is_stated_as_such_and_shots_without_a_campa
         simulate(rig, tmp_path / "exact", shots=2, campaign_seed=3)
 
 
-def test_a_fired_campaign_is_ingested_with_its_log_beside_the_shot_files(tmp_path: Path) -> None:
-    done = fire_campaign(tmp_path, CampaignPlan(added_mass_kg=120.0, charges=CHARGES), shots=2)
-    assert [file.name for file in done.files] == ["0001.h5", "0002.h5"]
+def test_a_fired_campaign_is_ingested_with_its_log_beside_the_shot_files() -> None:
+    done = ring_campaign().fired
+    assert [file.name for file in done.files] == ["0001.h5", "0002.h5", "0003.h5", "0004.h5"]
     log = ShotLog.beside(done.files[0])
     assert log.path == done.log
-    assert [row.added_mass_kg for row in log.rows] == [0.0, 120.0]
+    assert [row.added_mass_kg for row in log.rows] == [0.0, 120.0, 0.0, 120.0]
     assert log.without_shot() == ()
     for file, truth in zip(done.files, done.truths, strict=True):
         assert read_shot(file).name == truth["shot"]
