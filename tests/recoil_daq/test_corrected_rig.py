@@ -82,7 +82,7 @@ def gauge(**keys: Any) -> tuple[str, str]:
 
 
 BREECH = gauge(gain=1.01, offset=0.1)
-ACCELEROMETER = ('serial = "V101", ', 'serial = "V101", gain = 1.01, offset = 2.0, ')
+ACCELEROMETER = ('serial = "V101", ', 'serial = "V101", gain = 0.99, offset = 2.0, ')
 CAMERA = ('serial = "V401", ', 'serial = "V401", gain = 1.002, ')
 SURER = (
     'serial = "V101", calibrated = 2026-01-15, due = 2099-12-31, u_rel = 0.005',
@@ -96,8 +96,7 @@ WEIGHED = (
 
 
 @pytest.mark.parametrize(
-    "pairs", [(BREECH,), (ACCELEROMETER,), (CAMERA,), (SURER,), WEIGHED],
-    ids=["breech", "accelerometer", "camera", "u", "mechanism"],
+    "pairs", [(BREECH, ACCELEROMETER, CAMERA), (SURER, *WEIGHED)], ids=["gains", "certificate and mechanism"]
 )  # fmt: skip
 def test_the_mass_and_the_verdict_are_those_of_an_ingest_with_the_corrected_rig(
     mixed: Range, tmp_path: Path, pairs: tuple[tuple[str, str], ...]
