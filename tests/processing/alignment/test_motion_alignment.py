@@ -1,6 +1,7 @@
 import csv
 import json
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -136,7 +137,7 @@ def test_the_uncertainty_is_never_below_the_bound_and_a_perfect_accelerometer_re
     acceleration_sigma_m_s2, drift_allowance
 ):
     """Cramer-Rao with scale, constants and drift unknown: ``(J'J)^-1 sigma^2``, the drift's allowance added."""
-    for seed in range(40, 43):
+    for seed in (40, 41):
         motion = record_motion(seed, acceleration_sigma_m_s2=acceleration_sigma_m_s2)
         fit = fit_of(motion, drift_allowance=drift_allowance)
         reference = motion.camera_times_s + motion.offset_s
@@ -156,7 +157,7 @@ def test_the_uncertainty_is_never_below_the_bound_and_a_perfect_accelerometer_re
 
 @pytest.mark.parametrize("acceleration_sigma_m_s2", [0.3, 1.0, 2.0])
 def test_a_frame_rate_a_tenth_of_a_percent_off_never_passes_where_the_record_can_tell_it(acceleration_sigma_m_s2):
-    for seed in range(6):
+    for seed in range(3):
         motion = record_motion(seed, acceleration_sigma_m_s2=acceleration_sigma_m_s2)
         assert verdict_on(motion, fit_of(motion)).status == "ok"
         wrong = replace(motion, camera_times_s=motion.camera_times_s / 1.001)
@@ -176,11 +177,15 @@ def test_a_drift_is_earned_where_the_record_knows_it_better_than_the_clocks_qual
     assert abs(usual.drift) < 5e-5
 
 
+@cache
+def fit_of_the_sixth() -> MotionFit:
+    return fit_of(record_motion(6))
+
+
 @settings(deadline=None, max_examples=10)
 @given(st.floats(-1e5, 1e5), st.floats(-1e5, 1e5))
 def test_where_the_clocks_have_their_zeros_changes_nothing(camera_zero, reference_zero):
-    motion = record_motion(6)
-    here = fit_of(motion)
+    motion, here = record_motion(6), fit_of_the_sixth()
     there = fit_of(
         replace(
             motion,
