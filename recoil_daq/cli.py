@@ -48,6 +48,9 @@ CorrectedRigOption = Annotated[
         show_default="that of each shot file",
     ),
 ]
+StandaloneOption = Annotated[
+    bool, typer.Option("--standalone", help="Write each page as one file that needs no other, to send or to keep.")
+]
 OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="Replace what exists.")]
 MethodOption = Annotated[
     Literal["calibrated", "reverse", "forward", "paper", "camera", "tls", "ar-gls", "weak"] | None,
@@ -383,6 +386,7 @@ def identify(
     figures: FiguresOption = False,
     workers: WorkersOption = None,
     cluster: ClusterOption = None,
+    standalone: StandaloneOption = False,
     overwrite: OverwriteOption = False,
     json: JsonOption = False,
     debug: DebugOption = False,
@@ -429,6 +433,7 @@ def identify(
                     rig=rig,
                     pdf=pdf,
                     figures=figures,
+                    standalone=standalone,
                     overwrite=overwrite,
                     workers=crew,
                     progress=tell,
@@ -524,6 +529,7 @@ def campaign(
     figures: FiguresOption = False,
     workers: WorkersOption = None,
     cluster: ClusterOption = None,
+    standalone: StandaloneOption = False,
     overwrite: OverwriteOption = False,
     json: JsonOption = False,
     debug: DebugOption = False,
@@ -534,8 +540,8 @@ def campaign(
 
         with _crew(workers, cluster) as crew, session.steps("campaign") as progress:
             done = combine(
-                shots, reports=reports, log=log, out=out, cutoff_hz=cutoff_hz, rig=rig, pdf=pdf,
-                figures=figures, workers=crew, overwrite=overwrite, progress=progress,
+                shots, reports=reports, log=log, out=out, cutoff_hz=cutoff_hz, rig=rig, pdf=pdf, figures=figures,
+                workers=crew, standalone=standalone, overwrite=overwrite, progress=progress,
             )  # fmt: skip
         session.finish(done.to_json(), done.show, OK if done.valid else NOT_VALID)
 

@@ -37,7 +37,7 @@ from recoil_identification.report.campaign_document import (
 from recoil_identification.report.campaign_figures import campaign_figures
 from recoil_identification.report.document import LARGEST_REPORT, REPORT_FILE, read_curves
 from recoil_identification.report.document import SCHEMA as REPORT_SCHEMA
-from recoil_identification.report.html import CAMPAIGN_PAGE, PAGE_NAME, render_campaign_page, write_page
+from recoil_identification.report.html import CAMPAIGN_PAGE, PAGE_NAME, render_campaign_page, write_page, write_script
 from recoil_identification.report.paper import CAMPAIGN_PDF, campaign_pdf, figure_files, write_figures
 from recoil_identification.report.typeset import refuse_without_typst
 from recoil_rigs.rig import find_rig
@@ -204,6 +204,7 @@ def campaign(
     executor: Executor | None = None,
     pdf: bool = False,
     figures: bool = False,
+    standalone: bool = False,
     overwrite: bool = False,
     progress: Progress = lambda _: None,
 ) -> Combined:
@@ -235,6 +236,9 @@ def campaign(
     pdf, figures
         Write the paper copy ``campaign.pdf``, and each figure as SVG and PNG into ``figures``; both need the extra
         ``pdf``.
+    standalone
+        Whether ``campaign.html`` holds all that it shows, as one file to send. Otherwise the script of its figures is
+        written beside it.
     overwrite
         Replace an answer that is there.
     progress
@@ -278,12 +282,14 @@ def campaign(
     document = campaign_document(combined, version=__version__, inputs=inputs, parameters={}, pages=pages)
     progress("page")
     drawn = campaign_figures(combined, _curves(combined, places))
-    page = render_campaign_page(document, drawn)
+    page = render_campaign_page(document, drawn, standalone=standalone)
     paper = campaign_pdf(document, drawn) if pdf else None
 
     def write(partial: Path) -> None:
         write_campaign(partial, document)
         write_page(partial, page, CAMPAIGN_PAGE)
+        if not standalone:
+            write_script(partial)
         if paper is not None:
             (partial / CAMPAIGN_PDF).write_bytes(paper)
         if figures:

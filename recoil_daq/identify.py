@@ -26,7 +26,7 @@ from recoil_identification.report.document import (
     write_files,
 )
 from recoil_identification.report.figures import report_figures
-from recoil_identification.report.html import BESIDE_PAGE, PAGE_NAME, render_page, write_page
+from recoil_identification.report.html import BESIDE_PAGE, PAGE_NAME, render_page, write_page, write_script
 from recoil_identification.report.paper import PDF_FILE, figure_files, report_pdf, write_figures
 from recoil_identification.report.typeset import refuse_without_typst
 
@@ -45,8 +45,8 @@ class Reported(MassResult):
     document
         The contents of ``report.json``.
     folder
-        Holds ``report.json``, ``report.html``, ``mass.csv``, ``curves.csv`` and the figures' script; ``report.pdf``
-        and ``figures`` where they were asked for.
+        Holds ``report.json``, ``report.html``, ``mass.csv`` and ``curves.csv``; ``report.pdf`` and ``figures`` where they
+        were asked for. The script of the figures stands in the folder above it.
     """
 
     @property
@@ -108,6 +108,7 @@ def identify_file(
     truth: Mapping[str, Any] | None = None,
     pdf: bool = False,
     figures: bool = False,
+    standalone: bool = False,
     overwrite: bool = False,
     progress: Progress = lambda _: None,
 ) -> Reported:
@@ -126,6 +127,9 @@ def identify_file(
     pdf, figures
         Write the paper copy ``report.pdf``, and each figure as SVG and PNG into ``figures``; both need the extra
         ``pdf``.
+    standalone
+        Whether ``report.html`` holds all that it shows, as one file to send. Otherwise the script of its figures is
+        written into `out`, once for all reports there.
     progress
         Told the name of each step.
 
@@ -154,13 +158,15 @@ def identify_file(
     progress("report")
     document, files = reported(fired, found, described(source), truth)
     drawn = report_figures(found)
-    page = render_page(document, drawn)
+    page = render_page(document, drawn, standalone=standalone)
     paper = report_pdf(document, drawn) if pdf else None
 
     def write(partial: Path) -> None:
         write_document(partial, document)
         write_files(partial, files)
         write_page(partial, page)
+        if not standalone:
+            write_script(folder.parent)
         if paper is not None:
             (partial / PDF_FILE).write_bytes(paper)
         if figures:

@@ -147,6 +147,7 @@ class _Task:
     rig: Path | None
     pdf: bool
     figures: bool
+    standalone: bool
     overwrite: bool
 
     def refuse_existing(self) -> None:
@@ -158,13 +159,13 @@ class _Task:
         if "mass" in self.targets:
             report = identify_file(
                 self.path, out=self.out, options=self.options, rig=self.rig, pdf=self.pdf, figures=self.figures,
-                overwrite=self.overwrite,
+                standalone=self.standalone, overwrite=self.overwrite,
             )  # fmt: skip
         found = []
         if others:
             found = identify_targets(
                 self.path, others, out=self.out, options=self.options, rig=self.rig, pdf=self.pdf,
-                figures=self.figures, overwrite=self.overwrite,
+                figures=self.figures, standalone=self.standalone, overwrite=self.overwrite,
             )  # fmt: skip
         return Identified(report, tuple(found))
 
@@ -177,6 +178,7 @@ def identify_shots(
     rig: str | Path | None = None,
     pdf: bool = False,
     figures: bool = False,
+    standalone: bool = False,
     overwrite: bool = False,
     workers: Workers | None = None,
     progress: Progress = lambda _: None,
@@ -189,7 +191,7 @@ def identify_shots(
         Of each file.
     targets
         ``mass``, or names of `recoil_identification.targets.TARGETS`.
-    out, rig, pdf, figures, overwrite
+    out, rig, pdf, figures, standalone, overwrite
         As of `recoil_daq.identify.identify_file`.
     workers
         Who do it; None to do it in this process.
@@ -211,7 +213,7 @@ def identify_shots(
     place = workers.place
     tasks = [
         _Task(
-            place(path), place(out), one, tuple(targets), _place(rig, workers), pdf, figures,
+            place(path), place(out), one, tuple(targets), _place(rig, workers), pdf, figures, standalone,
             overwrite or workers.may_repeat,
         )
         for path, one in options.items()
@@ -241,6 +243,7 @@ def identify_folder(
     rig: str | Path | None = None,
     pdf: bool = False,
     figures: bool = False,
+    standalone: bool = False,
     overwrite: bool = False,
     workers: int | Workers | None = None,
     executor: Executor | None = None,
@@ -250,7 +253,7 @@ def identify_folder(
 
     Parameters
     ----------
-    out, options, rig, pdf, figures, overwrite
+    out, options, rig, pdf, figures, standalone, overwrite
         As of `recoil_daq.identify.identify_file`.
     workers, executor
         As of `recoil_daq.workers.Workers`: the digits are the same, whoever does it.
@@ -269,8 +272,8 @@ def identify_folder(
     with Workers.of(workers, executor) as crew:
         shared = shared_options(paths, options or Options(), rig=rig, workers=crew, progress=progress)
         done = identify_shots(
-            shared, out=Path(out), rig=rig, pdf=pdf, figures=figures, overwrite=overwrite, workers=crew,
-            progress=progress,
+            shared, out=Path(out), rig=rig, pdf=pdf, figures=figures, standalone=standalone, overwrite=overwrite,
+            workers=crew, progress=progress,
         )  # fmt: skip
         return tuple(one.report for one in done if one.report is not None)
 

@@ -13,7 +13,7 @@ from recoil_daq.identify import Progress
 from recoil_daq.report_folder import publish, refuse_existing, refuse_unwritable
 from recoil_identification.analysis import Options
 from recoil_identification.report.finding import Finding
-from recoil_identification.report.html import render_target_page, write_page
+from recoil_identification.report.html import render_target_page, write_page, write_script
 from recoil_identification.report.paper import figure_files, target_pdf, write_figures
 from recoil_identification.report.target_document import target_document, write_series, write_target_document
 from recoil_identification.report.typeset import refuse_without_typst
@@ -52,6 +52,7 @@ def identify_targets(
     rig: str | Path | None = None,
     pdf: bool = False,
     figures: bool = False,
+    standalone: bool = False,
     overwrite: bool = False,
     progress: Progress = lambda _: None,
 ) -> list[TargetReported]:
@@ -63,7 +64,7 @@ def identify_targets(
     ----------
     targets
         Names of `recoil_identification.targets.TARGETS`.
-    rig, pdf, figures
+    rig, pdf, figures, standalone
         As of `recoil_daq.identify.identify_file`.
     progress
         Told the name of each step.
@@ -103,13 +104,15 @@ def identify_targets(
             shot, found, version=__version__, shot_file=described(source), row=fired.row, beside=fired.beside,
             corrections=fired.corrections,
         )  # fmt: skip
-        _publish(folder, found, document, pdf=pdf, figures=figures)
+        _publish(folder, found, document, pdf=pdf, figures=figures, standalone=standalone)
         done.append(TargetReported(document, folder))
     return done
 
 
-def _publish(folder: Path, found: Finding, document: dict[str, Any], *, pdf: bool, figures: bool) -> None:
-    page = render_target_page(document, found.figures)
+def _publish(
+    folder: Path, found: Finding, document: dict[str, Any], *, pdf: bool, figures: bool, standalone: bool
+) -> None:
+    page = render_target_page(document, found.figures, standalone=standalone)
     paper, prefix = target_pdf(document, found.figures) if pdf else None, f"{found.target}-"
 
     def write(partial: Path) -> None:
@@ -117,6 +120,8 @@ def _publish(folder: Path, found: Finding, document: dict[str, Any], *, pdf: boo
         if found.series is not None:
             write_series(partial, found.target, found.series)
         write_page(partial, page, f"{found.target}.html")
+        if not standalone:
+            write_script(folder.parent)
         if paper is not None:
             (partial / f"{found.target}.pdf").write_bytes(paper)
         if figures:

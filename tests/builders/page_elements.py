@@ -1,7 +1,8 @@
 """A page as its reader takes it apart."""
 
-import json
 from html.parser import HTMLParser
+
+from recoil_identification.report.packing import unpacked
 
 
 class PageElements(HTMLParser):
@@ -26,8 +27,6 @@ class PageElements(HTMLParser):
         else:
             self.scripts[self._in] = self.scripts.get(self._in, "") + data
 
-    def json(self, name):
-        def refuse(token):
-            raise AssertionError(f"{token} is not JSON")
-
-        return json.loads(self.scripts[name], parse_constant=refuse)
+    def carried(self, name):
+        """The report, or the figures, that the page carries for its script."""
+        return unpacked(self.scripts["packed"])[name]

@@ -12,6 +12,7 @@ from recoil_daq import identify_file, ingest_files, load_rig
 from recoil_daq.fired import read_fired
 from recoil_daq.logged import add_row
 from recoil_rigs.twin import TwinShot
+from tests.builders.page_elements import PageElements
 
 HEADER = "shot,time,configuration,added_mass_kg,u_added_mass_kg,charge,charge_temperature_c,elevation_deg,exclude,notes"
 
@@ -203,7 +204,7 @@ def test_the_specification_is_what_was_fired(run, shots: Path, identified, tmp_p
     assert (log["file"], log["sha256"]) == ("shotlog.csv", ShotLog.beside(shots / "0001.h5").sha256)
     assert "configuration: ring; added mass, in the specification: −12.5 kg (u 0.3 kg)" in result.output
     assert "note: excluded in the shot log: warm-up" in result.output
-    page = (tmp_path / "0001" / "report.html").read_text(encoding="utf-8")
+    page = PageElements((tmp_path / "0001" / "report.html").read_text(encoding="utf-8")).text
     assert "added mass, in the specification" in page
     assert "excluded in the shot log: warm-up" in page
 

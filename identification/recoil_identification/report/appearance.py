@@ -38,7 +38,8 @@ def dash_of(trace: Trace, earlier: int) -> str:
     if trace.kind not in ("filtered", "model", "reference", "series"):
         return ""
     first = 1 if trace.kind == "model" else 2 if trace.kind == "reference" else 0
-    return DASHES[(first + earlier if trace.hue is None else trace.hue) % len(DASHES)]
+    numbers = (number for number in (trace.dash, trace.hue, first + earlier) if number is not None)
+    return DASHES[next(numbers) % len(DASHES)]
 
 
 def y_range(panel: Panel, shown: Range | None) -> Range | None:

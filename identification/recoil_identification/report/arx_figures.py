@@ -41,18 +41,18 @@ def output_figure(
         TIME,
         (
             Panel(
-                "a', m/s^2",
+                "a', m/s²",
                 (
-                    Trace("measured", t, a, "filtered", "m/s^2"),
-                    Trace("simulated", t, simulated_m_s2, "model", "m/s^2"),
+                    Trace("measured", t, a, "filtered", "m/s²"),
+                    Trace("simulated", t, simulated_m_s2, "model", "m/s²"),
                 ),
                 spans=spans,
             ),
             Panel(
-                "difference, m/s^2",
+                "difference, m/s²",
                 (
-                    Trace("measured - simulated", t, a - simulated_m_s2, "filtered", "m/s^2"),
-                    Trace("error one sample ahead", t, errors_m_s2, "model", "m/s^2"),
+                    Trace("measured − simulated", t, a - simulated_m_s2, "filtered", "m/s²"),
+                    Trace("error one sample ahead", t, errors_m_s2, "model", "m/s²"),
                 ),
                 (HorizontalLine("zero", 0.0, "mean"),),
                 spans,

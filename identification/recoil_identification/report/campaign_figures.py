@@ -30,7 +30,7 @@ Group = tuple[str, float]
 
 PANELS = (
     ("breech_pressure_pa", "breech pressure, MPa", 1e-6, "MPa"),
-    ("recoil_acceleration_m_s2", "acceleration, m/s^2", 1.0, "m/s^2"),
+    ("recoil_acceleration_m_s2", "acceleration, m/s²", 1.0, "m/s²"),
     ("recoil_travel_m", "travel, mm", 1e3, "mm"),
 )
 MOST_STRONG = 12

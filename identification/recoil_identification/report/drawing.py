@@ -1,12 +1,11 @@
 """Figures as the plain dictionaries that plotly's script draws; plotly's Python package is not used.
 
-The keys are those of plotly.js' figure reference. Samples travel as its typed arrays (little-endian base64,
-``{"dtype", "bdata"}``), which are a third of the text; a gap is a NaN inside them, and null elsewhere.
+The keys are those of plotly.js' figure reference. Samples are arrays, with NaN for a gap, until
+`recoil_identification.report.packing` puts them into a page.
 """
 
 from __future__ import annotations
 
-import base64
 from collections import Counter
 from collections.abc import Sequence
 from typing import Any
@@ -20,6 +19,7 @@ from recoil_identification.report.appearance import (
     SPAN_COLOUR,
     Range,
     band_outline,
+    dash_of,
     hue_of,
     y_range,
 )
@@ -49,7 +49,8 @@ def drawings(figures: Sequence[Figure]) -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        ``key``, ``data``, ``layout`` and ``height`` (pixels) of each; JSON-serialisable, without NaN.
+        ``key``, ``data``, ``layout`` and ``height`` (pixels) of each, ``axis``, the name of the axis that its panels
+        share, ``link``, which figures with equal ones zoom and are read together by, and ``switched``.
     """
     sizes = [np.size(t.x) for f in figures for p in f.panels for t in p.traces]
     buckets = max(_points_per_trace(sizes) // 2, 100)
@@ -115,17 +116,27 @@ def drawing(figure: Figure, buckets: int = TRACE_POINTS // 2) -> dict[str, Any]:
         }
         used: Counter[str] = Counter()
         for trace in panel.traces:
-            hue = hue_of(trace, used[trace.kind])
+            hue, dash = hue_of(trace, used[trace.kind]), dash_of(trace, used[trace.kind])
             used[trace.kind] += trace.hue is None
             axes = {"xaxis": f"x{x_number}", "yaxis": f"y{number}", "legend": f"legend{number}"}
             names = figure.names if not own else ()
-            parts = _trace(trace, hue, buckets, log=scale == "log", shown=shown, names=names)
+            parts = _trace(trace, hue, dash, buckets, log=scale == "log", shown=shown, names=names)
             data += [part | axes | _grouped(trace, part, data) for part in parts]
         for span in panel.spans:
             layout["shapes"].append(_span(span, f"x{x_number}", f"y{number}"))
         for line in panel.lines:
             layout["shapes"] += _line(line, f"x{x_number}", f"y{number}")
-    return {"key": figure.key, "data": data, "layout": layout, "height": height}
+    shared = "" if not sharing or sharing[0] == 0 else str(sharing[0] + 1)
+    linked = bool(sharing) and figure.x_scale == "linear" and not figure.names
+    return {
+        "key": figure.key,
+        "data": data,
+        "layout": layout,
+        "height": height,
+        "axis": f"xaxis{shared}",
+        "link": figure.x_label if linked else None,
+        "switched": figure.switched,
+    }
 
 
 def _named_ticks(names: Sequence[str]) -> dict[str, Any]:
@@ -182,7 +193,7 @@ def _axis(label: str, scale: Scale, shown: Range | None, *, anchor: str) -> dict
 
 
 def _trace(
-    trace: Trace, hue: str, buckets: int, *, log: bool, shown: Range | None, names: Sequence[str]
+    trace: Trace, hue: str, dash: str, buckets: int, *, log: bool, shown: Range | None, names: Sequence[str]
 ) -> list[dict[str, Any]]:
     x, y = np.asarray(trace.x, dtype=np.float64), np.asarray(trace.y, dtype=np.float64)
     whole = x.size <= 2 * buckets
@@ -191,10 +202,11 @@ def _trace(
     drawn: dict[str, Any] = {
         "type": "scatter",
         "name": _plain(trace.name),
-        "x": _samples(x[chosen]),
-        "y": _samples(y[chosen]),
+        "x": x[chosen],
+        "y": y[chosen],
         "mode": "lines",
-        "line": {"color": f"rgb({hue})", "width": 1.5},
+        "line": {"color": f"rgb({hue})", "width": 1.5, **({"dash": dash} if dash else {})},
+        "meta": trace.kind,
         "hovertemplate": f"%{{y:.5~g}} {unit}",
     }
     if names:
@@ -203,10 +215,6 @@ def _trace(
         drawn["visible"] = "legendonly"
     if trace.kind == "measured":
         drawn["line"] = {"color": f"rgba({hue},0.42)", "width": 1}
-    elif trace.kind == "model":
-        drawn["line"] |= {"dash": "6px,3px"}
-    elif trace.kind == "reference":
-        drawn["line"] |= {"dash": "2px,2px"}
     elif trace.kind == "points":
         drawn |= {"mode": "markers", "marker": {"size": 4, "color": f"rgb({hue})"}}
         del drawn["line"]
@@ -217,7 +225,7 @@ def _trace(
         drawn |= {"mode": "markers", "marker": ring}
         del drawn["line"]
     elif trace.kind == "whiskers":
-        half = _samples(((np.asarray(trace.y_high) - np.asarray(trace.y_low)) / 2)[chosen])
+        half = ((np.asarray(trace.y_high) - np.asarray(trace.y_low)) / 2)[chosen]
         drawn |= {
             "mode": "markers",
             "marker": {"size": 6, "color": f"rgb({hue})"},
@@ -233,15 +241,15 @@ def _trace(
         low, high = (np.asarray(v, dtype=np.float64) for v in (trace.y_low, trace.y_high))
         group = {"legendgroup": drawn["name"]}
         drawn |= group | {
-            "customdata": _samples(((high - low) / 2)[chosen]),
+            "customdata": ((high - low) / 2)[chosen],
             "hovertemplate": f"%{{y:.5~g}} ± %{{customdata:.2~g}} {unit}",
         }
         edge_x, edge_y = band_outline(x, low, high, bucket_starts(x, buckets, log=log, shown=shown))
         filled = {
             "type": "scatter",
             "name": drawn["name"],
-            "x": _samples(edge_x),
-            "y": _samples(edge_y),
+            "x": edge_x,
+            "y": edge_y,
             "mode": "lines",
             "line": {"width": 0},
             "fill": "toself",
@@ -251,16 +259,6 @@ def _trace(
         }
         return [filled | group | {k: v for k, v in drawn.items() if k == "visible"}, drawn]
     return [drawn]
-
-
-def _samples(values: FloatArray) -> dict[str, str]:
-    """Pack a typed array, in single precision unless that would move a sample by a millionth of the range."""
-    with np.errstate(over="ignore"):
-        single = values.astype("<f4")
-    finite = values[np.isfinite(values)]
-    if finite.size and np.abs(single[np.isfinite(values)] - finite).max() > 1e-6 * np.ptp(finite) > 0.0:
-        return {"dtype": "f8", "bdata": base64.b64encode(values.astype("<f8").tobytes()).decode("ascii")}
-    return {"dtype": "f4", "bdata": base64.b64encode(single.tobytes()).decode("ascii")}
 
 
 def _span(span: Span, x_axis: str, y_axis: str) -> dict[str, Any]:

@@ -55,6 +55,8 @@ class Trace:
         False: the trace is drawn once its name in the legend is clicked.
     hue
         Number of its colour; None takes the next one of its kind.
+    dash
+        Number of its dashes; None takes that of the hue, if one is given, or the next one of its kind.
     group
         Traces of one group have one entry in the figure's legend, under the group's name, and are hidden together.
 
@@ -74,6 +76,7 @@ class Trace:
     visible: bool = True
     hue: int | None = None
     group: str = ""
+    dash: int | None = None
 
     def __post_init__(self) -> None:
         if self.kind not in get_args(TraceKind):
@@ -173,6 +176,8 @@ class Figure:
         Whether the read-out is that of the nearest trace, where there are many.
     folded
         Whether it is shown only when it is asked for.
+    switched
+        Whether the page's switch between what was recorded and what is filtered acts on it.
 
     Raises
     ------
@@ -190,6 +195,7 @@ class Figure:
     names: tuple[str, ...] = ()
     single: bool = False
     folded: bool = False
+    switched: bool = False
 
     def __post_init__(self) -> None:
         if not self.panels:

@@ -12,53 +12,37 @@ from recoil_acquisition.shot import ClockAlignment
 from recoil_identification.analysis import Identification
 from recoil_identification.budget import COVERAGE_FACTOR
 from recoil_identification.method_result import CORRECTED
+from recoil_identification.report.appearance import METHODS
 from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Span, Trace
+from recoil_identification.report.measured_figures import (
+    TIME,
+    aligned_camera,
+    interval_of,
+    measured_figures,
+    others,
+    repaired_of,
+    shown_of,
+)
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.regression import FORCES
 from recoil_processing.shot.signals import Signals, on_grid
 from recoil_processing.spectra.spectrum import multitaper
 
 Array = NDArray[np.float64]
-TIME = "time on the reference clock, s"
+FORCE_HUES = (5, 2, 3, 7)
+"""Of `FORCES`, as of the pressures that they come from."""
 
 
 def report_figures(found: Identification) -> list[Figure]:
-    """Compose all figures of a shot, in reading order.
+    """Compose all figures of a shot, in reading order: what was measured, then what was found from it.
 
-    The first three are those of the 2013 paper for this shot: the mass over time, the angular rates raw
-    and filtered, the active force.
+    Mass over time, angular velocities and force balance are the three figures of the 2013 paper.
     """
-    camera = found.camera
-    alignment = None if camera is None else found.alignments.get(camera.time_base.clock)
-    if camera is None or alignment is None or alignment.status == "failed":
-        camera = alignment = None
-    figures = [_mass(found), *_angular_rates(found), _force(found), _travel(found, camera, alignment)]
-    figures.append(_residuals(found))
-    if camera is not None and alignment is not None and "candidates_s" in (alignment.details or {}):
-        figures.append(_motion_alignment(alignment, found, camera))
+    figures = [*measured_figures(found), _force(found), _mass(found), _residuals(found)]
+    seen = aligned_camera(found)
+    if seen is not None and "candidates_s" in (seen[1].details or {}):
+        figures.append(_motion_alignment(seen[1], found, seen[0]))
     return [*figures, _spectrum(found)]
-
-
-def _shown(found: Identification) -> tuple[float, float]:
-    t0, t1 = found.filtered.interval_s
-    margin = 0.12 * (t1 - t0)
-    return t0 - margin, t1 + margin
-
-
-def _interval(found: Identification) -> tuple[Span, ...]:
-    return (Span("identification interval", *found.filtered.interval_s),)
-
-
-def _repaired(found: Identification) -> tuple[Span, ...]:
-    """From the first to the last sample of each channel that is no measurement, as far as it is shown."""
-    low, high = _shown(found)
-    spans = []
-    for one in found.signals.repairs:
-        at = one.spans_s[(one.spans_s[:, 1] >= low) & (one.spans_s[:, 0] <= high)]
-        if at.size:
-            label = f"{one.channel}: {one.repair.kind}, {one.repair.count} samples"
-            spans.append(Span(label, max(float(at.min()), low), min(float(at.max()), high)))
-    return tuple(spans)
 
 
 def _mass(found: Identification) -> Figure:
@@ -74,17 +58,20 @@ def _mass(found: Identification) -> Figure:
             "kg",
             trace.mass_kg - half,
             trace.mass_kg + half,
+            hue=METHODS.index(chosen.estimate.method),
         ),
     ]
     if found.walk is not None:
         walk, wide = found.walk, COVERAGE_FACTOR * found.walk.u_kg
         name = "mass that may change, together with all sensors, 95 % interval"
         times, low_kg, high_kg = walk.times_s, walk.mass_kg - wide, walk.mass_kg + wide
-        traces.append(Trace(name, times, walk.mass_kg, "band", "kg", low_kg, high_kg, visible=_changes(found)))
+        changes = found.constancy is not None and not found.constancy.constant()
+        traces.append(Trace(name, times, walk.mass_kg, "band", "kg", low_kg, high_kg, visible=changes, hue=7))
     for name in ("reverse", "kinematic", "paper"):
         if name in found.results and name != chosen.estimate.method:
             other = found.results[name].trace
-            traces.append(Trace(name, other.times_s, other.mass_kg, "reference", "kg", visible=name == "paper"))
+            drawn, hue = name == "paper", METHODS.index(name)
+            traces.append(Trace(name, other.times_s, other.mass_kg, "reference", "kg", visible=drawn, hue=hue))
     specification = HorizontalLine(
         f"specification {found.specification_kg:g} kg", found.specification_kg, "specification"
     )
@@ -101,44 +88,8 @@ def _mass(found: Identification) -> Figure:
         "sensor's errors, for comparison.",
         TIME,
         (Panel("mass, kg", tuple(traces), (specification,), y_shown=(low, high)),),
-        shown=_shown(found),
+        shown=shown_of(found),
     )
-
-
-def _changes(found: Identification) -> bool:
-    return found.constancy is not None and not found.constancy.constant()
-
-
-def _angular_rates(found: Identification) -> list[Figure]:
-    signals = found.signals
-    low_pass = found.filtered.low_pass
-    panels = []
-    for role, label in (("tipping_rate", "tipping and recoiling part"), ("carriage_rate", "carriage")):
-        if role not in signals.series or low_pass is None:
-            continue
-        raw = signals.series[role]
-        smooth, _ = low_pass.apply_with_gaps(raw, signals.rate_hz)
-        panels.append(
-            Panel(
-                f"{label}, rad/s",
-                (
-                    Trace(f"{label}, recorded", signals.times_s, raw, "measured", "rad/s"),
-                    Trace(f"{label}, filtered", signals.times_s, smooth, "filtered", "rad/s"),
-                ),
-            )
-        )
-    if not panels:
-        return []
-    return [
-        Figure(
-            "angular-rate",
-            "Angular velocity, recorded and filtered",
-            f"Stress waves ride on the gyros' signals; zero-phase low-pass at {_cutoff(low_pass):.0f} Hz.",
-            TIME,
-            tuple(panels),
-            shown=_shown(found),
-        )
-    ]
 
 
 def _cutoff(low_pass: LowPass | None) -> float:
@@ -148,8 +99,8 @@ def _cutoff(low_pass: LowPass | None) -> float:
 def _force(found: Identification) -> Figure:
     r = found.filtered
     parts = [
-        Trace(name, r.times_s, 1e-3 * r.forces_n[:, i], "reference", "kN", visible=name != "friction")
-        for i, name in enumerate(FORCES)
+        Trace(name, r.times_s, 1e-3 * r.forces_n[:, i], "reference", "kN", visible=name != "friction", hue=hue)
+        for i, (name, hue) in enumerate(zip(FORCES, FORCE_HUES, strict=True))
     ]
     m = found.chosen.estimate.mass_kg
     acceleration, force = r.acceleration_m_s2, r.force_n
@@ -170,46 +121,11 @@ def _force(found: Identification) -> Figure:
                     Trace("m a', filtered", r.times_s, 1e-3 * m * acceleration, "model", "kN"),
                     *parts,
                 ),
-                spans=(*_interval(found), *_repaired(found)),
+                spans=(*interval_of(found), *repaired_of(found)),
             ),
         ),
-        shown=_shown(found),
+        shown=shown_of(found),
     )
-
-
-def _travel(found: Identification, camera: Channel | None, alignment: ClockAlignment | None) -> Figure:
-    t = found.filtered.times_s
-    fused = found.fused
-    if fused is None:
-        traces = [Trace("travel, accelerometers", t, 1e3 * found.travel_m, "filtered", "mm")]
-        velocity = Trace("velocity", t, found.velocity_m_s, "filtered", "m/s")
-    else:
-        traces = [_banded("travel, fused", t, 1e3 * found.travel_m, 1e3 * fused.u_position_m, "mm")]
-        velocity = _banded("velocity, fused", t, found.velocity_m_s, fused.u_velocity_m_s, "m/s")
-    if camera is not None and alignment is not None:
-        at = alignment.to_reference(camera.time_base.times_s)
-        traces.insert(0, Trace("camera", at, 1e3 * np.asarray(camera.samples), "points", "mm"))
-    return Figure(
-        "travel",
-        "Recoil travel and velocity",
-        f"The camera's track on the reference clock, and camera and {_others(found)} together with their 95 % band.",
-        TIME,
-        (
-            Panel("travel, mm", tuple(traces), spans=_interval(found)),
-            Panel("velocity, m/s", (velocity,), spans=_interval(found)),
-        ),
-        shown=_shown(found),
-    )
-
-
-def _others(found: Identification) -> str:
-    """Name what the camera's track is compared and fused with."""
-    return "forces" if found.method == "camera" else "accelerometers"
-
-
-def _banded(name: str, times_s: Array, values: Array, u: Array, unit: str) -> Trace:
-    half = COVERAGE_FACTOR * u
-    return Trace(f"{name}, 95 % interval", times_s, values, "band", unit, values - half, values + half)
 
 
 def _residuals(found: Identification) -> Figure:
@@ -219,10 +135,10 @@ def _residuals(found: Identification) -> Figure:
     inside = residual[r.used]
     panels = [
         Panel(
-            "a' - F'/m, m/s^2",
-            (Trace("residual", r.times_s, residual, "filtered", "m/s^2"),),
+            "a' − F'/m, m/s²",
+            (Trace("residual", r.times_s, residual, "filtered", "m/s²"),),
             (HorizontalLine("zero", 0.0, "mean"),),
-            (*_interval(found), *_repaired(found)),
+            (*interval_of(found), *repaired_of(found)),
         )
     ]
     spread = float(np.std(inside)) if inside.size > 20 else 0.0
@@ -234,10 +150,10 @@ def _residuals(found: Identification) -> Figure:
             Panel(
                 "density",
                 (
-                    Trace("residual", middles, counts, "bars", "1/(m/s^2)"),
-                    Trace(f"normal, {spread:.2g} m/s^2", middles, normal, "model", "1/(m/s^2)"),
+                    Trace("residual", middles, counts, "bars", "1/(m/s²)"),
+                    Trace(f"normal, {spread:.2g} m/s²", middles, normal, "model", "1/(m/s²)"),
                 ),
-                x_label="residual, m/s^2",
+                x_label="residual, m/s²",
             )
         )
     return Figure(
@@ -246,7 +162,7 @@ def _residuals(found: Identification) -> Figure:
         "What force and mass do not explain of the filtered acceleration, with the sensors' errors as identified.",
         TIME,
         tuple(panels),
-        shown=_shown(found),
+        shown=shown_of(found),
     )
 
 
@@ -259,23 +175,23 @@ def _motion_alignment(alignment: ClockAlignment, found: Identification, camera: 
     return Figure(
         f"alignment-{alignment.clock}",
         f"Alignment of clock {alignment.clock}",
-        f"Camera less {_others(found)}, and the likelihood around the offset of {1e3 * alignment.offset_s:+.4f} ms "
-        f"(u {1e6 * alignment.u_offset_s:.1f} us).",
+        f"Camera less {others(found)}, and the likelihood around the offset of {1e3 * alignment.offset_s:+.4f} ms "
+        f"(u {1e6 * alignment.u_offset_s:.1f} µs).",
         TIME,
         (
             Panel(
-                f"camera - {_others(found)}, mm",
+                f"camera − {others(found)}, mm",
                 (Trace("difference", signals.times_s, residual, "measured", "mm"),),
                 (HorizontalLine("zero", 0.0, "mean"),),
-                _interval(found),
+                interval_of(found),
             ),
             Panel(
                 "log-likelihood",
                 (Trace("log-likelihood", candidates, np.asarray(details["log_likelihood"]), "filtered", ""),),
-                x_label="offset from the best, us",
+                x_label="offset from the best, µs",
             ),
         ),
-        shown=_shown(found),
+        shown=shown_of(found),
     )
 
 
@@ -308,7 +224,7 @@ def _spectrum(found: Identification) -> Figure:
         "frequency, Hz",
         (
             Panel(
-                "(m/s^2)^2/Hz",
+                "(m/s²)²/Hz",
                 tuple(traces),
                 spans=tuple(spans),
                 y_scale="log",

@@ -64,7 +64,7 @@ def _pressure(found: MotionForce, peak: ForcePeak, area_m2: float) -> Figure:
     return Figure(
         "breech-pressure",
         "Equivalent breech pressure",
-        f"The force over the bore area, less the projectile's friction: {area_m2:g} m2.",
+        f"The force over the bore area, less the projectile's friction: {area_m2:g} m².",
         TIME,
         (Panel("pressure, MPa", (band,), spans=_spans(found, peak)),),
         shown=_shown(found),

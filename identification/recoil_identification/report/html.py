@@ -2,16 +2,19 @@
 
 `render_page` turns a report (the mapping of ``report.json``) and its figures into one HTML text,
 `render_target_page` the document of another target, and `render_campaign_page` a campaign's answer; `write_page` puts
-a page into a folder, with plotly's script beside it. The numbers come from the documents.
+a page into a folder, and `write_script` the script of its figures where it looks for it. The numbers come from the
+documents.
 """
 
 from __future__ import annotations
 
+import contextlib
 import filecmp
 import json
-import math
+import os
 import shutil
-from collections.abc import Mapping, Sequence
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -21,6 +24,8 @@ from recoil_acquisition.errors import StoreError
 from recoil_identification.report import campaign_tables, tables
 from recoil_identification.report.drawing import drawings
 from recoil_identification.report.figure import Figure
+from recoil_identification.report.glossary import Glossary, notation
+from recoil_identification.report.packing import finite, packed, packed_file
 from recoil_identification.report.rounding import NO_NUMBER
 
 if TYPE_CHECKING:
@@ -35,14 +40,14 @@ REQUIRED_KEYS = ("schema", "shot", "rig", "mass", "rpe_percent", "valid", "reaso
 
 
 def write_page(folder: Path, page: str, name: str = PAGE_NAME) -> Path:
-    """Write a page and, beside it, the script that draws its figures.
+    """Write a page; what it refers to is written by `write_script`.
 
     Parameters
     ----------
     folder
         Created where it is missing. An older page in it is replaced, at once and whole.
     page
-        Of `render_page` or `render_target_page`.
+        Of `render_page`, `render_target_page` or `render_campaign_page`.
     name
         Of the file.
 
@@ -54,19 +59,58 @@ def write_page(folder: Path, page: str, name: str = PAGE_NAME) -> Path:
     Raises
     ------
     StoreError
-        The folder cannot be written, or plotly's script is not installed.
+        The folder cannot be written.
     """
-    script = plotly_script()
-    path, beside = folder / name, folder / SCRIPT_NAME
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if not (beside.is_file() and filecmp.cmp(script, beside, shallow=False)):
-            partial = folder / (SCRIPT_NAME + ".part")
-            shutil.copyfile(script, partial)
-            partial.replace(beside)
+    path = folder / name
+    with _written(folder):
         partial = folder / (name + ".part")
         partial.write_text(page, encoding="utf-8", newline="\n")
         partial.replace(path)
+    return path
+
+
+def write_script(folder: Path) -> Path:
+    """Write the script that draws figures, unless it is there: one for all pages that refer to it.
+
+    Parameters
+    ----------
+    folder
+        For a shot's pages the one that holds the shot's folder, for a campaign's page its own.
+
+    Raises
+    ------
+    StoreError
+        The folder cannot be written, or plotly's script is not installed.
+    """
+    script, path = plotly_script(), folder / SCRIPT_NAME
+    with _written(folder):
+        if not _same(script, path):
+            # of a name of its own: several processes may write their reports beside one another
+            descriptor, name = tempfile.mkstemp(prefix=f".{SCRIPT_NAME}.", suffix=".part", dir=folder)
+            os.close(descriptor)
+            partial = Path(name)
+            try:
+                shutil.copyfile(script, partial)
+                partial.chmod(script.stat().st_mode & 0o666 | 0o600)
+                partial.replace(path)
+            except PermissionError:
+                # another process reads the one that it has just written, which Windows does not replace then
+                if not _same(script, path):
+                    raise
+            finally:
+                partial.unlink(missing_ok=True)
+    return path
+
+
+def _same(one: Path, other: Path) -> bool:
+    return other.is_file() and filecmp.cmp(one, other, shallow=False)
+
+
+@contextlib.contextmanager
+def _written(folder: Path) -> Iterator[None]:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        yield
     except OSError as error:
         raise StoreError(
             "the report page cannot be written",
@@ -74,7 +118,6 @@ def write_page(folder: Path, page: str, name: str = PAGE_NAME) -> Path:
             found=error.strerror or str(error),
             remedy="free some space, or choose a folder you may write to with --out",
         ) from error
-    return path
 
 
 def plotly_script() -> Path:
@@ -98,7 +141,7 @@ def plotly_script() -> Path:
     )
 
 
-def render_page(report: Mapping[str, Any], figures: Sequence[Figure]) -> str:
+def render_page(report: Mapping[str, Any], figures: Sequence[Figure], *, standalone: bool = False) -> str:
     """Render the page.
 
     Parameters
@@ -108,16 +151,21 @@ def render_page(report: Mapping[str, Any], figures: Sequence[Figure]) -> str:
         if they are there.
     figures
         In reading order.
+    standalone
+        Whether the page holds the script as well.
 
     Returns
     -------
     str
-        A complete HTML document that refers to ``plotly.min.js`` beside it and to nothing else.
+        A complete HTML document that refers to ``plotly.min.js`` in the folder above its own and to nothing else; if it
+        stands alone, to nothing at all.
 
     Raises
     ------
     ValueError
         A report of another schema or without a key that every report has, or figures with equal keys.
+    StoreError
+        The page is to stand alone, and plotly's script is not installed.
     """
     missing = [key for key in REQUIRED_KEYS if key not in report]
     if missing:
@@ -129,9 +177,13 @@ def render_page(report: Mapping[str, Any], figures: Sequence[Figure]) -> str:
         "page.html",
         report,
         figures,
+        standalone=standalone,
         verdict=tables.verdict(report),
+        in_words=tables.in_words(report),
+        peaks=tables.peaks(report),
         facts=tables.facts(report),
-        notes=tables.notes(report),
+        notes=report.get("notes") or (),
+        assumed=tables.assumed(report),
         methods=tables.methods(report),
         budget=budget_rows,
         combined=combined,
@@ -141,13 +193,12 @@ def render_page(report: Mapping[str, Any], figures: Sequence[Figure]) -> str:
         ringing=tables.ringing(report),
         repairs=tables.repairs(report),
         quality=tables.quality(report),
-        quality_counts=tables.quality_counts(report),
         series_file=(report.get("trace") or {}).get("file"),
         series_name="mass over time",
     )
 
 
-def render_target_page(document: Mapping[str, Any], figures: Sequence[Figure]) -> str:
+def render_target_page(document: Mapping[str, Any], figures: Sequence[Figure], *, standalone: bool = False) -> str:
     """Render the page of a target.
 
     Parameters
@@ -156,28 +207,33 @@ def render_target_page(document: Mapping[str, Any], figures: Sequence[Figure]) -
         Of `recoil_identification.report.target_document.target_document`.
     figures
         In reading order.
+    standalone
+        As of `render_page`.
 
     Returns
     -------
     str
-        A complete HTML document that refers to ``plotly.min.js`` beside it and to nothing else.
+        As of `render_page`.
 
     Raises
     ------
     ValueError
         Figures with equal keys.
+    StoreError
+        As of `render_page`.
     """
     return _render(
         "target.html",
         document,
         figures,
+        standalone=standalone,
         quantities=tables.quantities(document),
         series_file=(document.get("series") or {}).get("file"),
         series_name="what was identified over time",
     )
 
 
-def render_campaign_page(document: Mapping[str, Any], figures: Sequence[Figure]) -> str:
+def render_campaign_page(document: Mapping[str, Any], figures: Sequence[Figure], *, standalone: bool = False) -> str:
     """Render the page of a campaign.
 
     Parameters
@@ -187,16 +243,21 @@ def render_campaign_page(document: Mapping[str, Any], figures: Sequence[Figure])
         stands beside the page.
     figures
         Of `recoil_identification.report.campaign_figures.campaign_figures`.
+    standalone
+        As of `render_page`.
 
     Returns
     -------
     str
-        A complete HTML document that refers to ``plotly.min.js`` beside it, to the shots' pages, and to nothing else.
+        A complete HTML document that refers to ``plotly.min.js`` beside it, unless it stands alone, to the shots'
+        pages, and to nothing else.
 
     Raises
     ------
     ValueError
         Figures with equal keys.
+    StoreError
+        As of `render_page`.
     """
     columns, rows = campaign_tables.shots(document)
     return _render(
@@ -204,6 +265,8 @@ def render_campaign_page(document: Mapping[str, Any], figures: Sequence[Figure])
         document,
         figures,
         embedded={"shot": f"campaign-{document['rig']}"},
+        standalone=standalone,
+        script=SCRIPT_NAME,
         verdict=campaign_tables.verdict(document),
         changed=campaign_tables.changed(document),
         unchanged=all(signal["kind"] == campaign_tables.CHART for signal in document["signals"]),
@@ -268,6 +331,9 @@ def _render(
     template: str,
     report: Mapping[str, Any],
     figures: Sequence[Figure],
+    *,
+    standalone: bool,
+    script: str = f"../{SCRIPT_NAME}",
     embedded: Mapping[str, Any] | None = None,
     **more: Any,
 ) -> str:
@@ -276,6 +342,8 @@ def _render(
     if len({figure.key for figure in figures}) != len(figures):
         raise ValueError("two figures have the same key")
     drawn = drawings(figures)
+    glossary = Glossary()
+    carried = {"report": finite(report if embedded is None else embedded), "figures": drawn}
     return (
         _environment()
         .get_template(template)
@@ -285,40 +353,33 @@ def _render(
                 {
                     "number": number,
                     "height": d["height"],
-                    **{k: getattr(f, k) for k in ("key", "title", "caption", "folded")},
+                    **{k: getattr(f, k) for k in ("key", "title", "caption", "folded", "switched")},
                 }
                 for number, (f, d) in enumerate(zip(figures, drawn, strict=True))
             ],
             inputs=tables.inputs(report),
-            started=tables.started(report),
+            when=str(report.get("started") or "").replace("T", " "),
+            whole=embedded is None,
             **more,
+            glossary=glossary,
+            said=glossary.text,
+            term=glossary.term,
+            notation=notation,
             version=report["provenance"].get("version", NO_NUMBER),
             parameters=json.dumps(
-                _finite(report["provenance"].get("parameters") or {}), indent=2, ensure_ascii=False, default=str
+                finite(report["provenance"].get("parameters") or {}), indent=2, ensure_ascii=False, default=str
             ),
-            script=SCRIPT_NAME,
-            figures_json=Markup(_embedded(drawn)),  # noqa: S704 - `_embedded` leaves no character that HTML reads
-            report_json=Markup(_embedded(report if embedded is None else embedded)),  # noqa: S704 - as above
+            script=script,
+            packed_script=packed_file(plotly_script()) if standalone else None,
+            style=Markup(_text("frame.css")),  # noqa: S704 - a file of this package
+            code=Markup(_text("figures.js")),  # noqa: S704 - a file of this package
+            packed=packed(carried),
         )
     )
 
 
-def _finite(value: Any) -> Any:
-    """Put null for every number that JSON has no word for, and plain numbers for numpy's."""
-    if isinstance(value, Mapping):
-        return {str(k): _finite(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(v) for v in value]
-    if hasattr(value, "tolist"):
-        return _finite(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+@cache
+def _text(name: str) -> str:
+    return (Path(__file__).parent / name).read_text(encoding="utf-8")
 
 
-def _embedded(value: Any) -> str:
-    """JSON that may stand inside a script element: no character in it can end the element or a line."""
-    text = json.dumps(_finite(value), ensure_ascii=False, allow_nan=False, separators=(",", ":"), default=str)
-    for character in "<>&\u2028\u2029":
-        text = text.replace(character, f"\\u{ord(character):04x}")
-    return text

@@ -104,8 +104,8 @@ def _throttle(brake: FittedBrake) -> Figure:
         "travel, m",
         (
             Panel(
-                "c(x), N s2/m2",
-                (Trace("c(x), 95 % interval", x, c, "band", "N s2/m2", c * np.exp(-half), c * np.exp(half)),),
+                "c(x), N s²/m²",
+                (Trace("c(x), 95 % interval", x, c, "band", "N s²/m²", c * np.exp(-half), c * np.exp(half)),),
                 y_scale="log",
             ),
         ),

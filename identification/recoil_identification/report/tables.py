@@ -118,6 +118,18 @@ def logged(report: Report) -> list[tuple[str, str]]:
     return found
 
 
+def _in_the_log(report: Report) -> list[tuple[str, str]]:
+    """Label and text of the other cells of the shot's row."""
+    said = ("shot", "time", "configuration", "added_mass_kg", "u_added_mass_kg")
+    cells = [(name, cell) for name, cell in (report.get("shot_log") or {}).items() if name not in said]
+    return [(name.replace("_", " "), _cell(cell)) for name, cell in cells if cell not in (None, "")]
+
+
+def _cell(value: Any) -> str:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return plain(value) if number else str(value)
+
+
 def facts(report: Report) -> list[tuple[str, str]]:
     """Label and text of what stands in small print under the verdict.
 
@@ -125,7 +137,10 @@ def facts(report: Report) -> list[tuple[str, str]]:
     -------
     list of (str, str)
     """
-    found = []
+    found = [("rig", str(report["rig"]))]
+    when = started(report)
+    found.append(("date and time", when or "not recorded"))
+    found += [*logged(report), *_in_the_log(report)]
     interval, window, share = (report.get(key) for key in ("interval_s", "window_s", "identified_share"))
     if report["mass"].get("method"):
         found.append(("method", str(report["mass"]["method"])))
@@ -142,16 +157,8 @@ def facts(report: Report) -> list[tuple[str, str]]:
         found.append(("true mass (virtual shot)", f"{plain(truth['mass_kg'])} kg"))
     if truth.get("error_percent") is not None:
         found.append(("error against the truth", f"{_signed(significant(truth['error_percent'], 2))} %"))
-    found += logged(report)
-    for name, value in (report.get("summary") or {}).items():
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        found.append((str(name).replace("_", " "), plain(value) if number else str(value)))
+    found += [(str(name).replace("_", " "), _cell(value)) for name, value in (report.get("summary") or {}).items()]
     return found
-
-
-def notes(report: Report) -> list[str]:
-    """Say what a reader should know: the notes, and in a line for each kind what is taken for granted."""
-    return [*(report.get("notes") or ()), *assumption_lines(report.get("assumptions") or ())]
 
 
 def methods(report: Report) -> list[Row]:

@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 
 from recoil_identification.analysis import Identification, Options, identify_shot
+from recoil_identification.report.appearance import dash_of, hue_of
 from recoil_identification.report.figure import Figure
 from recoil_identification.report.figures import report_figures
+from recoil_processing.shot.signals import GaugeReading
 from tests.builders.bench_shots import bench_rig, bench_shot
 from tests.builders.virtual_shots import identified
+
+MEASURED = ("pressure", "motion", "angular-rate", "carriage")
 
 
 def figures(found: Identification | None = None) -> dict[str, Figure]:
@@ -22,10 +26,12 @@ def traces(figure: Figure):
 
 def test_all_figures_of_a_full_shot_are_there_in_reading_order():
     names = list(figures())
-    assert names == ["mass", "angular-rate", "force", "travel", "residuals", "alignment-camera", "spectrum"]
+    assert names == [*MEASURED, "force", "mass", "residuals", "alignment-camera", "spectrum"]
 
 
-@pytest.mark.parametrize("name", ["angular-rate", "force", "travel", "residuals", "alignment-camera", "spectrum"])
+@pytest.mark.parametrize(
+    "name", ["pressure", "motion", "angular-rate", "carriage", "force", "residuals", "alignment-camera", "spectrum"]
+)
 def test_traces_are_finite_within_the_interval(name):
     found, figure = identified("mixed"), figures()[name]
     for trace in traces(figure):
@@ -65,6 +71,43 @@ def test_a_mass_of_which_nothing_was_identified_can_be_drawn():
     assert all(np.isfinite(figures(found)["mass"].panels[0].y_shown))
 
 
+def test_every_pressure_is_drawn_at_its_own_scale_as_recorded_and_filtered():
+    found, figure = identified("mixed"), figures()["pressure"]
+    assert figure.switched
+    for panel, role in zip(figure.panels, ("breech", "brake", "recuperator"), strict=True):
+        recorded, filtered = panel.traces
+        assert panel.y_label == f"{role}, MPa"
+        assert (recorded.kind, filtered.kind) == ("measured", "filtered")
+        np.testing.assert_allclose(recorded.y, 1e-6 * found.signals.series[f"{role}_pressure"])
+        # a low-pass keeps what lasts
+        both = np.isfinite(filtered.y) & np.isfinite(recorded.y)
+        assert np.mean(filtered.y[both]) == pytest.approx(np.mean(recorded.y[both]), rel=0.01)
+
+
+def test_each_of_two_gauges_of_a_pressure_is_a_line_in_its_panel():
+    found = identified("mixed")
+    pressure, offset = found.signals.series["brake_pressure"], found.signals.offsets["brake_pressure"]
+    gauges = tuple(GaugeReading(name, factor * pressure, offset) for name, factor in (("one", 1.0), ("two", 1.1)))
+    both = replace(found, signals=replace(found.signals, gauges={"brake_pressure": gauges}))
+    breech, brake, _ = figures(both)["pressure"].panels
+    assert len(breech.traces) == 2
+    assert [trace.name for trace in brake.traces[::2]] == ["brake, one, recorded", "brake, two, recorded"]
+    assert len({(trace.hue, trace.dash) for trace in brake.traces[1::2]}) == 2
+
+
+def test_a_method_has_one_look_in_every_figure():
+    found = identified("mixed")
+    by_name = {t.name: t for t in traces(figures()["mass"])}
+    as_paper = figures(replace(found, method="paper"))["mass"].panels[0].traces[0]
+    assert by_name["paper"].hue == as_paper.hue
+
+
+def test_forces_differ_in_dashes_as_well_as_in_colour():
+    (panel,) = figures()["force"].panels
+    parts = [t for t in panel.traces if t.kind == "reference"]
+    assert len({dash_of(t, 0) for t in parts}) == len({hue_of(t, 0) for t in parts}) == 4
+
+
 def test_force_and_mass_times_acceleration_coincide():
     found = identified("mixed")
     by_name = {t.name: np.asarray(t.y) for t in traces(figures()["force"])}
@@ -74,7 +117,7 @@ def test_force_and_mass_times_acceleration_coincide():
 
 
 def test_the_cameras_points_lie_on_the_travel():
-    points, travel = traces(figures()["travel"])[:2]
+    points, travel = figures()["motion"].panels[-1].traces
     at = np.interp(np.asarray(points.x), np.asarray(travel.x), np.asarray(travel.y))
     apart = np.asarray(points.y) - at
     inside = (np.asarray(points.x) > travel.x[0]) & (np.asarray(points.x) < travel.x[-1])
@@ -98,10 +141,10 @@ def test_a_clock_that_failed_or_was_not_aligned_by_motion_has_no_figure():
     ):
         drawn = figures(replace(found, alignments={**found.alignments, "camera": other}))
         assert "alignment-camera" not in drawn
-        assert ("camera" in [t.name for t in traces(drawn["travel"])]) == (other.status != "failed")
+        assert ("camera" in [t.name for t in traces(drawn["motion"])]) == (other.status != "failed")
 
 
 def test_a_shot_of_one_clock_without_noise_has_its_figures_too():
     found = identify_shot(bench_shot(), bench_rig(), Options())
     drawn = {f.key for f in report_figures(found)}
-    assert drawn == {"mass", "force", "travel", "residuals", "spectrum"}
+    assert drawn == {"pressure", "motion", "force", "mass", "residuals", "spectrum"}

@@ -1,0 +1,213 @@
+"use strict";
+(async () => {
+  const element = (id) => document.getElementById(id);
+  const show = (id) => { element(id).style.display = "block"; };
+
+  // what the page carries, packed as by report/packing.py
+  const bytesOf = async (id) => {
+    const packed = Uint8Array.from(atob(element(id).textContent.trim()), (c) => c.charCodeAt(0));
+    const plain = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
+    return new Uint8Array(await new Response(plain).arrayBuffer());
+  };
+  const arrayOf = (bytes, at, count, kind, origin, step, gaps) => {
+    const view = new DataView(bytes.buffer, bytes.byteOffset), values = new Float64Array(count);
+    if (kind === "f8") return values.map((_, i) => view.getFloat64(at + 8 * i, true));
+    for (let i = 0, number = 0; i < count; i++) {
+      let folded = 0;
+      for (let plane = 3; plane >= 0; plane--) folded = 256 * folded + bytes[at + plane * count + i];
+      number += folded % 2 ? -(folded + 1) / 2 : folded / 2;
+      values[i] = origin + step * number;
+      if (kind === "powers") values[i] = Math.exp(values[i]);
+      if (gaps && !bytes[at + 4 * count + i]) values[i] = NaN;
+    }
+    return values;
+  };
+  const unpacked = async (id) => {
+    const bytes = await bytesOf(id), end = 4 + new DataView(bytes.buffer).getUint32(0, true);
+    const arrays = bytes.subarray(end);
+    return JSON.parse(new TextDecoder().decode(bytes.subarray(4, end)),
+      (_, value) => (value && value.packed ? arrayOf(arrays, ...value.packed) : value));
+  };
+
+  for (const term of document.querySelectorAll("abbr[title]")) {
+    // a finger shows no title
+    term.addEventListener("click", () => {
+      const said = [...document.querySelectorAll("#glossary dd")].find((entry) => entry.textContent === term.title);
+      if (said) said.scrollIntoView({ block: "center" });
+    });
+  }
+
+  if (!window.DecompressionStream) return show("old");
+  if (element("plotly")) {
+    const script = document.createElement("script");
+    script.textContent = new TextDecoder().decode(await bytesOf("plotly"));
+    document.head.append(script);
+  }
+  if (!window.Plotly) return show("missing");
+  const page = await unpacked("packed");
+  const shot = String(page.report.shot).replace(/[^\w.-]+/g, "_");
+  const figures = page.figures.map((figure, i) => ({ ...figure, place: element("plot-" + i), busy: false }));
+  const save = element("save");
+  if (save) save.addEventListener("click", () => {
+    const link = document.createElement("a"), content = JSON.stringify(page.report, null, 2) + "\n";
+    link.href = URL.createObjectURL(new Blob([content], { type: "application/json" }));
+    link.download = shot + "-" + (page.report.target || "report") + ".json";
+    link.click();
+  });
+  const dark = window.matchMedia("(prefers-color-scheme: dark)");
+  const ranges = new Map(); // of the axes that figures share, by what they are of
+  let shown = figures.some((f) => f.switched && f.data.some((t) => t.meta === "filtered" && t.visible === undefined))
+    ? "both" : "recorded";
+
+  const template = (isDark) => {
+    const ink = isDark ? "#c3cedb" : "#3b4754", rule = isDark ? "#2b3642" : "#e6eaef", edge = isDark ? "#4a5867" : "#b4bec9";
+    const axis = {
+      gridcolor: rule, zerolinecolor: edge, zerolinewidth: 1, linecolor: edge, showline: true, mirror: true,
+      ticks: "outside", ticklen: 4, tickcolor: edge, tickfont: { size: 12 }, title: { font: { size: 12.5 }, standoff: 8 },
+    };
+    return { layout: {
+      font: { color: ink, size: 12, family: getComputedStyle(document.body).fontFamily },
+      paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
+      xaxis: { ...axis, mirror: "all", ticks: "", spikecolor: edge, spikethickness: 1, spikedash: "solid", spikemode: "across", spikesnap: "cursor" },
+      yaxis: { ...axis, automargin: true },
+      hoverlabel: { bgcolor: isDark ? "#222b35" : "#ffffff", bordercolor: edge, font: { color: ink, size: 12 }, namelength: -1 },
+      legend: { bgcolor: "rgba(0,0,0,0)", font: { size: 12 } },
+      modebar: { bgcolor: "rgba(0,0,0,0)", color: edge, activecolor: ink },
+    } };
+  };
+
+  const margins = () => (window.innerWidth < 500 ? { l: 58, r: 6, t: 34, b: 46 } : { l: 76, r: 16, t: 34, b: 46 });
+
+  const draw = (figure) => {
+    const layout = { ...figure.layout, height: figure.height, margin: margins(), template: template(dark.matches) };
+    if (figure.link && ranges.has(figure.link)) layout[figure.axis] = { ...layout[figure.axis], range: ranges.get(figure.link) };
+    if (figure.switched) for (const [i, visible] of visibility(figure)) figure.data[i].visible = visible;
+    // noted now, because plotly keeps its state in the data that it is given
+    const hidden = new Set([...figure.data.keys()].filter((i) => figure.data[i].visible === "legendonly"));
+    Plotly.newPlot(figure.place, figure.data, layout, {
+      responsive: true, scrollZoom: true, displaylogo: false, doubleClick: "reset",
+      showSendToCloud: false, plotlyServerURL: "", // a shot's data never leaves the computer
+      modeBarButtons: [["toImage"], ["zoom2d", "pan2d"], ["autoScale2d"]],
+      toImageButtonOptions: { format: "png", filename: shot + "-" + figure.key.replace(/[^\w.-]+/g, "_"), scale: 2 },
+    });
+    figure.place.on("plotly_restyle", ([change, indices]) => {
+      if (change.visible === undefined || figure.busy) return;
+      [change.visible].flat().forEach((visible, k) => {
+        const i = indices[k];
+        if (visible === true && hidden.has(i)) bringIntoView(figure.place, i);
+      });
+    });
+    if (!figure.link) return;
+    figure.place.on("plotly_relayout", (change) => {
+      if (!figure.busy && Object.keys(change).some((key) => key.startsWith(figure.axis + "."))) follow(figure);
+    });
+    figure.place.on("plotly_hover", (event) => { if (event.xvals) point(figure, event.xvals[0]); });
+    figure.place.on("plotly_unhover", () => point(figure, null));
+  };
+
+  // all figures over one time: where one is zoomed to, and what instant it is read at, the others are as well
+  const linked = (figure) => figures.filter((other) => other !== figure && other.link === figure.link && other.place._fullLayout);
+  const change = async (figure, update) => {
+    figure.busy = true;
+    try { await Plotly.relayout(figure.place, update); } finally { figure.busy = false; }
+  };
+  const follow = (figure) => {
+    const range = figure.place._fullLayout[figure.axis].range.slice();
+    ranges.set(figure.link, range);
+    for (const other of linked(figure)) change(other, { [other.axis + ".range"]: range.slice() });
+  };
+  const onScreen = (place) => {
+    const box = place.getBoundingClientRect();
+    return box.bottom > 0 && box.top < window.innerHeight;
+  };
+  const point = (figure, x) => {
+    for (const other of linked(figure)) {
+      const layout = other.place._fullLayout, axis = layout[other.axis];
+      let line = other.place.querySelector(".instant");
+      if (!line) {
+        line = document.createElement("div");
+        line.className = "instant";
+        other.place.append(line);
+      }
+      const inside = x !== null && x >= axis.range[0] && x <= axis.range[1] && onScreen(other.place);
+      line.style.display = inside ? "block" : "none";
+      if (inside) {
+        line.style.left = axis._offset + axis.d2p(x) + "px";
+        line.style.top = layout._size.t + "px";
+        line.style.height = layout._size.h + "px";
+        const first = Object.keys(layout._plots).find((id) => layout._plots[id].xaxis === axis);
+        Plotly.Fx.hover(other.place, { xval: x }, first, true);
+      } else {
+        Plotly.Fx.unhover(other.place);
+      }
+    }
+  };
+
+  // what was measured: as recorded, filtered, or both; a trace that has no counterpart stays
+  const visibility = (figure) => {
+    const paired = new Set(figure.data.filter((trace) => trace.meta === "measured").map((trace) => trace.yaxis));
+    return [...figure.data.entries()]
+      .filter(([, trace]) => paired.has(trace.yaxis) && (trace.meta === "measured" || trace.meta === "filtered"))
+      .map(([i, trace]) => [i, shown === "both" || (shown === "recorded") === (trace.meta === "measured") ? true : "legendonly"]);
+  };
+  const buttons = document.querySelectorAll("button[data-show]");
+  const press = () => { for (const button of buttons) button.setAttribute("aria-pressed", button.dataset.show === shown); };
+  for (const button of buttons) button.addEventListener("click", async () => {
+    shown = button.dataset.show;
+    press();
+    for (const figure of figures.filter((one) => one.switched && one.place._fullLayout)) {
+      const changes = visibility(figure);
+      figure.busy = true;
+      await Plotly.restyle(figure.place, { visible: changes.map(([, visible]) => visible) }, changes.map(([i]) => i));
+      figure.busy = false;
+    }
+  });
+  press();
+
+  // a trace that was hidden at first may lie outside of what the others need; its outermost twentieths may stay there
+  const bringIntoView = (place, i) => {
+    const trace = place._fullData[i], name = (axis) => axis[0] + "axis" + axis.slice(1);
+    const xs = place._fullLayout[name(trace.xaxis)], ys = place._fullLayout[name(trace.yaxis)];
+    if (xs.type !== "linear" || ys.type !== "linear") return;
+    const seen = Array.from(trace.y).filter((y, k) => Number.isFinite(y) && trace.x[k] >= xs.range[0] && trace.x[k] <= xs.range[1]);
+    if (!seen.length) return;
+    seen.sort((a, b) => a - b);
+    const low = seen[Math.floor(0.05 * (seen.length - 1))], high = seen[Math.ceil(0.95 * (seen.length - 1))];
+    const pad = 0.04 * (Math.max(high, ys.range[1]) - Math.min(low, ys.range[0]));
+    const range = [low < ys.range[0] ? low - pad : ys.range[0], high > ys.range[1] ? high + pad : ys.range[1]];
+    Plotly.relayout(place, { [name(trace.yaxis) + ".range"]: range });
+  };
+
+  // a wheel over a figure belongs to the page unless Ctrl asks for the zoom, or nobody gets past a figure
+  for (const figure of figures) {
+    figure.place.addEventListener("wheel", (event) => { if (!event.ctrlKey) event.stopPropagation(); }, { capture: true });
+    const folded = figure.place.closest("details");
+    // what is folded has no width yet
+    if (folded) folded.addEventListener("toggle", () => { if (folded.open && !figure.place._fullLayout) draw(figure); });
+    if (folded && !folded.open) continue;
+    draw(figure);
+    await new Promise((resolve) => setTimeout(resolve)); // so that the page can be read and moved meanwhile
+  }
+  document.documentElement.dataset.drawn = "all";
+
+  dark.addEventListener("change", () => {
+    for (const figure of figures) if (figure.place._fullLayout) Plotly.relayout(figure.place, { template: template(dark.matches) });
+  });
+
+  // an A4 page between its margins is 690 CSS pixels wide
+  const sheetWidth = 690, sheetShare = 0.62;
+  const resize = (figure, height, update) => {
+    figure.place.style.height = height + "px";
+    Plotly.relayout(figure.place, { height, ...update });
+  };
+  window.addEventListener("beforeprint", () => {
+    for (const figure of figures) {
+      if (figure.place._fullLayout) resize(figure, sheetShare * figure.height, { width: sheetWidth, template: template(false) });
+    }
+  });
+  window.addEventListener("afterprint", () => {
+    for (const figure of figures) {
+      if (figure.place._fullLayout) resize(figure, figure.height, { width: null, autosize: true, template: template(dark.matches) });
+    }
+  });
+})();

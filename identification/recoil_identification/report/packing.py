@@ -1,0 +1,166 @@
+"""What a page carries beside its text, packed: figures with their samples, the report, plotly's script.
+
+::
+
+    packed text  base64 of gzip of
+      4 bytes      length of the JSON that follows, little-endian
+      JSON         the document; an array in it is {"packed": [place, count, kind, ...]}
+      arrays       from `place` on, counted from the end of the JSON
+
+A curve needs no more than a screen can show and a read-out can say. ``steps`` are whole numbers of a step from an
+origin on, each less the one before it, the four bytes of all numbers apart from one another: of a smooth curve all but
+the lowest bytes are equal, which gzip then takes out. ``powers`` are those of e, for what spans decades. ``f8`` are
+numbers as they are. A gap is a byte of a mask.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+import math
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+LEAST_STEPS = 64
+"""Arrays of fewer numbers are left as they are."""
+FINENESS = 2.0**-15
+"""Step, as a share of what all but the outermost numbers span: a thirtieth of a pixel on a screen of 1000."""
+OUTERMOST = 2.0
+"""Percent of the numbers on either side that have no part in that."""
+DECADES = 1e4
+"""Ratio of the largest to the smallest of positive numbers, from which on they are kept by their logarithms."""
+LARGEST_STEP_NUMBER = 2**29
+"""Differences of two such numbers, made positive, fill 32 bits."""
+GRID_TOLERANCE = 1e-3
+"""Of its step, by which the instants of an even grid may stand off it."""
+
+
+def packed(document: Any) -> str:
+    """Pack a document whose arrays are numpy's.
+
+    Parameters
+    ----------
+    document
+        Of JSON types, without NaN, and arrays of one axis of float64, NaN for a gap.
+
+    Returns
+    -------
+    str
+        Of the characters of base64, the same for the same document.
+    """
+    arrays = bytearray()
+
+    def place(value: Any) -> Any:
+        if isinstance(value, np.ndarray):
+            return {"packed": _put(value, arrays)}
+        return str(value)
+
+    text = json.dumps(document, ensure_ascii=False, allow_nan=False, separators=(",", ":"), default=place).encode()
+    return _compressed(len(text).to_bytes(4, "little") + text + bytes(arrays))
+
+
+@lru_cache(maxsize=1)
+def packed_file(path: Path) -> str:
+    """Pack a file as it is: base64 of gzip of it."""
+    return _compressed(path.read_bytes())
+
+
+def unpacked(text: str) -> Any:
+    """Return a packed document again, as a page's script does.
+
+    Raises
+    ------
+    ValueError
+        If the text is none.
+    """
+    content = gzip.decompress(base64.b64decode(text))
+    end = 4 + int.from_bytes(content[:4], "little")
+
+    def filled(value: dict[str, Any]) -> Any:
+        return _get(content[end:], *value["packed"]) if "packed" in value else value
+
+    return json.loads(content[4:end], object_hook=filled)
+
+
+def _compressed(content: bytes) -> str:
+    # no time of day in it, so that the same page has the same bytes
+    return base64.b64encode(gzip.compress(content, 9, mtime=0)).decode("ascii")
+
+
+def _put(values: Array, arrays: bytearray) -> list[Any]:
+    """Append an array, and return where and how it is there."""
+    at, count = len(arrays), int(values.size)
+    present = np.isfinite(values)
+    known, kind, step = values[present], "steps", 0.0
+    if count >= LEAST_STEPS and known.size:
+        if 0.0 < DECADES * known.min() < known.max():
+            known, kind = np.log(known), "powers"
+        step = FINENESS if kind == "powers" else _step(known)
+    if step <= 0.0 or np.ptp(known) >= LARGEST_STEP_NUMBER * step:
+        arrays += np.where(present, values, np.nan).astype("<f8").tobytes()
+        return [at, count, "f8"]
+    numbers = np.zeros(count, dtype=np.int64)
+    numbers[present] = np.round((known - known[0]) / step)
+    gaps = not present.all()
+    if gaps:
+        # a gap repeats what is before it
+        numbers = numbers[np.maximum.accumulate(np.where(present, np.arange(count), 0))]
+    differences = np.diff(numbers, prepend=0)
+    folded = np.where(differences < 0, -2 * differences - 1, 2 * differences).astype("<u4")
+    arrays += folded.view(np.uint8).reshape(-1, 4).T.tobytes()
+    if gaps:
+        arrays += present.astype(np.uint8).tobytes()
+    return [at, count, kind, float(known[0]), step, gaps]
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def _step(values: Array) -> float:
+    """Return the step whose multiples stand for values; 0 where none would do."""
+    span = float(np.ptp(values))
+    if not 0.0 < span < math.inf:
+        return 0.0 if span else 1.0
+    differences, apart = np.abs(np.diff(values)), values - values[0]
+    numbers = np.round(apart / differences[differences > 0.0].min())
+    last = int(np.argmax(numbers))
+    if 0.0 < numbers[last] < LARGEST_STEP_NUMBER:
+        # the instants of a uniform time base are kept to the last digits
+        even = float(apart[last] / numbers[last])
+        if np.all(np.abs(apart - even * numbers) < GRID_TOLERANCE * even):
+            return even
+    low, high = np.percentile(values, [OUTERMOST, 100.0 - OUTERMOST])
+    return FINENESS * float(high - low if high > low else span)
+
+
+def _get(arrays: bytes, at: int, count: int, kind: str, origin: float = 0.0, step: float = 0.0, gaps: bool = False,
+         ) -> Array:  # fmt: skip
+    if kind == "f8":
+        return np.frombuffer(arrays, "<f8", count, at).copy()
+    planes = np.frombuffer(arrays, np.uint8, 4 * count, at).reshape(4, count)
+    folded = np.ascontiguousarray(planes.T).view("<u4").reshape(-1).astype(np.int64)
+    values = origin + step * np.cumsum(np.where(folded % 2, -(folded + 1) // 2, folded // 2))
+    if kind == "powers":
+        values = np.exp(values)
+    if gaps:
+        values[np.frombuffer(arrays, np.uint8, count, at + 4 * count) == 0] = np.nan
+    return values
+
+
+def finite(value: Any) -> Any:
+    """Put null for every number that JSON has no word for, and plain numbers for numpy's."""
+    if isinstance(value, Mapping):
+        return {str(k): finite(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(v) for v in value]
+    if hasattr(value, "tolist"):
+        return finite(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
