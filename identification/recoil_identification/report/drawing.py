@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -37,8 +37,20 @@ from recoil_identification.report.figure import (
 PAGE_POINTS = 96_000  # times two coordinates, 4 bytes and base64: about 1 MB
 TRACE_POINTS = 8_000
 
-SINGLE_PX, STACKED_PX = 360, 235
-LEGEND_PX, AXIS_PX, GAP_PX, BOTTOM_PX = 34, 52, 4, 46
+
+class Sizes(NamedTuple):
+    """Heights in pixels: of a panel alone and of one among several, of a legend, between panels, below the last one."""
+
+    single: int
+    stacked: int
+    legend: int
+    axis: int
+    gap: int
+    bottom: int
+
+
+SCREEN = Sizes(360, 235, 34, 52, 4, 46)
+SHEET = Sizes(170, 100, 26, 40, 2, 40)
 MOST_TICKS = 24
 """Names along an axis."""
 
@@ -50,7 +62,8 @@ def drawings(figures: Sequence[Figure]) -> list[dict[str, Any]]:
     -------
     list of dict
         ``key``, ``data``, ``layout`` and ``height`` (pixels) of each, ``axis``, the name of the axis that its panels
-        share, ``link``, which figures with equal ones zoom and are read together by, and ``switched``.
+        share, ``link``, which figures with equal ones zoom and are read together by, ``switched``, and ``sheet``, the
+        height on paper and the changes to the layout for it.
     """
     sizes = [np.size(t.x) for f in figures for p in f.panels for t in p.traces]
     buckets = max(_points_per_trace(sizes) // 2, 100)
@@ -87,7 +100,7 @@ def drawing(figure: Figure, buckets: int = TRACE_POINTS // 2) -> dict[str, Any]:
         "showlegend": True,
         "shapes": [],
     }
-    tops, bottoms, height = _stack(figure)
+    tops, bottoms, height = _stack(figure, SCREEN)
     sharing = [i for i, panel in enumerate(figure.panels) if panel.x_label is None]
     for i, panel in enumerate(figure.panels):
         own = panel.x_label is not None
@@ -136,7 +149,18 @@ def drawing(figure: Figure, buckets: int = TRACE_POINTS // 2) -> dict[str, Any]:
         "axis": f"xaxis{shared}",
         "link": figure.x_label if linked else None,
         "switched": figure.switched,
+        "sheet": _on_sheet(figure),
     }
+
+
+def _on_sheet(figure: Figure) -> dict[str, Any]:
+    """Return the height of a figure on paper, and where its panels and legends are then."""
+    tops, bottoms, height = _stack(figure, SHEET)
+    places: dict[str, Any] = {}
+    for i, (top, bottom) in enumerate(zip(tops, bottoms, strict=True)):
+        number = "" if i == 0 else str(i + 1)
+        places |= {f"yaxis{number}.domain": [bottom, top], f"legend{number}.y": top}
+    return {"height": height, "layout": places}
 
 
 def _named_ticks(names: Sequence[str]) -> dict[str, Any]:
@@ -168,18 +192,18 @@ def _grouped(trace: Trace, drawn: dict[str, Any], earlier: Sequence[dict[str, An
     return {"legendgroup": group, "name": group, "showlegend": first, "hovertemplate": said}
 
 
-def _stack(figure: Figure) -> tuple[list[float], list[float], int]:
+def _stack(figure: Figure, sizes: Sizes) -> tuple[list[float], list[float], int]:
     """Tops and bottoms of the panels as shares of the plotting area, and the height of the whole in pixels."""
-    panel_px = SINGLE_PX if len(figure.panels) == 1 else STACKED_PX
+    panel_px = sizes.single if len(figure.panels) == 1 else sizes.stacked
     last_sharing = max((i for i, p in enumerate(figure.panels) if p.x_label is None), default=-1)
     edges, y = [], 0.0
     for i, panel in enumerate(figure.panels):
         if i:
-            y += LEGEND_PX
+            y += sizes.legend
         edges.append((y, y + panel_px))
         has_axis = panel.x_label is not None or i == last_sharing
-        y += panel_px + (0 if i == len(figure.panels) - 1 else AXIS_PX if has_axis else GAP_PX)
-    return [1 - a / y for a, _ in edges], [max(1 - b / y, 0.0) for _, b in edges], int(y) + LEGEND_PX + BOTTOM_PX
+        y += panel_px + (0 if i == len(figure.panels) - 1 else sizes.axis if has_axis else sizes.gap)
+    return [1 - a / y for a, _ in edges], [max(1 - b / y, 0.0) for _, b in edges], int(y) + sizes.legend + sizes.bottom
 
 
 def _axis(label: str, scale: Scale, shown: Range | None, *, anchor: str) -> dict[str, Any]:

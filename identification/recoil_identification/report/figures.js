@@ -59,19 +59,31 @@
   let shown = figures.some((f) => f.switched && f.data.some((t) => t.meta === "filtered" && t.visible === undefined))
     ? "both" : "recorded";
 
-  const template = (isDark) => {
-    const ink = isDark ? "#c3cedb" : "#3b4754", rule = isDark ? "#2b3642" : "#e6eaef", edge = isDark ? "#4a5867" : "#b4bec9";
+  // two hues of the figures are too dark for a dark page
+  const BRIGHT = { "0,114,178": "70,165,235", "185,35,85": "242,95,145" };
+  const bright = (value) => {
+    if (typeof value === "string") return value.replace(/\d+,\d+,\d+/, (hue) => BRIGHT[hue] ?? hue);
+    if (Array.isArray(value)) return value.map(bright);
+    if (!value || typeof value !== "object" || ArrayBuffer.isView(value)) return value;
+    return Object.fromEntries(Object.entries(value).map(([key, inner]) => [key, bright(inner)]));
+  };
+
+  let onPaper = false;
+  const isDark = () => dark.matches && !onPaper;
+  const template = () => {
+    const small = onPaper ? 9.5 : 12;
+    const [ink, rule, edge, card] = isDark() ? ["#c3cedb", "#2b3642", "#4a5867", "#222b35"] : ["#3b4754", "#e6eaef", "#b4bec9", "#ffffff"];
     const axis = {
       gridcolor: rule, zerolinecolor: edge, zerolinewidth: 1, linecolor: edge, showline: true, mirror: true,
-      ticks: "outside", ticklen: 4, tickcolor: edge, tickfont: { size: 12 }, title: { font: { size: 12.5 }, standoff: 8 },
+      ticks: "outside", ticklen: 4, tickcolor: edge, tickfont: { size: small }, title: { font: { size: small }, standoff: 8 },
     };
     return { layout: {
-      font: { color: ink, size: 12, family: getComputedStyle(document.body).fontFamily },
+      font: { color: ink, size: small, family: getComputedStyle(document.body).fontFamily },
       paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
       xaxis: { ...axis, mirror: "all", ticks: "", spikecolor: edge, spikethickness: 1, spikedash: "solid", spikemode: "across", spikesnap: "cursor" },
       yaxis: { ...axis, automargin: true },
-      hoverlabel: { bgcolor: isDark ? "#222b35" : "#ffffff", bordercolor: edge, font: { color: ink, size: 12 }, namelength: -1 },
-      legend: { bgcolor: "rgba(0,0,0,0)", font: { size: 12 } },
+      hoverlabel: { bgcolor: card, bordercolor: edge, font: { color: ink, size: 12 }, namelength: -1 },
+      ...Object.fromEntries(["", 2, 3, 4, 5, 6].map((k) => ["legend" + k, { bgcolor: "rgba(0,0,0,0)", font: { size: window.innerWidth < 500 ? 10 : small } }])),
       modebar: { bgcolor: "rgba(0,0,0,0)", color: edge, activecolor: ink },
     } };
   };
@@ -79,12 +91,12 @@
   const margins = () => (window.innerWidth < 500 ? { l: 58, r: 6, t: 34, b: 46 } : { l: 76, r: 16, t: 34, b: 46 });
 
   const draw = (figure) => {
-    const layout = { ...figure.layout, height: figure.height, margin: margins(), template: template(dark.matches) };
+    const layout = { ...(isDark() ? bright(figure.layout) : figure.layout), height: figure.height, margin: margins(), template: template() };
     if (figure.link && ranges.has(figure.link)) layout[figure.axis] = { ...layout[figure.axis], range: ranges.get(figure.link) };
     if (figure.switched) for (const [i, visible] of visibility(figure)) figure.data[i].visible = visible;
     // noted now, because plotly keeps its state in the data that it is given
     const hidden = new Set([...figure.data.keys()].filter((i) => figure.data[i].visible === "legendonly"));
-    Plotly.newPlot(figure.place, figure.data, layout, {
+    Plotly.newPlot(figure.place, isDark() ? bright(figure.data) : figure.data, layout, {
       responsive: true, scrollZoom: true, displaylogo: false, doubleClick: "reset",
       showSendToCloud: false, plotlyServerURL: "", // a shot's data never leaves the computer
       modeBarButtons: [["toImage"], ["zoom2d", "pan2d"], ["autoScale2d"]],
@@ -190,24 +202,35 @@
   }
   document.documentElement.dataset.drawn = "all";
 
-  dark.addEventListener("change", () => {
-    for (const figure of figures) if (figure.place._fullLayout) Plotly.relayout(figure.place, { template: template(dark.matches) });
-  });
+  const drawn = () => figures.filter((figure) => figure.place._fullLayout);
+  dark.addEventListener("change", () => { for (const figure of drawn()) draw(figure); });
 
-  // an A4 page between its margins is 690 CSS pixels wide
-  const sheetWidth = 690, sheetShare = 0.62;
-  const resize = (figure, height, update) => {
+  // an A4 page between its margins is 690 CSS pixels wide; a name whose curve is not drawn says nothing there
+  const hiddenOnes = (figure) => [...figure.place.data.keys()]
+    .filter((i) => figure.place.data[i].visible === "legendonly" && figure.data[i].showlegend !== false);
+  const places = (figure) => Object.fromEntries(Object.keys(figure.sheet.layout).map((key) => {
+    const [part, name] = key.split(".");
+    return [key, figure.layout[part][name]];
+  }));
+  const lay = (figure, height, update, named) => {
+    const unnamed = hiddenOnes(figure);
+    figure.busy = true;
     figure.place.style.height = height + "px";
-    Plotly.relayout(figure.place, { height, ...update });
+    Plotly.update(figure.place, unnamed.length ? { showlegend: named } : {}, { height, template: template(), ...update }, unnamed.length ? unnamed : undefined);
+    figure.busy = false;
   };
   window.addEventListener("beforeprint", () => {
-    for (const figure of figures) {
-      if (figure.place._fullLayout) resize(figure, sheetShare * figure.height, { width: sheetWidth, template: template(false) });
+    onPaper = true;
+    for (const figure of drawn()) {
+      if (dark.matches) draw(figure);
+      lay(figure, figure.sheet.height, { ...figure.sheet.layout, width: 690, margin: { l: 60, r: 8, t: 26, b: 40 } }, false);
     }
   });
   window.addEventListener("afterprint", () => {
-    for (const figure of figures) {
-      if (figure.place._fullLayout) resize(figure, figure.height, { width: null, autosize: true, template: template(dark.matches) });
+    onPaper = false;
+    for (const figure of drawn()) {
+      if (dark.matches) draw(figure);
+      lay(figure, figure.height, { ...places(figure), width: null, autosize: true, margin: margins() }, true);
     }
   });
 })();

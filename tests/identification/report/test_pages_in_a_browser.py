@@ -1,0 +1,140 @@
+"""What pages do in a real browser: they draw without an error or a request, keep their width, and move together."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from recoil_identification.campaign.campaign import combine
+from recoil_identification.report.campaign_document import campaign_document
+from recoil_identification.report.campaign_figures import campaign_figures
+from recoil_identification.report.figures import report_figures
+from recoil_identification.report.html import render_campaign_page, render_page, write_page, write_script
+from tests.builders.browsers import find_browser, visit
+from tests.builders.campaign_summaries import campaign_of
+from tests.builders.virtual_shots import identified
+from tests.identification.report.test_report_html import a_report
+
+CONTROL = "http://127.0.0.1:9/asked-on-purpose.png"
+"""What the last page is made to ask for, so that it is known to be seen."""
+TELEPHONE_PX, SCREEN_PX = 390, 1400
+LOOK = """
+const wait = async (until) => {
+  for (let k = 0; k < 300 && !until(); k++) await new Promise((next) => setTimeout(next, 20));
+};
+const style = (id) => getComputedStyle(document.getElementById(id));
+const hints = () => ["missing", "old"].filter((id) => style(id).display !== "none");
+await wait(() => document.documentElement.dataset.drawn === "all" || hints().length);
+const root = document.documentElement, plots = [...document.querySelectorAll(".plot")];
+const drawn = plots.filter((plot) => plot._fullLayout);
+const found = { drawn: drawn.length, plots: plots.length, hints: hints(), script: !!window.Plotly };
+found.beyond = root.scrollWidth - root.clientWidth;
+found.outside = drawn.filter((plot) => plot.querySelector("svg").clientWidth > plot.clientWidth + 1).length;
+if (!window.Plotly) return found;
+const overTime = (plot) => Object.values(plot.layout).some((axis) => axis && /^time/.test(axis.title?.text ?? ""));
+const timed = drawn.filter(overTime);
+const axis = (p) => p._fullLayout.xaxis;
+found.timed = timed.length;
+if (timed.length > 1) {
+  await Plotly.relayout(timed[0], { "xaxis.range": [0.11, 0.14] });
+  await wait(() => timed.every((p) => axis(p).range[0] === 0.11));
+  found.ranges = timed.map((p) => axis(p).range.slice());
+  const folded = document.querySelector("section.folded details");
+  if (folded) {
+    folded.open = true;
+    const inside = folded.querySelector(".plot");
+    await wait(() => inside._fullLayout);
+    found.unfolded = inside._fullLayout.xaxis.range.slice();
+  }
+  timed[1].emit("plotly_hover", { xvals: [0.12], points: [] });
+  const line = timed[0].querySelector(".instant");
+  found.instant = line && line.style.display === "block"
+    ? axis(timed[0]).p2d(parseFloat(line.style.left) - axis(timed[0])._offset) : null;
+  found.readOut = [...timed[0].querySelectorAll(".hoverlayer text")].map((text) => text.textContent).join(" ");
+  timed[1].emit("plotly_unhover", {});
+  found.instantAfter = line && line.style.display;
+}
+const shown = () => plots[0].data.map((trace) => trace.visible ?? true);
+const buttons = [...document.querySelectorAll("button[data-show]")];
+found.switched = {};
+for (const button of buttons) {
+  button.click();
+  await new Promise((next) => setTimeout(next, 300));
+  found.switched[button.dataset.show] = shown();
+}
+return found;
+"""
+
+
+@pytest.fixture(scope="module")
+def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    browser = find_browser()
+    if browser is None:
+        pytest.skip("no browser of Chromium's kind on this machine: pages are not looked at")
+    reports = tmp_path_factory.mktemp("reports")
+    figures = report_figures(identified("mixed"))
+    shot = write_page(reports / "0001", render_page(a_report(), figures))
+    alone = write_page(reports / "moved" / "deeper", render_page(a_report(), figures[:1], standalone=True))
+    lost = write_page(reports / "moved" / "lost", render_page(a_report(), figures[:1]))
+    write_script(reports)
+    campaign = combine(campaign_of((0.0, 120.0) * 3, seed=4).shots)
+    document = campaign_document(campaign, version="1", inputs=[], parameters={}, pages=None)
+    combined = write_page(reports, render_campaign_page(document, campaign_figures(campaign, None)), "campaign.html")
+    asking = reports / "asking.html"
+    asking.write_text(f'<title>asking</title><body><img src="{CONTROL}"></body>', encoding="utf-8")
+    pages = {
+        "screen": (shot, SCREEN_PX),
+        "telephone": (shot, TELEPHONE_PX),
+        "alone": (alone, SCREEN_PX),
+        "lost": (lost, SCREEN_PX),
+        "campaign": (combined, TELEPHONE_PX),
+        "asking": (asking, TELEPHONE_PX),
+    }
+    return visit(browser, pages, LOOK, folder=reports / "browser")
+
+
+@pytest.mark.parametrize("name", ["screen", "telephone", "alone", "campaign"])
+def test_a_page_draws_all_its_figures_without_an_error(seen: dict[str, Any], name: str) -> None:
+    page = seen[name]
+    assert page["errors"] == []
+    assert page["found"]["hints"] == []
+    folded = 1 if name in ("screen", "telephone") else 0
+    assert page["found"]["drawn"] == page["found"]["plots"] - folded > 0
+
+
+def test_no_page_asks_for_anything_beyond_its_files(seen: dict[str, Any]) -> None:
+    assert seen[""] == [CONTROL]
+
+
+@pytest.mark.parametrize("name", ["telephone", "campaign"])
+def test_a_page_as_wide_as_a_telephone_does_not_scroll_sideways(seen: dict[str, Any], name: str) -> None:
+    assert seen[name]["found"]["beyond"] <= 0
+    assert seen[name]["found"]["outside"] == 0
+
+
+def test_a_page_that_was_moved_away_from_its_script_says_what_it_needs(seen: dict[str, Any]) -> None:
+    assert seen["lost"]["found"]["hints"] == ["missing"]
+    assert not seen["lost"]["found"]["script"]
+
+
+def test_zoom_of_one_figure_moves_all_others_over_that_time_and_those_unfolded_later(seen: dict[str, Any]) -> None:
+    found = seen["screen"]["found"]
+    assert found["timed"] >= 6
+    assert found["ranges"] == [[0.11, 0.14]] * found["timed"]
+    assert found["unfolded"] == [0.11, 0.14]
+
+
+def test_the_instant_that_one_figure_is_read_at_is_shown_in_the_others(seen: dict[str, Any]) -> None:
+    found = seen["screen"]["found"]
+    assert found["instant"] == pytest.approx(0.12, abs=1e-6)
+    assert found["instantAfter"] == "none"
+    assert "breech" in found["readOut"]
+    assert "MPa" in found["readOut"]
+
+
+def test_the_switch_shows_what_was_recorded_or_filtered_or_both(seen: dict[str, Any]) -> None:
+    switched = seen["screen"]["found"]["switched"]
+    assert switched["recorded"] == [True, "legendonly"] * 3
+    assert switched["filtered"] == ["legendonly", True] * 3
+    assert switched["both"] == [True, True] * 3
