@@ -50,7 +50,10 @@ class Sizes(NamedTuple):
 
 
 SCREEN = Sizes(360, 235, 34, 52, 4, 46)
-SHEET = Sizes(170, 100, 26, 40, 2, 40)
+SHEET = Sizes(165, 92, 24, 38, 2, 38)
+MEASURED_OPACITY = 0.42
+LABEL_PLACES = ("top left", "bottom left", "middle left")
+"""Of the names of a panel's stretches, one after another, so that they do not lie on each other."""
 MOST_TICKS = 24
 """Names along an axis."""
 
@@ -135,8 +138,9 @@ def drawing(figure: Figure, buckets: int = TRACE_POINTS // 2) -> dict[str, Any]:
             names = figure.names if not own else ()
             parts = _trace(trace, hue, dash, buckets, log=scale == "log", shown=shown, names=names)
             data += [part | axes | _grouped(trace, part, data) for part in parts]
-        for span in panel.spans:
-            layout["shapes"].append(_span(span, f"x{x_number}", f"y{number}"))
+        for i_span, span in enumerate(panel.spans):
+            place = LABEL_PLACES[i_span % len(LABEL_PLACES)]
+            layout["shapes"].append(_span(span, f"x{x_number}", f"y{number}", place))
         for line in panel.lines:
             layout["shapes"] += _line(line, f"x{x_number}", f"y{number}")
     shared = "" if not sharing or sharing[0] == 0 else str(sharing[0] + 1)
@@ -238,7 +242,8 @@ def _trace(
     if not trace.visible:
         drawn["visible"] = "legendonly"
     if trace.kind == "measured":
-        drawn["line"] = {"color": f"rgba({hue},0.42)", "width": 1}
+        # the page's switch makes it opaque where it stands alone
+        drawn |= {"line": {"color": f"rgb({hue})", "width": 1}, "opacity": MEASURED_OPACITY}
     elif trace.kind == "points":
         drawn |= {"mode": "markers", "marker": {"size": 4, "color": f"rgb({hue})"}}
         del drawn["line"]
@@ -285,7 +290,7 @@ def _trace(
     return [drawn]
 
 
-def _span(span: Span, x_axis: str, y_axis: str) -> dict[str, Any]:
+def _span(span: Span, x_axis: str, y_axis: str, label_place: str) -> dict[str, Any]:
     shape: dict[str, Any] = {"xref": x_axis, "yref": f"{y_axis} domain", "x0": span.x0, "x1": span.x1, "y0": 0, "y1": 1}
     label = {"text": _plain(span.label), "font": {"size": 11, "color": MARK_COLOUR}, "padding": 4}
     if span.x0 == span.x1:
@@ -294,7 +299,7 @@ def _span(span: Span, x_axis: str, y_axis: str) -> dict[str, Any]:
         place = {"textposition": "start", "textangle": 0, "xanchor": "left", "yanchor": "bottom"}
         return shape | {"type": "line", "line": line, "label": label | place}
     fill = {"type": "rect", "layer": "below", "fillcolor": SPAN_COLOUR, "line": {"width": 0}}
-    return shape | fill | {"label": label | {"textposition": "top left"}}
+    return shape | fill | {"label": label | {"textposition": label_place}}
 
 
 def _line(line: HorizontalLine, x_axis: str, y_axis: str) -> list[dict[str, Any]]:

@@ -56,6 +56,7 @@
   });
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
   const ranges = new Map(); // of the axes that figures share, by what they are of
+  const OPACITY = 0.42; // of what was recorded behind what is filtered
   let shown = figures.some((f) => f.switched && f.data.some((t) => t.meta === "filtered" && t.visible === undefined))
     ? "both" : "recorded";
 
@@ -93,7 +94,10 @@
   const draw = (figure) => {
     const layout = { ...(isDark() ? bright(figure.layout) : figure.layout), height: figure.height, margin: margins(), template: template() };
     if (figure.link && ranges.has(figure.link)) layout[figure.axis] = { ...layout[figure.axis], range: ranges.get(figure.link) };
-    if (figure.switched) for (const [i, visible] of visibility(figure)) figure.data[i].visible = visible;
+    for (const [i, visible] of figure.switched ? visibility(figure) : []) {
+      figure.data[i].visible = visible;
+      if (figure.data[i].opacity) figure.data[i].opacity = shown === "recorded" ? 1 : OPACITY;
+    }
     // noted now, because plotly keeps its state in the data that it is given
     const hidden = new Set([...figure.data.keys()].filter((i) => figure.data[i].visible === "legendonly"));
     Plotly.newPlot(figure.place, isDark() ? bright(figure.data) : figure.data, layout, {
@@ -102,6 +106,15 @@
       modeBarButtons: [["toImage"], ["zoom2d", "pan2d"], ["autoScale2d"]],
       toImageButtonOptions: { format: "png", filename: shot + "-" + figure.key.replace(/[^\w.-]+/g, "_"), scale: 2 },
     });
+    // a minus sign as on the axes
+    const readOut = figure.place.querySelector(".hoverlayer");
+    new MutationObserver(() => {
+      const texts = document.createTreeWalker(readOut, NodeFilter.SHOW_TEXT);
+      while (texts.nextNode()) {
+        const said = texts.currentNode.data, written = said.replace(/(^|[ (e])-(?=[\d.])/g, "$1\u2212");
+        if (written !== said) texts.currentNode.data = written;
+      }
+    }).observe(readOut, { childList: true, subtree: true, characterData: true });
     figure.place.on("plotly_restyle", ([change, indices]) => {
       if (change.visible === undefined || figure.busy) return;
       [change.visible].flat().forEach((visible, k) => {
@@ -171,6 +184,8 @@
       const changes = visibility(figure);
       figure.busy = true;
       await Plotly.restyle(figure.place, { visible: changes.map(([, visible]) => visible) }, changes.map(([i]) => i));
+      const faint = changes.map(([i]) => i).filter((i) => figure.data[i].opacity);
+      await Plotly.restyle(figure.place, { opacity: shown === "recorded" ? 1 : OPACITY }, faint);
       figure.busy = false;
     }
   });

@@ -353,6 +353,7 @@ def _render(
                 {
                     "number": number,
                     "height": d["height"],
+                    "link": d["link"],
                     **{k: getattr(f, k) for k in ("key", "title", "caption", "folded", "switched")},
                 }
                 for number, (f, d) in enumerate(zip(figures, drawn, strict=True))

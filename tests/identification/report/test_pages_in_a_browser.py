@@ -52,6 +52,10 @@ if (timed.length > 1) {
   found.instant = line && line.style.display === "block"
     ? axis(timed[0]).p2d(parseFloat(line.style.left) - axis(timed[0])._offset) : null;
   found.readOut = [...timed[0].querySelectorAll(".hoverlayer text")].map((text) => text.textContent).join(" ");
+  // the carriage turns back then
+  timed[1].emit("plotly_hover", { xvals: [0.1395], points: [] });
+  await new Promise((next) => setTimeout(next, 200));
+  found.minus = timed.map((p) => [...p.querySelectorAll(".hoverlayer text")].map((text) => text.textContent).join(" "));
   timed[1].emit("plotly_unhover", {});
   found.instantAfter = line && line.style.display;
 }
@@ -131,6 +135,12 @@ def test_the_instant_that_one_figure_is_read_at_is_shown_in_the_others(seen: dic
     assert found["instantAfter"] == "none"
     assert "breech" in found["readOut"]
     assert "MPa" in found["readOut"]
+
+
+def test_a_read_out_has_true_minus_signs(seen: dict[str, Any]) -> None:
+    told = " ".join(seen["screen"]["found"]["minus"])
+    assert "\N{MINUS SIGN}" in told
+    assert " -" not in told
 
 
 def test_the_switch_shows_what_was_recorded_or_filtered_or_both(seen: dict[str, Any]) -> None:
