@@ -50,7 +50,7 @@ class Sizes(NamedTuple):
 
 
 SCREEN = Sizes(360, 235, 34, 52, 4, 46)
-SHEET = Sizes(165, 92, 24, 38, 2, 38)
+SHEET = Sizes(165, 90, 24, 38, 2, 38)
 MEASURED_OPACITY = 0.42
 LABEL_PLACES = ("top left", "bottom left", "middle left")
 """Of the names of a panel's stretches, one after another, so that they do not lie on each other."""

@@ -92,7 +92,7 @@ def unpacked(text: str) -> Any:
 
 def _compressed(content: bytes) -> str:
     # no time of day in it, so that the same page has the same bytes
-    return base64.b64encode(gzip.compress(content, 9, mtime=0)).decode("ascii")
+    return base64.b64encode(gzip.compress(content, 6, mtime=0)).decode("ascii")
 
 
 def _put(values: Array, arrays: bytearray) -> list[Any]:
