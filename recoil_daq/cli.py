@@ -447,7 +447,7 @@ def identify(
                 for one in done.targets if not json else ():
                     print_target(one)
                 if done.report is not None and others is not None:
-                    pages.append(lay_beside(done.report.folder, others, overwrite=overwrite))
+                    pages.append(lay_beside(done.report.folder, others, standalone=standalone, overwrite=overwrite))
                     if not json:
                         pages[-1].show()
         repeats = repeatability([report.document for report in reports])

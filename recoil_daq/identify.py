@@ -26,7 +26,8 @@ from recoil_identification.report.document import (
     write_files,
 )
 from recoil_identification.report.figures import report_figures
-from recoil_identification.report.html import BESIDE_PAGE, PAGE_NAME, render_page, write_page, write_script
+from recoil_identification.report.html import BESIDE_PAGE, PAGE_NAME, render_page
+from recoil_identification.report.page_files import write_page, write_script
 from recoil_identification.report.paper import PDF_FILE, figure_files, report_pdf, write_figures
 from recoil_identification.report.typeset import refuse_without_typst
 
@@ -45,8 +46,8 @@ class Reported(MassResult):
     document
         The contents of ``report.json``.
     folder
-        Holds ``report.json``, ``report.html``, ``mass.csv`` and ``curves.csv``; ``report.pdf`` and ``figures`` where they
-        were asked for. The script of the figures stands in the folder above it.
+        Holds ``report.json``, ``report.html``, ``mass.csv`` and ``curves.csv``; ``report.pdf`` and ``figures`` where
+        they were asked for. The script of the figures stands in the folder above it.
     """
 
     @property
@@ -164,7 +165,7 @@ def identify_file(
     def write(partial: Path) -> None:
         write_document(partial, document)
         write_files(partial, files)
-        write_page(partial, page)
+        write_page(partial, page, PAGE_NAME)
         if not standalone:
             write_script(folder.parent)
         if paper is not None:

@@ -18,7 +18,8 @@ from recoil_daq.recomputed import find_reports
 from recoil_daq.report_folder import publish, refuse_existing
 from recoil_identification.report.beside import Laid, beside_document, beside_figures
 from recoil_identification.report.document import LARGEST_REPORT, REPORT_FILE, read_curves, read_document, read_trace
-from recoil_identification.report.html import BESIDE_PAGE, PAGE_NAME, render_beside_page, write_page
+from recoil_identification.report.html import BESIDE_PAGE, PAGE_NAME, render_beside_page
+from recoil_identification.report.page_files import write_page, write_script
 
 
 @dataclass(frozen=True, repr=False)
@@ -120,7 +121,13 @@ class Others:
                 refuse_existing(out / shot, (BESIDE_PAGE,))
 
 
-def beside(report: str | Path, others: Sequence[str | Path] | Others, *, overwrite: bool = False) -> Beside:
+def beside(
+    report: str | Path,
+    others: Sequence[str | Path] | Others,
+    *,
+    standalone: bool = False,
+    overwrite: bool = False,
+) -> Beside:
     """Lay a report beside others, and write ``beside.html`` into its folder.
 
     Parameters
@@ -129,6 +136,8 @@ def beside(report: str | Path, others: Sequence[str | Path] | Others, *, overwri
         The folder of a report, or its ``report.json``.
     others
         Reports, of this or of other shots, or folders of reports, of which the one of this shot is taken.
+    standalone
+        As of `recoil_daq.identify.identify_file`.
     overwrite
         Replace the page that is there.
 
@@ -149,13 +158,15 @@ def beside(report: str | Path, others: Sequence[str | Path] | Others, *, overwri
 
     def write(partial: Path) -> None:
         write_page(partial, page, BESIDE_PAGE)
+        if not standalone:
+            write_script(home.parent)
 
     laid = [
         replace(one, name=name, page=_way(home, folder))
         for name, (folder, one) in zip(names, all_of_them, strict=True)
     ]  # fmt: skip
     document = beside_document(laid, version=__version__)
-    page = render_beside_page(document, beside_figures(laid))
+    page = render_beside_page(document, beside_figures(laid), standalone=standalone)
     publish(home, write)
     return Beside(document, home)
 

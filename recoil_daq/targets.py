@@ -13,7 +13,8 @@ from recoil_daq.identify import Progress
 from recoil_daq.report_folder import publish, refuse_existing, refuse_unwritable
 from recoil_identification.analysis import Options
 from recoil_identification.report.finding import Finding
-from recoil_identification.report.html import render_target_page, write_page, write_script
+from recoil_identification.report.html import render_target_page
+from recoil_identification.report.page_files import write_page, write_script
 from recoil_identification.report.paper import figure_files, target_pdf, write_figures
 from recoil_identification.report.target_document import target_document, write_series, write_target_document
 from recoil_identification.report.typeset import refuse_without_typst

@@ -42,7 +42,7 @@ def test_a_shot_with_another_window_is_laid_beside_its_report(
     assert f"beside one another -> {page}" in result.output
     assert "Mass over time" in page.read_text("utf-8")
     assert {path.name for path in page.parent.iterdir()} == {
-        "beside.html", "curves.csv", "mass.csv", "plotly.min.js", "report.html", "report.json"
+        "beside.html", "curves.csv", "mass.csv", "report.html", "report.json"
     }  # fmt: skip
     result = run(*words)
     assert result.exit_code == 3

@@ -1,31 +1,24 @@
 """The pages of a shot and of a campaign: they explain themselves, print, and need no network.
 
 `render_page` turns a report (the mapping of ``report.json``) and its figures into one HTML text,
-`render_target_page` the document of another target, and `render_campaign_page` a campaign's answer; `write_page` puts
-a page into a folder, and `write_script` the script of its figures where it looks for it. The numbers come from the
-documents.
+`render_target_page` the document of another target, `render_campaign_page` a campaign's answer, and
+`render_beside_page` reports beside one another. The numbers come from the documents.
 """
 
 from __future__ import annotations
 
-import contextlib
-import filecmp
 import json
-import os
-import shutil
-import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from recoil_acquisition.errors import StoreError
 from recoil_identification.report import campaign_tables, tables
 from recoil_identification.report.drawing import drawings
 from recoil_identification.report.figure import Figure
 from recoil_identification.report.glossary import Glossary, notation
 from recoil_identification.report.packing import finite, packed, packed_file
+from recoil_identification.report.page_files import SCRIPT_NAME, plotly_script
 from recoil_identification.report.rounding import NO_NUMBER
 
 if TYPE_CHECKING:
@@ -35,110 +28,7 @@ SCHEMA = "recoil-daq/report/1"
 PAGE_NAME = "report.html"
 CAMPAIGN_PAGE = "campaign.html"
 BESIDE_PAGE = "beside.html"
-SCRIPT_NAME = "plotly.min.js"
 REQUIRED_KEYS = ("schema", "shot", "rig", "mass", "rpe_percent", "valid", "reasons", "provenance")
-
-
-def write_page(folder: Path, page: str, name: str = PAGE_NAME) -> Path:
-    """Write a page; what it refers to is written by `write_script`.
-
-    Parameters
-    ----------
-    folder
-        Created where it is missing. An older page in it is replaced, at once and whole.
-    page
-        Of `render_page`, `render_target_page` or `render_campaign_page`.
-    name
-        Of the file.
-
-    Returns
-    -------
-    Path
-        The page.
-
-    Raises
-    ------
-    StoreError
-        The folder cannot be written.
-    """
-    path = folder / name
-    with _written(folder):
-        partial = folder / (name + ".part")
-        partial.write_text(page, encoding="utf-8", newline="\n")
-        partial.replace(path)
-    return path
-
-
-def write_script(folder: Path) -> Path:
-    """Write the script that draws figures, unless it is there: one for all pages that refer to it.
-
-    Parameters
-    ----------
-    folder
-        For a shot's pages the one that holds the shot's folder, for a campaign's page its own.
-
-    Raises
-    ------
-    StoreError
-        The folder cannot be written, or plotly's script is not installed.
-    """
-    script, path = plotly_script(), folder / SCRIPT_NAME
-    with _written(folder):
-        if not _same(script, path):
-            # of a name of its own: several processes may write their reports beside one another
-            descriptor, name = tempfile.mkstemp(prefix=f".{SCRIPT_NAME}.", suffix=".part", dir=folder)
-            os.close(descriptor)
-            partial = Path(name)
-            try:
-                shutil.copyfile(script, partial)
-                partial.chmod(script.stat().st_mode & 0o666 | 0o600)
-                partial.replace(path)
-            except PermissionError:
-                # another process reads the one that it has just written, which Windows does not replace then
-                if not _same(script, path):
-                    raise
-            finally:
-                partial.unlink(missing_ok=True)
-    return path
-
-
-def _same(one: Path, other: Path) -> bool:
-    return other.is_file() and filecmp.cmp(one, other, shallow=False)
-
-
-@contextlib.contextmanager
-def _written(folder: Path) -> Iterator[None]:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        yield
-    except OSError as error:
-        raise StoreError(
-            "the report page cannot be written",
-            path=folder,
-            found=error.strerror or str(error),
-            remedy="free some space, or choose a folder you may write to with --out",
-        ) from error
-
-
-def plotly_script() -> Path:
-    """Find plotly's browser script in the installed package, without importing that package.
-
-    Raises
-    ------
-    StoreError
-        It is not there.
-    """
-    spec = find_spec("plotly")
-    for root in (spec.submodule_search_locations if spec is not None else None) or ():
-        script = Path(root) / "package_data" / SCRIPT_NAME
-        if script.is_file():
-            return script
-    raise StoreError(
-        "the script that draws the report's figures is not installed",
-        expected=f"package_data/{SCRIPT_NAME} in the package plotly",
-        found="no package plotly" if spec is None else f"plotly without it in {spec.origin}",
-        remedy="install it again: pip install --force-reinstall plotly",
-    )
 
 
 def render_page(report: Mapping[str, Any], figures: Sequence[Figure], *, standalone: bool = False) -> str:
@@ -283,7 +173,7 @@ def render_campaign_page(document: Mapping[str, Any], figures: Sequence[Figure],
     )
 
 
-def render_beside_page(document: Mapping[str, Any], figures: Sequence[Figure]) -> str:
+def render_beside_page(document: Mapping[str, Any], figures: Sequence[Figure], *, standalone: bool = False) -> str:
     """Render the page of reports beside one another.
 
     Parameters
@@ -292,22 +182,27 @@ def render_beside_page(document: Mapping[str, Any], figures: Sequence[Figure]) -
         Of `recoil_identification.report.beside.beside_document`.
     figures
         Of `recoil_identification.report.beside.beside_figures`.
+    standalone
+        As of `render_page`.
 
     Returns
     -------
     str
-        A complete HTML document that refers to ``plotly.min.js`` beside it, to the reports' pages, and to nothing else.
+        As of `render_page`, and it refers to the reports' pages.
 
     Raises
     ------
     ValueError
         Figures with equal keys.
+    StoreError
+        As of `render_page`.
     """
     return _render(
         "beside.html",
         document,
         figures,
         embedded={"shot": f"{document['shot']}-beside"},
+        standalone=standalone,
         series_file=None,
         series_name=None,
     )
@@ -382,5 +277,3 @@ def _render(
 @cache
 def _text(name: str) -> str:
     return (Path(__file__).parent / name).read_text(encoding="utf-8")
-
-

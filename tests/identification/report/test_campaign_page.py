@@ -16,7 +16,8 @@ from recoil_identification.report.campaign_document import campaign_document
 from recoil_identification.report.campaign_figures import campaign_figures, group_name
 from recoil_identification.report.document import CURVES_FILE, curves_text, read_curves, write_files
 from recoil_identification.report.glossary import notation
-from recoil_identification.report.html import CAMPAIGN_PAGE, render_campaign_page, write_page
+from recoil_identification.report.html import CAMPAIGN_PAGE, render_campaign_page
+from recoil_identification.report.page_files import write_page
 from tests.builders.campaign_summaries import campaign_of
 from tests.builders.page_elements import PageElements
 

@@ -10,7 +10,8 @@ from recoil_identification.campaign.campaign import combine
 from recoil_identification.report.campaign_document import campaign_document
 from recoil_identification.report.campaign_figures import campaign_figures
 from recoil_identification.report.figures import report_figures
-from recoil_identification.report.html import render_campaign_page, render_page, write_page, write_script
+from recoil_identification.report.html import PAGE_NAME, render_campaign_page, render_page
+from recoil_identification.report.page_files import write_page, write_script
 from tests.builders.browsers import find_browser, visit
 from tests.builders.campaign_summaries import campaign_of
 from tests.builders.virtual_shots import identified
@@ -78,9 +79,9 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         pytest.skip("no browser of Chromium's kind on this machine: pages are not looked at")
     reports = tmp_path_factory.mktemp("reports")
     figures = report_figures(identified("mixed"))
-    shot = write_page(reports / "0001", render_page(a_report(), figures))
-    alone = write_page(reports / "moved" / "deeper", render_page(a_report(), figures[:1], standalone=True))
-    lost = write_page(reports / "moved" / "lost", render_page(a_report(), figures[:1]))
+    shot = write_page(reports / "0001", render_page(a_report(), figures), PAGE_NAME)
+    alone = write_page(reports / "moved" / "deeper", render_page(a_report(), figures[:1], standalone=True), PAGE_NAME)
+    lost = write_page(reports / "moved" / "lost", render_page(a_report(), figures[:1]), PAGE_NAME)
     write_script(reports)
     campaign = combine(campaign_of((0.0, 120.0) * 3, seed=4).shots)
     document = campaign_document(campaign, version="1", inputs=[], parameters={}, pages=None)

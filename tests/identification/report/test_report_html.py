@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from recoil_acquisition.errors import StoreError
-from recoil_identification.report import html, tables
+from recoil_identification.report import html, page_files, tables
 from recoil_identification.report.drawing import drawing, drawings
 from recoil_identification.report.figure import (
     Figure,
@@ -29,7 +29,8 @@ from recoil_identification.report.figure import (
     bucket_starts,
     envelope_indices,
 )
-from recoil_identification.report.html import render_page, write_page, write_script
+from recoil_identification.report.html import PAGE_NAME, render_page
+from recoil_identification.report.page_files import plotly_script, write_page, write_script
 from recoil_identification.report.rounding import fixed, plain, rounded, significant
 from tests.builders.page_elements import PageElements
 
@@ -124,7 +125,7 @@ def test_page_forbids_connections_and_plotly_s_upload_button():
 
 
 def test_script_is_plotly_s_byte_for_byte_and_written_once_for_all_pages_of_a_folder(tmp_path):
-    path = write_page(tmp_path / "0001", render_page(a_report(), [a_figure()]))
+    path = write_page(tmp_path / "0001", render_page(a_report(), [a_figure()]), PAGE_NAME)
     assert path == tmp_path / "0001" / "report.html"
     script = write_script(tmp_path)
     installed = Path(find_spec("plotly").submodule_search_locations[0]) / "package_data" / "plotly.min.js"
@@ -141,12 +142,12 @@ def test_script_is_plotly_s_byte_for_byte_and_written_once_for_all_pages_of_a_fo
 
 def test_older_page_and_damaged_script_are_replaced(tmp_path):
     (tmp_path / "report.html").write_text("old")
-    damaged = bytearray(html.plotly_script().read_bytes())
+    damaged = bytearray(plotly_script().read_bytes())
     damaged[1000] ^= 1
     (tmp_path / "plotly.min.js").write_bytes(damaged)
-    write_page(tmp_path, render_page(a_report(), []))
+    write_page(tmp_path, render_page(a_report(), []), PAGE_NAME)
     write_script(tmp_path)
-    assert (tmp_path / "plotly.min.js").read_bytes() == html.plotly_script().read_bytes()
+    assert (tmp_path / "plotly.min.js").read_bytes() == plotly_script().read_bytes()
     assert "old" not in (tmp_path / "report.html").read_text(encoding="utf-8")[:20]
     assert len(list(tmp_path.iterdir())) == 2
 
@@ -155,7 +156,7 @@ def test_processes_that_write_the_script_at_once_leave_one_whole_one(tmp_path):
     with ThreadPoolExecutor(4) as crew:
         list(crew.map(write_script, [tmp_path] * 8))
     assert [p.name for p in tmp_path.iterdir()] == ["plotly.min.js"]
-    assert (tmp_path / "plotly.min.js").read_bytes() == html.plotly_script().read_bytes()
+    assert (tmp_path / "plotly.min.js").read_bytes() == plotly_script().read_bytes()
 
 
 def test_page_that_stands_alone_holds_the_script_and_refers_to_nothing():
@@ -164,12 +165,12 @@ def test_page_that_stands_alone_holds_the_script_and_refers_to_nothing():
     assert not [a["src"] for _, a in parsed.elements if "src" in a]
     assert "mass.csv" not in [a.get("href") for _, a in parsed.elements]
     script = gzip.decompress(base64.b64decode(parsed.scripts["plotly"]))
-    assert script == html.plotly_script().read_bytes()
+    assert script == plotly_script().read_bytes()
     assert len(page) < 2_500_000
     assert page == render_page(a_report(), [a_figure()], standalone=True)
 
 
-@pytest.mark.parametrize("write", [lambda folder: write_page(folder, "page"), write_script])
+@pytest.mark.parametrize("write", [lambda folder: write_page(folder, "page", PAGE_NAME), write_script])
 def test_folder_that_cannot_be_written_is_a_store_error(tmp_path, write):
     (tmp_path / "taken").write_text("a file")
     with pytest.raises(StoreError, match=r"taken.*cannot be written"):
@@ -179,7 +180,7 @@ def test_folder_that_cannot_be_written_is_a_store_error(tmp_path, write):
 @pytest.mark.parametrize("with_package", [False, True])
 def test_missing_script_is_a_store_error_with_its_remedy(tmp_path, monkeypatch, with_package):
     spec = ModuleSpec("plotly", None, origin=str(tmp_path), is_package=True) if with_package else None
-    monkeypatch.setattr(html, "find_spec", lambda _name: spec)
+    monkeypatch.setattr(page_files, "find_spec", lambda _name: spec)
     with pytest.raises(StoreError, match="pip install"):
         write_script(tmp_path / "out")
     assert not (tmp_path / "out").exists()

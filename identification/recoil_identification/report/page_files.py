@@ -1,0 +1,118 @@
+"""The files of pages: the page itself, and one script for all that stand in a folder."""
+
+from __future__ import annotations
+
+import contextlib
+import filecmp
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+
+from recoil_acquisition.errors import StoreError
+
+SCRIPT_NAME = "plotly.min.js"
+
+
+def write_page(folder: Path, page: str, name: str) -> Path:
+    """Write a page; what it refers to is written by `write_script`.
+
+    Parameters
+    ----------
+    folder
+        Created where it is missing. An older page in it is replaced, at once and whole.
+    page
+        Of `recoil_identification.report.html`.
+    name
+        Of the file.
+
+    Returns
+    -------
+    Path
+        The page.
+
+    Raises
+    ------
+    StoreError
+        The folder cannot be written.
+    """
+    path = folder / name
+    with _written(folder):
+        partial = folder / (name + ".part")
+        partial.write_text(page, encoding="utf-8", newline="\n")
+        partial.replace(path)
+    return path
+
+
+def write_script(folder: Path) -> Path:
+    """Write the script that draws figures, unless it is there: one for all pages that refer to it.
+
+    Parameters
+    ----------
+    folder
+        For a shot's pages the one that holds the shot's folder, for a campaign's page its own.
+
+    Raises
+    ------
+    StoreError
+        The folder cannot be written, or plotly's script is not installed.
+    """
+    script, path = plotly_script(), folder / SCRIPT_NAME
+    with _written(folder):
+        if not _same(script, path):
+            # of a name of its own: several processes may write their reports beside one another
+            descriptor, name = tempfile.mkstemp(prefix=f".{SCRIPT_NAME}.", suffix=".part", dir=folder)
+            os.close(descriptor)
+            partial = Path(name)
+            try:
+                shutil.copyfile(script, partial)
+                partial.chmod(script.stat().st_mode & 0o666 | 0o600)
+                partial.replace(path)
+            except PermissionError:
+                # another process reads the one that it has just written, which Windows does not replace then
+                if not _same(script, path):
+                    raise
+            finally:
+                partial.unlink(missing_ok=True)
+    return path
+
+
+def _same(one: Path, other: Path) -> bool:
+    return other.is_file() and filecmp.cmp(one, other, shallow=False)
+
+
+@contextlib.contextmanager
+def _written(folder: Path) -> Iterator[None]:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        yield
+    except OSError as error:
+        raise StoreError(
+            "the report page cannot be written",
+            path=folder,
+            found=error.strerror or str(error),
+            remedy="free some space, or choose a folder you may write to with --out",
+        ) from error
+
+
+def plotly_script() -> Path:
+    """Find plotly's browser script in the installed package, without importing that package.
+
+    Raises
+    ------
+    StoreError
+        It is not there.
+    """
+    spec = find_spec("plotly")
+    for root in (spec.submodule_search_locations if spec is not None else None) or ():
+        script = Path(root) / "package_data" / SCRIPT_NAME
+        if script.is_file():
+            return script
+    raise StoreError(
+        "the script that draws the report's figures is not installed",
+        expected=f"package_data/{SCRIPT_NAME} in the package plotly",
+        found="no package plotly" if spec is None else f"plotly without it in {spec.origin}",
+        remedy="install it again: pip install --force-reinstall plotly",
+    )
