@@ -164,6 +164,15 @@ def test_a_line_that_leaves_the_panel_is_cut_at_its_edge_and_keeps_its_slope():
     assert [p[0] for p in down] == pytest.approx([62 + 644 * 3 / 4, 706.0], abs=0.1)
 
 
+def test_a_line_runs_to_the_ends_of_what_is_shown_of_it():
+    trace = Trace("a", [0.0, 1.0], [0.0, 8.0], "filtered")
+    panel = Panel("y, m", (trace,), y_shown=(0.0, 8.0))
+    (piece,) = curve(parsed(Figure("k", "T", "C", "x, s", (panel,), shown=(0.25, 0.75))))
+    (x0, y0), (x1, y1) = piece
+    assert (x0, x1) == (62.0, 706.0)
+    assert y0 - y1 == pytest.approx(90.0, abs=0.1)
+
+
 def test_a_gap_parts_a_line_and_a_lonely_sample_is_a_dot():
     y = [1.0, 2.0, math.nan, 3.0, math.nan, 4.0, 5.0]
     (path,) = paths(drawn(Trace("a", range(7), y, "filtered")), stroke_width="1.3", stroke_linejoin="round")
