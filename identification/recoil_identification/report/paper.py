@@ -211,7 +211,8 @@ def _results(report: Document) -> list[Part | None]:
     budget, combined = tables.budget(report)
     rows = _cells(budget, ("source", "kind", "u_source", "sensitivity", "freedom", "u", "share"))
     if combined is not None:
-        rows.append(["Combined standard uncertainty", "", "", "", "", combined, ""])
+        # first: at the end it might stand alone on the next sheet
+        rows.insert(0, ["Combined standard uncertainty", "", "", "", "", combined, ""])
     methods = tables.methods(report)
     return [
         _table("Methods compared",
@@ -227,7 +228,7 @@ def _results(report: Document) -> list[Part | None]:
                rows,
                "Standard uncertainty of the mass from each source, the largest first: A by statistics of this shot, B "
                "by other knowledge; ν are degrees of freedom, the share is that of the variance.",
-               strong=[len(rows) - 1] if combined is not None else [], after=tables.coverage(report)),
+               strong=[0] if combined is not None else [], after=tables.coverage(report)),
     ]  # fmt: skip
 
 
