@@ -501,6 +501,9 @@ def explain(
                 checked = check_reports(report, shots=shots, workers=workers, progress=progress)
             code = FAULT if checked.faults else OK if checked.again else NOT_VALID
             session.finish(checked.to_json(), checked.show, code)
+        from recoil_acquisition.reader_process import READER
+
+        READER.start()
         from recoil_daq.explained import explain as explain_report
 
         with session.steps("explain") as progress:

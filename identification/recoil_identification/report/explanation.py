@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -226,6 +226,7 @@ class _Sources:
             *(one for name in self._besides(key, formula.inputs) if (one := self._report(name)) is not None),
             *(one for role in self._roles(key, formula.roles) for one in self._channels(role)),
             *(self._mechanism(symbol) for symbol in self._symbols(key, formula.rig)),
+            *self._aligned(key),
         )
 
     def _besides(self, key: str, inputs: Sequence[str]) -> Sequence[str]:
@@ -264,6 +265,14 @@ class _Sources:
                 said.append(f"calibrated {sensor.calibrated.isoformat()}")
             found.append(Given(f"channel {channel.name}", None, channel.unit, sensor.u_scale_rel, ", ".join(said)))
         return found
+
+    def _aligned(self, key: str) -> Iterator[Given]:
+        """Say how the rig aligns the clock that a number of the alignment is of."""
+        clock = key.removeprefix("alignment.").rpartition(".")[0]
+        source = next((one for one in self.rig.sources if one.name == clock), None)
+        if key.startswith("alignment.") and source is not None and source.align is not None:
+            stated = source.align.model_dump(mode="json", exclude_unset=True)
+            yield Given(f"[[source]] {clock}, align", stated)
 
     def _mechanism(self, symbol: str) -> Given:
         mechanism = self.rig.mechanism

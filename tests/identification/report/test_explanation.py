@@ -90,6 +90,13 @@ def test_each_method_has_its_own_formula(key: str, text: str) -> None:
     assert entry.formula.text.startswith(text)
 
 
+def test_a_clocks_alignment_is_explained_with_what_the_rig_says_of_it() -> None:
+    (entry,) = explained(document("mixed"), "alignment.can", virtual_shot("mixed").shot, virtual_shot("mixed").rig)
+    (given,) = entry.given
+    assert given.name == "[[source]] can, align"
+    assert given.value == {"method": "redundant", "channel": "acc_recoil_can", "against": "acc_recoil"}
+
+
 def test_the_kind_of_computer_is_stated_and_its_name_is_not() -> None:
     found = computer()
     assert found == computer()
