@@ -1,9 +1,12 @@
 """A report against the same report made again: whether each of its numbers comes again, and what differs if not.
 
 On the same kind of computer with the same versions numbers come again to the last bit. Elsewhere the order in which
-sums are taken differs, and they come again within `ELSEWHERE`: of themselves; of the largest number of the array or the
-column that they stand in, because an element near zero is the rounding of its neighbours; of the combined standard
-uncertainty, where they are contributions to it; and within `OF_A_SIGMA`, where they count standard uncertainties.
+sums are taken differs, and they come again
+
+- within `ELSEWHERE` of themselves, of the largest number of the array or column that they stand in, and deviations in
+  percent of 100 %: near zero they are the rounding of what they are the difference of;
+- within `OF_RESIDUALS` where they are computed of residuals: standard uncertainties and what contributes to them,
+  tests, what a shot says of others. A residual of 1 m/s^2 is what is left of 1000, and its rounding that of the whole.
 """
 
 from __future__ import annotations
@@ -12,18 +15,25 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from typing import Any
 
 import numpy as np
 
 ELSEWHERE = 1e-9
 """Relative difference within which a number comes again on another computer, or with other versions."""
-OF_A_SIGMA = 1e-6
-"""Share of a standard uncertainty within which a number comes again that counts such."""
+OF_RESIDUALS = 1e-6
+"""That of what is computed of residuals."""
+RESIDUALS = (
+    "*.u", "*.u_*", "*U95*", "E_n", "budget.*", "uncertainty.*", "campaign.*", "constancy.*", "endogeneity.*",
+    "sensors.*", "skew.*", "zero_shift.*", "fusion.*", "provenance.parameters.residual_*",
+)  # fmt: skip
+"""Key paths of what is computed of residuals."""
 NAMED_BY = ("source", "clock", "name", "channel", "quantity", "key", "file")
 """Keys by which the rows of a table are told apart, the first that every row has another value of."""
 IN_SIGMAS = ("_sigma", ".pull", ".normalised_residual", ".criterion", "E_n")
 """Ends of the key paths of numbers that count standard uncertainties."""
+_PLACE = re.compile(r"\[\d+\]")
 _NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 _PLAIN = re.compile(r"[A-Za-z_][\w-]*")
 
@@ -84,7 +94,7 @@ class Comparison:
     differences
         Beyond the tolerance; the worst first, and what is no number before.
     largest
-        Relative difference of any number, within the tolerance or not.
+        Relative difference of any number that is not computed of residuals, within the tolerance or not.
     """
 
     numbers: int
@@ -133,7 +143,9 @@ def leaves_of(document: Any, parent: str = "", scale: float | None = None) -> It
     if scale is None and isinstance(document, list | tuple) and not isinstance(parts[0][0], str):
         scale = _largest(document)
     for label, part in parts:
-        yield from leaves_of(part, path_of(parent, label), scale)
+        beside = document.get(f"u_{label}") if isinstance(document, Mapping) else None
+        for key, leaf in leaves_of(part, path_of(parent, label), scale):
+            yield key, Leaf(leaf.value, max(leaf.scale, abs(beside))) if _is_number(beside) else leaf
 
 
 def compare(
@@ -155,7 +167,7 @@ def compare(
         {key: leaf for key, leaf in leaves_of(one) if not any(_below(key, path) for path in besides)}
         for one in (stored, again)
     )
-    contributions = _contributions(stored)
+    scales = _scales(stored)
     found: list[Difference] = []
     largest, numbers = 0.0, 0
     for key in dict.fromkeys((*ours, *theirs)):
@@ -166,9 +178,11 @@ def compare(
             continue
         if _is_number(one.value) and _is_number(other.value):
             numbers += 1
-            relative = _relative(one.value, other.value, max(one.scale, other.scale, contributions.get(key, 0.0)))
-            largest = max(largest, relative)
-            if one.value != other.value if exact else relative > ELSEWHERE:
+            scale = max(one.scale, other.scale, scales.get(_PLACE.sub("", key), 0.0))
+            relative = _relative(one.value, other.value, scale)
+            of_residuals = any(fnmatchcase(key, pattern) for pattern in RESIDUALS)
+            largest = largest if of_residuals else max(largest, relative)
+            if one.value != other.value if exact else relative > (OF_RESIDUALS if of_residuals else ELSEWHERE):
                 found.append(Difference(key, one.value, other.value, relative))
         elif not _same(one.value, other.value, exact=exact):
             found.append(Difference(key, one.value, other.value))
@@ -209,15 +223,16 @@ def compare_tables(name: str, stored: str, again: str, *, exact: bool) -> Compar
     return Comparison(numbers, tuple(sorted(found, key=lambda one: -one.relative)), largest)
 
 
-def _contributions(document: Mapping[str, Any]) -> dict[str, float]:
-    """Return the combined standard uncertainty, and that over each source's, by the keys of the budget's rows."""
+def _scales(document: Mapping[str, Any]) -> dict[str, float]:
+    """Return the sizes that numbers near zero are compared with: u of the mass, and over each source's u, by key."""
     try:
         u_kg, rows = float(document["mass"]["u"]), parts_of(document["budget"])
         keys = [(path_of("budget", label), row.get("u_source")) for label, row in rows]
     except (KeyError, TypeError, ValueError, AttributeError):
         return {}
     scales = {path_of(key, "u_kg"): u_kg for key, _ in keys}
-    return scales | {path_of(key, "sensitivity_kg"): u_kg / abs(u) for key, u in keys if _is_number(u) and u}
+    scales |= {path_of(key, "sensitivity_kg"): u_kg / abs(u) for key, u in keys if _is_number(u) and u}
+    return scales | {"uncertainty.monte_carlo.difference_kg": u_kg}
 
 
 def _determined(document: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -234,8 +249,10 @@ def _determined(document: Mapping[str, Any]) -> Mapping[str, Any]:
 def _scale(key: str, value: Any, of_array: float | None) -> float:
     if not _is_number(value):
         return 0.0
-    of_sigmas = OF_A_SIGMA / ELSEWHERE if key.endswith(IN_SIGMAS) else 0.0
-    return max(abs(value), of_sigmas) if of_array is None else of_array
+    size = abs(value) if of_array is None else of_array
+    if key.startswith("rpe_percent.") or key.endswith("_percent"):
+        return max(size, 100.0)
+    return max(size, 1.0) if key.endswith(IN_SIGMAS) else size
 
 
 def _is_number(value: Any) -> bool:

@@ -19,6 +19,8 @@ REPORT: dict[str, Any] = {
     ],
     "campaign": {"R": [[2.0, 1.0], [0.0, 1e-13]], "y": [0.5, 3.0]},
     "sensors": [{"source": "camera scale", "pull": 1.2e-9}],
+    "rpe_percent": {"value": 0.3},
+    "alignment": [{"clock": "camera", "offset_s": 1e-7, "u_offset_s": 2e-5}],
     "valid": True,
     "reasons": ["camera: offset 0.4213 mm, limit 0.4 mm"],
 }
@@ -40,7 +42,7 @@ def test_a_report_has_the_names_of_its_rows_in_its_key_paths() -> None:
 
 def test_the_same_report_has_no_difference_and_all_its_numbers_are_counted() -> None:
     found = compare(REPORT, copy.deepcopy(REPORT), exact=True)
-    assert (found.numbers, found.differences, found.largest) == (15, (), 0.0)
+    assert (found.numbers, found.differences, found.largest) == (18, (), 0.0)
 
 
 def test_the_last_bit_counts_on_the_same_computer_and_not_elsewhere() -> None:
@@ -54,17 +56,23 @@ def test_the_last_bit_counts_on_the_same_computer_and_not_elsewhere() -> None:
 @pytest.mark.parametrize(
     ("path", "to", "again"),
     [
-        (("mass", "u"), 2.647795722239834 * (1 + 2e-9), False),
-        (("mass", "u"), 2.647795722239834 * (1 + 5e-10), True),
+        (("mass", "value"), 782.5452581923083 * (1 + 2e-9), False),
+        (("mass", "value"), 782.5452581923083 * (1 + 5e-10), True),
+        (("mass", "u"), 2.647795722239834 * (1 + 2e-6), False),
+        (("mass", "u"), 2.647795722239834 * (1 + 5e-7), True),
+        (("rpe_percent", "value"), 0.3 + 5e-8, True),
+        (("rpe_percent", "value"), 0.3 + 2e-7, False),
+        (("alignment", 0, "offset_s"), 1e-7 + 1e-14, True),
+        (("alignment", 0, "offset_s"), 1e-7 + 1e-13, False),
         (("sensors", 0, "pull"), 9e-7, True),
         (("sensors", 0, "pull"), 1.2e-6, False),
-        (("budget", 1, "u_kg"), 1e-5 + 2e-9, True),
-        (("budget", 1, "u_kg"), 1e-5 + 3e-9, False),
-        (("budget", 1, "sensitivity_kg"), -0.01 + 2e-6, True),
-        (("budget", 1, "sensitivity_kg"), -0.01 + 3e-6, False),
+        (("budget", 1, "u_kg"), 1e-5 + 2e-6, True),
+        (("budget", 1, "u_kg"), 1e-5 + 3e-6, False),
+        (("budget", 1, "sensitivity_kg"), -0.01 + 2e-3, True),
+        (("budget", 1, "sensitivity_kg"), -0.01 + 3e-3, False),
         (("campaign", "R", 1, 1), 3e-13, True),
         (("campaign", "y", 1), 17.0, True),
-        (("campaign", "y", 0), 0.5000001, False),
+        (("campaign", "y", 0), 0.50001, False),
         (("reasons", 0), "camera: offset 0.4214 mm, limit 0.4 mm", True),
         (("reasons", 0), "camera: offset 0.4217 mm, limit 0.4 mm", False),
         (("reasons", 0), "camera: offset 0.4213 mm, limit 0.4 m", False),
