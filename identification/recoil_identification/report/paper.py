@@ -12,6 +12,7 @@ from typing import Any
 
 from recoil_identification.report import campaign_tables, tables
 from recoil_identification.report.figure import Figure
+from recoil_identification.report.glossary import notation
 from recoil_identification.report.json_file import json_bytes
 from recoil_identification.report.rounding import NO_NUMBER, plain
 from recoil_identification.report.svg import figure_svg
@@ -275,10 +276,20 @@ def _typeset(
         "when": tables.started(document) or "",
         "running": " · ".join([title, *([when] if (when := document.get("started")) else [])]),
         "made-by": f"recoil-daq {version}",
-        "head": head,
-        "parts": [part for part in (*parts, origin) if part is not None],
+        "head": _noted(head),
+        # names of files stay as they are
+        "parts": [*(_noted(part) for part in parts if part is not None), origin],
     }
     return pdf_bytes(page, [figure_svg(figure) for figure in figures], (name, content), document.get("started"))
+
+
+def _noted(value: Any) -> Any:
+    """Write units and signs of all texts in a mapping or a list as pages do."""
+    if isinstance(value, str):
+        return notation(value)
+    if isinstance(value, Mapping):
+        return {key: _noted(one) for key, one in value.items()}
+    return [_noted(one) for one in value] if isinstance(value, list | tuple) else value
 
 
 def _flat(parameters: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, str]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import re
 from dataclasses import replace
 
 import pytest
@@ -134,6 +135,13 @@ def test_it_has_what_an_archive_asks_for_on_full_pages(pages, report, figures):
     assert f"{passed} checks passed" in whole
     assert "ab" * 32 in whole
     assert all(row["source"] in whole for row in report["budget"])
+
+
+def test_units_and_signs_are_those_of_the_page(pages):
+    whole = " ".join(pages)
+    assert "m/s²" in whole
+    assert "m/s^2" not in whole
+    assert not re.search(r"(?<=\s)-\d", whole)
 
 
 def test_figures_are_vectors(pdf):
