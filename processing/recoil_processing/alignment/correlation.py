@@ -11,6 +11,8 @@ Array = NDArray[np.float64]
 
 MINIMUM_OVERLAP = 0.25
 """Least share of each record's energy that must overlap for a lag to be a candidate."""
+ROUNDING = 1e-12
+"""Share of its largest value by which a signal that does not move may seem to."""
 LEAST_SAMPLES = 8
 """Below this, on either side, there is no shape to compare."""
 LEAST_VARIANCE = 0.01
@@ -104,7 +106,8 @@ def coarse_lag(
         )
     y = np.interp(grid, t, y)
     x = np.interp(reference_grid, start_s + step_s * np.arange(reference.size), reference)
-    if not (np.ptp(y) > 0 and np.ptp(x) > 0):
+    # a constant behind a filter differs from sample to sample by rounding
+    if not all(np.ptp(values) > ROUNDING * np.abs(values).max() for values in (y, x)):
         return "a constant signal cannot be aligned"
     y, x = y - np.median(y), x - np.median(x)
     # scaled to 1, energies stay in float64 whatever the unit
