@@ -137,7 +137,7 @@ class Baseline(ReadOnlyArrays):
             free &= (beside > 0.75 * step) & (beside < 0.45 * self.rate_hz)
             nearest = away[free][np.argsort(np.abs(away[free]), kind="stable")][:NEIGHBOURS]
             # a neighbour's wave is the line's times one of whole periods in the baseline, which serves all lines
-            shifted = residual * (design[:, i] - 1j * design[:, n + i])
+            shifted = np.asarray(residual * (design[:, i] - 1j * design[:, n + i]), dtype=np.complex128)
             spectrum = np.array([self._at(int(periods), shifted) for periods in nearest])
             noise[k] = float(np.mean(np.abs(spectrum) ** 2)) * 4.0 / self.samples.size**2
             power = float(values[i] ** 2 + values[n + i] ** 2)
