@@ -56,8 +56,11 @@ def test_a_page_that_is_there_is_not_overwritten_unasked(reports, tmp_path):
     with pytest.raises(StoreError, match=r"campaign\.html.*exists already"):
         campaign(reports, out=tmp_path / "answer")
     assert (tmp_path / "answer" / "campaign.html").read_text() == "mine"
-    campaign(reports, out=tmp_path / "answer", overwrite=True)
-    assert "Campaign" in (tmp_path / "answer" / "campaign.html").read_text(encoding="utf-8")
+    done = campaign(reports, out=tmp_path / "answer", overwrite=True, standalone=True)
+    page = (tmp_path / "answer" / "campaign.html").read_text(encoding="utf-8")
+    assert "Campaign" in page
+    assert 'src="plotly' not in page
+    assert sorted(one.name for one in done.folder.iterdir()) == FILES[:-1]
 
 
 def test_curves_that_are_none_are_named_and_nothing_is_written(reports, tmp_path):

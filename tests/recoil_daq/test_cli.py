@@ -183,13 +183,18 @@ def test_identify_reports_the_method_that_was_asked_for(run, stored: Path, ident
 def test_a_report_is_not_overwritten_unless_asked(run, stored: Path, identified, tmp_path):
     shutil.copytree(identified.reports, tmp_path, dirs_exist_ok=True)
     (tmp_path / "0001" / "notes.txt").write_text("mine")
+    (tmp_path / "0001" / "plotly.min.js").write_text("each report had its own once")
     before = (tmp_path / "0001" / "report.json").read_bytes()
     again = run("identify", stored, "--out", tmp_path)
     assert again.exit_code == 3
     assert "--overwrite" in again.stderr
     assert (tmp_path / "0001" / "report.json").read_bytes() == before
-    assert run("identify", stored, "--out", tmp_path, "--overwrite").exit_code == 0
+    assert run("identify", stored, "--out", tmp_path, "--overwrite", "--standalone").exit_code == 0
     assert (tmp_path / "0001" / "notes.txt").read_text() == "mine"
+    assert not (tmp_path / "0001" / "plotly.min.js").exists()
+    page = (tmp_path / "0001" / "report.html").read_text(encoding="utf-8")
+    assert len(page.encode()) < 3_000_000
+    assert not [attributes["src"] for _, attributes in PageElements(page).elements if "src" in attributes]
     assert sorted(p.name for p in tmp_path.iterdir()) == ["0001", "plotly.min.js"]
 
 

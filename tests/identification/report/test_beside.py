@@ -129,7 +129,7 @@ def test_the_page_shows_what_differs_and_folds_what_is_equal() -> None:
     page = render_beside_page(beside_document(both, version="0.1.0"), beside_figures(both))
     assert "<i>old" not in page.partition("<script")[0]
     assert 'href="../o%20d/report.html"' in page
-    differs, _, equal = page.partition('id="parameters">')[2].partition("<details>")
+    differs, _, equal = page.partition('id="parameters"')[2].partition("<details>")
     assert "memory (window)" in PageElements(differs).text
     assert "low-pass of the fit" not in PageElements(differs).text
     assert "low-pass of the fit" in PageElements(equal).text

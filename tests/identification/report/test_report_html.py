@@ -611,3 +611,50 @@ def test_how_a_shot_was_fired_is_on_its_page():
     page = render_page(a_report(shot_log=row), [])
     assert "120 kg (u 0.05 kg)" in page
     assert "<img src=x" not in page
+
+
+def test_the_head_says_verdict_peaks_date_and_what_was_assumed_in_words():
+    row = {"shot": "0001", "charge": "full", "charge_temperature_c": 21.5, "notes": ""}
+    report = a_report(
+        shot_log=row,
+        started="2026-11-20T09:12:44.120+01:00",
+        started_source="daq.csv, header",
+        peaks={"breech_pressure_pa": 1.283e8, "recoil_travel_m": 0.8162, "impulse_n_s": 7604.0},
+        assumptions=[{"quantity": "bore_area", "taken": "taken as exact", "detail": ""}],
+    )
+    text = " ".join(PageElements(render_page(report, [])).text.split())
+    for said in (
+        "Nothing speaks against this mass; it agrees with the specification of 782 kg.",
+        "relative percentage error (RPE)",
+        "peak breech pressure128.3 MPa",
+        "recoil length816.2 mm",
+        "impulse of the breech force7.60 kN s",
+        "2026-11-20T09:12:44.120+01:00 (daq.csv, header)",
+        "chargefull",
+        "charge temperature c21.5",
+        "Assumed: taken as exact: bore_area.",
+    ):
+        assert said in text
+    assert "date and timenot recorded" in " ".join(PageElements(render_page(a_report(), [])).text.split())
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"valid": False, "reasons": ["a"]}, "Not to be relied on: one reason speaks against this mass."),
+        ({"valid": False, "reasons": ["a", "b"]}, "Not to be relied on: 2 reasons speak against this mass."),
+        ({"E_n": -3.0}, "Nothing speaks against this mass; it deviates from the specification of 782 kg."),
+        ({"E_n": None}, "Nothing speaks against this mass."),
+    ],
+)
+def test_the_verdict_is_a_sentence(changes, said):
+    assert tables.in_words(a_report(**changes)) == said
+
+
+def test_checks_that_passed_are_folded_away_and_the_others_are_not():
+    page = render_page(a_report(), [])
+    open_ones, _, folded = page.partition('id="quality"')[2].partition("<details>")
+    assert "drop-out" in open_ones
+    assert "clipping" not in open_ones
+    assert "1 check passed" in folded
+    assert "clipping" in folded
