@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import hashlib
+import json
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +21,7 @@ from recoil_daq.identify import reported
 from recoil_identification.analysis import Options, identify_shot
 from recoil_identification.report.campaign_document import CAMPAIGN_FILE
 from recoil_identification.report.computer import computer
-from recoil_identification.report.document import LARGEST_TRACE, REPORT_FILE, read_document
+from recoil_identification.report.document import LARGEST_REPORT, LARGEST_TRACE, REPORT_FILE, read_document
 from recoil_identification.report.seal import SEAL, digest_of
 from recoil_identification.reproduction import Comparison, Difference, compare, compare_tables
 
@@ -41,10 +44,14 @@ class Kept:
         The contents of its ``report.json``.
     path
         Of that file.
+    other_digits
+        Numerals in it that are not the ones that their numbers are written with: a digit beyond the last one that
+        tells a number from its neighbours was changed.
     """
 
     document: Mapping[str, Any]
     path: Path
+    other_digits: tuple[str, ...] = ()
 
     @classmethod
     def read(cls, path: str | Path) -> Kept:
@@ -57,7 +64,8 @@ class Kept:
         """
         path = Path(path)
         path = path / REPORT_FILE if path.is_dir() else path
-        kept = cls(read_document(path), path)
+        content = read_small(path, LARGEST_REPORT, "a report")
+        kept = cls(read_document(path, content), path, _other_digits(content))
         try:
             kept._needed()
         except (ValueError, LookupError, TypeError, AttributeError) as error:
@@ -114,6 +122,20 @@ class Kept:
         """Whether it was made by this version, on this kind of computer and with these libraries."""
         provenance = self.document["provenance"]
         return bool(provenance["version"] == __version__ and provenance.get("computer") == computer())
+
+
+def _other_digits(content: bytes) -> tuple[str, ...]:
+    """Return the numerals of a JSON text that another number of digits, or other digits, would be written for."""
+    found = []
+
+    def look(numeral: str) -> float:
+        number = float(numeral)
+        if math.isfinite(number) and Decimal(numeral) != Decimal(repr(number)):
+            found.append(numeral)
+        return number
+
+    json.loads(content, parse_float=look)
+    return tuple(found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,6 +198,8 @@ def recompute(kept: Kept, shots: Sequence[Path] = (), *, progress: Progress = la
     comparison = compare(kept.document, document, exact=exact, besides=BESIDES)
     for name, text in files.items():
         comparison = comparison.joined(_compared(kept, name, text, exact=exact))
+    odd = tuple(Difference("a number of report.json", one, repr(float(one))) for one in kept.other_digits)
+    comparison = comparison.joined(Comparison(0, odd, 0.0))
     seal = kept.document["provenance"].get(SEAL)
     if seal != digest_of(kept.document):
         changed = Difference(f"provenance.{SEAL}", seal, digest_of(kept.document))

@@ -143,7 +143,7 @@ def leaves_of(document: Any, parent: str = "", scale: float | None = None) -> It
     if scale is None and isinstance(document, list | tuple) and not isinstance(parts[0][0], str):
         scale = _largest(document)
     for label, part in parts:
-        beside = document.get(f"u_{label}") if isinstance(document, Mapping) else None
+        beside: Any = document.get(f"u_{label}") if isinstance(document, Mapping) else None
         for key, leaf in leaves_of(part, path_of(parent, label), scale):
             yield key, Leaf(leaf.value, max(leaf.scale, abs(beside))) if _is_number(beside) else leaf
 
