@@ -6,6 +6,7 @@ data or the rig are at fault (one line says where and what to do); 130 interrupt
 
 from __future__ import annotations
 
+import io
 import math
 import os
 import sys
@@ -944,6 +945,9 @@ def main() -> None:
     """Run the command line; the entry point of ``recoil-daq``."""
     # the matrices of a shot are small: threads of the linear algebra cost more than they save, unless asked for
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # a pipe on Windows takes code page 1252 only: what it has no sign for is spelled, as stderr does
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
     try:
         app()
     except KeyboardInterrupt:

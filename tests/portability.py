@@ -18,7 +18,7 @@ import tempfile
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from recoil_acquisition.extras import CLUSTER, DEWESOFT, EXTRAS, MDF, PARQUET, TDMS, XLSX, Extra
+from recoil_acquisition.extras import CLUSTER, DEWESOFT, EXTRAS, MDF, PARQUET, PDF, TDMS, XLSX, Extra
 
 ROOT = Path(__file__).resolve().parents[1]
 OTHERS = ("python3.11", "python3.12", "python3.13", "python3.14")
@@ -28,6 +28,7 @@ NEEDS: tuple[tuple[Extra, tuple[str, ...]], ...] = (
     (MDF, ("export", SHOT, "--format", "mdf4")),
     (TDMS, ("export", SHOT, "--format", "tdms")),
     (PARQUET, ("export", SHOT, "--format", "parquet")),
+    (PDF, ("identify", SHOT, "--pdf", "--figures", "--out", "on paper")),
     (XLSX, ("show", "tracks.xlsx")),
     (DEWESOFT, ("show", "shot.dxd")),
     (CLUSTER, ("identify", SHOT, "--cluster", "tcp://127.0.0.1:1", "--out", "elsewhere")),
@@ -105,9 +106,9 @@ def extras(folder: Path, _: list[str]) -> Iterable[str]:
             raise RuntimeError(f"{' '.join(words)} does not say in one line: {extra.remedy}\n{said}")
         yield f"without {extra.name}: {said}"
     environment.install(f"{wheel}[{','.join(EXTRAS)}]")
-    for extra, words in NEEDS[:3]:
+    for extra, words in NEEDS[:-3]:
         yield f"with {extra.name}: {environment.command(*words).strip().splitlines()[-1]}"
-    for extra, words in NEEDS[3:]:
+    for extra, words in NEEDS[-3:]:
         said = environment.command(*words, code=3).strip()
         if extra.remedy in said:
             raise RuntimeError(f"{extra.name} is installed, and {' '.join(words)} still says: {said}")

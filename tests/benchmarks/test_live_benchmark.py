@@ -214,12 +214,12 @@ def watch(process: LiveProcess, port: PortPlayer, seconds: float, kept: Kept) ->
 
 def resident_mb(number: int) -> float:
     """Return the resident memory of a process."""
-    return int(Path(f"/proc/{number}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+    return int(Path(f"/proc/{number}/statm").read_text(encoding="utf-8").split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 def cpu_s(number: int) -> float:
     """Return the processor time of a process, its threads together."""
-    columns = Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()
+    columns = Path(f"/proc/{number}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
     return (int(columns[11]) + int(columns[12])) / os.sysconf("SC_CLK_TCK")
 
 
@@ -227,7 +227,7 @@ def dropped_datagrams(port: int, but_of: int) -> int:
     """Return what the sockets on a port lost, those of one process left out: the player never reads its own."""
     links = [str(path.readlink()) for path in Path(f"/proc/{but_of}/fd").iterdir() if path.is_symlink()]
     own = {link[8:-1] for link in links if link.startswith("socket:[")}
-    rows = [row.split() for row in Path("/proc/net/udp").read_text().splitlines()[1:]]
+    rows = [row.split() for row in Path("/proc/net/udp").read_text(encoding="utf-8").splitlines()[1:]]
     others = [row for row in rows if int(row[1].rpartition(":")[2], 16) == port and row[9] not in own]
     assert len(others) == 1, f"{len(others)} sockets listen to the bus"
     return int(others[0][12])

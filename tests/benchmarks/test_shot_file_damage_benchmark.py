@@ -169,4 +169,4 @@ def _measured(path: Path, excess: float, cpu: float) -> tuple[float, float]:
 
 
 def _status_kb(name: str) -> int:
-    return int(Path("/proc/self/status").read_text().partition(name)[2].split()[0])
+    return int(Path("/proc/self/status").read_text(encoding="utf-8").partition(name)[2].split()[0])

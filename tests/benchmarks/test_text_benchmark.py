@@ -63,7 +63,7 @@ def write_export(path: Path, megabytes: float) -> float:
     samples = random.normal(size=(20000, CHANNELS)) * 10.0 ** np.arange(-3, CHANNELS - 3)
     cells = [",".join(f"{value:.15G}" for value in row) + "\r\n" for row in samples]
     names = ",".join(["Time (s)", *(f"AI {i}/AI {i} (m/s2)" for i in range(1, CHANNELS + 1))])
-    with path.open("w", newline="") as file:
+    with path.open("w", encoding="utf-8", newline="") as file:
         file.write(names + "\r\n")
         at = 0
         while file.tell() < megabytes * 1e6:

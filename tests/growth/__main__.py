@@ -16,8 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
+from recoil_identification.report.figure import Figure, Panel, Trace
+from recoil_identification.report.svg import figure_svg
 from tests.growth.measure import SERIES, Point
-from tests.growth.plot import log_log
 from tests.proof.row import significant
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -78,9 +79,29 @@ def page(measured: dict[str, list[Point]]) -> str:
 
 
 def plot(name: str, points: Sequence[Point]) -> str:
-    """Draw a series."""
-    curves = {"time, s": [(p.size, p.cpu_s) for p in points], "memory, MB": [(p.size, p.peak_mb) for p in points]}
-    return log_log(curves, SERIES[name].by, "s, MB")
+    """Draw a series on logarithmic axes."""
+    series, sizes = SERIES[name], [p.size for p in points]
+    return figure_svg(
+        Figure(
+            f"growth-{name}",
+            f"Time and memory of {series.title} against {series.by}",
+            (series.measure.__doc__ or "").strip(),
+            series.by,
+            (
+                Panel(
+                    "processor time, s",
+                    (Trace("processor time", sizes, [p.cpu_s for p in points], "series"),),
+                    y_scale="log",
+                ),
+                Panel(
+                    "peak memory, MB",
+                    (Trace("peak memory", sizes, [p.peak_mb for p in points], "series"),),
+                    y_scale="log",
+                ),
+            ),
+            x_scale="log",
+        )
+    )
 
 
 def main(words: list[str] | None = None) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from packaging.requirements import Requirement
 
-from tests.proof.row import Row, significant, times
+from tests.proof.row import Row, beside, significant
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = (
@@ -41,22 +41,14 @@ def start(quick: bool, _: Path) -> list[Row]:
     """How long a command takes to answer."""
     rounds = 1 if quick else 10
     ours_s = seconds_of("-c", "from recoil_daq.cli import main; main()", "--help", rounds=rounds)
-    peers = {"cantools --help": ("-m", "cantools", "--help"), "asammdf, imported": ("-c", "import asammdf")}
-    rows = []
-    for name, words in peers.items():
-        theirs_s = seconds_of(*words, rounds=rounds)
-        rows.append(
-            Row(
-                "`recoil-daq --help`",
-                f"{significant(ours_s)} s",
-                f"{name}: {significant(theirs_s)} s",
-                times(theirs_s / ours_s),
-                "start",
-            )
-        )
-    bare_s = seconds_of("-c", "pass", rounds=rounds)
-    rows.append(Row("of it, Python itself", f"{significant(bare_s)} s", "", "", "start"))
-    return rows
+    commands = {
+        "cantools --help": ("-m", "cantools", "--help"),
+        "asammdf, imported": ("-c", "import asammdf"),
+        "Python itself": ("-c", "pass"),
+    }
+    took = {name: seconds_of(*words, rounds=rounds) for name, words in commands.items()}
+    peers = {name: (f"{significant(theirs_s)} s", theirs_s / ours_s) for name, theirs_s in took.items()}
+    return [beside("`recoil-daq --help`", f"{significant(ours_s)} s", peers, "start")]
 
 
 def needed(name: str) -> set[str]:
@@ -92,13 +84,10 @@ def size(_quick: bool, _: Path) -> list[Row]:
     )
     names = needed("recoil-daq") - {"recoil-daq"}
     whole = own / 1e6 + megabytes(names)
-    rows = [Row("own files", f"{significant(own / 1e6)} MB", "", "", "size")]
+    peers = {}
     for peer in ("asammdf", "obspy"):
         its = needed(peer)
-        beside = (
-            f"{peer}: {significant(megabytes(its), 3)} MB, {len(its)} packages" if its else f"{peer} is not installed"
-        )
-        ratio = times(megabytes(its) / whole) if its else ""
-        ours = f"{significant(whole, 3)} MB, {len(names) + 1} packages"
-        rows.append(Row("installed, with all that it needs", ours, beside, ratio, "size"))
-    return rows
+        if its:
+            peers[peer] = (f"{significant(megabytes(its), 3)} MB, {len(its)} packages", megabytes(its) / whole)
+    ours = f"{significant(whole, 3)} MB, {len(names) + 1} packages, of which its own {significant(own / 1e6)} MB"
+    return [beside("installed, with all that it needs", ours, peers, "size")]

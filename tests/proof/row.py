@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 HEADINGS = {
@@ -27,6 +27,12 @@ class Row(NamedTuple):
     ratio: str
     name: str
     """Of the measurement, which `--only` takes."""
+
+
+def beside(what: str, ours: str, peers: Mapping[str, tuple[str, float]], name: str) -> Row:
+    """Return the row of several peers, each by its figure and how many times as good ours is."""
+    shown = "; ".join(f"{peer}: {figure}" for peer, (figure, _) in peers.items())
+    return Row(what, ours, shown, ", ".join(times(ratio) for _, ratio in peers.values()), name)
 
 
 def significant(value: float, digits: int = 2) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from tests.benchmarks import test_alignment_benchmark as aligning
 from tests.benchmarks import test_campaign_benchmark as campaigns
 from tests.benchmarks import test_coverage_benchmark as coverage
-from tests.proof.row import Row, significant, times
+from tests.proof.row import Row, beside, significant, times
 
 
 def alignment(quick: bool, _: Path) -> list[Row]:
@@ -21,14 +21,14 @@ def alignment(quick: bool, _: Path) -> list[Row]:
     error_s, bound_s = aligning.beside_its_bound(range(3 if quick else 200))
     ours = float(np.median(np.abs(found.errors_s["likelihood (this)"])))
     what = f"clock of a camera, {len(found.u_s)} shots: median error"
-    peers = {"whole frames": "correlation to a frame", "obspy pick correction": "obspy xcorr_pick_correction"}
-    rows = [Row(what, f"{significant(1e6 * ours)} µs", "obspy is not installed: extra `bench`", "", "alignment")]
-    medians = {name: float(np.median(np.abs(found.errors_s[name]))) for name in peers if name in found.errors_s}
-    if "obspy pick correction" in medians:
-        rows = []
-    for name, theirs in medians.items():
-        peer = f"{peers[name]}: {significant(1e6 * theirs)} µs"
-        rows.append(Row(what, f"{significant(1e6 * ours)} µs", peer, times(theirs / ours), "alignment"))
+    names = {"obspy pick correction": "obspy xcorr_pick_correction", "whole frames": "correlation to a frame"}
+    medians = {
+        one: float(np.median(np.abs(found.errors_s[name]))) for name, one in names.items() if name in found.errors_s
+    }
+    peers = {one: (f"{significant(1e6 * theirs)} µs", theirs / ours) for one, theirs in medians.items()}
+    rows = [beside(what, f"{significant(1e6 * ours)} µs", peers, "alignment")]
+    if len(peers) < len(names):
+        rows.append(Row(what, "", "obspy is not installed: extra `bench`", "", "alignment"))
     rows.append(
         Row(
             "clock of a camera: RMS error where only the camera is noisy",

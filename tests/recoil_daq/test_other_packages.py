@@ -121,7 +121,7 @@ class Raising(LvmReader):
 
 class Careless(LvmReader):
     def open(self, path: Path, declared: Declarations) -> Recording:
-        return super().open(path.with_name(path.read_text().split("\t")[99999]), declared)
+        return super().open(path.with_name(path.read_text(encoding="utf-8").split("\t")[99999]), declared)
 
 
 NOT_A_READER = SimpleNamespace(name="half", kind="dewetron", suffixes=(".half",))

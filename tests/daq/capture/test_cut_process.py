@@ -73,7 +73,9 @@ def test_a_fault_comes_back_as_one_line(tmp_path: Path) -> None:
 def test_nothing_is_made_for_an_acquisition_that_has_ended(
     journal: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(json.dumps(BEGUN.to_json()).encode())))
+    monkeypatch.setattr(
+        "sys.stdin", io.TextIOWrapper(io.BytesIO(json.dumps(BEGUN.to_json()).encode()), encoding="utf-8")
+    )
     nobody = os.getppid() + 1
     cut_process.main([str(journal), str(tmp_path / "out"), *map(str, SPAN_NS), str(nobody)])
     assert "the acquisition has ended meanwhile" in capsys.readouterr().out

@@ -37,7 +37,7 @@ class Failing(CsvExporter):
             return
         if self.error is not None:
             raise self.error
-        path.write_text(path.read_text().replace("\n0.0,", f"\n{self.wrong},", 1))
+        path.write_text(path.read_text(encoding="utf-8").replace("\n0.0,", f"\n{self.wrong},", 1), encoding="utf-8")
 
 
 def below(folder: Path) -> list[str]:
@@ -97,7 +97,7 @@ def test_a_name_that_is_taken_meanwhile_is_not_overwritten_and_the_others_are_ta
 
     def taken(temporary: Path, path: Path, *, overwrite: bool) -> None:
         if path.name == "7_can.csv":
-            path.write_text("theirs")
+            path.write_text("theirs", encoding="utf-8")
         give_name(temporary, path, overwrite=overwrite)
 
     monkeypatch.setattr(publication, "give_name", taken)
