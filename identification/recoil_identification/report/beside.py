@@ -16,6 +16,7 @@ from recoil_identification.firing_record import Curves
 from recoil_identification.report.campaign_figures import PANELS
 from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Trace
 from recoil_identification.report.rounding import NO_NUMBER, fixed, plain, rounded, significant
+from recoil_identification.reproduction import ELSEWHERE
 
 Array = NDArray[np.float64]
 
@@ -69,8 +70,8 @@ class Row:
 
     @property
     def differs(self) -> bool:
-        """Whether it is not the same in all."""
-        return any(value != self.values[0] for value in self.values[1:])
+        """Whether it is not the same in all, but for what rounding makes of a number on another computer."""
+        return not all(_same(value, self.values[0]) for value in self.values[1:])
 
     def to_json(self) -> dict[str, Any]:
         """Return it in JSON types."""
@@ -147,7 +148,9 @@ def results(laid: Sequence[Laid]) -> list[Row]:
     """List what the reports found."""
     u = [one.document["mass"].get("u") for one in laid]
     values = [one.document["mass"].get("value") for one in laid]
-    differences = [None if None in (value, values[0]) else value - values[0] for value in values]
+    differences = [
+        None if None in (value, values[0]) or _same(value, values[0]) else value - values[0] for value in values
+    ]
     by = [NO_NUMBER if one is None else _signed(significant(one, 3)) for one in differences]
     found = [
         _row(laid, "verdict", lambda d: "valid" if d["valid"] else "not valid"),
@@ -220,6 +223,14 @@ def _numbers(label: str, values: Sequence[Any], texts: Sequence[str]) -> Row:
     if row.differs and len(set(texts)) == 1:
         return Row(label, row.values, tuple(str(value) for value in values))
     return row
+
+
+def _same(one: Any, other: Any) -> bool:
+    if isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
+        return all(_same(a, b) for a, b in zip(one, other, strict=True))
+    if isinstance(one, float) and isinstance(other, float):
+        return math.isclose(one, other, rel_tol=ELSEWHERE)
+    return bool(one == other)
 
 
 def _shot_file(document: Mapping[str, Any]) -> str | None:
