@@ -42,7 +42,7 @@ NOMINAL = "nominal"
 UNDRAWN = {"gain_errors": False, "friction_error": False, "shot_to_shot": 0.0, "released_mass_kg": 0.0}
 """Of the virtual rig: nothing of the nominal shot is off."""
 RECORDED_S = 0.25
-"""From the first rise of the breech force on: recoils end before, and what comes after them says nothing of the mass."""
+"""From the first rise of the breech force on: recoils end before, and what comes after says nothing of the mass."""
 SIMULATED_SHARE = 0.2
 """Of the mass: what the second nominal shot carries, where no other added mass is asked for."""
 LARGEST_ADDED_SHARE = 2.0
