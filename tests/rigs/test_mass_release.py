@@ -227,10 +227,10 @@ def test_a_release_that_cannot_be_is_refused_with_its_key(settings: dict[str, fl
 
 
 @pytest.mark.parametrize("name", list(BEFORE))
-def test_where_nothing_lets_go_or_bends_shots_are_what_they_were_before_anything_could(
+def test_where_nothing_lets_go_or_bends_or_wanders_shots_are_what_they_were_before_anything_could(
     tmp_path: Path, name: str
 ) -> None:
-    rig = rig_with(name, sample_rate_hz=20e3, duration_s=0.3, tube_modes=0)
+    rig = rig_with(name, sample_rate_hz=20e3, duration_s=0.3, tube_modes=0, wander=0.0)
     still = rig.text.replace("u_zero_rel = 0, ", "").replace(", u_distortion_m = 1e-4", "")
     rig = parse_rig(still, rig.path)
     simulate_shot(rig, tmp_path / "a", seed=11, shot="0042")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from recoil_rigs import mechanism as model
 from recoil_rigs.assemble import in_si
 from recoil_rigs.rig import ChannelSpec, Sensor, find_rig, parse_rig
 from recoil_rigs.twin import draw_scene
-from recoil_rigs.twin.instruments import chain, digitise, generator, mix, sample, stress_waves
+from recoil_rigs.twin.instruments import chain, digitise, generator, mix, sample, stress_waves, wandering
 from recoil_rigs.twin.settings import TwinSettings
 from recoil_rigs.twin.sources import Scene, declared_unit, in_unit, to_file
 
@@ -71,6 +72,31 @@ def test_ringing_carries_no_net_velocity_and_no_net_displacement(seed: int) -> N
     assert np.abs(velocity[-1]) < 1e-6 * np.abs(velocity).max()
     assert np.abs(displacement[-1]) < 1e-4 * np.abs(displacement).max()
     assert not ringing[times < 0.05].any()
+
+
+def test_a_force_gauges_gain_wanders_within_a_shot_and_no_other_sensors() -> None:
+    scene = perfect_scene()
+    still, moving = (
+        replace(scene, settings=scene.settings.model_copy(update={"gain_errors": True, "wander": wander}))
+        for wander in (0.0, 2e-3)
+    )
+    times_s = scene.motion.times_s
+    for name in ("p_breech", "p_brake", "p_recuperator"):
+        before, after = (one.samples(scene.rig.channel(name), times_s) for one in (still, moving))
+        told = before > 0.01 * before.max()
+        wanders = (after[told] / before[told] - 1.0) / 2e-3
+        assert 0.6 < wanders.std() < 1.3, name
+        assert abs(wanders.mean()) < 0.5, name
+    accelerometer = scene.rig.channel("acc_recoil")
+    np.testing.assert_array_equal(*(one.samples(accelerometer, times_s) for one in (still, moving)))
+
+
+def test_what_wanders_keeps_its_size_and_forgets_itself_in_some_milliseconds() -> None:
+    curve = wandering(np.arange(0.0, 4.0, 5e-4), np.random.default_rng(3))
+    assert curve.std() == pytest.approx(0.9, abs=0.06)
+    later = [float(np.mean(curve[:-n] * curve[n:]) / curve.var()) for n in (1, 16)]
+    assert later[0] > 0.8
+    assert abs(later[1]) < 0.1
 
 
 def test_ringing_lies_between_900_and_4000_hertz_and_returns_at_later_knocks() -> None:

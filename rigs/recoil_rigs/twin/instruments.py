@@ -27,6 +27,8 @@ _MODES_HZ = (980.0, 1450.0, 2100.0, 2900.0, 3700.0)
 _KNOCKS = ((0.0, 1.0), (0.0063, 0.5), (0.015, 0.35), (0.086, 0.15))
 """Delay from the shot, s, and relative size of the knocks; the last one comes at the end of recoil."""
 _LAST_KNOCK = 0.08
+_WANDER_S = 2e-3
+"""Time after which a gauge's gain has wandered to another value."""
 
 
 def generator(seed: int, *names: str) -> np.random.Generator:
@@ -115,6 +117,20 @@ def mix(modes: Array, peak: float, rng: np.random.Generator) -> Array:
     weights = rng.normal(0.0, 1.0, len(modes)) * np.linspace(1.0, 0.6, len(modes))
     arrives = weights @ modes
     return np.asarray(peak / np.abs(arrives).max() * arrives, dtype=np.float64)
+
+
+def wandering(at_s: Array, rng: np.random.Generator) -> Array:
+    """Return what wanders within a shot: a smooth curve through draws of standard deviation 1, shape (n,).
+
+    Parameters
+    ----------
+    at_s : ndarray, shape (n,)
+        Instants, rising.
+    """
+    from scipy.interpolate import CubicSpline
+
+    nodes_s = np.arange(at_s[0], at_s[-1] + 2 * _WANDER_S, _WANDER_S)
+    return np.asarray(CubicSpline(nodes_s, rng.normal(0.0, 1.0, nodes_s.size))(at_s), dtype=np.float64)
 
 
 def _within_grid(filter_hz: float, step_s: float) -> bool:

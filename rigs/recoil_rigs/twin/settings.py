@@ -33,6 +33,9 @@ class TwinSettings(BaseModel):
     """True recoiling mass, kg; the mechanism's ``m3`` if left out."""
     gain_errors: bool = True
     """Whether each sensor's scale is off by a draw from its ``u_rel``."""
+    wander: NotNegative = 0.001
+    """Standard deviation by which a force gauge's gain wanders within a shot, where `gain_errors` are drawn: what is
+    left of straightness, of hysteresis and of the mechanism's own give."""
     friction_error: bool = True
     """Whether the true packing friction is off by a draw from ``u_friction``."""
 

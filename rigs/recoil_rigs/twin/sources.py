@@ -18,7 +18,7 @@ from recoil_rigs.rig import ChannelSpec, Rig, Source
 from recoil_rigs.rig_tables import SHOT_PLACE
 from recoil_rigs.twin.campaign import PlannedShot
 from recoil_rigs.twin.files import dewesoft_text, track_text
-from recoil_rigs.twin.instruments import chain, digitise, generator, mix, sample, truth
+from recoil_rigs.twin.instruments import chain, digitise, generator, mix, sample, truth, wandering
 from recoil_rigs.twin.motion import Motion
 from recoil_rigs.twin.settings import TwinSettings
 
@@ -126,6 +126,8 @@ class Scene:
             if peak > 0:
                 feels = feels + mix(self.modes, peak, rng)
             stored = sample(chain(feels, float(times[1]), spec.sensor), times, at_s, spec.sensor)
+        if self.settings.wander and self.settings.gain_errors and role.endswith("_pressure"):
+            stored = stored * (1.0 + self.settings.wander * wandering(at_s, generator(self.seed, "wander", spec.name)))
         after_shot = at_s >= motion.t_fire_s
         full_range = _range_in_file(spec)
         stored = to_file(stored, spec)
