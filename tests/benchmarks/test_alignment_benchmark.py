@@ -18,7 +18,7 @@ from recoil_processing.alignment.motion_alignment import MotionFit, align_motion
 from recoil_processing.alignment.velocity_lag import camera_velocity, span_frames
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.filters import LowPass
-from tests.builders.beside import Beside, fastest_s
+from tests.builders.beside import Beside, in_turns
 from tests.builders.motions import record_motion, travel, velocity
 from tests.builders.tracked_shots import TrackedShot, track_shot
 
@@ -67,11 +67,11 @@ def filtered_beside_scipy(n_samples: int, *, rounds: int = 5) -> dict[str, Besid
     padding = {"axis": 0, "padtype": "odd", "padlen": continued}
     ours = low_pass.apply(table, rate_hz)
     assert np.allclose(ours, sosfiltfilt(sections, table, **padding), rtol=0, atol=1e-12 * np.abs(table).max())
-    ours_s = fastest_s(lambda: low_pass.apply(table, rate_hz), rounds)
-    return {
-        "sosfiltfilt": Beside(ours_s, fastest_s(lambda: sosfiltfilt(sections, table, **padding), rounds)),
-        "filtfilt": Beside(ours_s, fastest_s(lambda: filtfilt(*polynomials, table, **padding), rounds)),
+    peers = {
+        "sosfiltfilt": lambda: sosfiltfilt(sections, table, **padding),
+        "filtfilt": lambda: filtfilt(*polynomials, table, **padding),
     }
+    return {name: in_turns(lambda: low_pass.apply(table, rate_hz), peer, rounds) for name, peer in peers.items()}
 
 
 def test_eight_channels_of_a_million_samples_are_filtered(capsys):

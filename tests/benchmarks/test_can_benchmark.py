@@ -23,7 +23,7 @@ from recoil_acquisition.readers.can.mdf import read_mdf
 from recoil_acquisition.readers.can.messages import load_database
 from recoil_acquisition.readers.can.recording import CanRecording
 from recoil_acquisition.readers.reader import Declarations
-from tests.builders.beside import Beside, fastest_s
+from tests.builders.beside import Beside, fastest_s, in_turns
 from tests.builders.mdf_logs import bus_log
 
 FRAMES = 100_000
@@ -77,7 +77,7 @@ def read_beside_python_can(folder: Path, suffix: str, frames: int, *, rounds: in
             return sum(1 for _ in log)
 
     assert pythons() == read(path).frames.key.size == frames
-    return Beside(fastest_s(lambda: read(path), rounds), fastest_s(pythons, max(rounds // 2, 1)))
+    return in_turns(lambda: read(path), pythons, rounds)
 
 
 def decoded_beside_cantools(frames: int, *, rounds: int = 5) -> Beside:
@@ -94,7 +94,7 @@ def decoded_beside_cantools(frames: int, *, rounds: int = 5) -> Beside:
         return [messages[i % 2].decode(frame, decode_choices=False) for i, frame in enumerate(each)]  # type: ignore[misc]
 
     np.testing.assert_allclose(ours()[0], [frame["s0"] for frame in theirs()[::2]], rtol=1e-12)
-    return Beside(fastest_s(ours, rounds), fastest_s(theirs, max(rounds // 2, 1)))
+    return in_turns(ours, theirs, rounds)
 
 
 def extracted_beside_asammdf(folder: Path, frames: int, *, rounds: int = 5) -> tuple[Beside, float]:
@@ -120,7 +120,7 @@ def extracted_beside_asammdf(folder: Path, frames: int, *, rounds: int = 5) -> t
 
         extracted = theirs()  # warm
         np.testing.assert_allclose(extracted.get("s1", group=0).samples, ours(log)[1], rtol=1e-12)
-        took = Beside(fastest_s(lambda: ours(log), rounds), fastest_s(theirs, max(rounds // 2, 1)))
+        took = in_turns(lambda: ours(log), theirs, rounds)
     return took, fastest_s(lambda: ours(read_mdf(path)), max(rounds // 2, 1))
 
 

@@ -100,5 +100,5 @@ def filters(quick: bool, _: Path) -> list[Row]:
     speeds = {
         f"scipy {name}": (f"{significant(8.0 * count / one.theirs_s / 1e6)}", one.times) for name, one in took.items()
     }
-    ours = f"{significant(8.0 * count / took['sosfiltfilt'].ours_s / 1e6)} million samples/s"
+    ours = f"{significant(8.0 * count / min(one.ours_s for one in took.values()) / 1e6)} million samples/s"
     return [beside("zero-phase low-pass, 8 channels, same result", ours, speeds, "filters")]
