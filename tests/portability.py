@@ -53,9 +53,12 @@ class Environment:
         return run(self.python.with_name(f"recoil-daq{SUFFIX}"), *words, cwd=self.work, code=code)
 
     def demonstrate(self) -> str:
-        """Run the demonstration, and return its last line."""
-        shutil.rmtree(self.work / "demo", ignore_errors=True)
-        return self.command("demo").splitlines()[-1]
+        """Run the demonstration, and a command whose options may be repeated; return the last line of the former."""
+        for written in ("demo", "again"):
+            shutil.rmtree(self.work / written, ignore_errors=True)
+        last = self.command("demo").splitlines()[-1]
+        self.command("identify", SHOT, "--out", "again")
+        return last
 
 
 def run(*words: object, cwd: Path, code: int = 0) -> str:
