@@ -131,8 +131,10 @@ class Candidate:
     @property
     def name(self) -> str:
         """Of its column."""
-        last = {OUTLIER: self.at, STEP: -1}.get(self.kind)
-        last = int(np.flatnonzero(self.level)[-1]) if last is None else last
+        if self.level is None:
+            last = self.at if self.kind == OUTLIER else -1
+        else:
+            last = int(np.flatnonzero(self.level)[-1])
         return f"{self.kind}: {self.influence}, {self.names[self.at]} to {self.names[last]}"
 
     def __str__(self) -> str:
