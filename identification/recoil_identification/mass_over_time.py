@@ -161,11 +161,12 @@ def mass_constancy(calibration: Calibration) -> MassConstancy | None:
     instants = np.linspace(onset_s + first_s, end_s - last_s, INSTANTS)
     drift = ramps(regression.times_s, regression.interval_s, 1)
     scores = _scores(calibration, np.column_stack([drift, _steps(regression, instants)]))
-    if scores is None or not (scores.told[0] and scores.told[1:].any()):
+    if scores is None or not scores.told[0] or np.count_nonzero(scores.told) < 2:
         return None
-    told = np.flatnonzero(scores.told[1:])
-    instants, z = instants[told], scores.normalised[1 + told]
-    largest = _largest_by_chance(scores.correlation[np.ix_(1 + told, 1 + told)])
+    # the drift comes first
+    steps = np.flatnonzero(scores.told)[1:]
+    instants, z = instants[steps - 1], scores.normalised[steps]
+    largest = _largest_by_chance(scores.correlation[np.ix_(steps, steps)])
     best = int(np.argmax(np.abs(z)))
     p_step = (1 + float((largest >= abs(z[best])).sum())) / (largest.size + 1)
     p_drift = math.erfc(abs(scores.normalised[0]) / math.sqrt(2.0))
@@ -235,9 +236,9 @@ def _steps(regression: Regression, instants_s: Array) -> Array:
 def _largest_by_chance(correlation: Array, seed: int = SEED) -> Array:
     """Draw the largest departure of rows that hold nothing but their errors."""
     values, vectors = np.linalg.eigh(correlation)
-    kept = values > 1e-10 * values[-1]
-    drawn = np.random.default_rng(seed).standard_normal((DRAWS, int(kept.sum())))
-    departures = (vectors[:, kept] * np.sqrt(values[kept])) @ drawn.T
+    drawn = np.random.default_rng(seed).standard_normal((DRAWS, values.size))
+    # round-off may leave the smallest eigenvalues a little below zero
+    departures = (vectors * np.sqrt(np.abs(values))) @ drawn.T
     return np.asarray(np.maximum(departures.max(axis=0), -departures.min(axis=0)))
 
 

@@ -111,6 +111,7 @@ def test_what_a_departure_is_measured_by_is_its_size_in_a_new_fit_over_its_uncer
     size = change(0).name
     assert one is not None
     assert one.normalised_drift == pytest.approx(anew.value(size) / anew.u(size), abs=0.05)
+    assert one.p_drift == pytest.approx(math.erfc(abs(one.normalised_drift) / math.sqrt(2.0)), rel=1e-9)
 
 
 @pytest.mark.parametrize("low_pass", [LowPass(300.0), None], ids=["filtered", "as recorded"])
@@ -129,6 +130,13 @@ def test_steps_are_tried_from_2_percent_of_the_travel_to_6_before_its_end_each_a
         anew = calibration.with_changes(column.astype(np.float64)).inferred
         sizes.append(anew.value(change(0).name) / anew.u(change(0).name))
     assert abs(one.normalised_step) == pytest.approx(np.abs(sizes).max(), rel=0.02)
+
+
+def test_the_largest_of_many_steps_is_likelier_by_chance_than_one_and_less_than_that_many_that_are_independent():
+    one = mass_constancy(calibrated(shot(0, stepping(0.06, -0.02))))
+    assert one is not None
+    alone = math.erfc(abs(one.normalised_step) / math.sqrt(2.0))
+    assert 2 * alone < one.p_step < 40 * alone < 0.2
 
 
 def test_a_gauge_that_may_be_off_explains_what_else_would_be_a_change():
@@ -152,6 +160,37 @@ def test_the_walk_holds_masses_that_drift_and_step():
 def test_the_walk_is_least_certain_at_its_end():
     found = mass_over_time(calibrated(shot(5)))
     assert found.u_kg[-1] > 1.5 * found.u_kg.min()
+
+
+def test_the_walk_has_twelve_pieces_and_may_change_by_three_percent_over_the_travel():
+    calibration = calibrated(shot(4, drifting(-0.03)))
+    r, found = calibration.block.regression, mass_over_time(calibration)
+    shapes = ramps(r.times_s, r.interval_s, 12)
+    inferred = calibration.with_changes(shapes, 0.03 / math.sqrt(12)).inferred
+    names = [MASS.name, *(change(i).name for i in range(12))]
+    at = [[one.name for one in inferred.unknowns].index(name) for name in names]
+    covariance, last = inferred.covariance[np.ix_(at, at)], np.append(1.0, shapes[r.inside][-1])
+    assert found.mass_kg[-1] / found.mass_kg[0] == pytest.approx(math.exp(inferred.values[at[1:]] @ last[1:]), rel=1e-6)
+    assert found.u_kg[0] == pytest.approx(found.mass_kg[0] * math.sqrt(covariance[0, 0]), rel=1e-6)
+    assert found.u_kg[-1] == pytest.approx(found.mass_kg[-1] * math.sqrt(last @ covariance @ last), rel=1e-6)
+
+
+@pytest.mark.parametrize("at_s", [0.0585, 0.06, 0.0615])
+def test_the_interval_of_a_steps_instant_is_the_one_that_new_fits_give_it(at_s):
+    calibration = calibrated(shot(0, stepping(at_s, -0.05)))
+    r, one = calibration.block.regression, mass_constancy(calibration)
+    assert one is not None
+    apart_s = (r.interval_s[1] - r.interval_s[0]) / 48
+    instants = np.arange(one.instant_s - 2.5 * apart_s, one.instant_s + 2.5 * apart_s, 1e-4)
+    log_likelihood = []
+    for instant_s in instants:
+        step = np.clip((r.times_s - instant_s) / r.step_s + 0.5, 0.0, 1.0)
+        anew = calibration.with_changes(LowPass(300.0).apply(step, r.rate_hz)[:, np.newaxis]).inferred
+        log_likelihood.append(0.5 * (anew.value(change(0).name) / anew.u(change(0).name)) ** 2)
+    risen = np.cumsum(np.exp(np.array(log_likelihood) - max(log_likelihood)))
+    low, high = np.interp([0.025, 0.975], risen / risen[-1], instants)
+    assert one.instant_s == pytest.approx(instants[int(np.argmax(log_likelihood))], abs=2e-4)
+    assert one.interval_s == pytest.approx((low, high), abs=0.1 * (high - low) + 1e-4)
 
 
 def test_a_walk_that_may_not_move_is_the_constant_mass():
@@ -203,7 +242,9 @@ def test_the_largest_of_many_steps_counts_for_less_than_what_was_known_before(st
     assert one.normalised_residual == pytest.approx(size, abs=0.005)
 
 
-@pytest.mark.parametrize(("p_step", "p_drift", "p_value"), [(0.004, 0.5, 0.008), (0.5, 0.004, 0.008), (0.7, 0.8, 1.0)])
+@pytest.mark.parametrize(
+    ("p_step", "p_drift", "p_value"), [(0.004, 0.5, 0.008), (0.5, 0.004, 0.008), (0.7, 0.8, 1.0), (0.0105, 0.5, 0.021)]
+)
 def test_of_two_tests_the_rarer_counts_twice(p_step, p_drift, p_value):
     one = replace(constancy_of_a_step(), p_step=p_step, p_drift=p_drift)
     assert one.p_value == pytest.approx(p_value)

@@ -85,16 +85,20 @@ def angular_motion(signals: Signals, rig: Rig) -> AngularMotion:
     smooth1, smooth2 = low_pass.apply(w1, signals.rate_hz), low_pass.apply(w2, signals.rate_hz)
     if "tipping_rate" not in signals.series:
         smooth2 = smooth1
-    spec = rig.by_role("carriage_acceleration_x")
-    r_x, r_y = spec.sensor.position if spec is not None else (0.0, 0.0)
+    r_x, r_y = _position(rig, "carriage_acceleration_x")
+    rest = {
+        "carriage_acceleration_x": mechanism.g * np.sin(mechanism.phi10),
+        "carriage_acceleration_y": mechanism.g * np.cos(mechanism.phi10),
+    }
+    f_x, f_y = (bridge(signals.get(role, level), otherwise=level) for role, level in rest.items())
     return AngularMotion(
         w1=smooth1,
         w2=smooth2,
         dw1=np.gradient(smooth1, signals.step_s),
         dw2=np.gradient(smooth2, signals.step_s),
         beta=integrate(smooth2 - smooth1, signals.step_s),
-        f_x=bridge(signals.get("carriage_acceleration_x", mechanism.g * np.sin(mechanism.phi10)), otherwise=0.0),
-        f_y=bridge(signals.get("carriage_acceleration_y", mechanism.g * np.cos(mechanism.phi10)), otherwise=0.0),
+        f_x=f_x,
+        f_y=f_y,
         r_x=r_x,
         r_y=r_y,
     )
@@ -102,8 +106,7 @@ def angular_motion(signals: Signals, rig: Rig) -> AngularMotion:
 
 def inertial_acceleration(signals: Signals, rig: Rig, motion: AngularMotion) -> Array:
     """Return a' of equation (36) by the accelerometer on the recoiling part, m/s^2, shape (n,); NaN where lost."""
-    spec = rig.by_role("recoil_acceleration")
-    r5, r6 = spec.sensor.position if spec is not None else (0.0, 0.0)
+    r5, r6 = _position(rig, "recoil_acceleration")
     return specific_acceleration_inertial(signals.series["recoil_acceleration"], motion.w2, motion.dw2, r5, r6)
 
 
@@ -253,6 +256,12 @@ def fused_motion(
         bridged=bridged_samples(signals),
     )
     return None if isinstance(fused, str) else fused
+
+
+def _position(rig: Rig, role: str) -> tuple[float, float]:
+    """Return where the sensor of a role sits, m; the origin where there is none."""
+    spec = rig.by_role(role)
+    return (0.0, 0.0) if spec is None else spec.sensor.position
 
 
 def _likely_densities(signals: Signals, acceleration: Array) -> list[float]:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from recoil_acquisition.shot import ClockAlignment
 from recoil_processing.alignment.align import judge_motion
 from recoil_processing.alignment.motion_alignment import MotionFit, align_motion
+from recoil_processing.noise import noise_sigma
 from tests.builders.motions import ONSET_S, RecordedMotion, record_motion, travel, velocity
 from tests.builders.shared_data import shared_file
 
@@ -252,6 +253,31 @@ def test_a_zero_that_was_never_taken_off_costs_the_offset_nothing_but_is_told(bi
 def test_a_zero_so_far_off_that_it_hides_the_motion_fails(bias_m_s2):
     motion = record_motion(5, bias_m_s2=bias_m_s2)
     assert verdict_on(motion, align(motion)).status == "failed"
+
+
+def test_gain_and_bias_are_as_uncertain_and_as_alike_as_a_regression_on_the_true_motion_has_it():
+    motion = record_motion(19, bias_m_s2=0.0, acceleration_sigma_m_s2=1e-3)
+    fit = fit_of(motion)
+    times_s = motion.camera_times_s + motion.offset_s
+    since, moves = motion.camera_times_s - fit.origin_s, velocity(times_s)
+    columns = [travel(times_s) / motion.gain, np.ones_like(since), since, 0.5 * since**2, moves, moves * since]
+    information = np.array([[a @ b for a in columns] for b in columns]) / fit.marker_sigma_m**2
+    information[5, 5] += 5e-5**-2
+    covariance = np.linalg.inv(information) * max(1.0, fit.innovation_statistic)
+    u = np.sqrt(np.diag(covariance))
+    assert (fit.u_gain, fit.u_bias_m_s2, fit.u_drift) == pytest.approx((u[0], u[3], u[5]), rel=0.02)
+    assert fit.gain_bias_correlation == pytest.approx(covariance[0, 3] / (u[0] * u[3]), rel=0.02)
+
+
+@pytest.mark.parametrize(("sigmas", "moves"), [(19.0, False), (21.0, True)])
+def test_a_marker_must_move_by_twenty_times_its_noise(sigmas, moves):
+    motion = record_motion(20)
+    noise = record_motion(20, pulses=()).displacement_m
+    later = np.arange(noise.size) >= noise.size // 2
+    sigma_m = noise_sigma(noise + 20 * motion.marker_sigma_m * later)
+    stroke_m = sigmas * sigma_m - (noise[later].max() - noise[~later].min())
+    found = align(replace(motion, displacement_m=noise + stroke_m * later))
+    assert (isinstance(found, str) and "does not move" in found) is not moves
 
 
 def shifted_from_the_onset(motion: RecordedMotion, by_m_s2: float) -> RecordedMotion:

@@ -7,13 +7,17 @@ import pytest
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.shot import ClockAlignment
 from recoil_identification.analysis import Options, identify_shot
+from recoil_processing.alignment.motion_alignment import INFLATIONS
 from recoil_processing.double_integral import integrate
 from recoil_processing.motion.fusion import FusedMotion
+from recoil_processing.noise import noise_sigma
+from recoil_processing.repairs.bridged_gaps import bridge_errors
 from recoil_processing.shot.kinematics import (
     MOST_KICKS,
     angular_motion,
     bridged_kicks,
     fused_motion,
+    relative_to_tipping_part,
     travel_acceleration,
     travel_and_velocity,
 )
@@ -62,9 +66,24 @@ def test_the_fused_motion_is_the_true_one_within_its_uncertainty_and_the_cameras
 
 def test_an_alignment_that_tells_no_noise_levels_is_enough():
     told, found = fuse_all(), fuse_all(method="trigger", details=None)
+    assert told.acceleration_density == tracked()[4].details["acceleration_density"]
     assert 0.3 < found.acceleration_density / told.acceleration_density < 5
     assert np.abs(found.velocity_m_s - told.velocity_m_s).max() < 0.02
     assert np.abs(found.position_m - told.position_m).max() < 1e-4
+
+
+@pytest.mark.parametrize(("samples", "sigma_m_s2"), [(49, None), (50, 4.0), (51, 4.0), (50, 0.0)])
+def test_the_accelerometers_noise_is_that_of_fifty_samples_before_the_shot_or_else_of_the_record(samples, sigma_m_s2):
+    _, signals, acceleration, camera, alignment = tracked()
+    start_s = signals.times_s[10] - 0.5 * signals.step_s
+    short = replace(signals, baseline_s=(start_s, start_s + samples * signals.step_s))
+    felt = acceleration.copy()
+    felt[10 : 10 + samples] = (sigma_m_s2 or 0.0) * np.where(np.arange(samples) % 2, 1.0, -1.0)
+    sigma = noise_sigma(felt) if sigma_m_s2 is None else max(float(np.std(felt[10 : 10 + samples])), 1e-6)
+    found = fused_motion(short, felt, camera, replace(alignment, details=None))
+    assert found is not None
+    inflations = found.acceleration_density / (sigma**2 * signals.step_s)
+    assert min(abs(inflations / one - 1.0) for one in INFLATIONS) < 1e-9
 
 
 def test_what_is_not_known_of_the_clocks_widens_the_uncertainty():
@@ -90,6 +109,7 @@ def test_lost_samples_of_the_accelerometer_are_marked():
 def test_without_a_camera_or_its_clock_it_is_the_accelerometers_integral():
     _, signals, acceleration, camera, alignment = tracked()
     velocity = integrate(acceleration, signals.step_s)
+    still = replace(camera, samples=np.zeros(camera.time_base.count))
     dark = replace(camera, samples=np.full(camera.time_base.count, np.nan))
     for seen, clock in (
         (None, None),
@@ -98,6 +118,7 @@ def test_without_a_camera_or_its_clock_it_is_the_accelerometers_integral():
         (camera, replace(alignment, offset_s=1e3)),
         (dark, alignment),
         (dark, replace(alignment, details=None)),
+        (still, replace(alignment, details=None)),
     ):
         assert fused_motion(signals, acceleration, seen, clock) is None
         found = travel_and_velocity(None, acceleration, signals.step_s)
@@ -113,6 +134,17 @@ def test_the_mass_by_the_camera_is_as_good_on_a_slow_recorder():
         masses.append(found.results["kinematic"].estimate.mass_kg)
     # two gradients one after the other would differ by 3 kg
     assert masses[0] == pytest.approx(masses[1], abs=2.4)
+
+
+def test_a_part_that_is_held_does_not_move_until_it_is_free():
+    virtual, signals, acceleration, *_ = tracked()
+    free = np.where(signals.times_s < virtual.truth["t_fire"], 0.0, 1.0)
+    motion = angular_motion(signals, virtual.rig)
+    inertial = np.nan_to_num(signals.series["recoil_acceleration"])
+    always = relative_to_tipping_part(inertial, virtual.rig.mechanism, motion, signals.step_s)
+    held = relative_to_tipping_part(inertial, virtual.rig.mechanism, motion, signals.step_s, free)
+    assert not held[free == 0.0].any()
+    np.testing.assert_allclose(held[free == 1.0], always[free == 1.0], atol=1e-3 * np.abs(acceleration).max())
 
 
 # ---- what the gyros and the carriage's accelerometers tell, and what is taken where they are missing
@@ -132,6 +164,28 @@ def test_the_tipping_part_turns_on_the_carriage_by_the_integral_of_both_rates():
     inside = slice(signals.times_s.size // 10, -signals.times_s.size // 10)
     np.testing.assert_allclose(motion.w2[inside], 0.5 * slow[inside], atol=1e-3)
     np.testing.assert_allclose(np.gradient(motion.beta, signals.step_s)[inside], 0.3 * slow[inside], atol=1e-3)
+
+
+def test_angular_rates_pass_a_low_pass_of_150_hz():
+    virtual, signals, *_ = tracked()
+    fast = np.sin(2 * np.pi * 150.0 * signals.times_s)
+    motion = angular_motion(signals_with(carriage_rate=fast), virtual.rig)
+    inside = slice(signals.times_s.size // 10, -signals.times_s.size // 10)
+    assert np.std(motion.w1[inside]) == pytest.approx(np.std(fast[inside]) / np.sqrt(2.0), rel=0.01)
+
+
+def test_rates_that_were_lost_throughout_are_none_and_accelerations_those_of_rest():
+    virtual, signals, *_ = tracked()
+    lost = np.full(signals.times_s.size, np.nan)
+    mechanism = replace(virtual.rig.mechanism, phi10=0.1)
+    nothing = signals_with(
+        carriage_rate=lost, tipping_rate=lost, carriage_acceleration_x=lost, carriage_acceleration_y=lost
+    )
+    motion = angular_motion(nothing, replace(virtual.rig, mechanism=mechanism))
+    assert not motion.w1.any()
+    assert not motion.w2.any()
+    np.testing.assert_allclose(motion.f_x, mechanism.g * np.sin(0.1))
+    np.testing.assert_allclose(motion.f_y, mechanism.g * np.cos(0.1))
 
 
 def test_without_a_gyro_on_the_tipping_part_it_turns_with_the_carriage():
@@ -166,10 +220,13 @@ def test_a_bridge_that_may_kick_the_velocity_is_known_by_its_middle():
     _, signals, acceleration, *_ = tracked()
     felt = signals.series["recoil_acceleration"].copy()
     peak = int(np.argmax(np.abs(np.where(np.isfinite(felt), felt, 0.0))))
-    felt[peak : peak + 20] = np.nan
+    felt[peak : peak + 60] = np.nan
     assert bridged_kicks(signals, acceleration) == ()
-    (kick_s,) = bridged_kicks(signals_with(recoil_acceleration=felt), acceleration)
-    assert kick_s == pytest.approx(signals.times_s[peak] + 10 * signals.step_s, abs=1.01 * signals.step_s)
+    holed = signals_with(recoil_acceleration=felt)
+    (kick_s,) = bridged_kicks(holed, acceleration)
+    assert kick_s == pytest.approx(signals.times_s[peak] + 30 * signals.step_s, abs=1.01 * signals.step_s)
+    (later_s,) = bridged_kicks(replace(holed, start_s=signals.start_s + 2.0), acceleration)
+    assert later_s == pytest.approx(kick_s + 2.0)
 
 
 def test_of_many_kicks_the_six_worst_are_taken_in_their_order():
@@ -182,3 +239,9 @@ def test_of_many_kicks_the_six_worst_are_taken_in_their_order():
     kicks = bridged_kicks(signals_with(recoil_acceleration=felt), acceleration)
     assert len(kicks) == MOST_KICKS == 6
     assert list(kicks) == sorted(kicks)
+    gaps = bridge_errors(acceleration, np.isnan(felt), signals.step_s)
+    least = sorted(g.error * g.duration_s for g in gaps)[3:]
+    taken = [
+        g.error * g.duration_s for g in gaps if any(abs(k - signals.start_s - g.start_s) < g.duration_s for k in kicks)
+    ]
+    assert sorted(taken) == pytest.approx(least)
