@@ -26,7 +26,8 @@
     const bytes = await bytesOf(id), end = 4 + new DataView(bytes.buffer).getUint32(0, true);
     const arrays = bytes.subarray(end);
     return JSON.parse(new TextDecoder().decode(bytes.subarray(4, end)),
-      (_, value) => (value && value.packed ? arrayOf(arrays, ...value.packed) : value));
+      // a column of somebody's shot log may bear this name, too
+      (_, value) => (Array.isArray(value?.packed) ? arrayOf(arrays, ...value.packed) : value));
   };
 
   for (const term of document.querySelectorAll("abbr[title]")) {

@@ -85,7 +85,9 @@ def unpacked(text: str) -> Any:
     end = 4 + int.from_bytes(content[:4], "little")
 
     def filled(value: dict[str, Any]) -> Any:
-        return _get(content[end:], *value["packed"]) if "packed" in value else value
+        # a column of somebody's shot log may bear this name, too
+        place = value.get("packed")
+        return _get(content[end:], *place) if isinstance(place, list) else value
 
     return json.loads(content[4:end], object_hook=filled)
 

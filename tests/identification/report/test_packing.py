@@ -68,3 +68,10 @@ def test_text_of_any_kind_comes_again_and_the_same_document_gives_the_same_bytes
     assert unpacked(packed(document)) == document
     assert packed(document) == packed(document)
     assert set(packed(document)) < set("ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/=")
+
+
+def test_a_key_that_is_called_as_packed_arrays_are_is_no_array():
+    document = {"shot_log": {"shot": "0001", "packed": "12 rings"}, "x": np.arange(100.0)}
+    found = unpacked(packed(document))
+    assert found["shot_log"] == document["shot_log"]
+    np.testing.assert_array_equal(found["x"], document["x"])

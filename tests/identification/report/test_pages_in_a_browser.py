@@ -11,6 +11,7 @@ from recoil_identification.report.campaign_document import campaign_document
 from recoil_identification.report.campaign_figures import campaign_figures
 from recoil_identification.report.figures import report_figures
 from recoil_identification.report.html import PAGE_NAME, render_campaign_page, render_page
+from recoil_identification.report.packing import finite
 from recoil_identification.report.page_files import write_page, write_script
 from tests.builders.browsers import find_browser, visit
 from tests.builders.campaign_summaries import campaign_of
@@ -20,6 +21,8 @@ from tests.identification.report.test_report_html import a_report
 CONTROL = "http://127.0.0.1:9/asked-on-purpose.png"
 """What the last page is made to ask for, so that it is known to be seen."""
 TELEPHONE_PX, SCREEN_PX = 390, 1400
+LOGGED = a_report(shot_log={"shot": "0001", "packed": "12 rings"})
+"""With a column of its own that is called as a page calls its arrays."""
 LOOK = """
 const wait = async (until) => {
   for (let k = 0; k < 300 && !until(); k++) await new Promise((next) => setTimeout(next, 20));
@@ -68,6 +71,14 @@ for (const button of buttons) {
   await new Promise((next) => setTimeout(next, 300));
   found.switched[button.dataset.show] = shown();
 }
+const save = document.getElementById("save");
+if (save) {
+  let kept;
+  URL.createObjectURL = (blob) => { kept = blob; return "#"; };
+  HTMLAnchorElement.prototype.click = () => {};
+  save.click();
+  found.saved = JSON.parse(await kept.text());
+}
 return found;
 """
 
@@ -80,7 +91,7 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     reports = tmp_path_factory.mktemp("reports")
     figures = report_figures(identified("mixed"))
     shot = write_page(reports / "0001", render_page(a_report(), figures), PAGE_NAME)
-    alone = write_page(reports / "moved" / "deeper", render_page(a_report(), figures[:1], standalone=True), PAGE_NAME)
+    alone = write_page(reports / "moved" / "deeper", render_page(LOGGED, figures[:1], standalone=True), PAGE_NAME)
     lost = write_page(reports / "moved" / "lost", render_page(a_report(), figures[:1]), PAGE_NAME)
     write_script(reports)
     campaign = combine(campaign_of((0.0, 120.0) * 3, seed=4).shots)
@@ -149,3 +160,7 @@ def test_the_switch_shows_what_was_recorded_or_filtered_or_both(seen: dict[str, 
     assert switched["recorded"] == [True, "legendonly"] * 3
     assert switched["filtered"] == ["legendonly", True] * 3
     assert switched["both"] == [True, True] * 3
+
+
+def test_the_report_that_a_page_saves_is_the_one_that_it_was_made_of(seen: dict[str, Any]) -> None:
+    assert seen["alone"]["found"]["saved"] == finite(LOGGED)
