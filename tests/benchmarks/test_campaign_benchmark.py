@@ -342,7 +342,7 @@ def apart(name: str, size: float) -> Callable[[int], Mapping[str, float]]:
 
 PLANTED: tuple[tuple[str, str, float, Callable[[int], Mapping[str, float]], str, float], ...] = (
     ("-4 kg at shot 5", "mass step", -4.0, lambda _: {}, "mass", 0.95),
-    ("-2 kg at shot 5", "mass step", -2.0, lambda _: {}, "mass", 0.85),
+    ("-2 kg at shot 5, or a shot beside", "mass step", -2.0, lambda _: {}, "mass", 0.85),
     ("breech drifts by 1 %", "sensor drift", 0.0, drifting("ln breech_pressure", 0.01), "breech_pressure", 0.9),
     # what eight shots tell of the brake's drift is uncertain by 0.3 %: such a one is at the limit
     ("brake drifts by 1 %", "sensor drift", 0.0, drifting("ln brake_pressure", 0.01), "brake_pressure", 0.0),
@@ -361,7 +361,10 @@ def test_what_was_planted_is_found(capsys, ringed, what, kind, step_kg, moved, i
         changes = combine(shots).changes
         found += bool(changes)
         right = [one for one in changes[:1] if one.kind == kind and one.influence.startswith(influence)]
-        placed = [one for one in right if kind != "mass step" or one.shots[0] == shots[SHOTS // 2].name]
+        # the shot at which a step of three of a shot's own u begins is told to one
+        near = 1 if "beside" in what else 0
+        at = {shot.name: abs(i - SHOTS // 2) for i, shot in enumerate(shots)}
+        placed = [one for one in right if kind != "mass step" or at[one.shots[0]] <= near]
         named += bool(placed)
         sizes += [(one.size, one.u) for one in placed]
     true = step_kg or float(what.split()[-2]) / 100
