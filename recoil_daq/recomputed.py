@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from decimal import Decimal
+from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Any
 
@@ -130,7 +129,11 @@ def _other_digits(content: bytes) -> tuple[str, ...]:
 
     def look(numeral: str) -> float:
         number = float(numeral)
-        if math.isfinite(number) and Decimal(numeral) != Decimal(repr(number)):
+        try:
+            same = Decimal(numeral) == Decimal(repr(number))
+        except InvalidOperation:  # an exponent of twenty digits
+            same = False
+        if not same:
             found.append(numeral)
         return number
 

@@ -23,7 +23,7 @@ from recoil_acquisition.store import read_shot, write_shot
 from recoil_daq import Options, check_reports, explain, identify_file, identify_folder, load_rig
 from recoil_daq import recomputed as again
 from recoil_daq.fired import Fired
-from recoil_daq.recomputed import Kept, recompute
+from recoil_daq.recomputed import Kept, _other_digits, recompute
 from recoil_identification.analysis import Identification
 from recoil_identification.report.seal import sealed
 from recoil_identification.reproduction import leaves_of
@@ -256,6 +256,7 @@ def test_a_digit_beyond_the_last_one_that_counts_is_found(copied: Path) -> None:
     path.write_text(path.read_text("utf-8").replace(f'"value": {value}', f'"value": {value}001', 1), encoding="utf-8")
     (difference,) = explain(path).differences
     assert str(difference) == f"a number of report.json: {value}001 in the report, {value} again"
+    assert _other_digits(b"[0.5, 1e3, 0e99999999999999999999]") == ("0e99999999999999999999",)
 
 
 @pytest.mark.parametrize("name", ["mass.csv", "curves.csv"])

@@ -40,6 +40,8 @@ TRACE_COLUMNS = ("time_s", "mass_kg", "u_kg", "identified")
 
 LARGEST_REPORT = 64_000_000
 """Bytes of a report.json, beyond which it is none."""
+DEEPEST = 32
+"""Levels of a report.json, one in another, beyond which it is none."""
 LARGEST_TRACE = 1_000_000_000
 """Bytes of a mass.csv, beyond which it is none."""
 LARGEST_CURVES = 1_000_000
@@ -439,13 +441,14 @@ def read_document(path: Path, content: bytes | None = None) -> dict[str, Any]:
     Raises
     ------
     ReadError
-        If it is no report of a shot.
+        If it is no report of a shot, or has a number that is not finite, for which null stands in reports.
     """
     content = read_small(path, LARGEST_REPORT, "a report") if content is None else content
     try:
-        document = json.loads(content)
+        document = json.loads(content, parse_constant=_finite, parse_float=_finite, parse_int=_whole)
         if document["schema"] != SCHEMA:
             raise ValueError(f"schema {document['schema']!r}")
+        _refuse_deep(document)
         lacking = [key for key in ("shot", "rig", "mass", "rpe_percent", "valid", "provenance") if key not in document]
         if lacking:
             raise ValueError(f"no {', '.join(lacking)}")
@@ -454,6 +457,29 @@ def read_document(path: Path, content: bytes | None = None) -> dict[str, Any]:
             "this is no report of a shot", path=path, expected=f"schema {SCHEMA}", found=str(error)
         ) from error
     return dict(document)
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError(f"the number {text[:20]}")
+    return number
+
+
+def _whole(text: str) -> int:
+    _finite(text)
+    return int(text)
+
+
+def _refuse_deep(document: Any) -> None:
+    level = [document]
+    for _ in range(DEEPEST):
+        level = [
+            part for one in level if isinstance(one, dict | list)
+            for part in (one.values() if isinstance(one, dict) else one)
+        ]  # fmt: skip
+    if level:
+        raise ValueError(f"more than {DEEPEST} levels")
 
 
 def read_trace(folder: Path) -> NDArray[np.float64] | None:
@@ -473,8 +499,8 @@ def read_trace(folder: Path) -> NDArray[np.float64] | None:
             raise ValueError(f"the columns {header!r}")
         cells = [line.split(",")[:3] for line in lines]
         numbers = np.array([[float(cell) if cell else math.nan for cell in row] for row in cells], dtype=np.float64)
-        if numbers.ndim != 2 or numbers.shape[1] != 3:
-            raise ValueError("rows of another length")
+        if numbers.ndim != 2 or numbers.shape[1] != 3 or not np.isfinite(numbers[:, 0]).all():
+            raise ValueError("rows of another length, or without a time")
     except ValueError as error:
         raise ReadError(
             "this is no mass over time", path=path, expected=f"columns {', '.join(TRACE_COLUMNS)}", found=str(error),

@@ -8,11 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from recoil_acquisition.errors import ReadError
 from recoil_acquisition.shot import InputFile
 from recoil_identification.analysis import Options, identify_shot
 from recoil_identification.report.document import (
     TRACE_COLUMNS,
     TRACE_FILE,
+    read_document,
+    read_trace,
     report_document,
     trace_text,
     write_document,
@@ -163,3 +166,18 @@ def test_the_trace_is_a_table_of_the_interval_with_blanks_where_nothing_was_iden
     assert all(r["mass_kg"] == r["u_kg"] == "" for r, whole in zip(rows, holes, strict=True) if not whole)
     seen = [float(r["mass_kg"]) for r, whole in zip(rows, holes, strict=True) if whole]
     np.testing.assert_allclose(seen, result.trace.mass_kg[holes], atol=1e-6)
+
+
+@pytest.mark.parametrize("written", ["NaN", "-Infinity", "1e999", "1" + 400 * "0", 40 * "[" + 40 * "]"])
+def test_a_report_with_what_no_report_holds_is_none(tmp_path, written):
+    stated = '"shot": "1", "rig": "r", "mass": {"value": 0.0}, "rpe_percent": {}, "valid": true, "provenance": {}'
+    text = f'{{"schema": "recoil-daq/report/1", {stated}}}'
+    assert read_document(tmp_path, text.encode())["mass"] == {"value": 0.0}
+    with pytest.raises(ReadError, match="this is no report of a shot"):
+        read_document(tmp_path, text.replace("0.0", written).encode())
+
+
+def test_a_trace_whose_rows_lack_their_time_is_none(tmp_path):
+    (tmp_path / TRACE_FILE).write_text(f"{','.join(TRACE_COLUMNS)}\n0.1,782,1,1\n,782,1,1\n", encoding="utf-8")
+    with pytest.raises(ReadError, match="without a time"):
+        read_trace(tmp_path)
