@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -174,14 +175,25 @@ def beside(
 def read_laid(path: Path) -> Laid:
     """Read a report and the files beside it; ReadError if one is damaged."""
     folder, content = path.parent, read_small(path, LARGEST_REPORT, "a report")
-    document = read_document(path, content)
-    return Laid(
+    one = Laid(
         name=folder.name,
-        document=document,
+        document=read_document(path, content),
         sha256=hashlib.sha256(content).hexdigest(),
         trace=read_trace(folder),
         curves=read_curves(folder),
     )
+    try:
+        # what can be laid beside itself can be laid beside others: a text where a number belongs shows before any work
+        json.dumps(beside_document([one], version=__version__), ensure_ascii=False).encode()
+        beside_figures([one])
+    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
+        raise ReadError(
+            "this report cannot be laid beside others",
+            path=path,
+            found=f"{type(error).__name__}: {error}",
+            remedy="identify the shot anew",
+        ) from error
+    return one
 
 
 def _names(folders: Sequence[Path]) -> list[str]:

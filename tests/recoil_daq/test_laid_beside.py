@@ -106,3 +106,19 @@ def test_what_cannot_be_laid_beside_is_said_before_any_shot_is_identified(
     assert "this is no mass over time" in result.stderr
     assert run("identify", stored, "--out", out, "--beside", two, "--target", "arx").exit_code == 2
     assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"interval_s": None}, {"filter": "x"}, {"reasons": None}, {"window_s": "x"}, {"peaks": {"recoil_time_s": "x"}},
+        {"rig": "\ud800"}, {"mass": {"value": "782"}}, {"mass": {"U95": [1, 2, 3]}},
+    ],
+    ids=str,
+)  # fmt: skip
+def test_a_report_that_holds_something_else_where_a_number_belongs_is_named(two: Path, changes: dict[str, Any]) -> None:
+    edited(two / "other" / "0001", **changes)
+    with pytest.raises(ReadError, match="this report cannot be laid beside others") as raised:
+        beside(two / "one" / "0001", [two / "other"])
+    assert raised.value.path == two / "other" / "0001" / "report.json"
+    assert not (two / "one" / "0001" / "beside.html").exists()
