@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal, InvalidOperation
@@ -31,6 +32,8 @@ BESIDES = ("provenance.version", "provenance.computer", "provenance.outputs", f"
 SHOTS = "shots"
 """Usual folder of shot files."""
 ANEW = "identify the shot anew"
+LONGEST_NAME_BYTES = 255
+"""Of a file, on any usual file system."""
 
 
 @dataclass(frozen=True)
@@ -79,8 +82,9 @@ class Kept:
     def _needed(self) -> tuple[object, ...]:
         """Look at all that it takes to make it again."""
         provenance = self.document["provenance"]
-        given = provenance["corrected_rig"], provenance["version"], self.document["notes"], self.truth
-        return *given, self.options, self.row, self.shot_file
+        if not all(isinstance(note, str) for note in self.document["notes"]):
+            raise TypeError("notes that are no texts")
+        return provenance["corrected_rig"], provenance["version"], self.truth, self.options, self.row, self.shot_file
 
     @property
     def options(self) -> Options:
@@ -95,11 +99,16 @@ class Kept:
 
     @property
     def inputs(self) -> list[InputFile]:
-        """Files that it was made of, the shot file first."""
-        return [
+        """Files that it was made of, the shot file first; ValueError if one is named by more than its name."""
+        found = [
             InputFile(one["file"], one["sha256"], int(one["size"]), one["source"], one["reader"])
             for one in self.document["provenance"]["inputs"]
         ]
+        for one in found:
+            # no file is looked for, and none is read, but beside the shot file
+            if Path(one.name).name != one.name or len(os.fsencode(one.name)) > LONGEST_NAME_BYTES:
+                raise ValueError(f"an input called {one.name[:40]!r}, which is no name of a file")
+        return found
 
     @property
     def shot_file(self) -> InputFile:
@@ -114,7 +123,7 @@ class Kept:
     def truth(self) -> dict[str, Any] | None:
         """Of a virtual shot."""
         stated = self.document.get("truth")
-        return None if stated is None else {"m3": stated["mass_kg"]}
+        return None if stated is None else {"m3": float(stated["mass_kg"])}
 
     @property
     def same_computer(self) -> bool:

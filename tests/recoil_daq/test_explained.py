@@ -250,6 +250,27 @@ def test_a_number_that_was_changed_is_named_with_what_it_should_be(copied: Path,
     assert f"mass.value: {round(true, 1)!r} in the report, {true!r} again, relative " in result.output
 
 
+@pytest.mark.parametrize("place", [0, 1])
+@pytest.mark.parametrize("name", ["../shots/0001.h5", "/etc/hostname", "x" * 300, 7, None])
+def test_a_report_makes_nobody_read_a_file_elsewhere(copied: Path, place: int, name: Any) -> None:
+    document = json.loads((copied / "reports" / "0001" / "report.json").read_text("utf-8"))
+    document["provenance"]["inputs"][place]["file"] = name
+    rewritten(copied, sealed(document))
+    with pytest.raises(ReadError, match="this is no report of a shot that can be made again"):
+        explain(copied / "reports")
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("notes", 7), ("notes", [7]), ("truth", {"mass_kg": "x"}), ("shot_log", {"shot": "0001", "added_mass_kg": "x"})],
+)
+def test_what_a_report_cannot_be_made_again_from_is_said(copied: Path, key: str, value: Any) -> None:
+    document = json.loads((copied / "reports" / "0001" / "report.json").read_text("utf-8"))
+    rewritten(copied, sealed({**document, key: value}))
+    with pytest.raises(ReadError, match="this is no report of a shot that can be made again"):
+        explain(copied / "reports")
+
+
 def test_a_digit_beyond_the_last_one_that_counts_is_found(copied: Path) -> None:
     path = copied / "reports" / "0001" / "report.json"
     value = repr(json.loads(path.read_text("utf-8"))["mass"]["value"])

@@ -98,8 +98,11 @@ class ShotLogRow:
 
     @classmethod
     def of_json(cls, cells: Mapping[str, Any]) -> ShotLogRow:
-        """Return the row that `to_json` said; TypeError if there is no shot."""
+        """Return the row that `to_json` said; TypeError if there is no shot, or no number where one belongs."""
         known = {name: value for name, value in cells.items() if name in COLUMNS}
+        for name, value in known.items():
+            if isinstance(value, bool) or not isinstance(value, int | float if name in NUMBERS else str):
+                raise TypeError(f"{name} {value!r}")
         own = MappingProxyType({name: str(value) for name, value in cells.items() if name not in COLUMNS})
         return cls(**known, own=own, u_added_mass_stated="u_added_mass_kg" in cells)
 
