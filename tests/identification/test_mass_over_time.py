@@ -136,7 +136,7 @@ def test_the_largest_of_many_steps_is_likelier_by_chance_than_one_and_less_than_
     one = mass_constancy(calibrated(shot(0, stepping(0.06, -0.02))))
     assert one is not None
     alone = math.erfc(abs(one.normalised_step) / math.sqrt(2.0))
-    assert 2 * alone < one.p_step < 40 * alone < 0.2
+    assert 14 * alone < one.p_step < 25 * alone < 0.1
 
 
 def test_a_gauge_that_may_be_off_explains_what_else_would_be_a_change():

@@ -418,6 +418,8 @@ def test_never_four_frames_in_a_row_still_give_an_offset():
         ({"displacement_m": np.empty(0), "camera_times_s": np.empty(0)}, "only 0 frames have a position"),
         ({"acceleration_m_s2": np.zeros(18_000)}, "a constant signal cannot be aligned"),
         ({"acceleration_m_s2": np.empty(0)}, "only 0 samples of the acceleration"),
+        ({"acceleration_m_s2": np.ones(1)}, "only 1 samples of the acceleration"),
+        ({"acceleration_m_s2": np.ones(2)}, "the reference has only 2 samples"),
         ({"acceleration_m_s2": np.ones(5)}, "only 5 samples"),
     ],
 )
@@ -501,6 +503,17 @@ def test_a_velocity_that_a_bridged_gap_got_wrong_costs_nothing_where_the_gap_is_
     assert verdict_on(kicked, told).status == "ok", verdict_on(kicked, told).reasons
     assert abs(error_s(kicked, told)) < 4 * told.u_offset_s
     assert told.u_offset_s < 1.5 * fit_of(motion).u_offset_s
+
+
+def test_a_kick_counts_where_ten_frames_saw_what_was_before_and_after_it():
+    motion = record_motion(3)
+    plain = fit_of(motion)
+    assert plain.corrected is None
+    mapped = motion.camera_times_s + plain.coarse_offset_s
+    for frames, counts in ((9.5, False), (10.5, True)):
+        for at in (frames, mapped.size - 1 - frames):
+            kicked = fit_of(motion, kicks_s=(float(np.interp(at, np.arange(mapped.size), mapped)),))
+            assert (kicked.best_log_likelihood != plain.best_log_likelihood) is counts
 
 
 def test_a_velocity_that_was_never_there_tells_nothing_of_a_clock_of_which_nothing_is_known():

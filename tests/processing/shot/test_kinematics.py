@@ -174,6 +174,26 @@ def test_angular_rates_pass_a_low_pass_of_150_hz():
     assert np.std(motion.w1[inside]) == pytest.approx(np.std(fast[inside]) / np.sqrt(2.0), rel=0.01)
 
 
+def test_angular_rates_of_a_slow_recorder_pass_a_low_pass_of_a_tenth_of_its_rate():
+    virtual, *_ = tracked()
+    slow = replace(signals_with(), step_s=1e-3)
+    fast = np.sin(2 * np.pi * 100.0 * slow.times_s)
+    motion = angular_motion(replace(slow, series={"carriage_rate": fast}), virtual.rig)
+    inside = slice(fast.size // 10, -fast.size // 10)
+    assert np.std(motion.w1[inside]) == pytest.approx(np.std(fast[inside]) / np.sqrt(2.0), rel=0.01)
+
+
+def test_an_accelerometer_that_was_lost_throughout_felt_nothing_of_its_own():
+    virtual, signals, *_ = tracked()
+    lost, still = (np.full(signals.times_s.size, value) for value in (np.nan, 0.0))
+    motion = angular_motion(signals, virtual.rig)
+    found, expected = (
+        travel_acceleration(signals_with(recoil_acceleration=felt), virtual.rig, replace(motion, w2=still, dw2=still))
+        for felt in (lost, still)
+    )
+    np.testing.assert_array_equal(found, expected)
+
+
 def test_rates_that_were_lost_throughout_are_none_and_accelerations_those_of_rest():
     virtual, signals, *_ = tracked()
     lost = np.full(signals.times_s.size, np.nan)
