@@ -6,6 +6,7 @@ The rows are those of the page (`tables`, `campaign_tables`); checks that passed
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,8 @@ SAID_ABOVE = ("rig", "date and time")
 FEW_COLUMNS = 9
 """More of them need smaller letters."""
 
+_NOT_IN_NAMES = re.compile(r"[^\w.-]+")
+
 Document = Mapping[str, Any]
 Part = dict[str, Any]
 Columns = Sequence[tuple[str, str]]
@@ -34,11 +37,13 @@ Columns = Sequence[tuple[str, str]]
 
 def figure_files(figures: Sequence[Figure], prefix: str = "") -> list[str]:
     """Return the paths, in a report's folder, of the files that `write_figures` writes."""
-    return [f"{FIGURES_FOLDER}/{prefix}{one.key}.{suffix}" for one in figures for suffix in ("svg", "png")]
+    # a key may have the name of a clock in it, which may have anything in it
+    names = [prefix + _NOT_IN_NAMES.sub("_", one.key) for one in figures]
+    return [f"{FIGURES_FOLDER}/{name}.{suffix}" for name in names for suffix in ("svg", "png")]
 
 
 def write_figures(folder: Path, figures: Sequence[Figure], prefix: str = "") -> None:
-    """Write each figure as SVG and PNG into ``figures`` in a folder, under its key.
+    """Write each figure as SVG and PNG into ``figures`` in a folder, under its key, as `figure_files` names them.
 
     Parameters
     ----------

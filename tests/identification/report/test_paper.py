@@ -206,6 +206,14 @@ def test_a_campaign_has_its_shots_and_only_the_charts_that_fired():
     assert campaign_pdf(document, figures) == campaign_pdf(document, figures)
 
 
+@pytest.mark.parametrize("clock", ["DAQ/1", "../../../elsewhere", "..\\..\\x", "a:b?*|<>", "Uhr µ"])
+def test_a_figure_of_any_clock_has_a_file_in_its_folder(tmp_path, clock):
+    write_figures(tmp_path, [replace(SMALL, key=f"alignment-{clock}")])
+    names = [path.name for path in (tmp_path / "figures").iterdir()]
+    assert len(names) == 2
+    assert not set("".join(names)) & set('/\\:?*|<>"')
+
+
 def test_each_figure_is_written_as_vectors_and_as_a_picture(tmp_path):
     write_figures(tmp_path, [SMALL, replace(SMALL, key="l")], "p-")
     names = sorted(path.name for path in (tmp_path / "figures").iterdir())
