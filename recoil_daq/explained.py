@@ -193,9 +193,7 @@ def _files(kept: Kept, done: Recomputed) -> list[dict[str, Any]]:
         if now is not None and now != one.sha256:
             state = "changed since"
             if one.source == LOG_FILE:
-                row = ShotLog.read(path).row(str(kept.document["shot"]))
-                same = (None if row is None else row.to_json()) == kept.document["shot_log"]
-                state += ", its row of this shot is the same" if same else ", and so is its row of this shot"
+                state += _row_since(kept, path)
         elif now is None and one.source in (LOG_FILE, "rig file"):
             state = "not here: what it said is in the report"
         found.append(
@@ -208,6 +206,15 @@ def _files(kept: Kept, done: Recomputed) -> list[dict[str, Any]]:
             }
         )
     return found
+
+
+def _row_since(kept: Kept, path: Path) -> str:
+    try:
+        row = ShotLog.read(path).row(str(kept.document["shot"]))
+    except RecoilDaqError as error:
+        return f", and at fault now: {error}"
+    same = (None if row is None else row.to_json()) == kept.document["shot_log"]
+    return ", its row of this shot is the same" if same else ", and so is its row of this shot"
 
 
 @dataclass(frozen=True, repr=False)

@@ -271,6 +271,14 @@ def test_what_a_report_cannot_be_made_again_from_is_said(copied: Path, key: str,
         explain(copied / "reports")
 
 
+def test_a_shot_log_that_has_become_faulty_is_no_hindrance(copied: Path) -> None:
+    (copied / "shots" / "shotlog.csv").write_text("shot,added_mass_kg\n0001,heavy\n", encoding="utf-8")
+    done = explain(copied / "reports")
+    assert done.again
+    (state,) = [one["state"] for one in done.files if one["file"] == "shotlog.csv"]
+    assert state.startswith("changed since, and at fault now: ")
+
+
 def test_a_digit_beyond_the_last_one_that_counts_is_found(copied: Path) -> None:
     path = copied / "reports" / "0001" / "report.json"
     value = repr(json.loads(path.read_text("utf-8"))["mass"]["value"])
