@@ -29,10 +29,14 @@ RESIDUALS = (
     "sensors.*", "skew.*", "zero_shift.*", "fusion.*", "provenance.parameters.residual_*",
 )  # fmt: skip
 """Key paths of what is computed of residuals."""
+LARGEST_TRIANGLE = 1000
+"""Numbers of R, which has some hundred: one that has more is compared as it stands."""
 NAMED_BY = ("source", "clock", "name", "channel", "quantity", "key", "file")
 """Keys by which the rows of a table are told apart, the first that every row has another value of."""
 IN_SIGMAS = ("_sigma", ".pull", ".normalised_residual", ".criterion", "E_n")
 """Ends of the key paths of numbers that count standard uncertainties."""
+LONGEST_NUMBER, LARGEST_POWER = 300, 308
+"""Of numbers in texts; beyond these they are no numbers that were printed."""
 _PLACE = re.compile(r"\[\d+\]")
 _NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 _PLAIN = re.compile(r"[A-Za-z_][\w-]*")
@@ -240,6 +244,8 @@ def _determined(document: Mapping[str, Any]) -> Mapping[str, Any]:
     campaign: Any = document.get("campaign")
     try:
         triangle, seen = (np.array(campaign[key], dtype=np.float64) for key in ("R", "y"))
+        if triangle.size > LARGEST_TRIANGLE:
+            return document
         products = {"R'R": (triangle.T @ triangle).tolist(), "R'y": (triangle.T @ seen).tolist()}
     except (KeyError, TypeError, ValueError):
         return document
@@ -290,8 +296,12 @@ def _last_place(one: str, other: str) -> bool:
     """Whether two printed numbers differ by no more than one in their last place."""
     if one == other:
         return True
+    if max(len(one), len(other)) > LONGEST_NUMBER:
+        return False
     places = [len(text.partition("e")[0].partition(".")[2]) for text in (one, other)]
     powers = [int(text.partition("e")[2] or 0) for text in (one, other)]
+    if max(powers) > LARGEST_POWER:
+        return False
     unit = max(10.0 ** (power - place) for power, place in zip(powers, places, strict=True))
     return bool(one and other) and abs(float(one) - float(other)) <= 1.5 * unit
 

@@ -129,3 +129,15 @@ def test_a_table_beside_a_report_is_compared_cell_by_cell(text: str, exact: bool
     found = compare_tables("mass.csv", text, TABLE, exact=exact)
     assert [one.key for one in found.differences] == keys
     assert found.numbers == 3
+
+
+@pytest.mark.parametrize("number", ["1e999", "1e-999", "1e" + 5000 * "9", 5000 * "9"])
+def test_a_number_in_a_text_that_no_float_holds_is_another_one(number: str) -> None:
+    found = compare(changed("reasons", 0, to=f"camera: offset {number} mm, limit 0.4 mm"), REPORT, exact=False)
+    assert [one.key for one in found.differences] == ["reasons[0]"]
+
+
+def test_a_triangle_of_thousands_of_columns_is_compared_as_it_stands() -> None:
+    # squared it would fill 80 GB
+    other = changed("campaign", "R", to=[[0.0] * 100_000])
+    assert len(compare(other, REPORT, exact=False).differences) > 99_000
