@@ -14,7 +14,7 @@ from recoil_acquisition.store.shot_log import ShotLog
 from recoil_daq import __version__
 from recoil_daq.fired import LOG_FILE, described
 from recoil_daq.printed import Printed
-from recoil_daq.recomputed import Kept, Recomputed, find_reports, recompute
+from recoil_daq.recomputed import ANEW, Kept, Recomputed, find_reports, recompute
 from recoil_daq.workers import Workers
 from recoil_identification.report.computer import computer
 from recoil_identification.report.explanation import Entry, explained
@@ -145,6 +145,13 @@ def explain(
         entries = explained(kept.document, key, done.fired.shot, done.fired.rig)
     except LookupError as error:
         raise ReadError(str(error.args[0]), path=kept.path) from error
+    except (TypeError, AttributeError, ValueError) as error:
+        raise ReadError(
+            "this report has something else where a number or a name belongs",
+            path=kept.path,
+            found=f"{len(done.comparison.differences)} differences to what comes again",
+            remedy=f"see them with `explain --check`, or {ANEW}",
+        ) from error
     provenance = kept.document["provenance"]
     steps = [f"{one.what}, recoil-daq {one.version}{_parameters(one.parameters)}" for one in done.fired.shot.history]
     return Explained(

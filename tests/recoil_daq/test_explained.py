@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import hashlib
 import json
@@ -269,6 +270,24 @@ def test_what_a_report_cannot_be_made_again_from_is_said(copied: Path, key: str,
     rewritten(copied, sealed({**document, key: value}))
     with pytest.raises(ReadError, match="this is no report of a shot that can be made again"):
         explain(copied / "reports")
+
+
+@pytest.mark.parametrize("path", [("alignment", 0, "method"), ("mass", "method")], ids=str)
+@pytest.mark.parametrize("value", [[], 7, None], ids=str)
+def test_a_report_with_something_else_where_a_name_belongs_is_no_traceback(
+    copied: Path, path: tuple[str | int, ...], value: Any
+) -> None:
+    document = json.loads((copied / "reports" / "0001" / "report.json").read_text("utf-8"))
+    part = document
+    for key in path[:-1]:
+        part = part[key]
+    part[path[-1]] = value
+    if path[0] == "alignment":
+        document["alignment"].append(value)
+    rewritten(copied, sealed(document))
+    with contextlib.suppress(ReadError):
+        assert not explain(copied / "reports").again
+    assert not check_reports(copied / "reports", workers=1).again
 
 
 def test_a_shot_log_that_has_become_faulty_is_no_hindrance(copied: Path) -> None:
