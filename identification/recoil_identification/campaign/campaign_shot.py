@@ -89,8 +89,12 @@ class CampaignShot:
                     for one in document.get("assumptions") or ()
                 ),
             )
-        except (KeyError, TypeError, AttributeError) as error:
+        except (KeyError, TypeError, AttributeError, OverflowError) as error:
             raise ValueError(f"it is no report of a shot: {type(error).__name__}: {error}") from error
+        if not isinstance(shot.started, str | None) or not isinstance(shot.cutoff_hz, float | int | None):
+            raise ValueError(f"it started at {shot.started!r}, with a cut-off of {shot.cutoff_hz!r} Hz")
+        if not all(map(math.isfinite, shot.peaks.values())):
+            raise ValueError("it has a peak that is not finite")
         if not (math.isfinite(shot.mass_kg) and math.isfinite(shot.u_kg) and shot.mass_kg > shot.added_mass_kg >= 0.0):
             raise ValueError(f"a mass of {shot.mass_kg} kg, u {shot.u_kg} kg, with {shot.added_mass_kg} kg added to it")
         return shot

@@ -174,6 +174,22 @@ def test_a_report_comes_back_as_the_shot_that_it_is_of() -> None:
     assert np.array_equal(again.summary.triangle, shot.summary.triangle)
 
 
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"started": 7}, {"started": ["x"]}, {"peaks": {"recoil_time_s": "nan"}}, {"peaks": {"recoil_time_s": 10**400}},
+        {"mass": {"value": 782.0, "u": 10**400}}, {"campaign": {"cutoff_hz": "x"}},
+    ],
+    ids=lambda changes: str(changes)[:40],
+)  # fmt: skip
+def test_a_report_with_something_else_where_a_number_belongs_is_refused(changes: dict[str, Any]) -> None:
+    document = report_of(WEIGHED[1])
+    if "campaign" in changes:
+        changes = {"campaign": document["campaign"] | changes["campaign"]}
+    with pytest.raises(ValueError, match="it (is no report|started at|has a peak)"):
+        CampaignShot.of_report(document | changes)
+
+
 @settings(max_examples=150, deadline=None)
 @given(st.data())
 def test_a_damaged_report_is_refused_and_nothing_else(data: st.DataObject) -> None:
