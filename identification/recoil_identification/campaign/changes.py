@@ -131,10 +131,8 @@ class Candidate:
     @property
     def name(self) -> str:
         """Of its column."""
-        if self.level is None:
-            last = self.at if self.kind == OUTLIER else -1
-        else:
-            last = int(np.flatnonzero(self.level)[-1])
+        without = self.at if self.kind == OUTLIER else -1
+        last = without if self.level is None else int(np.flatnonzero(self.level)[-1])
         return f"{self.kind}: {self.influence}, {self.names[self.at]} to {self.names[last]}"
 
     def __str__(self) -> str:

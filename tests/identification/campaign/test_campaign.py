@@ -186,7 +186,7 @@ def test_a_report_with_something_else_where_a_number_belongs_is_refused(changes:
     document = report_of(WEIGHED[1])
     if "campaign" in changes:
         changes = {"campaign": document["campaign"] | changes["campaign"]}
-    with pytest.raises(ValueError, match="it (is no report|started at|has a peak)"):
+    with pytest.raises(ValueError, match=r"it (is no report|started at|has a peak)"):
         CampaignShot.of_report(document | changes)
 
 
