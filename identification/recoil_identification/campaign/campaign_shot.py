@@ -69,14 +69,15 @@ class CampaignShot:
         """
         try:
             mass, stated, log = document["mass"], document.get("campaign"), document.get("shot_log") or {}
+            started, cutoff_hz = document.get("started"), None if stated is None else stated.get("cutoff_hz")
             shot = cls(
                 name=str(document["shot"]),
                 rig=str(document["rig"]),
-                started=document.get("started"),
+                started=started,
                 mass_kg=float(mass["value"]),
                 u_kg=float(mass["u"]),
                 summary=None if stated is None else ShotSummary.of_json(stated),
-                cutoff_hz=None if stated is None else stated.get("cutoff_hz"),
+                cutoff_hz=cutoff_hz,
                 configuration=str(log.get("configuration", "")),
                 added_mass_kg=float(log.get("added_mass_kg", 0.0)),
                 u_added_mass_kg=float(log.get("u_added_mass_kg", 0.0)),
@@ -91,8 +92,8 @@ class CampaignShot:
             )
         except (KeyError, TypeError, AttributeError, OverflowError) as error:
             raise ValueError(f"it is no report of a shot: {type(error).__name__}: {error}") from error
-        if not isinstance(shot.started, str | None) or not isinstance(shot.cutoff_hz, float | int | None):
-            raise ValueError(f"it started at {shot.started!r}, with a cut-off of {shot.cutoff_hz!r} Hz")
+        if not isinstance(started, str | None) or not isinstance(cutoff_hz, float | int | None):
+            raise ValueError(f"it started at {started!r}, with a cut-off of {cutoff_hz!r} Hz")
         if not all(map(math.isfinite, shot.peaks.values())):
             raise ValueError("it has a peak that is not finite")
         if not (math.isfinite(shot.mass_kg) and math.isfinite(shot.u_kg) and shot.mass_kg > shot.added_mass_kg >= 0.0):
