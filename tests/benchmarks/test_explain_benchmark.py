@@ -27,7 +27,7 @@ OTHERS = {
 """Kinds of computers that this one can be made to be."""
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture(autouse=True, scope="module")  # before the reports are made
 def _only_when_asked_for(request: pytest.FixtureRequest) -> None:
     if not request.config.getoption("benchmark_enable"):
         pytest.skip("a benchmark of minutes: ask for it with --benchmark-enable")
