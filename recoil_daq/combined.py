@@ -51,6 +51,8 @@ Progress = Callable[[str], None]
 OF_ANOTHER = "is of another shot file"
 REPORTS = "reports"
 """Folder, beside a campaign's answer, of the reports that were made for it."""
+LARGEST_ANSWER = 64_000_000
+"""Bytes of a campaign.json, beyond which it is none."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -352,7 +354,7 @@ def _cutoff_hz_of(folder: Path, sources: Sequence[_Source]) -> float | None:
     earlier = folder / CAMPAIGN_FILE
     if earlier.exists():
         try:
-            stated = json.loads(read_small(earlier, LARGEST_REPORT, "a campaign's answer"))
+            stated = json.loads(read_small(earlier, LARGEST_ANSWER, "a campaign's answer"))
             cutoff_hz = stated["provenance"]["parameters"]["cutoff_hz"]
             if stated["schema"] == SCHEMA and cutoff_hz is not None:
                 return float(cutoff_hz)

@@ -306,7 +306,7 @@ class LiveRange:
         path = out / "sessions" / f"{name}.json"
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(json.dumps(self._outcome.to_json(), indent=1), encoding="utf-8")
+            path.write_text(json.dumps(self._outcome.to_json(), indent=1), encoding="utf-8", newline="\n")
         except OSError as error:
             self._display.notice(f"the session's log cannot be written to {path}: {error.strerror or error}")
         else:

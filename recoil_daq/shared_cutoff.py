@@ -11,6 +11,7 @@ from recoil_acquisition.errors import ReadError, StoreError
 from recoil_acquisition.new_file import give_name, partial_path
 from recoil_acquisition.regular_file import read_small
 from recoil_identification.analysis import Options
+from recoil_identification.report.json_file import json_bytes
 from recoil_processing.spectra.cutoff import CutoffChoice
 
 CUTOFF_FILE = "cutoff.json"
@@ -87,7 +88,7 @@ class SharedCutoff:
         try:
             folder.mkdir(parents=True, exist_ok=True)
             try:
-                temporary.write_text(json.dumps(document, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+                temporary.write_bytes(json_bytes(document))
                 give_name(temporary, path, overwrite=True)
             finally:
                 temporary.unlink(missing_ok=True)

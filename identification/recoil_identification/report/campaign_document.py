@@ -126,7 +126,7 @@ def campaign_table(document: Mapping[str, Any]) -> str:
 def write_campaign(folder: Path, document: Mapping[str, Any]) -> None:
     """Write ``campaign.json`` and ``campaign.csv`` into a folder."""
     (folder / CAMPAIGN_FILE).write_bytes(json_bytes(document))
-    (folder / TABLE_FILE).write_text(campaign_table(document), encoding="utf-8")
+    (folder / TABLE_FILE).write_text(campaign_table(document), encoding="utf-8", newline="\n")
 
 
 def _mass(mass: Estimated) -> dict[str, Any]:

@@ -38,7 +38,7 @@ TRACE_FILE = "mass.csv"
 CURVES_FILE = "curves.csv"
 TRACE_COLUMNS = ("time_s", "mass_kg", "u_kg", "identified")
 
-LARGEST_REPORT = 64_000_000
+LARGEST_REPORT = 4_000_000
 """Bytes of a report.json, beyond which it is none."""
 DEEPEST = 32
 """Levels of a report.json, one in another, beyond which it is none."""

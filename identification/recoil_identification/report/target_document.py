@@ -116,5 +116,5 @@ def write_series(folder: Path, target: str, series: Series) -> Path:
     table = np.column_stack(list(series.columns.values()))
     lines = [",".join(series.columns)]
     lines += [",".join("" if math.isnan(v) else f"{v:.9g}" for v in row) for row in table]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
     return path

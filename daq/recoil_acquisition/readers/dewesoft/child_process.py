@@ -49,7 +49,7 @@ def main(path: str, folder: str) -> int:
             found["version"] = dwdatareader.get_version()
         except Exception as error:  # whatever it is, the parent must hear of it
             found = {"refused": _said(error)}
-    (out / RECORDING).write_text(json.dumps(found), encoding="utf-8")
+    (out / RECORDING).write_text(json.dumps(found), encoding="utf-8", newline="\n")
     return 0
 
 
