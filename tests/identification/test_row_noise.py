@@ -94,7 +94,7 @@ def test_the_size_is_one_if_the_shot_is_as_quiet_as_the_baseline(seed):
 def test_a_gauge_that_is_off_is_not_excused_as_noise(column):
     forces = exact().forces_n.copy()
     forces[:, column] *= 1.15
-    assert found(noisy(2, forces_n=forces)).size == pytest.approx(found(noisy(2)).size, rel=1e-3)
+    assert found(noisy(2, forces_n=forces)).size == pytest.approx(found(noisy(2)).size, rel=5e-3)
 
 
 def test_a_mass_that_changes_is_not_excused_as_noise():

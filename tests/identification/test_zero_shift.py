@@ -75,7 +75,7 @@ def test_a_step_that_came_earlier_or_later_than_the_onset_leaves_a_kick(late_s: 
     assert abs(mass - MASS_KG) < 3 * u
 
 
-@pytest.mark.parametrize(("step", "kicks"), [(2.0, False), (2.3, True)])
+@pytest.mark.parametrize(("step", "kicks"), [(1.7, False), (2.3, True)])
 def test_a_kick_is_told_only_beside_a_step_of_four_standard_uncertainties(step: float, kicks: bool) -> None:
     regression = measured(1, step=step)
     kicked = regression.acceleration_m_s2 + 0.3 * shapes_by_hand(regression)[:, 1]

@@ -40,7 +40,7 @@ class DecimatedRecord(ReadOnlyArrays):
     acceleration_m_s2 : ndarray, shape (n,)
         a', the output; NaN where it cannot be trusted.
     rows : ndarray of bool, shape (n,)
-        Instants of the identification interval that can be trusted.
+        Instants of the identification interval that can be trusted, before the friction's reversal reaches them.
     stride
         Samples of the recorder per sample.
     low_pass
@@ -104,7 +104,7 @@ def decimated(
         times_s=regression.times_s[begin::stride],
         force_n=force[begin::stride],
         acceleration_m_s2=acceleration[begin::stride],
-        rows=(regression.inside & trusted)[begin::stride],
+        rows=(regression.inside & regression.before_the_turn & trusted)[begin::stride],
         step_s=stride * regression.step_s,
         stride=stride,
         low_pass=low_pass,

@@ -29,6 +29,10 @@ FORCES = ("breech", "brake", "recuperator", "friction")
 PRESSURE_ROLES = GAUGE_ROLES
 SIGNS = (1.0, -1.0, -1.0)
 """Of the gauges' forces in F': the breech drives, the others hold."""
+MOST_TURNED = 0.01
+"""Share of the friction's reversal in a row: a packing turns over the travel by which it gives, and no gauge says when.
+Taken as an instant, the reversal alone would make the friction of many shots too small by 10 %.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +113,12 @@ class Regression(ReadOnlyArrays):
     def used(self) -> Flags:
         """Samples of the identification interval that can be trusted, shape (n,)."""
         return self.inside & self.trusted
+
+    @property
+    def before_the_turn(self) -> Flags:
+        """Samples into which the filter spreads nothing of the friction's reversal at the end of travel, shape (n,)."""
+        turned = np.abs(1.0 + self.friction_direction) / 2.0 > MOST_TURNED
+        return ~turned | (self.times_s < 0.5 * sum(self.interval_s))
 
     def filtered(self, low_pass: LowPass) -> Regression:
         """Pass every column through one and the same filter.
@@ -243,13 +253,14 @@ def spaced_rows(regression: Regression, per_cutoff: float = 2.0) -> NDArray[np.i
 
     White noise behind a low-pass at fc is uncorrelated at intervals of about ``1 / (2 fc)``; rows are
     taken `per_cutoff` times per period of the cut-off, so that nothing is lost and little repeated.
+    They end before the filter spreads the friction's reversal at the end of travel into them.
 
     Returns
     -------
     ndarray of int64
         Within the identification interval, trusted rows only; every row for recorded signals.
     """
-    used = regression.used
+    used = regression.used & regression.before_the_turn
     if regression.low_pass is None:
         return np.flatnonzero(used)
     stride = max(1, int(regression.rate_hz / (per_cutoff * regression.low_pass.cutoff_hz)))

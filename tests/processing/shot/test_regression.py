@@ -160,3 +160,20 @@ def test_rows_are_spaced_by_the_filters_memory_and_keep_to_the_trusted_interval(
     trusted[1000:1500] = False
     left = spaced_rows(replace(filtered, trusted=trusted))
     np.testing.assert_array_equal(left, rows[(rows < 1000) | (rows >= 1500)])
+
+
+def test_a_packing_that_turns_later_than_the_part_changes_no_row():
+    recorded = bench_regression()
+    end_s = recorded.interval_s[1]
+    still_slides = (recorded.times_s > end_s) & (recorded.times_s < end_s + 2e-3)
+    forces_n = np.array(recorded.forces_n)
+    forces_n[still_slides, 3] = -1500.0
+    direction = np.where(still_slides, -1.0, recorded.friction_direction)
+    as_declared = recorded.filtered(LowPass(250.0))
+    late = replace(recorded, forces_n=forces_n, friction_direction=direction).filtered(LowPass(250.0))
+    moved_n = np.abs(late.forces_n[:, 3] - as_declared.forces_n[:, 3])
+    rows = spaced_rows(as_declared)
+    assert moved_n[as_declared.used].max() > 0.4 * 3000.0
+    assert moved_n[rows].max() < 0.03 * 3000.0
+    # one reach of the filter at the most
+    assert recorded.times_s[rows[-1]] > end_s - 2 / 250.0
