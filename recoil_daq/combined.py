@@ -39,7 +39,7 @@ from recoil_identification.report.document import LARGEST_REPORT, REPORT_FILE, r
 from recoil_identification.report.document import SCHEMA as REPORT_SCHEMA
 from recoil_identification.report.html import CAMPAIGN_PAGE, PAGE_NAME, render_campaign_page
 from recoil_identification.report.page_files import write_page, write_script
-from recoil_identification.report.paper import CAMPAIGN_PDF, campaign_pdf, figure_files, write_figures
+from recoil_identification.report.paper import CAMPAIGN_PDF, campaign_pdf, earlier_figures, figure_files, write_figures
 from recoil_identification.report.typeset import refuse_without_typst
 from recoil_rigs.rig import find_rig
 
@@ -298,7 +298,7 @@ def campaign(
         if figures:
             write_figures(partial, drawn)
 
-    publish(folder, write, obsolete=(CAMPAIGN_PDF, *figure_files(drawn)))
+    publish(folder, write, obsolete=(CAMPAIGN_PDF, *figure_files(drawn), *earlier_figures(folder)))
     return Combined(document, folder)
 
 

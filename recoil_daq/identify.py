@@ -28,7 +28,7 @@ from recoil_identification.report.document import (
 from recoil_identification.report.figures import report_figures
 from recoil_identification.report.html import BESIDE_PAGE, PAGE_NAME, render_page
 from recoil_identification.report.page_files import SCRIPT_NAME, write_page, write_script
-from recoil_identification.report.paper import PDF_FILE, figure_files, report_pdf, write_figures
+from recoil_identification.report.paper import PDF_FILE, earlier_figures, figure_files, report_pdf, write_figures
 from recoil_identification.report.typeset import refuse_without_typst
 
 Progress = Callable[[str], None]
@@ -173,7 +173,9 @@ def identify_file(
         if figures:
             write_figures(partial, drawn)
 
-    publish(folder, write, obsolete=(PDF_FILE, BESIDE_PAGE, SCRIPT_NAME, *figure_files(drawn)))
+    publish(
+        folder, write, obsolete=(PDF_FILE, BESIDE_PAGE, SCRIPT_NAME, *figure_files(drawn), *earlier_figures(folder))
+    )
     return Reported(document, folder)
 
 

@@ -15,7 +15,7 @@ from recoil_identification.analysis import Options
 from recoil_identification.report.finding import Finding
 from recoil_identification.report.html import render_target_page
 from recoil_identification.report.page_files import write_page, write_script
-from recoil_identification.report.paper import figure_files, target_pdf, write_figures
+from recoil_identification.report.paper import earlier_figures, figure_files, target_pdf, write_figures
 from recoil_identification.report.target_document import target_document, write_series, write_target_document
 from recoil_identification.report.typeset import refuse_without_typst
 from recoil_identification.targets import target_function
@@ -128,4 +128,8 @@ def _publish(
         if figures:
             write_figures(partial, found.figures, prefix)
 
-    publish(folder, write, obsolete=(f"{found.target}.pdf", *figure_files(found.figures, prefix)))
+    publish(
+        folder,
+        write,
+        obsolete=(f"{found.target}.pdf", *figure_files(found.figures, prefix), *earlier_figures(folder, prefix)),
+    )

@@ -12,6 +12,8 @@ from pypdf import PdfReader
 from recoil_acquisition.extras import Extra
 from recoil_daq.several_shots import identify_folder
 from recoil_identification.report import typeset
+from recoil_identification.report.figure import Figure, Panel
+from recoil_identification.report.paper import write_figures
 from recoil_rigs.twin import CampaignPlan
 from tests.builders.campaigns import FiredCampaign, fire_campaign
 
@@ -57,12 +59,34 @@ def test_a_paper_copy_is_not_replaced_unasked_and_goes_with_the_report_that_it_t
     for name in ("report.json", "report.html", "mass.csv", "curves.csv"):
         (copied / name).unlink()
     (copied / "figures" / "mine.svg").write_text("mine")
+    shutil.copy(copied / FIGURE, copied / "figures" / "a copy of mine.svg")
     refused = run("identify", stored, "--out", copied.parent)
     assert refused.exit_code == 3
     assert "report.pdf: the report exists already" in refused.stderr
     assert run("identify", stored, "--out", copied.parent, "--overwrite").exit_code == 0
     assert not (copied / "report.pdf").exists()
-    assert [path.name for path in (copied / "figures").iterdir()] == ["mine.svg"]
+    assert {path.name for path in (copied / "figures").iterdir()} == {"mine.svg", "a copy of mine.svg"}
+
+
+def leave_figure(folder: Path, key: str, prefix: str = "") -> str:
+    """Put a figure into a report's folder as an earlier report with other clocks or sensors would have left it."""
+    write_figures(folder, [Figure(key, "t", "c", "x", (Panel("y", ()),))], prefix)
+    return prefix + key
+
+
+def test_figures_that_the_new_report_has_not_go_with_the_older_one(run, stored: Path, copied: Path) -> None:
+    kept = leave_figure(copied, "inertia-force-2", "inertia-force-")
+    gone = leave_figure(copied, "alignment-of a clock, long gone")
+    assert len(list((copied / "figures").glob("alignment-of*"))) == 2, gone
+    assert run("identify", stored, "--out", copied.parent, "--overwrite", "--figures").exit_code == 0
+    assert (copied / FIGURE).exists()
+    assert not list((copied / "figures").glob("alignment-of*"))
+    assert (copied / f"figures/{kept}.png").exists(), "it is of the page of a target"
+    words = ("--target", "inertia-force", "--overwrite")
+    assert run("identify", stored, "--out", copied.parent, *words).exit_code in (0, 1)
+    assert not (copied / f"figures/{kept}.svg").exists()
+    assert not (copied / f"figures/{kept}.png").exists()
+    assert (copied / FIGURE).exists(), "it is of the page of the mass"
 
 
 def test_a_target_s_paper_stands_beside_the_mass_s(run, stored: Path, copied: Path) -> None:
@@ -86,11 +110,12 @@ def test_a_campaign_has_a_paper_copy(run, fired: FiredCampaign, tmp_path: Path) 
     (content,) = PdfReader(tmp_path / "c" / "campaign.pdf").attachments["campaign.json"]
     assert content == (tmp_path / "c" / "campaign.json").read_bytes()
     assert (tmp_path / "c" / FIGURE).exists()
+    leave_figure(tmp_path / "c", "sensor-40")
     before = (tmp_path / "c" / "campaign.pdf").read_bytes()
     again = run("campaign", fired.shots, "--out", tmp_path / "c", "--pdf", "--workers", "1", "--overwrite")
     assert again.exit_code == result.exit_code
     assert (tmp_path / "c" / "campaign.pdf").read_bytes() == before
-    assert not (tmp_path / "c" / FIGURE).exists()
+    assert not list((tmp_path / "c").glob("figures/*"))
 
 
 @pytest.mark.parametrize("option", ["--pdf", "--figures"])

@@ -16,7 +16,7 @@ from recoil_identification.report.figure import Figure
 from recoil_identification.report.glossary import notation
 from recoil_identification.report.json_file import json_bytes
 from recoil_identification.report.rounding import NO_NUMBER, plain
-from recoil_identification.report.svg import figure_svg
+from recoil_identification.report.svg import figure_svg, key_of
 from recoil_identification.report.typeset import pdf_bytes, png_bytes
 
 PDF_FILE = "report.pdf"
@@ -37,9 +37,27 @@ Columns = Sequence[tuple[str, str]]
 
 def figure_files(figures: Sequence[Figure], prefix: str = "") -> list[str]:
     """Return the paths, in a report's folder, of the files that `write_figures` writes."""
+    return [file for one in figures for file in _files_of(one.key, prefix)]
+
+
+def earlier_figures(folder: Path, prefix: str = "") -> list[str]:
+    """Return the paths, in a report's folder, of the figures that an earlier report left there.
+
+    A drawing is an earlier report's if it says in itself that it is the figure of whose key it bears the name; the
+    picture of that name goes with it. What has another name, or says nothing, is somebody else's.
+    """
+    found = []
+    for drawing in sorted((folder / FIGURES_FOLDER).glob("*.svg")):
+        key = key_of(drawing)
+        if key is not None and f"{FIGURES_FOLDER}/{drawing.name}" in (files := _files_of(key, prefix)):
+            found += files
+    return found
+
+
+def _files_of(key: str, prefix: str) -> list[str]:
     # a key may have the name of a clock in it, which may have anything in it
-    names = [prefix + _NOT_IN_NAMES.sub("_", one.key) for one in figures]
-    return [f"{FIGURES_FOLDER}/{name}.{suffix}" for name in names for suffix in ("svg", "png")]
+    name = prefix + _NOT_IN_NAMES.sub("_", key)
+    return [f"{FIGURES_FOLDER}/{name}.{suffix}" for suffix in ("svg", "png")]
 
 
 def write_figures(folder: Path, figures: Sequence[Figure], prefix: str = "") -> None:

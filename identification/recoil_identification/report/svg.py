@@ -10,9 +10,13 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from html import unescape
+from pathlib import Path
 
 import numpy as np
 
+from recoil_acquisition.errors import ReadError
+from recoil_acquisition.regular_file import read_beginning
 from recoil_identification.report.appearance import FIRED_COLOUR, LINE_COLOUR, Range, dash_of, hue_of
 from recoil_identification.report.figure import Figure, FloatArray, HorizontalLine, Panel, Scale, Span, Trace
 from recoil_identification.report.svg_axes import LEFT_PX, RIGHT_PX, Axes, axes_of
@@ -36,6 +40,18 @@ PANEL_POINTS, TRACE_POINTS = 20_000, 2_000
 MOST_NAMES, WIDEST_NAME_PX = 24, 110.0
 LEVEL_DASH = {"specification": "", "limit": ' stroke-dasharray="8 3"', "mean": ' stroke-dasharray="2 3"'}
 RAISED = str.maketrans("0123456789-\N{MINUS SIGN}", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁻")
+HEAD = '<svg xmlns="http://www.w3.org/2000/svg" data-figure="'
+"""What a drawing begins with, before its figure's key."""
+LONGEST_KEY_BYTES = 4096
+
+
+def key_of(path: Path) -> str | None:
+    """Return the key of the figure that a file is a drawing of; None if it is none of `figure_svg`."""
+    try:
+        beginning = read_beginning(path, len(HEAD) + LONGEST_KEY_BYTES).decode("utf-8", "replace")
+    except ReadError:
+        return None
+    return unescape(beginning.removeprefix(HEAD).partition('"')[0]) if beginning.startswith(HEAD) else None
 
 
 def figure_svg(figure: Figure) -> str:
@@ -49,7 +65,8 @@ def figure_svg(figure: Figure) -> str:
     Returns
     -------
     str
-        A complete SVG document, `WIDTH_PX` wide, with the figure's title and caption as its title and description.
+        A complete SVG document, `WIDTH_PX` wide, with the figure's title and caption as its title and description,
+        and its key, by which `key_of` knows it again.
     """
     parts: list[str] = []
     last_sharing = max((i for i, panel in enumerate(figure.panels) if panel.x_label is None), default=-1)
@@ -69,7 +86,7 @@ def figure_svg(figure: Figure) -> str:
     size = f'width="{WIDTH_PX}" height="{number(top)}"'
     view = f'viewBox="0 0 {WIDTH_PX} {number(top)}" {size} font-family="{FONTS}" fill="{INK}"'
     head = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" {view}>',
+        f'{HEAD}{clean(figure.key)}" {view}>',
         f"<title>{clean(figure.title)}</title>",
         f"<desc>{clean(figure.caption)}</desc>",
         f'<rect {size} fill="#ffffff"/>',
