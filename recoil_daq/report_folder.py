@@ -2,12 +2,14 @@
 
 A report is made in a hidden folder beside its place. Where one stands there already, that one is moved into the hidden
 folder, the new one takes its place, and then the hidden folder goes. Whatever ends the program between two of these
-steps, one whole report is in its place or in the hidden folder, from which the next run brings it back.
+steps, one whole report is in its place or in the hidden folder, from which the next run brings it back. What the new
+one replaces is listed there before anything moves: it is not brought back beside the new one.
 """
 
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import re
 import shutil
@@ -19,7 +21,7 @@ from recoil_acquisition.errors import StoreError
 from recoil_acquisition.log.lock import FolderLock, is_being_written
 from recoil_acquisition.new_file import sync_file, sync_folder
 
-_NEW, _OLD = "new", "old"
+_NEW, _OLD, _REPLACED = "new", "old", "replaced.json"
 
 
 def refuse_existing(folder: Path, names: Sequence[str]) -> None:
@@ -113,10 +115,10 @@ def _exchange(folder: Path, hidden: Path, obsolete: set[Path]) -> None:
 
         # what else is there comes along before anything moves, so that no interruption hides it
         shutil.copytree(folder, new, symlinks=True, ignore=replaced, copy_function=_link, dirs_exist_ok=True)
+        (hidden / _REPLACED).write_text(json.dumps(sorted(map(str, gone))), encoding="utf-8")
+        sync_file(hidden / _REPLACED)
         folder.rename(hidden / _OLD)
     new.rename(folder)
-    for name in obsolete - {file.relative_to(new) for file in files}:
-        (hidden / _OLD / name).unlink(missing_ok=True)
     sync_folder(folder.parent)
 
 
@@ -139,16 +141,21 @@ def _put_in_order(folder: Path) -> None:
 
 def _settle(folder: Path, hidden: Path) -> None:
     """Remove a hidden folder; nothing goes with it that is not in the report's folder, except what was replaced."""
-    old = hidden / _OLD
+    old, replaced = hidden / _OLD, set()
     if old.exists() and not folder.exists():
         old.rename(folder)
+    elif not (hidden / _NEW).exists() and (hidden / _REPLACED).exists():
+        replaced = {old / name for name in json.loads((hidden / _REPLACED).read_text("utf-8"))}
     for file in sorted(old.rglob("*")) if old.exists() else ():
         place = folder / file.relative_to(old)
-        if not file.is_dir() and not os.path.lexists(place):
+        if not file.is_dir() and file not in replaced and not os.path.lexists(place):
             # came while the folders changed places
             place.parent.mkdir(parents=True, exist_ok=True)
             file.rename(place)
-    shutil.rmtree(hidden, ignore_errors=True)
+    shutil.rmtree(old, ignore_errors=True)
+    if not old.exists():
+        # the list goes last: it says what of the older report is not to be brought back
+        shutil.rmtree(hidden, ignore_errors=True)
 
 
 def _real(folder: Path) -> Path:

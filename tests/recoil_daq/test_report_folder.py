@@ -37,10 +37,11 @@ for name in ("rename", "replace", "unlink", "rmdir", "link", "mkdir"):
     setattr(os, name, counted(getattr(os, name)))
 
 def write(folder):
-    for name in ("report.html", "report.json", "mass.csv"):
+    for name in ("report.html", "report.json", "mass.csv", f"of {sys.argv[3]}.pdf"):
         (folder / name).write_text(sys.argv[3])
 
-publish(Path(sys.argv[1]), write)
+folder = Path(sys.argv[1])
+publish(folder, write, obsolete=[path.name for path in folder.glob("of *.pdf")])
 print("done")
 """
 
@@ -91,6 +92,7 @@ def test_what_tells_of_the_older_report_goes_with_it(reported: Path) -> None:
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGKILL that a process sends to itself")
 def test_a_kill_at_any_step_leaves_a_whole_report_that_the_next_run_finds(reported: Path) -> None:
+    (reported / "of old.pdf").write_text("old")
     texts, step, done = set(), 0, False
     while not done:
         result = subprocess.run(
@@ -103,8 +105,8 @@ def test_a_kill_at_any_step_leaves_a_whole_report_that_the_next_run_finds(report
             refuse_existing(reported, NAMES)
         found = contents(reported)
         assert {name: found.pop(name) for name in NOTES} == NOTES
-        assert sorted(found) == sorted(NAMES)
         assert len(set(found.values())) == 1, f"step {step}: a mixed report: {found}"
+        assert sorted(found) == sorted((*NAMES, f"of {found['mass.csv']}.pdf")), f"step {step}: of two reports"
         texts |= set(found.values())
         assert [path.name for path in reported.parent.iterdir()] == ["r"], f"step {step}: something is left over"
         step += 1
