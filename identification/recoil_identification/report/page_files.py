@@ -5,8 +5,10 @@ from __future__ import annotations
 import contextlib
 import filecmp
 import os
+import re
 import shutil
 import tempfile
+import time
 from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,6 +16,9 @@ from pathlib import Path
 from recoil_acquisition.errors import StoreError
 
 SCRIPT_NAME = "plotly.min.js"
+LEFT_OVER_S = 3600.0
+"""Age from which on a part of a script is taken for one whose writer was ended: a copy takes a second."""
+_PART = re.compile(re.escape(f".{SCRIPT_NAME}.") + "[a-z0-9_]{8}" + re.escape(".part"))
 
 
 def write_page(folder: Path, page: str, name: str) -> Path:
@@ -61,6 +66,7 @@ def write_script(folder: Path) -> Path:
     """
     script, path = plotly_script(), folder / SCRIPT_NAME
     with _written(folder):
+        _remove_left_over(folder)
         if not _same(script, path):
             # of a name of its own: several processes may write their reports beside one another
             descriptor, name = tempfile.mkstemp(prefix=f".{SCRIPT_NAME}.", suffix=".part", dir=folder)
@@ -77,6 +83,15 @@ def write_script(folder: Path) -> Path:
             finally:
                 partial.unlink(missing_ok=True)
     return path
+
+
+def _remove_left_over(folder: Path) -> None:
+    """Remove the parts of scripts that processes left when they were ended, and none that may still be written."""
+    for part in tuple(folder.iterdir()):
+        if _PART.fullmatch(part.name):
+            with contextlib.suppress(OSError):  # another process removed it, or has it open
+                if time.time() - part.stat().st_mtime > LEFT_OVER_S:
+                    part.unlink()
 
 
 def _same(one: Path, other: Path) -> bool:

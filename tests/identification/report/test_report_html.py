@@ -2,9 +2,11 @@ import base64
 import gzip
 import json
 import math
+import os
 import re
 import subprocess
 import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 from importlib.machinery import ModuleSpec
 from importlib.util import find_spec
@@ -30,7 +32,7 @@ from recoil_identification.report.figure import (
     envelope_indices,
 )
 from recoil_identification.report.html import PAGE_NAME, render_page
-from recoil_identification.report.page_files import plotly_script, write_page, write_script
+from recoil_identification.report.page_files import SCRIPT_NAME, plotly_script, write_page, write_script
 from recoil_identification.report.rounding import fixed, plain, rounded, significant
 from tests.builders.page_elements import PageElements
 
@@ -168,6 +170,19 @@ def test_page_that_stands_alone_holds_the_script_and_refers_to_nothing():
     assert script == plotly_script().read_bytes()
     assert len(page) < 2_500_000
     assert page == render_page(a_report(), [a_figure()], standalone=True)
+
+
+def test_parts_of_scripts_that_ended_processes_left_are_removed_and_no_others(tmp_path):
+    for name, age_s in (("abcdefgh", 7200.0), ("abcdefg_", 5.0), ("notes", 7200.0)):
+        part = tmp_path / f".{SCRIPT_NAME}.{name}.part"
+        part.write_text("half")
+        os.utime(part, (time.time() - age_s, time.time() - age_s))
+    (tmp_path / "mine.part").write_text("mine")
+    for _ in range(2):
+        write_script(tmp_path)
+        assert {path.name for path in tmp_path.iterdir()} == {
+            SCRIPT_NAME, "mine.part", f".{SCRIPT_NAME}.abcdefg_.part", f".{SCRIPT_NAME}.notes.part"
+        }  # fmt: skip
 
 
 @pytest.mark.parametrize("write", [lambda folder: write_page(folder, "page", PAGE_NAME), write_script])
