@@ -9,7 +9,8 @@
 
 A curve needs no more than a screen can show and a read-out can say. ``steps`` are whole numbers of a step from an
 origin on, each less the one before it, the four bytes of all numbers apart from one another: of a smooth curve all but
-the lowest bytes are equal, which gzip then takes out. ``powers`` are those of e, for what spans decades. ``f8`` are
+the lowest bytes are equal, which gzip then takes out. Of what ascends, as instants do, a step is a tenth of the distance
+between two neighbours at the most. ``powers`` are those of e, for what spans decades. ``f8`` are
 numbers as they are. A gap is a byte of a mask.
 """
 
@@ -39,6 +40,8 @@ DECADES = 1e4
 """Ratio of the largest to the smallest of positive numbers, from which on they are kept by their logarithms."""
 LARGEST_STEP_NUMBER = 2**29
 """Differences of two such numbers, made positive, fill 32 bits."""
+STEPS_PER_INSTANT = 10.0
+"""Least steps from one instant of a time base with jitter to the next, so that zooming in shows each at its place."""
 GRID_TOLERANCE = 1e-3
 """Of its step, by which the instants of an even grid may stand off it."""
 
@@ -129,8 +132,9 @@ def _step(values: Array) -> float:
     span = float(np.ptp(values))
     if not 0.0 < span < math.inf:
         return 0.0 if span else 1.0
-    differences, apart = np.abs(np.diff(values)), values - values[0]
-    numbers = np.round(apart / differences[differences > 0.0].min())
+    differences, apart = np.diff(values), values - values[0]
+    sizes = np.abs(differences)
+    numbers = np.round(apart / sizes[sizes > 0.0].min())
     last = int(np.argmax(numbers))
     if 0.0 < numbers[last] < LARGEST_STEP_NUMBER:
         # the instants of a uniform time base are kept to the last digits
@@ -138,7 +142,10 @@ def _step(values: Array) -> float:
         if np.all(np.abs(apart - even * numbers) < GRID_TOLERANCE * even):
             return even
     low, high = np.percentile(values, [OUTERMOST, 100.0 - OUTERMOST])
-    return FINENESS * float(high - low if high > low else span)
+    step = FINENESS * float(high - low if high > low else span)
+    if np.all(differences > 0.0):
+        step = min(step, float(np.percentile(differences, OUTERMOST)) / STEPS_PER_INSTANT)
+    return step
 
 
 def _get(arrays: bytes, at: int, count: int, kind: str, origin: float = 0.0, step: float = 0.0, gaps: bool = False,

@@ -42,6 +42,18 @@ def test_time_far_from_zero_keeps_its_resolution():
     np.testing.assert_allclose(again(times_s), times_s, atol=1e-10, rtol=0)
 
 
+@pytest.mark.parametrize("jitter", [0.0, 0.01, 0.3])
+@pytest.mark.parametrize("rate_hz", [1e3, 1e5])
+def test_instants_with_jitter_come_again_within_a_tenth_of_the_way_to_the_next(rate_hz, jitter):
+    random = np.random.default_rng(2)
+    late = random.uniform(0.0, jitter, int(10 * rate_hz))
+    times_s = 12.5 + (np.arange(late.size) + late) / rate_hz
+    thinned = times_s[np.unique(random.integers(0, times_s.size, 8000))]
+    for instants in (times_s, thinned):
+        way_s = np.median(np.diff(instants))
+        np.testing.assert_allclose(again(instants), instants, atol=0.1 * way_s, rtol=0)
+
+
 @pytest.mark.parametrize("values", [[1e300, -1e300] * 50, [0.1] * 80, [], [np.nan] * 70, [1.5]])
 def test_numbers_beyond_what_steps_can_say_are_kept(values):
     values = np.array(values)
