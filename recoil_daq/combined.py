@@ -35,11 +35,12 @@ from recoil_identification.report.campaign_document import (
     write_campaign,
 )
 from recoil_identification.report.campaign_figures import campaign_figures
-from recoil_identification.report.document import LARGEST_REPORT, REPORT_FILE, read_curves
+from recoil_identification.report.document import REPORT_FILE
 from recoil_identification.report.document import SCHEMA as REPORT_SCHEMA
 from recoil_identification.report.html import CAMPAIGN_PAGE, PAGE_NAME, render_campaign_page
 from recoil_identification.report.page_files import write_page, write_script
 from recoil_identification.report.paper import CAMPAIGN_PDF, campaign_pdf, earlier_figures, figure_files, write_figures
+from recoil_identification.report.stored_report import LARGEST_REPORT, read_curves
 from recoil_identification.report.typeset import refuse_without_typst
 from recoil_rigs.rig import find_rig
 

@@ -5,22 +5,23 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.regular_file import read_small
-from recoil_acquisition.store import read_shot
+from recoil_acquisition.store import shot_summary
 from recoil_daq import __version__
 from recoil_daq.printed import Printed
 from recoil_daq.recomputed import find_reports
 from recoil_daq.report_folder import publish, refuse_existing
 from recoil_identification.report.beside import Laid, beside_document, beside_figures
-from recoil_identification.report.document import LARGEST_REPORT, REPORT_FILE, read_curves, read_document, read_trace
+from recoil_identification.report.document import REPORT_FILE
 from recoil_identification.report.html import BESIDE_PAGE, PAGE_NAME, render_beside_page
 from recoil_identification.report.page_files import write_page, write_script
+from recoil_identification.report.stored_report import LARGEST_REPORT, read_curves, read_document, read_trace
 
 
 @dataclass(frozen=True, repr=False)
@@ -62,34 +63,36 @@ class Beside(Printed):
         return f"Beside({len(self.document['reports'])} reports -> {self.page})"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Others:
-    """Reports that new ones are to be laid beside, read before anything is written.
+    """Reports that new ones are to be laid beside.
 
     Attributes
     ----------
     of_places
-        Of each place that was given the reports in it.
+        Of each place that was given the reports in it, by their files; of several each with its shot.
     """
 
-    of_places: tuple[tuple[Path, tuple[tuple[Path, Laid], ...]], ...]
+    of_places: tuple[tuple[Path, Mapping[Path, str]], ...]
 
     @classmethod
     def read(cls, places: Sequence[str | Path]) -> Others:
-        """Read the reports of places: report files, their folders, or folders of reports.
+        """Find the reports of places: report files, their folders, or folders of reports.
 
         Raises
         ------
         ReadError
-            If there is none, or one is damaged.
+            If there is none, or one of several is damaged.
         """
-        return cls(
-            tuple(
-                (Path(place), tuple((path.parent, read_laid(path)) for path in find_reports(place))) for place in places
-            )
-        )
+        of_places = []
+        for place in places:
+            found = find_reports(place)
+            # one that stands alone is taken whatever its shot is
+            shots = [str(read_document(path)["shot"]) for path in found] if len(found) > 1 else [""]
+            of_places.append((Path(place), dict(zip(found, shots, strict=True))))
+        return cls(tuple(of_places))
 
-    def beside(self, folder: Path, shot: str) -> list[tuple[Path, Laid]]:
+    def beside(self, folder: Path, shot: str) -> list[Path]:
         """Return those that are laid beside the report of a shot: of a folder of several the one of that shot.
 
         Raises
@@ -97,27 +100,31 @@ class Others:
         ReadError
             If a folder of several has none of it, or the report itself would replace one of them.
         """
-        found: list[tuple[Path, Laid]] = []
+        found: dict[str, Path] = {}
         for place, reports in self.of_places:
-            taken = reports if len(reports) == 1 else [one for one in reports if one[1].document["shot"] == shot]
+            taken = [path for path, of_shot in reports.items() if len(reports) == 1 or of_shot == shot]
             if not taken:
                 raise ReadError(
                     f"no report of shot {shot} in this folder of reports", path=place, remedy="name the report itself"
                 )
-            known = {os.path.realpath(other) for other, _ in found}
-            found += [one for one in taken if os.path.realpath(one[0]) not in known]
-        for other, _ in found:
-            if os.path.realpath(other) == os.path.realpath(folder):
-                raise ReadError(
-                    "this report is to be laid beside itself", path=other, remedy="give another --out for the new one"
-                )
-        return found
+            for path in taken:
+                found.setdefault(os.path.realpath(path.parent), path)
+        if os.path.realpath(folder) in found:
+            other = found[os.path.realpath(folder)].parent
+            raise ReadError(
+                "this report is to be laid beside itself", path=other, remedy="give another --out for the new one"
+            )
+        return list(found.values())
 
     def refuse_before(self, shot_files: Sequence[Path], out: Path, *, overwrite: bool) -> None:
         """Raise, before any shot is identified, what `beside` would raise of their new reports in a folder."""
+        sound: set[Path] = set()
         for path in shot_files:
-            shot = read_shot(path).name
-            self.beside(out / shot, shot)
+            shot = str(shot_summary(path)["shot"])
+            for report in self.beside(out / shot, shot):
+                if report not in sound:
+                    read_laid(report)
+                    sound.add(report)
             if not overwrite:
                 refuse_existing(out / shot, (BESIDE_PAGE,))
 
@@ -152,7 +159,8 @@ def beside(
     path = Path(report) / REPORT_FILE if Path(report).is_dir() else Path(report)
     home, own = path.parent, read_laid(path)
     read = others if isinstance(others, Others) else Others.read(others)
-    all_of_them = [(home, own), *read.beside(home, str(own.document["shot"]))]
+    all_of_them = [(home, own)]
+    all_of_them += [(one.parent, read_laid(one)) for one in read.beside(home, str(own.document["shot"]))]
     if not overwrite:
         refuse_existing(home, (BESIDE_PAGE,))
     names = _names([folder for folder, _ in all_of_them])

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import ReadError
-from recoil_acquisition.regular_file import read_small
+from recoil_acquisition.regular_file import read_beginning, read_small
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store.shot_log import ShotLogRow
 from recoil_daq import __version__
@@ -21,8 +21,9 @@ from recoil_daq.identify import reported
 from recoil_identification.analysis import Options, identify_shot
 from recoil_identification.report.campaign_document import CAMPAIGN_FILE
 from recoil_identification.report.computer import computer
-from recoil_identification.report.document import LARGEST_REPORT, LARGEST_TRACE, REPORT_FILE, read_document
+from recoil_identification.report.document import REPORT_FILE
 from recoil_identification.report.seal import SEAL, digest_of
+from recoil_identification.report.stored_report import LARGEST_REPORT, read_document
 from recoil_identification.reproduction import Comparison, Difference, compare, compare_tables
 
 Progress = Callable[[str], None]
@@ -32,6 +33,8 @@ BESIDES = ("provenance.version", "provenance.computer", "provenance.outputs", f"
 SHOTS = "shots"
 """Usual folder of shot files."""
 ANEW = "identify the shot anew"
+MOST_OF_A_TABLE = 2
+"""Times its size when it is made again, beyond which a file beside a report is not read: it is another one."""
 LONGEST_NAME_BYTES = 255
 """Of a file, on any usual file system."""
 
@@ -224,7 +227,11 @@ def _compared(kept: Kept, name: str, text: str, *, exact: bool) -> Comparison:
     path = kept.path.parent / name
     if not path.is_file():
         return Comparison(0, (Difference(name, None, "a table"),), 0.0)
-    content = read_small(path, LARGEST_TRACE, "a table")
+    most = MOST_OF_A_TABLE * len(text.encode())
+    content = read_beginning(path, most + 1)
+    if len(content) > most:
+        larger = Difference(f"size of {name}", f"over {most:,} bytes", f"{most // MOST_OF_A_TABLE:,} bytes")
+        return Comparison(0, (larger,), 0.0)
     found = compare_tables(name, content.decode("utf-8", "replace"), text, exact=exact)
     listed = {one.get("file"): one.get("sha256") for one in kept.document["provenance"].get("outputs", ())}
     digest = hashlib.sha256(content).hexdigest()

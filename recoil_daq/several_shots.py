@@ -11,7 +11,7 @@ from typing import Any
 
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.shot import Verdict
-from recoil_acquisition.store import read_shot
+from recoil_acquisition.store import shot_summary
 from recoil_daq.fired import read_fired
 from recoil_daq.identify import FILES, Reported, find_shot_files, identify_file
 from recoil_daq.report_folder import refuse_existing
@@ -152,7 +152,7 @@ class _Task:
 
     def refuse_existing(self) -> None:
         names = [one for target in self.targets for one in (FILES if target == "mass" else files_of(target))]
-        refuse_existing(self.out / read_shot(self.path).name, names)
+        refuse_existing(self.out / str(shot_summary(self.path)["shot"]), names)
 
     def identified(self) -> Identified:
         report, others = None, [target for target in self.targets if target != "mass"]

@@ -24,6 +24,7 @@ _KINDS = (
 )
 _HOLES_FROM_BYTES = 1 << 26
 _LARGEST_HOLES = 64
+_LEAST_ROOM_BYTES = 1 << 16
 # POSIX alone has the first three, Windows the last: what is opened there without it is text
 _FLAGS = os.O_RDONLY | sum(getattr(os, name, 0) for name in ("O_NONBLOCK", "O_NOCTTY", "O_CLOEXEC", "O_BINARY"))
 
@@ -58,7 +59,8 @@ def check_regular(path: Path) -> None:
 def read_beginning(path: Path, count: int) -> bytes:
     """Read the first bytes of a file, `count` at most; raises `ReadError` as `open_regular` does."""
     with open_regular(path) as file, _map_to_read_error(path):
-        return file.read(count)
+        # room is taken for all that is asked for: no more of it than the file needs, some systems' own files state none
+        return file.read(min(count, max(os.fstat(file.fileno()).st_size, _LEAST_ROOM_BYTES) + 1))
 
 
 def read_small(path: Path, largest_bytes: int, what: str) -> bytes:

@@ -330,6 +330,14 @@ def test_a_table_with_other_bytes_and_the_same_numbers_is_found(copied: Path) ->
     assert path.exists()
 
 
+def test_a_table_of_another_size_is_not_read(copied: Path) -> None:
+    path = copied / "reports" / "0001" / "mass.csv"
+    path.write_bytes(3 * path.read_bytes())
+    differences = recoil_daq.explain(copied / "reports" / "0001").comparison.differences
+    assert [one.key for one in differences] == ["size of mass.csv"]
+    assert str(differences[0].stored).startswith("over ")
+
+
 def test_a_program_that_writes_the_report_anew_changes_nothing(copied: Path) -> None:
     path = copied / "reports" / "0001" / "report.json"
     document = json.loads(

@@ -12,7 +12,9 @@ import pytest
 
 import recoil_daq
 from recoil_acquisition.errors import ReadError, StoreError
+from recoil_acquisition.reader_process import READER
 from recoil_daq import beside
+from recoil_daq.laid_beside import Others
 
 
 @pytest.fixture
@@ -83,6 +85,22 @@ def test_of_a_folder_of_reports_the_one_of_the_shot_is_taken(two: Path) -> None:
     edited(two / "one" / "0001", shot="0003")
     with pytest.raises(ReadError, match="no report of shot 0003 in this folder of reports"):
         beside(two / "one" / "0001", [two / "other"])
+
+
+def test_of_a_folder_of_reports_no_more_is_read_than_it_takes(
+    stored: Path, two: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copytree(two / "other" / "0001", two / "other" / "0002")
+    edited(two / "other" / "0002", shot="0002")
+    (two / "other" / "0002" / "mass.csv").write_text("of no concern", encoding="utf-8")
+    (two / "other" / "0002" / "curves.csv").write_text("of no concern", encoding="utf-8")
+    asked, ask = [], READER.ask
+    monkeypatch.setattr(READER, "ask", lambda path, what, size: asked.append(what) or ask(path, what, size))
+    Others.read([two / "other"]).refuse_before([stored], two / "out", overwrite=False)
+    assert asked == ["headers"]
+    assert [one["shot"] for one in beside(two / "one" / "0001", [two / "other"]).document["reports"]] == 2 * ["0001"]
+    with pytest.raises(ReadError, match="this is no mass over time"):
+        beside(two / "one" / "0001", [two / "other" / "0002"], overwrite=True)
 
 
 def test_what_cannot_be_laid_beside_is_said_before_any_shot_is_identified(

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from recoil_acquisition.acquisition import AT_TRIGGER
-from recoil_acquisition.errors import ReadError
-from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.shot import InputFile, Shot
 from recoil_acquisition.store.shot_log import ShotLogRow
 from recoil_identification.analysis import Identification, Result
@@ -37,15 +33,6 @@ REPORT_FILE = "report.json"
 TRACE_FILE = "mass.csv"
 CURVES_FILE = "curves.csv"
 TRACE_COLUMNS = ("time_s", "mass_kg", "u_kg", "identified")
-
-LARGEST_REPORT = 4_000_000
-"""Bytes of a report.json, beyond which it is none."""
-DEEPEST = 32
-"""Levels of a report.json, one in another, beyond which it is none."""
-LARGEST_TRACE = 1_000_000_000
-"""Bytes of a mass.csv, beyond which it is none."""
-LARGEST_CURVES = 1_000_000
-"""Bytes of a curves.csv, beyond which it is none."""
 
 METHOD_NOTES = {
     "calibrated": "acceleration on forces, both filtered alike, every sensor's scale restricted by its calibration",
@@ -428,115 +415,6 @@ def write_files(folder: Path, files: Mapping[str, str]) -> None:
     """Write texts into a folder, by name; the bytes are the same on every system."""
     for name, text in files.items():
         (folder / name).write_text(text, encoding="utf-8", newline="\n")
-
-
-def read_document(path: Path, content: bytes | None = None) -> dict[str, Any]:
-    """Read a ``report.json``.
-
-    Parameters
-    ----------
-    content
-        Its bytes, where they are at hand.
-
-    Raises
-    ------
-    ReadError
-        If it is no report of a shot, or has a number that is not finite, for which null stands in reports.
-    """
-    content = read_small(path, LARGEST_REPORT, "a report") if content is None else content
-    try:
-        document = json.loads(content, parse_constant=_finite, parse_float=_finite, parse_int=_whole)
-        if document["schema"] != SCHEMA:
-            raise ValueError(f"schema {document['schema']!r}")
-        _refuse_deep(document)
-        lacking = [key for key in ("shot", "rig", "mass", "rpe_percent", "valid", "provenance") if key not in document]
-        if lacking:
-            raise ValueError(f"no {', '.join(lacking)}")
-    except (ValueError, LookupError, TypeError, RecursionError) as error:
-        raise ReadError(
-            "this is no report of a shot", path=path, expected=f"schema {SCHEMA}", found=str(error)
-        ) from error
-    return dict(document)
-
-
-def _finite(text: str) -> float:
-    number = float(text)
-    if not math.isfinite(number):
-        raise ValueError(f"the number {text[:20]}")
-    return number
-
-
-def _whole(text: str) -> int:
-    _finite(text)
-    return int(text)
-
-
-def _refuse_deep(document: Any) -> None:
-    level = [document]
-    for _ in range(DEEPEST):
-        level = [
-            part for one in level if isinstance(one, dict | list)
-            for part in (one.values() if isinstance(one, dict) else one)
-        ]  # fmt: skip
-    if level:
-        raise ValueError(f"more than {DEEPEST} levels")
-
-
-def read_trace(folder: Path) -> NDArray[np.float64] | None:
-    """Read the ``mass.csv`` of a report's folder: time in s, mass and u in kg, NaN where blank; None if there is none.
-
-    Raises
-    ------
-    ReadError
-        If it is no such file.
-    """
-    path = folder / TRACE_FILE
-    if not path.exists():
-        return None
-    header, *lines = read_small(path, LARGEST_TRACE, "a trace").decode("utf-8", "replace").splitlines() or [""]
-    try:
-        if header.split(",") != list(TRACE_COLUMNS):
-            raise ValueError(f"the columns {header!r}")
-        cells = [line.split(",")[:3] for line in lines]
-        numbers = np.array([[float(cell) if cell else math.nan for cell in row] for row in cells], dtype=np.float64)
-        if numbers.ndim != 2 or numbers.shape[1] != 3 or not np.isfinite(numbers[:, 0]).all():
-            raise ValueError("rows of another length, or without a time")
-    except ValueError as error:
-        raise ReadError(
-            "this is no mass over time", path=path, expected=f"columns {', '.join(TRACE_COLUMNS)}", found=str(error),
-            remedy="identify the shot anew",
-        ) from error  # fmt: skip
-    return numbers
-
-
-def read_curves(folder: Path) -> Curves | None:
-    """Read the ``curves.csv`` of a report's folder; None where there is none.
-
-    Raises
-    ------
-    ReadError
-        If it is no such file.
-    """
-    path = folder / CURVES_FILE
-    if not path.exists():
-        return None
-    header, *lines = read_small(path, LARGEST_CURVES, "a shot's curves").decode("utf-8", "replace").splitlines() or [""]
-    try:
-        if header.split(",") != ["time_s", *CURVES]:
-            raise ValueError(f"the columns {header!r}")
-        numbers = np.array([[float(cell) if cell else math.nan for cell in line.split(",")] for line in lines])
-        if numbers.ndim != 2 or numbers.shape[1] != 1 + len(CURVES) or not np.all(np.diff(numbers[:, 0]) > 0):
-            raise ValueError("rows of another length, or times that do not ascend")
-    except ValueError as error:
-        raise ReadError(
-            "these are no curves of a shot",
-            path=path,
-            expected=f"columns time_s, {', '.join(CURVES)}",
-            found=str(error),
-            remedy="identify the shot anew",
-        ) from error
-    values = {name: numbers[:, 1 + k] for k, name in enumerate(CURVES)}
-    return Curves(numbers[:, 0], {name: column for name, column in values.items() if np.isfinite(column).any()})
 
 
 def to_json(value: Any) -> Any:

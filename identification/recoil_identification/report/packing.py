@@ -9,9 +9,9 @@
 
 A curve needs no more than a screen can show and a read-out can say. ``steps`` are whole numbers of a step from an
 origin on, each less the one before it, the four bytes of all numbers apart from one another: of a smooth curve all but
-the lowest bytes are equal, which gzip then takes out. Of what ascends, as instants do, a step is a tenth of the distance
-between two neighbours at the most. ``powers`` are those of e, for what spans decades. ``f8`` are
-numbers as they are. A gap is a byte of a mask.
+the lowest bytes are equal, which gzip then takes out. Of what ascends, as instants do, a step is a tenth of the way
+between two neighbours at the most. ``powers`` are those of e, for what spans decades. ``f8`` are numbers as they are. A
+gap is a byte of a mask.
 """
 
 from __future__ import annotations

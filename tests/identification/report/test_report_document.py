@@ -3,6 +3,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -14,13 +15,12 @@ from recoil_identification.analysis import Options, identify_shot
 from recoil_identification.report.document import (
     TRACE_COLUMNS,
     TRACE_FILE,
-    read_document,
-    read_trace,
     report_document,
     trace_text,
     write_document,
     write_files,
 )
+from recoil_identification.report.stored_report import read_document, read_trace
 from tests.builders.bench_shots import bench_rig, bench_shot
 from tests.builders.virtual_shots import identified, virtual_shot
 
@@ -180,4 +180,36 @@ def test_a_report_with_what_no_report_holds_is_none(tmp_path, written):
 def test_a_trace_whose_rows_lack_their_time_is_none(tmp_path):
     (tmp_path / TRACE_FILE).write_text(f"{','.join(TRACE_COLUMNS)}\n0.1,782,1,1\n,782,1,1\n", encoding="utf-8")
     with pytest.raises(ReadError, match="without a time"):
+        read_trace(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("0.1,782,1\n", "rows of another length"), ("", "rows of another length"), ("0.1,a,1,1\n", "could not convert")],
+)
+def test_a_trace_of_other_rows_is_none(tmp_path, text, words):
+    (tmp_path / TRACE_FILE).write_text(f"{','.join(TRACE_COLUMNS)}\n{text}", encoding="utf-8")
+    with pytest.raises(ReadError, match=words):
+        read_trace(tmp_path)
+
+
+def test_a_long_trace_takes_little_more_memory_than_its_numbers(tmp_path):
+    rows = [f"{k * 1e-5:.9g},782.000000,1.500000,1" for k in range(50_000)]
+    rows[7] = "7e-05,,,0"
+    (tmp_path / TRACE_FILE).write_text("\n".join([",".join(TRACE_COLUMNS), *rows, ""]), encoding="utf-8")
+    tracemalloc.start()
+    try:
+        trace = read_trace(tmp_path)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert trace.shape == (50_000, 3)
+    assert np.isnan(trace[7]).tolist() == [False, True, True]
+    assert peak < 5 * trace.nbytes
+
+
+def test_a_trace_that_no_shot_has_is_not_read(tmp_path):
+    with (tmp_path / TRACE_FILE).open("wb") as file:
+        file.write(bytes(65_000_000))
+    with pytest.raises(ReadError, match=r"too large; expected a trace of at most 64 MB"):
         read_trace(tmp_path)

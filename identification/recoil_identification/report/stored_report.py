@@ -1,0 +1,151 @@
+"""A report as it stands in its folder, read again: ``report.json``, ``mass.csv`` and ``curves.csv``."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from array import array
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.errors import ReadError
+from recoil_acquisition.regular_file import read_small
+from recoil_identification.firing_record import CURVES, Curves
+from recoil_identification.report.document import CURVES_FILE, SCHEMA, TRACE_COLUMNS, TRACE_FILE
+
+Array = NDArray[np.float64]
+
+LARGEST_REPORT = 4_000_000
+"""Bytes of a report.json, beyond which it is none."""
+DEEPEST = 32
+"""Levels of a report.json, one in another, beyond which it is none."""
+LARGEST_TRACE = 64_000_000
+"""Bytes of a mass.csv, beyond which it is none: two seconds of a recoil at a million samples a second."""
+LARGEST_CURVES = 1_000_000
+"""Bytes of a curves.csv, beyond which it is none."""
+
+
+def read_document(path: Path, content: bytes | None = None) -> dict[str, Any]:
+    """Read a ``report.json``.
+
+    Parameters
+    ----------
+    content
+        Its bytes, where they are at hand.
+
+    Raises
+    ------
+    ReadError
+        If it is no report of a shot, or has a number that is not finite, for which null stands in reports.
+    """
+    content = read_small(path, LARGEST_REPORT, "a report") if content is None else content
+    try:
+        document = json.loads(content, parse_constant=_finite, parse_float=_finite, parse_int=_whole)
+        if document["schema"] != SCHEMA:
+            raise ValueError(f"schema {document['schema']!r}")
+        _refuse_deep(document)
+        lacking = [key for key in ("shot", "rig", "mass", "rpe_percent", "valid", "provenance") if key not in document]
+        if lacking:
+            raise ValueError(f"no {', '.join(lacking)}")
+    except (ValueError, LookupError, TypeError, RecursionError) as error:
+        raise ReadError(
+            "this is no report of a shot", path=path, expected=f"schema {SCHEMA}", found=str(error)
+        ) from error
+    return dict(document)
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError(f"the number {text[:20]}")
+    return number
+
+
+def _whole(text: str) -> int:
+    _finite(text)
+    return int(text)
+
+
+def _refuse_deep(document: Any) -> None:
+    level = [document]
+    for _ in range(DEEPEST):
+        level = [
+            part for one in level if isinstance(one, dict | list)
+            for part in (one.values() if isinstance(one, dict) else one)
+        ]  # fmt: skip
+    if level:
+        raise ValueError(f"more than {DEEPEST} levels")
+
+
+def read_trace(folder: Path) -> Array | None:
+    """Read the ``mass.csv`` of a report's folder: time in s, mass and u in kg, NaN where blank; None if there is none.
+
+    Raises
+    ------
+    ReadError
+        If it is no such file.
+    """
+    numbers = _read_table(
+        folder / TRACE_FILE, TRACE_COLUMNS, LARGEST_TRACE, "a trace", "this is no mass over time",
+        "without a time", lambda times_s: bool(np.isfinite(times_s).all()),
+    )  # fmt: skip
+    return None if numbers is None else numbers[:, :3]
+
+
+def read_curves(folder: Path) -> Curves | None:
+    """Read the ``curves.csv`` of a report's folder; None where there is none.
+
+    Raises
+    ------
+    ReadError
+        If it is no such file.
+    """
+    numbers = _read_table(
+        folder / CURVES_FILE, ("time_s", *CURVES), LARGEST_CURVES, "a shot's curves", "these are no curves of a shot",
+        "times that do not ascend", lambda times_s: bool(np.all(np.diff(times_s) > 0)),
+    )  # fmt: skip
+    if numbers is None:
+        return None
+    values = {name: numbers[:, 1 + k] for k, name in enumerate(CURVES)}
+    return Curves(numbers[:, 0], {name: column for name, column in values.items() if np.isfinite(column).any()})
+
+
+def _read_table(
+    path: Path, columns: Sequence[str], largest_bytes: int, what: str, is_none: str, bad_times: str,
+    good: Callable[[Array], bool],
+) -> Array | None:  # fmt: skip
+    """Read a table of numbers, times in its first column, NaN where blank; None if there is no such file.
+
+    Parameters
+    ----------
+    columns
+        That its first line must name.
+    what, is_none, bad_times
+        What it should be, what is said of one that is not, and of one whose times are not `good`.
+    """
+    if not path.exists():
+        return None
+    lines = io.TextIOWrapper(io.BytesIO(read_small(path, largest_bytes, what)), "utf-8", errors="replace")
+    header, numbers = next(lines, "").rstrip("\n"), array("d")
+    try:
+        if header.split(",") != list(columns):
+            raise ValueError(f"the columns {header!r}")
+        for line in lines:
+            cells = line.rstrip("\n").split(",")
+            if len(cells) != len(columns):
+                raise ValueError(f"rows of another length, or {bad_times}")
+            numbers.extend(float(cell) if cell else math.nan for cell in cells)
+        table = np.array(numbers).reshape(-1, len(columns))
+        if not table.size or not good(table[:, 0]):
+            raise ValueError(f"rows of another length, or {bad_times}")
+    except ValueError as error:
+        raise ReadError(
+            is_none, path=path, expected=f"columns {', '.join(columns)}", found=str(error),
+            remedy="identify the shot anew",
+        ) from error  # fmt: skip
+    return table
