@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import re
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import IdentificationError, StoreError
+from recoil_acquisition.store import shot_summary
 from recoil_acquisition.store.shot_log import SHOT_LOG
 from recoil_daq.combined import Combined, campaign
 from recoil_daq.identify import Reported, identify_file
@@ -30,6 +32,21 @@ CAMPAIGN_DEMO: dict[str, Any] = {
     "charges": (1.0, 1.0, 0.8, 0.8, 0.65, 0.65, 0.9, 0.9),
     "friction_scatter": 0.03,
 }
+SIMULATED = r"\d{4}_(camera\.csv|can\.blf|dewetron\.csv|imu\.rdlog)|mixed\.dbc|rig\.toml|truth\.json"
+CAMPAIGN_DEMO_FILES = (
+    rf"simulated/(shotlog\.csv|\d{{4}}/({SIMULATED}))",
+    r"shots/(shotlog\.csv|\d{4}\.h5)",
+    r"answer/(campaign\.(csv|html|json)|cutoff\.json)",
+    r"answer/reports/\d{4}/(curves\.csv|mass\.csv|report\.(html|json))",
+    r"answer/(reports/)?plotly\.min\.js",
+)
+LIVE_DEMO_FILES = (
+    r"\d{4}\.h5|shotlog\.csv",
+    r"captures/\d{4}\.rdlog",
+    r"incoming/\d{4}_(camera|dewetron)\.csv",
+    r"sessions/\w+\.\w+\.json",
+)
+"""Patterns of what the demonstrations write into folders that --overwrite removes."""
 Progress = Callable[[str], None]
 
 
@@ -59,7 +76,7 @@ def run_demo(
     Raises
     ------
     StoreError
-        If the folder holds an earlier demonstration.
+        If the folder holds an earlier demonstration, or what is of none beside it.
     """
     folder = out / "simulated" / DEMO_SHOT
     if folder.exists():
@@ -67,8 +84,7 @@ def run_demo(
             raise StoreError(
                 "an earlier demonstration is here", path=folder, remedy="give another --out, or --overwrite"
             )
-        for file in folder.iterdir():
-            file.unlink()
+        _remove(folder, (SIMULATED,))
     progress("simulate")
     rig = load_rig(DEMO_RIG)
     simulated = simulate_shot(rig, folder, seed=seed, shot=DEMO_SHOT)
@@ -104,13 +120,13 @@ def run_campaign_demo(
     Raises
     ------
     StoreError
-        If the folder holds an earlier campaign.
+        If the folder holds an earlier campaign, or what is of no demonstration.
     """
     folder = out / "campaign"
     if folder.exists():
         if not overwrite:
             raise StoreError("an earlier campaign is here", path=folder, remedy="give another --out, or --overwrite")
-        shutil.rmtree(folder)
+        _remove(folder, CAMPAIGN_DEMO_FILES)
     rig, plan = load_rig(DEMO_RIG), CampaignPlan(**CAMPAIGN_DEMO)
     fired = simulate(
         rig, folder / "simulated", seed=seed, shots=CAMPAIGN_DEMO_SHOTS, campaign_seed=seed, plan=plan,
@@ -160,7 +176,7 @@ def run_live_demo(out: Path, display: Display, *, seed: int = 1, overwrite: bool
     Raises
     ------
     StoreError
-        If the folder holds an earlier range day.
+        If the folder holds an earlier range day, or what is of no demonstration.
     DeviceError
         If this computer has no pseudo-terminals.
     """
@@ -168,7 +184,7 @@ def run_live_demo(out: Path, display: Display, *, seed: int = 1, overwrite: bool
     if folder.exists():
         if not overwrite:
             raise StoreError("an earlier range day is here", path=folder, remedy="give another --out, or --overwrite")
-        shutil.rmtree(folder)
+        _remove(folder, LIVE_DEMO_FILES)
     days: list[RangeDay] = []
     options = LiveOptions(out=folder, shots=LIVE_DEMO_SHOTS)
     outcome = run_live(load_rig(DEMO_RIG), options, display, play={"seed": seed}, watch_day=days.append)
@@ -185,3 +201,29 @@ def run_live_demo(out: Path, display: Display, *, seed: int = 1, overwrite: bool
             # a day that went wrong for one shot has its other masses all the same
             display.notice(f"shot {shot.name} has no mass: {error}")
     return LiveDemonstration(outcome, tuple(reports), days[0].player.truth())
+
+
+def _remove(folder: Path, files: Sequence[str]) -> None:
+    """Remove what an earlier demonstration wrote.
+
+    Parameters
+    ----------
+    files
+        Patterns of the paths of its files in the folder.
+
+    Raises
+    ------
+    StoreError
+        If anything else is in the folder, of which nothing is removed then.
+    """
+    found = [path for path in folder.rglob("*") if path.is_symlink() or not path.is_dir()]
+    own = re.compile("|".join(files))
+    for path in found:
+        known = own.fullmatch(path.relative_to(folder).as_posix()) is not None
+        if not known or (path.suffix == ".h5" and shot_summary(path)["rig"] != load_rig(DEMO_RIG).name):
+            raise StoreError(
+                "this is of no demonstration, and is not removed with an earlier one",
+                path=path,
+                remedy="give another --out, or move it elsewhere",
+            )
+    shutil.rmtree(folder)

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from recoil_daq.combined import campaign
+from recoil_daq.demo import run_campaign_demo
 from recoil_rigs.rig import find_rig
 from tests.builders.campaigns import FiredCampaign, ring_campaign
 from tests.builders.virtual_shots import SHORTER, with_twin
@@ -163,6 +164,32 @@ def test_a_campaign_is_demonstrated_beside_the_truth(run, tmp_path, monkeypatch:
     again = run("demo", "--campaign", "--out", tmp_path)
     assert again.exit_code == 3
     assert "an earlier campaign is here" in again.stderr
+    notes = tmp_path / "campaign" / "shots" / "notes.txt"
+    notes.write_text("mine")
+    refused = run("demo", "--campaign", "--out", tmp_path, "--overwrite")
+    assert refused.exit_code == 3
+    assert f"{notes}: this is of no demonstration" in refused.stderr
+    assert (tmp_path / "campaign" / "answer" / "campaign.json").exists()
+    notes.unlink()
+    monkeypatch.setattr("recoil_daq.demo.CAMPAIGN_DEMO_SHOTS", 0)
+    with pytest.raises(ValueError, match="shots must be at least 1"):
+        run_campaign_demo(tmp_path, overwrite=True)
+    assert not (tmp_path / "campaign").exists()
+
+
+def test_a_folder_that_no_demonstration_made_is_not_removed(run, stored: Path, tmp_path: Path) -> None:
+    (tmp_path / "live").mkdir()
+    shot = Path(shutil.copy(stored, tmp_path / "live" / "0001.h5"))
+    refused = run("demo", "--live", "--no-screen", "--out", tmp_path, "--overwrite")
+    assert refused.exit_code == 3
+    assert f"{shot}: this is of no demonstration" in refused.stderr
+    folder = tmp_path / "simulated" / "0001"
+    folder.mkdir(parents=True)
+    (folder / "notes.txt").write_text("mine")
+    refused = run("demo", "--out", tmp_path, "--overwrite")
+    assert refused.exit_code == 3
+    assert f"{folder / 'notes.txt'}: this is of no demonstration" in refused.stderr
+    assert (folder / "notes.txt").exists()
 
 
 def test_a_demonstration_is_of_one_kind(run, tmp_path) -> None:
