@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
-import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,18 +11,17 @@ from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.regular_file import read_small
-from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog, ShotLogRow
 from recoil_daq import __version__
-from recoil_daq.fired import RIG_FILE, described
-from recoil_daq.identify import find_shot_files
+from recoil_daq.campaign_logs import CampaignLogs
+from recoil_daq.campaign_sources import OF_ANOTHER, CampaignReport, Source, sources_of
+from recoil_daq.fired import described
 from recoil_daq.printed import MassResult
-from recoil_daq.report_folder import publish, refuse_existing, refuse_unwritable
+from recoil_daq.report_folder import publish, refuse_existing, refuse_unwritable, way_to_page
 from recoil_daq.several_shots import identify_shots, shared_options
 from recoil_daq.shared_cutoff import SharedCutoff
 from recoil_daq.workers import Workers
 from recoil_identification.analysis import Options
 from recoil_identification.campaign.campaign import Campaign, combine
-from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.campaign.changes import OUTLIER
 from recoil_identification.campaign.overlay import Overlay, overlay
 from recoil_identification.report.campaign_document import (
@@ -36,11 +33,10 @@ from recoil_identification.report.campaign_document import (
 )
 from recoil_identification.report.campaign_figures import campaign_figures
 from recoil_identification.report.document import REPORT_FILE
-from recoil_identification.report.document import SCHEMA as REPORT_SCHEMA
-from recoil_identification.report.html import CAMPAIGN_PAGE, PAGE_NAME, render_campaign_page
+from recoil_identification.report.html import CAMPAIGN_PAGE, render_campaign_page
 from recoil_identification.report.page_files import write_page, write_script
 from recoil_identification.report.paper import CAMPAIGN_PDF, campaign_pdf, earlier_figures, figure_files, write_figures
-from recoil_identification.report.stored_report import LARGEST_REPORT, read_curves
+from recoil_identification.report.stored_report import read_curves
 from recoil_identification.report.typeset import refuse_without_typst
 from recoil_rigs.rig import find_rig
 
@@ -49,7 +45,6 @@ if TYPE_CHECKING:
 
 Progress = Callable[[str], None]
 
-OF_ANOTHER = "is of another shot file"
 REPORTS = "reports"
 """Folder, beside a campaign's answer, of the reports that were made for it."""
 LARGEST_ANSWER = 64_000_000
@@ -91,109 +86,6 @@ class Combined(MassResult):
     def __repr__(self) -> str:
         verdict = "valid" if self.valid else "not valid"
         return f"Combined({self.mass_kg:.2f} kg, u {self.u_kg:.2f} kg, {verdict} -> {self.folder})"
-
-
-@dataclass(frozen=True, eq=False)
-class _Report:
-    """What of a report a campaign needs: a season's reports as a whole would fill the memory.
-
-    Attributes
-    ----------
-    sha256, of_sha256
-        Its own digest, and that of its shot file.
-    version
-        That made it.
-    rig_sha256
-        Of the corrected rig file that it was made with; empty if it was made with the shot file's rig.
-    taken
-        The shot as a campaign takes it, or why it cannot.
-    """
-
-    path: Path
-    sha256: str
-    of_sha256: str
-    version: str
-    rig_sha256: str
-    taken: CampaignShot | str
-
-    @classmethod
-    def read(cls, path: Path) -> _Report:
-        content = read_small(path, LARGEST_REPORT, "a report")
-        try:
-            document = json.loads(content)
-            if document["schema"] != REPORT_SCHEMA:
-                raise ValueError(f"schema {document['schema']!r}")
-            provenance = document["provenance"]
-            rigs = [str(one["sha256"]) for one in provenance["inputs"] if one.get("source") == RIG_FILE]
-            stated = str(provenance["inputs"][0]["sha256"]), str(provenance["version"]), "".join(rigs)
-        except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
-            raise ReadError(
-                "this is no report of a shot", path=path, expected=f"schema {REPORT_SCHEMA}", found=str(error)
-            ) from error
-        try:
-            taken: CampaignShot | str = CampaignShot.of_report(document)
-        except ValueError as error:
-            taken = str(error)
-        return cls(path, hashlib.sha256(content).hexdigest(), *stated, taken)
-
-    @property
-    def cutoff_hz(self) -> float | None:
-        """Of the rows that its summary stands for."""
-        return self.taken.cutoff_hz if isinstance(self.taken, CampaignShot) else None
-
-    def shot(self) -> CampaignShot:
-        """Return the shot as a campaign takes it.
-
-        Raises
-        ------
-        ReadError
-            If the report is damaged.
-        """
-        if isinstance(self.taken, str):
-            raise ReadError(
-                "this report cannot be combined", path=self.path, found=self.taken, remedy="identify the shot anew"
-            )
-        return self.taken
-
-    def why_not(self, sha256: str | None, cutoff_hz: float | None, rig_sha256: str = "") -> str:
-        """Say why it is not taken as it is; empty if it is.
-
-        Parameters
-        ----------
-        sha256
-            Of the shot file that it must be of; None if that is not at hand.
-        cutoff_hz
-            That it must have been found with; None for any.
-        rig_sha256
-            Of the corrected rig file that it must have been found with; empty for any, or none.
-        """
-        if sha256 is not None and self.of_sha256 != sha256:
-            return OF_ANOTHER
-        if self.version != __version__:
-            return f"was made by another version than {__version__}"
-        if self.shot().summary is None:
-            return "has no summary for campaigns"
-        if rig_sha256 and rig_sha256 != self.rig_sha256:
-            return "was made without this corrected rig file"
-        if cutoff_hz is not None and self.cutoff_hz not in (None, cutoff_hz):
-            return f"was found with a cut-off of {self.cutoff_hz:g} Hz, the campaign's is {cutoff_hz:g} Hz"
-        return ""
-
-
-@dataclass(frozen=True, eq=False)
-class _Source:
-    """A shot of a campaign: its file with its digest, its report, or both."""
-
-    shot_file: Path | None
-    sha256: str | None
-    report: _Report | None
-
-    @property
-    def place(self) -> Path:
-        """The file by which it is named to people."""
-        if self.shot_file is not None:
-            return self.shot_file
-        return Path() if self.report is None else self.report.path
 
 
 def campaign(
@@ -261,9 +153,9 @@ def campaign(
     refuse_unwritable(folder)
     if not overwrite:
         refuse_existing(folder, (CAMPAIGN_FILE, TABLE_FILE, CAMPAIGN_PAGE, CAMPAIGN_PDF))
-    sources = list(_sources([Path(one) for one in listed], (Path(reports), folder / REPORTS)))
+    sources = list(sources_of([Path(one) for one in listed], (Path(reports), folder / REPORTS)))
     # before any work: a log that is at fault leaves nothing behind
-    logs = _Logs.of(None if log is None else Path(log), sources)
+    logs = CampaignLogs.of(None if log is None else Path(log), sources)
     kept = SharedCutoff.read(folder)
     given = cutoff_hz if cutoff_hz is not None or kept is not None else _cutoff_hz_of(folder, sources)
     if given is not None and (kept is None or kept.mass_cutoff_hz != given):
@@ -282,7 +174,7 @@ def campaign(
         inputs.append({"file": corrected.name, "sha256": corrected.sha256})
     combined = replace(combined, notes=(*combined.notes, *notes))
     places = {one.shot().name: one.path.parent for one in whole}
-    pages = {name: page for name, place in places.items() if (page := _page_from(folder, place)) is not None}
+    pages = {name: page for name, place in places.items() if (page := way_to_page(folder, place)) is not None}
     document = campaign_document(combined, version=__version__, inputs=inputs, parameters={}, pages=pages)
     progress("page")
     drawn = campaign_figures(combined, _curves(combined, places))
@@ -303,16 +195,6 @@ def campaign(
     return Combined(document, folder)
 
 
-def _page_from(folder: Path, place: Path) -> str | None:
-    """Return the way from the answer to a report's page, with slashes; None where there is no page, or no way."""
-    if not (place / PAGE_NAME).exists():
-        return None
-    try:
-        return Path(os.path.relpath(place / PAGE_NAME, folder)).as_posix()
-    except ValueError:  # another drive
-        return None
-
-
 def _curves(combined: Campaign, places: Mapping[str, Path]) -> Overlay | None:
     """Lay the shots' curves over one another, as far as they stand beside their reports."""
     standing_out = [shot for change in combined.changes if change.kind == OUTLIER for shot in change.shots]
@@ -320,37 +202,7 @@ def _curves(combined: Campaign, places: Mapping[str, Path]) -> Overlay | None:
     return overlay(((name, curves) for name, curves in read if curves is not None), standing_out)
 
 
-def _sources(places: Sequence[Path], reports: Sequence[Path]) -> Iterator[_Source]:
-    """List the shots of files and folders, each with its report where one is there.
-
-    Parameters
-    ----------
-    reports
-        Folders in which to look for the report of a shot file, the last one first.
-    """
-    for place in places:
-        inside = [place]
-        if place.is_dir() and not any(place.glob("*.h5")):
-            inside = sorted([*place.glob(REPORT_FILE), *place.glob(f"*/{REPORT_FILE}")])
-            if not inside:
-                raise ReadError(
-                    "neither shot files nor reports in this folder",
-                    path=place,
-                    expected=f"files that end in .h5, or folders with a {REPORT_FILE}",
-                )
-        for path in inside:
-            if path.suffix == ".json":
-                yield _Source(None, None, _Report.read(path))
-                continue
-            for shot_file in find_shot_files([path]):
-                at = [folder / shot_file.stem / REPORT_FILE for folder in reversed(reports)]
-                there = [_Report.read(one) for one in at if one.exists()]
-                sha256 = described(shot_file).sha256
-                of_file = [one for one in there if not one.why_not(sha256, None)]
-                yield _Source(shot_file, sha256, next(iter([*of_file, *there]), None))
-
-
-def _cutoff_hz_of(folder: Path, sources: Sequence[_Source]) -> float | None:
+def _cutoff_hz_of(folder: Path, sources: Sequence[Source]) -> float | None:
     """Return the cut-off of the last time, or the one that all shots' reports agree on; None if there is none."""
     earlier = folder / CAMPAIGN_FILE
     if earlier.exists():
@@ -369,13 +221,13 @@ def _cutoff_hz_of(folder: Path, sources: Sequence[_Source]) -> float | None:
 
 
 def _current(
-    sources: Sequence[_Source],
+    sources: Sequence[Source],
     kept: SharedCutoff | None,
     folder: Path,
     rig: str | Path | None,
     workers: Workers,
     progress: Progress,
-) -> tuple[list[_Report], list[str]]:
+) -> tuple[list[CampaignReport], list[str]]:
     """Return a current report of each shot, and which had to be made anew and why.
 
     Parameters
@@ -387,13 +239,32 @@ def _current(
     rig
         A corrected rig file.
     """
+    doubts = _doubts(sources, kept, rig)
+    anew = [one.shot_file for one, doubt in zip(sources, doubts, strict=True) if doubt and one.shot_file is not None]
+    made = _made_anew(anew, sources, kept, folder, rig, workers, progress) if anew else {}
+    whole, notes = [], []
+    for source, doubt in zip(sources, doubts, strict=True):
+        if doubt and source.report is not None:
+            notes.append(f"{source.report.path} {doubt}: the shot was identified anew")
+        report = source.report if not doubt or source.shot_file is None else made[source.shot_file]
+        whole += [] if report is None else [report]
+    return whole, notes
+
+
+def _doubts(sources: Sequence[Source], kept: SharedCutoff | None, rig: str | Path | None) -> list[str]:
+    """Say of each shot why its report is to be made anew; empty where it is current.
+
+    Raises
+    ------
+    ReadError
+        If one cannot be made anew from what is given.
+    """
     rig_sha256 = "" if rig is None else described(find_rig(str(rig))).sha256
     cutoff_hz = None if kept is None else kept.mass_cutoff_hz
-    doubts = [one.report.why_not(one.sha256, cutoff_hz, rig_sha256) if one.report else "is missing" for one in sources]
+    doubts = [one.why_not(cutoff_hz, rig_sha256) for one in sources]
     sound = {one.report.cutoff_hz for one, doubt in zip(sources, doubts, strict=True) if one.report and not doubt}
     if kept is None and (len(sound) > 1 or any(doubts)):
         doubts = [doubt or "was found with a cut-off of its own" for doubt in doubts]
-    files = [one.shot_file for one in sources if one.shot_file is not None]
     for source, doubt in zip(sources, doubts, strict=True):
         if doubt and source.shot_file is None:
             raise ReadError(
@@ -407,8 +278,20 @@ def _current(
                 path=source.report.path,
                 remedy="give that rig file with --rig, or remove the report",
             )
-    if not any(doubts):
-        return [one.report for one in sources if one.report is not None], []
+    return doubts
+
+
+def _made_anew(
+    anew: Sequence[Path],
+    sources: Sequence[Source],
+    kept: SharedCutoff | None,
+    folder: Path,
+    rig: str | Path | None,
+    workers: Workers,
+    progress: Progress,
+) -> dict[Path, CampaignReport]:
+    """Identify shot files with the cut-off that is kept, or with one that is chosen from all shots and kept."""
+    files = [one.shot_file for one in sources if one.shot_file is not None]
     if kept is None:
         options = shared_options(
             files, Options(), rig=rig, workers=workers,
@@ -420,69 +303,8 @@ def _current(
     if kept is not None:
         # before the first report: a run that is ended here has chosen
         kept.write(folder)
-    anew = {
-        one.shot_file: options[one.shot_file]
-        for one, doubt in zip(sources, doubts, strict=True)
-        if doubt and one.shot_file is not None
-    }
-    done = identify_shots(anew, out=folder / REPORTS, rig=rig, overwrite=True, workers=workers, progress=progress)
-    made = {path: _Report.read(one.folder / REPORT_FILE) for path, one in zip(anew, done, strict=True)}
-    whole, notes = [], []
-    for source, doubt in zip(sources, doubts, strict=True):
-        if doubt and source.report is not None:
-            notes.append(f"{source.report.path} {doubt}: the shot was identified anew")
-        report = source.report if not doubt or source.shot_file is None else made[source.shot_file]
-        whole += [] if report is None else [report]
-    return whole, notes
-
-
-@dataclass(frozen=True, eq=False)
-class _Logs:
-    """The shot logs of a campaign.
-
-    Attributes
-    ----------
-    given
-        The one for all shots, if one is given.
-    read
-        Each log that is there, by its path.
-    """
-
-    given: Path | None
-    read: Mapping[Path, ShotLog]
-
-    @classmethod
-    def of(cls, given: Path | None, sources: Sequence[_Source]) -> _Logs:
-        """Read the log that is given, or those beside the shot files."""
-        if given is not None:
-            if not given.exists():
-                raise ReadError("no such file", path=given, remedy="check the name and the folder")
-            return cls(given, {given: ShotLog.read(given)})
-        beside = dict.fromkeys(one.shot_file.parent / SHOT_LOG for one in sources if one.shot_file is not None)
-        return cls(None, {path: ShotLog.read(path) for path in beside if path.exists()})
-
-    def applied(self, source: _Source, shot: CampaignShot) -> CampaignShot:
-        """Take what the log says of a shot, instead of what it said when the shot was identified."""
-        path = self.given
-        if path is None and source.shot_file is not None:
-            path = source.shot_file.parent / SHOT_LOG
-        log = None if path is None else self.read.get(path)
-        if log is None:
-            return shot
-        row = log.row(shot.name) or ShotLogRow(shot.name)
-        return replace(
-            shot,
-            configuration=row.configuration,
-            added_mass_kg=row.added_mass_kg,
-            u_added_mass_kg=row.u_added_mass_kg,
-            excluded=row.exclude,
-            log=row.to_json(),
-        )
-
-    def strangers(self, names: Sequence[str]) -> list[str]:
-        """Say which rows are of no shot at all."""
-        return [
-            f"{path}: shot {name} is in the shot log, but there is no such shot"
-            for path, log in self.read.items()
-            for name in log.without_shot([*names, *log.shots])
-        ]
+    done = identify_shots(
+        {path: options[path] for path in anew}, out=folder / REPORTS, rig=rig, overwrite=True, workers=workers,
+        progress=progress,
+    )  # fmt: skip
+    return {path: CampaignReport.read(one.folder / REPORT_FILE) for path, one in zip(anew, done, strict=True)}

@@ -16,10 +16,10 @@ from recoil_acquisition.store import shot_summary
 from recoil_daq import __version__
 from recoil_daq.printed import Printed
 from recoil_daq.recomputed import find_reports
-from recoil_daq.report_folder import publish, refuse_existing
+from recoil_daq.report_folder import publish, refuse_existing, way_to_page
 from recoil_identification.report.beside import Laid, beside_document, beside_figures
 from recoil_identification.report.document import REPORT_FILE
-from recoil_identification.report.html import BESIDE_PAGE, PAGE_NAME, render_beside_page
+from recoil_identification.report.html import BESIDE_PAGE, render_beside_page
 from recoil_identification.report.page_files import write_page, write_script
 from recoil_identification.report.stored_report import LARGEST_REPORT, read_curves, read_document, read_trace
 
@@ -171,7 +171,7 @@ def beside(
             write_script(home.parent)
 
     laid = [
-        replace(one, name=name, page=_way(home, folder))
+        replace(one, name=name, page=way_to_page(home, folder))
         for name, (folder, one) in zip(names, all_of_them, strict=True)
     ]  # fmt: skip
     document = beside_document(laid, version=__version__)
@@ -209,13 +209,3 @@ def _names(folders: Sequence[Path]) -> list[str]:
     parts = [Path(os.path.realpath(folder)).parts for folder in folders]
     count = next(n for n in range(1, 1000) if len({one[-n:] for one in parts}) == len(set(parts)))
     return ["/".join(one[-count:]) for one in parts]
-
-
-def _way(home: Path, folder: Path) -> str | None:
-    """Return the way from one report's folder to another one's page; None where there is no page, or no way."""
-    if not (folder / PAGE_NAME).exists():
-        return None
-    try:
-        return Path(os.path.relpath(folder / PAGE_NAME, home)).as_posix()
-    except ValueError:  # another drive
-        return None

@@ -310,7 +310,12 @@ def find_reports(place: str | Path) -> list[Path]:
         if not place.exists():
             raise ReadError("no such file or folder", path=place, remedy="check the name and the folder")
         return [place]
-    found = sorted([*place.glob(REPORT_FILE), *place.glob(f"*/{REPORT_FILE}")])
+    found = reports_in(place)
     if not found:
         raise ReadError("no report in this folder", path=place, expected=f"a {REPORT_FILE}, or folders with one each")
     return found
+
+
+def reports_in(folder: Path) -> list[Path]:
+    """Return the ``report.json`` of a folder and of those in it, in the order of their names."""
+    return sorted([*folder.glob(REPORT_FILE), *folder.glob(f"*/{REPORT_FILE}")])

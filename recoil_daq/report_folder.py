@@ -20,6 +20,7 @@ from pathlib import Path
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.log.lock import FolderLock, is_being_written
 from recoil_acquisition.new_file import sync_file, sync_folder
+from recoil_identification.report.html import PAGE_NAME
 
 _NEW, _OLD, _REPLACED = "new", "old", "replaced.json"
 
@@ -98,6 +99,16 @@ def publish(folder: Path, write: Callable[[Path], None], obsolete: Sequence[str]
             path=folder,
             remedy="check space and permissions, and close its files in other programs",
         ) from error
+
+
+def way_to_page(home: Path, folder: Path) -> str | None:
+    """Return the way from a folder to a report's page, with slashes; None where there is no page, or no way."""
+    if not (folder / PAGE_NAME).exists():
+        return None
+    try:
+        return Path(os.path.relpath(folder / PAGE_NAME, home)).as_posix()
+    except ValueError:  # another drive
+        return None
 
 
 def _exchange(folder: Path, hidden: Path, obsolete: set[Path]) -> None:

@@ -1,0 +1,156 @@
+"""Where a campaign's shots come from: their files, and what of their reports it needs."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from recoil_acquisition.errors import ReadError
+from recoil_acquisition.regular_file import read_small
+from recoil_daq import __version__
+from recoil_daq.fired import RIG_FILE, described
+from recoil_daq.identify import find_shot_files
+from recoil_daq.recomputed import reports_in
+from recoil_identification.campaign.campaign_shot import CampaignShot
+from recoil_identification.report.document import REPORT_FILE, SCHEMA
+from recoil_identification.report.stored_report import LARGEST_REPORT, read_document
+
+OF_ANOTHER = "is of another shot file"
+
+
+@dataclass(frozen=True, eq=False)
+class CampaignReport:
+    """What of a report a campaign needs: a season's reports as a whole would fill the memory.
+
+    Attributes
+    ----------
+    sha256, of_sha256
+        Its own digest, and that of its shot file.
+    version
+        That made it.
+    rig_sha256
+        Of the corrected rig file that it was made with; empty if it was made with the shot file's rig.
+    taken
+        The shot as a campaign takes it, or why it cannot.
+    """
+
+    path: Path
+    sha256: str
+    of_sha256: str
+    version: str
+    rig_sha256: str
+    taken: CampaignShot | str
+
+    @classmethod
+    def read(cls, path: Path) -> CampaignReport:
+        """Read what a campaign needs of a ``report.json``; ReadError if it is no report of a shot."""
+        content = read_small(path, LARGEST_REPORT, "a report")
+        document = read_document(path, content)
+        try:
+            provenance = document["provenance"]
+            rigs = [str(one["sha256"]) for one in provenance["inputs"] if one.get("source") == RIG_FILE]
+            stated = str(provenance["inputs"][0]["sha256"]), str(provenance["version"]), "".join(rigs)
+        except (LookupError, TypeError, AttributeError) as error:
+            raise ReadError(
+                "this is no report of a shot", path=path, expected=f"schema {SCHEMA}", found=str(error)
+            ) from error
+        try:
+            taken: CampaignShot | str = CampaignShot.of_report(document)
+        except ValueError as error:
+            taken = str(error)
+        return cls(path, hashlib.sha256(content).hexdigest(), *stated, taken)
+
+    @property
+    def cutoff_hz(self) -> float | None:
+        """Of the rows that its summary stands for."""
+        return self.taken.cutoff_hz if isinstance(self.taken, CampaignShot) else None
+
+    def shot(self) -> CampaignShot:
+        """Return the shot as a campaign takes it.
+
+        Raises
+        ------
+        ReadError
+            If the report is damaged.
+        """
+        if isinstance(self.taken, str):
+            raise ReadError(
+                "this report cannot be combined", path=self.path, found=self.taken, remedy="identify the shot anew"
+            )
+        return self.taken
+
+    def why_not(self, sha256: str | None, cutoff_hz: float | None, rig_sha256: str = "") -> str:
+        """Say why it is not taken as it is; empty if it is.
+
+        Parameters
+        ----------
+        sha256
+            Of the shot file that it must be of; None if that is not at hand.
+        cutoff_hz
+            That it must have been found with; None for any.
+        rig_sha256
+            Of the corrected rig file that it must have been found with; empty for any, or none.
+        """
+        if sha256 is not None and self.of_sha256 != sha256:
+            return OF_ANOTHER
+        if self.version != __version__:
+            return f"was made by another version than {__version__}"
+        if self.shot().summary is None:
+            return "has no summary for campaigns"
+        if rig_sha256 and rig_sha256 != self.rig_sha256:
+            return "was made without this corrected rig file"
+        if cutoff_hz is not None and self.cutoff_hz not in (None, cutoff_hz):
+            return f"was found with a cut-off of {self.cutoff_hz:g} Hz, the campaign's is {cutoff_hz:g} Hz"
+        return ""
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """A shot of a campaign: its file with its digest, its report, or both."""
+
+    shot_file: Path | None
+    sha256: str | None
+    report: CampaignReport | None
+
+    @property
+    def place(self) -> Path:
+        """The file by which it is named to people."""
+        if self.shot_file is not None:
+            return self.shot_file
+        return Path() if self.report is None else self.report.path
+
+    def why_not(self, cutoff_hz: float | None, rig_sha256: str = "") -> str:
+        """Say why its report is not taken as it is, as `CampaignReport.why_not`; empty if it is."""
+        return "is missing" if self.report is None else self.report.why_not(self.sha256, cutoff_hz, rig_sha256)
+
+
+def sources_of(places: Sequence[Path], reports: Sequence[Path]) -> Iterator[Source]:
+    """List the shots of files and folders, each with its report where one is there.
+
+    Parameters
+    ----------
+    reports
+        Folders in which to look for the report of a shot file, the last one first.
+    """
+    for place in places:
+        inside = [place]
+        if place.is_dir() and not any(place.glob("*.h5")):
+            inside = reports_in(place)
+            if not inside:
+                raise ReadError(
+                    "neither shot files nor reports in this folder",
+                    path=place,
+                    expected=f"files that end in .h5, or folders with a {REPORT_FILE}",
+                )
+        for path in inside:
+            if path.suffix == ".json":
+                yield Source(None, None, CampaignReport.read(path))
+                continue
+            for shot_file in find_shot_files([path]):
+                at = [folder / shot_file.stem / REPORT_FILE for folder in reversed(reports)]
+                there = [CampaignReport.read(one) for one in at if one.exists()]
+                sha256 = described(shot_file).sha256
+                of_file = [one for one in there if not one.why_not(sha256, None)]
+                yield Source(shot_file, sha256, next(iter([*of_file, *there]), None))
