@@ -11,10 +11,9 @@ from recoil_identification.arx.model import ArxModel
 from recoil_identification.arx.residual_tests import LEVEL, ResidualTest
 from recoil_identification.arx.response import frequency_response
 from recoil_identification.budget import COVERAGE_FACTOR
-from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Span, Trace
+from recoil_identification.report.figure import TIME, ZERO, Figure, HorizontalLine, Panel, Span, Trace, with_interval
 
 Array = NDArray[np.float64]
-TIME = "time on the reference clock, s"
 SHOWN_CRITERION = 60.0
 """Above the least one; a candidate beyond it is far from any choice."""
 
@@ -54,7 +53,7 @@ def output_figure(
                     Trace("measured − simulated", t, a - simulated_m_s2, "filtered", "m/s²"),
                     Trace("error one sample ahead", t, errors_m_s2, "model", "m/s²"),
                 ),
-                (HorizontalLine("zero", 0.0, "mean"),),
+                (ZERO,),
                 spans,
             ),
         ),
@@ -82,7 +81,7 @@ def residual_figure(white: ResidualTest, independent: ResidualTest, step_s: floa
                     Trace(level, lags, np.zeros(lags.size), "band", "", -band, band),
                     Trace(label, lags, test.correlation[shown], "bars", ""),
                 ),
-                (HorizontalLine("zero", 0.0, "mean"),),
+                (ZERO,),
                 x_label="lag, ms",
             )
         )
@@ -106,7 +105,6 @@ def frequency_figure(model: ArxModel, covariance: Array, specification_kg: float
     response = frequency_response(model, np.geomspace(1e-3 * half_rate, half_rate, 400), covariance)
     low, high = response.magnitude_band(COVERAGE_FACTOR)
     phase = np.degrees(response.phase_rad)
-    half = COVERAGE_FACTOR * np.degrees(response.u_phase_rad)
     f = response.frequencies_hz
     ratio, ratio_low, ratio_high = (100.0 * (specification_kg * one - 1.0) for one in (response.magnitude, low, high))
     return Figure(
@@ -131,8 +129,8 @@ def frequency_figure(model: ArxModel, covariance: Array, specification_kg: float
             ),
             Panel(
                 "phase, degrees",
-                (Trace("phase, 95 % interval", f, phase, "band", "degrees", phase - half, phase + half),),
-                (HorizontalLine("zero", 0.0, "mean"),),
+                (with_interval("phase, 95 % interval", f, phase, np.degrees(response.u_phase_rad), "degrees"),),
+                (ZERO,),
             ),
         ),
         x_scale="log",

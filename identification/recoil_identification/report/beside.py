@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_identification.budget import COVERAGE_FACTOR
 from recoil_identification.firing_record import Curves
 from recoil_identification.report.campaign_figures import PANELS
-from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Trace
+from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Trace, with_interval
 from recoil_identification.report.rounding import NO_NUMBER, fixed, plain, rounded, significant
 from recoil_identification.reproduction import ELSEWHERE
 
@@ -203,8 +202,7 @@ def beside_figures(laid: Sequence[Laid]) -> list[Figure]:
 
 def _band(one: Laid, trace: Array, hue: int) -> Trace:
     after_onset_ms = 1e3 * (trace[:, 0] - one.document["interval_s"][0])
-    mass, half = trace[:, 1], COVERAGE_FACTOR * trace[:, 2]
-    return Trace(one.name, after_onset_ms, mass, "band", "kg", mass - half, mass + half, hue=hue)
+    return with_interval(one.name, after_onset_ms, trace[:, 1], trace[:, 2], "kg", hue=hue)
 
 
 def _row(

@@ -20,6 +20,8 @@ from typing import Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
+from recoil_identification.budget import COVERAGE_FACTOR
+
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.intp]
 TraceKind = Literal[
@@ -28,6 +30,8 @@ TraceKind = Literal[
 Scale = Literal["linear", "log"]
 LineKind = Literal["specification", "limit", "mean"]
 
+TIME = "time on the reference clock, s"
+"""The x axis of most figures."""
 FOCUS_SHARE = 0.75
 """Share of the buckets that falls on the part of the x axis that is shown first."""
 
@@ -102,6 +106,23 @@ class Trace:
             raise ValueError(f"trace {self.name!r}: x has values that are not finite; gaps belong into y")
 
 
+def with_interval(
+    name: str,
+    x: FloatArray,
+    y: FloatArray,
+    u: FloatArray,
+    unit: str,
+    *,
+    scale: float = 1.0,
+    visible: bool = True,
+    hue: int | None = None,
+) -> Trace:
+    """Return a curve as the band of its 95 % interval, from its standard uncertainty; `scale` is for the drawing."""
+    half = COVERAGE_FACTOR * u
+    low, high = scale * (y - half), scale * (y + half)
+    return Trace(name, x, scale * y, "band", unit, low, high, visible=visible, hue=hue)
+
+
 @dataclass(frozen=True)
 class HorizontalLine:
     """A level to compare with: its value on the y axis, and optionally its standard or tolerance band."""
@@ -111,6 +132,10 @@ class HorizontalLine:
     kind: LineKind = "specification"
     y_low: float | None = None
     y_high: float | None = None
+
+
+ZERO = HorizontalLine("zero", 0.0, "mean")
+"""What a difference should be."""
 
 
 @dataclass(frozen=True)

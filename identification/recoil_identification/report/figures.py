@@ -13,9 +13,17 @@ from recoil_identification.analysis import Identification
 from recoil_identification.budget import COVERAGE_FACTOR
 from recoil_identification.method_result import CORRECTED
 from recoil_identification.report.appearance import METHODS
-from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Span, Trace
-from recoil_identification.report.measured_figures import (
+from recoil_identification.report.figure import (
     TIME,
+    ZERO,
+    Figure,
+    HorizontalLine,
+    Panel,
+    Span,
+    Trace,
+    with_interval,
+)
+from recoil_identification.report.measured_figures import (
     aligned_camera,
     interval_of,
     measured_figures,
@@ -49,24 +57,12 @@ def _mass(found: Identification) -> Figure:
     chosen = found.chosen
     trace = chosen.trace
     half = COVERAGE_FACTOR * trace.u_kg
-    traces = [
-        Trace(
-            f"identified mass ({chosen.estimate.method}), 95 % interval",
-            trace.times_s,
-            trace.mass_kg,
-            "band",
-            "kg",
-            trace.mass_kg - half,
-            trace.mass_kg + half,
-            hue=METHODS.index(chosen.estimate.method),
-        ),
-    ]
+    name, hue = f"identified mass ({chosen.estimate.method}), 95 % interval", METHODS.index(chosen.estimate.method)
+    traces = [with_interval(name, trace.times_s, trace.mass_kg, trace.u_kg, "kg", hue=hue)]
     if found.walk is not None:
-        walk, wide = found.walk, COVERAGE_FACTOR * found.walk.u_kg
-        name = "mass that may change, together with all sensors, 95 % interval"
-        times, low_kg, high_kg = walk.times_s, walk.mass_kg - wide, walk.mass_kg + wide
+        walk, name = found.walk, "mass that may change, together with all sensors, 95 % interval"
         changes = found.constancy is not None and not found.constancy.constant()
-        traces.append(Trace(name, times, walk.mass_kg, "band", "kg", low_kg, high_kg, visible=changes, hue=7))
+        traces.append(with_interval(name, walk.times_s, walk.mass_kg, walk.u_kg, "kg", visible=changes, hue=7))
     for name in ("reverse", "kinematic", "paper"):
         if name in found.results and name != chosen.estimate.method:
             other = found.results[name].trace
@@ -137,7 +133,7 @@ def _residuals(found: Identification) -> Figure:
         Panel(
             "a' − F'/m, m/s²",
             (Trace("residual", r.times_s, residual, "filtered", "m/s²"),),
-            (HorizontalLine("zero", 0.0, "mean"),),
+            (ZERO,),
             (*interval_of(found), *repaired_of(found)),
         )
     ]
@@ -182,7 +178,7 @@ def _motion_alignment(alignment: ClockAlignment, found: Identification, camera: 
             Panel(
                 f"camera − {others(found)}, mm",
                 (Trace("difference", signals.times_s, residual, "measured", "mm"),),
-                (HorizontalLine("zero", 0.0, "mean"),),
+                (ZERO,),
                 interval_of(found),
             ),
             Panel(

@@ -8,11 +8,9 @@ from numpy.typing import NDArray
 from recoil_identification.budget import COVERAGE_FACTOR
 from recoil_identification.forces.force_peak import ForcePeak
 from recoil_identification.forces.motion_force import MotionForce
-from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Span, Trace
+from recoil_identification.report.figure import TIME, ZERO, Figure, Panel, Span, Trace, with_interval
 
 Array = NDArray[np.float64]
-
-TIME = "time on the reference clock, s"
 
 
 def force_figures(found: MotionForce, peak: ForcePeak, area_m2: float) -> tuple[Figure, ...]:
@@ -50,7 +48,7 @@ def _forces(found: MotionForce, peak: ForcePeak) -> Figure:
         TIME,
         (
             Panel("force, kN", tuple(traces), spans=_spans(found, peak), y_shown=(-0.1 * top, top)),
-            Panel("difference, kN", tuple(differences), (HorizontalLine("zero", 0.0, "mean"),)),
+            Panel("difference, kN", tuple(differences), (ZERO,)),
         ),
         shown=_shown(found),
     )
@@ -91,7 +89,4 @@ def _parts(found: MotionForce) -> Figure:
 
 
 def _band(name: str, t: Array, values: Array, u: Array) -> Trace:
-    half = COVERAGE_FACTOR * u
-    return Trace(
-        f"{name}, 95 % interval", t, 1e-3 * values, "band", "kN", 1e-3 * (values - half), 1e-3 * (values + half)
-    )
+    return with_interval(f"{name}, 95 % interval", t, values, u, "kN", scale=1e-3)

@@ -10,11 +10,9 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.shot import ClockAlignment
 from recoil_identification.analysis import Identification
-from recoil_identification.budget import COVERAGE_FACTOR
-from recoil_identification.report.figure import Figure, Panel, Span, Trace
+from recoil_identification.report.figure import TIME, Figure, Panel, Span, Trace, with_interval
 
 Array = NDArray[np.float64]
-TIME = "time on the reference clock, s"
 ROLE_HUES = {"breech_pressure": 5, "brake_pressure": 2, "recuperator_pressure": 3}
 """A pressure has the colour of the force that it makes."""
 PRESSURES = (("breech_pressure", "breech"), ("brake_pressure", "brake"), ("recuperator_pressure", "recuperator"))
@@ -117,8 +115,10 @@ def _motion(found: Identification) -> Figure:
         travel = [Trace("travel, accelerometers", t, 1e3 * found.travel_m, "filtered", "mm")]
         velocity = Trace("velocity", t, found.velocity_m_s, "filtered", "m/s")
     else:
-        travel = [_banded("travel, fused", t, 1e3 * found.travel_m, 1e3 * fused.u_position_m, "mm")]
-        velocity = _banded("velocity, fused", t, found.velocity_m_s, fused.u_velocity_m_s, "m/s")
+        travel = [
+            with_interval("travel, fused, 95 % interval", t, 1e3 * found.travel_m, 1e3 * fused.u_position_m, "mm")
+        ]
+        velocity = with_interval("velocity, fused, 95 % interval", t, found.velocity_m_s, fused.u_velocity_m_s, "m/s")
     seen = aligned_camera(found)
     if seen is not None:
         camera, alignment = seen
@@ -146,8 +146,3 @@ def _motion(found: Identification) -> Figure:
 def others(found: Identification) -> str:
     """Name what the camera's track is compared and fused with."""
     return "forces" if found.method == "camera" else "accelerometers"
-
-
-def _banded(name: str, times_s: Array, values: Array, u: Array, unit: str) -> Trace:
-    half = COVERAGE_FACTOR * u
-    return Trace(f"{name}, 95 % interval", times_s, values, "band", unit, values - half, values + half)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from recoil_identification.parameters.base_parameters import BaseParameters
 from recoil_identification.parameters.mechanism_fit import LARGEST_U, MechanismFit, natural_scales
 from recoil_identification.parameters.mechanism_rows import MechanismRows
-from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Trace
+from recoil_identification.report.figure import TIME, Figure, HorizontalLine, Panel, Trace
 from recoil_identification.report.finding import Table
 from recoil_identification.report.rounding import rounded, significant
 from recoil_rigs.mechanism import Mechanism
@@ -133,7 +133,7 @@ def figure_of_equations(rows: MechanismRows, fit: MechanismFit) -> Figure:
         "equations",
         "Equations of motion with the identified parameters",
         "Change of the loads since rest, of the inertia's side with the identified parameters, and their difference.",
-        "time on the reference clock, s",
+        TIME,
         tuple(panels),
     )
 

@@ -6,15 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_identification.budget import COVERAGE_FACTOR
-from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Trace
+from recoil_identification.report.figure import TIME, ZERO, Figure, Panel, Trace, with_interval
 from recoil_identification.resistance.resistance_comparison import ResistanceOverTime
 from recoil_identification.resistance.resistance_fit import FittedBrake
 from recoil_identification.resistance.resistance_record import ResistanceRecord
 from recoil_identification.resistance.shot_balance import Balance
 
 Array = NDArray[np.float64]
-
-TIME = "time on the reference clock, s"
 
 
 def resistance_figures(
@@ -61,17 +59,8 @@ def _stacked(drawn: ResistanceOverTime, t: Array) -> Figure:
         ("brake", gas, whole),
     )
     bands = tuple(Trace(name, t, 1e-3 * top, "band", "kN", 1e-3 * bottom, 1e-3 * top) for name, bottom, top in layers)
-    half = COVERAGE_FACTOR * drawn.u_motion_n
-    motion = Trace(
-        "by breech force and motion, 95 % interval",
-        t,
-        1e-3 * drawn.motion_n,
-        "band",
-        "kN",
-        1e-3 * (drawn.motion_n - half),
-        1e-3 * (drawn.motion_n + half),
-        visible=False,
-    )
+    name = "by breech force and motion, 95 % interval"
+    motion = with_interval(name, t, drawn.motion_n, drawn.u_motion_n, "kN", scale=1e-3, visible=False)
     top = 1.2e-3 * float(np.nanmax(whole))
     return Figure(
         "resistance-parts",
@@ -87,7 +76,7 @@ def _stacked(drawn: ResistanceOverTime, t: Array) -> Figure:
             Panel(
                 "law less gauges, kN",
                 (Trace("difference", t, 1e-3 * (drawn.law_n - whole), "measured", "kN"),),
-                (HorizontalLine("zero", 0.0, "mean"),),
+                (ZERO,),
             ),
         ),
     )
@@ -123,8 +112,7 @@ def _energy(energy: Balance, t: Array) -> Figure:
         )
         for name, part in energy.parts.items()
     )
-    half = COVERAGE_FACTOR * energy.u
-    left = Trace("left", t, energy.left, "band", "J", energy.left - half, energy.left + half)
+    left = with_interval("left", t, energy.left, energy.u, "J")
     return Figure(
         "energy",
         "Energy of the recoil by part",
@@ -133,6 +121,6 @@ def _energy(energy: Balance, t: Array) -> Figure:
         TIME,
         (
             Panel("energy, kJ", traces),
-            Panel("left, J", (left,), (HorizontalLine("zero", 0.0, "mean"),)),
+            Panel("left, J", (left,), (ZERO,)),
         ),
     )

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_identification.budget import COVERAGE_FACTOR
-from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Span, Trace
+from recoil_identification.report.figure import TIME, Figure, HorizontalLine, Panel, Span, Trace, with_interval
 from recoil_identification.supports.carriage_record import CarriageRecord
 from recoil_identification.supports.restoring_force import RestoringTrace
 from recoil_identification.supports.stiffness_budget import SYMBOLS, SupportEstimates
@@ -18,7 +18,6 @@ from recoil_identification.supports.supports import PARAMETERS, SUPPORT_NAMES
 
 Array = NDArray[np.float64]
 
-TIME = "time on the reference clock, s"
 FINE_STEP_S = 1e-3
 """Between the points of a drawn loop."""
 UNITS = {"elevating": ("N m", "rad", "N m/rad", "N m s/rad")}
@@ -103,12 +102,12 @@ def _over_time(
             value = float(judged[SYMBOLS.index(symbol)])
             if not np.isfinite(value):
                 continue
-            y, half = trace.parameters[:, number], COVERAGE_FACTOR * trace.u[:, number]
+            y, u = trace.parameters[:, number], trace.u[:, number]
             half_whole = COVERAGE_FACTOR * found.u(symbol)
             panels.append(
                 Panel(
                     f"{symbol}, {unit}",
-                    (Trace(f"{symbol}, 95 % interval", trace.times_s, y, "band", unit, y - half, y + half),),
+                    (with_interval(f"{symbol}, 95 % interval", trace.times_s, y, u, unit),),
                     (HorizontalLine("whole shot", value, "mean", value - half_whole, value + half_whole),),
                     _lifted(supports[name], record),
                     y_shown=(min(0.0, 2 * value), max(0.0, 2 * value)),

@@ -23,7 +23,7 @@ from recoil_identification.parameters.inertia_forces import (
 from recoil_identification.parameters.mechanism_fit import fit_mechanism
 from recoil_identification.parameters.mechanism_rows import MechanismRows
 from recoil_identification.parameters.recorded_rows import mechanism_rows
-from recoil_identification.report.figure import Figure, Panel, Span, Trace
+from recoil_identification.report.figure import TIME, Figure, Panel, Span, Trace
 from recoil_identification.report.finding import Finding, Quantity, Series, Table
 from recoil_identification.report.rounding import significant
 from recoil_identification.targets.parameters import camera_observation, require_motion, without_lines
@@ -98,11 +98,7 @@ def find(case: Case) -> Finding:
     ratio = np.abs(difference / u_difference)[slow.recoils]
     agreement = float(np.mean(ratio <= COVERAGE_FACTOR)) if ratio.size else math.nan
     plausible = float(np.mean(ratio <= CRITICAL_VALUE)) if ratio.size else math.nan
-    reasons = [f"the recoiling mass is doubtful: {reason}" for reason in case.identified.reasons]
-    if case.identified.inertial.zero_shift.demanded:
-        reasons.append(
-            f"the zero of the recoil accelerometer shifted at the shot: {case.identified.inertial.zero_shift}."
-        )
+    reasons = case.doubts_of_the_mass()
     if not plausible >= LEAST_AGREEMENT:
         reasons.append(
             f"inertia force and gauges differ by more than {CRITICAL_VALUE} standard uncertainties in "
@@ -235,7 +231,7 @@ def _figures(
         "Inertia force along the bore",
         "Inertia force of the recoiling part with its weight's component, and the gauges' net force that it balances; "
         f"their difference is compared below {slow.cutoff_hz:.0f} Hz.",
-        "time on the reference clock, s",
+        TIME,
         (
             Panel(
                 "force, rearward, kN",
@@ -267,7 +263,7 @@ def _figures(
         "trunnion",
         "Inertia forces at the trunnion",
         "Resultant of the inertia forces of the bodies that hang on the trunnion, and their moment about it.",
-        "time on the reference clock, s",
+        TIME,
         tuple(panels),
         shown=shown,
     )

@@ -210,11 +210,7 @@ def _what_lacks(rows: MechanismRows) -> str:
 
 
 def _reasons(case: Case, rows: MechanismRows, fit: MechanismFit) -> tuple[str, ...]:
-    reasons = [f"the recoiling mass is doubtful: {reason}" for reason in case.identified.reasons]
-    if case.identified.inertial.zero_shift.demanded:
-        reasons.append(
-            f"the zero of the recoil accelerometer shifted at the shot: {case.identified.inertial.zero_shift}."
-        )
+    reasons = case.doubts_of_the_mass()
     _, Q = rows.equations()
     for i in fit.usable:
         left = fit.residuals[:, i]

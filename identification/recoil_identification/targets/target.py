@@ -72,6 +72,14 @@ class Case:
             shot, rig = shot.without_channel(gauge), rig.without_channel(gauge)
         return self if shot is self.shot else Case(shot, rig, self.options)
 
+    def doubts_of_the_mass(self) -> list[str]:
+        """Say why the shot's mass is doubtful, and with it what rests on it or on the same accelerometer."""
+        doubts = [f"the recoiling mass is doubtful: {reason}" for reason in self.identified.reasons]
+        shift = self.identified.inertial.zero_shift
+        if shift.demanded:
+            doubts.append(f"the zero of the recoil accelerometer shifted at the shot: {shift}.")
+        return doubts
+
     def beside_the_shots_mass(self, mass_kg: float, u_kg: float) -> tuple[list[str], list[str]]:
         """Say why a target's recoiling mass is not quite the shot's, as notes; as reasons where that is too far off."""
         shot = self.identified.chosen.estimate
