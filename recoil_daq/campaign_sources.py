@@ -14,8 +14,7 @@ from recoil_daq.fired import RIG_FILE, described
 from recoil_daq.identify import find_shot_files
 from recoil_daq.recomputed import reports_in
 from recoil_identification.campaign.campaign_shot import CampaignShot
-from recoil_identification.report.document import REPORT_FILE, SCHEMA
-from recoil_identification.report.stored_report import LARGEST_REPORT, read_document
+from recoil_identification.report.report_files import LARGEST_REPORT, REPORT_FILE, SCHEMA, read_document
 
 OF_ANOTHER = "is of another shot file"
 

@@ -32,11 +32,10 @@ from recoil_identification.report.campaign_document import (
     write_campaign,
 )
 from recoil_identification.report.campaign_figures import campaign_figures
-from recoil_identification.report.document import REPORT_FILE
 from recoil_identification.report.html import CAMPAIGN_PAGE, render_campaign_page
 from recoil_identification.report.page_files import write_page, write_script
 from recoil_identification.report.paper import CAMPAIGN_PDF, campaign_pdf, earlier_figures, figure_files, write_figures
-from recoil_identification.report.stored_report import read_curves
+from recoil_identification.report.report_files import REPORT_FILE, read_curves
 from recoil_identification.report.typeset import refuse_without_typst
 from recoil_rigs.rig import find_rig
 

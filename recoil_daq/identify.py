@@ -15,20 +15,20 @@ from recoil_daq.printed import MassResult
 from recoil_daq.report_folder import publish, refuse_existing, refuse_unwritable
 from recoil_identification.analysis import Identification, Options, identify_shot
 from recoil_identification.firing_record import curves_of
-from recoil_identification.report.document import (
-    CURVES_FILE,
-    REPORT_FILE,
-    TRACE_FILE,
-    curves_text,
-    report_document,
-    trace_text,
-    write_document,
-    write_files,
-)
+from recoil_identification.report.document import report_document
 from recoil_identification.report.figures import report_figures
 from recoil_identification.report.html import BESIDE_PAGE, PAGE_NAME, render_page
 from recoil_identification.report.page_files import SCRIPT_NAME, write_page, write_script
 from recoil_identification.report.paper import PDF_FILE, earlier_figures, figure_files, report_pdf, write_figures
+from recoil_identification.report.report_files import (
+    CURVES_FILE,
+    REPORT_FILE,
+    TRACE_FILE,
+    curves_text,
+    trace_text,
+    write_document,
+    write_files,
+)
 from recoil_identification.report.typeset import refuse_without_typst
 
 Progress = Callable[[str], None]

@@ -18,10 +18,15 @@ from recoil_daq.printed import Printed
 from recoil_daq.recomputed import find_reports
 from recoil_daq.report_folder import publish, refuse_existing, way_to_page
 from recoil_identification.report.beside import Laid, beside_document, beside_figures
-from recoil_identification.report.document import REPORT_FILE
 from recoil_identification.report.html import BESIDE_PAGE, render_beside_page
 from recoil_identification.report.page_files import write_page, write_script
-from recoil_identification.report.stored_report import LARGEST_REPORT, read_curves, read_document, read_trace
+from recoil_identification.report.report_files import (
+    LARGEST_REPORT,
+    REPORT_FILE,
+    read_curves,
+    read_document,
+    read_trace,
+)
 
 
 @dataclass(frozen=True, repr=False)

@@ -21,9 +21,8 @@ from recoil_daq.identify import reported
 from recoil_identification.analysis import Options, identify_shot
 from recoil_identification.report.campaign_document import CAMPAIGN_FILE
 from recoil_identification.report.computer import computer
-from recoil_identification.report.document import REPORT_FILE
+from recoil_identification.report.report_files import LARGEST_REPORT, REPORT_FILE, read_document
 from recoil_identification.report.seal import SEAL, digest_of
-from recoil_identification.report.stored_report import LARGEST_REPORT, read_document
 from recoil_identification.reproduction import Comparison, Difference, compare, compare_tables
 
 Progress = Callable[[str], None]

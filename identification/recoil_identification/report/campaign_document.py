@@ -11,8 +11,7 @@ from typing import Any
 from recoil_identification.campaign.campaign import Campaign, Estimated, Used
 from recoil_identification.campaign.charted import CHART, Charted, ChartSignal
 from recoil_identification.campaign.charts import RULE_SET, Trend
-from recoil_identification.report.document import to_json
-from recoil_identification.report.json_file import json_bytes
+from recoil_identification.report.json_file import json_bytes, stated, to_json
 
 SCHEMA = "recoil-daq/campaign/1"
 CAMPAIGN_FILE = "campaign.json"
@@ -65,8 +64,7 @@ def campaign_document(
                 "influence": one.influence.label,
                 "identity": one.influence.identity,
                 "prior_u": one.influence.u,
-                "value": one.value,
-                "u": one.u,
+                **stated(one, "value", "u"),
                 "unit": one.influence.unit,
                 "normalised_residual": one.normalised_residual,
             }
@@ -78,13 +76,7 @@ def campaign_document(
         },
         "signals": [
             {
-                "kind": change.kind,
-                "influence": change.influence,
-                "shots": list(change.shots),
-                "size": change.size,
-                "u": change.u,
-                "unit": change.unit,
-                "normalised_residual": change.normalised_residual,
+                **stated(change, "kind", "influence", "shots", "size", "u", "unit", "normalised_residual"),
                 "detail": str(change),
             }
             for change in campaign.changes
@@ -141,13 +133,7 @@ def _scatter(scatter: tuple[float, float, float]) -> dict[str, Any]:
 def _chart_signal(signal: ChartSignal) -> dict[str, Any]:
     return {
         "kind": CHART,
-        "influence": signal.influence,
-        "quantity": signal.quantity,
-        "rule": signal.rule,
-        "shots": list(signal.shots),
-        "size": signal.size,
-        "u": signal.u,
-        "unit": signal.unit,
+        **stated(signal, "influence", "quantity", "rule", "shots", "size", "u", "unit"),
         "normalised_residual": None,
         "detail": str(signal),
     }
@@ -157,14 +143,8 @@ def _chart(one: Charted) -> dict[str, Any]:
     """Return a chart's numbers: those of a noise are natural logarithms of its SI values."""
     chart = one.individuals
     return {
-        "influence": one.influence,
-        "quantity": one.quantity,
-        "unit": one.unit,
-        "shots": list(one.shots),
-        "values": chart.values.tolist(),
-        "centre": chart.centre,
-        "sigma": chart.sigma,
-        "provisional": chart.provisional,
+        **stated(one, "influence", "quantity", "unit", "shots"),
+        **stated(chart, "values", "centre", "sigma", "provisional"),
         "trend": _trend(one.trend),
     }
 
@@ -179,16 +159,10 @@ def _shot(used: Used, page: str | None) -> dict[str, Any]:
     shot = used.shot
     return {
         "shot": shot.name,
-        "started": shot.started,
-        "configuration": shot.configuration,
-        "added_mass_kg": shot.added_mass_kg,
-        "u_added_mass_kg": shot.u_added_mass_kg,
+        **stated(shot, "started", "configuration", "added_mass_kg", "u_added_mass_kg"),
         "mass": {"value": shot.mass_kg, "u": shot.u_kg},
         "joint_mass_kg": used.joint_kg,
-        "own_mass_kg": used.own_mass_kg,
-        "own_u_kg": used.own_u_kg,
-        "excluded": used.excluded,
-        "normalised_residual": used.normalised_residual,
+        **stated(used, "own_mass_kg", "own_u_kg", "excluded", "normalised_residual"),
         "peaks": dict(shot.peaks),
         "shot_log": dict(shot.log),
         "report": page,

@@ -1,11 +1,10 @@
-"""The machine-readable report: ``report.json``, ``mass.csv`` and ``curves.csv``."""
+"""The machine-readable report, the contents of ``report.json``."""
 
 from __future__ import annotations
 
 import hashlib
 import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,11 +14,12 @@ from recoil_acquisition.shot import InputFile, Shot
 from recoil_acquisition.store.shot_log import ShotLogRow
 from recoil_identification.analysis import Identification, Result
 from recoil_identification.budget import COVERAGE
-from recoil_identification.firing_record import CURVES, Curves, peaks_of
+from recoil_identification.firing_record import CURVES, peaks_of
 from recoil_identification.mass_over_time import SEED as SEED_OF_CONSTANCY
 from recoil_identification.monte_carlo import SEED as SEED_OF_MONTE_CARLO
 from recoil_identification.report.computer import computer
-from recoil_identification.report.json_file import json_bytes
+from recoil_identification.report.json_file import stated, to_json
+from recoil_identification.report.report_files import CURVES_FILE, SCHEMA, TRACE_COLUMNS, TRACE_FILE
 from recoil_identification.report.seal import sealed
 from recoil_identification.rpe import RPE_MEANING
 from recoil_identification.rpe import SEED as SEED_OF_RPE
@@ -27,12 +27,6 @@ from recoil_identification.skew import RecorderSkew
 from recoil_identification.stress_waves import StressWaves
 from recoil_identification.zero_shift import ZeroShift
 from recoil_rigs.rig_correction import Correction
-
-SCHEMA = "recoil-daq/report/1"
-REPORT_FILE = "report.json"
-TRACE_FILE = "mass.csv"
-CURVES_FILE = "curves.csv"
-TRACE_COLUMNS = ("time_s", "mass_kg", "u_kg", "identified")
 
 METHOD_NOTES = {
     "calibrated": "acceleration on forces, both filtered alike, every sensor's scale restricted by its calibration",
@@ -128,8 +122,7 @@ def report_document(
                 "sensitivity_per": row.sensitivity_per if row.sensitivity is not None else None,
                 "u_source": math.nan if row.u_source is None else row.u_source,
                 "scope": found.scopes.get(row.source, "shot"),
-                "degrees_of_freedom": row.degrees_of_freedom,
-                "distribution": row.distribution,
+                **stated(row, "degrees_of_freedom", "distribution"),
             }
             for row in sorted(estimate.budget, key=lambda row: -row.u_kg)
         ],
@@ -179,8 +172,7 @@ def report_document(
                 "cutoff_hz": found.filtered.low_pass.cutoff_hz if found.filtered.low_pass else None,
                 "half_order": found.filtered.low_pass.half_order if found.filtered.low_pass else None,
                 "window_s": found.options.window_s,
-                "rows": estimate.rows,
-                "residual_m_s2": estimate.residual_m_s2,
+                **stated(estimate, "rows", "residual_m_s2"),
             },
         },
     }
@@ -218,18 +210,10 @@ def _mass_cutoff_hz(found: Identification) -> float | None:
 def _zero_shift(shift: ZeroShift | None) -> dict[str, Any] | None:
     if shift is None:
         return None
-    return {
-        "demanded": shift.demanded,
-        "confirmed": shift.confirmed,
-        "criterion": shift.criterion,
-        "step_m_s2": shift.step_m_s2,
-        "u_step_m_s2": shift.u_step_m_s2,
-        "decaying_m_s2": shift.decaying_m_s2,
-        "u_decaying_m_s2": shift.u_decaying_m_s2,
-        "time_constant_s": shift.time_constant_s,
-        "kick_m_s": shift.kick_m_s,
-        "u_kick_m_s": shift.u_kick_m_s,
-    }
+    return stated(
+        shift, "demanded", "confirmed", "criterion", "step_m_s2", "u_step_m_s2", "decaying_m_s2", "u_decaying_m_s2",
+        "time_constant_s", "kick_m_s", "u_kick_m_s",
+    )  # fmt: skip
 
 
 def _skew(skew: RecorderSkew | None) -> dict[str, Any] | None:
@@ -248,10 +232,7 @@ def _endogeneity(found: Identification) -> dict[str, Any] | None:
     if test is None:
         return None
     return {
-        "statistic": test.statistic,
-        "p": test.p,
-        "biased": test.biased,
-        "bias_percent": test.bias_percent,
+        **stated(test, "statistic", "p", "biased", "bias_percent"),
         "detail": str(test),
     }
 
@@ -263,20 +244,12 @@ def _constancy(found: Identification) -> dict[str, Any] | None:
     return {
         "p": test.p_value,
         "constant": test.constant(),
-        "kind": test.kind,
-        "p_drift": test.p_drift,
-        "p_step": test.p_step,
-        "normalised_residual": test.normalised_residual,
-        "before_kg": test.before_kg,
-        "u_before_kg": test.u_before_kg,
-        "after_kg": test.after_kg,
-        "u_after_kg": test.u_after_kg,
-        "change_kg": test.change_kg,
-        "u_change_kg": test.u_change_kg,
-        "instant_s": test.instant_s,
-        "interval_s": list(test.interval_s),
+        **stated(
+            test, "kind", "p_drift", "p_step", "normalised_residual", "before_kg", "u_before_kg", "after_kg",
+            "u_after_kg", "change_kg", "u_change_kg", "instant_s", "interval_s",
+        ),
         "detail": str(test),
-    }
+    }  # fmt: skip
 
 
 def _campaign(found: Identification) -> dict[str, Any]:
@@ -290,7 +263,7 @@ def _uncertainty(found: Identification) -> dict[str, Any]:
     """State how the interval came about, and what a Monte Carlo method says of it."""
     estimate = found.chosen.estimate
     bracket = found.frisch_bracket_kg
-    stated: dict[str, Any] = {
+    said: dict[str, Any] = {
         "degrees_of_freedom": estimate.degrees_of_freedom,
         "coverage": COVERAGE,
         "coverage_factor": estimate.coverage_factor,
@@ -301,9 +274,8 @@ def _uncertainty(found: Identification) -> dict[str, Any]:
     drawn = found.monte_carlo
     if estimate.method == "calibrated" and drawn is not None:
         low, high = drawn.differences(estimate.interval_kg)
-        stated["monte_carlo"] = {
-            "draws": drawn.draws,
-            "seed": drawn.seed,
+        said["monte_carlo"] = {
+            **stated(drawn, "draws", "seed"),
             "mean_kg": drawn.mean,
             "u_kg": drawn.u,
             "interval_kg": list(drawn.interval),
@@ -313,7 +285,7 @@ def _uncertainty(found: Identification) -> dict[str, Any]:
             "difference_kg": [low, high],
             "agrees": max(abs(low), abs(high)) <= drawn.tolerance + drawn.scatter,
         }
-    return stated
+    return said
 
 
 def _fusion(found: Identification) -> dict[str, Any] | None:
@@ -357,17 +329,10 @@ def _fitted_zero(shot: Shot, found: Identification) -> list[dict[str, Any]]:
 def _ringing(found: StressWaves) -> dict[str, Any]:
     report = found.report
     return {
-        "channel": found.channel,
-        "role": found.role,
+        **stated(found, "channel", "role"),
         "energy_share": report.ringing_share,
         "modes": [
-            {
-                "frequency_hz": mode.frequency_hz,
-                "damping_ratio": mode.damping_ratio,
-                "energy_share": mode.energy_share,
-                "amplitude": mode.amplitude,
-                "unit": found.unit,
-            }
+            {**stated(mode, "frequency_hz", "damping_ratio", "energy_share", "amplitude"), "unit": found.unit}
             for mode in report.modes
         ],
     }
@@ -383,48 +348,3 @@ def _method(name: str, result: Result, found: Identification) -> dict[str, Any]:
         "identified_share": result.trace.share,
         "note": METHOD_NOTES.get(name, ""),
     }
-
-
-def write_document(folder: Path, document: Mapping[str, Any]) -> Path:
-    """Write ``report.json`` into a folder."""
-    path = folder / REPORT_FILE
-    path.write_bytes(json_bytes(document))
-    return path
-
-
-def trace_text(result: Result) -> str:
-    """Return the text of ``mass.csv``, the identified mass over time; what was not identified is left blank."""
-    trace = result.trace
-    rows = [",".join(TRACE_COLUMNS)]
-    for t, mass, u, identified in zip(trace.times_s, trace.mass_kg, trace.u_kg, trace.identified, strict=True):
-        number = f"{mass:.6f},{u:.6f},1" if identified else ",,0"
-        rows.append(f"{t:.9g},{number}")
-    return "\n".join(rows) + "\n"
-
-
-def curves_text(curves: Curves) -> str:
-    """Return the text of ``curves.csv``, thin curves over the time after the onset of force; what was lost is blank."""
-    rows = [",".join(("time_s", *CURVES))]
-    columns = [curves.values.get(name, np.full(curves.times_s.size, math.nan)) for name in CURVES]
-    for t, *values in zip(curves.times_s, *columns, strict=True):
-        rows.append(",".join([f"{t:.6g}", *(f"{value:.6g}" if math.isfinite(value) else "" for value in values)]))
-    return "\n".join(rows) + "\n"
-
-
-def write_files(folder: Path, files: Mapping[str, str]) -> None:
-    """Write texts into a folder, by name; the bytes are the same on every system."""
-    for name, text in files.items():
-        (folder / name).write_text(text, encoding="utf-8", newline="\n")
-
-
-def to_json(value: Any) -> Any:
-    """Reduce a value to JSON types; a number that is not finite becomes null."""
-    if isinstance(value, Mapping):
-        return {str(k): to_json(v) for k, v in value.items()}
-    if isinstance(value, Sequence) and not isinstance(value, str):
-        return [to_json(v) for v in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

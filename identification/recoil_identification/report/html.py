@@ -17,14 +17,15 @@ from recoil_identification.report import campaign_tables, tables
 from recoil_identification.report.drawing import drawings
 from recoil_identification.report.figure import Figure
 from recoil_identification.report.glossary import Glossary, notation
-from recoil_identification.report.packing import finite, packed, packed_file
+from recoil_identification.report.json_file import to_json
+from recoil_identification.report.packing import packed, packed_file
 from recoil_identification.report.page_files import SCRIPT_NAME, plotly_script
+from recoil_identification.report.report_files import SCHEMA
 from recoil_identification.report.rounding import NO_NUMBER
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-SCHEMA = "recoil-daq/report/1"
 PAGE_NAME = "report.html"
 CAMPAIGN_PAGE = "campaign.html"
 BESIDE_PAGE = "beside.html"
@@ -238,7 +239,7 @@ def _render(
         raise ValueError("two figures have the same key")
     drawn = drawings(figures)
     glossary = Glossary()
-    carried = {"report": finite(report if embedded is None else embedded), "figures": drawn}
+    carried = {"report": to_json(report if embedded is None else embedded), "figures": drawn}
     return (
         _environment()
         .get_template(template)
@@ -263,7 +264,7 @@ def _render(
             notation=notation,
             version=report["provenance"].get("version", NO_NUMBER),
             parameters=json.dumps(
-                finite(report["provenance"].get("parameters") or {}), indent=2, ensure_ascii=False, default=str
+                to_json(report["provenance"].get("parameters") or {}), indent=2, ensure_ascii=False, default=str
             ),
             script=script,
             packed_script=packed_file(plotly_script()) if standalone else None,

@@ -20,7 +20,6 @@ import base64
 import gzip
 import json
 import math
-from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -160,16 +159,3 @@ def _get(arrays: bytes, at: int, count: int, kind: str, origin: float = 0.0, ste
     if gaps:
         values[np.frombuffer(arrays, np.uint8, count, at + 4 * count) == 0] = np.nan
     return values
-
-
-def finite(value: Any) -> Any:
-    """Put null for every number that JSON has no word for, and plain numbers for numpy's."""
-    if isinstance(value, Mapping):
-        return {str(k): finite(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite(v) for v in value]
-    if hasattr(value, "tolist"):
-        return finite(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

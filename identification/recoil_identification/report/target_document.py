@@ -11,9 +11,9 @@ import numpy as np
 
 from recoil_acquisition.shot import InputFile, Shot
 from recoil_acquisition.store.shot_log import ShotLogRow
-from recoil_identification.report.document import provenance_inputs, started, to_json
+from recoil_identification.report.document import provenance_inputs, started
 from recoil_identification.report.finding import Finding, Quantity, Series
-from recoil_identification.report.json_file import json_bytes
+from recoil_identification.report.json_file import json_bytes, stated, to_json
 from recoil_rigs.rig_correction import Correction
 
 SCHEMA = "recoil-daq/target/1"
@@ -50,9 +50,7 @@ def target_document(
         series = {"file": series_file(found.target), "columns": list(found.series.columns)}
     document = {
         "schema": SCHEMA,
-        "target": found.target,
-        "title": found.title,
-        "summary": found.summary,
+        **stated(found, "target", "title", "summary"),
         "shot": shot.name,
         "rig": shot.rig_name,
         **started(shot),
@@ -78,13 +76,10 @@ def target_document(
 
 def _quantity(one: Quantity) -> dict[str, Any]:
     return {
-        "symbol": one.symbol,
-        "name": one.name,
-        "value": one.value,
+        **stated(one, "symbol", "name", "value"),
         "u": one.u if one.identified else math.nan,
         "U95": list(one.U95) if one.identified else [math.nan, math.nan],
-        "unit": one.unit,
-        "basis": one.basis,
+        **stated(one, "unit", "basis"),
         "declared": math.nan if one.expected is None else one.expected,
         "E_n": normalised_error(one),
     }

@@ -14,11 +14,10 @@ from recoil_identification.campaign.overlay import MOST_SINGLE, overlay
 from recoil_identification.firing_record import CURVES, Curves
 from recoil_identification.report.campaign_document import campaign_document
 from recoil_identification.report.campaign_figures import campaign_figures, group_name
-from recoil_identification.report.document import CURVES_FILE, curves_text, write_files
 from recoil_identification.report.glossary import notation
 from recoil_identification.report.html import CAMPAIGN_PAGE, render_campaign_page
 from recoil_identification.report.page_files import write_page
-from recoil_identification.report.stored_report import read_curves
+from recoil_identification.report.report_files import CURVES_FILE, curves_text, read_curves, write_files
 from tests.builders.campaign_summaries import campaign_of
 from tests.builders.page_elements import PageElements
 

@@ -11,7 +11,7 @@ from recoil_identification.report.campaign_document import campaign_document
 from recoil_identification.report.campaign_figures import campaign_figures
 from recoil_identification.report.figures import report_figures
 from recoil_identification.report.html import PAGE_NAME, render_campaign_page, render_page
-from recoil_identification.report.packing import finite
+from recoil_identification.report.json_file import to_json
 from recoil_identification.report.page_files import write_page, write_script
 from tests.builders.browsers import find_browser, visit
 from tests.builders.campaign_summaries import campaign_of
@@ -163,4 +163,4 @@ def test_the_switch_shows_what_was_recorded_or_filtered_or_both(seen: dict[str, 
 
 
 def test_the_report_that_a_page_saves_is_the_one_that_it_was_made_of(seen: dict[str, Any]) -> None:
-    assert seen["alone"]["found"]["saved"] == finite(LOGGED)
+    assert seen["alone"]["found"]["saved"] == to_json(LOGGED)

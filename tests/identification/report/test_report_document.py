@@ -12,15 +12,16 @@ import pytest
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.shot import InputFile
 from recoil_identification.analysis import Options, identify_shot
-from recoil_identification.report.document import (
+from recoil_identification.report.document import report_document
+from recoil_identification.report.report_files import (
     TRACE_COLUMNS,
     TRACE_FILE,
-    report_document,
+    read_document,
+    read_trace,
     trace_text,
     write_document,
     write_files,
 )
-from recoil_identification.report.stored_report import read_document, read_trace
 from tests.builders.bench_shots import bench_rig, bench_shot
 from tests.builders.virtual_shots import identified, virtual_shot
 

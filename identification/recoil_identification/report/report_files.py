@@ -1,4 +1,4 @@
-"""A report as it stands in its folder, read again: ``report.json``, ``mass.csv`` and ``curves.csv``."""
+"""The files of a report, written and read again: ``report.json``, ``mass.csv`` and ``curves.csv``."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import io
 import json
 import math
 from array import array
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +15,17 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.regular_file import read_small
+from recoil_identification.analysis import Result
 from recoil_identification.firing_record import CURVES, Curves
-from recoil_identification.report.document import CURVES_FILE, SCHEMA, TRACE_COLUMNS, TRACE_FILE
+from recoil_identification.report.json_file import json_bytes
 
 Array = NDArray[np.float64]
+
+SCHEMA = "recoil-daq/report/1"
+REPORT_FILE = "report.json"
+TRACE_FILE = "mass.csv"
+CURVES_FILE = "curves.csv"
+TRACE_COLUMNS = ("time_s", "mass_kg", "u_kg", "identified")
 
 LARGEST_REPORT = 4_000_000
 """Bytes of a report.json, beyond which it is none."""
@@ -28,6 +35,38 @@ LARGEST_TRACE = 64_000_000
 """Bytes of a mass.csv, beyond which it is none: two seconds of a recoil at a million samples a second."""
 LARGEST_CURVES = 1_000_000
 """Bytes of a curves.csv, beyond which it is none."""
+
+
+def write_document(folder: Path, document: Mapping[str, Any]) -> Path:
+    """Write ``report.json`` into a folder."""
+    path = folder / REPORT_FILE
+    path.write_bytes(json_bytes(document))
+    return path
+
+
+def trace_text(result: Result) -> str:
+    """Return the text of ``mass.csv``, the identified mass over time; what was not identified is left blank."""
+    trace = result.trace
+    rows = [",".join(TRACE_COLUMNS)]
+    for t, mass, u, identified in zip(trace.times_s, trace.mass_kg, trace.u_kg, trace.identified, strict=True):
+        number = f"{mass:.6f},{u:.6f},1" if identified else ",,0"
+        rows.append(f"{t:.9g},{number}")
+    return "\n".join(rows) + "\n"
+
+
+def curves_text(curves: Curves) -> str:
+    """Return the text of ``curves.csv``, thin curves over the time after the onset of force; what was lost is blank."""
+    rows = [",".join(("time_s", *CURVES))]
+    columns = [curves.values.get(name, np.full(curves.times_s.size, math.nan)) for name in CURVES]
+    for t, *values in zip(curves.times_s, *columns, strict=True):
+        rows.append(",".join([f"{t:.6g}", *(f"{value:.6g}" if math.isfinite(value) else "" for value in values)]))
+    return "\n".join(rows) + "\n"
+
+
+def write_files(folder: Path, files: Mapping[str, str]) -> None:
+    """Write texts into a folder, by name; the bytes are the same on every system."""
+    for name, text in files.items():
+        (folder / name).write_text(text, encoding="utf-8", newline="\n")
 
 
 def read_document(path: Path, content: bytes | None = None) -> dict[str, Any]:
