@@ -149,7 +149,7 @@ class ArmedScreen:
 
     def verdict(self, document: Mapping[str, Any]) -> None:
         """Print the verdict above the screen, where it stays."""
-        from recoil_daq.tables import print_verdict
+        from recoil_daq.ingest_tables import print_verdict
 
         with contextlib.suppress(OSError):
             self._print_waiting()

@@ -403,9 +403,8 @@ def identify(
 
             READER.start()  # it loads its libraries while this process loads its own
         from recoil_daq.identify import find_shot_files
+        from recoil_daq.report_tables import print_repeatability, print_target, reports_document
         from recoil_daq.several_shots import identify_shots, repeatability, shared_options
-        from recoil_daq.tables import print_repeatability, reports_document
-        from recoil_daq.target_tables import print_target
         from recoil_identification.analysis import Options
         from recoil_identification.report.typeset import refuse_without_typst
 
@@ -786,7 +785,7 @@ def demo(
         return
     with Session(json, debug) as session:
         from recoil_daq.demo import run_demo
-        from recoil_daq.tables import demo_document, print_demo
+        from recoil_daq.report_tables import demo_document, print_demo
 
         with session.steps("demo") as progress:
             done = run_demo(out, seed=seed, overwrite=overwrite, progress=progress)
@@ -826,7 +825,7 @@ def check(
         raise typer.BadParameter("give either FILES or --devices")
     with Session(json, debug) as session:
         from recoil_daq.check import check_rig
-        from recoil_daq.tables import print_rig, rig_document
+        from recoil_daq.check_tables import print_rig, rig_document
 
         with session.steps("check") as progress:
             checked = check_rig(rig, files or (), progress=progress)
@@ -873,8 +872,8 @@ def show(
 
             READER.start()
         from recoil_acquisition.store import is_shot_file, shot_summary
+        from recoil_daq.file_tables import print_summary
         from recoil_daq.live_tables import print_acquisition
-        from recoil_daq.tables import print_summary
 
         if not is_shot_file(file):
             from recoil_daq.file_summary import summarise_file

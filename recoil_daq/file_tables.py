@@ -1,4 +1,4 @@
-"""Tables of an instrument's file and of the formats."""
+"""Tables of a shot file, of an instrument's file and of the formats."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from recoil_daq.console import output_console
-from recoil_daq.tables import print_table, say
+from recoil_daq.tables import fixed, print_table, say
 
 MOST_IDENTIFIERS = 40
 """Identifiers of a CAN log that are listed; the document has them all."""
@@ -76,3 +76,40 @@ def print_file(document: Mapping[str, Any]) -> None:
 
 def _seconds(value: float | None) -> str:
     return "-" if value is None else f"{value:.6f}"
+
+
+def print_summary(summary: Mapping[str, Any]) -> None:
+    """Print what is in a shot file."""
+    rows = [
+        (
+            str(c["name"]), str(c["clock"]), str(c["unit"]), fixed(c["rate_hz"], 0), str(c["count"]),
+            str(c["lost"]), str(c["role"]),
+        )
+        for c in summary["channels"]
+    ]  # fmt: skip
+    print_table(
+        f"Shot {summary['shot']} on rig {summary['rig']}",
+        ("channel", "clock", "unit", "rate, Hz", "samples", "lost", "role"),
+        rows,
+        numeric=(3, 4, 5),
+    )
+    if summary["started"]:
+        say(f"started {summary['started']} ({summary['started_source'] or 'by an unknown clock'})")
+    else:
+        say("started: no file says when")
+    print_table(
+        "Clocks",
+        ("clock", "offset, ms", "u, us", "drift, ppm", "status", "method"),
+        [
+            (
+                str(a["clock"]), fixed(a["offset_s"], 4, scale=1e3), fixed(a["u_offset_s"], 1, scale=1e6),
+                fixed(a["drift"], 1, scale=1e6), str(a["status"]), str(a["method"]),
+            )
+            for a in summary["alignments"]
+        ],
+        numeric=(1, 2, 3),
+    )  # fmt: skip
+    files = [(str(f["file"]), str(f["source"]), str(f["reader"]), str(f["sha256"])[:16]) for f in summary["inputs"]]
+    print_table("Files", ("file", "source", "reader", "sha256"), files)
+    word = "usable" if summary["usable"] else "not usable"
+    output_console().print(word, markup=False)

@@ -68,10 +68,9 @@ class Reported(MassResult):
 
     def show(self) -> None:
         """Print the mass, its methods, and what speaks against it."""
-        from recoil_daq.tables import print_report
-        from recoil_identification.report.tables import logged
+        from recoil_daq.report_tables import print_report
 
-        print_report(self, logged(self.document))
+        print_report(self)
 
     def __repr__(self) -> str:
         verdict = "valid" if self.valid else "not valid"

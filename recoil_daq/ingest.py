@@ -54,13 +54,13 @@ class Ingested(Printed):
 
     def to_json(self) -> dict[str, Any]:
         """Return the document of ``ingest --json``."""
-        from recoil_daq.tables import verdict_document
+        from recoil_daq.ingest_tables import verdict_document
 
         return verdict_document(self)
 
     def show(self) -> None:
         """Print the verdict: a row per channel and clock, what is taken for granted, usable or not."""
-        from recoil_daq.tables import print_verdict
+        from recoil_daq.ingest_tables import print_verdict
 
         print_verdict(self.to_json())
 

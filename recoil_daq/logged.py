@@ -122,7 +122,7 @@ class Logged(Printed):
 
     def show(self) -> None:
         """Print a line for each column, and what was there before."""
-        from recoil_daq.tables import print_logged
+        from recoil_daq.ingest_tables import print_logged
 
         print_logged(self)
 

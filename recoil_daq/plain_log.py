@@ -82,7 +82,7 @@ class PlainLog:
     def verdict(self, document: Mapping[str, Any]) -> None:
         """Write the verdict on a shot."""
         from recoil_daq.console import PIPED_WIDTH, VisibleConsole
-        from recoil_daq.tables import print_verdict
+        from recoil_daq.ingest_tables import print_verdict
 
         on_terminal = self._stream.isatty() or None
         width = None if on_terminal else PIPED_WIDTH

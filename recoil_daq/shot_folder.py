@@ -112,7 +112,7 @@ class IngestedFolder(Printed):
 
     def show(self) -> None:
         """Print a row a shot, the files left alone, and at the end the shots that failed."""
-        from recoil_daq.tables import print_ingested_folder
+        from recoil_daq.ingest_tables import print_ingested_folder
 
         print_ingested_folder(self)
 

@@ -1,0 +1,67 @@
+"""Output of `check`: a sound rig, and recorded files against it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from recoil_daq.tables import fixed, print_assumptions, print_table, say
+
+if TYPE_CHECKING:
+    from recoil_daq.check import Checked
+
+
+def rig_document(checked: Checked) -> dict[str, Any]:
+    """Build the document of ``check --json``."""
+    from recoil_rigs.assumptions import assumptions_of
+
+    rig = checked.rig
+    return {
+        "schema": "recoil-daq/check/1",
+        "rig": rig.name,
+        "file": str(rig.path),
+        "faults": [],
+        "warnings": [{"key": one.key, "problem": one.problem} for one in rig.warnings],
+        "assumptions": assumptions_of(rig),
+        "sources": [{"name": s.name, "kind": s.kind} for s in rig.sources],
+        "channels": [{"name": c.name, "source": c.source, "role": c.role} for c in rig.channels],
+        "files": list(checked.files),
+    }
+
+
+def print_rig(checked: Checked, document: Mapping[str, Any]) -> None:
+    """Print a sound rig's channels, as recorded files have them where some were given, and what is unusual.
+
+    Parameters
+    ----------
+    document
+        Its `rig_document`.
+    """
+    rig = checked.rig
+    rows = [
+        (
+            c.name, c.source, c.signal, c.unit or "as in the file", c.role,
+            f"{100 * c.sensor.u_scale_rel:g}" if c.sensor.states_u_rel else "-",
+            "" if c.sensor.due is None else str(c.sensor.due),
+        )
+        for c in rig.channels
+    ]  # fmt: skip
+    print_table(
+        f"Rig {rig.name}: no fault",
+        ("channel", "source", "signal", "unit", "role", "u, %", "due"),
+        rows,
+        numeric=(5,),
+        fold=True,
+    )
+    found = [
+        (c["name"], f["file"], f["reader"], c["unit"] or "", str(c["samples"]), fixed(c["rate_hz"], 0))
+        for f in checked.files
+        for c in f["channels"]
+    ]
+    if found:
+        print_table(
+            "Recorded files", ("channel", "file", "format", "unit", "samples", "rate, Hz"), found, numeric=(4, 5)
+        )
+    for one in rig.warnings:
+        say(f"warning: {one}")
+    print_assumptions(document)

@@ -1,0 +1,122 @@
+"""Output of the commands that identify: masses, targets, and a demonstration beside the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from recoil_daq.console import output_console
+from recoil_daq.tables import fixed, print_outcome, print_table, say
+
+if TYPE_CHECKING:
+    from recoil_daq.demo import Demonstration
+    from recoil_daq.identify import Reported
+    from recoil_daq.targets import TargetReported
+
+
+def reports_document(
+    reports: Sequence[Reported],
+    targets: Sequence[TargetReported] = (),
+    repeats: Mapping[str, tuple[str, str]] | None = None,
+) -> dict[str, Any]:
+    """Build the document of ``identify --json``; `repeats` is the verdict on the repeatability by rig."""
+    return {
+        "schema": "recoil-daq/identify/1",
+        "reports": [{"folder": str(r.folder), **r.document} for r in reports],
+        "targets": [{"folder": str(t.folder), **t.document} for t in targets],
+        "repeatability": [
+            {"rig": rig, "verdict": verdict, "detail": detail} for rig, (verdict, detail) in (repeats or {}).items()
+        ],
+    }
+
+
+def print_repeatability(repeats: Mapping[str, tuple[str, str]]) -> None:
+    """Print whether the shots of each rig repeat; nothing where there was one shot only."""
+    for rig, (verdict, detail) in repeats.items():
+        say(f"repeatability on rig {rig}: {verdict}, {detail}")
+
+
+def print_report(report: Reported) -> None:
+    """Print one shot's mass, its methods, and what speaks against it."""
+    from recoil_identification.report.tables import logged
+
+    d = report.document
+    print_table(
+        f"Shot {d['shot']} on rig {d['rig']}: specification {d['mass']['specification']:g} kg",
+        ("method", "mass, kg", "u, kg", "deviation, %", "RPE, %", "identified, %", "how"),
+        [
+            (
+                f"{m['name']} *" if m["name"] == d["mass"]["method"] else m["name"],
+                fixed(m["mass_kg"], 2),
+                fixed(m["u_kg"], 2),
+                fixed(m["deviation_percent"], 2, sign=True),
+                fixed(m["rpe_percent"], 2),
+                fixed(m["identified_share"], 0, scale=100.0),
+                m["note"],
+            )
+            for m in d["methods"]
+        ],
+        numeric=(1, 2, 3, 4, 5),
+    )
+    if in_the_log := logged(d):
+        say("; ".join(f"{label}: {text}" for label, text in in_the_log))
+    low, high = d["mass"]["U95"]
+    rpe = d["rpe_percent"]
+    say(
+        f"mass {fixed(d['mass']['value'], 2)} kg, 95 % interval [{fixed(low, 2)}, {fixed(high, 2)}] kg, "
+        f"E_n {fixed(d['E_n'], 2, sign=True)}"
+        + (
+            ", no RPE: there is no mass over time by this method"
+            if rpe["value"] is None
+            else f", RPE {fixed(rpe['value'], 2)} % [{fixed(rpe['U95'][0], 2)}, {fixed(rpe['U95'][1], 2)}]"
+        )
+    )
+    if rpe["value"] is not None:
+        say(rpe["meaning"])
+    said = d["filter"]
+    basis = {"given": "as asked for", "shot": "by this shot's spectra", "campaign": "by the spectra of all shots"}
+    say(f"low-pass at {said['cutoff_hz']:.4g} Hz, {basis.get(said['basis'], said['reason'])}")
+    print_outcome(d, report.folder / "report.html")
+
+
+def print_target(one: TargetReported) -> None:
+    """Print a target's quantities with their intervals, and what speaks against them."""
+    from recoil_identification.report.tables import quantities
+
+    d = one.document
+    print_table(
+        f"Shot {d['shot']} on rig {d['rig']}: {d['title']}",
+        ("quantity", "value", "u", "95 % interval", "unit", "declared", "how"),
+        [
+            (row["name"], row["value"], row["u"], row["interval"], row["unit"], row["expected"], row["basis"])
+            for row in quantities(d)
+        ],
+        numeric=(1, 2, 3, 5),
+    )
+    print_outcome(d, one.folder / f"{d['target']}.html")
+
+
+def demo_document(done: Demonstration) -> dict[str, Any]:
+    """Build the document of ``demo --json``."""
+    return {
+        "schema": "recoil-daq/demo/1",
+        "usable": done.ingested.shot.usable,
+        "shot_file": str(done.ingested.path),
+        "truth": dict(done.simulated.truth),
+        "folder": str(done.report.folder),
+        "report": done.report.document,
+    }
+
+
+def print_demo(done: Demonstration) -> None:
+    """Print the verdict on the shot, the methods, and the mass beside the truth."""
+    done.ingested.show()
+    done.report.show()
+    truth = done.report.document["truth"]
+    paper = next(m for m in done.report.document["methods"] if m["name"] == "paper")
+    against = 100 * (paper["mass_kg"] / truth["mass_kg"] - 1)
+    output_console().print(
+        f"truth {truth['mass_kg']:.2f} kg: this report is off by {truth['error_percent']:+.2f} %, "
+        f"the published method by {against:+.2f} %",
+        markup=False,
+    )
