@@ -14,7 +14,7 @@ import typer
 
 from recoil_acquisition.visible_text import visible
 
-FAULT, INTERRUPTED = 3, 130
+OK, NOT_VALID, FAULT, INTERRUPTED = 0, 1, 3, 130
 
 Item = TypeVar("Item")
 

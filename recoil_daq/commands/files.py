@@ -1,0 +1,140 @@
+"""Commands that look at rigs and files, and write shots in other formats."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption, RigArgument
+from recoil_daq.session import NOT_VALID, OK, Session
+
+
+def check(
+    rig: RigArgument,
+    files: Annotated[
+        list[Path] | None,
+        typer.Argument(help="Recorded files, one for each source, to check the rig against.", show_default=False),
+    ] = None,
+    devices: Annotated[
+        bool, typer.Option("--devices", help="Open each device, listen, and judge each channel.")
+    ] = False,
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Report every fault of a rig file, of calibrations, of recorded files against it, and of devices."""
+    if files and devices:
+        raise typer.BadParameter("give either FILES or --devices")
+    with Session(json, debug) as session:
+        from recoil_daq.check import check_rig
+        from recoil_daq.check_tables import print_rig, rig_document
+
+        with session.steps("check") as progress:
+            checked = check_rig(rig, files or (), progress=progress)
+        loaded = checked.rig
+        if devices:
+            from recoil_daq.device_check import check_devices
+            from recoil_daq.live_tables import device_document, print_devices
+
+            with session.steps("listen") as progress:
+                heard = check_devices(loaded, progress=progress)
+            sound = all(one.verdict != "fail" for one in heard)
+            session.finish(
+                device_document(loaded, heard), lambda: print_devices(loaded, heard), OK if sound else NOT_VALID
+            )
+        document = rig_document(checked)
+        session.finish(document, lambda: print_rig(checked, document), OK)
+
+
+def formats(json: JsonOption = False, debug: DebugOption = False) -> None:
+    """List the formats of files that are read, and what each needs."""
+    with Session(json, debug) as session:
+        from recoil_daq.file_summary import formats_document
+        from recoil_daq.file_tables import print_formats
+
+        document = formats_document()
+        session.finish(document, lambda: print_formats(document), OK)
+
+
+def show(
+    file: Annotated[Path, typer.Argument(help="A shot file, or a file of any instrument.", show_default=False)],
+    rig: Annotated[
+        str | None,
+        typer.Option(help="Rig that declares what an instrument's file does not carry.", show_default=False),
+    ] = None,
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Print what is in a shot file, or in a file of any instrument; exit code 1 if that one was cut off."""
+    with Session(json, debug) as session:
+        if file.suffix == ".h5":
+            from recoil_acquisition.reader_process import READER
+
+            READER.start()
+        from recoil_acquisition.store import is_shot_file, shot_summary
+        from recoil_daq.file_tables import print_summary
+        from recoil_daq.live_tables import print_acquisition
+
+        if not is_shot_file(file):
+            from recoil_daq.file_summary import summarise_file
+            from recoil_daq.file_tables import print_file
+            from recoil_rigs.rig import load_rig
+
+            document = summarise_file(file, None if rig is None else load_rig(rig))
+            session.finish(document, lambda: print_file(document), NOT_VALID if document["incomplete"] else OK)
+        summary = shot_summary(file)
+
+        def print_all() -> None:
+            print_summary(summary)
+            print_acquisition(summary)
+
+        session.finish(summary, print_all, OK)
+
+
+def export(
+    shot: Annotated[Path, typer.Argument(help="A shot file.", show_default=False)],
+    format_name: Annotated[
+        str,
+        typer.Option(
+            "--format",
+            help="Or what another package adds; csv and parquet are read again by `ingest`.",
+            metavar="mdf4|mat|uff58|tdms|parquet|csv|dewesoft-text",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[Path, typer.Option(help="Folder of the files.")] = Path("exports"),
+    channel: Annotated[
+        list[str] | None, typer.Option(help="A channel to export; may be repeated.", show_default="all")
+    ] = None,
+    aligned: Annotated[
+        bool, typer.Option("--aligned", help="Map all instants to the reference clock; else each source keeps its own.")
+    ] = False,
+    class_filter: Annotated[
+        Literal["cfc-60", "cfc-180", "cfc-600", "cfc-1000"] | None,
+        typer.Option(
+            "--filter", help="Channel frequency class of SAE J211-1 and ISO 6487.", show_default="as recorded"
+        ),
+    ] = None,
+    overwrite: OverwriteOption = False,
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Write a shot's channels in another format, verified, and say what is exact and what is lost."""
+    from recoil_acquisition.exporters.table import exporter_names
+
+    if format_name not in (names := exporter_names()):
+        raise typer.BadParameter(f"{format_name!r} is none of {', '.join(names)}")
+    with Session(json, debug) as session:
+        from recoil_acquisition.reader_process import READER
+
+        READER.start()
+        from recoil_daq.exported import export as write_export
+
+        with session.steps(f"export {shot.name}") as progress:
+            done = write_export(
+                shot, format_name, out=out, channels=channel or (), aligned=aligned, overwrite=overwrite,
+                frequency_class=None if class_filter is None else int(class_filter.removeprefix("cfc-")),
+                progress=progress,
+            )  # fmt: skip
+        session.finish(done.to_json(), done.show, OK if done.complete else NOT_VALID)

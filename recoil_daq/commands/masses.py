@@ -1,0 +1,285 @@
+"""Commands that identify masses, of one shot and of many, and make a report again."""
+
+from __future__ import annotations
+
+import math
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+if TYPE_CHECKING:
+    from recoil_daq.identify import Reported
+    from recoil_daq.laid_beside import Beside
+    from recoil_daq.targets import TargetReported
+    from recoil_daq.workers import Workers
+
+from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption, WorkersOption
+from recoil_daq.session import FAULT, NOT_VALID, OK, Session
+
+CorrectedRigOption = Annotated[
+    str | None,
+    typer.Option(
+        "--rig",
+        help="A rig file with corrected calibrations or values of the mechanism.",
+        show_default="that of each shot file",
+    ),
+]
+StandaloneOption = Annotated[
+    bool, typer.Option("--standalone", help="Write each page as one file that needs no other, to send or to keep.")
+]
+MethodOption = Annotated[
+    Literal["calibrated", "reverse", "forward", "paper", "camera", "tls", "ar-gls", "weak"] | None,
+    typer.Option(
+        help="Estimator of the reported mass. `paper` is the published one: unfiltered, force on acceleration.",
+        show_default="calibrated; camera without an accelerometer on the recoiling part",
+    ),
+]
+PdfOption = Annotated[
+    bool, typer.Option("--pdf", help="Write a paper copy (PDF/A-3b) beside the page. Needs the extra `pdf`.")
+]
+FiguresOption = Annotated[
+    bool, typer.Option("--figures", help="Write each figure as SVG and PNG, too. Needs the extra `pdf`.")
+]
+ClusterOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="tcp://HOST:PORT",
+        help="A dask scheduler, whose workers share the shots. They see the same files under the same paths (a shared "
+        "file system), have this version installed, and are best started with --nthreads 1.",
+        show_default=False,
+    ),
+]
+
+
+def _crew(number: int | None, cluster: str | None) -> AbstractContextManager[Workers]:
+    """Return who shares the work."""
+    if cluster is None:
+        from recoil_daq.workers import Workers
+
+        return Workers(number)
+    if number is not None:
+        raise typer.BadParameter("give either --workers or --cluster")
+    from recoil_daq.cluster import workers_at
+
+    return workers_at(cluster)
+
+
+def _known_targets(names: list[str] | None) -> list[str] | None:
+    from recoil_identification.targets import TARGETS
+
+    for name in names or ():
+        if name not in ("mass", *TARGETS):
+            raise typer.BadParameter(f"{name!r} is none of mass, {', '.join(TARGETS)}")
+    return names
+
+
+TargetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        callback=_known_targets,
+        help="What to identify; may be repeated: mass, parameters, stiffness, breech-force, inertia-force, "
+        "resistance, arx.",
+        show_default="mass",
+    ),
+]
+
+
+def _memory(text: str) -> float | None:
+    """Read the memory of the trace: seconds, or None for `auto`."""
+    if text == "auto":
+        return None
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = 0.0
+    if not 1e-4 <= seconds < math.inf:
+        raise typer.BadParameter(f"--window-s takes seconds from 0.0001 on, or auto, not {text!r}")
+    return seconds
+
+
+def identify(
+    shots: Annotated[list[Path], typer.Argument(help="Shot files, or folders of them.", show_default=False)],
+    out: Annotated[Path, typer.Option(help="Folder of the reports.")] = Path("reports"),
+    method: MethodOption = None,
+    cutoff_hz: Annotated[
+        float | None,
+        typer.Option(
+            min=1.0, help="-3 dB point of the zero-phase low-pass.", show_default="from the spectra, one for all shots"
+        ),
+    ] = None,
+    window_s: Annotated[
+        str, typer.Option(metavar="SECONDS|auto", help="Memory of the trace; auto: the one that predicts best.")
+    ] = "0.02",
+    compare: Annotated[bool, typer.Option("--compare", help="Compute all estimators, for comparison.")] = False,
+    target: TargetOption = None,
+    rig: CorrectedRigOption = None,
+    beside: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="REPORT",
+            help="Lay each new report beside this one, of the same shot or another, or beside that of its shot in a "
+            "folder of reports: beside.html. May be repeated.",
+            show_default=False,
+        ),
+    ] = None,
+    pdf: PdfOption = False,
+    figures: FiguresOption = False,
+    workers: WorkersOption = None,
+    cluster: ClusterOption = None,
+    standalone: StandaloneOption = False,
+    overwrite: OverwriteOption = False,
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Identify the recoiling mass of shot files, or what else --target names, and write a report for each."""
+    wanted = tuple(dict.fromkeys(target or ["mass"]))
+    if beside and "mass" not in wanted:
+        raise typer.BadParameter("--beside goes with the mass")
+    memory_s = _memory(window_s)
+    with Session(json, debug) as session:
+        if workers == 1 or (len(shots) == 1 and shots[0].is_file()):
+            from recoil_acquisition.reader_process import READER
+
+            READER.start()  # it loads its libraries while this process loads its own
+        from recoil_daq.identify import find_shot_files
+        from recoil_daq.report_tables import print_repeatability, print_target, reports_document
+        from recoil_daq.several_shots import identify_shots, repeatability, shared_options
+        from recoil_identification.analysis import Options
+        from recoil_identification.report.typeset import refuse_without_typst
+
+        refuse_without_typst(pdf=pdf, figures=figures)
+        paths = find_shot_files(shots)
+        reports: list[Reported] = []
+        found: list[TargetReported] = []
+        pages: list[Beside] = []
+        others = None
+        if beside:
+            from recoil_daq.laid_beside import Others
+            from recoil_daq.laid_beside import beside as lay_beside
+
+            others = Others.read(beside)
+            others.refuse_before(paths, out, overwrite=overwrite)
+        with _crew(workers, cluster) as crew:
+            asked = Options(method, cutoff_hz, memory_s, compare=compare)
+            with session.steps("one cut-off for all shots") as progress:
+                shared = shared_options(paths, asked, rig=rig, workers=crew, progress=progress)
+            for done in session.each(
+                "identify",
+                lambda tell: identify_shots(
+                    shared,
+                    wanted,
+                    out=out,
+                    rig=rig,
+                    pdf=pdf,
+                    figures=figures,
+                    standalone=standalone,
+                    overwrite=overwrite,
+                    workers=crew,
+                    progress=tell,
+                ),
+            ):
+                found += done.targets
+                if done.report is not None:
+                    reports.append(done.report)
+                if done.report is not None and not json:
+                    done.report.show()
+                for one in done.targets if not json else ():
+                    print_target(one)
+                if done.report is not None and others is not None:
+                    pages.append(lay_beside(done.report.folder, others, standalone=standalone, overwrite=overwrite))
+                    if not json:
+                        pages[-1].show()
+        repeats = repeatability([report.document for report in reports])
+        if not json:
+            print_repeatability(repeats)
+        documents = [*(one.document for one in reports), *(one.document for one in found)]
+        valid = all(document["valid"] for document in documents)
+        document = reports_document(reports, found, repeats)
+        if pages:
+            document["beside"] = [one.to_json() for one in pages]
+        session.finish(document, lambda: None, OK if valid else NOT_VALID)
+
+
+def explain(
+    report: Annotated[
+        Path, typer.Argument(help="A report.json, its folder, or with --check a folder of reports.", show_default=False)
+    ],
+    key: Annotated[
+        str | None,
+        typer.Argument(
+            help="What to explain: mass, rpe, budget, peaks, alignment, or any key of the report, such as mass.u or "
+            "'budget.packing friction'.",
+            show_default="the first five",
+        ),
+    ] = None,
+    shots: Annotated[
+        Path | None,
+        typer.Option(help="Folder in which to look for the shot files first.", show_default="around the reports"),
+    ] = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Make every report of a folder again; exit code 1 if a number differs.")
+    ] = False,
+    workers: WorkersOption = None,
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Say where a report's numbers come from, make it again from its shot file, and compare every number."""
+    if check and key is not None:
+        raise typer.BadParameter("--check takes no KEY")
+    if workers is not None and not check:
+        raise typer.BadParameter("--workers goes with --check")
+    with Session(json, debug) as session:
+        if check:
+            from recoil_daq.explained import check_reports
+
+            with session.steps("explain --check") as progress:
+                checked = check_reports(report, shots=shots, workers=workers, progress=progress)
+            code = FAULT if checked.faults else OK if checked.again else NOT_VALID
+            session.finish(checked.to_json(), checked.show, code)
+        from recoil_acquisition.reader_process import READER
+
+        READER.start()
+        from recoil_daq.explained import explain as explain_report
+
+        with session.steps("explain") as progress:
+            done = explain_report(report, key, shots=shots, progress=progress)
+        session.finish(done.to_json(), done.show, OK if done.again else NOT_VALID)
+
+
+def campaign(
+    shots: Annotated[
+        list[Path], typer.Argument(help="Shot files, their reports, or folders of either.", show_default=False)
+    ],
+    reports: Annotated[Path, typer.Option(help="Folder of the reports that are there.")] = Path("reports"),
+    log: Annotated[
+        Path | None, typer.Option(help="The shot log.", show_default="shotlog.csv beside the shot files")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder of the answer.")] = Path("campaign"),
+    cutoff_hz: Annotated[
+        float | None,
+        typer.Option(
+            min=1.0, help="-3 dB point of the low-pass of all shots.", show_default="that of the last time, or chosen"
+        ),
+    ] = None,
+    rig: CorrectedRigOption = None,
+    pdf: PdfOption = False,
+    figures: FiguresOption = False,
+    workers: WorkersOption = None,
+    cluster: ClusterOption = None,
+    standalone: StandaloneOption = False,
+    overwrite: OverwriteOption = False,
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Combine shots of one rig to one mass, and say what changed among them and what they tell of the sensors."""
+    with Session(json, debug) as session:
+        from recoil_daq.combined import campaign as combine
+
+        with _crew(workers, cluster) as crew, session.steps("campaign") as progress:
+            done = combine(
+                shots, reports=reports, log=log, out=out, cutoff_hz=cutoff_hz, rig=rig, pdf=pdf, figures=figures,
+                workers=crew, standalone=standalone, overwrite=overwrite, progress=progress,
+            )  # fmt: skip
+        session.finish(done.to_json(), done.show, OK if done.valid else NOT_VALID)

@@ -1,0 +1,33 @@
+"""What several commands take."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+RigArgument = Annotated[str, typer.Argument(help="A rig file (TOML) or the name of a bundled rig.", show_default=False)]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else there.")]
+DebugOption = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
+OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="Replace what exists.")]
+WorkersOption = Annotated[
+    int | None,
+    typer.Option(
+        min=1,
+        help="Processes that share the shots; 1: this one alone.",
+        show_default="one for each core, from 4 shots on",
+    ),
+]
+
+
+def cells_of(words: list[str]) -> dict[str, str]:
+    """Read KEY=VALUE words."""
+    cells: dict[str, str] = {}
+    for word in words:
+        key, equals, value = word.partition("=")
+        if not equals or not key.strip():
+            raise typer.BadParameter(f"{word!r} is not KEY=VALUE")
+        if key.strip() in cells:
+            raise typer.BadParameter(f"{key.strip()} is given twice")
+        cells[key.strip()] = value
+    return cells

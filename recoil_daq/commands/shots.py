@@ -1,0 +1,199 @@
+"""Commands that make shot files and keep their log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption, RigArgument, WorkersOption, cells_of
+from recoil_daq.session import FAULT, INTERRUPTED, NOT_VALID, OK, Session
+
+
+def ingest(
+    rig: RigArgument,
+    files: Annotated[
+        list[Path] | None, typer.Argument(help="One shot's recorded files, in any order.", show_default=False)
+    ] = None,
+    shot: Annotated[
+        str | None,
+        typer.Option(
+            help="Identifier of the shot; with --live the number of the first.",
+            show_default="name of the reference file, or the next number",
+        ),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder of the shot files.")] = Path("shots"),
+    live: Annotated[
+        bool, typer.Option("--live", help="Armed acquisition from the rig's devices, shot after shot.")
+    ] = False,
+    shots: Annotated[
+        int | None, typer.Option(min=1, help="With --live: end after so many shots.", show_default="no end")
+    ] = None,
+    watch: Annotated[
+        Path | None,
+        typer.Option(help="With --live: folder into which other instruments drop their files.", show_default=False),
+    ] = None,
+    spare: Annotated[
+        Path | None,
+        typer.Option(
+            help="With --live: folder on another disk, where the journal goes on if the first one fails.",
+            show_default=False,
+        ),
+    ] = None,
+    files_within_s: Annotated[
+        float, typer.Option(min=0.0, help="With --live: wait so long for those files after a shot, seconds.")
+    ] = 120.0,
+    no_screen: Annotated[bool, typer.Option("--no-screen", help="With --live: print plain lines, for a log.")] = False,
+    overwrite: OverwriteOption = False,
+    accept_incomplete: Annotated[
+        bool, typer.Option("--accept-incomplete", help="Take what is there of a file that was cut off.")
+    ] = False,
+    at: Annotated[
+        float | None,
+        typer.Option(
+            help="The shot is a part of the recorder's file: seconds at which it was triggered, on its clock.",
+            show_default="the rig's trigger finds it in a long file",
+        ),
+    ] = None,
+    batch: Annotated[
+        bool,
+        typer.Option(
+            "--batch",
+            help="FILES is one folder of many shots' files, whose numbers are in their names, or with a folder a shot.",
+        ),
+    ] = False,
+    workers: WorkersOption = None,
+    replaces: Annotated[str, typer.Option(hidden=True)] = "",
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Turn one shot's recorded files, or a live shot, into a verified shot file and say whether it is usable."""
+    if live:
+        if files:
+            raise typer.BadParameter("give either FILES or --live")
+        if overwrite or accept_incomplete or batch or at is not None:
+            raise typer.BadParameter(
+                "--overwrite, --accept-incomplete, --batch and --at go with FILES, not with --live"
+            )
+        if shot is not None and not (shot.isdecimal() and len(shot) <= 9):
+            raise typer.BadParameter("with --live, --shot is the number of the first shot")
+        first = None if shot is None else int(shot)
+        _live(rig, out, first, shots, watch, spare, files_within_s, no_screen, json, debug)
+        return
+    if not files:
+        raise typer.BadParameter("give one shot's FILES, or --live")
+    if shots is not None or watch is not None or spare is not None or no_screen:
+        raise typer.BadParameter("--shots, --watch, --spare and --no-screen go with --live")
+    if batch:
+        if len(files) != 1 or shot is not None or at is not None:
+            raise typer.BadParameter("--batch takes one folder, and neither --shot nor --at")
+        _batch(rig, files[0], out, overwrite, accept_incomplete, workers, json, debug)
+        return
+    if workers is not None:
+        raise typer.BadParameter("--workers goes with --batch")
+    with Session(json, debug) as session:
+        from recoil_daq.ingest import ingest_files
+        from recoil_rigs.rig import load_rig
+
+        with session.steps("ingest") as progress:
+            done = ingest_files(
+                load_rig(rig), files, shot=shot, out=out, overwrite=overwrite,
+                accept_incomplete=accept_incomplete, at_s=at, replaces=replaces, progress=progress,
+            )  # fmt: skip
+        session.finish(done.to_json(), done.show, OK if done.shot.usable else NOT_VALID)
+
+
+def _batch(
+    rig: str, folder: Path, out: Path, overwrite: bool, accept_incomplete: bool, workers: int | None, json: bool,
+    debug: bool,
+) -> None:  # fmt: skip
+    with Session(json, debug) as session:
+        from recoil_daq.shot_folder import ingest_folder
+        from recoil_rigs.rig import load_rig
+
+        with session.steps("ingest") as progress:
+            done = ingest_folder(
+                load_rig(rig), folder, out=out, overwrite=overwrite, accept_incomplete=accept_incomplete,
+                workers=workers, progress=progress,
+            )  # fmt: skip
+        session.finish(done.to_json(), done.show, FAULT if done.failed else OK if done.usable else NOT_VALID)
+
+
+def _live(
+    rig: str, out: Path, first: int | None, shots: int | None, watch: Path | None, spare: Path | None,
+    files_within_s: float, no_screen: bool, json: bool, debug: bool,
+) -> None:  # fmt: skip
+    with Session(json, debug) as session:
+        from recoil_daq.live import run_live
+        from recoil_daq.live_shot import LiveOptions
+        from recoil_daq.live_tables import live_display, print_outcome
+        from recoil_rigs.rig import load_rig
+
+        loaded = load_rig(rig)
+        options = LiveOptions(out, shots, first, watch, files_within_s, spare)
+        with live_display(loaded.name, plain=no_screen, as_json=json) as display:
+            done = run_live(loaded, options, display)
+        if done.error is not None and not json:
+            print_outcome(done)
+        if done.error is not None:
+            raise done.error
+        code = INTERRUPTED if done.interrupted else OK if done.usable else NOT_VALID
+        session.finish(done.to_json(), lambda: print_outcome(done), code)
+
+
+def recover(
+    folder: Annotated[
+        Path, typer.Argument(help="A journal that was left over, or a folder of shots.", show_default=False)
+    ],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder that gets what is recovered.", show_default="where the session wrote")
+    ] = None,
+    keep: Annotated[bool, typer.Option("--keep", help="Keep the journal when all of it is recovered.")] = False,
+    at: Annotated[
+        list[float] | None,
+        typer.Option(help="Cut a shot at this instant, s from the journal's first record.", show_default=False),
+    ] = None,
+    discard: Annotated[
+        bool, typer.Option("--discard", help="Remove the journal with what is nowhere else, after listing it.")
+    ] = False,
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Recover what a live acquisition recorded before it crashed or lost its power."""
+    with Session(json, debug) as session:
+        from recoil_daq.live_tables import print_recovered, recovered_document
+        from recoil_daq.recover import recover_folder
+
+        with session.steps("recover") as progress:
+            done, failed = recover_folder(folder, out, keep=keep, discard=discard, at_s=at or (), progress=progress)
+        if failed and not json:
+            print_recovered(folder, done)
+        if failed:
+            raise failed[0]
+        code = OK if all(one.elsewhere or one.removed for one in done) else NOT_VALID
+        session.finish(recovered_document(done), lambda: print_recovered(folder, done), code)
+
+
+def log(
+    shot: Annotated[
+        str, typer.Argument(help="A shot file, or the name of a shot in the folder of --dir.", show_default=False)
+    ],
+    cells: Annotated[
+        list[str] | None,
+        typer.Argument(help="Cells to set; KEY= empties one.", metavar="KEY=VALUE", show_default="show the row"),
+    ] = None,
+    folder: Annotated[Path, typer.Option("--dir", help="Folder of the shot files.")] = Path("shots"),
+    new_column: Annotated[
+        bool, typer.Option("--new-column", help="Add the columns that the shot log does not have.")
+    ] = False,
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Show a shot's row of the shot log, or set cells of it: configuration, added mass, charge, why it is excluded."""
+    given = cells_of(cells or [])
+    with Session(json, debug) as session:
+        from recoil_daq.logged import log_row
+
+        done = log_row(shot, given, folder=folder, new_column=new_column)
+        session.finish(done.to_json(), done.show, OK)
