@@ -28,6 +28,8 @@ def reports(tmp_path):
             "rig": shot.rig,
             "started": None,
             "mass": {"value": shot.mass_kg, "u": shot.u_kg},
+            "rpe_percent": None,
+            "valid": True,
             "campaign": shot.summary.to_json(cutoff_hz=300.0, zero_shift=False),
             "shot_log": {"added_mass_kg": shot.added_mass_kg, "charge": "full"},
             "provenance": {"version": __version__, "inputs": [{"file": "a shot", "sha256": "0" * 64}]},
