@@ -126,7 +126,7 @@ def _exchange(folder: Path, hidden: Path, obsolete: set[Path]) -> None:
 
         # what else is there comes along before anything moves, so that no interruption hides it
         shutil.copytree(folder, new, symlinks=True, ignore=replaced, copy_function=_link, dirs_exist_ok=True)
-        (hidden / _REPLACED).write_text(json.dumps(sorted(map(str, gone))), encoding="utf-8")
+        (hidden / _REPLACED).write_text(json.dumps(sorted(map(str, gone))), encoding="utf-8", newline="\n")
         sync_file(hidden / _REPLACED)
         folder.rename(hidden / _OLD)
     new.rename(folder)
