@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -93,10 +94,11 @@ def many_shots(quick: bool, _: Path) -> list[Row]:
         }
     else:
         replayed = {
-            kind: campaigns.combined(campaigns.REPLAYS, ringed=ringed)
+            kind: list(campaigns.over_replays(partial(campaigns.answered, ringed=ringed)))
             for kind, ringed in (("nothing added", False), ("120 kg on every second shot", True))
         }
-        sets = {kind: (one.joint, one.mean) for kind, one in replayed.items()}
+        campaigns.send_home()
+        sets = {kind: ([one[0] for one in answers], [one[1] for one in answers]) for kind, answers in replayed.items()}
     rows = []
     for kind, (joint, mean) in sets.items():
         (_, hits, _, rms), (_, mean_hits, _, mean_rms) = campaigns.judged(joint), campaigns.judged(mean)
