@@ -21,7 +21,8 @@ result with reasons, not an error. Foreign exceptions are mapped at the edge, ``
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import SequenceMatcher, get_close_matches
 from pathlib import Path
@@ -209,6 +210,29 @@ class IdentificationError(RecoilDaqError):
 
 class WorkerError(RecoilDaqError):
     """A process or a machine that a shot was given to cannot be reached, or ended before the shot was done."""
+
+
+@contextmanager
+def system_errors_as(
+    kind: type[ReadError | StoreError], path: Path, done: str, remedy: str | None = None
+) -> Iterator[None]:
+    """Turn an error of the system into one line: what cannot be done with a path, and why.
+
+    Parameters
+    ----------
+    kind
+        `ReadError` or `StoreError`.
+    path
+        The file or folder.
+    done
+        What was to be done with it: ``read``, ``written``, ``removed``.
+    remedy
+        What the user can do.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise kind(f"cannot be {done}: {error.strerror or error}", path=path, remedy=remedy) from error
 
 
 LEAST_LIKENESS = 0.5

@@ -11,7 +11,7 @@ from recoil_acquisition.acquisition import AcquiredEvent, Acquisition
 from recoil_acquisition.capture.engine import SETTLE_S
 from recoil_acquisition.capture.session_record import LiveRecord
 from recoil_acquisition.devices.device import EVENT, LATE_S, DeviceEvent, event_of
-from recoil_acquisition.errors import CorruptFileError, StoreError
+from recoil_acquisition.errors import CorruptFileError, StoreError, system_errors_as
 from recoil_acquisition.log.capture import capture_holds, capture_scan, write_capture
 from recoil_acquisition.log.folder import Log
 from recoil_acquisition.log.record import OWN, UNNUMBERED, Kind
@@ -153,7 +153,5 @@ def _behind(stop_ns: int | None) -> int | None:
 
 
 def _make_folder(folder: Path) -> None:
-    try:
+    with system_errors_as(StoreError, folder, "written"):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StoreError(f"cannot be written: {error.strerror or error}", path=folder) from error

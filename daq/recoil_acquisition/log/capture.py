@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.errors import CorruptFileError, ReadError, StoreError
+from recoil_acquisition.errors import CorruptFileError, ReadError, StoreError, system_errors_as
 from recoil_acquisition.log.folder import Log, in_order, session_in
 from recoil_acquisition.log.record import OWN, UNNUMBERED, Kind, Record, pack_json, pack_record
 from recoil_acquisition.log.scan import Damage, FileScan, first_log_id
@@ -87,18 +87,15 @@ def write_capture(
     temporary = partial_path(path)
     digest = hashlib.sha256()
     try:
-        with temporary.open("wb") as stream:
-            for content in _pieces(log, start_ns, stop_ns, holds, declared):
-                stream.write(content)
-                digest.update(content)
-        with temporary.open("rb") as stream:
-            if hashlib.file_digest(stream, "sha256").digest() != digest.digest():
-                raise StoreError("does not read back as it was written", path=path, remedy="check the disk")
-        give_name(temporary, path)
-    except OSError as error:
-        raise StoreError(
-            f"cannot be written: {error.strerror or error}", path=path, remedy="make room; the log still has it"
-        ) from error
+        with system_errors_as(StoreError, path, "written", "make room; the log still has it"):
+            with temporary.open("wb") as stream:
+                for content in _pieces(log, start_ns, stop_ns, holds, declared):
+                    stream.write(content)
+                    digest.update(content)
+            with temporary.open("rb") as stream:
+                if hashlib.file_digest(stream, "sha256").digest() != digest.digest():
+                    raise StoreError("does not read back as it was written", path=path, remedy="check the disk")
+            give_name(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
 

@@ -11,7 +11,7 @@ from itertools import chain, islice, takewhile
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.errors import StoreError
+from recoil_acquisition.errors import StoreError, system_errors_as
 from recoil_acquisition.log.lock import NAME as LOCK_NAME
 from recoil_acquisition.log.lock import is_being_written
 from recoil_acquisition.log.record import HEAD_SIZE, OWN, SCHEMA, UNNUMBERED, Kind, Record
@@ -173,15 +173,13 @@ class Log:
     def remove(self) -> None:
         """Remove the log; see `remove_log`. Of a spare folder, what is of this log goes."""
         remove_log(self.folder)
-        try:
+        with system_errors_as(StoreError, self.folder, "removed"):
             elsewhere = [segment.path for segment in self.segments if segment.path.parent != self.folder]
             for path in elsewhere:
                 path.unlink()
             for folder in {path.parent for path in elsewhere}:
                 if not any(folder.iterdir()):
                     folder.rmdir()
-        except OSError as error:
-            raise StoreError(f"cannot be removed: {error.strerror or error}", path=self.folder) from error
 
     def _range(self, start_ns: int | None, stop_ns: int | None) -> Iterator[Record]:
         """Yield the sound records of the segments and parts of segments in which a span can be, as they stand."""
@@ -248,11 +246,9 @@ def find_logs(folder: Path) -> tuple[Path, ...]:
     StoreError
         If the folder cannot be searched.
     """
-    try:
+    with system_errors_as(StoreError, folder, "searched"):
         folders = {path.parent for path in Path(folder).rglob(f"*{SUFFIX}")}
         left = sorted(path for path in folders if segment_paths(path) and not is_being_written(path))
-    except OSError as error:
-        raise StoreError(f"cannot be searched: {error.strerror or error}", path=folder) from error
     return tuple(path for path in left if not _holds_captures(path))
 
 
@@ -265,7 +261,7 @@ def remove_log(folder: Path) -> None:
         If a writer still holds it, or the system refuses.
     """
     folder = Path(folder)
-    try:
+    with system_errors_as(StoreError, folder, "removed"):
         if is_being_written(folder):
             raise StoreError("this log is being written", path=folder, remedy="close the recording first")
         for path in segment_paths(folder).values():
@@ -273,8 +269,6 @@ def remove_log(folder: Path) -> None:
         (folder / LOCK_NAME).unlink(missing_ok=True)
         if not any(folder.iterdir()):
             folder.rmdir()
-    except OSError as error:
-        raise StoreError(f"cannot be removed: {error.strerror or error}", path=folder) from error
 
 
 def in_order(records: Iterable[Record], following: int | None) -> Iterator[Record]:
@@ -334,10 +328,8 @@ def session_in(records: Iterable[Record]) -> dict[str, Any] | None:
 
 def _segments_in(folder: Path) -> list[Path]:
     """Return the segments of a folder in which something was written."""
-    try:
+    with system_errors_as(StoreError, folder, "read"):
         return [path for path in segment_paths(folder).values() if not is_hole(path)]
-    except OSError as error:
-        raise StoreError(f"cannot be read: {error.strerror or error}", path=folder) from error
 
 
 def _holds_captures(folder: Path) -> bool:

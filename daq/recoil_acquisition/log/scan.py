@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple
 
-from recoil_acquisition.errors import StoreError
+from recoil_acquisition.errors import StoreError, system_errors_as
 from recoil_acquisition.log.record import (
     CRC,
     HEAD,
@@ -93,10 +93,8 @@ class FileScan:
         self._needle = MARK + log_id
         self._false_marks = 0
         self._buffer, self._begin = b"", 0
-        try:
+        with system_errors_as(StoreError, path, "read"):
             self._descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0))
-        except OSError as error:
-            raise StoreError(f"cannot be read: {error.strerror or error}", path=path) from error
 
     def __enter__(self) -> FileScan:
         return self
@@ -200,13 +198,11 @@ class FileScan:
         return self._buffer[begin : begin + size]
 
     def _read(self, at: int, size: int) -> bytes:
-        try:
+        with system_errors_as(StoreError, self.path, "read"):
             if hasattr(os, "pread"):
                 return os.pread(self._descriptor, size, at)
             os.lseek(self._descriptor, at, os.SEEK_SET)
             return os.read(self._descriptor, size)
-        except OSError as error:
-            raise StoreError(f"cannot be read: {error.strerror or error}", path=self.path) from error
 
 
 def sound_head(content: bytes, at: int, seed: int | None) -> Head | None:
@@ -251,13 +247,10 @@ def first_log_id(path: Path, within: int = _BEGIN_BYTES) -> bytes | None:
     StoreError
         If the file cannot be read.
     """
-    try:
-        with path.open("rb", buffering=0) as stream:
-            begin = stream.read(HEAD_SIZE)
-            if sound_head(begin, 0, None) is None:
-                begin += stream.read(within)
-    except OSError as error:
-        raise StoreError(f"cannot be read: {error.strerror or error}", path=path) from error
+    with system_errors_as(StoreError, path, "read"), path.open("rb", buffering=0) as stream:
+        begin = stream.read(HEAD_SIZE)
+        if sound_head(begin, 0, None) is None:
+            begin += stream.read(within)
     at = begin.find(MARK)
     while at >= 0:
         if sound_head(begin[at : at + HEAD_SIZE], at, None) is not None:

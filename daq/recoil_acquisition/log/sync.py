@@ -7,7 +7,7 @@ import time
 from collections import deque
 from collections.abc import Sequence
 
-from recoil_acquisition.errors import StoreError
+from recoil_acquisition.errors import StoreError, system_errors_as
 from recoil_acquisition.log.segment import WritingSegment
 
 
@@ -89,10 +89,8 @@ class SegmentSync:
         """
         with self._lock:
             for segment in segments:
-                try:
+                with system_errors_as(StoreError, segment.path, "removed"):
                     segment.path.unlink(missing_ok=True)
-                except OSError as error:
-                    raise StoreError(f"cannot be removed: {error.strerror or error}", path=segment.path) from error
                 self._finished.remove(segment)
 
     def _finish_full(self) -> None:

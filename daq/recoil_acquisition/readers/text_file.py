@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Protocol
 
-from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.errors import CorruptFileError, ReadError, system_errors_as
 
 ENCODING_BYTES = 1 << 20
 """How much of a file decides on its encoding: all but numbers stands in the first lines."""
@@ -25,6 +25,9 @@ PART_BYTES = 1 << 18
 
 CHUNK_BYTES = 1 << 22
 """How much of a file that must be transcoded is held at a time."""
+
+
+_REMEDY = "check its name and permissions"
 
 
 class Text(Protocol):
@@ -124,12 +127,9 @@ class LongText:
         self.path = path
         self._transcoded: IO[bytes] | None = None
         self._lock = threading.Lock()
-        try:
-            with path.open("rb") as file:
-                head = file.read(ENCODING_BYTES)
-                self.size = file.seek(0, 2)
-        except OSError as error:
-            raise _unreadable(path, error) from error
+        with system_errors_as(ReadError, path, "read", _REMEDY), path.open("rb") as file:
+            head = file.read(ENCODING_BYTES)
+            self.size = file.seek(0, 2)
         self._skip = 0
         wide = codecs.lookup(encoding).name.startswith("utf-16") if encoding else False
         if wide or head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
@@ -149,19 +149,17 @@ class LongText:
         decoder = codecs.getincrementaldecoder(encoding)()
         at = 0
         try:
-            self._transcoded = tempfile.TemporaryFile()  # noqa: SIM115 - closed when this object goes
-            weakref.finalize(self, self._transcoded.close)
-            with self.path.open("rb") as file:
+            with system_errors_as(ReadError, self.path, "read", _REMEDY), self.path.open("rb") as file:
+                self._transcoded = tempfile.TemporaryFile()  # noqa: SIM115 - closed when this object goes
+                weakref.finalize(self, self._transcoded.close)
                 while chunk := file.read(CHUNK_BYTES):
                     text = decoder.decode(chunk)
                     at += len(chunk)
                     self._transcoded.write((text.removeprefix("\ufeff") if at == len(chunk) else text).encode("utf-8"))
-            self.size = self._transcoded.tell()
+                self.size = self._transcoded.tell()
         except (UnicodeDecodeError, UnicodeEncodeError) as error:
             place = f"byte {at + error.start}"
             raise CorruptFileError("is not the UTF-16 it announces", path=self.path, place=place) from error
-        except OSError as error:
-            raise _unreadable(self.path, error) from error
 
     def read(self, start: int, stop: int) -> bytes:
         """Read some of the bytes.
@@ -185,7 +183,7 @@ class LongText:
 
     def _parts(self, start: int, stop: int, size: int) -> Iterator[bytes]:
         stop = min(stop, self.size)
-        try:
+        with system_errors_as(ReadError, self.path, "read", _REMEDY):
             if self._transcoded is None:
                 with self.path.open("rb") as file:
                     file.seek(self._skip + start)
@@ -197,8 +195,6 @@ class LongText:
                     self._transcoded.seek(at)
                     part = self._transcoded.read(min(size, stop - at))
                 yield self._complete(part, min(size, stop - at))
-        except OSError as error:
-            raise _unreadable(self.path, error) from error
 
     def _complete(self, part: bytes, count: int) -> bytes:
         if len(part) != count:
@@ -230,10 +226,8 @@ def read_text(path: Path) -> TextFile:
     CorruptFileError
         If it announces UTF-16 and is not.
     """
-    try:
+    with system_errors_as(ReadError, path, "read", _REMEDY):
         raw = path.read_bytes()
-    except OSError as error:
-        raise _unreadable(path, error) from error
     return decode_text(path, raw)
 
 
@@ -264,10 +258,6 @@ def decode_head(head: bytes) -> str:
         head = head.removeprefix(codecs.BOM_UTF8)
         text = head.decode("utf-8" if _is_utf8(head) else "cp1252", errors="replace")
     return "" if "\0" in text else text.replace("\r\n", "\n").replace("\r", "\n")
-
-
-def _unreadable(path: Path, error: OSError) -> ReadError:
-    return ReadError(f"cannot be read: {error.strerror}", path=path, remedy="check its name and permissions")
 
 
 def _is_utf8(data: bytes) -> bool:

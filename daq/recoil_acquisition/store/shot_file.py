@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.errors import ReadError, StoreError
+from recoil_acquisition.errors import ReadError, StoreError, system_errors_as
 from recoil_acquisition.new_file import give_name, partial_path
 from recoil_acquisition.reader_process import EXPANSION, READER, SPARE_BYTES
 from recoil_acquisition.regular_file import read_beginning
@@ -52,20 +52,16 @@ def write_shot(shot: Shot, path: Path, *, overwrite: bool = False) -> None:
         raise StoreError("this is a folder", path=path, expected="the name of a shot file")
     image = _image(shot, path)
     temporary = partial_path(path)
+    remedy = "choose another folder with --out, or make room and give permission there"
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        _write(image, temporary)
-        _verify(shot, temporary, path)
-        try:
-            give_name(temporary, path, overwrite=overwrite)
-        except FileExistsError as error:
-            raise _exists(path) from error
-    except OSError as error:
-        raise StoreError(
-            f"cannot be written: {error.strerror or error}",
-            path=path,
-            remedy="choose another folder with --out, or make room and give permission there",
-        ) from error
+        with system_errors_as(StoreError, path, "written", remedy):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            _write(image, temporary)
+            _verify(shot, temporary, path)
+            try:
+                give_name(temporary, path, overwrite=overwrite)
+            except FileExistsError as error:
+                raise _exists(path) from error
     finally:
         # After a rename there is nothing left to remove; a disk that refuses this too has been reported
         with contextlib.suppress(OSError):

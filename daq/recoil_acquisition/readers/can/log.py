@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.errors import CorruptFileError, ReadError, system_errors_as
 from recoil_acquisition.readers.can.asc import is_asc, read_asc
 from recoil_acquisition.readers.can.blf import read_blf
 from recoil_acquisition.readers.can.candump import is_candump, read_candump
@@ -75,10 +75,8 @@ def _read_asc(path: Path) -> CanLog:
 
 
 def _read_blf(path: Path) -> CanLog:
-    try:
+    with system_errors_as(ReadError, path, "read"):
         return read_blf(path, path.read_bytes())
-    except OSError as error:
-        raise ReadError(f"cannot be read: {error.strerror}", path=path) from error
 
 
 def _read_candump(path: Path) -> CanLog:

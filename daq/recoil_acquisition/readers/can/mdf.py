@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.errors import CorruptFileError, ReadError, system_errors_as
 from recoil_acquisition.readers.can.frames import CanLog, FrameBlock, FrameList
 from recoil_acquisition.readers.can.mdf_frames import FRAME, LARGEST_FRAME, frames_of, variable_samples
 from recoil_acquisition.readers.can.recording import CanRecording, declared_database
@@ -71,10 +71,8 @@ def read_mdf(path: Path) -> CanLog:
     CorruptFileError
         If its blocks do not fit together.
     """
-    try:
+    with system_errors_as(ReadError, path, "read", "check its permissions"):
         content = path.read_bytes()
-    except OSError as error:
-        raise ReadError(f"cannot be read: {error.strerror}", path=path, remedy="check its permissions") from error
     try:
         return _read_groups(content)
     except MdfDamageError as error:

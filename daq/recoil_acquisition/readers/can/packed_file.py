@@ -7,7 +7,7 @@ import zlib
 from pathlib import Path
 from typing import BinaryIO
 
-from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.errors import CorruptFileError, ReadError, system_errors_as
 from recoil_acquisition.readers.bounded_file import most_unpacked
 from recoil_acquisition.readers.head import GZIP
 
@@ -38,15 +38,10 @@ def read_unpacked(path: Path) -> tuple[bytes, str]:
     CorruptFileError
         If it does not unpack, or its checksum is wrong.
     """
-    try:
-        with path.open("rb") as file:
-            head = file.read(len(GZIP))
-            file.seek(0)
-            return _unpacked(path, file) if head == GZIP else (file.read(), "")
-    except OSError as error:
-        raise ReadError(
-            f"cannot be read: {error.strerror}", path=path, remedy="check its name and permissions"
-        ) from error
+    with system_errors_as(ReadError, path, "read", "check its name and permissions"), path.open("rb") as file:
+        head = file.read(len(GZIP))
+        file.seek(0)
+        return _unpacked(path, file) if head == GZIP else (file.read(), "")
 
 
 def _unpacked(path: Path, file: BinaryIO) -> tuple[bytes, str]:

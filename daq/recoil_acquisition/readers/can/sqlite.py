@@ -13,7 +13,7 @@ from contextlib import closing
 from pathlib import Path
 from urllib.parse import quote
 
-from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.errors import CorruptFileError, ReadError, system_errors_as
 from recoil_acquisition.readers.can.frames import EXTENDED, ID_MASK, CanLog, FrameList
 from recoil_acquisition.readers.can.stamps import start_of_stamps
 
@@ -44,12 +44,10 @@ def read_can_sqlite(path: Path) -> CanLog:
     CorruptFileError
         If it is cut, damaged, or has no such table.
     """
-    try:
+    with system_errors_as(ReadError, path, "read", "check its permissions"):
         size = path.stat().st_size
         with path.open("rb") as file:
             head = file.read(_HEADER_BYTES)
-    except OSError as error:
-        raise ReadError(f"cannot be read: {error.strerror}", path=path, remedy="check its permissions") from error
     _check_size(path, head, size)
     found = FrameList()
     try:

@@ -35,7 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.child_process import own_command
-from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.errors import CorruptFileError, ReadError, system_errors_as
 from recoil_acquisition.extras import DEWESOFT
 from recoil_acquisition.readers.dewesoft import child_process as child
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
@@ -72,12 +72,10 @@ class DewesoftReader:
         CorruptFileError
             If the library crashes or hangs over it, or what it gives contradicts itself.
         """
-        try:
+        with system_errors_as(ReadError, path, "read"):
             size = path.stat().st_size
             with path.open("rb") as file:
                 head = file.read(len(MAGIC))
-        except OSError as error:
-            raise ReadError(f"cannot be read: {error.strerror or error}", path=path) from error
         if head != MAGIC or size < FEWEST_BYTES:
             raise CorruptFileError(
                 "this is no recording of Dewesoft", path=path, place="byte 0",

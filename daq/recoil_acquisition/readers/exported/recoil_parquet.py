@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.errors import CorruptFileError, ReadError, system_errors_as
 from recoil_acquisition.readers.exported.header import ExportedHeader, exported_header, parse_json
 from recoil_acquisition.readers.exported.recording import Columns, exported_recording
 from recoil_acquisition.readers.reader import Declarations
@@ -44,12 +44,8 @@ class RecoilParquetReader:
         CorruptFileError
             If it is damaged.
         """
-        try:
+        with system_errors_as(ReadError, path, "read", "check its name and permissions"):
             content = path.read_bytes()
-        except OSError as error:
-            raise ReadError(
-                f"cannot be read: {error.strerror}", path=path, remedy="check its name and permissions"
-            ) from (error)
         import pyarrow as pa
         import pyarrow.parquet as pq
 

@@ -42,7 +42,7 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.errors import CorruptFileError, ReadError, system_errors_as
 
 MAGIC = b"DMDF"
 LIBRARY = b"DMD Library"
@@ -145,11 +145,8 @@ def index_blocks(path: Path) -> BlockIndex:
     CorruptFileError
         If it is none, or a head contradicts its checksum or its lengths.
     """
-    try:
-        with path.open("rb", buffering=0) as file:
-            return _index(path, file)
-    except OSError as error:
-        raise ReadError(f"cannot be read: {error.strerror or error}", path=path) from error
+    with system_errors_as(ReadError, path, "read"), path.open("rb", buffering=0) as file:
+        return _index(path, file)
 
 
 def _index(path: Path, file: BinaryIO) -> BlockIndex:

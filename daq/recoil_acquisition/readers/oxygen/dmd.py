@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
-from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.errors import CorruptFileError, ReadError, system_errors_as
 from recoil_acquisition.readers.oxygen.blocks import BlockIndex, index_blocks
 from recoil_acquisition.readers.oxygen.description import read_description
 from recoil_acquisition.readers.oxygen.samples import INTEGERS, Pieces
@@ -47,11 +47,8 @@ class OxygenReader:
             If it is damaged.
         """
         index = index_blocks(path)
-        try:
-            with path.open("rb") as file:
-                return _recording(index, file, declared.clock)
-        except OSError as error:
-            raise ReadError(f"cannot be read: {error.strerror or error}", path=path) from error
+        with system_errors_as(ReadError, path, "read"), path.open("rb") as file:
+            return _recording(index, file, declared.clock)
 
 
 def _recording(index: BlockIndex, file: BinaryIO, clock: str) -> Recording:

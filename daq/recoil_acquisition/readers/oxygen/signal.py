@@ -10,7 +10,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.errors import ReadError
+from recoil_acquisition.errors import ReadError, system_errors_as
 from recoil_acquisition.readers.oxygen.blocks import ASYNC, SYNC, BlockIndex
 from recoil_acquisition.readers.oxygen.samples import (
     WIDTHS,
@@ -51,21 +51,18 @@ class Signal:
         """Yield the stored numbers (or the ticks) of samples start to stop, block by block."""
         pieces, layout = self.pieces, self.layout
         first = int(np.searchsorted(pieces.ends, start, "right"))
-        try:
-            with layout.path.open("rb", buffering=0) as file:
-                for i in range(first, pieces.ends.size):
-                    before = int(pieces.ends[i - 1]) if i else 0
-                    low, high = max(start - before, 0), min(stop, int(pieces.ends[i])) - before
-                    if low >= high:
-                        return
-                    if isinstance(pieces, Pieces):
-                        at = int(pieces.low[i])
-                        yield layout.stored(file, int(pieces.block[i]), at + low, at + high)
-                    else:
-                        both = layout.stamped(file, int(pieces.block[i]))
-                        yield both[0 if stamps else 1][pieces.chosen[i]][low:high]
-        except OSError as error:
-            raise ReadError(f"cannot be read: {error.strerror or error}", path=layout.path) from error
+        with system_errors_as(ReadError, layout.path, "read"), layout.path.open("rb", buffering=0) as file:
+            for i in range(first, pieces.ends.size):
+                before = int(pieces.ends[i - 1]) if i else 0
+                low, high = max(start - before, 0), min(stop, int(pieces.ends[i])) - before
+                if low >= high:
+                    return
+                if isinstance(pieces, Pieces):
+                    at = int(pieces.low[i])
+                    yield layout.stored(file, int(pieces.block[i]), at + low, at + high)
+                else:
+                    both = layout.stamped(file, int(pieces.block[i]))
+                    yield both[0 if stamps else 1][pieces.chosen[i]][low:high]
 
 
 def signal_of(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from recoil_acquisition.errors import ReadError
+from recoil_acquisition.errors import ReadError, system_errors_as
 from recoil_acquisition.frames.port_stream import PortStream
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
@@ -32,8 +32,6 @@ class SerialBytesReader:
             If not one frame is found.
         """
         framing = declared_framing(declared, path)
-        try:
+        with system_errors_as(ReadError, path, "read"):
             port = PortStream.plain(path.read_bytes())
-        except OSError as error:
-            raise ReadError(f"cannot be read: {error.strerror}", path=path) from error
         return SerialRecording(path, self.name, port, framing, declared.clock)

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from recoil_acquisition.declaration import declared as declare
-from recoil_acquisition.errors import CorruptFileError, Fault, ReadError
+from recoil_acquisition.errors import CorruptFileError, Fault, ReadError, system_errors_as
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import is_lost, is_number, split_cells
@@ -82,13 +82,8 @@ class DeclaredTrackReader:
 
 def _text_of(path: Path, layout: TrackLayout) -> tuple[Text, TrackLayout]:
     """Return a file's text; that of a workbook is its first sheet's, with tabs and decimal points."""
-    try:
-        with path.open("rb") as opened:
-            head = opened.read(1024)
-    except OSError as error:
-        raise ReadError(
-            f"cannot be read: {error.strerror}", path=path, remedy="check the name and the folder"
-        ) from error
+    with system_errors_as(ReadError, path, "read", "check the name and the folder"), path.open("rb") as opened:
+        head = opened.read(1024)
     if not is_workbook(head):
         return LongText(path), layout
     sheet = read_sheets(path)[0]
