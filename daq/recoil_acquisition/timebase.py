@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -32,6 +33,15 @@ class AbsoluteStart:
     text: str
     zone: str
     origin: str
+
+    @classmethod
+    def since_1970(cls, time_ns: int, zone: str, origin: str) -> AbsoluteStart | None:
+        """Return the start so many nanoseconds after 1970, to the microsecond; None if no calendar has it."""
+        try:
+            instant = dt.datetime(1970, 1, 1) + dt.timedelta(microseconds=time_ns // 1000)
+        except OverflowError:
+            return None
+        return cls(instant.isoformat(timespec="microseconds"), zone, origin)
 
 
 @dataclass(frozen=True, eq=False)

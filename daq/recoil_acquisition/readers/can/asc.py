@@ -11,7 +11,7 @@ import datetime as dt
 import re
 from collections.abc import Sequence
 
-from recoil_acquisition.readers.can.frames import EXTENDED, FD_LENGTHS, ID_MASK, CanLog, FrameList
+from recoil_acquisition.readers.can.frames import FD_LENGTHS, CanLog, FrameList
 from recoil_acquisition.readers.can.lines import CUT, LineShape, TextLines, read_uniform_lines, split_lines
 from recoil_acquisition.timebase import AbsoluteStart
 
@@ -80,14 +80,13 @@ def read_asc(text: bytes, encoding: str = "utf-8") -> CanLog:
         stamp_ns = _nanoseconds(*words[0].split("."))
         now_ns = now_ns + stamp_ns if relative else stamp_ns
         _read_event(words, now_ns, base, found)
-    cut = _is_cut(lines)
-    notes = found.notes() + [CUT] * cut
+    notes = []
     if not ended and "begin_triggerblock" in header and not _ends(lines.cut):
         notes.append("the log has no `End TriggerBlock`: it may have been cut")
     if relative:
         notes.append("stamps are relative to the event before: they were summed up")
-    metadata = {**found.counts(), **header, "base": base, "timestamps": "relative" if relative else "absolute"}
-    return CanLog(found.frames()[0], _asc_start(header), tuple(notes), CUT * cut, metadata)
+    said = {**header, "base": base, "timestamps": "relative" if relative else "absolute"}
+    return found.log(found.frames()[0], _asc_start(header), CUT * _is_cut(lines), notes, **said)
 
 
 def _ends(line: bytes) -> bool:
@@ -202,10 +201,7 @@ def _add(identifier: str, channel: str, time_ns: int, data: bytes, base: int, fo
         number = int(identifier[:-1] if extended else identifier, base)
     except ValueError:
         number = -1
-    if 0 <= number <= (ID_MASK if extended else 0x7FF) and len(channel) < 10:
-        found.add(time_ns, number | (EXTENDED if extended else 0), int(channel), data)
-    else:
-        found.damaged += 1
+    found.add_identified(time_ns, number, int(channel) if len(channel) < 10 else -1, data, extended=extended)
 
 
 def _bytes(words: Sequence[str], length: int, base: int) -> bytes:

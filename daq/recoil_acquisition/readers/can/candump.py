@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from recoil_acquisition.readers.can.frames import EXTENDED, ID_MASK, CanFrames, CanLog, FrameList
+from recoil_acquisition.readers.can.frames import BASE_ID_MASK, ID_MASK, CanFrames, CanLog, FrameList
 from recoil_acquisition.readers.can.lines import CUT, LineShape, read_uniform_lines, split_lines
 from recoil_acquisition.timebase import AbsoluteStart
 
@@ -79,8 +79,6 @@ def read_candump(text: bytes) -> CanLog:
         local |= _read_line(line, interfaces, found)
     frames, zero_ns = found.frames(from_first=True)
     frames, names = _in_order_of_appearance(frames, list(interfaces))
-    cut = bool(lines.cut.strip())
-    notes = found.notes() + [CUT] * cut
     start = None
     relative = zero_ns < FIRST_DATE_S * 1_000_000_000
     backward = np.count_nonzero(np.diff(frames.time_s) < 0)
@@ -88,11 +86,8 @@ def read_candump(text: bytes) -> CanLog:
         raise ValueError("stamps that are differences from one frame to the next")
     if names and not relative:
         zone = "unknown" if local else "UTC"
-        instant = dt.datetime(1970, 1, 1) + dt.timedelta(microseconds=zero_ns // 1000)
-        start = AbsoluteStart(
-            instant.isoformat(timespec="microseconds"), zone, "stamp of the first frame, the host's clock"
-        )
-    return CanLog(frames, start, tuple(notes), CUT * cut, {**found.counts(), "channels": names})
+        start = AbsoluteStart.since_1970(zero_ns, zone, "stamp of the first frame, the host's clock")
+    return found.log(frames, start, CUT * bool(lines.cut.strip()), channels=names)
 
 
 def _in_order_of_appearance(frames: CanFrames, interfaces: list[bytes]) -> tuple[CanFrames, list[str]]:
@@ -160,12 +155,14 @@ def _add(
         found.remote_frames += 1
         return
     octets = payload[2:] if payload.startswith(b"#") else payload
-    if _BYTES.fullmatch(octets) is None or len(octets) > 128 or (len(identifier) == 3 and number > 0x7FF):
+    if _BYTES.fullmatch(octets) is None or len(octets) > 128 or (len(identifier) == 3 and number > BASE_ID_MASK):
         found.damaged += 1
         return
     time_ns = seconds * 1_000_000_000 + int(fraction.ljust(9, b"0"))
-    key = number & ID_MASK | (EXTENDED if len(identifier) == 8 else 0)
-    found.add(time_ns, key, interfaces.setdefault(interface, len(interfaces)), bytes.fromhex(octets.decode()))
+    channel = interfaces.setdefault(interface, len(interfaces))
+    found.add_identified(
+        time_ns, number & ID_MASK, channel, bytes.fromhex(octets.decode()), extended=len(identifier) == 8
+    )
 
 
 def _shape(line: bytes, interfaces: dict[bytes, int]) -> LineShape | None:

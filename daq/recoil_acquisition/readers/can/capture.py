@@ -7,7 +7,6 @@ taken out as far as the host's stamps show them; else by the host's clock.
 
 from __future__ import annotations
 
-import datetime as dt
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -119,14 +118,8 @@ def _instants(
         zero_ns = int(host_ns[0]) + round(fit.offset_s * 1e9)
     if anchor is None:
         return times_s, None
-    wall_ns = anchor.wall_of(zero_ns)
-    try:
-        instant = dt.datetime(1970, 1, 1) + dt.timedelta(microseconds=wall_ns // 1000)
-    except OverflowError:
-        return times_s, None
-    return times_s, AbsoluteStart(
-        instant.isoformat(timespec="microseconds"), "UTC", "host's clock when the device was opened"
-    )
+    origin = "host's clock when the device was opened"
+    return times_s, AbsoluteStart.since_1970(anchor.wall_of(zero_ns), "UTC", origin)
 
 
 def _losses(metadata: dict[str, Any], fit: ClockFit | None, events: Sequence[CapturedEvent]) -> list[str]:

@@ -11,7 +11,7 @@ import binascii
 import re
 from decimal import Decimal
 
-from recoil_acquisition.readers.can.frames import EXTENDED, ID_MASK, CanLog, FrameList
+from recoil_acquisition.readers.can.frames import CanLog, FrameList
 from recoil_acquisition.readers.can.lines import CUT, split_lines
 from recoil_acquisition.readers.can.stamps import start_of_stamps
 
@@ -51,10 +51,8 @@ def read_can_csv(text: bytes) -> CanLog:
             _read_frame(match, found)
         elif line.strip() and line.strip() != HEADER.encode():
             found.damaged += 1
-    cut = bool(lines.cut.strip())
     frames, start = start_of_stamps(found)
-    notes = found.notes() + [CUT] * cut
-    return CanLog(frames, start, tuple(notes), CUT * cut, {**found.counts(), "channels": "not stored by this format"})
+    return found.log(frames, start, CUT * bool(lines.cut.strip()), channels="not stored by this format")
 
 
 def _read_frame(match: re.Match[bytes], found: FrameList) -> None:
@@ -70,12 +68,11 @@ def _read_frame(match: re.Match[bytes], found: FrameList) -> None:
     except binascii.Error:
         found.damaged += 1
         return
-    number = int(identifier, 16)
-    if len(data) != int(length) or len(data) > 64 or number > (ID_MASK if extended == b"1" else 0x7FF):
+    if len(data) != int(length) or len(data) > 64:
         found.damaged += 1
         return
     if exponent:
         time_ns = round(Decimal((whole + b"." + (fraction or b"0") + exponent).decode()) * 1_000_000_000)
     else:
         time_ns = int(whole) * 1_000_000_000 + int((fraction or b"0")[:9].ljust(9, b"0"))
-    found.add(-time_ns if sign else time_ns, number | (EXTENDED if extended == b"1" else 0), 0, data)
+    found.add_identified(-time_ns if sign else time_ns, int(identifier, 16), 0, data, extended=extended == b"1")

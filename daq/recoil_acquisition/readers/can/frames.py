@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.timebase import AbsoluteStart
 
-ID_MASK = 0x1FFFFFFF
+ID_MASK, BASE_ID_MASK = 0x1FFFFFFF, 0x7FF
+"""Identifiers of 29 and of 11 bits."""
 EXTENDED = 0x80000000
 """Flag of a 29-bit identifier, as in ``linux/can.h`` and in Vector's formats."""
 
@@ -134,6 +135,13 @@ class FrameList:
         self._lengths.append(len(data))
         self._data += data
 
+    def add_identified(self, time_ns: int, number: int, channel: int, data: bytes, *, extended: bool) -> None:
+        """Add a data frame as `add` does; one whose identifier has too many bits counts as damaged."""
+        if 0 <= number <= (ID_MASK if extended else BASE_ID_MASK):
+            self.add(time_ns, number | (EXTENDED if extended else 0), channel, data)
+        else:
+            self.damaged += 1
+
     def add_block(self, block: FrameBlock) -> None:
         """Add data frames whose times and channels have been checked."""
         if block.key.size:
@@ -178,6 +186,13 @@ class FrameList:
             length=length,
             data=padded,
         )
+
+    def log(
+        self, frames: CanFrames, start: AbsoluteStart | None, incomplete: str, notes: Sequence[str] = (), **said: Any
+    ) -> CanLog:
+        """Return the log of these frames: what was left out is noted and counted beside what it says."""
+        own = (*self.notes(), *([incomplete] if incomplete else []), *notes)
+        return CanLog(frames, start, own, incomplete, {**self.counts(), **said})
 
     def counts(self) -> dict[str, int]:
         """Return how many entries of each kind the log holds."""

@@ -14,11 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.readers.can.frames import EXTENDED, ID_MASK, LATEST_NS, FrameBlock, FrameList
+from recoil_acquisition.readers.can.frames import BASE_ID_MASK, EXTENDED, ID_MASK, LATEST_NS, FrameBlock, FrameList
 
 CUT = "the last line has no line end and may be cut: it was left out"
 
-_BASE_IDENTIFIERS = 0x7FF
 _ROWS = 16384
 """So many lines are worked on at once: they stay in the processor's cache."""
 
@@ -151,7 +150,7 @@ def _take(
         fits &= columns[at] <= 15
     whole, fraction = (_number(columns, span, 10) for span in (shape.whole, shape.fraction))
     identifier = _number(columns, shape.identifier, 16)
-    fits &= (whole < LATEST_NS // 1_000_000_000) & (identifier <= (ID_MASK if shape.extended else _BASE_IDENTIFIERS))
+    fits &= (whole < LATEST_NS // 1_000_000_000) & (identifier <= (ID_MASK if shape.extended else BASE_ID_MASK))
     time_ns = whole * 1_000_000_000 + fraction * 10 ** (9 - (shape.fraction[1] - shape.fraction[0]))
     data = np.zeros((rows.size, max(8, len(shape.data))), dtype=np.uint8)
     for k, at in enumerate(shape.data):

@@ -8,7 +8,6 @@ they wrote how many records there are.
 
 from __future__ import annotations
 
-import datetime as dt
 import struct
 from pathlib import Path
 
@@ -201,14 +200,7 @@ def _by_time(blocks: list[FrameBlock]) -> list[FrameBlock]:
 
 
 def _start(start_ns: int, flags: int) -> AbsoluteStart | None:
-    """Return the wall-clock time of the first frame."""
-    try:
-        instant = dt.datetime(1970, 1, 1) + dt.timedelta(microseconds=(start_ns + 500) // 1000)
-    except OverflowError:
-        return None
+    """Return the wall-clock time of the first frame, to the nearest microsecond."""
     local = bool(flags & _LOCAL_TIME)
-    return AbsoluteStart(
-        instant.isoformat(timespec="microseconds"),
-        "unknown" if local else "UTC",
-        "MDF header block and stamp of the first frame" + (", local time of the recorder" if local else ""),
-    )
+    origin = "MDF header block and stamp of the first frame" + (", local time of the recorder" if local else "")
+    return AbsoluteStart.since_1970(start_ns + 500, "unknown" if local else "UTC", origin)

@@ -14,7 +14,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from recoil_acquisition.errors import CorruptFileError, ReadError, system_errors_as
-from recoil_acquisition.readers.can.frames import EXTENDED, ID_MASK, CanLog, FrameList
+from recoil_acquisition.readers.can.frames import CanLog, FrameList
 from recoil_acquisition.readers.can.stamps import start_of_stamps
 
 MAGIC = b"SQLite format 3\0"
@@ -58,12 +58,9 @@ def read_can_sqlite(path: Path) -> CanLog:
             f"the database cannot be read: {error}", path=path, expected=f"the table `{TABLE}` of python-can"
         ) from error
     frames, start = start_of_stamps(found)
-    notes = found.notes()
     beside = [path.name + end for end in ("-journal", "-wal") if path.with_name(path.name + end).exists()]
-    if beside:
-        notes.append(f"{', '.join(beside)} beside it was not read: its last frames may be missing")
-    metadata = {**found.counts(), "channels": "not stored by this format"}
-    return CanLog(frames, start, tuple(notes), "; ".join(notes[-1:]) if beside else "", metadata)
+    incomplete = f"{', '.join(beside)} beside it was not read: its last frames may be missing" if beside else ""
+    return found.log(frames, start, incomplete, channels="not stored by this format")
 
 
 def _check_size(path: Path, head: bytes, size: int) -> None:
@@ -126,10 +123,9 @@ def _read_row(row: tuple[object, ...], found: FrameList) -> None:
         and (extended, remote, error) in ((0, 0, 0), (1, 0, 0))
         and len(data) == length
         and len(data) <= 64
-        and 0 <= identifier <= (ID_MASK if extended else 0x7FF)
     ):
         whole_s = int(stamp_s)  # apart, because the product would lose what the stamp still has
         time_ns = whole_s * 1_000_000_000 + round((stamp_s - whole_s) * 1e9)
-        found.add(time_ns, identifier | (EXTENDED if extended else 0), 0, data)
+        found.add_identified(time_ns, identifier, 0, data, extended=bool(extended))
     else:
         found.damaged += 1

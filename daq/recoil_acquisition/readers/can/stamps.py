@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import datetime as dt
-
 from recoil_acquisition.readers.can.frames import CanFrames, FrameList
 from recoil_acquisition.timebase import AbsoluteStart
 
@@ -24,7 +22,4 @@ def start_of_stamps(found: FrameList) -> tuple[CanFrames, AbsoluteStart | None]:
     frames, zero_ns = found.frames(from_first=True)
     if zero_ns < EARLIEST_CLOCK_NS:
         return found.frames()[0], None
-    instant = dt.datetime(1970, 1, 1) + dt.timedelta(microseconds=zero_ns // 1000)
-    return frames, AbsoluteStart(
-        instant.isoformat(timespec="microseconds"), "UTC", "stamp of the first frame, taken as seconds since 1970"
-    )
+    return frames, AbsoluteStart.since_1970(zero_ns, "UTC", "stamp of the first frame, taken as seconds since 1970")

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
-from recoil_acquisition.readers.can.frames import EXTENDED, FD_LENGTHS, ID_MASK, CanLog, FrameList
+from recoil_acquisition.readers.can.frames import FD_LENGTHS, CanLog, FrameList
 from recoil_acquisition.readers.can.lines import CUT, split_lines
 from recoil_acquisition.timebase import AbsoluteStart
 
@@ -108,12 +108,11 @@ def read_trc(path: Path, text: bytes, encoding: str = "utf-8") -> CanLog:
         if last.counts()["data_frames"]:
             _read_entry(words, header, found)
             cut = False
-    frames, _ = found.frames()
-    notes = found.notes() + [CUT] * cut
+    notes = []
     if overruns:
         notes.append(f"{overruns} status entries report an overrun: frames are missing before them")
-    metadata = {**found.counts(), "version": header.version, "columns": header.columns, "overruns": overruns}
-    return CanLog(frames, _start(header), tuple(notes), CUT * cut, metadata)
+    said = {"version": header.version, "columns": header.columns, "overruns": overruns}
+    return found.log(found.frames()[0], _start(header), CUT * cut, notes, **said)
 
 
 def _header(path: Path, rows: list[str]) -> TraceHeader:
@@ -180,21 +179,20 @@ def _read_frame(columns: dict[str, str], data: list[str], kind: str, found: Fram
         length = FD_LENGTHS[length] if length < len(FD_LENGTHS) else -1
     elif kind not in _FD_TYPES and "l" not in columns and length <= 15:
         length = min(length, 8)
-    number, extended = int(identifier, 16), len(identifier) > 4
-    sound = number <= (ID_MASK if extended else 0x7FF) and len(data) == length
     if length > FD_LENGTHS[-1]:  # a message of J1939 that the tool has put together from its frames
         found.other_events += 1
-    elif not sound or not all(map(_BYTE.fullmatch, data)):
+    elif len(data) != length or not all(map(_BYTE.fullmatch, data)):
         found.damaged += 1
     else:
         sign, whole, fraction = time.groups()
         time_ns = int(whole) * 1_000_000 + int((fraction or "").ljust(6, "0"))
         channel = columns.get("B", "1")
-        found.add(
+        found.add_identified(
             -time_ns if sign else time_ns,
-            number | (EXTENDED if extended else 0),
+            int(identifier, 16),
             int(channel) if channel.isascii() and channel.isdigit() and len(channel) < 10 else -1,
             bytes.fromhex("".join(data)),
+            extended=len(identifier) > 4,
         )
 
 

@@ -9,7 +9,6 @@ host stamped the reads, such steps are found, listed and taken out (`recoil_acqu
 
 from __future__ import annotations
 
-import datetime as dt
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -319,8 +318,4 @@ def _host_start(capture: PortStream) -> AbsoluteStart | None:
     """Return the host time of the first read; None if the host stamped with no wall clock."""
     if capture.host_ns[0] < WALL_CLOCK_NS:
         return None
-    try:
-        instant = dt.datetime(1970, 1, 1) + dt.timedelta(microseconds=int(capture.host_ns[0]) // 1000)
-    except OverflowError:
-        return None
-    return AbsoluteStart(instant.isoformat(timespec="microseconds"), "UTC", "host's clock at the first read")
+    return AbsoluteStart.since_1970(int(capture.host_ns[0]), "UTC", "host's clock at the first read")
