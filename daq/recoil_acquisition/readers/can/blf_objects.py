@@ -59,34 +59,15 @@ def read_objects(path: Path, objects: bytes, found: FrameList) -> bool:
     CorruptFileError
         If objects do not follow each other.
     """
-    cut = _walk_at_once(objects, found)
-    return _walk(path, objects, found) if cut is None else cut
-
-
-def _walk_at_once(objects: bytes, found: FrameList) -> bool | None:
-    """Gather the frames of all objects by array operations; return whether the last object is cut.
-
-    Returns
-    -------
-    bool or None
-        None, and nothing gathered, if the places where objects seem to begin do not follow each other: then
-        data looks like an object, or the objects are damaged.
-    """
     content = np.frombuffer(objects, dtype=np.uint8)
-    if content.size < OBJECT.size:
-        return None
-    begins = np.flatnonzero(content[: 1 - OBJECT.size] == ord("L"))
-    for k, letter in enumerate(b"OBJ", start=1):
-        begins = begins[content[begins + k] == letter]
+    begins = _begins_at_once(content, objects)
+    cut = False
+    if begins is None:
+        begins, cut = _begins_by_steps(path, objects)
     if not begins.size:
-        return None
+        return cut
     head = _fields(content, begins, _OBJECT_FIELDS)
     size = head["size"].astype(np.int64)
-    gap = np.diff(begins) - size[:-1]
-    last = int(begins[-1] + size[-1])
-    behind = objects[last : last + 8]
-    if begins[0] > 4 or (size < OBJECT.size).any() or (gap < 0).any() or (gap > 4).any() or behind.strip(b"\0"):
-        return None
     whole = begins + size <= content.size
     known = np.isin(head["version"], list(_HEADER_SIZES))
     header = np.where(head["version"] == 1, _HEADER_SIZES[1], _HEADER_SIZES[2])
@@ -109,7 +90,32 @@ def _walk_at_once(objects: bytes, found: FrameList) -> bool | None:
             _read_object(int(head["kind"][at]), ticks * _TICKS_NS.get(flags, 1), int(header[at]), body, found)
         except struct.error:
             found.damaged += 1
-    return not bool(whole[-1])
+    return cut or not bool(whole[-1])
+
+
+def _begins_at_once(content: NDArray[np.uint8], objects: bytes) -> NDArray[np.int64] | None:
+    """Return where the objects begin, by array operations.
+
+    Returns
+    -------
+    ndarray or None
+        None if the places where objects seem to begin do not follow each other: then data looks like an object,
+        or the objects are damaged.
+    """
+    if content.size < OBJECT.size:
+        return None
+    begins = np.flatnonzero(content[: 1 - OBJECT.size] == ord("L"))
+    for k, letter in enumerate(b"OBJ", start=1):
+        begins = begins[content[begins + k] == letter]
+    if not begins.size:
+        return None
+    size = _fields(content, begins, _OBJECT_FIELDS)["size"].astype(np.int64)
+    gap = np.diff(begins) - size[:-1]
+    last = int(begins[-1] + size[-1])
+    behind = objects[last : last + 8]
+    if begins[0] > 4 or (size < OBJECT.size).any() or (gap < 0).any() or (gap > 4).any() or behind.strip(b"\0"):
+        return None
+    return begins
 
 
 def _fields(content: NDArray[np.uint8], begins: NDArray[np.int64], fields: np.dtype[Any]) -> Any:
@@ -148,8 +154,9 @@ def _add_classic(
     return plain
 
 
-def _walk(path: Path, objects: bytes, found: FrameList) -> bool:
-    """Gather the frames of all objects; return whether the last object is cut."""
+def _begins_by_steps(path: Path, objects: bytes) -> tuple[NDArray[np.int64], bool]:
+    """Return where the whole objects begin, going from each to the next, and whether one behind them is cut."""
+    begins: list[int] = []
     at, end = 0, len(objects)
     while True:
         at = objects.find(b"LOBJ", start := at, at + 8)
@@ -161,8 +168,8 @@ def _walk(path: Path, objects: bytes, found: FrameList) -> bool:
                     place=f"byte {start} of the inflated objects",
                     expected="LOBJ",
                 )
-            return at >= 0 or objects[start:].strip(b"\0") != b""
-        _, _, version, size, kind = OBJECT.unpack_from(objects, at)
+            return np.array(begins, dtype=np.int64), at >= 0 or objects[start:].strip(b"\0") != b""
+        size = OBJECT.unpack_from(objects, at)[3]
         if size < OBJECT.size:
             raise CorruptFileError(
                 "an object is smaller than its header",
@@ -171,16 +178,8 @@ def _walk(path: Path, objects: bytes, found: FrameList) -> bool:
                 found=f"{size} bytes",
             )
         if at + size > end:
-            return True
-        if version in _HEADER_SIZES and size >= _HEADER_SIZES[version]:
-            flags, ticks = _STAMP.unpack_from(objects, at + OBJECT.size)
-            body = objects[at + _HEADER_SIZES[version] : at + size]
-            try:
-                _read_object(kind, ticks * _TICKS_NS.get(flags, 1), _HEADER_SIZES[version], body, found)
-            except struct.error:
-                found.damaged += 1
-        else:
-            found.other_events += 1
+            return np.array(begins, dtype=np.int64), True
+        begins.append(at)
         at += size
 
 
