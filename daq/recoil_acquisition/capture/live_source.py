@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,35 +102,6 @@ class LiveSamples(ReadOnlyArrays):
     channel: str
     times_s: Array
     values: Array
-
-
-class LiveSignals(Protocol):
-    """The channels of one live source, decoded block by block."""
-
-    def feed(self, block: Block) -> list[LiveSamples]:
-        """Take the next block; return the samples that it completes, of the channels wanted."""
-        ...
-
-    def skip(self) -> None:
-        """Note that blocks are missing between the last one and the next."""
-        ...
-
-
-def signals_of(source: LiveSource, channels: Sequence[LiveChannel]) -> LiveSignals:
-    """Return what decodes some channels of a source.
-
-    Raises
-    ------
-    MissingChannelError
-        If the source has no such signal, with the nearest names.
-    ReadError
-        If its database is at fault.
-    """
-    if source.kind == CAN:
-        return CanSignals(source, channels)
-    if source.kind == SERIAL and source.framing is not None:
-        return SerialSignals(source.framing, channels, source.path)
-    raise ValueError(f"source '{source.name}' of kind {source.kind!r} has no live signals")
 
 
 class CanSignals:
@@ -250,3 +221,24 @@ class SerialSignals:
     def skip(self) -> None:
         """Note that bytes are missing: a half frame will not be completed."""
         self._decoder.interrupt(missing=True)
+
+
+LiveSignals = CanSignals | SerialSignals
+"""The channels of one live source, decoded block by block."""
+
+
+def signals_of(source: LiveSource, channels: Sequence[LiveChannel]) -> LiveSignals:
+    """Return what decodes some channels of a source.
+
+    Raises
+    ------
+    MissingChannelError
+        If the source has no such signal, with the nearest names.
+    ReadError
+        If its database is at fault.
+    """
+    if source.kind == CAN:
+        return CanSignals(source, channels)
+    if source.kind == SERIAL and source.framing is not None:
+        return SerialSignals(source.framing, channels, source.path)
+    raise ValueError(f"source '{source.name}' of kind {source.kind!r} has no live signals")

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from enum import Enum, auto
-from typing import Final, Literal, Protocol
+from typing import Final, Literal
 
 from recoil_acquisition.frames.acceptance import Acceptance
 from recoil_acquisition.frames.byte_stuffing import (
@@ -263,11 +264,7 @@ class SilenceSearch(Search):
         return Frame(start, self.offset, data)
 
 
-class _Kind(Protocol):
-    def __call__(self, framing: Framing, acceptance: Acceptance, counters: FrameCounters) -> Search: ...
-
-
-_KINDS: dict[str, _Kind] = {
+_KINDS: dict[str, Callable[[Framing, Acceptance, FrameCounters], Search]] = {
     "sync": SyncSearch,
     "fixed": SyncSearch,
     "delimiter": LineSearch,

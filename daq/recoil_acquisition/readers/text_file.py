@@ -13,7 +13,7 @@ import weakref
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Protocol
+from typing import IO
 
 from recoil_acquisition.errors import CorruptFileError, ReadError, system_errors_as
 
@@ -28,38 +28,6 @@ CHUNK_BYTES = 1 << 22
 
 
 _REMEDY = "check its name and permissions"
-
-
-class Text(Protocol):
-    """Bytes of a text, one per ASCII character, wherever they are held."""
-
-    @property
-    def path(self) -> Path:
-        """The file."""
-        ...
-
-    @property
-    def encoding(self) -> str:
-        """In which the bytes are held."""
-        ...
-
-    @property
-    def size(self) -> int:
-        """Number of bytes."""
-        ...
-
-    @property
-    def line_end(self) -> bytes:
-        """The byte that ends a line; a carriage return before a line feed belongs to the line end."""
-        ...
-
-    def read(self, start: int, stop: int) -> bytes:
-        """Read some of the bytes."""
-        ...
-
-    def parts(self, start: int, stop: int) -> Iterator[bytes]:
-        """Read some of the bytes, a part at a time."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -214,6 +182,10 @@ class LongText:
             if not start:
                 return self.size
         return start
+
+
+Text = TextFile | LongText
+"""Bytes of a text, one per ASCII character, wherever they are held."""
 
 
 def read_text(path: Path) -> TextFile:
