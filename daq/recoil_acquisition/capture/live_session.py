@@ -422,9 +422,10 @@ class LiveSession:
 
     def _source_status(self, name: str) -> SourceStatus:
         reader = self._readers[name]
-        health, counters = reader.health, reader.device.counters
         error = "" if reader.error is None else str(reader.error)
-        return SourceStatus(name, reader.device.kind, self._history.rate_hz(name), health.data_age_s, counters, error)
+        return SourceStatus(
+            name, reader.device.kind, self._history.rate_hz(name), reader.data_age_s, reader.device.counters, error
+        )
 
     def _triggers_at(self, channel: str) -> float | None:
         for condition in self.trigger.conditions:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from recoil_acquisition.devices.device import EVENT, IDLE, LATE_S, Block, Device, event_block, event_of
 
@@ -16,35 +15,6 @@ IDLE_EVERY_NS = 1_000_000_000
 """A device that is there and silent is recorded as such this often."""
 
 
-@dataclass(frozen=True)
-class ReaderHealth:
-    """State of a reader.
-
-    Attributes
-    ----------
-    alive
-        Whether its thread runs.
-    blocks, payload_bytes
-        Handed on so far, events included.
-    data_age_s
-        Time since the last block of data was read; None if there was none.
-    longest_sink_s
-        Longest time that the sink took for one block.
-    undelivered
-        Blocks that were read and could not be handed on.
-    error
-        Why the reader stopped by itself.
-    """
-
-    alive: bool
-    blocks: int
-    payload_bytes: int
-    data_age_s: float | None
-    longest_sink_s: float
-    undelivered: int
-    error: BaseException | None
-
-
 class DeviceReader:
     """Reads an open device in a thread of its own until it is stopped.
 
@@ -52,8 +22,7 @@ class DeviceReader:
     block that may have waited for longer than `LATE_S`.
 
     The sink is called in that thread, with every block in order. If it raises, reading stops,
-    because a block that nobody keeps is lost: the device is closed, `error` says why, and what could
-    not be handed on is counted.
+    because a block that nobody keeps is lost: the device is closed, and `error` says why.
 
     Parameters
     ----------
@@ -73,11 +42,9 @@ class DeviceReader:
         # A daemon, so that a program that dies elsewhere ends; `stop` is what ends it in order
         self._thread = threading.Thread(target=self._run, name=f"read {device.name}", daemon=True)
         self._error: BaseException | None = None
-        self._blocks = self._bytes = self._undelivered = 0
         self._last_data_ns = 0
         self._last_ns = time.monotonic_ns()
         self._lost = False
-        self._longest_sink_ns = 0
 
     @property
     def error(self) -> BaseException | None:
@@ -85,18 +52,10 @@ class DeviceReader:
         return self._error
 
     @property
-    def health(self) -> ReaderHealth:
-        """How it is doing now."""
+    def data_age_s(self) -> float | None:
+        """Time since the last block of data was read; None if there was none."""
         last = self._last_data_ns
-        return ReaderHealth(
-            alive=self._thread.is_alive(),
-            blocks=self._blocks,
-            payload_bytes=self._bytes,
-            data_age_s=(time.monotonic_ns() - last) / 1e9 if last else None,
-            longest_sink_s=self._longest_sink_ns / 1e9,
-            undelivered=self._undelivered,
-            error=self._error,
-        )
+        return (time.monotonic_ns() - last) / 1e9 if last else None
 
     def start(self) -> None:
         """Begin to read; RuntimeError if it was started before."""
@@ -146,9 +105,8 @@ class DeviceReader:
         except Exception as error:
             self._error = self._error or error
             return
-        for place, block in enumerate(rest):
+        for block in rest:
             if self._error is not None:
-                self._undelivered += len(rest) - place
                 return
             try:
                 self._hand_on(block)
@@ -161,22 +119,11 @@ class DeviceReader:
         elif block.is_data:
             if (late_s := block.late_s(self._last_ns)) > LATE_S:
                 detail = f"nothing was read for {late_s:.3f} s"
-                self._sink_timed(event_block(block.source, block.host_ns, "stalled", detail))
+                self._sink(event_block(block.source, block.host_ns, "stalled", detail))
             self._last_data_ns = block.host_ns
         if block.kind != EVENT:
             self._last_ns = block.host_ns
-        self._sink_timed(block)
+        self._sink(block)
 
     def _lost_after(self, event: Block) -> bool:
         return {"lost": True, "reopened": False}.get(event_of(event).name, self._lost)
-
-    def _sink_timed(self, block: Block) -> None:
-        before = time.monotonic_ns()
-        try:
-            self._sink(block)
-        except BaseException:
-            self._undelivered += 1
-            raise
-        self._longest_sink_ns = max(self._longest_sink_ns, time.monotonic_ns() - before)
-        self._blocks += 1
-        self._bytes += len(block.payload)

@@ -15,7 +15,7 @@ from recoil_acquisition.errors import DeviceError, nearest_first
 from recoil_acquisition.frames import can_rows
 from recoil_acquisition.frames.decoder import FrameDecoder
 from recoil_acquisition.frames.framing import Framing
-from recoil_acquisition.frames.values import decode_fields
+from recoil_acquisition.frames.values import decode_fields, gaps
 from recoil_acquisition.readers.can.decoding import SignalLayout, gather, layout_of
 from recoil_acquisition.readers.can.frames import EXTENDED
 from recoil_acquisition.readers.can.messages import load_database
@@ -38,13 +38,7 @@ class FramingCheck:
         self._waiting: deque[Block] = deque()
         self._waiting_bytes = 0
         self._last: int | None = None
-        self._gaps = self._missing = self._frames = 0
-
-    @property
-    def frames(self) -> int:
-        """Good frames so far."""
-        self._look()
-        return self._frames
+        self._gaps = 0
 
     @property
     def bad(self) -> int:
@@ -65,12 +59,6 @@ class FramingCheck:
         self._look()
         return None if self._framing.counter is None else self._gaps
 
-    @property
-    def missing_frames(self) -> int | None:
-        """Frames that the packet counter misses so far; None if the framing declares none."""
-        self._look()
-        return None if self._framing.counter is None else self._missing
-
     def feed(self, block: Block) -> None:
         """Take the next block."""
         self._waiting.append(block)
@@ -89,19 +77,14 @@ class FramingCheck:
                 block = self._waiting.popleft()
                 self._decoder.feed(block.payload, block.host_ns / 1e9)
             frames = self._decoder.take()
-            self._frames += int(frames.begins.size)
             counter = self._framing.counter
             if counter is None or not frames.begins.size:
                 return
             counts = decode_fields(self._framing, frames, (counter.field,))[counter.field].raw.astype(np.int64)
             if not counts.size:
                 return
-            steps = np.diff(counts, prepend=counts[0] - counter.step if self._last is None else self._last)
-            if counter.modulo:
-                steps = steps % counter.modulo
-            forward = steps <= (counter.modulo // 2 if counter.modulo else np.iinfo(np.int64).max)
-            self._gaps += int((steps != counter.step).sum())
-            self._missing += int((steps[(steps > counter.step) & forward] // counter.step - 1).sum())
+            followed = counts if self._last is None else np.append(self._last, counts)
+            self._gaps += gaps(followed, counter.modulo, counter.step)[0]
             self._last = int(counts[-1])
         finally:
             self._decoding.release()
@@ -123,7 +106,6 @@ class CanCounterCheck:
         self._counters = dict(counters)
         self._last: dict[tuple[int, bool], int] = {}
         self.counter_gaps: int | None = 0
-        self.missing_frames = 0
 
     def feed(self, block: Block) -> None:
         """Take the next block."""
@@ -141,8 +123,6 @@ class CanCounterCheck:
             # a counter wraps at a power of two, and so do differences of uint64
             steps = np.diff(counts) & np.uint64(2**layout.length - 1)
             self.counter_gaps = (self.counter_gaps or 0) + int((steps != 1).sum())
-            ahead = steps[(steps > 1) & (steps <= np.uint64(2 ** (layout.length - 1)))]
-            self.missing_frames += int((ahead - np.uint64(1)).sum())
             self._last[key] = int(counts[-1])
 
 

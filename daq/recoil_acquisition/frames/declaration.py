@@ -76,9 +76,7 @@ def framing_from_table(table: Mapping[str, Any]) -> Framing:
     """
     faults: list[Fault] = []
     if "ready_made" in table:
-        said: list[str] = []
-        table = from_ready_made(table, said)
-        faults += [Fault(*one.split(": ", 1)) for one in said]
+        table = from_ready_made(table, faults)
         if not table:
             raise _error(faults)
     kind = table.get("kind")
@@ -320,14 +318,7 @@ class _Declared:
 
 
 def _elements(table: TlvTable) -> Elements:
-    return Elements(
-        start=table.start,
-        length_type=table.length_type,
-        id_type=table.id_type,
-        length_includes=table.length_includes,
-        id_first=table.id_first,
-        big_endian=table.endian == "big",
-    )
+    return Elements(**table.model_dump(exclude={"endian"}), big_endian=table.endian == "big")
 
 
 def _contradictions(framing: Framing) -> list[Fault]:

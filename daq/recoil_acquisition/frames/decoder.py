@@ -98,12 +98,17 @@ class FrameDecoder:
     def take(self) -> FrameSet:
         """Return all good frames that the bytes so far hold and that were not returned before."""
         frames = FrameCollection()
+        self.take_into(frames)
+        return frames.together(replace(self.counters))
+
+    def take_into(self, frames: FrameCollection) -> None:
+        """Add all good frames that the bytes so far hold and that were not returned before."""
         while True:
             while self._take_block(frames):
                 pass
             frame = self.next_frame()
             if frame is NEED_DATA:
-                return frames.together(replace(self.counters))
+                return
             frames.add(frame)
 
     def _take_block(self, frames: FrameCollection) -> bool:

@@ -135,16 +135,3 @@ class FrameCollection:
             self._lengths.append(np.array([len(frame.data) for frame in self._single], dtype=np.int64))
             self._ends.append(np.array([frame.end for frame in self._single], dtype=np.int64))
             self._single.clear()
-
-
-def joined_sets(sets: list[FrameSet], counters: FrameCounters) -> FrameSet:
-    """Put sets of frames together, in their order."""
-    none = np.zeros(0, dtype=np.int64)
-    shifts = np.cumsum([0, *(len(s.buffer) for s in sets)])
-    return FrameSet(
-        b"".join(s.buffer for s in sets),
-        np.concatenate([none, *(s.begins + shift for s, shift in zip(sets, shifts, strict=False))]),
-        np.concatenate([none, *(s.lengths for s in sets)]),
-        np.concatenate([none, *(s.ends for s in sets)]),
-        counters,
-    )

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
-from recoil_acquisition.errors import nearest_first
+from recoil_acquisition.errors import Fault, nearest_first
 from recoil_acquisition.frames.ready_made_inertial import (
     check_number,
     microstrain_mip,
@@ -111,7 +111,7 @@ READY_MADE: Mapping[str, Callable[..., dict[str, Any]]] = MappingProxyType(
 """Every ready-made framing by the name it has in a rig file."""
 
 
-def from_ready_made(table: Mapping[str, Any], faults: list[str]) -> Mapping[str, Any]:
+def from_ready_made(table: Mapping[str, Any], faults: list[Fault]) -> Mapping[str, Any]:
     """Return the table that a ready-made framing and what a rig declares beside its name stand for.
 
     Parameters
@@ -129,7 +129,7 @@ def from_ready_made(table: Mapping[str, Any], faults: list[str]) -> Mapping[str,
     name = table["ready_made"]
     if not isinstance(name, str) or name not in READY_MADE:
         nearest = nearest_first(str(name), list(READY_MADE))
-        faults.append(f"framing.ready_made: no framing {name!r}; there are {', '.join(nearest)}")
+        faults.append(Fault("framing.ready_made", f"no framing {name!r}; there are {', '.join(nearest)}"))
         return {}
     build = READY_MADE[name]
     parameters = inspect.signature(build).parameters
@@ -137,13 +137,13 @@ def from_ready_made(table: Mapping[str, Any], faults: list[str]) -> Mapping[str,
     try:
         made = build(**{key: value for key, value in table.items() if key in parameters})
     except (ValueError, TypeError) as error:
-        faults.append(f"framing.ready_made: {error}")
+        faults.append(Fault("framing.ready_made", str(error)))
         return {}
     without = table.get("without", [])
     if not isinstance(without, list | tuple) or not all(isinstance(key, str) and key in made for key in without):
-        faults.append(f"framing.without: must be a list of {', '.join(made)}, found {without!r}")
+        faults.append(Fault("framing.without", f"must be a list of {', '.join(made)}, found {without!r}"))
         without = []
     if "kind" in own:
-        faults.append("framing.kind: is that of the ready-made framing; leave it out")
+        faults.append(Fault("framing.kind", "is that of the ready-made framing; leave it out"))
         return {}
     return {**{key: value for key, value in made.items() if key not in without}, **own}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 
 from recoil_acquisition.frames.decoder import FrameDecoder
-from recoil_acquisition.frames.frame_set import FrameSet, joined_sets
+from recoil_acquisition.frames.frame_set import FrameCollection, FrameSet
 from recoil_acquisition.frames.framing import Framing
 from recoil_acquisition.frames.port_stream import PortStream
 
@@ -21,11 +21,11 @@ def find_frames(framing: Framing, stream: bytes) -> FrameSet:
         If frames end by silence.
     """
     decoder = FrameDecoder(framing)
-    sets = []
+    frames = FrameCollection()
     for at in range(0, len(stream), _CHUNK):
         decoder.feed(stream[at : at + _CHUNK])
-        sets.append(decoder.take())
-    return _ended(decoder, sets)
+        decoder.take_into(frames)
+    return _ended(decoder, frames)
 
 
 def find_frames_of_port(framing: Framing, port: PortStream) -> FrameSet:
@@ -41,7 +41,7 @@ def find_frames_of_port(framing: Framing, port: PortStream) -> FrameSet:
     if not port.host_ns.size or not (framing.silence_s or port.breaks):
         return find_frames(framing, port.stream)
     decoder = FrameDecoder(framing)
-    sets, waiting, begin = [], 0, 0
+    frames, waiting, begin = FrameCollection(), 0, 0
     host_s = ((port.host_ns - port.host_ns[:1]) / 1e9).tolist()
     breaks = deque(port.breaks)
     for end, instant_s in zip(port.ends.tolist(), host_s, strict=True):
@@ -52,13 +52,14 @@ def find_frames_of_port(framing: Framing, port: PortStream) -> FrameSet:
         waiting += end - begin
         begin = end
         if waiting >= _CHUNK:
-            sets.append(decoder.take())
+            decoder.take_into(frames)
             waiting = 0
     # bytes whose own read is not known came with the next read, whose time is lost
     decoder.feed(port.stream[begin:], host_s[-1])
-    return _ended(decoder, sets)
+    return _ended(decoder, frames)
 
 
-def _ended(decoder: FrameDecoder, sets: list[FrameSet]) -> FrameSet:
+def _ended(decoder: FrameDecoder, frames: FrameCollection) -> FrameSet:
     decoder.close()
-    return joined_sets([*sets, decoder.take()], decoder.counters)
+    decoder.take_into(frames)
+    return frames.together(decoder.counters)

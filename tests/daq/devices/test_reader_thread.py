@@ -67,13 +67,11 @@ def test_stopping_hands_on_everything_that_the_device_still_holds() -> None:
     reader = DeviceReader(device, blocks.append)
     reader.start()
     wait_for(lambda: len(blocks) >= 50)
-    assert reader.health.alive
+    assert device.closed == 0
     reader.stop()
     assert numbers(blocks) == list(range(80))
-    health = reader.health
-    assert (health.alive, health.error, health.undelivered, health.blocks) == (False, None, 0, 81)
-    assert health.payload_bytes == sum(len(block.payload) for block in blocks)
-    assert health.data_age_s is not None
+    assert (reader.error, len(blocks)) == (None, 81)
+    assert reader.data_age_s is not None
     reader.stop()
     assert device.closed == 1
 
@@ -99,26 +97,26 @@ def test_a_sink_that_fails_stops_the_reading_and_is_seen() -> None:
 
     reader = DeviceReader(device, sink)
     reader.start()
-    wait_for(lambda: not reader.health.alive)
+    wait_for(lambda: device.closed == 1)
     assert isinstance(reader.error, OSError)
-    assert device.closed == 1
     assert numbers(blocks) == list(range(10))
-    # the one that failed, five that the device held, and the event of its closing
-    assert reader.health.undelivered == 7
     reader.stop()
 
 
 def test_a_sink_that_fails_at_the_very_end_is_seen_too() -> None:
+    blocks: list[Block] = []
+
     def sink(block: Block) -> None:
         if block.payload == b"5":
             raise ValueError("no")
+        blocks.append(block)
 
     reader = DeviceReader(Scripted(3, held=4), sink)
     reader.start()
-    wait_for(lambda: reader.health.blocks == 3)
+    wait_for(lambda: len(blocks) == 3)
     reader.stop()
     assert isinstance(reader.error, ValueError)
-    assert reader.health.undelivered == 3
+    assert numbers(blocks) == list(range(5))
 
 
 def test_a_device_that_fails_is_seen_and_closed() -> None:
@@ -126,10 +124,9 @@ def test_a_device_that_fails_is_seen_and_closed() -> None:
     blocks: list[Block] = []
     reader = DeviceReader(device, blocks.append)
     reader.start()
-    wait_for(lambda: not reader.health.alive)
+    wait_for(lambda: device.closed == 1)
     assert isinstance(reader.error, RuntimeError)
     assert numbers(blocks) == list(range(7))
-    assert device.closed == 1
 
 
 def test_a_sink_that_hangs_is_reported_by_stop() -> None:
@@ -140,7 +137,6 @@ def test_a_sink_that_hangs_is_reported_by_stop() -> None:
         reader.stop(timeout_s=0.1)
     release.set()
     reader.stop()
-    assert reader.health.longest_sink_s > 0.05
 
 
 def test_a_reader_that_was_never_started_closes_its_device_when_stopped() -> None:
