@@ -12,16 +12,15 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections import deque
 from collections.abc import Mapping
 from typing import Any
 
 from recoil_acquisition.can_library import load_can_library
-from recoil_acquisition.devices.back_off import BackOff
 from recoil_acquisition.devices.can_link import can_links, enlarge_queue, flags_of, kernel_drops
-from recoil_acquisition.devices.device import CAN, Block, Counters, EmptyLook, StreamCheck, event_block
+from recoil_acquisition.devices.device import CAN, Block, Counters, EmptyLook, StreamCheck
 from recoil_acquisition.devices.kernel_drops import GrowingCount
-from recoil_acquisition.devices.open_fault import error_number, open_fault
+from recoil_acquisition.devices.open_fault import open_fault
+from recoil_acquisition.devices.reopening import ReopenedDevice
 from recoil_acquisition.errors import DeviceError, nearest_first
 from recoil_acquisition.frames import can_rows
 
@@ -44,7 +43,7 @@ _MOST_UNREADABLE_IN_A_ROW = 64
 _REPORT_EVERY_NS = 1_000_000_000
 
 
-class CanDevice:
+class CanDevice(ReopenedDevice):
     """One CAN bus.
 
     Parameters
@@ -68,9 +67,8 @@ class CanDevice:
         load_can_library()
         import can
 
-        self.name = name
-        self._options = dict(table)
-        interface = self._options.pop("interface", None)
+        options = dict(table)
+        interface = options.pop("interface", None)
         if interface not in can.VALID_INTERFACES:
             known = nearest_first(str(interface), sorted(can.VALID_INTERFACES))
             raise DeviceError(
@@ -78,83 +76,38 @@ class CanDevice:
                 found=", ".join(known[:8]),
                 remedy="correct `device.interface` in the rig file, nearest names first, or install its plug-in",
             )
-        self._interface = str(interface)
-        self._check = check
+        where = options.get("channel")
+        super().__init__(name, str(interface) if where is None else f"{interface} {where}", "frames", check)
+        self._options, self._interface = options, str(interface)
         self._stamped_by_device = 0 if interface in HOST_STAMPED else can_rows.DEVICE_TIME
-        self._bus: can.BusABC | None = None
-        self._wanted = False
-        self._back_off = BackOff()
-        self._look = EmptyLook()
-        self._ahead: deque[Block] = deque()
         self._buffer = bytearray(BLOCK_FRAMES * can_rows.ROW_SIZE)
-        self._received = self._bad = self._error_frames = self._reopened = self._high_water = 0
-        self._unreported = self._reported_ns = 0
+        self._bad = self._error_frames = self._unreported = self._reported_ns = 0
         self._drops = GrowingCount()
 
     @property
     def counters(self) -> Counters:
         """What it met so far."""
-        check = self._check
         self._look_for_drops()
-        return Counters(
-            received=self._received,
-            bad=self._bad + (check.bad if check else 0),
-            skipped_bytes=check.skipped_bytes if check else None,
-            counter_gaps=check.counter_gaps if check else None,
-            kernel_drops=self._drops.total,
-            reopened=self._reopened,
-            error_frames=self._error_frames,
-            queue_high_water=self._high_water,
-        )
+        return self._counters(bad=self._bad, kernel_drops=self._drops.total, error_frames=self._error_frames)
 
-    def open(self) -> None:
-        """Open the bus; DeviceError if that fails, ValueError if it is open already."""
-        if self._wanted:
-            raise ValueError(f"source '{self.name}' is open already")
-        try:
-            self._connect()
-        except Exception as error:  # every driver has exceptions of its own
-            raise open_fault(self.name, self._what(), error, available=can_links()) from error
-        self._wanted = True
-        self._ahead.append(event_block(self.name, time.monotonic_ns(), "opened", self._what()))
+    def _open_fault(self, error: Exception) -> DeviceError:
+        return open_fault(self.name, self._what, error, available=can_links())
 
-    def read(self, timeout_s: float) -> Block | None:
-        """Return the next block: the frames of up to `BLOCK_S`, or an event; ValueError if it is not open."""
-        if self._ahead:
-            return self._ahead.popleft()
-        if not self._wanted:
-            raise ValueError(f"source '{self.name}' is not open")
-        block = None
-        if self._bus is not None or self._reconnect(timeout_s):
-            block = self._gather(timeout_s, BLOCK_S)
-        if block is None and self._ahead:
-            return self._ahead.popleft()
-        return block
+    def _take(self, timeout_s: float) -> Block | None:
+        return self._gather(timeout_s, BLOCK_S)
 
-    def close(self) -> tuple[Block, ...]:
-        """Read what still waits, close the bus and return the last blocks."""
-        if not self._wanted:
-            return ()
+    def _rest(self) -> list[Block]:
         blocks = []
         began = time.monotonic()
         # A bus that never falls silent is cut off at the limit
-        while self._bus is not None and (passed_s := time.monotonic() - began) < _CLOSE_LIMIT_S:
+        while self._driver is not None and (passed_s := time.monotonic() - began) < _CLOSE_LIMIT_S:
             block = self._ahead.popleft() if self._ahead else self._gather(max(_GRACE_S - passed_s, 0.0), 0.0)
             if block is not None:
                 blocks.append(block)
             elif not self._ahead and passed_s > _GRACE_S:
                 break
-        self._wanted = False
-        self._disconnect()
         self._report_unreadable(at_once=True)
-        self._ahead.append(event_block(self.name, time.monotonic_ns(), "closed", f"{self._received} frames received"))
-        blocks += self._ahead
-        self._ahead.clear()
-        return tuple(blocks)
-
-    def _what(self) -> str:
-        where = self._options.get("channel")
-        return self._interface if where is None else f"{self._interface} {where}"
+        return blocks
 
     def _connect(self) -> None:
         import can
@@ -163,16 +116,16 @@ class CanDevice:
         self._look = EmptyLook()
         bus = can.Bus(interface=self._interface, ignore_config=True, **self._options)
         enlarge_queue(bus)
-        self._bus = bus
+        self._driver = bus
         self._drops.restart()
         self._look_for_drops()
 
     def _disconnect(self) -> None:
-        bus = self._bus
+        bus = self._driver
         if bus is None:
             return
         self._look_for_drops()
-        self._bus = None
+        self._driver = None
         try:
             bus.shutdown()
         except Exception:
@@ -182,29 +135,9 @@ class CanDevice:
                 with contextlib.suppress(Exception):
                     port.close()
 
-    def _reconnect(self, timeout_s: float) -> bool:
-        if not self._back_off.wait(timeout_s):
-            return False
-        try:
-            self._connect()
-        except Exception:  # still not there: tried again after a pause
-            self._back_off.failed()
-            return False
-        self._reopened += 1
-        detail = f"{self._what()} after {self._back_off.tries} tries"
-        self._ahead.append(event_block(self.name, time.monotonic_ns(), "reopened", detail))
-        return True
-
-    def _lose(self, error: BaseException) -> None:
-        number = error_number(error)
-        detail = f"{self._what()}: {error}" + ("" if number is None else f" [{number}]")
-        self._ahead.append(event_block(self.name, time.monotonic_ns(), "lost", detail))
-        self._disconnect()
-        self._back_off.lost()
-
     def _gather(self, timeout_s: float, block_s: float) -> Block | None:
         """Receive frames and pack them, until the time of a block is over or nothing waits."""
-        bus, pack, buffer, now = self._bus, can_rows.ROW.pack_into, self._buffer, time.monotonic_ns
+        bus, pack, buffer, now = self._driver, can_rows.ROW.pack_into, self._buffer, time.monotonic_ns
         if bus is None or self._ahead:
             return None
         count = errors = at_once = in_a_row = 0
@@ -271,7 +204,7 @@ class CanDevice:
         """Return whether one entry could not be read while the bus itself goes on."""
         if isinstance(error, UnicodeDecodeError) or isinstance(error.__cause__, UnicodeDecodeError):
             # slcan keeps a line with a byte that is no ASCII, and would fail with it again for ever
-            held = getattr(self._bus, "_buffer", None)
+            held = getattr(self._driver, "_buffer", None)
             if isinstance(held, bytearray):
                 held.clear()
             return True
@@ -282,10 +215,10 @@ class CanDevice:
         """Record unreadable entries as an event, at most once a second."""
         now_ns = time.monotonic_ns()
         if self._unreported and (at_once or now_ns - self._reported_ns > _REPORT_EVERY_NS):
-            self._ahead.append(event_block(self.name, now_ns, "unreadable", f"{self._unreported} entries"))
+            self._tell("unreadable", f"{self._unreported} entries")
             self._unreported, self._reported_ns = 0, now_ns
 
     def _look_for_drops(self) -> None:
-        bus = self._bus
+        bus = self._driver
         if bus is not None:
             self._drops.see(kernel_drops(bus, self._interface, str(self._options.get("channel", ""))))
