@@ -176,6 +176,12 @@ class TimeBase(ReadOnlyArrays):
         step_s = float(self.step_s or 0.0)
         return TimeBase.uniform(self.clock, self.start_s + step_s * first, step_s, stop - first, self.absolute_start)
 
+    def shifted(self, offset_s: float, absolute_start: AbsoluteStart | None) -> TimeBase:
+        """Return the instants later by an offset, with another absolute start."""
+        if self.step_s is None:
+            return TimeBase.stamped(self.clock, self.times_s + offset_s, absolute_start)
+        return TimeBase.uniform(self.clock, self.start_s + offset_s, self.step_s, self.count, absolute_start)
+
     def is_identical(self, other: TimeBase) -> bool:
         """Return whether two time bases say the same: clock, instants, how they are given, absolute start."""
         return (

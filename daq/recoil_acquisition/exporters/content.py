@@ -7,7 +7,6 @@ reference clock by the shot's alignment, and nothing else: samples are never res
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -16,7 +15,8 @@ from recoil_acquisition.bounded_toml import parse_toml
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import StoreError, nearest_first
 from recoil_acquisition.shot import Shot
-from recoil_acquisition.store.table import json_text, tree_names
+from recoil_acquisition.store.channel_layout import by_time_base
+from recoil_acquisition.store.table import finite, json_text, tree_names
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 SCHEMA = "recoil-daq/export/1"
@@ -81,7 +81,7 @@ class Content:
 
     def channel_document(self, channel: Channel) -> dict[str, Any]:
         """Say what is known about a channel beside its samples."""
-        document: dict[str, Any] = finite(
+        document: dict[str, Any] = _plain(
             {
                 "name": channel.name,
                 "unit": channel.unit,
@@ -107,17 +107,9 @@ def start_document(start: AbsoluteStart | None) -> dict[str, str] | None:
     return None if start is None else {"text": start.text, "zone": start.zone, "origin": start.origin}
 
 
-def finite(value: Any) -> Any:
+def _plain(value: Any) -> Any:
     """Return JSON types in which a number that is not finite is None."""
-    return _finite(json.loads(json_text(value)))
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return finite(json.loads(json_text(value)))
 
 
 def gather(shot: Shot, provenance: Mapping[str, Any], names: Sequence[str] = (), *, aligned: bool = False) -> Content:
@@ -159,17 +151,10 @@ def gather(shot: Shot, provenance: Mapping[str, Any], names: Sequence[str] = (),
 
 
 def _grouped(channels: Iterable[Channel]) -> tuple[TimeBaseGroup, ...]:
-    bases: list[tuple[TimeBase, list[Channel]]] = []
-    for channel in channels:
-        for base, members in bases:
-            if base.is_identical(channel.time_base):
-                members.append(channel)
-                break
-        else:
-            bases.append((channel.time_base, [channel]))
+    bases = by_time_base(channels)
     names = tree_names((base.clock for base, _ in bases), ())
     return tuple(
-        TimeBaseGroup(name, base.clock, base, tuple(members))
+        TimeBaseGroup(name, base.clock, base, tuple(channel for _, channel in members))
         for name, (base, members) in zip(names, bases, strict=True)
     )
 
@@ -224,7 +209,7 @@ def _start(shot: Shot) -> AbsoluteStart | None:
 
 
 def _document(shot: Shot, provenance: Mapping[str, Any], aligned: bool) -> dict[str, Any]:
-    document: dict[str, Any] = finite(
+    document: dict[str, Any] = _plain(
         {
             "schema": SCHEMA,
             "shot": shot.name,

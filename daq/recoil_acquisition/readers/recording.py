@@ -24,10 +24,6 @@ from recoil_acquisition.track import Track
 T = TypeVar("T")
 
 
-def _no_counts(_start: int, _stop: int) -> RawCounts | None:
-    return None
-
-
 def _nothing_to_say(_name: str) -> None:
     return None
 
@@ -50,7 +46,7 @@ class StoredChannel:
     header: SignalHeader
     time_base: TimeBase | Callable[[], TimeBase]
     samples: Callable[[int, int], NDArray[np.float64]]
-    raw: Callable[[int, int], RawCounts | None] = _no_counts
+    raw: Callable[[int, int], RawCounts | None] | None = None
 
 
 @contextmanager
@@ -151,7 +147,8 @@ class Recording:
 
     def raw(self, name: str, start: int = 0, stop: int | None = None) -> RawCounts | None:
         """Return the integers that the source stored for samples of one signal, if it stored any; raises as `read`."""
-        return self._part(self._find(name).raw, name, start, stop)
+        raw = self._find(name).raw
+        return None if raw is None else self._part(raw, name, start, stop)
 
     def time_base(self, name: str) -> TimeBase:
         """Return the instants of one signal's samples on the source's clock.

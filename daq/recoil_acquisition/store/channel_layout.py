@@ -39,7 +39,7 @@ def signals_of(group: Any) -> list[tuple[str, Any]]:
     return [(name, group[name]) for name in group if name != "time"]
 
 
-def _by_time_base(channels: Iterable[Channel]) -> list[tuple[TimeBase, list[tuple[int, Channel]]]]:
+def by_time_base(channels: Iterable[Channel]) -> list[tuple[TimeBase, list[tuple[int, Channel]]]]:
     """Group channels, with their places in the shot, by the time bases that they share."""
     groups: list[tuple[TimeBase, list[tuple[int, Channel]]]] = []
     for order, channel in enumerate(channels):
@@ -61,7 +61,7 @@ def write_channels(entry: Any, shot: Shot, reserved: Collection[str], *, compres
         Names in the entry that no clock's group may have.
     """
     filters = {"shuffle": True, "compression": "gzip", "compression_opts": 2} if compressed else {}
-    groups = _by_time_base(shot.channels.values())
+    groups = by_time_base(shot.channels.values())
     names = tree_names((time_base.clock for time_base, _ in groups), reserved)
     raw = new_group(entry, "raw", "NXcollection")
     main = shot.by_role("recoil_acceleration")

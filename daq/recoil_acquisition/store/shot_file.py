@@ -16,15 +16,13 @@ from typing import Any
 from recoil_acquisition.errors import ReadError, StoreError, system_errors_as
 from recoil_acquisition.new_file import give_name, partial_path
 from recoil_acquisition.reader_process import EXPANSION, READER, SPARE_BYTES
+from recoil_acquisition.readers.hdf5.kind import SIGNATURE
 from recoil_acquisition.regular_file import read_beginning
 from recoil_acquisition.shot import Shot
 from recoil_acquisition.store.difference import first_difference
 from recoil_acquisition.store.layout import SCHEMA, read_layout, write_layout
 from recoil_acquisition.store.plain_tree import Group, last_word, tree_of
 from recoil_acquisition.store.summary import summarise_layout
-
-HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
-"""First bytes of an HDF5 file (HDF5 File Format Specification, superblock)."""
 
 
 def write_shot(shot: Shot, path: Path, *, overwrite: bool = False) -> None:
@@ -110,7 +108,7 @@ def is_shot_file(path: Path) -> bool:
         False for one that cannot be read.
     """
     try:
-        if read_beginning(Path(path), len(HDF5_SIGNATURE)) != HDF5_SIGNATURE:
+        if read_beginning(Path(path), len(SIGNATURE)) != SIGNATURE:
             return False
     except ReadError:
         return False
@@ -175,10 +173,10 @@ def _tree(path: Path, what: str, *, own: bool = False) -> Group:
     """Read the tree of a file that claims to be a shot file; ``what`` as for `store.file_tree.write_tree`."""
     expected = f"a shot file, {SCHEMA}"
     try:
-        head = read_beginning(path, len(HDF5_SIGNATURE))
+        head = read_beginning(path, len(SIGNATURE))
     except ReadError as error:
         raise StoreError(error.problem, path=path, expected=expected) from error
-    if head != HDF5_SIGNATURE:
+    if head != SIGNATURE:
         found = "an empty file" if not head else f"a file that begins with {head!r}"
         raise StoreError("this is not an HDF5 file", path=path, expected=expected, found=found)
     tree = _asked(path, what, own=own)

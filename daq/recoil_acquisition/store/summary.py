@@ -19,7 +19,7 @@ from recoil_acquisition.store.layout import (
     read_quality,
     read_started,
 )
-from recoil_acquisition.store.table import json_text, read_text
+from recoil_acquisition.store.table import finite, json_text, read_text
 
 
 def summarise_layout(file: Any) -> dict[str, Any]:
@@ -61,7 +61,7 @@ def summarise_layout(file: Any) -> dict[str, Any]:
             for i in read_inputs(entry)
         ],
         "acquisition": None if acquisition is None else json.loads(json_text(acquisition.to_json())),
-        "clock_fits": _json_numbers(read_clock_fits(entry)),
+        "clock_fits": finite(read_clock_fits(entry)),
     }
 
 
@@ -84,12 +84,3 @@ def _channel_summary(signal: Any, time: Any, count: int) -> dict[str, Any]:
 
 def _json_number(value: Any) -> float | None:
     return float(value) if math.isfinite(value) else None
-
-
-def _json_numbers(value: Any) -> Any:
-    """Return JSON types with None for every number that is not finite."""
-    if isinstance(value, dict):
-        return {key: _json_numbers(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_json_numbers(item) for item in value]
-    return _json_number(value) if isinstance(value, float) else value

@@ -7,6 +7,7 @@ reader refuses, or warns about, a dataset whose dimension has no name.
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -96,6 +97,15 @@ def json_text(value: Any) -> str:
         If something is not of a JSON type.
     """
     return json.dumps(value, default=_json_type, ensure_ascii=False)
+
+
+def finite(value: Any) -> Any:
+    """Return JSON types in which a number that is not finite is None."""
+    if isinstance(value, dict):
+        return {key: finite(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _json_type(value: Any) -> Any:

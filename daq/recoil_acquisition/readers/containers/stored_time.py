@@ -6,6 +6,7 @@ number type lies between them and a uniform time base, which is taken where all 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Any
@@ -90,6 +91,37 @@ def time_from_stamps(
         return StoredTime(TimeBase.stamped(clock, times_s, start), None, "")
     note = f"{times_s.size - kept.size} of {times_s.size} stamps repeat the one before: those samples are left out"
     return StoredTime(TimeBase.stamped(clock, times_s[kept], start), kept, note, times_s.size - kept.size)
+
+
+def time_from_vector(clock: str, values: NDArray[Any], unit_s: float, label: str, notes: list[str]) -> StoredTime | str:
+    """Make a time base of a stored vector of times in some unit, or say why it is none; notes are appended."""
+    try:
+        time = time_from_stamps(clock, values.astype(np.float64) * unit_s, resolution_of(values) * unit_s)
+    except ValueError as error:
+        return f"{label}: {error}"
+    if time.note:
+        notes.append(f"{label}: {time.note}")
+    return time
+
+
+def selected(
+    kept: NDArray[np.int64] | None, read: Callable[[int, int], NDArray[Any]], start: int, stop: int
+) -> NDArray[Any]:
+    """Return samples that a time base has, read as one stretch of what is stored.
+
+    Parameters
+    ----------
+    kept : ndarray of int64 or None
+        Indices of the stored samples that the time base has; None if it has all.
+    read
+        Reads stored samples from one index to before another.
+    start, stop
+        Which of the samples that it has.
+    """
+    if kept is None or start == stop:
+        return read(start, stop)
+    first = int(kept[start])
+    return read(first, int(kept[stop - 1]) + 1)[kept[start:stop] - first]
 
 
 def time_from_datenum(clock: str, days: NDArray[np.float64], origin: str) -> StoredTime:

@@ -37,6 +37,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.child_process import own_command
 from recoil_acquisition.errors import CorruptFileError, ReadError, system_errors_as
 from recoil_acquisition.extras import DEWESOFT
+from recoil_acquisition.readers.containers.stored_time import selected
 from recoil_acquisition.readers.dewesoft import child_process as child
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
 from recoil_acquisition.readers.recording import Recording, StoredChannel
@@ -226,9 +227,7 @@ class _Found:
     def _samples(
         self, channel: dict[str, Any], chosen: NDArray[np.int64] | None, start: int, stop: int
     ) -> NDArray[np.float64]:
-        if chosen is not None:
-            return self._stored(channel, 0, channel["count"])[chosen[start:stop]]
-        return self._stored(channel, start, stop)
+        return selected(chosen, partial(self._stored, channel), start, stop)
 
     def _instants(self, name: str, channel: dict[str, Any], chosen: NDArray[np.int64] | None) -> TimeBase:
         """Return the instants of one channel, in seconds after the start of the measurement."""

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
-from recoil_acquisition.readers.containers.stored_time import StoredTime, resolution_of, time_from_stamps
+from recoil_acquisition.readers.containers.stored_time import StoredTime, time_from_vector
 from recoil_acquisition.readers.hdf5 import attributes as attribute
 from recoil_acquisition.readers.hdf5.attributes import find, find_number
 from recoil_acquisition.readers.hdf5.contents import Contents, Dataset
@@ -83,11 +81,4 @@ class DatasetTimes:
         if not text:
             self._notes.append(f"{time.label}: no unit is stated: read as seconds")
         factor = attribute.TIME_UNITS_S.get(text, 1.0)
-        values = time.vector.stored()
-        try:
-            stored = time_from_stamps(self._clock, values.astype(np.float64) * factor, resolution_of(values) * factor)
-        except ValueError as error:
-            return f"{time.label}: {error}"
-        if stored.note:
-            self._notes.append(f"{time.label}: {stored.note}")
-        return stored
+        return time_from_vector(self._clock, time.vector.stored(), factor, time.label, self._notes)

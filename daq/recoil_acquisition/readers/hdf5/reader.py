@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.readers.containers.stored_channels import container_recording
-from recoil_acquisition.readers.containers.stored_time import StoredTime
+from recoil_acquisition.readers.containers.stored_time import StoredTime, selected
 from recoil_acquisition.readers.hdf5 import attributes as attribute
 from recoil_acquisition.readers.hdf5.attributes import find, find_number, find_start
 from recoil_acquisition.readers.hdf5.contents import Contents, Dataset, contents_of
@@ -31,7 +31,7 @@ from recoil_acquisition.readers.hdf5.dataset_time import DatasetTimes
 from recoil_acquisition.readers.hdf5.vector import Hdf5Vector, hdf5_file
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
 from recoil_acquisition.readers.recording import Recording, StoredChannel
-from recoil_acquisition.timebase import AbsoluteStart, TimeBase
+from recoil_acquisition.timebase import AbsoluteStart
 
 OWN_SCHEMA = "recoil-daq/"
 TIME_REMEDY = (
@@ -130,18 +130,13 @@ def _channel(
     if unit is None:
         notes.append(f"{data.label}: no unit is stated")
     gain, zero = scale.value if scale else 1.0, shift.value if shift else 0.0
-    if base.step_s is None:
-        base = TimeBase.stamped(base.clock, base.times_s + offset_s, start)
-    else:
-        base = TimeBase.uniform(base.clock, base.start_s + offset_s, base.step_s, base.count, start)
+    base = base.shifted(offset_s, start)
     text = str(unit.value) if unit else ""
     header = SignalHeader(data.label, text, base.count, metadata={"time": source, "attributes": dict(data.own)})
     missing = lost.value if lost else None
-    samples = partial(_samples, vector, time.kept, gain, zero, missing)
-    raw = partial(_raw, vector, time.kept, gain, zero, text)
-    if vector.dtype.kind in "iu" and missing is None:
-        return StoredChannel(header, base, samples, raw)
-    return StoredChannel(header, base, samples)
+    is_counted = vector.dtype.kind in "iu" and missing is None
+    raw = partial(_raw, vector, time.kept, gain, zero, text) if is_counted else None
+    return StoredChannel(header, base, partial(_samples, vector, time.kept, gain, zero, missing), raw)
 
 
 def _samples(
@@ -153,7 +148,7 @@ def _samples(
     start: int,
     stop: int,
 ) -> NDArray[np.float64]:
-    stored = vector.samples(start, stop) if kept is None else vector.samples()[kept[start:stop]]
+    stored = selected(kept, vector.stored, start, stop).astype(np.float64)
     values = gain * stored + zero
     if lost is not None:
         values[stored == lost] = np.nan
@@ -163,5 +158,4 @@ def _samples(
 def _raw(
     vector: Hdf5Vector, kept: NDArray[np.int64] | None, gain: float, zero: float, unit: str, start: int, stop: int
 ) -> RawCounts:
-    stored = vector.stored(start, stop) if kept is None else vector.stored()[kept[start:stop]]
-    return RawCounts(stored, gain, zero, unit)
+    return RawCounts(selected(kept, vector.stored, start, stop), gain, zero, unit)

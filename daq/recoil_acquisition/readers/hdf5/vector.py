@@ -72,10 +72,6 @@ class Hdf5Vector:
         with hdf5_file(self.path) as file:
             return np.atleast_1d(np.asarray(file[self.name][part]))
 
-    def samples(self, start: int = 0, stop: int | None = None) -> NDArray[np.float64]:
-        """Read samples as float64, shape (stop - start,)."""
-        return self.stored(start, stop).astype(np.float64)
-
 
 class Room:
     """Room that all datasets of a file together may take: stored, the bytes of the file; unpacked, so many times them.

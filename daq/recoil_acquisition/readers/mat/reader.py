@@ -92,13 +92,8 @@ def _recording(path: Path, contents: MatContents, clock: str) -> Recording:
             continue
         starts.add(time.time_base.absolute_start)
         header = SignalHeader(vector.name, "", time.time_base.count, metadata={"time": source})
-        raw = partial(_raw, vector, time.kept)
-        samples = partial(_samples, vector, time.kept)
-        channels.append(
-            StoredChannel(header, time.time_base, samples, raw)
-            if vector.dtype.kind in "iu"
-            else StoredChannel(header, time.time_base, samples)
-        )
+        raw = partial(_raw, vector, time.kept) if vector.dtype.kind in "iu" else None
+        channels.append(StoredChannel(header, time.time_base, partial(_samples, vector, time.kept), raw))
     notes += [f"{t.name}: a time that no channel was given: left out" for t in times if t.name not in read]
     if timeless and not channels:
         raise ReadError(
@@ -147,11 +142,13 @@ def _is_datenum(values: NDArray[np.float64], step: tuple[str, float] | None) -> 
 
 
 def _samples(vector: MatVariable, kept: NDArray[np.int64] | None, start: int, stop: int) -> NDArray[np.float64]:
-    values = vector.load()
-    chosen = values if kept is None else values[kept]
-    return chosen[start:stop].astype(np.float64)
+    return _stored(vector, kept, start, stop).astype(np.float64)
 
 
 def _raw(vector: MatVariable, kept: NDArray[np.int64] | None, start: int, stop: int) -> RawCounts:
+    return RawCounts(_stored(vector, kept, start, stop), 1.0, 0.0, "")
+
+
+def _stored(vector: MatVariable, kept: NDArray[np.int64] | None, start: int, stop: int) -> NDArray[Any]:
     values = vector.load()
-    return RawCounts((values if kept is None else values[kept])[start:stop], 1.0, 0.0, "")
+    return (values if kept is None else values[kept])[start:stop]

@@ -151,11 +151,8 @@ def _recording(path: Path, content: bytes, groups: Sequence[ChannelGroup], clock
         metadata = {"group": index, "comment": text_of(content, one.channel.comment_at)[:LONGEST_COMMENT]}
         header = SignalHeader(name, unit, time.time_base.count, metadata=metadata)
         gain = one.conversion.linear if one.channel.data_type in INTEGERS else None
-        channels.append(
-            StoredChannel(header, time.time_base, one.samples)
-            if gain is None
-            else StoredChannel(header, time.time_base, one.samples, partial(one.counts, unit, *gain))
-        )
+        counts = None if gain is None else partial(one.counts, unit, *gain)
+        channels.append(StoredChannel(header, time.time_base, one.samples, counts))
     metadata_of_file = {
         "version": _printed(content, 8),
         "comment": text_of(content, _comment_at(content))[:LONGEST_COMMENT],

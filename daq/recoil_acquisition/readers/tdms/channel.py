@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.errors import CorruptFileError
 from recoil_acquisition.readers.bounded_file import BoundedFile
+from recoil_acquisition.readers.containers.stored_time import selected
 
 SCALINGS = frozenset(
     {"Linear", "Polynomial", "RTD", "Table", "Thermocouple", "Thermistor", "Strain", "Add", "Subtract"}
@@ -66,22 +67,18 @@ class TdmsChannel:
     group: str
     name: str
 
-    def read(self, start: int, count: int) -> Any:
+    def read(self, start: int, stop: int) -> Any:
         """Read samples as npTDMS scales them."""
         from nptdms import TdmsFile
 
         with BoundedFile(self.path) as file, TdmsFile.open(file, raw_timestamps=True) as tdms:
-            return tdms[self.group][self.name].read_data(start, count, scaled=True)
+            return tdms[self.group][self.name].read_data(start, stop - start, scaled=True)
 
     def samples(self, kept: Kept, start: int, stop: int) -> NDArray[np.float64]:
         """Return samples that the time base has, shape (stop - start,)."""
         if stop == start:
             return np.empty(0)
-        if kept is not None:
-            first, last = int(kept[start]), int(kept[stop - 1])
-            values = np.asarray(self.read(first, last + 1 - first))
-            return np.asarray(values[kept[start:stop] - first], np.float64)
-        values = np.asarray(self.read(start, stop - start)).astype(np.float64)
+        values = np.asarray(selected(kept, self.read, start, stop)).astype(np.float64)
         if values.size != stop - start:
             raise ValueError(f"{values.size} samples of {stop - start}")
         return values

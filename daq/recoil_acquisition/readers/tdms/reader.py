@@ -22,7 +22,7 @@ import numpy as np
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.readers.bounded_file import BoundedFile
 from recoil_acquisition.readers.containers.stored_channels import container_recording
-from recoil_acquisition.readers.containers.stored_time import StoredTime, resolution_of, time_from_stamps
+from recoil_acquisition.readers.containers.stored_time import StoredTime, time_from_vector
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
 from recoil_acquisition.readers.recording import Recording, StoredChannel, map_to_corrupt_file
 from recoil_acquisition.readers.tdms.channel import TdmsChannel, rejection_reason
@@ -124,13 +124,7 @@ def _read_times(path: Path, channel: Any, clock: str, notes: list[str], label: s
         notes.append(f"{label}: no unit is stated: read as seconds")
     factor = TIME_UNITS_S.get(unit, 1.0)
     values = TdmsChannel(path, channel.group_name, channel.name).read(0, len(channel))
-    try:
-        time = time_from_stamps(clock, values.astype(np.float64) * factor, resolution_of(values) * factor)
-    except ValueError as error:
-        return f"{label}: {error}"
-    if time.note:
-        notes.append(f"{label}: {time.note}")
-    return time
+    return time_from_vector(clock, values, factor, label, notes)
 
 
 def _time(candidate: _Candidate, clock: str) -> StoredTime | str:
@@ -172,12 +166,7 @@ def _with_starts(
             notes.append(f"{candidate.label}: states no start, and the others differ in theirs: left out")
             continue
         offset_s = _offset_s(first, candidate)
-        old = time.time_base
-        base = (
-            TimeBase.stamped(old.clock, old.times_s + offset_s, absolute)
-            if old.step_s is None
-            else TimeBase.uniform(old.clock, old.start_s + offset_s, old.step_s, old.count, absolute)
-        )
+        base = time.time_base.shifted(offset_s, absolute)
         unit = str(properties.get("unit_string", ""))
         header = SignalHeader(candidate.label, unit, base.count, metadata={"properties": _plain(properties)})
         stored = TdmsChannel(path, channel.group_name, channel.name)

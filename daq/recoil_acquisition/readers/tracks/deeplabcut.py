@@ -14,6 +14,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.hdf5.kind import SIGNATURE
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
@@ -25,7 +26,6 @@ from recoil_acquisition.readers.tracks.headed_text import read_headed_text
 from recoil_acquisition.readers.tracks.recording import TrackTable, refuse_layout, track_recording
 from recoil_acquisition.readers.tracks.signature import signature
 
-HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
 _LEVELS = (("scorer", "bodyparts", "coords"), ("scorer", "individuals", "bodyparts", "coords"))
 _SCORES = ("likelihood",)
 
@@ -52,7 +52,7 @@ class DeepLabCutReader:
         """
         refuse_layout(declared, path)
         text = read_headed_text(path, lambda cells: len(cells) > 1)
-        if text.file.read(0, len(HDF5_MAGIC)) == HDF5_MAGIC:
+        if text.file.read(0, len(SIGNATURE)) == SIGNATURE:
             raise ReadError(
                 "the HDF5 table of DeepLabCut names its columns by a Python pickle, which is not read",
                 path=path,

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError
 from recoil_acquisition.readers.containers.stored_channels import container_recording
-from recoil_acquisition.readers.containers.stored_time import StoredTime, resolution_of, time_from_stamps
+from recoil_acquisition.readers.containers.stored_time import StoredTime, resolution_of, selected, time_from_stamps
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
 from recoil_acquisition.readers.recording import Recording, StoredChannel, map_to_corrupt_file
 from recoil_acquisition.readers.text.cells import unique_names
@@ -209,9 +209,7 @@ def _printed(path: Path, data: UffDataset, start: int, stop: int) -> tuple[NDArr
 def _samples(
     path: Path, data: UffDataset, kept: NDArray[np.int64] | None, start: int, stop: int
 ) -> NDArray[np.float64]:
-    if kept is not None:
-        return np.asarray(_values(path, data)[1][kept[start:stop]], np.float64)
-    values = _values(path, data, start, stop)[1].astype(np.float64)
+    values = selected(kept, lambda first, last: _values(path, data, first, last)[1], start, stop).astype(np.float64)
     if values.size != stop - start:
         raise ValueError(f"{values.size} values of {stop - start}")
     return values
