@@ -8,6 +8,7 @@ from typing import Any
 from recoil_acquisition.frames import can_rows as capture
 from tests.builders import rdlog_bytes
 from tests.builders import vendor_files as build
+from tests.builders.can_rows import pack_row
 
 HOST_ZERO_NS = 5_000_000_000_000
 WALL_ZERO_NS = 1_700_000_000_250_000_000
@@ -22,7 +23,7 @@ def can_records(
     for time_ns, key, data in entries:
         flags = (capture.EXTENDED if key >> 31 else 0) | (capture.DEVICE_TIME if device else 0)
         records.append(
-            capture.pack_row(
+            pack_row(
                 device_ns=DEVICE_ZERO_NS + time_ns if device else 0,
                 host_ns=HOST_ZERO_NS + round(time_ns * (1 + drift)) + delay_ns,
                 identifier=key & 0x1FFFFFFF,

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from recoil_acquisition.capture.live_source import LiveChannel, LiveSource
 from recoil_acquisition.devices.device import CAN, SERIAL, Block
-from recoil_acquisition.frames import can_rows
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.host_clock import Anchor
+from tests.builders.can_rows import pack_row
 
 DBC = """VERSION ""
 BU_: N
@@ -50,7 +50,7 @@ def port(*, signal: str = "w") -> LiveSource:
 
 def can_record(time_s: float, pressure_kpa: float, count: int = 0, flags: int = 0) -> bytes:
     data = struct.pack("<hBB", round(2 * pressure_kpa), count % 256, 0)
-    return can_rows.pack_row(device_ns=0, host_ns=round(1e9 * time_s), identifier=291, flags=flags, data=data)
+    return pack_row(device_ns=0, host_ns=round(1e9 * time_s), identifier=291, flags=flags, data=data)
 
 
 def can_block(time_s: float, *records: bytes) -> Block:

@@ -32,12 +32,9 @@ class DeviceReader:
         Takes a block.
     """
 
-    def __init__(
-        self, device: Device, sink: Callable[[Block], None], *, read_timeout_s: float = READ_TIMEOUT_S
-    ) -> None:
+    def __init__(self, device: Device, sink: Callable[[Block], None]) -> None:
         self.device = device
         self._sink = sink
-        self._timeout_s = read_timeout_s
         self._stopping = threading.Event()
         # A daemon, so that a program that dies elsewhere ends; `stop` is what ends it in order
         self._thread = threading.Thread(target=self._run, name=f"read {device.name}", daemon=True)
@@ -88,7 +85,7 @@ class DeviceReader:
         try:
             while not self._stopping.is_set():
                 asked_ns = time.monotonic_ns()
-                block = self.device.read(self._timeout_s)
+                block = self.device.read(READ_TIMEOUT_S)
                 if block is not None:
                     self._hand_on(block)
                 elif asked_ns - self._last_ns >= IDLE_EVERY_NS and not self._lost:

@@ -60,30 +60,6 @@ ROW = struct.Struct(f"<qqIHBB{LONGEST}s")
 """The same layout for one row."""
 
 
-def pack_row(
-    *,
-    device_ns: int,
-    host_ns: int,
-    identifier: int,
-    flags: int,
-    data: bytes,
-    channel: int = 0,
-    length: int | None = None,
-) -> bytes:
-    """Return one row.
-
-    Parameters
-    ----------
-    data
-        At most `LONGEST`.
-    length
-        Where it is not the number of bytes of data: in a remote frame.
-    """
-    if len(data) > LONGEST:
-        raise ValueError(f"a row holds at most {LONGEST} bytes of data, not {len(data)}")
-    return ROW.pack(device_ns, host_ns, identifier, flags, channel, len(data) if length is None else length, data)
-
-
 def parse_rows(content: bytes) -> NDArray[np.void]:
     """Return the whole rows at the beginning of some bytes, shape (n_rows,)."""
     return np.frombuffer(content, dtype=ROW_DTYPE, count=len(content) // ROW_SIZE)

@@ -67,6 +67,12 @@ class Search(ABC):
         self.offset += at - self.at
         self.at = at
 
+    def frame_to(self, at: int, data: bytes) -> Frame:
+        """Go on at a byte of the buffer, and return the frame that ends there."""
+        start = self.offset
+        self.advance_to(at)
+        return Frame(start, self.offset, data)
+
     def begin_within(self) -> None:  # noqa: B027 - where a head or a silence marks a frame, nothing is to be done
         """Take what follows for the rest of a frame whose beginning is missing."""
 
@@ -117,9 +123,7 @@ class SyncSearch(Search):
                         elif len(following) < len(sync) and not ended:
                             return NEED_DATA
                     if fault is None:
-                        start = self.offset
-                        self.advance_to(at + total)
-                        return Frame(start, self.offset, data)
+                        return self.frame_to(at + total, data)
             if fault is not None:
                 self._counters.note(fault)
             elif not ended:
@@ -196,9 +200,7 @@ class LineSearch(_Delimited):
                 self._refuse(behind, fault)
                 continue
             self.skip_to(self.at + begins)
-            start = self.offset
-            self.advance_to(behind)
-            return Frame(start, self.offset, data)
+            return self.frame_to(behind, data)
         return NEED_DATA
 
 
@@ -231,9 +233,7 @@ class PacketSearch(_Delimited):
             elif (fault := self._acceptance.fault_of(data)) is not None:
                 self._refuse(found + 1, fault)
             else:
-                start = self.offset
-                self.advance_to(found + 1)
-                return Frame(start, self.offset, data)
+                return self.frame_to(found + 1, data)
 
 
 class SilenceSearch(Search):
@@ -259,9 +259,7 @@ class SilenceSearch(Search):
             self._counters.note(fault)
             self.skip_to(end)
             return NEED_DATA
-        start = self.offset
-        self.advance_to(end)
-        return Frame(start, self.offset, data)
+        return self.frame_to(end, data)
 
 
 _KINDS: dict[str, Callable[[Framing, Acceptance, FrameCounters], Search]] = {

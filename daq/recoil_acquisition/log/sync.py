@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections import deque
 from collections.abc import Sequence
 
@@ -12,19 +11,12 @@ from recoil_acquisition.log.segment import WritingSegment
 
 
 class SegmentSync:
-    """The segments of a log that hold records, apart from the one that is written.
-
-    Attributes
-    ----------
-    largest_s
-        Longest time that forcing to the disk took.
-    """
+    """The segments of a log that hold records, apart from the one that is written."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()  # nothing is closed or removed while it is forced to the disk
         self._full: deque[WritingSegment] = deque()
         self._finished: deque[WritingSegment] = deque()
-        self.largest_s = 0.0
 
     @property
     def count(self) -> int:
@@ -44,13 +36,9 @@ class SegmentSync:
             If the system cannot.
         """
         with self._lock:
-            started = time.monotonic()
-            try:
-                # In this order: it may be among the retired by now, which are closed here
-                current.sync()
-                self._finish_full()
-            finally:
-                self.largest_s = max(self.largest_s, time.monotonic() - started)
+            # In this order: it may be among the retired by now, which are closed here
+            current.sync()
+            self._finish_full()
 
     def finish(self) -> OSError | None:
         """Force all retired segments to the disk and close them, whatever fails; return the first failure."""

@@ -65,8 +65,6 @@ class LogCounters:
         Space that is reserved and not yet used.
     unsynced_s
         Age of the oldest record that is not yet forced to the disk; 0 if all are.
-    largest_sync_s
-        Longest time that forcing to the disk took.
     released
         Records that were released.
     spare
@@ -77,7 +75,6 @@ class LogCounters:
     bytes: int
     reserved_bytes: int
     unsynced_s: float
-    largest_sync_s: float
     released: int = 0
     spare: str = ""
 
@@ -288,7 +285,6 @@ class LogWriter:
                 self._bytes,
                 self._segment.room + self._reserve.free_bytes,
                 time.monotonic() - min(waiting) if waiting else 0.0,
-                self._written.largest_s,
                 sum(last - first + 1 for first, last, _ in self._released.get(_WHOLE, ())),
                 self._spared,
             )

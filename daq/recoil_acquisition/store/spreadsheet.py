@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from recoil_acquisition.errors import ReadError, StoreError
-from recoil_acquisition.regular_file import read_small
 
 LARGEST_BYTES = 2_000_000
 """Some 10,000 rows of 200 characters."""
@@ -74,24 +73,21 @@ class Spreadsheet:
     lines: tuple[Line, ...]
 
     @classmethod
-    def read(cls, path: Path, key: str) -> Spreadsheet:
-        """Read a table that has a column.
+    def of(cls, content: bytes, path: Path, key: str) -> Spreadsheet:
+        """Take the content of a file that is a table with a column.
 
         Parameters
         ----------
+        path
+            For messages.
         key
             Name of that column, by which the separator is known.
 
         Raises
         ------
         ReadError
-            If the file cannot be read, is too large, is no text, or is no such table; with line and column.
+            If it is no text, or no such table; with line and column.
         """
-        return cls.of(read_small(path, LARGEST_BYTES, "a table"), path, key)
-
-    @classmethod
-    def of(cls, content: bytes, path: Path, key: str) -> Spreadsheet:
-        """Take the content of a file; parameters and errors as of `read`."""
         mark, encoding = next(((m, e) for m, e in _MARKS if content.startswith(m)), (b"", ""))
         text, encoding = _decoded(content[len(mark) :], encoding, path)
         return _parsed(text, encoding, mark, path, key)

@@ -9,8 +9,9 @@ from recoil_acquisition.capture.engine import CaptureEngine
 from recoil_acquisition.capture.held_back import LONGEST_S, HeldBack
 from recoil_acquisition.capture.live_source import signals_of
 from recoil_acquisition.devices.device import CAN, Block
-from recoil_acquisition.frames.can_rows import DEVICE_TIME, pack_row
+from recoil_acquisition.frames.can_rows import DEVICE_TIME
 from recoil_acquisition.trigger import Edge, Trigger
+from tests.builders.can_rows import pack_row
 from tests.builders.live_sources import bus, port, serial_block, serial_frame
 
 STEP_S = 1e-3

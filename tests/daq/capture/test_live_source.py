@@ -13,12 +13,13 @@ from recoil_acquisition.capture.live_source import LiveChannel, LiveSource, sign
 from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource
 from recoil_acquisition.devices.device import SERIAL, event_block
 from recoil_acquisition.errors import MissingChannelError
-from recoil_acquisition.frames.can_rows import ERROR, EXTENDED, REMOTE, pack_row
+from recoil_acquisition.frames.can_rows import ERROR, EXTENDED, REMOTE
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.log.folder import open_log
 from recoil_acquisition.log.writer import LogWriter
 from recoil_acquisition.readers.rdlog import CaptureReader
 from recoil_acquisition.readers.reader import Declarations
+from tests.builders.can_rows import pack_row
 from tests.builders.live_logs import append
 from tests.builders.live_sources import ANCHOR, DBC, bus, can_block, can_record, port, serial_block, serial_frame
 

@@ -21,6 +21,7 @@ from recoil_acquisition.frames import can_rows as capture
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.frames.decoder import FrameDecoder
 from tests.builders import vendor_files as build
+from tests.builders.can_rows import pack_row
 
 FRAMING = framing_from_table(build.FRAMING)
 DBC = build.DBC + '\nBO_ 512 NODE: 8 RIG\n SG_ n : 4|10@1+ (1,0) [0|0] "" RIG\n SG_ f : 32|32@1- (1,0) [0|0] "" RIG\n'
@@ -90,12 +91,12 @@ def test_the_thread_that_reads_does_not_wait_for_a_count_that_takes_long(monkeyp
 def test_gaps_of_a_message_counter_are_counted_over_its_wrap(lost: set[int], size: int) -> None:
     kept = [n for n in range(3000) if n not in lost]
     records = [
-        capture.pack_row(
+        pack_row(
             device_ns=0, host_ns=n, identifier=0x200, flags=0, data=struct.pack("<Q", (n % 1024) << 4 | 0xF << 14 | 3)
         )
         for n in kept
     ]
-    foreign = capture.pack_row(device_ns=0, host_ns=0, identifier=0x200, flags=capture.EXTENDED, data=bytes(8))
+    foreign = pack_row(device_ns=0, host_ns=0, identifier=0x200, flags=capture.EXTENDED, data=bytes(8))
     check = can_counter_check("bus", ["NODE.n"], DBC, Path("rig.toml"))
     for at in range(0, len(records), size):
         check.feed(Block("bus", 0, foreign + b"".join(records[at : at + size]), CAN))

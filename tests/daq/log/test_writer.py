@@ -164,7 +164,6 @@ def test_the_log_is_forced_to_the_disk_at_least_four_times_a_second(tmp_path, mo
             writer.append(1, 1, 0, b"x" * 100)
             oldest = max(oldest, writer.counters.unsynced_s)
             time.sleep(0.002)
-        assert writer.counters.largest_sync_s > 0
     assert len(forced) >= 3
     # Half a second of allowance for a machine that does other things too
     assert oldest < 0.75

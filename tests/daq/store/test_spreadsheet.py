@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from recoil_acquisition.errors import ReadError, StoreError
+from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.store.spreadsheet import LARGEST_BYTES, Spreadsheet
 
 TEXTS = st.text(st.characters(codec="utf-8", exclude_characters="\0")).map(str.strip)
@@ -121,7 +122,7 @@ def test_a_fault_is_one_line_with_its_place(tmp_path, content, said):
     path = tmp_path / "t.csv"
     path.write_bytes(content)
     with pytest.raises(ReadError) as raised:
-        Spreadsheet.read(path, "shot")
+        Spreadsheet.of(read_small(path, LARGEST_BYTES, "a table"), path, "shot")
     assert said in str(raised.value)
     assert str(raised.value).startswith(f"{path}: ")
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import mmap
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from recoil_acquisition.readers.mdf.channel_groups import HD_AT, iter_groups
 
@@ -62,8 +63,7 @@ def is_bus_logging(head: bytes) -> bool:
     head
         The first `recoil_acquisition.readers.head.HEAD_BYTES` bytes, or all of the file.
     """
-    groups = list(iter_groups(head, strict=False)) if is_mdf4(head) else []
-    return any(g.is_bus for g in groups) and not any(g.channel_count and not g.is_bus for g in groups)
+    return is_mdf4(head) and _is_bus_alone(head)
 
 
 def is_undecided(head: bytes) -> bool:
@@ -78,7 +78,11 @@ def is_bus_file(path: Path) -> bool:
     """Return whether all of a file shows what `is_bus_logging` looks for in its head."""
     try:
         with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            groups = list(iter_groups(data, strict=False))
+            return _is_bus_alone(data)
     except (OSError, ValueError):
         return False
+
+
+def _is_bus_alone(data: Any) -> bool:
+    groups = list(iter_groups(data, strict=False))
     return any(g.is_bus for g in groups) and not any(g.channel_count and not g.is_bus for g in groups)

@@ -57,7 +57,7 @@ class ColumnStore:
         self._kept: dict[int, NDArray[np.float64]] = {}
         self._spill: NumberFile | None = None
         self._ends: NDArray[np.int64] | None = None
-        self._lost = np.zeros(len(block.columns), dtype=np.int64)
+        self._lost = np.zeros(len(block.format.columns), dtype=np.int64)
 
     @property
     def lost(self) -> NDArray[np.int64]:
@@ -91,7 +91,7 @@ class ColumnStore:
     def _offset(self, piece: int, ends: NDArray[np.int64], index: int) -> int:
         """Return where a column of a piece begins among the spilled numbers."""
         begin = int(ends[piece - 1]) if piece else 0
-        return begin * len(self.block.columns) + index * (int(ends[piece]) - begin)
+        return begin * len(self.block.format.columns) + index * (int(ends[piece]) - begin)
 
     def _ensure_parsed(self) -> NDArray[np.int64]:
         if self._ends is None:
@@ -104,7 +104,7 @@ class ColumnStore:
         ends = np.cumsum([piece.rows for piece in pieces], dtype=np.int64)
         self._lost[:] = 0
         self._kept = {}
-        spill = 8 * self.block.row_count * len(self.block.columns) > MEMORY_BYTES
+        spill = 8 * self.block.row_count * len(self.block.format.columns) > MEMORY_BYTES
         self._spill = NumberFile(self.block.file.path) if spill else None
         for at, (lost, cells) in enumerate(self._parsed(pieces, ends)):
             self._lost += lost

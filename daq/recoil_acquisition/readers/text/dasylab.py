@@ -140,13 +140,7 @@ class DasylabTextReader:
         stated = keys.get("number of channels")
         if stated is not None and stated != str(channels):
             notes.append(f"the preamble states {stated} channels, the headings name {channels}: the headings count")
-        metadata = {
-            "preamble": lines[:row],
-            "header": lines[row],
-            "encoding": file.encoding,
-            "separator": separator,
-            "decimal_mark": "," if comma else ".",
-        }
+        metadata = {"preamble": lines[:row], "header": lines[row]}
         left_out = (0,) if has_date else ()
         return text_recording(
             self.name, block, declared.clock, headings, time, metadata, text_columns=left_out, notes=notes

@@ -55,14 +55,10 @@ class DeclaredTextReader:
             decimal_comma=layout.decimal == ",", missing=layout.missing, comment=layout.comment,
         )  # fmt: skip
         time, notes = _time(layout, headings, path)
-        metadata = {
-            "preamble": lines[: layout.first_row - 1],
-            "encoding": file.encoding,
-            "separator": layout.separator,
-            "decimal_mark": layout.decimal,
-            "layout": dict(declared.layout),
-        }
-        return text_recording(self.name, block, declared.clock, headings, time, metadata, notes=notes)
+        return text_recording(
+            self.name, block, declared.clock, headings, time, {"preamble": lines[: layout.first_row - 1]}, notes=notes,
+            declared={"layout": dict(declared.layout)},
+        )  # fmt: skip
 
 
 def _row(layout: TextLayout, lines: list[str], number: int) -> list[str]:

@@ -99,13 +99,7 @@ class DewesoftTextReader:
         comma = has_decimal_comma([cells[int(absolute) :] for cells in rows], separator)
         block = find_block(file, file.line_start(row + 1), separator, headings, decimal_comma=comma)
         split = [split_unit(heading) for heading in headings]
-        metadata = {
-            "preamble": lines[:row],
-            "header": lines[row],
-            "encoding": file.encoding,
-            "separator": separator,
-            "decimal_mark": "," if comma else ".",
-        }
+        metadata = {"preamble": lines[:row], "header": lines[row]}
         if absolute:
             time = TimeSource(0, parse=parse_dewesoft_stamp, remedy=_RELATIVE_REMEDY)
         else:

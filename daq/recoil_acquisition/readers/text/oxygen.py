@@ -187,13 +187,7 @@ class OxygenTextReader:
         names = [name for name, _ in reading.headings]
         start = file.line_start(reading.first_row)
         block = find_block(file, start, reading.separator, names, decimal_comma=mark == ",")
-        metadata = {
-            "preamble": lines[: reading.header_row],
-            "header": lines[reading.header_row],
-            "encoding": file.encoding,
-            "separator": reading.separator,
-            "decimal_mark": mark,
-        }
+        metadata = {"preamble": lines[: reading.header_row], "header": lines[reading.header_row]}
         return text_recording(self.name, block, declared.clock, reading.headings, self._time(reading, path), metadata)
 
     def _time(self, reading: Reading, path: Path) -> TimeSource:

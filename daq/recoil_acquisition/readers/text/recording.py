@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property, partial
+from types import MappingProxyType
 from typing import Any
 
 from recoil_acquisition.readers.reader import SignalHeader
@@ -26,6 +27,7 @@ def text_recording(
     *,
     text_columns: Sequence[int] = (),
     notes: Sequence[str] = (),
+    declared: Mapping[str, Any] = MappingProxyType({}),
 ) -> Recording:
     """Return the recording of a table; its numbers are read when the first sample is asked for.
 
@@ -43,7 +45,17 @@ def text_recording(
         Columns that hold no numbers; they are left out, as is the column of time.
     notes
         What the reader has to say already.
+    declared
+        What the rig declares of the table, which is put behind how it is written.
     """
+    written = block.format
+    said = {
+        **metadata,
+        "encoding": written.encoding,
+        "separator": written.separator,
+        "decimal_mark": "," if written.decimal_comma else ".",
+        **declared,
+    }
     left_out = {time.column, *text_columns}
     at = [i for i in range(len(headings)) if i not in left_out]
     names, repeated = unique_names([headings[i][0] or f"column {i + 1}" for i in at])
@@ -55,7 +67,7 @@ def text_recording(
         for name, i in table.column_of.items()
     ]
     return Recording(
-        block.file.path, reader, channels, metadata=metadata, notes=lambda: (*notes, *repeated, *table.notes()),
+        block.file.path, reader, channels, metadata=said, notes=lambda: (*notes, *repeated, *table.notes()),
         incomplete=block.dropped, absolute_start=table.absolute_start,
     )  # fmt: skip
 

@@ -27,7 +27,7 @@ def read_rows(block: TextBlock) -> NDArray[np.float64]:
     CorruptFileError
         If a row has another width or a cell is no number, with line and column.
     """
-    values = np.empty((block.row_count, len(block.columns)))
+    values = np.empty((block.row_count, len(block.format.columns)))
     for rows, numbers, _ in iter_rows(block):
         values[rows] = numbers
     return values

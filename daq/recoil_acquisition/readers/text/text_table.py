@@ -53,56 +53,23 @@ class TextBlock:
         Bytes of the complete rows; ``stop`` lies before the last row's line end.
     first_line
         Number of the first row's line in the file, from 1.
-    columns
-        Names of the columns, for messages.
+    format
+        How the rows are written.
     dropped
         Why a last row was left out; empty if none was.
-    missing
-        Further texts, or numbers, that stand for a lost sample.
-    comment
-        What begins a line that is no row; empty if there are none.
     """
 
     file: Text
     start: int
     stop: int
     first_line: int
-    separator: str
-    columns: tuple[str, ...]
-    decimal_comma: bool
+    format: RowFormat
     dropped: str
-    missing: tuple[str, ...] = ()
-    comment: str = ""
 
     @property
     def row_count(self) -> int:
         """Number of complete rows."""
         return sum(piece.rows for piece in self.pieces)
-
-    @cached_property
-    def width(self) -> int:
-        """Number of cells per row: one more than there are columns where rows end with a separator."""
-        cells = self._first_row().count(self.separator.encode()) + 1
-        return len(self.columns) + (cells == len(self.columns) + 1)
-
-    def _first_row(self) -> bytes:
-        """Return the first line that is no comment; of one that is longer than a row can be, its beginning."""
-        at, row = self.start, b""
-        while at < self.stop:
-            *lines, rest = self.file.read(at, at + PIECE_BYTES).split(self.file.line_end)
-            for row in lines or [rest]:
-                if not (self.comment and is_comment(row, self.comment)):
-                    return row
-                at += len(row) + 1
-        return row
-
-    @cached_property
-    def format(self) -> RowFormat:
-        """How the rows are written."""
-        return RowFormat(
-            self.file.path, self.file.encoding, self.separator, self.columns, self.width, self.decimal_comma,
-            self.missing, self.comment,
-        )  # fmt: skip
 
     def place(self, row: int, column: str) -> str:
         """Return the place of a cell for messages."""
@@ -133,8 +100,8 @@ class TextBlock:
                     expected="a row of numbers", remedy="export it again",
                 )  # fmt: skip
             piece = RowRange(at, stop, line, lines)
-            if self.comment:
-                piece = RowRange(at, stop, line, count_rows(self.text(piece), self.comment))
+            if self.format.comment:
+                piece = RowRange(at, stop, line, count_rows(self.text(piece), self.format.comment))
             pieces.append(piece)
             at, line = stop, line + lines
         return tuple(pieces)
@@ -202,10 +169,25 @@ def find_block(
         raise CorruptFileError(
             "there is no complete row of numbers", path=file.path, place=f"line {first_line}", remedy="export it again"
         )
-    return TextBlock(
-        file, start, base + len(rows), first_line, separator, tuple(columns), decimal_comma, dropped,
-        tuple(missing), comment,
-    )  # fmt: skip
+    stop = base + len(rows)
+    cells = _first_row(file, start, stop, comment).count(separator.encode()) + 1
+    width = len(columns) + (cells == len(columns) + 1)
+    rows_as_written = RowFormat(
+        file.path, file.encoding, separator, tuple(columns), width, decimal_comma, tuple(missing), comment
+    )
+    return TextBlock(file, start, stop, first_line, rows_as_written, dropped)
+
+
+def _first_row(file: Text, start: int, stop: int, comment: str) -> bytes:
+    """Return the first line that is no comment; of one that is longer than a row can be, its beginning."""
+    at, row = start, b""
+    while at < stop:
+        *lines, rest = file.read(at, at + PIECE_BYTES).split(file.line_end)
+        for row in lines or [rest]:
+            if not (comment and is_comment(row, comment)):
+                return row
+            at += len(row) + 1
+    return row
 
 
 def printed_decimals(block: TextBlock, column: int) -> int:
@@ -214,7 +196,7 @@ def printed_decimals(block: TextBlock, column: int) -> int:
     Cells whose trailing zeros were left out say too little, so the finest of some cells counts; a
     fixed number of digits says less at the end of the file, so its beginning and end are compared.
     """
-    separator = block.separator.encode()
+    separator = block.format.separator.encode()
     head = one_line_end(block.file.read(block.start, min(block.start + 8192, block.stop)) + b"\n")
     tail = one_line_end(block.file.read(max(block.start, block.stop - 8192), block.stop))
     ends = (head.split(b"\n")[:50], tail.split(b"\n")[-49:])

@@ -19,6 +19,7 @@ from recoil_acquisition.errors import CorruptFileError, Fault, ReadError, system
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import is_lost, is_number, split_cells
+from recoil_acquisition.readers.text.row_format import RowFormat
 from recoil_acquisition.readers.text.rows import read_rows
 from recoil_acquisition.readers.text.sheet_text import is_workbook, read_sheets
 from recoil_acquisition.readers.text.text_table import TextBlock
@@ -207,7 +208,8 @@ def _block(file: Text, layout: TrackLayout, columns: Sequence[Column], at: Seque
         )
     names = tuple(column.name for column in columns)
     written = TextFile(file.path, bytes(body), "utf-8")
-    return TextBlock(written, 0, len(body) - 1, layout.first_line, "\t", names, False, dropped)
+    rows_as_written = RowFormat(file.path, "utf-8", "\t", names, len(names), decimal_comma=False)
+    return TextBlock(written, 0, len(body) - 1, layout.first_line, rows_as_written, dropped)
 
 
 def _row_of_numbers(layout: TrackLayout, at: Sequence[int]) -> re.Pattern[str]:

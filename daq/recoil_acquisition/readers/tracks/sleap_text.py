@@ -79,7 +79,7 @@ class SleapTextReader:
 
 def _instances(block: TextBlock, *, named: bool) -> tuple[NDArray[np.float64], list[str], Places]:
     """Read the rows, each of which is an animal in a frame; return them, the animals, and the animal of each row."""
-    values = np.empty((block.row_count, len(block.columns)))
+    values = np.empty((block.row_count, len(block.format.columns)))
     animal: Places = np.zeros(len(values), dtype=np.intp)
     number: dict[str, int] = {}
     for rows, numbers, names in iter_rows(block, named=named):

@@ -164,7 +164,7 @@ def test_quoted_headings_lose_their_quotes() -> None:
 def test_comments_before_between_and_behind_the_rows_are_no_rows(comments: str, trailing: str) -> None:
     text = f"{comments}1;2{trailing}\n# between\n3;4{trailing}\n{comments}"
     block = find_block(text_file(text), 0, ";", ["a", "b"], decimal_comma=False, comment="#")
-    assert block.width == 2 + bool(trailing)
+    assert block.format.width == 2 + bool(trailing)
     assert block.row_count == 2
     assert block.dropped == ""
     assert read_rows(block).tolist() == [[1.0, 2.0], [3.0, 4.0]]
@@ -258,7 +258,7 @@ def test_rows_of_many_columns_are_as_wide_as_they_are_written(comment: str, trai
     names = [f"c{i}" for i in range(50_000)]
     text = comment + ";".join(["1.5"] * len(names)) + trailing + "\n"
     block = find_block(text_file(text), 0, ";", names, decimal_comma=False, comment="#")
-    assert block.width == len(names) + bool(trailing)
+    assert block.format.width == len(names) + bool(trailing)
 
 
 def test_every_whole_row_at_the_beginning_of_a_block_of_long_rows_says_its_digits() -> None:
