@@ -75,49 +75,44 @@ class Unit:
 
 
 def _table() -> dict[str, Unit]:
-    units: dict[str, Unit] = {}
-
-    def add(quantities: str, **factors: float) -> None:
-        for spelling, factor in factors.items():
-            units[spelling] = Unit(frozenset(quantities.split()), factor)
-
     lengths = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "um": 1e-6, "km": 1e3, "in": _INCH_M, "ft": 12 * _INCH_M}
-    times = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
     angles = {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "rev": 2 * math.pi}
-    add("displacement", **lengths)
-    add("time", **times)
-    add("angle", **angles)
-    for spelling, factor in lengths.items():
-        units[f"{spelling}/s"] = Unit(frozenset({"velocity"}), factor)
-        units[f"{spelling}/s^2"] = Unit(frozenset({"acceleration"}), factor)
-    units["km/h"] = Unit(frozenset({"velocity"}), 1 / 3.6)
-    units["mph"] = Unit(frozenset({"velocity"}), 5280 * 12 * _INCH_M / 3600)
-    for spelling in ("g", "gn", "g_n", "g0"):
-        units[spelling] = Unit(frozenset({"acceleration"}), STANDARD_GRAVITY_M_S2)
-    units["mg"] = Unit(frozenset({"acceleration"}), 1e-3 * STANDARD_GRAVITY_M_S2)
-    units["kg_n"] = Unit(frozenset({"acceleration"}), 1e3 * STANDARD_GRAVITY_M_S2)
-    for spelling, factor in angles.items():
-        units[f"{spelling}/s"] = Unit(frozenset({"angular_rate"}), factor)
-        units[f"{spelling}/s^2"] = Unit(frozenset({"angular_acceleration"}), factor)
-    units["dps"] = units["deg/s"]
-    units["rpm"] = Unit(frozenset({"angular_rate"}), 2 * math.pi / 60)
-    add("pressure", Pa=1.0, hPa=1e2, kPa=1e3, MPa=1e6, GPa=1e9, bar=1e5, mbar=1e2, kbar=1e8, atm=101325.0)
-    psi = _POUND_KG * STANDARD_GRAVITY_M_S2 / _INCH_M**2
-    add("pressure", psi=psi, ksi=1e3 * psi)
-    units["kgf/cm^2"] = Unit(frozenset({"pressure"}), STANDARD_GRAVITY_M_S2 * 1e4)
-    units["N/mm^2"] = units["MPa"]
-    add("force", N=1.0, kN=1e3, MN=1e6, kgf=STANDARD_GRAVITY_M_S2, lbf=_POUND_KG * STANDARD_GRAVITY_M_S2)
-    add("voltage", V=1.0, mV=1e-3, uV=1e-6, kV=1e3)
-    add("charge", C=1.0, pC=1e-12, nC=1e-9)
-    add("mass", kg=1.0, t=1e3, lb=_POUND_KG)
-    add("frequency", Hz=1.0, kHz=1e3, MHz=1e6)
-    units["N*m"] = Unit(frozenset({"torque"}), 1.0)
-    units["kN*m"] = Unit(frozenset({"torque"}), 1e3)
-    units["1"] = Unit(frozenset({"count", "strain"}), 1.0)
-    units["um/m"] = Unit(frozenset({"strain"}), 1e-6)
-    units["K"] = Unit(frozenset({"temperature"}), 1.0)
-    units["degC"] = Unit(frozenset({"temperature"}), 1.0, 273.15)
-    return units
+    g = STANDARD_GRAVITY_M_S2
+    psi = _POUND_KG * g / _INCH_M**2
+    factors: dict[str, dict[str, float]] = {
+        "displacement": lengths,
+        "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0},
+        "angle": angles,
+        "velocity": _per(lengths, "s") | {"km/h": 1 / 3.6, "mph": 5280 * 12 * _INCH_M / 3600},
+        "acceleration": _per(lengths, "s^2")
+        | {"g": g, "gn": g, "g_n": g, "g0": g, "mg": 1e-3 * g, "kg_n": 1e3 * g},
+        "angular_rate": _per(angles, "s") | {"dps": angles["deg"], "rpm": 2 * math.pi / 60},
+        "angular_acceleration": _per(angles, "s^2"),
+        "pressure": {
+            "Pa": 1.0, "hPa": 1e2, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "bar": 1e5, "mbar": 1e2,
+            "kbar": 1e8, "atm": 101325.0, "psi": psi, "ksi": 1e3 * psi, "kgf/cm^2": g * 1e4,
+            "N/mm^2": 1e6,
+        },
+        "force": {"N": 1.0, "kN": 1e3, "MN": 1e6, "kgf": g, "lbf": _POUND_KG * g},
+        "voltage": {"V": 1.0, "mV": 1e-3, "uV": 1e-6, "kV": 1e3},
+        "charge": {"C": 1.0, "pC": 1e-12, "nC": 1e-9},
+        "mass": {"kg": 1.0, "t": 1e3, "lb": _POUND_KG},
+        "frequency": {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6},
+        "torque": {"N*m": 1.0, "kN*m": 1e3},
+        "count strain": {"1": 1.0},
+        "strain": {"um/m": 1e-6},
+        "temperature": {"K": 1.0},
+    }  # fmt: skip
+    units = {
+        spelling: Unit(frozenset(quantities.split()), factor)
+        for quantities, own in factors.items()
+        for spelling, factor in own.items()
+    }
+    return units | {"degC": Unit(frozenset({"temperature"}), 1.0, 273.15)}
+
+
+def _per(factors: dict[str, float], time: str) -> dict[str, float]:
+    return {f"{spelling}/{time}": factor for spelling, factor in factors.items()}
 
 
 UNITS = MappingProxyType(_table())

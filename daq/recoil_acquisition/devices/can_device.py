@@ -17,10 +17,11 @@ from typing import Any
 
 from recoil_acquisition.can_library import load_can_library
 from recoil_acquisition.devices.can_link import can_links, enlarge_queue, flags_of, kernel_drops
-from recoil_acquisition.devices.device import CAN, Block, Counters, EmptyLook, StreamCheck
+from recoil_acquisition.devices.device import CAN, Block, Counters, EmptyLook
 from recoil_acquisition.devices.kernel_drops import GrowingCount
 from recoil_acquisition.devices.open_fault import open_fault
 from recoil_acquisition.devices.reopening import ReopenedDevice
+from recoil_acquisition.devices.stream_check import StreamCheck
 from recoil_acquisition.errors import DeviceError, nearest_first
 from recoil_acquisition.frames import can_rows
 

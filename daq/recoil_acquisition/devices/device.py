@@ -207,29 +207,6 @@ class EmptyLook:
             self.empty_ns = at_ns
 
 
-class StreamCheck(Protocol):
-    """A look at the blocks of data as they pass, for the counters only."""
-
-    @property
-    def bad(self) -> int:
-        """Damaged frames so far."""
-        ...
-
-    @property
-    def skipped_bytes(self) -> int | None:
-        """Bytes outside of good frames so far; None if that means nothing here."""
-        ...
-
-    @property
-    def counter_gaps(self) -> int | None:
-        """Gaps of a packet counter so far; None if no counter is checked."""
-        ...
-
-    def feed(self, block: Block) -> None:
-        """Take the next block."""
-        ...
-
-
 class Device(Protocol):
     """One live source. It is read by one thread; `counters` may be asked for by any."""
 

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.devices.can_device import CanDevice
-from recoil_acquisition.devices.device import CAN, SERIAL, Device, StreamCheck
+from recoil_acquisition.devices.device import CAN, SERIAL, Device
 from recoil_acquisition.devices.serial_commands import SerialCommands
 from recoil_acquisition.devices.serial_device import SerialDevice
-from recoil_acquisition.devices.stream_check import FramingCheck, can_counter_check
+from recoil_acquisition.devices.stream_check import FramingCheck, StreamCheck, can_counter_check
 from recoil_acquisition.errors import DeviceError
 from recoil_acquisition.frames.framing import Framing
 

@@ -8,8 +8,9 @@ from collections import deque
 from typing import Any
 
 from recoil_acquisition.devices.back_off import BackOff
-from recoil_acquisition.devices.device import Block, Counters, EmptyLook, StreamCheck, event_block
+from recoil_acquisition.devices.device import Block, Counters, EmptyLook, event_block
 from recoil_acquisition.devices.open_fault import error_number
+from recoil_acquisition.devices.stream_check import StreamCheck
 from recoil_acquisition.errors import DeviceError
 
 

@@ -12,12 +12,13 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-from recoil_acquisition.devices.device import SERIAL, Block, Counters, EmptyLook, StreamCheck
+from recoil_acquisition.devices.device import SERIAL, Block, Counters, EmptyLook
 from recoil_acquisition.devices.kernel_drops import GrowingCount, line_errors
 from recoil_acquisition.devices.open_fault import open_fault
 from recoil_acquisition.devices.reopening import ReopenedDevice
 from recoil_acquisition.devices.serial_commands import PollClock, SerialCommands
 from recoil_acquisition.devices.serial_port import PortIdentity, checked_options, find, identity_of, learn, port_names
+from recoil_acquisition.devices.stream_check import StreamCheck
 from recoil_acquisition.errors import DeviceError
 from recoil_acquisition.frames.framing import Command
 

@@ -126,6 +126,10 @@ class CanCounterCheck:
             self._last[key] = int(counts[-1])
 
 
+StreamCheck = FramingCheck | CanCounterCheck
+"""A look at the blocks of data as they pass, for the counters only."""
+
+
 def can_counter_check(source: str, names: Sequence[str], database: str, path: Path) -> CanCounterCheck:
     """Find the counters that a rig names, such as ``Message.Signal``, in a bus's database.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime as dt
-import re
 
 from recoil_acquisition.timebase import AbsoluteStart
 
@@ -18,14 +17,9 @@ def stated_start(start: AbsoluteStart | None) -> dt.datetime | None:
         return None
     if moment.tzinfo is not None:
         return moment
-    offset = re.fullmatch(r"([+-])(\d\d):(\d\d)", start.zone)
     if start.zone == "UTC":
         return moment.replace(tzinfo=dt.UTC)
-    if offset is None:
-        return moment
-    sign = -1 if offset[1] == "-" else 1
     try:
-        zone = dt.timezone(sign * dt.timedelta(hours=int(offset[2]), minutes=int(offset[3])))
+        return moment.replace(tzinfo=dt.datetime.strptime(start.zone, "%z").tzinfo)
     except ValueError:
         return moment
-    return moment.replace(tzinfo=zone)

@@ -15,14 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.exporters.content import Content
-from recoil_acquisition.exporters.csv_text import heading_row
+from recoil_acquisition.exporters.csv_text import ROWS, heading_row
 from recoil_acquisition.exporters.exporter import ExportedTable, Representation
 from recoil_acquisition.readers.text.rows import read_rows
 from recoil_acquisition.readers.text.text_table import find_block
 from recoil_acquisition.readers.text_file import read_text
-
-ROWS = 65536
-"""Rows that are put into text at a time."""
 
 _LOST = re.compile("-?(NAN|INF)")
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from recoil_acquisition.errors import RecoilDaqError, StoreError
+from recoil_acquisition.errors import RecoilDaqError, StoreError, system_errors_as
 from recoil_acquisition.exporters.content import Content
 from recoil_acquisition.exporters.exporter import Exporter, Representation, exact_table, first_difference
 from recoil_acquisition.extras import EXTRAS
@@ -93,23 +93,22 @@ def write_export(
     written: list[tuple[Path, ExportedFile]] = []
     placed: list[Path] = []
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, part in parts:
-            progress(name)
-            target = folder / name
-            temporary = partial_path(target, keeps_suffix=True)
-            temporaries.append(temporary)
-            written.append((temporary, _write(part, exporter, temporary, target)))
-        for temporary, file in written:
-            try:
-                give_name(temporary, file.path, overwrite=overwrite)
-            except FileExistsError as error:
-                raise _exists(file.path) from error
-            if not overwrite:
-                placed.append(file.path)
-        placed.clear()
-    except OSError as error:
-        raise _unwritable(folder, error) from error
+        with system_errors_as(StoreError, folder, "written", _ROOM):
+            folder.mkdir(parents=True, exist_ok=True)
+            for name, part in parts:
+                progress(name)
+                target = folder / name
+                temporary = partial_path(target, keeps_suffix=True)
+                temporaries.append(temporary)
+                written.append((temporary, _write(part, exporter, temporary, target)))
+            for temporary, file in written:
+                try:
+                    give_name(temporary, file.path, overwrite=overwrite)
+                except FileExistsError as error:
+                    raise _exists(file.path) from error
+                if not overwrite:
+                    placed.append(file.path)
+            placed.clear()
     finally:
         for left in (*temporaries, *placed):
             with contextlib.suppress(OSError):
@@ -123,20 +122,19 @@ def write_export(
 def _write(content: Content, exporter: Exporter, temporary: Path, target: Path) -> ExportedFile:
     """Write one file under a temporary name, which the caller removes, and verify it."""
     try:
-        carried = exporter.carried(content)
-        kept = tuple(name for table in carried.tables for name in table.samples)
-        if not kept:
-            raise _nothing_left(exporter, carried, target)
-        exporter.write(content, temporary)
-        difference = first_difference(carried.tables, exporter.read_back(content, temporary))
-        size = temporary.stat().st_size
+        with system_errors_as(StoreError, target, "written", _ROOM):
+            carried = exporter.carried(content)
+            kept = tuple(name for table in carried.tables for name in table.samples)
+            if not kept:
+                raise _nothing_left(exporter, carried, target)
+            exporter.write(content, temporary)
+            difference = first_difference(carried.tables, exporter.read_back(content, temporary))
+            size = temporary.stat().st_size
     except ImportError as error:
         raise StoreError(
             f"{exporter.name} needs {error.name or 'a library that is not installed'}", path=target,
             remedy=EXTRAS[exporter.extra].remedy if exporter.extra in EXTRAS else "install it",
         ) from error  # fmt: skip
-    except OSError as error:
-        raise _unwritable(target, error) from error
     except StoreError:
         raise
     except RecoilDaqError as error:
@@ -163,14 +161,8 @@ def _nothing_left(exporter: Exporter, carried: Representation, target: Path) -> 
 
 
 _REMEDY = "nothing was kept; check the disk, or choose another --format"
+_ROOM = "choose another folder with --out, or make room and give permission there"
 
 
 def _exists(path: Path) -> StoreError:
     return StoreError("exists already", path=path, remedy="choose another --out, or replace it with --overwrite")
-
-
-def _unwritable(path: Path, error: OSError) -> StoreError:
-    return StoreError(
-        f"cannot be written: {error.strerror or error}", path=path,
-        remedy="choose another folder with --out, or make room and give permission there",
-    )  # fmt: skip

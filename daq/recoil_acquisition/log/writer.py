@@ -15,7 +15,7 @@ import time
 import zlib
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -446,8 +446,7 @@ class LogWriter:
 
     def _say_clock(self) -> None:
         clock = anchor()
-        stated = {"wall_ns": clock.wall_ns, "monotonic_ns": clock.monotonic_ns, "within_ns": clock.within_ns}
-        self._say(Kind.CLOCK, clock.monotonic_ns, pack_json(stated))
+        self._say(Kind.CLOCK, clock.monotonic_ns, pack_json(asdict(clock)))
         self._clock_s = time.monotonic()
 
     def _end(self) -> None:

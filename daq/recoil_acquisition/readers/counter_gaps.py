@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +38,18 @@ class CounterGaps:
     unsized: int
     longest: int
     longest_s: float
+
+
+def gaps_as_json(found: Sequence[CounterGaps]) -> dict[str, Any]:
+    """Return sums and maxima over counters, or over the channels of one."""
+    return {
+        "counted_frames": sum(one.counted for one in found),
+        "counter_gaps": sum(one.places for one in found),
+        "missing_frames": sum(one.missing for one in found),
+        "unsized_gaps": sum(one.unsized for one in found),
+        "longest_gap_frames": max((one.longest for one in found), default=0),
+        "longest_gap_s": max((one.longest_s for one in found), default=0.0),
+    }
 
 
 def find_gaps(counts: NDArray[np.int64], times_s: NDArray[np.float64], modulo: int, step: int = 1) -> CounterGaps:

@@ -18,7 +18,7 @@ from recoil_acquisition.errors import ReadError, nearest_first
 from recoil_acquisition.readers.can.decoding import SignalLayout, layout_of, present
 from recoil_acquisition.readers.can.frames import EXTENDED, CanFrames
 from recoil_acquisition.readers.can.messages import CanDatabase
-from recoil_acquisition.readers.counter_gaps import CounterGaps, find_gaps
+from recoil_acquisition.readers.counter_gaps import CounterGaps, find_gaps, gaps_as_json
 
 _NEVER_WRAPS_BITS = 63
 """A counter of so many bits does not wrap while anything is recorded, and its modulo is no int64."""
@@ -58,17 +58,6 @@ class MessageCount:
 
     name: str
     channels: tuple[CounterGaps, ...]
-
-    def as_json(self) -> dict[str, Any]:
-        """Return sums and maxima over the channels."""
-        return {
-            "counted_frames": sum(c.counted for c in self.channels),
-            "counter_gaps": sum(c.places for c in self.channels),
-            "missing_frames": sum(c.missing for c in self.channels),
-            "unsized_gaps": sum(c.unsized for c in self.channels),
-            "longest_gap_frames": max((c.longest for c in self.channels), default=0),
-            "longest_gap_s": max((c.longest_s for c in self.channels), default=0.0),
-        }
 
     def notes(self) -> list[str]:
         """Say how many messages are missing."""
@@ -152,5 +141,5 @@ def counts_as_json(counts: Sequence[MessageCount]) -> dict[str, Any]:
     """Return each counter's count in JSON types, and over all of them sums and maxima; nothing without counters."""
     if not counts:
         return {}
-    together = MessageCount("", tuple(one for count in counts for one in count.channels))
-    return {"counters": {count.name: count.as_json() for count in counts}, **together.as_json()}
+    every = [one for count in counts for one in count.channels]
+    return {"counters": {count.name: gaps_as_json(count.channels) for count in counts}, **gaps_as_json(every)}

@@ -16,6 +16,7 @@ from recoil_acquisition.errors import ReadError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.readers.can.decoding import SignalLayout, layout_of
 from recoil_acquisition.readers.can.frames import EXTENDED, CanFrames
+from recoil_acquisition.readers.time.increasing_stamps import increasing
 
 XML_FORMATS = ("kcd", "arxml")
 
@@ -217,11 +218,10 @@ def messages_of(message: Any, frames: CanFrames, chosen: NDArray[np.intp], notes
     time_s = np.take(frames.time_s, chosen)
     kept = chosen
     if not (np.diff(time_s) > 0).all():
-        newest = np.maximum.accumulate(np.r_[-np.inf, time_s[:-1]])
-        increasing = time_s > newest
-        kept = chosen[increasing]
-        time_s = time_s[increasing]
-        left_out = int((~increasing).sum())
+        later = increasing(time_s)
+        kept = chosen[later]
+        time_s = time_s[later]
+        left_out = int((~later).sum())
         notes.append(f"{message.name}: {left_out} of {chosen.size} frames do not increase in time and were left out")
     channel = np.take(frames.channel, chosen)
     if (channel != channel[0]).any():

@@ -29,11 +29,12 @@ from recoil_acquisition.frames.scan import find_frames_of_port
 from recoil_acquisition.frames.values import FieldSeries, decode_fields, unwrap
 from recoil_acquisition.log.record import Kind
 from recoil_acquisition.readers.captured import CapturedSource, event_of
-from recoil_acquisition.readers.counter_gaps import find_gaps
+from recoil_acquisition.readers.counter_gaps import find_gaps, gaps_as_json
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
 from recoil_acquisition.readers.recording import Recording, StoredChannel
-from recoil_acquisition.readers.serial.frame_time import back_dated, increasing, without_steps
+from recoil_acquisition.readers.serial.frame_time import back_dated, without_steps
 from recoil_acquisition.readers.time.clock_notes import notes_of_clock, notes_of_jumps
+from recoil_acquisition.readers.time.increasing_stamps import increasing
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 _LOSSES = {
@@ -170,14 +171,7 @@ class SerialRecording(Recording):
         found = find_gaps(
             counter.raw.astype(np.int64), times_s[counter.frames], framing.counter.modulo, framing.counter.step
         )
-        self.metadata |= {
-            "counted_frames": found.counted,
-            "counter_gaps": found.places,
-            "missing_frames": found.missing,
-            "unsized_gaps": found.unsized,
-            "longest_gap_frames": found.longest,
-            "longest_gap_s": found.longest_s,
-        }
+        self.metadata |= gaps_as_json([found])
         if found.places:
             notes.append(f"the packet counter has {found.places} gaps: {found.missing} frames are missing")
 

@@ -80,10 +80,3 @@ def without_steps(
     shift_ns[compared] = fit.device_instants_ns(device_ns, host_ns) - device_ns
     instants = device_s + shift_ns / 1e9
     return instants - instants[0], fit
-
-
-def increasing(times_s: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which instants are later than all before them; NaN never is. Shape (n,)."""
-    seen = np.where(np.isnan(times_s), -np.inf, times_s)
-    newest = np.maximum.accumulate(np.r_[-np.inf, seen])[:-1]
-    return seen > newest

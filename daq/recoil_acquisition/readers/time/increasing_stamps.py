@@ -42,6 +42,13 @@ def keep_increasing(stamps: NDArray[Any]) -> tuple[NDArray[np.bool_], int, int]:
     return kept, int(again.sum()), int(stamps.size - forward.sum())
 
 
+def increasing(times_s: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which instants are later than all before them; NaN never is. Shape (n,)."""
+    seen = np.where(np.isnan(times_s), -np.inf, times_s)
+    newest = np.maximum.accumulate(np.r_[-np.inf, seen])[:-1]
+    return seen > newest
+
+
 def left_out_note(name: str, count: int, repeated: int, backward: int) -> tuple[str, ...]:
     """Say how many samples of a signal were left out; nothing if none was."""
     notes = []

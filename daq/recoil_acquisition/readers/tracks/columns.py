@@ -144,10 +144,12 @@ def columns_from_numbers(values: NDArray[np.float64]) -> tuple[Column, ...]:
 
 def increasing_whole(numbers: NDArray[np.float64]) -> bool:
     """Return whether numbers are whole, below 2**53 and increase strictly."""
-    whole = np.isfinite(numbers).all() and bool(
-        (numbers == np.round(numbers)).all() and (np.abs(numbers) < 2.0**53).all()
-    )
-    return bool(whole and (np.diff(numbers) > 0).all())
+    return bool(whole(numbers).all() and (np.diff(numbers) > 0).all())
+
+
+def whole(numbers: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which numbers are whole and below 2**53, shape as given."""
+    return np.asarray(np.isfinite(numbers) & (numbers == np.round(numbers)) & (np.abs(numbers) < 2.0**53))
 
 
 def _steady(numbers: NDArray[np.float64], frames: NDArray[np.float64] | None) -> bool:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.text.text_table import TextBlock, printed_decimals
 from recoil_acquisition.readers.time.printed_time import SLACK_S, start_agreeing, uniform_from_printed
-from recoil_acquisition.readers.tracks.columns import Column, increasing_whole
+from recoil_acquisition.readers.tracks.columns import Column, increasing_whole, whole
 
 TIME_UNITS_S = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6, "µs": 1e-6}
 
@@ -117,8 +117,7 @@ def _missing(numbers: NDArray[np.int64]) -> tuple[str, ...]:
 def _frame_numbers(block: TextBlock, numbers: NDArray[np.float64], column: Column) -> NDArray[np.int64]:
     if increasing_whole(numbers):
         return numbers.astype(np.int64)
-    sound = np.isfinite(numbers) & (numbers == np.round(numbers)) & (np.abs(numbers) < 2.0**53)
-    row = int(np.flatnonzero(~(sound & np.r_[True, np.diff(numbers) > 0]))[0])
+    row = int(np.flatnonzero(~(whole(numbers) & np.r_[True, np.diff(numbers) > 0]))[0])
     raise CorruptFileError(
         "the frame number is not a whole number larger than the one before",
         path=block.file.path,

@@ -20,7 +20,7 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.rows import iter_rows
 from recoil_acquisition.readers.text.text_table import TextBlock
-from recoil_acquisition.readers.tracks.columns import Column
+from recoil_acquisition.readers.tracks.columns import Column, whole
 from recoil_acquisition.readers.tracks.frame_time import counted_clock
 from recoil_acquisition.readers.tracks.headed_text import read_headed_text
 from recoil_acquisition.readers.tracks.recording import TrackTable, refuse_layout, track_recording
@@ -100,7 +100,7 @@ def _instances(block: TextBlock, *, named: bool) -> tuple[NDArray[np.float64], l
 
 def _frames(numbers: NDArray[np.float64], block: TextBlock) -> tuple[NDArray[np.int64], Places]:
     """Return the frames, increasing, and which of them each row is of."""
-    bad = np.flatnonzero(~(np.isfinite(numbers) & (numbers == np.round(numbers)) & (np.abs(numbers) < 2.0**53)))
+    bad = np.flatnonzero(~whole(numbers))
     if bad.size:
         place = block.place(int(bad[0]), "frame_idx")
         raise CorruptFileError("the frame is no whole number", path=block.file.path, place=place)

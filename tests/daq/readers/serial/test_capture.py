@@ -19,7 +19,8 @@ from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.rdlog import CaptureReader
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.serial.capture import SerialRecording, _reads
-from recoil_acquisition.readers.serial.frame_time import back_dated, increasing, without_steps
+from recoil_acquisition.readers.serial.frame_time import back_dated, without_steps
+from recoil_acquisition.readers.time.increasing_stamps import increasing
 from recoil_acquisition.readers.serial.plain import SerialBytesReader
 from recoil_acquisition.readers.table import surest_claim
 from tests.builders import rdlog_bytes
