@@ -19,7 +19,8 @@ from recoil_acquisition.frames.decoder import FrameDecoder
 from recoil_acquisition.frames.framing import Framing
 from recoil_acquisition.frames.values import decode_fields
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_acquisition.readers.can.decoding import SignalLayout, layout_of, present
+from recoil_acquisition.readers.can.decoding import SignalLayout, layouts_of, present
+from recoil_acquisition.readers.can.frames import key_of, keys_of_rows
 from recoil_acquisition.readers.can.messages import load_database
 
 Array = NDArray[np.float64]
@@ -116,16 +117,15 @@ class CanSignals:
     def __init__(self, source: LiveSource, channels: Sequence[LiveChannel]) -> None:
         database = load_database(source.database or "", source.path)
         names: list[str] = []
-        self._wanted: dict[tuple[int, bool], list[tuple[LiveChannel, SignalLayout, dict[str, SignalLayout]]]] = {}
+        self._wanted: dict[int, list[tuple[LiveChannel, SignalLayout, dict[str, SignalLayout]]]] = {}
         found: set[str] = set()
         for message in database.messages:
-            layouts = {s.name: layout for s in message.signals if (layout := layout_of(s)) is not None}
+            layouts = layouts_of(message)
             names += [f"{message.name}.{name}" for name in layouts]
-            key = int(message.frame_id), bool(message.is_extended_frame)
             for channel in channels:
                 layout = layouts.get(channel.signal.removeprefix(f"{message.name}."))
                 if layout is not None and channel.signal == f"{message.name}.{layout.name}":
-                    self._wanted.setdefault(key, []).append((channel, layout, layouts))
+                    self._wanted.setdefault(key_of(message), []).append((channel, layout, layouts))
                     found.add(channel.name)
         self._held_back = HeldBack()
         self._latest_s = -np.inf
@@ -141,16 +141,15 @@ class CanSignals:
         records = can_rows.parse_rows(block.payload)
         if not records.size:
             return []
-        flags = records["flags"]
         # within one source time goes forward; a frame is never dated before the one in front of it
         times_s = np.maximum.accumulate(records["host_ns"] / 1e9 - self._late_s(records))
         times_s = np.maximum(times_s, self._latest_s)
         self._latest_s = float(times_s[-1])
-        plain = flags & (can_rows.ERROR | can_rows.REMOTE) == 0
-        extended = flags & can_rows.EXTENDED != 0
+        plain = records["flags"] & (can_rows.ERROR | can_rows.REMOTE) == 0
+        keys = keys_of_rows(records)
         samples = []
-        for (identifier, is_extended), rows in self._wanted.items():
-            wanted = plain & (records["id"] == identifier) & (extended == is_extended)
+        for key, rows in self._wanted.items():
+            wanted = plain & (keys == key)
             chosen = records[wanted]
             if not chosen.size:
                 continue

@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,7 @@ from recoil_acquisition.frames.decoder import FrameDecoder
 from recoil_acquisition.frames.framing import Framing
 from recoil_acquisition.frames.values import decode_fields, gaps
 from recoil_acquisition.readers.can.decoding import SignalLayout, gather, layout_of
-from recoil_acquisition.readers.can.frames import EXTENDED
+from recoil_acquisition.readers.can.frames import key_of, keys_of_rows
 from recoil_acquisition.readers.can.messages import load_database
 
 _BATCH_BYTES = 1 << 20
@@ -102,19 +101,19 @@ class CanCounterCheck:
     skipped_bytes = None
     bad = 0
 
-    def __init__(self, counters: Mapping[tuple[int, bool], SignalLayout]) -> None:
+    def __init__(self, counters: Mapping[int, SignalLayout]) -> None:
         self._counters = dict(counters)
-        self._last: dict[tuple[int, bool], int] = {}
+        self._last: dict[int, int] = {}
         self.counter_gaps: int | None = 0
 
     def feed(self, block: Block) -> None:
         """Take the next block."""
         records = can_rows.parse_rows(block.payload)
         plain = records["flags"] & (can_rows.ERROR | can_rows.REMOTE) == 0
-        extended = records["flags"] & can_rows.EXTENDED != 0
+        keys = keys_of_rows(records)
         for key, layout in self._counters.items():
             long_enough = records["length"] >= layout.bytes_needed
-            chosen = records[plain & long_enough & (records["id"] == key[0]) & (extended == key[1])]
+            chosen = records[plain & long_enough & (keys == key)]
             if not chosen.size:
                 continue
             counts = gather(chosen["data"], layout.pieces)
@@ -147,7 +146,7 @@ def can_counter_check(source: str, names: Sequence[str], database: str, path: Pa
     ReadError
         If the database is at fault.
     """
-    counters: dict[tuple[int, bool], SignalLayout] = {}
+    counters: dict[int, SignalLayout] = {}
     parsed = load_database(database, path)
     known = {
         f"{message.name}.{signal.name}": (message, signal) for message in parsed.messages for signal in message.signals
@@ -166,5 +165,5 @@ def can_counter_check(source: str, names: Sequence[str], database: str, path: Pa
             raise DeviceError(
                 f"source '{source}': {name} is no whole number", remedy="correct `counters` of the source"
             )
-        counters[(message.frame_id & ~EXTENDED, bool(message.is_extended_frame))] = replace(layout)
+        counters[key_of(message)] = layout
     return CanCounterCheck(counters)

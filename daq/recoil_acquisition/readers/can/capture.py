@@ -19,7 +19,7 @@ from recoil_acquisition.clock_fit import ClockFit, fit_clock
 from recoil_acquisition.frames import can_rows
 from recoil_acquisition.host_clock import Anchor
 from recoil_acquisition.log.record import Kind
-from recoil_acquisition.readers.can.frames import EXTENDED, ID_MASK, CanFrames, CanLog
+from recoil_acquisition.readers.can.frames import CanFrames, CanLog, keys_of_rows
 from recoil_acquisition.readers.can.recording import CanRecording, declared_database
 from recoil_acquisition.readers.captured import CapturedEvent, CapturedSource
 from recoil_acquisition.readers.reader import Declarations
@@ -76,11 +76,10 @@ class CanCaptureRecording(CanRecording):
             ],
         }
         notes += _losses(metadata, self.clock_fit, events)
-        key = frames["id"] & np.uint32(ID_MASK) | np.where(frames["flags"] & can_rows.EXTENDED, EXTENDED, 0)
         log = CanLog(
             CanFrames(
                 time_s=times_s,
-                key=key.astype(np.uint32),
+                key=keys_of_rows(frames),
                 channel=frames["channel"].astype(np.int64),
                 length=frames["length"].astype(np.int64),
                 data=np.ascontiguousarray(frames["data"]),

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from recoil_acquisition.errors import ReadError, nearest_first
-from recoil_acquisition.readers.can.decoding import SignalLayout, layout_of, present
-from recoil_acquisition.readers.can.frames import EXTENDED, CanFrames
+from recoil_acquisition.readers.can.decoding import SignalLayout, layouts_of, present
+from recoil_acquisition.readers.can.frames import CanFrames, key_of
 from recoil_acquisition.readers.can.messages import CanDatabase
 from recoil_acquisition.readers.counter_gaps import CounterGaps, find_gaps, gaps_as_json
 
@@ -90,8 +90,7 @@ def declared_counters(names: Sequence[str], database: CanDatabase, path: Path) -
         return []
     known: dict[str, MessageCounter] = {}
     for message in database.messages:
-        layouts = {s.name: layout for s in message.signals if (layout := layout_of(s)) is not None}
-        key = message.frame_id | (EXTENDED if message.is_extended_frame else 0)
+        layouts, key = layouts_of(message), key_of(message)
         known |= {f"{message.name}.{n}": MessageCounter(f"{message.name}.{n}", key, own, layouts)
                   for n, own in layouts.items()}  # fmt: skip
     integers = [name for name, counter in known.items() if counter.layout.kind != "float"]

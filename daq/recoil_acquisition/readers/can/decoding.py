@@ -176,6 +176,11 @@ def layout_of(signal: Any) -> SignalLayout | None:
     )
 
 
+def layouts_of(message: Any) -> dict[str, SignalLayout]:
+    """Take the layouts of all signals of a message that are decoded, by their names."""
+    return {signal.name: layout for signal in message.signals if (layout := layout_of(signal)) is not None}
+
+
 def present(
     layout: SignalLayout, layouts: dict[str, SignalLayout], data: NDArray[np.uint8], length: NDArray[np.int64]
 ) -> NDArray[np.bool_]:

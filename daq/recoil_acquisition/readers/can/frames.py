@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.frames import can_rows
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.timebase import AbsoluteStart
 
@@ -94,6 +95,17 @@ class FrameBlock:
     channel: NDArray[np.int64]
     length: NDArray[np.int64]
     data: NDArray[np.uint8]
+
+
+def key_of(message: Any) -> int:
+    """Return the key that the frames of a database's message have."""
+    return int(message.frame_id) | (EXTENDED if message.is_extended_frame else 0)
+
+
+def keys_of_rows(rows: NDArray[np.void]) -> NDArray[np.uint32]:
+    """Return the keys of the rows of a capture, shape (n_rows,)."""
+    extended = np.where(rows["flags"] & can_rows.EXTENDED, EXTENDED, 0)
+    return (rows["id"] & np.uint32(ID_MASK) | extended).astype(np.uint32)
 
 
 class FrameList:

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from recoil_acquisition.can_library import load_can_library
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_acquisition.readers.can.decoding import SignalLayout, layout_of
-from recoil_acquisition.readers.can.frames import EXTENDED, CanFrames
+from recoil_acquisition.readers.can.decoding import SignalLayout, layouts_of
+from recoil_acquisition.readers.can.frames import EXTENDED, CanFrames, key_of
 from recoil_acquisition.readers.time.increasing_stamps import increasing
 
 XML_FORMATS = ("kcd", "arxml")
@@ -196,8 +196,7 @@ def _parse_database(text: str, kind: str) -> CanDatabase:
         try:
             message.refresh(strict=True)
         except Error as fault:
-            key = message.frame_id | (EXTENDED if message.is_extended_frame else 0)
-            faulty.append(FaultyMessage(message.name, key, str(fault)))
+            faulty.append(FaultyMessage(message.name, key_of(message), str(fault)))
         else:
             sound.append(message)
     if faulty and not sound:
@@ -226,13 +225,12 @@ def messages_of(message: Any, frames: CanFrames, chosen: NDArray[np.intp], notes
     channel = np.take(frames.channel, chosen)
     if (channel != channel[0]).any():
         notes.append(f"{message.name}: frames of channels {', '.join(map(str, np.unique(channel)))} were merged")
-    layouts = {}
-    for signal in message.signals:
-        layout = layout_of(signal)
-        if layout is None:
-            notes.append(f"{message.name}.{signal.name}: {signal.length} bits are not decoded")
-        else:
-            layouts[signal.name] = layout
+    layouts = layouts_of(message)
+    notes += [
+        f"{message.name}.{signal.name}: {signal.length} bits are not decoded"
+        for signal in message.signals
+        if signal.name not in layouts
+    ]
     width = max([layout.bytes_needed for layout in layouts.values()], default=8)
     data = np.take(frames.data, kept, axis=0)
     if data.shape[1] < width:

@@ -17,7 +17,7 @@ from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.can.counters import count_messages, counts_as_json, declared_counters
 from recoil_acquisition.readers.can.decoding import SignalLayout, present
-from recoil_acquisition.readers.can.frames import EXTENDED, CanLog
+from recoil_acquisition.readers.can.frames import CanLog, key_of
 from recoil_acquisition.readers.can.messages import CanDatabase, Messages, count_identifiers, load_database, messages_of
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
 from recoil_acquisition.readers.recording import Recording, StoredChannel
@@ -74,8 +74,7 @@ class CanRecording(Recording):
         absent: list[str] = []
         signals: list[_Signal] = []
         for message in database.messages:
-            key = message.frame_id | (EXTENDED if message.is_extended_frame else 0)
-            own = log.frames.key == key
+            own = log.frames.key == key_of(message)
             foreign &= ~own
             chosen = np.flatnonzero(own)
             if chosen.size:

@@ -20,9 +20,9 @@ from recoil_acquisition.readers.rdlog import CaptureReader
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.serial.capture import SerialRecording, _reads
 from recoil_acquisition.readers.serial.frame_time import back_dated, without_steps
-from recoil_acquisition.readers.time.increasing_stamps import increasing
 from recoil_acquisition.readers.serial.plain import SerialBytesReader
 from recoil_acquisition.readers.table import surest_claim
+from recoil_acquisition.readers.time.increasing_stamps import increasing
 from tests.builders import rdlog_bytes
 from tests.builders.serial_packets import stamped_capture, summed
 from tests.builders.shared_data import shared_file
