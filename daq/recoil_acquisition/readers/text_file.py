@@ -62,19 +62,17 @@ class TextFile:
         for at in range(start, stop, PART_BYTES):
             yield self.data[at : min(at + PART_BYTES, stop)]
 
-    def lines(self, start: int, count: int) -> list[str]:
-        """Return up to ``count`` lines from byte ``start``, without their line ends."""
-        rows = self.data[start:].split(b"\n", count) if start else self.data.split(b"\n", count)
-        return [row.decode(self.encoding, errors="replace") for row in rows[:count]]
+    def lines(self, count: int) -> list[str]:
+        """Return up to ``count`` lines from the beginning, without their line ends."""
+        return [row.decode(self.encoding, errors="replace") for row in self.data.split(b"\n", count)[:count]]
 
-    def start_of(self, line: int) -> int:
-        """Return the byte at which a line begins, counted from 0; the end of the file behind its last one."""
+    def line_start(self, index: int) -> int:
+        """Return the byte at which a line begins, counted from 0; the size if there are fewer."""
         start = 0
-        for _ in range(line):
-            end = self.data.find(b"\n", start)
-            if end < 0:
-                return len(self.data)
-            start = end + 1
+        for _ in range(index):
+            start = self.data.find(b"\n", start) + 1
+            if not start:
+                return self.size
         return start
 
 

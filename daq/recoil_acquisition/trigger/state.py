@@ -247,17 +247,15 @@ class _Rates:
 
     def feed(self, times_s: Floats, values: Floats) -> Floats:
         """Return the rate at each of the next samples, shape (n_samples,); NaN where there is none yet."""
-        n_past = len(self._times_s)
+        n_past, new = len(self._times_s), (times_s, values)
         times_s = np.concatenate((self._times_s, times_s))
         values = np.concatenate((self._values, values))
         # Stamps that repeat have no rate between them, and infinite samples none at all
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             rates = self._over_time(times_s, values, n_past) if self._over_s else _to_the_next(times_s, values, n_past)
         rates[~np.isfinite(rates)] = np.nan
-        if len(times_s):
-            keep = int(np.searchsorted(times_s, times_s[-1] - self._over_s, side="right")) - 1
-            keep = min(max(keep, 0), len(times_s) - 1)
-            self._times_s, self._values = times_s[keep:].copy(), values[keep:].copy()
+        if len(new[0]):
+            self.keep(*new)
         return rates
 
     def _over_time(self, times_s: Floats, values: Floats, n_past: int) -> Floats:

@@ -51,7 +51,7 @@ def read_track_table(file: TextFile, reader: str, declared_hz: float | None) -> 
     CorruptFileError
         If no block of numbers is found, or a row of it is damaged.
     """
-    lines = file.lines(0, HEADER_LINES + BLOCK_ROWS)
+    lines = file.lines(HEADER_LINES + BLOCK_ROWS)
     found = find_numbers(lines)
     if found is None:
         raise CorruptFileError(
@@ -69,7 +69,7 @@ def read_track_table(file: TextFile, reader: str, declared_hz: float | None) -> 
     comma = has_decimal_comma(numbers, separator)
     columns = columns_from_headings(header[-3:], width)
     labels = [c.name for c in columns] if columns else [f"column {i + 1}" for i in range(width)]
-    block = find_block(file, file.start_of(row), separator, labels, decimal_comma=comma)
+    block = find_block(file, file.line_start(row), separator, labels, decimal_comma=comma)
     values = read_rows(block)
     metadata = {
         "header": lines[:row],

@@ -66,11 +66,8 @@ class TrackerTextReader:
         lines = [split_cells(spread(line), separator) for line in head[: row + 6]]
         columns = _columns(lines[row - 1], lines[row], single=row == 1)
         comma = has_decimal_comma(lines[row + 1 :], separator)
-        parted: Text = file
-        start = file.line_start(row + 1)
-        if any(spread(line) != line for line in head):
-            parted = spread_text(file)
-            start = parted.start_of(row + 1)
+        parted: Text = spread_text(file) if any(spread(line) != line for line in head) else file
+        start = parted.line_start(row + 1)
         block = find_block(parted, start, separator, [column.name for column in columns], decimal_comma=comma)
         values = read_rows(block)
         # a frame column of one track of several is empty where that track is

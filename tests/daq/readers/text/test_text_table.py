@@ -46,7 +46,7 @@ def test_every_usual_encoding_gives_the_same_text(encoding: str, tmp_path: Path)
     text = "Größe [°]\r\n1,5\r\n"
     path = tmp_path / "a.txt"
     path.write_bytes(text.encode(encoding))
-    assert read_text(path).lines(0, 2) == ["Größe [°]", "1,5"]
+    assert read_text(path).lines(2) == ["Größe [°]", "1,5"]
     assert decode_head(text.encode(encoding)) == text.replace("\r\n", "\n")
 
 
