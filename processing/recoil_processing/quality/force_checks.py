@@ -40,13 +40,10 @@ def check_impulse(excess_n_s: float, momentum_kg_m_s: float, u_rel: float, *, ma
     mass_kg
         The specification mass.
     """
-    limit = LIMITS["impulse_share"]
     if not (math.isfinite(excess_n_s) and momentum_kg_m_s > 0):
-        return "warn", (
-            f"impulse {excess_n_s:.4g} N s beyond a momentum of {momentum_kg_m_s:.4g} kg m/s: check both records"
-        )
-    off = excess_n_s / momentum_kg_m_s
-    bound = max(limit.warn, TOLERANCE_U * u_rel)
+        return _no_motion(excess_n_s, momentum_kg_m_s)
+    limit = LIMITS["impulse_share"]
+    off, bound = excess_n_s / momentum_kg_m_s, max(limit.warn, TOLERANCE_U * u_rel)
     text = (
         f"the gauges' impulse is {100 * off:+.1f} % off {mass_kg:g} kg times the largest velocity (tolerance of mass "
         f"and sensors {100 * u_rel:.1f} %"
@@ -79,13 +76,9 @@ def check_braking(excess_n_s: float, momentum_kg_m_s: float, u_rel: float) -> Ou
     verdict, detail
         Never a failure: the zero of any sensor counts for as long as the recoil lasts.
     """
-    limit = LIMITS["impulse_share"]
     if not (math.isfinite(excess_n_s) and momentum_kg_m_s > 0):
-        return "warn", (
-            f"impulse {excess_n_s:.4g} N s beyond a momentum of {momentum_kg_m_s:.4g} kg m/s: check both records"
-        )
-    off = excess_n_s / momentum_kg_m_s
-    bound = max(limit.warn, TOLERANCE_U * u_rel)
+        return _no_motion(excess_n_s, momentum_kg_m_s)
+    off, bound = excess_n_s / momentum_kg_m_s, max(LIMITS["impulse_share"].warn, TOLERANCE_U * u_rel)
     text = (
         f"while it brakes {100 * off:+.1f} % of the momentum are not accounted for (tolerance of mass and sensors "
         f"{100 * u_rel:.1f} %"
@@ -96,6 +89,11 @@ def check_braking(excess_n_s: float, momentum_kg_m_s: float, u_rel: float) -> Ou
         f"{text}, limit {100 * bound:.1f} %): gain of the brake's or the recuperator's gauge, or a zero that moved; "
         "check both gauges, and the accelerometer's mounting, before the next shot"
     )
+
+
+def _no_motion(excess_n_s: float, momentum_kg_m_s: float) -> Outcome:
+    """Say that there is no momentum to compare an impulse with."""
+    return "warn", f"impulse {excess_n_s:.4g} N s beyond a momentum of {momentum_kg_m_s:.4g} kg m/s: check both records"
 
 
 def check_force_sign(force: Array, acceleration: Array) -> Outcome:
@@ -114,19 +112,17 @@ def check_force_sign(force: Array, acceleration: Array) -> Outcome:
     # about zero, not about the means: both are zero at rest, and that is part of Newton's law
     correlation = float(np.sum(f * a)) / size if size > 0 else math.nan
     limit = LIMITS["force_correlation"]
-    verdict = limit.verdict(correlation)
     text = f"force and acceleration correlate by {correlation:+.3f} below the cut-off"
-    if verdict == "ok":
-        return "ok", text
-    if verdict == "fail":
+    if limit.verdict(correlation) == "fail":
         return (
             "fail",
             f"{text}: one of them is turned; set `polarity = -1` of that sensor or turn it before the next shot",
         )
-    return "warn", (
-        f"{text} (limit {limit.warn:g}): files of two shots, swapped cables, a wrong delay, or ringing below the "
-        "cut-off; compare the channels' names with their plugs before the next shot"
+    remedy = (
+        ": files of two shots, swapped cables, a wrong delay, or ringing below the cut-off; compare the channels' "
+        "names with their plugs before the next shot"
     )
+    return limit.outcome(correlation, text, remedy)
 
 
 def check_skew(skew_s: float, u_s: float, *, significant: bool) -> Outcome:

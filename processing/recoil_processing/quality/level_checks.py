@@ -10,7 +10,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.shot import Verdict
 from recoil_processing.noise import robust_sigma
 from recoil_processing.quality.limits import LIMITS, Outcome
 
@@ -134,18 +133,10 @@ def check_filtered_noise(filtered: Array, in_baseline: Flags, pulse: Flags, *, n
     if noise == 0:
         return "ok", "noise below the resolution"
     ratio_db = 20 * math.log10(max(rms, 1e-300) / noise)
-    limit = LIMITS["filtered_signal_to_noise_db"]
-    verdict: Verdict = limit.verdict(ratio_db)
-    if verdict == "warn" and not needed:
-        verdict = "ok"
     text = f"pulse {ratio_db:.0f} dB above the noise behind the low-pass"
-    if verdict == "ok":
-        return "ok", text
-    bound = limit.fail if verdict == "fail" else limit.warn
-    return (
-        verdict,
-        f"{text} (limit {bound:g} dB); choose a smaller range, or check gain and cable, before the next shot",
-    )
+    remedy = "; choose a smaller range, or check gain and cable, before the next shot"
+    outcome = LIMITS["filtered_signal_to_noise_db"].outcome(ratio_db, text, remedy, unit=" dB")
+    return ("ok", text) if outcome[0] == "warn" and not needed else outcome
 
 
 def check_level_after(samples: Array, in_baseline: Flags, after: Flags, *, unit: str) -> Outcome:
@@ -167,19 +158,12 @@ def check_level_after(samples: Array, in_baseline: Flags, after: Flags, *, unit:
     error = math.sqrt(sum(float(np.var(b, ddof=1)) / b.size for b in blocks))
     peak = float(np.max(np.abs(samples[present] - np.mean(before))))
     sure = max(abs(shift) - 3 * error, 0.0) / max(peak, 1e-300)
-    limit = LIMITS["zero_shift_share"]
-    verdict = limit.verdict(sure)
     text = (
         f"zero after the shot {shift:+.3g} {unit} (u {error:.2g}) off the one before, {100 * abs(shift) / peak:.2f} % "
         "of the peak"
     )
-    if verdict == "ok":
-        return "ok", text
-    bound = limit.fail if verdict == "fail" else limit.warn
-    return verdict, (
-        f"{text} (limit {100 * bound:g} %); check its mounting, its temperature and its charge amplifier before the "
-        "next shot"
-    )
+    remedy = "; check its mounting, its temperature and its charge amplifier before the next shot"
+    return LIMITS["zero_shift_share"].outcome(sure, text, remedy, unit=" %")
 
 
 def check_zero_shift(bias: float, u_bias: float, peak: float, *, unit: str, against: str = "the camera") -> Outcome:
@@ -199,10 +183,6 @@ def check_zero_shift(bias: float, u_bias: float, peak: float, *, unit: str, agai
         return "warn", f"zero moved by {bias:.3g} {unit} at a peak of {peak:.3g} {unit}: check both records"
     share = abs(bias) / peak
     sure = max(abs(bias) - 3 * u_bias, 0.0) / peak
-    limit = LIMITS["zero_shift_share"]
-    verdict = limit.verdict(sure)
     text = f"zero moved by {bias:+.3g} {unit} (u {u_bias:.2g}) against {against}, {100 * share:.2f} % of the peak"
-    if verdict == "ok":
-        return "ok", text
-    bound = limit.fail if verdict == "fail" else limit.warn
-    return verdict, f"{text} (limit {100 * bound:g} %); check its mounting and charge amplifier before the next shot"
+    remedy = "; check its mounting and charge amplifier before the next shot"
+    return LIMITS["zero_shift_share"].outcome(sure, text, remedy, unit=" %")

@@ -48,6 +48,24 @@ class Limit:
             return "fail" if figure < self.fail else "warn" if figure < self.warn else "ok"
         return "fail" if figure > self.fail else "warn" if figure > self.warn else "ok"
 
+    def outcome(self, figure: float, text: str, remedy: str, *, unit: str = "") -> Outcome:
+        """Judge a figure, and say it with the limit that it is beyond and what to do, if it is.
+
+        Parameters
+        ----------
+        text
+            Gives the figure.
+        remedy
+            From the punctuation mark behind the limit on.
+        unit
+            Of the limit as it is shown, with a space before it; ``" %"`` for shares.
+        """
+        verdict = self.verdict(figure)
+        if verdict == "ok":
+            return "ok", text
+        bound = self.fail if verdict == "fail" else self.warn
+        return verdict, f"{text} (limit {100 * bound if unit == ' %' else bound:g}{unit}){remedy}"
+
 
 LIMITS: Mapping[str, Limit] = MappingProxyType(
     {

@@ -80,14 +80,12 @@ def check_marker_noise(times_s: Array, positions: Array, *, unit: str) -> Outcom
         if sigma > noisiest:
             noisiest, at_s = sigma, times_s[first]
     ratio = noisiest / whole
-    limit = LIMITS["marker_noise"]
     text += f", at most {ratio:.1f} times that in {1e3 * BLOCK_S:g} ms"
-    if limit.verdict(ratio) == "ok":
-        return "ok", text
-    return "warn", (
-        f"{text} (limit {limit.warn:g}), from {at_s:.3f} s of the track: blur, smoke or poor light; shorten the "
-        "exposure and light the mark better before the next shot"
+    remedy = (
+        f", from {at_s:.3f} s of the track: blur, smoke or poor light; shorten the exposure and light the mark better "
+        "before the next shot"
     )
+    return LIMITS["marker_noise"].outcome(ratio, text, remedy)
 
 
 def find_jumps(times_s: Array, positions: Array) -> Flags:
@@ -172,7 +170,6 @@ def check_distance(first: Array, second: Array, *, unit: str) -> Outcome:
     sigma, middle = noise_sigma(distance), float(np.median(present))
     if not sigma > 0:
         return "ok", "both marks without noise"
-    limit = LIMITS["distance_sigma"]
     # single frames go beyond by chance; means of a block do not
     width = min(LEAST_BLOCK, present.size)
     means = np.mean(np.lib.stride_tricks.sliding_window_view(present, width), axis=1)
@@ -180,12 +177,11 @@ def check_distance(first: Array, second: Array, *, unit: str) -> Outcome:
     text = (
         f"distance {middle:.4g} {unit}, its mean over {width} frames at most {largest / sigma:.1f} times its noise off"
     )
-    if limit.verdict(largest / sigma) == "ok":
-        return "ok", text
-    return "warn", (
-        f"{text} (limit {limit.warn:g}): one of the two marks slips, or turns out of the picture's plane; fix the "
-        "marks, and set the camera square to the bore, before the next shot"
+    remedy = (
+        ": one of the two marks slips, or turns out of the picture's plane; fix the marks, and set the camera square "
+        "to the bore, before the next shot"
     )
+    return LIMITS["distance_sigma"].outcome(largest / sigma, text, remedy)
 
 
 def check_peak_locking(positions_px: Array) -> Outcome:
@@ -212,14 +208,11 @@ def check_peak_locking(positions_px: Array) -> Outcome:
     # a jump or the onset is no error of the pixel
     r = np.clip(r, -3 * robust_sigma(r), 3 * robust_sigma(r))
     strength, often = max((2 * abs(complex(np.mean(r * np.exp(2j * np.pi * k * at)))), k) for k in (1, 2))
-    limit = LIMITS["peak_locking"]
     text = f"error of {strength:.3f} pixels that repeats with every {'pixel' if often == 1 else 'half pixel'}"
-    if limit.verdict(strength) == "ok" or count * strength**2 < 4 * RAYLEIGH * float(np.var(r)):
+    if count * strength**2 < 4 * RAYLEIGH * float(np.var(r)):
         return "ok", text
-    return "warn", (
-        f"{text} (limit {limit.warn:g}): the tracker does not interpolate; use its sub-pixel method, or a larger mark, "
-        "before the next shot"
-    )
+    remedy = ": the tracker does not interpolate; use its sub-pixel method, or a larger mark, before the next shot"
+    return LIMITS["peak_locking"].outcome(strength, text, remedy)
 
 
 def check_residual(frames: int, off: int, innovation: float, allowed: tuple[float, float]) -> Outcome:
@@ -240,10 +233,8 @@ def check_residual(frames: int, off: int, innovation: float, allowed: tuple[floa
         f"{off} of {frames + off} frames off the fused motion, innovations {innovation:.2f} of their expected variance"
     )
     if limit.verdict(share) != "ok":
-        return "warn", (
-            f"{text} (limit {100 * limit.warn:g} %): jumps, repeats or a mark that slips; look at the track and track "
-            "it again"
-        )
+        remedy = ": jumps, repeats or a mark that slips; look at the track and track it again"
+        return limit.outcome(share, text, remedy, unit=" %")
     if not allowed[0] <= innovation <= allowed[1]:
         return "warn", (
             f"{text} (limits {allowed[0]:g} to {allowed[1]:g}): a dropped frame, a wrong frame rate, or a smoothed "

@@ -105,24 +105,20 @@ def check_velocity(error: VelocityError) -> Outcome:
         return "warn", f"velocity off by {error.largest_m_s:.3g} m/s at {error.peak_m_s:.3g} m/s: check both records"
     share, left = abs(error.largest_m_s) / error.peak_m_s, error.left_m_s / error.peak_m_s
     limit = LIMITS["velocity_share"]
-    verdict = limit.verdict(share)
     text = (
         f"the accelerometer's velocity is at most {error.largest_m_s:+.3g} m/s off, {100 * share:.1f} % of "
         f"{error.peak_m_s:.3g} m/s"
     )
-    if verdict == "ok":
-        return "ok", text
-    if left < EXPLAINED * share:
-        verdict = "fail" if limit.verdict(left) == "fail" else "warn"
-        return verdict, (
+    if limit.verdict(share) != "ok" and left < EXPLAINED * share:
+        return "fail" if limit.verdict(left) == "fail" else "warn", (
             f"{text} (limit {100 * limit.warn:g} %); a zero that is off by {error.zero_m_s2:+.3g} m/s^2 since the shot "
             "explains it: check the accelerometer's mounting and charge amplifier before the next shot"
         )
-    bound = limit.fail if verdict == "fail" else limit.warn
-    return verdict, (
-        f"{text} (limit {100 * bound:g} %): wrong sensitivity, clipping or another scale of the picture; check range "
-        "and gain, and the picture's scale, before the next shot"
+    remedy = (
+        ": wrong sensitivity, clipping or another scale of the picture; check range and gain, and the picture's scale, "
+        "before the next shot"
     )
+    return limit.outcome(share, text, remedy, unit=" %")
 
 
 def check_carriage(excess: float, u: float) -> Outcome:
@@ -166,16 +162,9 @@ def check_rest_to_rest(final_m_s: float, peak_m_s: float) -> Outcome:
         Velocity by the accelerometer at rest after the shot, and its largest.
     """
     share = abs(final_m_s) / peak_m_s if peak_m_s > 0 else math.nan
-    limit = LIMITS["velocity_share"]
-    verdict = limit.verdict(share)
     text = f"its velocity is {final_m_s:+.3g} m/s at rest after the shot, {100 * share:.1f} % of its peak"
-    if verdict == "ok":
-        return "ok", text
-    bound = limit.fail if verdict == "fail" else limit.warn
-    return (
-        verdict,
-        f"{text} (limit {100 * bound:g} %): its zero moved; check mounting and charge amplifier before the next shot",
-    )
+    remedy = ": its zero moved; check mounting and charge amplifier before the next shot"
+    return LIMITS["velocity_share"].outcome(share, text, remedy, unit=" %")
 
 
 def check_polarity(samples: Array, in_baseline: Flags) -> Outcome:

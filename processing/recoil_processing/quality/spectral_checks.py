@@ -36,17 +36,15 @@ def check_gap(depth_db: float, valley_hz: float, shoulder_hz: float) -> Outcome:
     valley_hz, shoulder_hz
         Where they are.
     """
-    limit = LIMITS["gap_depth_db"]
     text = (
         f"the spectrum's gap at {valley_hz:.0f} Hz is {depth_db:.0f} dB deep below the ringing from {shoulder_hz:.0f} "
         "Hz"
     )
-    if limit.verdict(depth_db) == "ok":
-        return "ok", text
-    return "warn", (
-        f"{text} (limit {limit.warn:g} dB): the ringing reaches into the pulse's band; choose the cut-off by hand, and "
-        "mount the sensor more stiffly, or on a mechanical filter, before the next shot"
+    remedy = (
+        ": the ringing reaches into the pulse's band; choose the cut-off by hand, and mount the sensor more stiffly, "
+        "or on a mechanical filter, before the next shot"
     )
+    return LIMITS["gap_depth_db"].outcome(depth_db, text, remedy, unit=" dB")
 
 
 def check_no_gap(reason: str, ringing: float, peak: float) -> Outcome:
@@ -122,17 +120,15 @@ def check_aliasing(fall_db: float, rate_hz: float) -> Outcome:
     rate_hz
         Samples per second.
     """
-    limit = LIMITS["aliasing_db"]
     band = f"between {rate_hz / 4000:.3g} and {rate_hz / 2000:.3g} kHz"
     if math.isinf(fall_db) and fall_db > 0:
         return "ok", f"nothing but noise {band}"
     text = f"the spectrum {band} is {fall_db:.0f} dB below the ringing"
-    if limit.verdict(fall_db) == "ok":
-        return "ok", text
-    return "warn", (
-        f"{text} (limit {limit.warn:g} dB): what rings above is folded back into the record; raise the sampling rate "
-        "or lower the anti-alias filter before the next shot"
+    remedy = (
+        ": what rings above is folded back into the record; raise the sampling rate or lower the anti-alias filter "
+        "before the next shot"
     )
+    return LIMITS["aliasing_db"].outcome(fall_db, text, remedy, unit=" dB")
 
 
 def check_hum(amplitude: float, frequency_hz: float, peak: float, *, unit: str) -> Outcome:
@@ -149,17 +145,13 @@ def check_hum(amplitude: float, frequency_hz: float, peak: float, *, unit: str) 
     """
     if not amplitude > 0:
         return "ok", "no hum above the noise"
-    limit = LIMITS["hum_share"]
     share = amplitude / peak if peak > 0 else math.nan
-    verdict = limit.verdict(share)
     text = f"hum of {frequency_hz:.3g} Hz, {amplitude:.3g} {unit}, {100 * share:.2f} % of the peak"
-    if verdict == "ok":
-        return "ok", text
-    bound = limit.fail if verdict == "fail" else limit.warn
-    return verdict, (
-        f"{text} (limit {100 * bound:g} %): a ground loop; run the amplifier from a battery, or earth the cable's "
-        "screen at one end only, before the next shot"
+    remedy = (
+        ": a ground loop; run the amplifier from a battery, or earth the cable's screen at one end only, before the "
+        "next shot"
     )
+    return LIMITS["hum_share"].outcome(share, text, remedy, unit=" %")
 
 
 def check_srs_symmetry(acceleration: Array, rate_hz: float, lowest_hz: float, ringing_over_pulse: float) -> Outcome:
@@ -189,13 +181,9 @@ def check_srs_symmetry(acceleration: Array, rate_hz: float, lowest_hz: float, ri
         return "ok", f"not judged: it rings by {ringing_over_pulse:.2f} times the one-sided pulse only"
     response = shock_response(acceleration, rate_hz, frequencies)
     ratio_db = float(np.mean(response.ratio_db))
-    limit = LIMITS["srs_ratio_db"]
-    verdict = limit.verdict(abs(ratio_db))
     text = f"upward over downward shock response above {lowest_hz:.0f} Hz {ratio_db:+.1f} dB"
-    if verdict == "ok":
-        return "ok", text
-    bound = limit.fail if verdict == "fail" else limit.warn
-    return verdict, (
-        f"{text} (limit {bound:g} dB): clipped on one side, or its zero jumps; use a larger range, and check mounting "
-        "and cable before the next shot"
+    remedy = (
+        ": clipped on one side, or its zero jumps; use a larger range, and check mounting and cable before the next "
+        "shot"
     )
+    return LIMITS["srs_ratio_db"].outcome(abs(ratio_db), text, remedy, unit=" dB")
