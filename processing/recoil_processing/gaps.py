@@ -75,8 +75,12 @@ def near(flags: Flags, reach: int) -> Flags:
     return spread
 
 
-def longest_run(flags: Flags) -> int:
-    """Return the length of the longest run of set flags, shape (n,); 0 if none is set."""
-    padded = np.concatenate([[False], flags, [False]])
-    edges = np.flatnonzero(padded[1:] != padded[:-1])
-    return int((edges[1::2] - edges[::2]).max()) if edges.size else 0
+def runs_of(flags: Flags) -> list[tuple[int, int]]:
+    """List the runs of set flags, shape (n,), as (first, one beyond the last), in order."""
+    edges = np.flatnonzero(np.diff(flags.astype(np.int8), prepend=0, append=0))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def longest_run(flags: Flags) -> tuple[int, int]:
+    """Return the first of the longest runs of set flags, shape (n,), as `runs_of` does; (0, 0) if none is set."""
+    return max(runs_of(flags), key=lambda run: run[1] - run[0], default=(0, 0))

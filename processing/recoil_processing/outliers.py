@@ -74,6 +74,26 @@ def stuck_repeats(positions: Array, residual: Array, sigma: float) -> Flags:
     return np.asarray(~fresh & moved)
 
 
+def contradicting(times_s: Array, positions: Array, residual: Array, sigma: float) -> Flags:
+    """Find the frames that contradict their neighbours: stuck repeats, and of what is left the isolated outliers.
+
+    Parameters
+    ----------
+    times_s, positions, residual : ndarray, shape (n,)
+        Instants of the frames, strictly increasing; what was recorded, and its difference to the model of the motion.
+    sigma
+        White noise of the positions.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+    """
+    odd = stuck_repeats(positions, residual, sigma)
+    fresh = np.flatnonzero(~odd)
+    odd[fresh[isolated_outliers(times_s[fresh], residual[fresh], sigma)]] = True
+    return odd
+
+
 def _worst(times_s: Array, values: Array, sigma: float, at: NDArray[np.int64]) -> float:
     off = _off(times_s[at], values[at], sigma)
     return float(off.max()) if off.size else 0.0

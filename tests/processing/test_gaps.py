@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recoil_processing.gaps import bridge, longest_run, near
+from recoil_processing.gaps import bridge, longest_run, near, runs_of
 
 FLAGS = st.lists(st.booleans(), max_size=40).map(lambda flags: np.array(flags, dtype=bool))
 
@@ -64,6 +64,13 @@ def test_a_negative_reach_is_refused():
 
 @settings(deadline=None, max_examples=100)
 @given(FLAGS)
-def test_the_longest_run_is_the_longest_row_of_set_flags(flags):
+def test_runs_are_the_flags_and_the_longest_one_is_the_longest_row_of_them(flags):
+    again = np.zeros(flags.size, dtype=bool)
+    for start, stop in runs_of(flags):
+        assert stop > start
+        again[start:stop] = True
+    assert np.array_equal(again, flags)
     text = "".join("x" if flag else " " for flag in flags)
-    assert longest_run(flags) == max((len(run) for run in text.split(" ")), default=0)
+    start, stop = longest_run(flags)
+    assert stop - start == max((len(run) for run in text.split(" ")), default=0)
+    assert flags[start:stop].all()

@@ -33,7 +33,7 @@ from recoil_processing.alignment.motion_solver import LEAST_FRAMES, MotionSolver
 from recoil_processing.alignment.velocity_lag import camera_velocity, mean_accelerations, velocity_shift
 from recoil_processing.double_integral import DoubleIntegral, integrate
 from recoil_processing.noise import noise_sigma
-from recoil_processing.outliers import isolated_outliers, stuck_repeats
+from recoil_processing.outliers import contradicting
 
 __all__ = ["INFLATIONS", "MotionFit", "align_motion", "integrate"]
 
@@ -224,13 +224,8 @@ def _contradicting(model: MotionModel, solution: MotionSolution, marker_sigma: f
     """Find the frames that contradict their neighbours, given the accelerometer, shape (n_frames,)."""
     travel, _ = model.integral.at(model.mapped_s(solution.shift_s, solution.drift)[solution.inside])
     times, positions = model.times_s[solution.inside], model.positions_m[solution.inside]
-    residual = positions - solution.gain * travel
-    stuck = stuck_repeats(positions, residual, marker_sigma)
-    spikes = isolated_outliers(times[~stuck], residual[~stuck], marker_sigma)
     odd = np.zeros(model.times_s.shape, dtype=bool)
-    inside = np.flatnonzero(solution.inside)
-    odd[inside[stuck]] = True
-    odd[inside[~stuck][spikes]] = True
+    odd[solution.inside] = contradicting(times, positions, positions - solution.gain * travel, marker_sigma)
     return odd
 
 

@@ -31,7 +31,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.alignment.motion_solver import LIKELIER
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.motion.fusion_least_squares import solve_fusion
-from recoil_processing.outliers import isolated_outliers, stuck_repeats
+from recoil_processing.outliers import contradicting
 from recoil_processing.repairs.bridged_gaps import bridge_errors
 
 Array = NDArray[np.float64]
@@ -215,10 +215,7 @@ def _contradicting(times_s: Array, positions_m: Array, travel: Array, sigma: flo
     shapes = np.column_stack([travel, np.ones_like(since), since, 0.5 * since**2])
     scale = np.maximum(np.abs(shapes).max(axis=0), np.finfo(np.float64).tiny)
     residual = positions_m - shapes / scale @ np.linalg.lstsq(shapes / scale, positions_m, rcond=None)[0]
-    odd = stuck_repeats(positions_m, residual, sigma)
-    fresh = np.flatnonzero(~odd)
-    odd[fresh[isolated_outliers(times_s[fresh], residual[fresh], sigma)]] = True
-    return odd
+    return contradicting(times_s, positions_m, residual, sigma)
 
 
 def _check(

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.alignment.velocity_walk import WalkFilter
 from recoil_processing.double_integral import DoubleIntegral
-from recoil_processing.outliers import isolated_outliers, stuck_repeats
+from recoil_processing.outliers import contradicting
 
 Array = NDArray[np.float64]
 
@@ -261,8 +261,5 @@ def camera_motion(
         raise ValueError(f"marker_sigma_m must be positive, not {marker_sigma_m}")
     seen = np.isfinite(positions_m) & integral.covers(frame_times_s)
     t, z = frame_times_s[seen], positions_m[seen]
-    residual = z - gain * integral.at(t)[0]
-    stuck = stuck_repeats(z, residual, marker_sigma_m)
-    t, z, residual = t[~stuck], z[~stuck], residual[~stuck]
-    odd = isolated_outliers(t, residual, marker_sigma_m)
+    odd = contradicting(t, z, z - gain * integral.at(t)[0], marker_sigma_m)
     return CameraMotion(t[~odd], z[~odd], integral, marker_sigma_m**2, u_offset_s, u_bias_m_s2)

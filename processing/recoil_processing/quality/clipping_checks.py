@@ -102,7 +102,8 @@ def check_flat_tops(samples: Array, *, declared: bool = False) -> Outcome:
     for extreme in (top, bottom):
         if abs(extreme - rest) < far:
             continue
-        runs.append(longest_run(present == extreme))
+        first, behind = longest_run(present == extreme)
+        runs.append(behind - first)
         if runs[-1] > longest and _piles_up(present, extreme, rest):
             flat = max(flat, runs[-1])
     if not flat:
@@ -196,17 +197,14 @@ def slew_limited_share(samples: Array, in_baseline: Flags) -> float:
 
 def _share_of_flank(rising: Array, at_limit: Flags) -> float:
     """Part of the flank around the longest run at the limit that the run makes up; `rising` positive on it."""
-    run = longest_run(at_limit)
-    if run < LEAST_AT_RATE:
+    start, end = longest_run(at_limit)
+    if end - start < LEAST_AT_RATE:
         return 0.0
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], at_limit, [False]]).astype(np.int8)))
-    starts, ends = edges[::2], edges[1::2]
-    i = int(np.argmax(ends - starts))
-    turns_before = np.flatnonzero(rising[: starts[i]] <= 0)
-    turns_after = np.flatnonzero(rising[ends[i] :] <= 0)
+    turns_before = np.flatnonzero(rising[:start] <= 0)
+    turns_after = np.flatnonzero(rising[end:] <= 0)
     first = int(turns_before[-1]) + 1 if turns_before.size else 0
-    last = ends[i] + int(turns_after[0]) if turns_after.size else rising.size
-    return float(np.sum(rising[starts[i] : ends[i]]) / np.sum(rising[first:last]))
+    last = end + int(turns_after[0]) if turns_after.size else rising.size
+    return float(np.sum(rising[start:end]) / np.sum(rising[first:last]))
 
 
 def noise_left_at_peak(samples: Array, in_baseline: Flags) -> float:
@@ -232,10 +230,7 @@ def noise_left_at_peak(samples: Array, in_baseline: Flags) -> float:
     level = float(np.median(samples[in_baseline & present]))
     size = np.abs(samples - level)
     top = size >= NEAR_PEAK * float(np.nanmax(size))
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], top, [False]]).astype(np.int8)))
-    starts, ends = edges[::2], edges[1::2]
-    longest = int(np.argmax(ends - starts))
-    part = samples[starts[longest] : ends[longest]]
+    part = samples[slice(*longest_run(top))]
     if part.size < LEAST_TOP:
         return math.nan
     return noise_sigma(part) / before

@@ -43,7 +43,8 @@ def check_losses(samples: Array, rate_hz: float) -> Outcome:
     count = int(lost.sum())
     if count == 0:
         return "ok", "no sample lost"
-    share, gap_s = count / samples.size, longest_run(lost) / rate_hz
+    first, behind = longest_run(lost)
+    share, gap_s = count / samples.size, (behind - first) / rate_hz
     most, longest = LIMITS["lost_share"].fail, LIMITS["longest_gap_s"].fail
     text = (
         f"{count} of {samples.size} samples lost ({100 * share:.2f} %, limit {100 * most:g} %), longest gap "

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_processing.gaps import runs_of
+
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
@@ -65,13 +67,11 @@ def bridge_errors(samples: Array, bridged: Flags, step_s: float) -> list[Bridged
     list of BridgedGap
         In order.
     """
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], bridged, [False]]).astype(np.int8)))
-    runs = [(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
     there = samples[~bridged]
     span = float(np.ptp(there)) if there.size else 0.0
     count = np.concatenate([[0], np.cumsum(bridged, dtype=np.int64)])
     gaps = []
-    for start, stop in runs:
+    for start, stop in runs_of(bridged):
         first, last = max(start - 1, 0), min(stop, samples.size - 1)
         error = _worst_bridge(samples, count, start, stop, max(1, round(NEARBY_S / step_s)))
         gaps.append(

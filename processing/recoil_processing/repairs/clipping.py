@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_processing.gaps import bridge
+from recoil_processing.gaps import bridge, runs_of
 from recoil_processing.repairs.autoregressive import MOST_ORDER, Interpolation, interpolate_unknown
 from recoil_processing.repairs.clipped_wave import ClippedRun, judge_by_peak, judge_by_wave
-from recoil_processing.repairs.repair import Repair, runs_of
+from recoil_processing.repairs.repair import Repair
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

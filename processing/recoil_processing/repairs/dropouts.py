@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.normal_distribution import MAD_TO_SIGMA
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_processing.repairs.repair import Repair, runs_of
+from recoil_processing.gaps import runs_of
+from recoil_processing.repairs.repair import Repair
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

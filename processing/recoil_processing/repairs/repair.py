@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_processing.gaps import runs_of
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -171,9 +172,3 @@ class Repaired(ReadOnlyArrays):
 def changed(before: Array, after: Array) -> Flags:
     """Return which samples differ; one that is lost in both does not, shape (n_samples,)."""
     return np.asarray((before != after) & ~(np.isnan(before) & np.isnan(after)))
-
-
-def runs_of(flags: Flags) -> list[tuple[int, int]]:
-    """List the runs of set flags as (first, one beyond the last), in order."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    return [(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]

@@ -18,11 +18,12 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_processing.gaps import runs_of
 from recoil_processing.repairs.clipping import find_clipped, repair_clipping
 from recoil_processing.repairs.droop import invert_droop
 from recoil_processing.repairs.dropouts import find_drop_outs
 from recoil_processing.repairs.hum import subtract_hum
-from recoil_processing.repairs.repair import Repair, Repaired, runs_of
+from recoil_processing.repairs.repair import Repair, Repaired
 from recoil_rigs.assemble import range_si
 from recoil_rigs.rig import ChannelSpec
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_processing.gaps import near
+from recoil_processing.gaps import near, runs_of
 
 Array = NDArray[np.float64]
 Window = tuple[int, int]
@@ -52,8 +52,7 @@ def free_windows(shot: Array, shortest: int) -> tuple[Window, ...]:
     for least in (COARSE_KNOCK, FINE_KNOCK):
         missed = _unpredicted(shot, free, order)
         knocks = near(missed > np.maximum(KNOCK * float(np.median(missed)), least * loudness), 2)
-        edges = np.flatnonzero(np.diff(np.concatenate([[True], knocks, [True]]).astype(np.int8)))
-        free = tuple((int(begin), int(end)) for begin, end in zip(edges[::2], edges[1::2], strict=True))
+        free = tuple(runs_of(~knocks))
     heard = loudness > max(2.0 * float(np.quantile(loudness, 0.02)), 0.01 * float(loudness.max()))
     windows = []
     for begin, end in free:

@@ -7,11 +7,8 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
-from recoil_processing.repairs.repair import STEPS, Repair, Repaired, changed, runs_of
+from recoil_processing.repairs.repair import STEPS, Repair, Repaired, changed
 
 SAMPLES = np.arange(10.0)
 FIRST_THREE = SAMPLES < 3
@@ -69,15 +66,6 @@ def test_no_peak_may_be_claimed_from_what_was_not_measured(kind):
     repair = Repair(kind, FIRST_THREE, "")
     claimed = Repaired(SAMPLES).then(SAMPLES, repair).unmeasured
     assert claimed.any() == (kind in ("drop-outs masked", "clipped repaired", "clipped masked"))
-
-
-@given(arrays(np.bool_, st.integers(0, 60)))
-def test_runs_are_the_flags(flags):
-    again = np.zeros(flags.size, dtype=bool)
-    for start, stop in runs_of(flags):
-        assert stop > start
-        again[start:stop] = True
-    assert np.array_equal(again, flags)
 
 
 def test_a_sample_that_stays_lost_has_not_changed():

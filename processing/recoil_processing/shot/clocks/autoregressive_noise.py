@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_processing.gaps import runs_of
 
 Array = NDArray[np.float64]
 
@@ -23,6 +24,8 @@ WANDERING = 1e-6
 """Of one less the sum of the coefficients, below which a process returns to no mean."""
 SAMPLES_PER_COEFFICIENT = 10
 """Fewer do not identify a coefficient."""
+runs = runs_of
+"""Pieces of consecutive samples that a process is fitted to, of flags that are set, see `recoil_processing.gaps`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,9 +172,3 @@ def newey_west(scores: Array, lags: int) -> Array:
         product = scores[lag:].T @ scores[:-lag]
         total = total + (1.0 - lag / (lags + 1.0)) * (product + product.T)
     return np.asarray(total)
-
-
-def runs(used: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return begin and end of every run of flags that are set."""
-    edges = np.flatnonzero(np.diff(used.astype(np.int8), prepend=0, append=0))
-    return list(zip(edges[0::2].tolist(), edges[1::2].tolist(), strict=True))

@@ -13,7 +13,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.alignment.velocity_walk import WalkFilter
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.noise import noise_sigma
-from recoil_processing.outliers import isolated_outliers, stuck_repeats
+from recoil_processing.outliers import contradicting
 
 Array = NDArray[np.float64]
 
@@ -79,11 +79,7 @@ class CameraTrack(ReadOnlyArrays):
         sigma = noise_sigma(x)
         set_aside = 0
         if sigma > 0:
-            residual = x - rough.at(t)[0]
-            stuck = stuck_repeats(x, residual, sigma)
-            odd = stuck.copy()
-            fresh = np.flatnonzero(~stuck)
-            odd[fresh[isolated_outliers(t[fresh], residual[fresh], sigma)]] = True
+            odd = contradicting(t, x, x - rough.at(t)[0], sigma)
             t, x, set_aside = t[~odd], x[~odd], int(np.count_nonzero(odd))
         moving = t >= release_s
         rest = x[~moving]
