@@ -32,15 +32,11 @@ class WalkFilter(ReadOnlyArrays):
         Of position and velocity, per metre of innovation.
     variances : ndarray, shape (n,)
         Of the innovations, m^2.
-    predicted, corrected : ndarray, shape (n, 3)
-        Covariance of the state before and after each position is used: ww, ww', w'w'.
     """
 
     steps_s: Array
     gains: Array
     variances: Array
-    predicted: Array
-    corrected: Array
 
     @classmethod
     def design(cls, times_s: Array, marker_variance: float, density: float) -> WalkFilter:
@@ -86,10 +82,7 @@ class WalkFilter(ReadOnlyArrays):
         before = np.array(predicted)
         variances = before[:, 0] + marker_variance
         gains = before[:, :2] / variances[:, None]
-        after = np.column_stack([
-            (marker_variance / variances)[:, None] * before[:, :2], before[:, 2] - gains[:, 1] * before[:, 1]
-        ])  # fmt: skip
-        return cls(steps, gains, variances, before, after)
+        return cls(steps, gains, variances)
 
     @property
     def log_determinant(self) -> float:
@@ -185,38 +178,3 @@ class WalkFilter(ReadOnlyArrays):
         band[3, 0:-2:2] = g1
         band[2, 1:-2:2] = -1.0
         return band
-
-    def smooth(self, positions: Array) -> tuple[Array, Array]:
-        """Estimate the walk at every instant from the positions at all of them.
-
-        The backward pass is that of Rauch, Tung and Striebel (1965), AIAA J. 3(8).
-
-        Parameters
-        ----------
-        positions : ndarray, shape (n,)
-
-        Returns
-        -------
-        states : ndarray, shape (n, 2)
-            w in m and w' in m/s.
-        deviations : ndarray, shape (n, 2)
-            Their standard uncertainties.
-        """
-        n = positions.size
-        before, after = np.empty((n, 2)), np.empty((n, 2))
-        x = np.zeros(2)
-        for i, h in enumerate(self.steps_s.tolist()):
-            before[i] = x[0] + h * x[1], x[1]
-            after[i] = x = before[i] + self.gains[i] * (positions[i] - before[i, 0])
-        predicted, corrected = _matrices(self.predicted), _matrices(self.corrected)
-        states, spread = after.copy(), corrected.copy()
-        for i in range(n - 2, -1, -1):
-            forward = np.array([[1.0, self.steps_s[i + 1]], [0.0, 1.0]])
-            back = np.linalg.solve(predicted[i + 1], forward @ corrected[i]).T
-            states[i] = after[i] + back @ (states[i + 1] - before[i + 1])
-            spread[i] = corrected[i] + back @ (spread[i + 1] - predicted[i + 1]) @ back.T
-        return states, np.sqrt(np.maximum(spread[:, (0, 1), (0, 1)], 0.0))
-
-
-def _matrices(entries: Array) -> Array:
-    return entries[:, (0, 1, 1, 2)].reshape(-1, 2, 2)

@@ -9,17 +9,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_processing.filters.padding import PaddingKind, check_padding
 from recoil_processing.filters.two_pass import TwoPass
 from recoil_processing.filters.zero_phase_filter import (
     FilterDescription,
     apply_bridged,
     check_below_nyquist,
-    check_cutoff,
     check_rate,
     check_shape,
 )
@@ -29,8 +28,6 @@ Flags = NDArray[np.bool_]
 
 _TIME_CONSTANTS = 4.0
 """Time constants of the slowest pole after which less than 1 % of a step is left, for half orders 1 to 8."""
-PADDING_PERIODS = 3.0
-"""Periods of the cut-off over which a record is continued; beyond them nothing of the start is left."""
 
 
 @dataclass(frozen=True)
@@ -47,31 +44,26 @@ class LowPass:
         -3 dB point of the two passes together.
     half_order
         Order of one pass; the net order is twice that.
-    padding : {"odd", "even", "constant"}
-        How a record is continued at its ends, see `recoil_processing.filters.padding`.
     padding_periods
-        Over how many periods of the cut-off, ``padding_periods * rate_hz / cutoff_hz`` samples, rounded
-        up; over the whole record where that is shorter.
+        Over how many periods of the cut-off a record is continued, ``padding_periods * rate_hz / cutoff_hz`` samples,
+        rounded up; over the whole record where that is shorter.
 
     Raises
     ------
     ValueError
-        If the cut-off is not positive and finite, the order is not a positive whole number, the padding
-        is of no known kind, or its length is negative or not finite.
+        If the cut-off is not positive and finite, or the order is not a positive whole number.
     """
 
     cutoff_hz: float
     half_order: int = 4
-    padding: PaddingKind = "odd"
-    padding_periods: float = PADDING_PERIODS
+
+    padding_periods: ClassVar[float] = 3.0
 
     def __post_init__(self) -> None:
-        check_cutoff(self.cutoff_hz)
+        if not (math.isfinite(self.cutoff_hz) and self.cutoff_hz > 0):
+            raise ValueError(f"cutoff_hz must be positive, not {self.cutoff_hz}")
         if self.half_order < 1 or self.half_order != int(self.half_order):
             raise ValueError(f"half_order must be a whole number of at least 1, not {self.half_order}")
-        check_padding(self.padding)
-        if not (math.isfinite(self.padding_periods) and self.padding_periods >= 0):
-            raise ValueError(f"padding_periods must not be negative, not {self.padding_periods}")
 
     @property
     def _stretch(self) -> float:
@@ -135,7 +127,7 @@ class LowPass:
     def two_pass(self, rate_hz: float) -> TwoPass:
         """Design the recursion for a sampling rate, see `recoil_processing.filters.two_pass.TwoPass`."""
         length = math.ceil(self.padding_periods * rate_hz / self.cutoff_hz)
-        return TwoPass(_sections(int(self.half_order), self.corner_hz(rate_hz), rate_hz), self.padding, length)
+        return TwoPass(_sections(int(self.half_order), self.corner_hz(rate_hz), rate_hz), length)
 
     def apply(self, samples: Array, rate_hz: float) -> Array:
         """Filter samples along their first axis.
@@ -193,7 +185,7 @@ class LowPass:
             2,
             self.cutoff_hz,
             self.design_hz if rate_hz is None else self.corner_hz(rate_hz),
-            self.padding,
+            "odd",
             self.padding_periods / self.cutoff_hz,
             rate_hz,
         )

@@ -126,9 +126,8 @@ class ChannelFrequencyClass:
         a0 = wa**2 / d
         b1 = -2.0 * (wa**2 - 1.0) / d
         b2 = (-1.0 + math.sqrt(2.0) * wa - wa**2) / d
-        return TwoPass(
-            np.array([[a0, 2.0 * a0, a0, 1.0, -b1, -b2]]), "odd", self._padding_samples(rate_hz), "mean of ten"
-        )
+        sections = np.array([[a0, 2.0 * a0, a0, 1.0, -b1, -b2]])
+        return TwoPass(sections, self._padding_samples(rate_hz), "mean of ten")
 
     def apply(self, samples: Array, rate_hz: float) -> Array:
         """Filter samples along their first axis, see `filters.zero_phase_filter.ZeroPhaseFilter.apply`.

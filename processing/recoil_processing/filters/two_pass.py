@@ -14,7 +14,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_processing.filters.padding import PaddingKind, after, before
 from recoil_processing.filters.zero_phase_filter import check_finite, not_finite
 
 Array = NDArray[np.float64]
@@ -76,16 +75,15 @@ class TwoPass:
     ----------
     sections : ndarray, shape (n_sections, 6)
         ``b0 b1 b2 1 a1 a2`` of one pass.
-    padding : {"odd", "even", "constant"}
     padding_samples
-        At either end; a record that is shorter is continued by all that it has but one.
+        By which either end is continued, by odd reflection; a record that is shorter is continued by all that it has
+        but one.
     start : {"steady", "mean of ten"}
         Each pass starts as if its first sample had always been there, or by the rule of the standards
         (one section only): its first two outputs are the mean of its first ten inputs.
     """
 
     sections: Array
-    padding: PaddingKind
     padding_samples: int
     start: Start = "steady"
 
@@ -155,7 +153,7 @@ class TwoPass:
         length = min(self.padding_samples, count - 1)
         check_finite(samples[: length + 1])
         check_finite(samples[-length - 1 :])
-        head, tail = before(samples, length, self.padding), after(samples, length, self.padding)
+        head, tail = reflected(samples, length), reflected(samples[::-1], length)[::-1]
         outputs, state = self.begin(np.concatenate([head[:STANDARD_MEAN], samples[:STANDARD_MEAN]]))
         sweep(self.sections, state, head[outputs.shape[0] :])
         forward = sweep(self.sections, state, samples)
@@ -167,6 +165,22 @@ class TwoPass:
         outputs, state = self.begin(end[::-1])
         sweep(self.sections, state, tail[: tail.shape[0] - outputs.shape[0]], backward=True)
         return sweep(self.sections, state, forward, backward=True)
+
+
+def reflected(samples: Array, length: int) -> Array:
+    """Continue a record backward from its first sample by odd reflection about it, which keeps value and slope.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n, ...)
+        The record's beginning, more than `length` samples of it.
+
+    Returns
+    -------
+    ndarray, shape (length, ...)
+        In the order of time, a new array.
+    """
+    return np.asarray(2.0 * samples[:1] - samples[length:0:-1])
 
 
 def too_short(count: int) -> ValueError:

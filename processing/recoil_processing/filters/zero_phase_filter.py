@@ -36,7 +36,7 @@ class FilterDescription:
     minus_3_db_hz, minus_6_db_hz
         Where the amplitude of all passes together is ``1/sqrt(2)`` and ``1/2``.
     padding
-        How the record is continued at its ends: ``odd``, ``even`` or ``constant``.
+        How the record is continued at its ends: ``odd`` is by reflection about the end point.
     padding_s
         Over which time.
     rate_hz
@@ -138,18 +138,6 @@ def check_rate(rate_hz: float) -> None:
     """
     if not (math.isfinite(rate_hz) and rate_hz > 0):
         raise ValueError(f"rate_hz must be positive, not {rate_hz}")
-
-
-def check_cutoff(cutoff_hz: float) -> None:
-    """Refuse a cut-off that is none.
-
-    Raises
-    ------
-    ValueError
-        If it is not positive and finite.
-    """
-    if not (math.isfinite(cutoff_hz) and cutoff_hz > 0):
-        raise ValueError(f"cutoff_hz must be positive, not {cutoff_hz}")
 
 
 def check_below_nyquist(cutoff_hz: float, rate_hz: float) -> None:

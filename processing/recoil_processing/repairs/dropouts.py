@@ -60,11 +60,6 @@ class DropOuts(ReadOnlyArrays):
         """Any of them, shape (n_samples,)."""
         return self.lost | self.held | self.mistimed
 
-    @property
-    def weights(self) -> Array:
-        """0 where a sample is no measurement, 1 elsewhere, shape (n_samples,)."""
-        return (~self.flags).astype(np.float64)
-
     def mask(self, samples: Array) -> tuple[Array, tuple[Repair, ...]]:
         """Mask them.
 

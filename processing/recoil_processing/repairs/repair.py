@@ -159,11 +159,6 @@ class Repaired(ReadOnlyArrays):
                 flags = flags | repair.flags
         return flags
 
-    @property
-    def weights(self) -> Array:
-        """1 where there is a sample, 0 where there is none, shape (n_samples,)."""
-        return np.isfinite(self.samples).astype(np.float64)
-
     def to_json(self) -> list[dict[str, Any]]:
         """List the repairs in JSON types."""
         return [repair.to_json() for repair in self.repairs]

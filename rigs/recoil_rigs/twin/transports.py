@@ -16,7 +16,7 @@ import threading
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from recoil_acquisition.errors import DeviceError
 from recoil_rigs.twin.can_replay import CanItem
@@ -27,27 +27,6 @@ _GROUP = "239.74.163.2"
 _DRAIN_LIMIT_S = 0.25
 _LOOK_S = 0.05
 _PATIENCE_S = 3.0
-
-
-class Transport(Protocol):
-    """One way to the host."""
-
-    @property
-    def device(self) -> Mapping[str, Any]:
-        """The rig's ``device`` table under which the host opens it."""
-        ...
-
-    def plug(self) -> None:
-        """Make the device be there; DeviceError if this computer cannot."""
-        ...
-
-    def unplug(self) -> int:
-        """Take it away; return how many bytes at least the host had not read by then."""
-        ...
-
-    def ready(self, timeout_s: float) -> bool:
-        """Wait until the host has opened it; True at once where that cannot be seen."""
-        ...
 
 
 class VirtualBus:

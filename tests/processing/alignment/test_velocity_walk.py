@@ -39,36 +39,14 @@ def test_the_transpose_is_the_transpose_and_tails_have_their_energy():
     assert np.allclose(walk.tail_energies(column), ((matrix @ tails) ** 2).sum(axis=0), rtol=1e-9)
 
 
-def test_smoothing_is_the_conditional_mean_of_the_dense_gaussian_process():
-    times = uneven_times(60)
-    positions = 1e-4 * np.random.default_rng(2).standard_normal(60)
-    states, deviations = WalkFilter.design(times, MARKER_VARIANCE, DENSITY).smooth(positions)
-    prior = walk_covariance(times, DENSITY)
-    gain = np.linalg.solve(prior + MARKER_VARIANCE * np.eye(60), prior).T
-    assert np.allclose(states[:, 0], gain @ positions, rtol=0, atol=1e-8 * np.abs(positions).max())
-    expected = np.sqrt(np.maximum(np.diag(prior - gain @ prior), 0.0))
-    assert np.allclose(deviations[:, 0], expected, rtol=0, atol=1e-8)
-    since = times - times[0]
-    # covariance of velocity at t_i and position at t_j: the derivative of that of the positions
-    s, t = since[:, None], since[None, :]
-    rates = DENSITY * np.where(s <= t, s * t - s**2 / 2, t**2 / 2)
-    weights = np.linalg.solve(prior + MARKER_VARIANCE * np.eye(60), rates.T).T
-    assert np.allclose(states[:, 1], weights @ positions, rtol=0, atol=1e-8 * np.abs(states[:, 1]).max())
-    expected = np.sqrt(np.maximum(DENSITY * since - np.einsum("ij,ij->i", weights, rates), 0.0))
-    assert np.allclose(deviations[:, 1], expected, rtol=0, atol=1e-8)
-
-
 def test_one_instant_is_marker_noise_alone():
     walk = WalkFilter.design(np.array([3.0]), 4.0, 1.0)
     assert walk.whiten(np.array([[6.0]])).tolist() == [[3.0]]
-    states, deviations = walk.smooth(np.array([6.0]))
-    assert states.tolist() == [[0.0, 0.0]]
-    assert deviations.tolist() == [[0.0, 0.0]]
 
 
 def test_a_walk_far_above_the_markers_noise_keeps_its_variances_positive():
     walk = WalkFilter.design(np.arange(2000) * 1e-3, 1e-18, 1e6)
-    assert np.all(walk.corrected[1:, (0, 2)] > 0)
+    assert np.all(walk.gains[1:] > 0)
     assert np.all(walk.variances > 0)
 
 

@@ -17,8 +17,6 @@ FILTERS = {
     "low pass": LowPass(300.0),
     "low pass of half-order 2": LowPass(300.0, 2),
     "low pass of half-order 6": LowPass(500.0, 6),
-    "low pass padded evenly": LowPass(300.0, padding="even"),
-    "low pass held at its ends": LowPass(300.0, padding="constant", padding_periods=1.0),
     "CFC 60": ChannelFrequencyClass(60),
     "CFC 180": ChannelFrequencyClass(180),
     "CFC 1000": ChannelFrequencyClass(1000),

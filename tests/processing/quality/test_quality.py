@@ -6,15 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recoil_processing.quality import (
-    check_baseline,
-    check_clipping,
-    check_flat_tops,
-    check_losses,
-    check_polarity,
-    check_zero_shift,
-    worst,
-)
+from recoil_processing.quality.clipping_checks import check_clipping, check_flat_tops
+from recoil_processing.quality.level_checks import check_baseline, check_zero_shift
+from recoil_processing.quality.loss_checks import check_losses
+from recoil_processing.quality.motion_checks import check_polarity
 
 RATE_HZ = 20_000.0
 COUNT = 4000
@@ -230,9 +225,3 @@ def test_ringing_does_not_decide_the_polarity():
 
 def test_without_a_baseline_the_level_is_zero():
     assert check_polarity(pulse(), np.zeros(COUNT, dtype=bool))[0] == "ok"
-
-
-def test_the_worst_verdict_wins():
-    assert worst([]) == "ok"
-    assert worst(["ok", "warn", "ok"]) == "warn"
-    assert worst(["warn", "fail", "ok"]) == "fail"

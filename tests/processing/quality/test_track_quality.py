@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from recoil_processing.quality import check_lost_frames as as_once_imported
 from recoil_processing.quality.track_quality import check_lost_frames, check_repeated_frames
 from tests.builders.motions import record_motion
 
@@ -97,7 +96,3 @@ def test_too_few_positions_fail(positions):
 
 def test_a_track_that_never_moves_repeats_nothing_in_motion():
     assert check_repeated_frames(np.zeros(100))[0] == "ok"
-
-
-def test_the_checks_are_still_found_where_they_were():
-    assert as_once_imported is check_lost_frames

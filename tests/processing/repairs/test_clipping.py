@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from recoil_processing.filters import LowPass
-from recoil_processing.quality import check_clipping
+from recoil_processing.quality.clipping_checks import check_clipping
 from recoil_processing.repairs.autoregressive import MOST_ORDER
 from recoil_processing.repairs.clipped_wave import LARGEST_PEAK
 from recoil_processing.repairs.clipping import END_SHARE, ClippingRepair, find_clipped, repair_clipping

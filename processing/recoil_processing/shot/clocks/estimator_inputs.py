@@ -162,10 +162,3 @@ class EstimatorInputs:
     def release_s(self) -> float:
         """First instant at which the part is free."""
         return float(self.recorded.times_s[int(np.argmax(self.recorded.released > 0))])
-
-    @property
-    def rough_kg(self) -> float:
-        """Mass by acceleration on force as recorded."""
-        f, a = self.force_n[self.used], self.acceleration_m_s2[self.used]
-        common = float(f @ a)
-        return float(f @ f) / common if common > 0 else self.rig.mechanism.m3

@@ -14,23 +14,23 @@ from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.shot import ClockAlignment, QualityCheck
 from recoil_processing.alignment.align import INNOVATION_LIMITS
-from recoil_processing.quality import (
-    Outcome,
-    check_battery,
+from recoil_processing.quality.frame_checks import check_duplicated_pictures, check_frame_rate, duplicated_pictures
+from recoil_processing.quality.limits import Outcome
+from recoil_processing.quality.marker_checks import (
     check_distance,
-    check_duplicated_pictures,
-    check_frame_rate,
-    check_held_ends,
     check_jumps,
-    check_lost_frames,
     check_marker_noise,
     check_peak_locking,
-    check_repeated_frames,
     check_residual,
+    marker_noise,
 )
-from recoil_processing.quality.frame_checks import duplicated_pictures
-from recoil_processing.quality.marker_checks import marker_noise
-from recoil_processing.quality.track_quality import rest_begin
+from recoil_processing.quality.track_quality import (
+    check_battery,
+    check_held_ends,
+    check_lost_frames,
+    check_repeated_frames,
+    rest_begin,
+)
 from recoil_rigs.rig import ChannelSpec, Source
 
 Array = NDArray[np.float64]

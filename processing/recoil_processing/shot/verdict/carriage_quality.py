@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.shot import ClockAlignment, QualityCheck, Shot
 from recoil_processing.alignment.align import INNOVATION_LIMITS
-from recoil_processing.quality import check_carriage
+from recoil_processing.quality.motion_checks import check_carriage
 from recoil_processing.shot.camera_motion import recorded_motion
 from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ACCELERATIONS
 from recoil_processing.shot.signals import at_instants

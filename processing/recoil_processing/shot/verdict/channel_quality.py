@@ -14,26 +14,24 @@ from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.shot import Verdict
 from recoil_processing.filters import LowPass
 from recoil_processing.gaps import bridge, near
-from recoil_processing.quality import (
-    Outcome,
-    check_aliasing,
+from recoil_processing.quality.clipping_checks import check_clipping, check_flat_tops, check_out_of_band
+from recoil_processing.quality.level_checks import (
     check_baseline,
-    check_clipping,
     check_filtered_noise,
-    check_flat_tops,
-    check_gap,
-    check_held,
-    check_hum,
     check_level_after,
-    check_losses,
-    check_no_gap,
-    check_out_of_band,
-    check_polarity,
-    check_srs_symmetry,
     check_steady_baseline,
-    check_time_steps,
 )
-from recoil_processing.quality.spectral_checks import last_octave_fall_db
+from recoil_processing.quality.limits import Outcome
+from recoil_processing.quality.loss_checks import check_held, check_losses, check_time_steps
+from recoil_processing.quality.motion_checks import check_polarity
+from recoil_processing.quality.spectral_checks import (
+    check_aliasing,
+    check_gap,
+    check_hum,
+    check_no_gap,
+    check_srs_symmetry,
+    last_octave_fall_db,
+)
 from recoil_processing.repairs.hum import Hum, subtract_hum
 from recoil_processing.shot.signals import BASELINE_MARGIN_S, static_value
 from recoil_processing.shot.verdict.motion_quality import CUTOFF_HZ, SLOWEST_SHARE

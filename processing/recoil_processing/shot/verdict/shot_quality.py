@@ -15,7 +15,8 @@ from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.shot import ClockAlignment, QualityCheck, Shot
 from recoil_acquisition.shot_name import numbers_of
-from recoil_processing.quality import Outcome, check_zero_shift
+from recoil_processing.quality.level_checks import check_zero_shift
+from recoil_processing.quality.limits import Outcome
 from recoil_processing.shot.onset import find_onset
 from recoil_processing.shot.signals import BASELINE_MARGIN_S
 from recoil_processing.shot.verdict.acquisition_quality import check_acquisition, check_clock_fits
