@@ -8,12 +8,18 @@ The estimators are `recoil_processing.alignment.motion_alignment`, `recoil_proce
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from typing import Any
+
+import numpy as np
 
 from recoil_acquisition.shot import AlignmentStatus, ClockAlignment
 from recoil_processing.alignment.motion_fit import MotionFit
 from recoil_processing.alignment.redundant_alignment import RedundantFit
 from recoil_processing.alignment.trigger_alignment import EdgeFit
+
+Fit = MotionFit | RedundantFit | EdgeFit
 
 ACCELEROMETER = "accelerometer"
 """What a camera is aligned by, unless it is the force."""
@@ -48,6 +54,23 @@ MOST_U_OFFSET_S = 2e-4
 """Beyond this an offset is hardly known: at 10 m/s it is 2 mm of travel."""
 MOST_DRIFT = 1e-3
 """No two quartz clocks differ by a tenth of this; a frame rate that was entered wrongly does."""
+
+OF_ACCELEROMETER = (
+    "gain", "u_gain", "u_bias_m_s2", "gain_bias_correlation", "integration_constants", "origin_s", "marker_sigma_m",
+    "acceleration_density", "innovation_statistic",
+)  # fmt: skip
+OF_CLOCK = (
+    "free_drift", "u_free_drift", "frames", "frames_set_aside", "coarse_offset_s", "correlation", "second_peak",
+    "candidates_s", "log_likelihood", "drift_allowance", "drift_earned",
+)  # fmt: skip
+"""Figures of an alignment by motion that its details list."""
+OF_REPEAT = (
+    "gain", "u_gain", "coarse_offset_s", "correlation", "second_peak", "cutoff_hz", "residual_share", "u_alias_s",
+    "rows",
+)  # fmt: skip
+"""Those of one by a repeated channel."""
+OF_EDGES = ("edges", "residual_s", "set_aside", "rivals", "all_source", "all_reference")
+"""Those of one by edges."""
 
 
 def judge_motion(
@@ -143,27 +166,9 @@ def judge_motion(
             f"{combined:.1f} combined standard uncertainties"
         )
     details = {
-        "gain": fit.gain,
-        "u_gain": fit.u_gain,
-        "u_bias_m_s2": fit.u_bias_m_s2,
-        "gain_bias_correlation": fit.gain_bias_correlation,
-        "integration_constants": list(fit.integration_constants),
-        "origin_s": fit.origin_s,
-        "marker_sigma_m": fit.marker_sigma_m,
-        "acceleration_density": fit.acceleration_density,
-        "innovation_statistic": fit.innovation_statistic,
+        **_figures(fit, OF_ACCELEROMETER),
         "noise_inflation": inflation,
-        "free_drift": fit.free_drift,
-        "u_free_drift": fit.u_free_drift,
-        "frames": fit.frames,
-        "frames_set_aside": fit.frames_set_aside,
-        "coarse_offset_s": fit.coarse_offset_s,
-        "correlation": fit.correlation,
-        "second_peak": fit.second_peak,
-        "candidates_s": fit.candidates_s.tolist(),
-        "log_likelihood": fit.log_likelihood.tolist(),
-        "drift_allowance": fit.drift_allowance,
-        "drift_earned": fit.drift_earned,
+        **_figures(fit, OF_CLOCK),
         "drift_departure": sound.drift_departure,
         "drift_told_from": DRIFT_LIMIT_SIGMA * math.hypot(sound.u_free_drift, sound.drift_allowance),
         "frame_faults": [asdict(fault) for fault in fit.frame_faults],
@@ -178,9 +183,7 @@ def judge_motion(
             "u_corrected_offset_s": fit.corrected.u_offset_s,
             "corrected_drift": fit.corrected.drift,
         }
-    return ClockAlignment(
-        clock, fit.offset_s, fit.u_offset_s, fit.drift, fit.u_drift, *_status(doubts, failures, method), details
-    )
+    return _judged(clock, fit, doubts, failures, method, details)
 
 
 def judge_redundant(clock: str, fit: RedundantFit | str, *, method: str = "redundant") -> ClockAlignment:
@@ -190,20 +193,7 @@ def judge_redundant(clock: str, fit: RedundantFit | str, *, method: str = "redun
     if not _finite(fit.offset_s, fit.u_offset_s, fit.drift, fit.gain, fit.u_gain):
         return failed_alignment(clock, method, "the fit gives no finite number: check both records for spikes")
     doubts, failures = _common_doubts(fit)
-    details = {
-        "gain": fit.gain,
-        "u_gain": fit.u_gain,
-        "coarse_offset_s": fit.coarse_offset_s,
-        "correlation": fit.correlation,
-        "second_peak": fit.second_peak,
-        "cutoff_hz": fit.cutoff_hz,
-        "residual_share": fit.residual_share,
-        "u_alias_s": fit.u_alias_s,
-        "rows": fit.rows,
-    }
-    return ClockAlignment(
-        clock, fit.offset_s, fit.u_offset_s, fit.drift, fit.u_drift, *_status(doubts, failures, method), details
-    )
+    return _judged(clock, fit, doubts, failures, method, _figures(fit, OF_REPEAT))
 
 
 def judge_edges(clock: str, fit: EdgeFit | str, *, u_edge_s: float, method: str = "trigger") -> ClockAlignment:
@@ -238,20 +228,13 @@ def judge_edges(clock: str, fit: EdgeFit | str, *, u_edge_s: float, method: str 
     if fit.u_offset_s > MOST_U_OFFSET_S:
         doubts.append(hardly_known(fit.u_offset_s))
     details = {
-        "edges": fit.edges,
-        "residual_s": fit.residual_s,
-        "set_aside": fit.set_aside,
-        "rivals": fit.rivals,
-        "all_source": fit.all_source,
-        "all_reference": fit.all_reference,
+        **_figures(fit, OF_EDGES),
         "unpaired_source": len(fit.unpaired_source),
         "unpaired_reference": len(fit.unpaired_reference),
         "unpaired_source_s": list(fit.unpaired_source[:MOST_LISTED]),
         "unpaired_reference_s": list(fit.unpaired_reference[:MOST_LISTED]),
     }
-    return ClockAlignment(
-        clock, fit.offset_s, fit.u_offset_s, fit.drift, fit.u_drift, *_status(doubts, [], method), details
-    )
+    return _judged(clock, fit, doubts, [], method, details)
 
 
 def _common_doubts(fit: MotionFit | RedundantFit) -> tuple[list[str], list[str]]:
@@ -287,9 +270,17 @@ def _finite(*figures: float) -> bool:
     return all(math.isfinite(figure) for figure in figures)
 
 
-def _status(doubts: list[str], failures: list[str], method: str) -> tuple[AlignmentStatus, str, tuple[str, ...]]:
+def _figures(fit: Fit, names: Sequence[str]) -> dict[str, Any]:
+    """Return some figures of a fit in JSON types."""
+    return {name: np.asarray(getattr(fit, name)).tolist() for name in names}
+
+
+def _judged(
+    clock: str, fit: Fit, doubts: list[str], failures: list[str], method: str, details: Mapping[str, Any]
+) -> ClockAlignment:
     status: AlignmentStatus = "failed" if failures else "ambiguous" if doubts else "ok"
-    return status, method, (*failures, *doubts)
+    line = fit.offset_s, fit.u_offset_s, fit.drift, fit.u_drift
+    return ClockAlignment(clock, *line, status, method, (*failures, *doubts), details)
 
 
 def failed_alignment(clock: str, method: str, reason: str) -> ClockAlignment:

@@ -7,6 +7,7 @@ that are mapped by it mean the same.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,8 +17,9 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.frames.values import unwrap
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_processing.alignment.aliasing import USUAL_ORDER
+from recoil_processing.alignment.alignment_budget import with_uncertainty
 from recoil_processing.alignment.delays import Delay, declared_delay, exposure_delay, filter_delay, mount_delay, sum_of
 from recoil_processing.alignment.stamps import EvenStamps, even_stamps
 from recoil_processing.filters.analog_filter import AnalogLowPass
@@ -119,6 +121,21 @@ def instants(channel: Channel, shot: Shot, rig: Rig) -> Instants:
             # a counter that was reset or read wrongly contradicts the stamps
             stamps = even_stamps(channel.time_base.times_s)
     return Instants(np.asarray(stamps.times_s - delay.delay_s), stamps, delay)
+
+
+def with_chains(found: ClockAlignment, sides: Sequence[tuple[Channel, Instants]], *u_s: float) -> ClockAlignment:
+    """Return an alignment with what its method cannot know: the delays of both sides, and how the beat was found.
+
+    Parameters
+    ----------
+    sides
+        Channels that it was found by and their instants, the source's first.
+    *u_s
+        Standard uncertainties of the offset beside the method's own.
+    """
+    delays = [part for channel, side in sides for part in side.delay.to_json(channel.name)]
+    u_offset_s = math.hypot(found.u_offset_s, *u_s)
+    return with_uncertainty(found, u_offset_s, delays=delays, stamps=sides[0][1].stamps_to_json())
 
 
 def _counts(channel: Channel, spec: ChannelSpec, shot: Shot, rig: Rig) -> NDArray[np.int64] | None:

@@ -240,7 +240,9 @@ def fused_motion(
     details = alignment.details or {}
     seen = camera.measured
     sigma = float(details.get("marker_sigma_m", noise_sigma(seen)))
-    density = details.get("acceleration_density") or _likely_densities(signals, acceleration)
+    density = details.get("acceleration_density") or [
+        inflation * acceleration_noise(signals, acceleration) ** 2 * signals.step_s for inflation in INFLATIONS
+    ]
     if not sigma > 0:
         return None
     fused = fuse(
@@ -264,11 +266,16 @@ def _position(rig: Rig, role: str) -> tuple[float, float]:
     return (0.0, 0.0) if spec is None else spec.sensor.position
 
 
-def _likely_densities(signals: Signals, acceleration: Array) -> list[float]:
-    times = signals.times_s
-    baseline = acceleration[(times >= signals.baseline_s[0]) & (times < signals.baseline_s[1])]
+def acceleration_noise(signals: Signals, acceleration: Array) -> float:
+    """Return the noise per sample of an acceleration on the grid, m/s^2, by its pre-trigger baseline if it has one.
+
+    Parameters
+    ----------
+    acceleration : ndarray, shape (n,)
+    """
+    baseline = acceleration[signals.in_baseline]
     sigma = float(np.std(baseline)) if baseline.size >= LEAST_REST_SAMPLES else noise_sigma(acceleration)
-    return [inflation * max(sigma, LEAST_NOISE_M_S2) ** 2 * signals.step_s for inflation in INFLATIONS]
+    return max(sigma, LEAST_NOISE_M_S2)
 
 
 def _relative(mechanism: Mechanism, inertial: Array, travel: Array, motion: AngularMotion) -> Array:

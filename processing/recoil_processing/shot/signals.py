@@ -110,6 +110,12 @@ class Signals(ReadOnlyArrays):
         return np.asarray(self.start_s + self.step_s * np.arange(count))
 
     @property
+    def in_baseline(self) -> Flags:
+        """Samples of the pre-trigger baseline, shape (n,)."""
+        times = self.times_s
+        return np.asarray((times >= self.baseline_s[0]) & (times < self.baseline_s[1]))
+
+    @property
     def rate_hz(self) -> float:
         """Samples per second of the grid."""
         return 1.0 / self.step_s

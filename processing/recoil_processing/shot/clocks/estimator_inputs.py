@@ -97,8 +97,7 @@ class EstimatorInputs:
     @cached_property
     def in_baseline(self) -> Flags:
         """Samples of the pre-trigger baseline, shape (n,)."""
-        times = self.recorded.times_s
-        return np.asarray((times >= self.signals.baseline_s[0]) & (times < self.signals.baseline_s[1]))
+        return self.signals.in_baseline
 
     @cached_property
     def held_force_n(self) -> Array:

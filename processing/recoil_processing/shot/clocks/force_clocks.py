@@ -18,12 +18,11 @@ from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_processing.alignment.align import failed_alignment, judge_motion
-from recoil_processing.alignment.alignment_budget import with_uncertainty
 from recoil_processing.alignment.motion_alignment import align_motion
 from recoil_processing.alignment.motion_fit import MotionFit
 from recoil_processing.shot.clocks.double_impulse import DoubleImpulseMass
 from recoil_processing.shot.clocks.forced_recoil import ForcedRecoil
-from recoil_processing.shot.instants import instants
+from recoil_processing.shot.instants import instants, with_chains
 from recoil_processing.shot.signals import collect_signals
 from recoil_rigs.rig import Rig
 
@@ -104,12 +103,7 @@ def align_by_force(
             "or a wrong scale"
         )
         judged = replace(judged, status="ambiguous", reasons=(*judged.reasons, doubt))
-    return with_uncertainty(
-        judged,
-        math.hypot(judged.u_offset_s, U_MODEL_S, one.u_s, two.u_s),
-        delays=[*one.delay.to_json(own.name), *two.delay.to_json(other.name)],
-        stamps=one.stamps_to_json(),
-    )
+    return with_chains(judged, [(own, one), (other, two)], U_MODEL_S, one.u_s, two.u_s)
 
 
 def refined(

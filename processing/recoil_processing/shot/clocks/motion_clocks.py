@@ -18,15 +18,13 @@ from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_processing.alignment.align import failed_alignment, judge_motion, judge_redundant
-from recoil_processing.alignment.alignment_budget import with_uncertainty
 from recoil_processing.alignment.motion_alignment import align_motion
 from recoil_processing.alignment.redundant_alignment import align_redundant
 from recoil_processing.gaps import bridge
-from recoil_processing.noise import noise_sigma
 from recoil_processing.shot.clocks.force_clocks import align_by_force
-from recoil_processing.shot.instants import anti_alias_filter, instants
-from recoil_processing.shot.kinematics import angular_motion, bridged_kicks, travel_acceleration
-from recoil_processing.shot.signals import Signals, collect_signals
+from recoil_processing.shot.instants import anti_alias_filter, instants, with_chains
+from recoil_processing.shot.kinematics import acceleration_noise, angular_motion, bridged_kicks, travel_acceleration
+from recoil_processing.shot.signals import collect_signals
 from recoil_rigs.rig import MOTIONS, Rig, Source
 
 Array = NDArray[np.float64]
@@ -119,19 +117,14 @@ def align_by_comparison(
     sensor = rig.channel(own.name).sensor
     fit = align_redundant(
         one.times_s,
-        samples_of(own),
+        own.measured,
         *reference,
         drift_allowance=drift_allowance,
         derivative=derivative,
         source_filter=anti_alias_filter(sensor),
     )
     found = judge_redundant(own.time_base.clock, fit, method=method)
-    return with_uncertainty(
-        found,
-        math.hypot(found.u_offset_s, one.u_s, two.u_s),
-        delays=[*one.delay.to_json(own.name), *two.delay.to_json(other.name)],
-        stamps=one.stamps_to_json(),
-    )
+    return with_chains(found, [(own, one), (other, two)], one.u_s, two.u_s)
 
 
 def _by_travel(
@@ -151,12 +144,12 @@ def _by_travel(
         return align_by_comparison(
             shot, rig, own, other, reference, drift_allowance=drift_allowance, method="motion", derivative=True
         )
-    sigma = _baseline_noise(signals, acceleration)
+    sigma = acceleration_noise(signals, acceleration)
     one, two = instants(own, shot, rig), instants(other, shot, rig)
     # the pre-trigger baseline fixes the zero; what is left of it is the fit's own unknown
     fit = align_motion(
         one.times_s,
-        samples_of(own),
+        own.measured,
         signals.start_s,
         signals.step_s,
         acceleration,
@@ -172,32 +165,14 @@ def _by_travel(
         noise_density=sigma**2 * signals.step_s,
         frame_period_s=1.0 / own.time_base.rate_hz,
     )
-    return with_uncertainty(
-        judged,
-        math.hypot(judged.u_offset_s, one.u_s, two.u_s),
-        delays=[*one.delay.to_json(own.name), *two.delay.to_json(other.name)],
-        stamps=one.stamps_to_json(),
-    )
+    return with_chains(judged, [(own, one), (other, two)], one.u_s, two.u_s)
 
 
 def evenly(shot: Shot, rig: Rig, channel: Channel) -> Evenly:
     """Start, step and samples of a channel on even instants of its clock, lost samples bridged."""
     times, step = instants(channel, shot, rig).times_s, 1.0 / channel.time_base.rate_hz
-    samples = bridge(samples_of(channel), otherwise=0.0)
+    samples = bridge(channel.measured, otherwise=0.0)
     if channel.time_base.step_s is None:
         grid = times[0] + step * np.arange(int((times[-1] - times[0]) / step) + 1)
         samples = np.interp(grid, times, samples)
     return float(times[0]), step, samples
-
-
-def samples_of(channel: Channel) -> Array:
-    """Return a channel's samples, shape (n,); NaN where there is none."""
-    return channel.measured
-
-
-def _baseline_noise(signals: Signals, acceleration: Array) -> float:
-    times = signals.times_s
-    baseline = acceleration[(times >= signals.baseline_s[0]) & (times < signals.baseline_s[1])]
-    if baseline.size >= 50:
-        return max(float(np.std(baseline)), 1e-6)
-    return max(noise_sigma(acceleration), 1e-6)

@@ -9,13 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from recoil_acquisition.channel import Channel
 from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_processing.alignment.align import failed_alignment, judge_edges
-from recoil_processing.alignment.alignment_budget import with_second_opinion, with_uncertainty
+from recoil_processing.alignment.alignment_budget import with_second_opinion
 from recoil_processing.alignment.trigger_alignment import align_edges, rising_edges
-from recoil_processing.shot.clocks.motion_clocks import align_by_comparison, align_by_motion, evenly, samples_of
-from recoil_processing.shot.instants import Instants, instants
+from recoil_processing.shot.clocks.motion_clocks import align_by_comparison, align_by_motion, evenly
+from recoil_processing.shot.instants import instants, with_chains
 from recoil_rigs.rig import (
     ExposureAlignment,
     FixedAlignment,
@@ -80,13 +79,13 @@ def _by_trigger(shot: Shot, rig: Rig, source: Source, align: TriggerAlignment) -
     one, two = instants(own, shot, rig), instants(other, shot, rig)
     u_edge = math.hypot(1.0 / own.time_base.rate_hz, 1.0 / other.time_base.rate_hz) / math.sqrt(12.0)
     fit = align_edges(
-        rising_edges(one.times_s, samples_of(own)),
-        rising_edges(two.times_s, samples_of(other)),
+        rising_edges(one.times_s, own.measured),
+        rising_edges(two.times_s, other.measured),
         u_edge_s=u_edge,
         drift_allowance=align.drift_allowance,
     )
     found = judge_edges(source.name, fit, u_edge_s=u_edge)
-    return with_uncertainty(found, _u_of(found, one, two), **_listed((own, one), (other, two)))
+    return with_chains(found, [(own, one), (other, two)], one.u_s, two.u_s)
 
 
 def _by_exposure(
@@ -99,7 +98,7 @@ def _by_exposure(
         return failed_alignment(source.name, "exposure", f"{missing} is not in this shot")
     frames, pulses = instants(own, shot, rig), instants(other, shot, rig)
     # a pulse rises where the exposure starts; a moving mark's picture is where the mark was in the middle of it
-    edges_s = rising_edges(pulses.times_s, samples_of(other)) + 0.5 * (source.exposure_s or 0.0)
+    edges_s = rising_edges(pulses.times_s, other.measured) + 0.5 * (source.exposure_s or 0.0)
     middle_s = 0.5 * float(frames.times_s[0] + frames.times_s[-1])
     near, motion = None, None
     if align.against is not None:
@@ -111,7 +110,7 @@ def _by_exposure(
     fit = align_edges(frames.times_s, edges_s, u_edge_s=u_edge, drift_allowance=align.drift_allowance, near_s=near)
     judged = judge_edges(source.name, fit, u_edge_s=u_edge, method="exposure")
     # what the camera's stamps mean is in the offset, whatever it is: its delays are none of the uncertainty
-    judged = with_uncertainty(judged, _u_of(judged, pulses), **_listed((own, frames), (other, pulses)))
+    judged = with_chains(judged, [(own, frames), (other, pulses)], pulses.u_s)
     return judged if motion is None else with_second_opinion(judged, motion, middle_s)
 
 
@@ -126,15 +125,3 @@ def _by_redundant_channel(shot: Shot, rig: Rig, source: Source, align: Redundant
     return align_by_comparison(
         shot, rig, own, other, reference, method="redundant", drift_allowance=align.drift_allowance
     )
-
-
-def _u_of(found: ClockAlignment, *sides: Instants) -> float:
-    return math.hypot(found.u_offset_s, *(side.u_s for side in sides))
-
-
-def _listed(*sides: tuple[Channel, Instants]) -> dict[str, object]:
-    """List the delays of both sides, and how the source's beat was found."""
-    return {
-        "delays": [part for channel, side in sides for part in side.delay.to_json(channel.name)],
-        "stamps": sides[0][1].stamps_to_json(),
-    }
