@@ -20,7 +20,7 @@ LEAST_ENSEMBLE = 3
 """Shots whose mean scatters so much less that 6 dB are sure."""
 
 
-def campaign_cutoff(channels: Mapping[str, Sequence[ShotSpectrum]], *, half_order: int = 4) -> CutoffChoice:
+def campaign_cutoff(channels: Mapping[str, Sequence[ShotSpectrum]]) -> CutoffChoice:
     """Choose one cut-off for several shots and all channels of one regression.
 
     Each channel's shots are averaged, each scaled to unit power, and the gap is looked for in the mean, from
@@ -31,8 +31,6 @@ def campaign_cutoff(channels: Mapping[str, Sequence[ShotSpectrum]], *, half_orde
     ----------
     channels
         Name of the channel -> one spectrum for each shot, from `recoil_processing.spectra.spectral_gap.shot_spectrum`.
-    half_order
-        One of `HALF_ORDERS`.
 
     Returns
     -------
@@ -43,37 +41,32 @@ def campaign_cutoff(channels: Mapping[str, Sequence[ShotSpectrum]], *, half_orde
     Raises
     ------
     ValueError
-        If there is no channel, one has no shot, or the order is none of `HALF_ORDERS`.
+        If there is no channel, or one has no shot.
     """
     if not channels or not all(channels.values()):
         raise ValueError("a campaign needs at least one channel, and a shot for each")
-    own = {name: channel_cutoff(shots, half_order=half_order) for name, shots in channels.items()}
+    own = {name: channel_cutoff(shots) for name, shots in channels.items()}
     filtered = {name: choice for name, choice in own.items() if choice.cutoff_hz is not None}
     refused = [name for name, choice in own.items() if choice.cutoff_hz is None and not choice.nothing_to_take_off]
     refusals = "".join(f"; {name}: {own[name].reason}" for name in refused)
     if not filtered:
         if refused:
-            return refusal(f"no channel has a cut-off{refusals}", half_order)
+            return refusal(f"no channel has a cut-off{refusals}")
         reason = "there is nothing to take off from any channel"
-        return refusal(reason, half_order, nothing_to_take_off=True)
+        return refusal(reason, nothing_to_take_off=True)
     name, lowest = min(filtered.items(), key=lambda item: (item[1].cutoff_hz or 0.0, item[0]))
     confidence: Confidence = "doubtful" if refused or lowest.confidence != "sure" else "sure"
     reason = f"{name} needs the lowest of {len(filtered)} cut-offs: {lowest.reason}{refusals}"
     return replace(lowest, confidence=confidence, reason=reason)
 
 
-def channel_cutoff(shots: Sequence[ShotSpectrum], *, half_order: int = 4) -> CutoffChoice:
+def channel_cutoff(shots: Sequence[ShotSpectrum]) -> CutoffChoice:
     """Choose the cut-off of one channel by the mean over its shots, or the median of those that are sure.
 
     Parameters
     ----------
     shots
         One for each shot, at least one.
-
-    Raises
-    ------
-    ValueError
-        As in `campaign_cutoff`.
     """
     mean = ShotSpectrum(
         average_normalised([shot.spectrum for shot in shots]),
@@ -84,12 +77,11 @@ def channel_cutoff(shots: Sequence[ShotSpectrum], *, half_order: int = 4) -> Cut
     # one or two spectra scatter nearly as much as a single one
     together = cutoff_of(
         mean,
-        half_order=half_order,
         sure_from_db=ENSEMBLE_SHOULDER_DB if len(shots) >= LEAST_ENSEMBLE else SHOULDER_DB,
     )
     if together.cutoff_hz is not None or together.nothing_to_take_off or len(shots) < LEAST_ENSEMBLE:
         return together
-    single = [cutoff_of(shot, half_order=half_order) for shot in shots]
+    single = [cutoff_of(shot) for shot in shots]
     sure = sorted((c for c in single if c.confidence == "sure"), key=lambda c: c.cutoff_hz or 0.0)
     if 2 * len(sure) <= len(shots):
         return together

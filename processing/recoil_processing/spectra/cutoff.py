@@ -31,7 +31,7 @@ from recoil_processing.spectra.spectrum import POINTS_PER_OCTAVE
 Array = NDArray[np.float64]
 Confidence = Literal["sure", "doubtful", "none"]
 
-HALF_ORDERS = (2, 3, 4, 6)
+HALF_ORDER = 4
 """Between too gentle a skirt and ripple at every break of slope."""
 MOTION_BELOW = 0.85
 """Share of the valley's frequency up to which the measured density is taken for that of the motion."""
@@ -104,7 +104,6 @@ def choose_cutoff(
     *,
     onset_index: int | None = None,
     quantity: str = "acceleration",
-    half_order: int | None = 4,
 ) -> CutoffChoice:
     """Choose the cut-off for one record of one shot.
 
@@ -116,37 +115,26 @@ def choose_cutoff(
         First sample of the shot; None takes the whole record for its window.
     quantity
         See `recoil_processing.spectra.spectral_gap.ROLL_OFF`.
-    half_order
-        One of `HALF_ORDERS`; None takes the one of least predicted error.
 
     Raises
     ------
     ValueError
-        If the order is none of those, or as in `recoil_processing.spectra.spectral_gap.shot_spectrum`.
+        As in `recoil_processing.spectra.spectral_gap.shot_spectrum`.
     """
     shot = shot_spectrum(samples, rate_hz, onset_index=onset_index, quantity=quantity)
-    orders = _orders(half_order)
-    return refusal(shot, orders[0]) if isinstance(shot, str) else cutoff_of(shot, half_order=half_order)
+    return refusal(shot) if isinstance(shot, str) else cutoff_of(shot)
 
 
-def cutoff_of(shot: ShotSpectrum, *, half_order: int | None = 4, sure_from_db: float = SHOULDER_DB) -> CutoffChoice:
+def cutoff_of(shot: ShotSpectrum, *, sure_from_db: float = SHOULDER_DB) -> CutoffChoice:
     """Choose the cut-off for a spectrum.
 
     Parameters
     ----------
     shot
         Of one shot, or the mean of several.
-    half_order
-        As in `choose_cutoff`.
     sure_from_db
         Depth from which a gap is sure; down to 6 dB it is doubtful.
-
-    Raises
-    ------
-    ValueError
-        If the order is none of `HALF_ORDERS`.
     """
-    orders = _orders(half_order)
     gap = gap_of(shot.spectrum, shot.lowest_hz, sure_from_db)
     if isinstance(gap, str) and sure_from_db > ENSEMBLE_SHOULDER_DB:
         gap = gap_of(shot.spectrum, shot.lowest_hz, ENSEMBLE_SHOULDER_DB)
@@ -156,27 +144,22 @@ def cutoff_of(shot: ShotSpectrum, *, half_order: int | None = 4, sure_from_db: f
             return refusal(
                 f"there is nothing to take off: {100 * share:.2g} % of the signal's energy lie above "
                 f"{shot.lowest_hz:.4g} Hz, and no ringing stands out there",
-                orders[0],
                 nothing_to_take_off=True,
             )
         return refusal(
             f"{gap}; {100 * share:.0f} % of the signal's energy lie there: motion and ringing overlap, "
             "and no frequency parts them",
-            orders[0],
         )
     motion, ringing = split(shot, gap)
     weight = shot.spectrum.frequency_hz
     unfiltered = math.sqrt(float(np.sum(ringing * weight) / np.sum(motion * weight)))
-    cutoff_hz, error, order = min(
-        (_least_risk(shot, motion, ringing, gap, n) for n in orders), key=lambda found: found[1]
-    )
+    cutoff_hz, error = _least_risk(shot, motion, ringing, gap)
     if error > WORTH * unfiltered:
         little = unfiltered**2 < MUCH_ABOVE
         return refusal(
             f"{'there is nothing to take off' if little else 'a filter is not worth its price'}: above "
             f"{gap.valley_hz:.4g} Hz the signal rings by {100 * unfiltered:.2g} % of its motion, "
             f"and {100 * error:.2g} % of error would be left behind the best filter",
-            orders[0],
             nothing_to_take_off=little,
         )
     deep, exponent = gap.depth_db >= sure_from_db, fall(shot, gap)
@@ -193,7 +176,14 @@ def cutoff_of(shot: ShotSpectrum, *, half_order: int | None = 4, sure_from_db: f
             f"a motion falls with {STEEPEST_GUESS:g} or faster, so that ringing lies below that frequency as well"
         )
     return CutoffChoice(
-        cutoff_hz, order, gap.valley_hz, gap.shoulder_hz, gap.depth_db, error, "sure" if sure else "doubtful", reason
+        cutoff_hz,
+        HALF_ORDER,
+        gap.valley_hz,
+        gap.shoulder_hz,
+        gap.depth_db,
+        error,
+        "sure" if sure else "doubtful",
+        reason,
     )
 
 
@@ -247,30 +237,20 @@ def share_above(shot: ShotSpectrum) -> float:
     return float(np.sum(weights[above]) / np.sum(weights))
 
 
-def _least_risk(
-    shot: ShotSpectrum, motion: Array, ringing: Array, gap: SpectralGap, half_order: int
-) -> tuple[float, float, int]:
-    """Return the cut-off of least predicted error, that error over the motion, and the order."""
+def _least_risk(shot: ShotSpectrum, motion: Array, ringing: Array, gap: SpectralGap) -> tuple[float, float]:
+    """Return the cut-off of least predicted error, and that error over the motion."""
     f = shot.spectrum.frequency_hz
     # finer than the spectrum's own grid by two, from three octaves below the valley to the shoulder
     steps = 2 * POINTS_PER_OCTAVE
     count = math.ceil(steps * math.log2(gap.shoulder_hz / gap.valley_hz * 8.0))
     cutoffs = gap.shoulder_hz * 2.0 ** (-np.arange(count + 1) / steps)
-    gain = LowPass(1.0, half_order).gain(f / cutoffs[:, None])
+    gain = LowPass(1.0, HALF_ORDER).gain(f / cutoffs[:, None])
     risk = ((1.0 - gain) ** 2) @ (motion * f) + (gain**2) @ (ringing * f)
     least = int(np.argmin(risk))
-    return float(cutoffs[least]), math.sqrt(float(risk[least] / np.sum(motion * f))), half_order
+    return float(cutoffs[least]), math.sqrt(float(risk[least] / np.sum(motion * f)))
 
 
-def _orders(half_order: int | None) -> tuple[int, ...]:
-    if half_order is None:
-        return HALF_ORDERS
-    if half_order not in HALF_ORDERS:
-        raise ValueError(f"half_order must be one of {HALF_ORDERS} or None, not {half_order}")
-    return (half_order,)
-
-
-def refusal(reason: str, half_order: int, *, nothing_to_take_off: bool = False) -> CutoffChoice:
+def refusal(reason: str, half_order: int = HALF_ORDER, *, nothing_to_take_off: bool = False) -> CutoffChoice:
     """Make the choice of no cut-off, for a reason in words."""
     nan = math.nan
     return CutoffChoice(None, half_order, nan, nan, nan, nan, "none", reason, nothing_to_take_off)

@@ -93,10 +93,8 @@ def find_gap(
     rate_hz: float,
     *,
     onset_index: int | None = None,
-    quantity: str = "acceleration",
-    threshold_db: float = ENSEMBLE_SHOULDER_DB,
 ) -> SpectralGap | str:
-    """Find the gap between motion and ringing in one record.
+    """Find the gap between motion and ringing in one record of an acceleration, from 6 dB on.
 
     Parameters
     ----------
@@ -105,10 +103,6 @@ def find_gap(
     onset_index
         First sample of the shot; the spectrum is that of 5 ms before to 120 ms after it, as far as the
         record goes. None takes the whole record.
-    quantity
-        One of `ROLL_OFF`.
-    threshold_db
-        Least depth.
 
     Returns
     -------
@@ -120,8 +114,8 @@ def find_gap(
     ValueError
         As in `shot_spectrum`.
     """
-    shot = shot_spectrum(samples, rate_hz, onset_index=onset_index, quantity=quantity)
-    return shot if isinstance(shot, str) else gap_of(shot.spectrum, shot.lowest_hz, threshold_db)
+    shot = shot_spectrum(samples, rate_hz, onset_index=onset_index)
+    return shot if isinstance(shot, str) else gap_of(shot.spectrum, shot.lowest_hz, ENSEMBLE_SHOULDER_DB)
 
 
 def shot_spectrum(
@@ -131,8 +125,10 @@ def shot_spectrum(
 
     Parameters
     ----------
-    samples, rate_hz, onset_index, quantity
+    samples, rate_hz, onset_index
         As in `find_gap`.
+    quantity
+        One of `ROLL_OFF`.
 
     Returns
     -------

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.gaps import bridge, near
-from recoil_processing.spectra.cutoff import CutoffChoice, cutoff_of, refusal
-from recoil_processing.spectra.spectral_gap import rest_level, shot_spectrum, shot_window
+from recoil_processing.spectra.cutoff import CutoffChoice, choose_cutoff
+from recoil_processing.spectra.spectral_gap import rest_level, shot_window
 from recoil_processing.spectra.spectrum import multitaper, smooth
 from recoil_processing.stress_waves.onset_reflection import filter_about_onset
 from recoil_processing.stress_waves.ringing import Mode, ringing_modes
@@ -61,7 +61,6 @@ def strip_stress_waves(
     u_onset_s: float = math.inf,
     quantity: str = "acceleration",
     choice: CutoffChoice | None = None,
-    half_order: int | None = 4,
     find_modes: bool = True,
 ) -> StressWaveReport:
     """Take the stress waves off one channel of one shot.
@@ -81,8 +80,6 @@ def strip_stress_waves(
         See `recoil_processing.spectra.spectral_gap.ROLL_OFF`.
     choice
         A cut-off chosen before, for the campaign or for all channels; None chooses one for this record.
-    half_order
-        As in `recoil_processing.spectra.cutoff.choose_cutoff`; a choice brings its own.
     find_modes
         Whether to look for the modes, which takes longer than all the rest.
 
@@ -94,9 +91,8 @@ def strip_stress_waves(
     """
     onset_index = None if onset_s is None else math.ceil(round(onset_s * rate_hz, 6))
     begin, end = shot_window(samples.size, rate_hz, onset_index)
-    shot = shot_spectrum(samples, rate_hz, onset_index=onset_index, quantity=quantity)
     if choice is None:
-        choice = refusal(shot, half_order or 4) if isinstance(shot, str) else cutoff_of(shot, half_order=half_order)
+        choice = choose_cutoff(samples, rate_hz, onset_index=onset_index, quantity=quantity)
     lost = np.isnan(samples)
     low_pass = choice.low_pass
     if low_pass is None or np.count_nonzero(~lost) < 2:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.io import loadmat
 
 from recoil_processing.filters import LowPass
-from recoil_processing.spectra.cutoff import HALF_ORDERS, choose_cutoff, cutoff_of, share_above, split
+from recoil_processing.spectra.cutoff import choose_cutoff, cutoff_of, share_above, split
 from recoil_processing.spectra.spectral_gap import ShotSpectrum, SpectralGap, gap_of, shot_spectrum
 from recoil_processing.spectra.spectrum import Spectrum
 from tests.builders.ringing import PRE_TRIGGER_S, RATE_HZ, RingingRecord, ringing_record
@@ -24,13 +24,13 @@ SCENARIOS = {
 }
 
 
-def chosen(record: RingingRecord, **options):
-    return choose_cutoff(record.recorded_m_s2, RATE_HZ, onset_index=record.onset_index, **options)
+def chosen(record: RingingRecord):
+    return choose_cutoff(record.recorded_m_s2, RATE_HZ, onset_index=record.onset_index)
 
 
-def least_error(record: RingingRecord, half_order: int = 4) -> float:
+def least_error(record: RingingRecord) -> float:
     """The error behind the best cut-off, chosen knowing the truth."""
-    return min(record.error(LowPass(f, half_order).apply(record.recorded_m_s2, RATE_HZ)) for f in CUTOFFS_HZ)
+    return min(record.error(LowPass(f).apply(record.recorded_m_s2, RATE_HZ)) for f in CUTOFFS_HZ)
 
 
 @pytest.mark.parametrize("scenario", SCENARIOS)
@@ -122,28 +122,6 @@ def test_records_without_a_gap_say_so_and_none_is_sure():
     assert all(choice.predicted_error > 0.2 for choice in choices if choice.cutoff_hz is not None), "and it is told"
 
 
-@pytest.mark.parametrize("half_order", HALF_ORDERS)
-def test_every_order_comes_near_its_own_best(half_order):
-    record = ringing_record(50)
-    choice = chosen(record, half_order=half_order)
-    assert choice.half_order == half_order
-    assert choice.low_pass is not None
-    assert record.error(choice.low_pass.apply(record.recorded_m_s2, RATE_HZ)) < 1.06 * least_error(record, half_order)
-
-
-def test_the_order_of_least_predicted_error_is_one_of_the_steep_ones():
-    record = ringing_record(50)
-    best = chosen(record, half_order=None)
-    assert best.half_order in (4, 6)
-    assert best.predicted_error == min(chosen(record, half_order=n).predicted_error for n in HALF_ORDERS)
-
-
-def test_steeper_filters_have_higher_cutoffs():
-    record = ringing_record(51)
-    cutoffs = [chosen(record, half_order=n).cutoff_hz or 0.0 for n in HALF_ORDERS]
-    assert cutoffs == sorted(cutoffs)
-
-
 @settings(max_examples=10)
 @given(st.floats(1e-6, 1e6), st.floats(-1e3, 1e3))
 def test_unit_and_offset_change_nothing(scale, offset):
@@ -225,12 +203,6 @@ def test_a_record_that_allows_no_spectrum_is_refused_in_words():
     assert choice.cutoff_hz is None
     assert choice.reason == "the signal is constant"
     assert math.isnan(choice.predicted_error)
-
-
-@pytest.mark.parametrize("half_order", [0, 1, 5, 8])
-def test_an_order_that_is_not_offered_is_refused(half_order):
-    with pytest.raises(ValueError, match="half_order must be one of"):
-        choose_cutoff(np.full(1000, 2.0), 1e4, half_order=half_order)
 
 
 def test_the_onset_is_that_of_the_builder():
