@@ -33,12 +33,6 @@ LONGEST_LAG_S = 0.02
 """Over which the picks' correction looks around the picks."""
 
 
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark: ask for it with --benchmark-enable")
-
-
 def test_a_camera_of_3000_frames_is_aligned(benchmark):
     motion = record_motion(1, frames=3000, frame_rate_hz=4000.0)
     fit = benchmark(

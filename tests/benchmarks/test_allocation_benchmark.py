@@ -34,12 +34,6 @@ OF_HOSTILE_BYTES = 64e6
 LONGEST_HOSTILE_S = 20.0
 
 
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark of minutes: ask for it with --benchmark-enable")
-
-
 def damaged(content: bytes, draw: random.Random) -> bytes:
     """Cut a file off, flip bytes of it, or write a huge number over a few of them."""
     kind, at = draw.randrange(3), draw.randrange(len(content))

@@ -23,12 +23,6 @@ FIRST_SEED = 7001
 pytestmark = pytest.mark.benchmark(timer=process_time)
 
 
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark of minutes: ask for it with --benchmark-enable")
-
-
 @pytest.mark.parametrize("name", ["field-2013", "mixed"])
 def test_the_intervals_of_the_target_hold_the_true_mass(benchmark, capsys, tmp_path: Path, name):
     rig = load_rig(name)

@@ -21,12 +21,6 @@ PEAKS = ("peak_force", "peak_force_inversion")
 IMPULSES = ("impulse", "impulse_inversion")
 
 
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark of minutes: ask for it with --benchmark-enable")
-
-
 @pytest.mark.parametrize("name", ["field-2013", "mixed"])
 def test_the_force_by_the_motion_is_the_true_force(benchmark, capsys, tmp_path: Path, name):
     rig = load_rig(name)

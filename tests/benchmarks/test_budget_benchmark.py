@@ -10,12 +10,6 @@ import pytest
 from tests.identification.test_methods import RIGS, calibration_of, moves_of, row_and_refit_kg
 
 
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark of a minute: ask for it with --benchmark-enable")
-
-
 @pytest.mark.parametrize("name", RIGS)
 def test_rows_against_refits(capsys, name):
     estimate = calibration_of(name).estimate

@@ -38,12 +38,6 @@ FAULTS: Mapping[str, Mapping[str, float | bool]] = {
 }
 
 
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark of minutes: ask for it with --benchmark-enable")
-
-
 @dataclass(frozen=True)
 class Outcome:
     """What one shot gave: mass, u, interval and RPE by method, clock error over its u, the trace's band, the draws."""

@@ -57,12 +57,6 @@ LEAST_OWN = 8
 ROLES = ("breech_pressure", "brake_pressure", "recuperator_pressure", "recoil_acceleration")
 
 
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark of minutes: ask for it with --benchmark-enable")
-
-
 @pytest.fixture(autouse=True, scope="module")
 def _nobody_stays():
     yield

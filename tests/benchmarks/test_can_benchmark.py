@@ -37,12 +37,6 @@ DBC = 'VERSION ""\n\nNS_ :\n\nBS_:\n\nBU_: RIG\n\n' + "".join(
 )
 
 
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request: Any) -> None:
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark: ask for it with --benchmark-enable")
-
-
 def written(folder: Path, suffix: str, frames: int) -> Path:
     path = folder / f"log.{suffix}"
     data = np.random.default_rng(4).bytes(8 * frames)

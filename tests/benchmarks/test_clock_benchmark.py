@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.shot import Shot
@@ -18,12 +17,6 @@ from tests.builders.virtual_shots import with_twin
 
 SHOTS = 60
 CLOCKS = ("can", "imu")
-
-
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark of minutes: ask for it with --benchmark-enable")
 
 
 def assembled(rig: Rig, folder: Path, seed: int):

@@ -37,12 +37,6 @@ PULSE_S = 0.012
 """From the onset: the breech drives."""
 
 
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark of minutes: ask for it with --benchmark-enable")
-
-
 @dataclass(frozen=True)
 class Outcome:
     """What one shot gave: mass, u, interval and RPE by method, and the share of the trace's band that holds.

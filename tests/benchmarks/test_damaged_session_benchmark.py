@@ -9,8 +9,6 @@ from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
 
-import pytest
-
 from recoil_acquisition.devices.device import SERIAL, Block
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.log.record import Kind
@@ -26,12 +24,6 @@ LOGS = int(os.environ.get("RECOIL_DAQ_DAMAGED_LOGS", "300"))
 RECORDS = 1500
 ENDS = ("truncated", "zeroed tail", "segment missing")
 """Damages that leave nothing behind: at the end of a log that was killed nothing tells of them."""
-
-
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark of minutes: ask for it with --benchmark-enable")
 
 
 def text_of(number: int) -> bytes:

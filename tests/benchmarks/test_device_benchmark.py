@@ -26,12 +26,6 @@ PORT_BYTES_PER_S = 92_160
 FRAME_BYTES = 40
 
 
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark of minutes: ask for it with --benchmark-enable")
-
-
 class Tally:
     """A sink that keeps no block: it counts, and checks that numbers go up by one."""
 

@@ -52,9 +52,7 @@ print(json.dumps({"count": count, "right": bool(right), "open_s": opened - begin
 
 
 @pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark: ask for it with --benchmark-enable")
+def _only_where_the_peak_of_memory_is_read():
     if not Path("/proc/self/status").exists():
         pytest.skip("the peak of memory is read from /proc")
 

@@ -44,12 +44,6 @@ QUIET = slice(0, 3900)
 Estimate = tuple[float, float]
 
 
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark of minutes: ask for it with --benchmark-enable")
-
-
 class Shot:
     """One recorded shot, and what every estimator asks of it."""
 

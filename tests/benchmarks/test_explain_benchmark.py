@@ -27,12 +27,6 @@ OTHERS = {
 """Kinds of computers that this one can be made to be."""
 
 
-@pytest.fixture(autouse=True, scope="module")  # before the reports are made
-def _only_when_asked_for(request: pytest.FixtureRequest) -> None:
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark of minutes: ask for it with --benchmark-enable")
-
-
 @pytest.fixture(scope="module", params=RIGS)
 def reports(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Reports of a rig beside the shots that they are of."""

@@ -33,12 +33,6 @@ TOLERATED = ("recuperator_pressure gain 1.03",)
 Outcome = tuple[str, str, str]
 
 
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark of minutes: ask for it with --benchmark-enable")
-
-
 def outcome(name: str, number: int, pair: bool) -> Outcome:
     """Inject one fault, and say what becomes of the shot."""
     virtual = virtual_shot(name, SEEDS[name])

@@ -11,12 +11,6 @@ SEEDS = (1, 2, 3, 4)
 MODES = (0, 1, 2)
 
 
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark of minutes: ask for it with --benchmark-enable")
-
-
 @pytest.mark.parametrize("name", ["field-2013", "mixed"])
 def test_a_tube_that_bends_hardly_moves_the_mass(benchmark, capsys, name):
     def all_shots() -> dict[int, list[tuple[float, float, float, float]]]:

@@ -26,12 +26,6 @@ SYNC: dict[str, Any] = {"kind": "sync", "sync": "75 65"}
 FIELDS = [{"name": "a", "at": 4, "type": "u32"}]
 
 
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark: ask for it with --benchmark-enable")
-
-
 def framing_of(algorithm: str, **keys: Any) -> Framing:
     checksum = {"algo": algorithm, "order": "big"}
     return framing_from_table({**SYNC, "checksum": checksum, "fields": FIELDS, **keys})

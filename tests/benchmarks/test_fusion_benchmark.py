@@ -16,12 +16,6 @@ ROWS = ((2000.0, 5e-5, 5.0), (1000.0, 2e-4, 20.0), (500.0, 5e-4, 20.0))
 """Frame rate in Hz, noise of the marker in m and of the accelerometer in m/s^2."""
 
 
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark: ask for it with --benchmark-enable")
-
-
 def fused(
     recorded: Recorded, sigma: float, acceleration_sigma: float, shift_s: float = 0.0, u_s: float = 0.0
 ) -> FusedMotion:

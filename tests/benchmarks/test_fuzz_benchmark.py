@@ -16,12 +16,6 @@ SECONDS = int(os.environ.get("RECOIL_DAQ_FUZZ_S", "60"))
 HANG_S = 5
 
 
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark of minutes: ask for it with --benchmark-enable")
-
-
 def test_no_bytes_make_a_reader_fail_otherwise_than_by_its_own_error(tmp_path, capsys):
     pytest.importorskip("atheris", reason="atheris, of the extra bench, is not installed")
     done = subprocess.run(

@@ -21,12 +21,6 @@ FIRST_SEED = 7001
 """Shots that nothing was tuned on."""
 
 
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark of minutes: ask for it with --benchmark-enable")
-
-
 @pytest.mark.parametrize("name", ["field-2013", "mixed"])
 def test_the_stated_intervals_hold_the_true_forces(benchmark, capsys, tmp_path: Path, name):
     rig = with_twin(name, sample_rate_hz=25e3, duration_s=0.4)

@@ -17,12 +17,6 @@ WINDOW = 200
 pytestmark = pytest.mark.benchmark(timer=process_time)
 
 
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark of minutes: ask for it with --benchmark-enable")
-
-
 def shots_then_silence(n_samples: int, n_parameters: int = 5) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Regressors correlated by 0.9995, of amplitude 2500 in bursts and 0.05 between; a response; where loud."""
     rng = np.random.default_rng(2)

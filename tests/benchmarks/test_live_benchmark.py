@@ -39,12 +39,6 @@ MOST_GROWTH_MB = 10.0
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs pseudo-terminals and /proc")
 
 
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark of minutes: ask for it with --benchmark-enable")
-
-
 def test_fifty_kills_lose_nothing_that_was_sent_a_quarter_of_a_second_before(tmp_path, capsys):
     choice = random.Random()  # noqa: S311 - a test's choice of moments, no secret
     port, bus, cuts = NOTHING, NOTHING, 0

@@ -25,12 +25,6 @@ LONGEST_RANGE_S = 0.05
 TRIALS = 1000
 
 
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark: ask for it with --benchmark-enable")
-
-
 def seconds_to_write(folder: Path, count: int, payload: bytes, sync_every: int) -> float:
     """Write records into space that is reserved, check that all are there, and return how long writing took."""
     with LogWriter(folder, {}, (count + 1) * (len(payload) + 64)) as writer:

@@ -14,12 +14,6 @@ SHARES = (0.01, 0.02, 0.05)
 RELEASE_AFTER_S = 0.03
 
 
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark of minutes: ask for it with --benchmark-enable")
-
-
 def judged(name: str, seed: int, **more: float):
     found = identified(name, seed, **more)
     assert found.constancy is not None

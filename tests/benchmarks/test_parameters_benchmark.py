@@ -20,12 +20,6 @@ FIRST_SEED = 7001
 SHORTER = {"sample_rate_hz": 25e3, "duration_s": 0.4}
 
 
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark of minutes: ask for it with --benchmark-enable")
-
-
 @pytest.mark.parametrize("base", ["field-2013", "mixed"])
 def test_the_stated_intervals_hold_the_true_parameters(benchmark, capsys, tmp_path: Path, base):
     rig = rig_with_load_cells(base=base, **SHORTER)

@@ -20,12 +20,6 @@ SEEDS = range(100, 112)
 LOW_PASS = LowPass(450.0)
 
 
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark: ask for it with --benchmark-enable")
-
-
 def _as_recorded(samples: np.ndarray, limit: float) -> np.ndarray:
     assert np.abs(samples).max() <= 1.001 * limit
     return samples

@@ -19,12 +19,6 @@ FIRST_SEED = 7001
 """Shots that nothing was tuned on."""
 
 
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark of minutes: ask for it with --benchmark-enable")
-
-
 @pytest.mark.parametrize("name", ["field-2013", "mixed"])
 def test_the_law_of_the_resistance_is_the_true_law(benchmark, capsys, tmp_path: Path, name):
     rig = load_rig(name)

@@ -34,12 +34,6 @@ PAGE = 4096
 _READ = reading._read
 
 
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark of minutes: ask for it with --benchmark-enable")
-
-
 @pytest.fixture(scope="module")
 def sound(tmp_path_factory) -> list[Path]:
     """A shot with everything, of some samples and of many, and one with hardly anything."""

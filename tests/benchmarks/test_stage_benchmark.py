@@ -10,8 +10,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from recoil_acquisition.shot import Shot
 from recoil_daq.ingest import ingest_files
 from recoil_identification.filter_choice import choose_filter
@@ -27,12 +25,6 @@ RATE_HZ = 200e3
 DURATION_S = 1.0
 CHANNELS = 16
 LIMIT_S = 1.5
-
-
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark: ask for it with --benchmark-enable")
 
 
 def _extra(number: int) -> str:

@@ -25,12 +25,6 @@ ORDINARY_S = 0.25
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs pseudo-terminals and SIGSTOP")
 
 
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark of minutes: ask for it with --benchmark-enable")
-
-
 @dataclass
 class Found:
     """What one shot has of what was sent for it."""

@@ -23,12 +23,6 @@ FIRST_SEED = 7001
 """Shots that nothing was tuned on."""
 
 
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark of minutes: ask for it with --benchmark-enable")
-
-
 @pytest.mark.parametrize(("name", "factor", "count"), [
     ("field-2013", 1.0, SHOTS), ("mixed", 1.0, SHOTS), ("field-2013", 0.5, 6), ("field-2013", 2.0, 6),
     ("mixed", 0.5, 6), ("mixed", 2.0, 6),

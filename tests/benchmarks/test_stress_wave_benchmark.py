@@ -26,12 +26,6 @@ SCENARIOS = {
 CUTOFFS_HZ = np.geomspace(200.0, 900.0, 50)
 
 
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark: ask for it with --benchmark-enable")
-
-
 def errors(scenario: str, u_onset_s: float | None) -> dict[str, np.ndarray]:
     """Error, the oracle's error, the predicted one, relative peak error and peak shift of every seed."""
     rows = []

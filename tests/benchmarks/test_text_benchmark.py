@@ -51,12 +51,6 @@ print(json.dumps([time.perf_counter() - before, peak_mb(), table.iloc[-1, 1:].to
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="memory is read from /proc")
 
 
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark of a long file: ask for it with --benchmark-enable")
-
-
 def write_export(path: Path, megabytes: float) -> float:
     """Write an export of about this size in the recorder's own digits; return its megabytes."""
     random = np.random.default_rng(1)

@@ -18,12 +18,6 @@ PRE_CHECK_MS_S = 100.0
 EXACT_MS_S = 10.0
 
 
-@pytest.fixture(autouse=True)
-def _only_when_asked_for(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("a benchmark: ask for it with --benchmark-enable")
-
-
 @pytest.fixture(scope="module")
 def noise() -> tuple[np.ndarray, np.ndarray]:
     """Noise of standard deviation 1 at 1 MS/s, far below one step of 100 at its end."""
