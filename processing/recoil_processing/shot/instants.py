@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,8 @@ Array = NDArray[np.float64]
 
 STAMPED_KINDS = ("can", "serial")
 """Kinds of source whose samples are stamped one by one, and late."""
+MOST_REMEMBERED = 100_000
+"""Stamps of which the beat is remembered; of more it is found anew each time, and takes no memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,10 +119,10 @@ def instants(channel: Channel, shot: Shot, rig: Rig) -> Instants:
     delay = delay_of(spec, source)
     stamps = EvenStamps(channel.time_base.times_s, "none")
     if source.kind in STAMPED_KINDS:
-        stamps = even_stamps(channel.time_base.times_s, _counts(channel, spec, shot, rig))
+        stamps = _beat(channel.time_base.times_s, _counts(channel, spec, shot, rig))
         if not stamps.even:
             # a counter that was reset or read wrongly contradicts the stamps
-            stamps = even_stamps(channel.time_base.times_s)
+            stamps = _beat(channel.time_base.times_s)
     return Instants(np.asarray(stamps.times_s - delay.delay_s), stamps, delay)
 
 
@@ -136,6 +139,21 @@ def with_chains(found: ClockAlignment, sides: Sequence[tuple[Channel, Instants]]
     delays = [part for channel, side in sides for part in side.delay.to_json(channel.name)]
     u_offset_s = math.hypot(found.u_offset_s, *u_s)
     return with_uncertainty(found, u_offset_s, delays=delays, stamps=sides[0][1].stamps_to_json())
+
+
+def _beat(times_s: Array, counts: NDArray[np.int64] | None = None) -> EvenStamps:
+    if not 0 < times_s.size <= MOST_REMEMBERED:
+        return even_stamps(times_s, counts)
+    return _remembered(times_s.tobytes(), None if counts is None else counts.tobytes())
+
+
+@lru_cache(maxsize=16)
+def _remembered(stamps: bytes, counts: bytes | None) -> EvenStamps:
+    """Find the beat of stamps once: the channels of a message share them, and each comparison of clocks asks anew.
+
+    By their bytes: who made an array may still write to it.
+    """
+    return even_stamps(np.frombuffer(stamps), None if counts is None else np.frombuffer(counts, dtype=np.int64))
 
 
 def _counts(channel: Channel, spec: ChannelSpec, shot: Shot, rig: Rig) -> NDArray[np.int64] | None:

@@ -8,6 +8,8 @@ import pytest
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.shot import Shot
 from recoil_acquisition.timebase import TimeBase
+from recoil_processing.alignment.stamps import EvenStamps, even_stamps
+from recoil_processing.shot import instants as module
 from recoil_processing.shot.instants import delay_of, instants
 from recoil_rigs.rig import ChannelSpec, Sensor, Source
 from tests.builders.bench_shots import bench_rig, bench_shot
@@ -91,6 +93,27 @@ def test_a_counter_that_was_reset_is_not_trusted():
     channels = {**shot.channels, "count": replace(shot.channels["count"], samples=broken)}
     found = instants(channels["rate"], replace(shot, channels=channels), rig)
     assert np.allclose(found.times_s, 1.0 + 1e-3 * index, rtol=0, atol=1e-5)
+
+
+@pytest.mark.parametrize(("most", "times"), [(module.MOST_REMEMBERED, 1), (100, 2)])
+def test_the_beat_of_stamps_is_found_once_unless_they_are_very_many(
+    monkeypatch: pytest.MonkeyPatch, most: int, times: int
+) -> None:
+    rig, (shot, _, _) = bench_rig(tables=BUS), late_bus(1.1e-4, counted=False)
+    asked: list[EvenStamps] = []
+    monkeypatch.setattr(module, "even_stamps", lambda *given: asked.append(even_stamps(*given)) or asked[-1])
+    monkeypatch.setattr(module, "MOST_REMEMBERED", most)
+    module._remembered.cache_clear()
+    one, two = (instants(shot.channels["rate"], shot, rig) for _ in range(2))
+    assert np.array_equal(one.times_s, two.times_s)
+    assert len(asked) == times
+
+
+def test_stamps_that_were_written_to_since_are_other_stamps() -> None:
+    rig, (shot, _, stamps) = bench_rig(tables=BUS), late_bus(1e-4, counted=False)
+    before = instants(shot.channels["rate"], shot, rig).times_s
+    stamps += 0.5
+    assert np.allclose(instants(shot.channels["rate"], shot, rig).times_s, before + 0.5, rtol=0, atol=1e-9)
 
 
 def test_a_recorders_instants_are_its_own_less_the_delay():
