@@ -104,10 +104,11 @@ class WalkFilter(ReadOnlyArrays):
         from scipy.linalg.lapack import dtbtrs
 
         h, (g0, g1) = self.steps_s[1:], self.gains[:-1].T
-        driven = np.zeros((2 * self.steps_s.size, columns.shape[1]))
+        # column by column, as it is solved: LAPACK would copy it otherwise
+        driven = np.zeros((2 * self.steps_s.size, columns.shape[1]), order="F")
         driven[2::2] = (g0 + h * g1)[:, None] * columns[:-1]
         driven[3::2] = g1[:, None] * columns[:-1]
-        states, _ = dtbtrs(self._recursion(), driven, uplo="L", diag="U")
+        states, _ = dtbtrs(self._recursion(), driven, uplo="L", diag="U", overwrite_b=True)
         return np.asarray((columns - states[0::2]) / np.sqrt(self.variances)[:, None])
 
     def whiten_transposed(self, rows: Array) -> Array:
@@ -125,9 +126,9 @@ class WalkFilter(ReadOnlyArrays):
 
         h, (g0, g1) = self.steps_s[1:], self.gains[:-1].T
         normalised = rows / np.sqrt(self.variances)[:, None]
-        seen = np.zeros((2 * self.steps_s.size, rows.shape[1]))
+        seen = np.zeros((2 * self.steps_s.size, rows.shape[1]), order="F")
         seen[0::2] = normalised
-        back, _ = dtbtrs(self._recursion(), seen, uplo="L", trans="T", diag="U")
+        back, _ = dtbtrs(self._recursion(), seen, uplo="L", trans="T", diag="U", overwrite_b=True)
         normalised[:-1] -= (g0 + h * g1)[:, None] * back[2::2] + g1[:, None] * back[3::2]
         return np.asarray(normalised)
 
