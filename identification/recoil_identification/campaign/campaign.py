@@ -9,7 +9,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_identification.budget import COVERAGE_FACTOR
@@ -337,11 +336,14 @@ def _contradictions(common: Sequence[Learnt]) -> list[str]:
 
 def _unexplained(fit: JointFit) -> list[str]:
     """Say that the shots do not agree, if what is left of them is no chance."""
+    # scipy.stats has it too, but takes half a second to import
+    from scipy.special import chdtrc
+
     best = fit.likeliest
     sizes = np.linalg.svd(fit.rows.triangle, compute_uv=False)
     told = int(np.count_nonzero(sizes > LEAST_SINGULAR * sizes.max()))
     freedom = told + len(best.estimate.sources) - len(best.estimate.unknowns)
-    probability = float(chi2.sf(best.estimate.misfit, freedom))
+    probability = float(chdtrc(freedom, best.estimate.misfit))
     if probability >= LEAST_PROBABILITY:
         return []
     size = f"a misfit of {best.estimate.misfit:.0f} with {freedom} degrees of freedom"
