@@ -416,11 +416,13 @@ from functools import partial
 from recoil_daq import cli, demo, live
 from recoil_rigs.twin import range_day
 sys.path.append({str(Path(__file__).parents[2])!r})
+from tests.builders.shared_motions import share_motions
 from tests.builders.virtual_shots import SHORTER, settling_soon, with_twin
 
+share_motions()
 demo.LIVE_DEMO_SHOTS = 2
 demo.load_rig = lambda name: settling_soon(with_twin(name, **SHORTER))
-live.RangeDay = partial(live.RangeDay, silence_before_s=0.7, silence_after_s=0.6)
+live.RangeDay = partial(live.RangeDay, silence_before_s=0.7, silence_after_s=0.9)
 range_day.FILES_AFTER_S, range_day.PIECE_EVERY_S = 0.1, 0.03
 cli.main()
 """

@@ -10,12 +10,15 @@ import os
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from recoil_acquisition.acquisition import Acquisition
+from recoil_acquisition.capture import live_session
+from recoil_acquisition.capture.engine import CaptureEngine
 from recoil_acquisition.capture.status import LiveStatus
 from recoil_acquisition.errors import DeviceError, RigError
 from recoil_acquisition.store import read_shot, shot_summary
@@ -38,7 +41,8 @@ pytestmark = [
 ]
 
 RECORD_BEGINS_S = 0.7
-SILENCE_AFTER_S = 0.6
+SILENCE_AFTER_S = 0.9
+"""A source that falls silent sooner after a shot's end is waited for, longer than this."""
 STALL_S = 2.0
 
 
@@ -218,7 +222,9 @@ def lossy(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     (folder / "mixed.dbc").write_text(rig.databases["mixed.dbc"])
     (folder / "rig.toml").write_text(rig.text.replace("pre_s = 0.3 ", "pre_s = 9.0 "))
     faults = {"imu": Faults(dropped_bytes=0.01), "can": Faults(lost_frames=0.01)}
-    with stalls_kept(request):
+    with stalls_kept(request), pytest.MonkeyPatch.context() as patch:
+        # the play is over before the shot's end, and nothing more comes
+        patch.setattr(live_session, "CaptureEngine", partial(CaptureEngine, patience_s=0.5))
         return day(
             folder / "out", Watched(), rig=load_rig(folder / "rig.toml"), faults=faults, silence_after_s=0.2,
             transports={"can": "udp_multicast"},
