@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
 
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.twin.loads import Rest, State, loads_of
@@ -16,22 +15,16 @@ from recoil_rigs.twin.settings import TwinSettings
 
 Equations = Callable[[State, float], tuple[State, State]]
 """From state (coordinates, rates, bristle of the packing) and breech force to their rates' rates and the loads:
-accelerations of all coordinates and the bristle's drag, and `recoil_rigs.twin.loads.Loads.recorded`."""
+accelerations of all coordinates and the bristle's drag, and what `recoil_rigs.twin.loads.Loads` has recorded."""
 
 
-class Rows(NamedTuple):
-    """Mass matrix and right-hand sides of the rigid bodies at a state.
+Rows = tuple[State, State, State, State, float]
+"""Mass matrix and right-hand sides of the rigid bodies at a state, their geometry, what is recorded, and the drag.
 
-    ``matrix`` holds M13, M14, M15, M23, M24, M25, M33, M34, M35, M44 and M45; the diagonal of the translations and
-    M55 are the masses themselves. ``geometry`` holds cos phi2, sin phi2, the trunnion along e5 and e6 from C, and
-    b - x. ``recorded`` and ``drag`` are those of `recoil_rigs.twin.loads.Loads`.
-    """
-
-    matrix: State
-    right: State
-    geometry: State
-    recorded: State
-    drag: float
+The matrix holds M13, M14, M15, M23, M24, M25, M33, M34, M35, M44 and M45; the diagonal of the translations and
+M55 are the masses themselves. The geometry holds cos phi2, sin phi2, the trunnion along e5 and e6 from C, and
+b - x. What is recorded and the bristle's drag are those of `recoil_rigs.twin.loads.Loads`.
+"""
 
 
 def rigid_rows(
@@ -80,7 +73,7 @@ def rigid_rows(
         J23 = J_tip + m3 * lever * lever
         a33, a34, a35 = J_all + J23 + 2.0 * coupling, J23 + coupling, m3 * (d + A6)
         matrix = (a13, a14, a15, a23, a24, a25, a33, a34, a35, J23, m3 * d)
-        return Rows(matrix, (r1, r2, r3, r4, r5), (c2, s2, A5, A6, lever), recorded, drag)
+        return matrix, (r1, r2, r3, r4, r5), (c2, s2, A5, A6, lever), recorded, drag
 
     return rows
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from recoil_acquisition.errors import Fault
 from recoil_rigs.mechanism import Mechanism
@@ -37,21 +36,13 @@ class Rest:
     stop_n: float
 
 
-class Loads(NamedTuple):
-    """The loads at a state, in the signs of `recoil_rigs.mechanism.generalized_forces`; N, N m, Pa.
+Loads = tuple[float, float, float, float, float, float, State, float]
+"""The loads at a state, in the signs of `recoil_rigs.mechanism.generalized_forces`; N, N m, Pa.
 
-    ``resistance`` is R_f with all its parts; ``recorded`` are brake pressure, recuperator pressure, packing
-    friction, contact and the five loads after ``resistance``; ``drag`` is the rate of the packing's bristle, m/s.
-    """
-
-    resistance: float
-    elevating_moment: float
-    ground_x: float
-    ground_y: float
-    ground_d: float
-    ground_friction: float
-    recorded: State
-    drag: float
+R_f with all its parts, the elevating moment, ground x, ground y, ground d, ground friction; what is recorded: brake
+pressure, recuperator pressure, packing friction, contact and the five loads after R_f; the rate of the packing's
+bristle, m/s. A plain tuple, as it is made at every evaluation: names take time.
+"""
 
 
 def rest_in_battery(m: Mechanism, settings: TwinSettings, sag_n_m: float = 0.0) -> Rest:
@@ -103,28 +94,31 @@ def loads_of(m: Mechanism, s: TwinSettings, friction_n: float, rest: Rest) -> Ca
     throttle = 0.5 * s.oil_density_kg_m3 * (m.brake_area / s.discharge) ** 2
     slip = friction_n / s.packing_stiffness_n_m
     gas, volume, area_r = s.recuperator_pressure_pa, s.recuperator_volume_m3, m.recuperator_area
+    polytropic, area_b, stroke, leak, largest = s.polytropic, m.brake_area, s.stroke_m, s.leak_m2, s.orifice_m2
+    k_packing, k_stop, c_stop = s.packing_stiffness_n_m, s.stop_stiffness_n_m, s.stop_damping_n_s_m
     k_ground, c_ground = s.ground_stiffness_n_m, s.ground_damping_n_s_m
+    k_gear, c_gear = s.elevating_stiffness_n_m_rad, s.elevating_damping_n_m_s_rad
 
     def loads(
         xi: float, eta: float, beta: float, x: float, dxi: float, deta: float, w1: float, dbeta: float, dx: float,
         bristle: float, c1: float, s1: float,
     ) -> Loads:  # fmt: skip
-        opening = 1.0 - x / s.stroke_m
-        orifice = s.leak_m2 + (s.orifice_m2 * math.sqrt(opening) if opening > 0.0 else 0.0)
+        opening = 1.0 - x / stroke
+        orifice = leak + (largest * math.sqrt(opening) if opening > 0.0 else 0.0)
         p_brake = throttle * (dx / orifice) ** 2 if dx > 0.0 else 0.0
-        p_gas = gas * (volume / (volume - area_r * x)) ** s.polytropic
-        packing = s.packing_stiffness_n_m * min(max(bristle, -slip), slip)
-        contact = max(0.0, rest_stop - s.stop_stiffness_n_m * x - s.stop_damping_n_s_m * dx)
+        p_gas = gas * (volume / (volume - area_r * x)) ** polytropic
+        packing = k_packing * min(max(bristle, -slip), slip)
+        contact = max(0.0, rest_stop - k_stop * x - c_stop * dx)
         if dx < 0.0:
             contact += s.counter_recoil_n_s2_m2 * dx * dx
-        R = m.brake_area * p_brake + area_r * p_gas + packing - contact
-        M_C = rest_moment + s.elevating_stiffness_n_m_rad * beta + s.elevating_damping_n_m_s_rad * dbeta
+        R = area_b * p_brake + area_r * p_gas + packing - contact
+        M_C = rest_moment + k_gear * beta + c_gear * dbeta
         N_x = k_ground * xi + c_ground * dxi
         N_y = -max(0.0, rest_c - k_ground * eta - c_ground * deta)
         N_d = -max(0.0, rest_d - k_ground * (eta + L * (s1 - sin_phi10)) - c_ground * (deta + L * c1 * w1))
         N_f = -m.f * N_d * tanh((dxi - L * s1 * w1) / s.ground_slip_m_s)
         # the packing is dragged along until it slides
         drag = 0.0 if (bristle >= slip and dx > 0.0) or (bristle <= -slip and dx < 0.0) else dx
-        return Loads(R, M_C, N_x, N_y, N_d, N_f, (p_brake, p_gas, packing, contact, M_C, N_x, N_y, N_d, N_f), drag)
+        return R, M_C, N_x, N_y, N_d, N_f, (p_brake, p_gas, packing, contact, M_C, N_x, N_y, N_d, N_f), drag
 
     return loads

@@ -109,11 +109,9 @@ def breech_pressure(times_s: Array, peak_pa: float, rise_s: float, decay_s: floa
     return peak_pa / highest * shape(times_s)
 
 
-def _trial(y: State, along: State, rates: State, step: float, n: int) -> State:
-    """Return ``y`` moved by a step along the velocities of another state and given accelerations."""
-    place = [p + step * v for p, v in zip(y[:n], along[n : 2 * n], strict=True)]
-    speed = [v + step * a for v, a in zip(y[n:], rates, strict=True)]
-    return (*place, *speed)
+def _trial(y: State, change: State, step: float) -> State:
+    """Return ``y`` moved by a step along rates of change."""
+    return tuple([value + step * rate for value, rate in zip(y, change, strict=True)])
 
 
 def _step(evaluate: Equations, y: State, k1: State, forces: tuple[float, float], step: float, slip: float) -> State:
@@ -129,17 +127,17 @@ def _step(evaluate: Equations, y: State, k1: State, forces: tuple[float, float],
         Largest deflection of the packing's bristle, m.
     """
     n = len(y) // 2
-    y2 = _trial(y, y, k1, 0.5 * step, n)
-    k2, _ = evaluate(y2, forces[0])
-    y3 = _trial(y, y2, k2, 0.5 * step, n)
-    k3, _ = evaluate(y3, forces[0])
-    y4 = _trial(y, y3, k3, step, n)
-    k4, _ = evaluate(y4, forces[1])
+    # how coordinates, rates and bristle change: the rates themselves, then what the equations of motion say
+    d1 = y[n : 2 * n] + k1
+    y2 = _trial(y, d1, 0.5 * step)
+    d2 = y2[n : 2 * n] + evaluate(y2, forces[0])[0]
+    y3 = _trial(y, d2, 0.5 * step)
+    d3 = y3[n : 2 * n] + evaluate(y3, forces[0])[0]
+    y4 = _trial(y, d3, step)
+    d4 = y4[n : 2 * n] + evaluate(y4, forces[1])[0]
     sixth = step / 6.0
-    velocities = zip(y[:n], y[n : 2 * n], y2[n : 2 * n], y3[n : 2 * n], y4[n : 2 * n], strict=True)
-    place = [p + sixth * (a + 2 * (b + c) + d) for p, a, b, c, d in velocities]
-    speed = [v + sixth * (a + 2 * (b + c) + d) for v, a, b, c, d in zip(y[n:], k1, k2, k3, k4, strict=True)]
-    return (*place, *speed[:n], min(max(speed[n], -slip), slip))
+    *moved, bristle = [p + sixth * (a + 2 * (b + c) + d) for p, a, b, c, d in zip(y, d1, d2, d3, d4, strict=True)]
+    return (*moved, min(max(bristle, -slip), slip))
 
 
 def tube_of(mechanism: Mechanism, settings: TwinSettings) -> FlexibleTube | None:
