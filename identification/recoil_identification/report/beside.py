@@ -14,7 +14,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.firing_record import Curves
 from recoil_identification.report.campaign_figures import PANELS
 from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Trace, with_interval
-from recoil_identification.report.rounding import NO_NUMBER, fixed, plain, rounded, significant
+from recoil_identification.report.rounding import NO_NUMBER, fixed, plain, rounded, signed, significant
 from recoil_identification.reproduction import ELSEWHERE
 
 Array = NDArray[np.float64]
@@ -129,14 +129,12 @@ def parameters(laid: Sequence[Laid]) -> list[Row]:
         _row(laid, "rig", lambda d: d["rig"]),
         _row(laid, "corrected in the rig", _corrections),
         _row(laid, "configuration", lambda d: (d.get("shot_log") or {}).get("configuration")),
-        _row(laid, "added mass / kg", lambda d: (d.get("shot_log") or {}).get("added_mass_kg"), _number),
+        _row(laid, "added mass / kg", lambda d: (d.get("shot_log") or {}).get("added_mass_kg"), plain),
         _row(laid, "method", lambda d: d["mass"].get("method")),
-        _row(laid, "low-pass / Hz", lambda d: d.get("filter", {}).get("cutoff_hz"), _number),
+        _row(laid, "low-pass / Hz", lambda d: d.get("filter", {}).get("cutoff_hz"), plain),
         _row(laid, "chosen by", lambda d: d.get("filter", {}).get("basis")),
         _row(laid, "its half order", lambda d: d.get("filter", {}).get("half_order")),
-        _row(
-            laid, "low-pass of the fit of the mass / Hz", lambda d: d.get("filter", {}).get("mass_cutoff_hz"), _number
-        ),
+        _row(laid, "low-pass of the fit of the mass / Hz", lambda d: d.get("filter", {}).get("mass_cutoff_hz"), plain),
         _row(laid, "memory (window) / ms", lambda d: d.get("window_s"), lambda s: plain(1e3 * s)),
         _row(laid, "recoil-daq", lambda d: d["provenance"].get("version")),
         _row(laid, "computed with", lambda d: ", ".join((d["provenance"].get("computer") or {}).values()) or None),
@@ -150,7 +148,7 @@ def results(laid: Sequence[Laid]) -> list[Row]:
     differences = [
         None if None in (value, values[0]) or _same(value, values[0]) else value - values[0] for value in values
     ]
-    by = [NO_NUMBER if one is None else _signed(significant(one, 3)) for one in differences]
+    by = [NO_NUMBER if one is None else signed(significant(one, 3)) for one in differences]
     found = [
         _row(laid, "verdict", lambda d: "valid" if d["valid"] else "not valid"),
         _row(laid, "reasons", lambda d: "; ".join(d["reasons"]) or "none"),
@@ -158,8 +156,8 @@ def results(laid: Sequence[Laid]) -> list[Row]:
         Row("mass, from that of the first / kg", tuple(differences), ("", *by[1:])),
         _numbers("u / kg", u, [significant(one, 2) for one in u]),
         _row(laid, "95 % interval / kg", lambda d: d["mass"].get("U95"), _interval),
-        _row(laid, "specification / kg", lambda d: d["mass"].get("specification"), _number),
-        _row(laid, "E_n", lambda d: d.get("E_n"), lambda e_n: _signed(fixed(e_n, 2))),
+        _row(laid, "specification / kg", lambda d: d["mass"].get("specification"), plain),
+        _row(laid, "E_n", lambda d: d.get("E_n"), lambda e_n: signed(fixed(e_n, 2))),
         _row(laid, "RPE / %", lambda d: d["rpe_percent"].get("value"), lambda one: significant(one, 3)),
         _row(laid, "its 95 % interval / %", lambda d: d["rpe_percent"].get("U95"), _interval),
         _row(laid, "identified share / %", lambda d: d.get("identified_share"), lambda share: fixed(100 * share, 1)),
@@ -242,14 +240,6 @@ def _corrections(document: Mapping[str, Any]) -> str:
     return "; ".join(said) or "nothing"
 
 
-def _number(value: float) -> str:
-    return plain(value)
-
-
 def _interval(ends: Sequence[float | None]) -> str:
     low, high = (math.nan if one is None else one for one in ends)
     return " … ".join(rounded(one, (high - low) / 2)[0] for one in (low, high))
-
-
-def _signed(text: str) -> str:
-    return f"+{text}" if text[:1].isdigit() and text.strip("0.") else text

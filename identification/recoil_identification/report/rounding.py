@@ -56,3 +56,8 @@ def plain(value: float | None) -> str:
     """Write a number that has no uncertainty: five significant digits, without trailing zeros."""
     mantissa, e, exponent = significant(value, 5).partition("e")
     return (mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa) + e + exponent
+
+
+def signed(text: str) -> str:
+    """Put a plus sign before a positive number that is written already."""
+    return f"+{text}" if text[:1].isdigit() and text.strip("0.") else text

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from recoil_identification.report.rounding import NO_NUMBER, fixed, plain, rounded, significant
+from recoil_identification.report.rounding import NO_NUMBER, fixed, plain, rounded, signed, significant
 from recoil_rigs.assumptions import assumption_lines
 
 Report = Mapping[str, Any]
@@ -156,7 +156,7 @@ def facts(report: Report) -> list[tuple[str, str]]:
     if truth.get("mass_kg") is not None:
         found.append(("true mass (virtual shot)", f"{plain(truth['mass_kg'])} kg"))
     if truth.get("error_percent") is not None:
-        found.append(("error against the truth", f"{_signed(significant(truth['error_percent'], 2))} %"))
+        found.append(("error against the truth", f"{signed(significant(truth['error_percent'], 2))} %"))
     found += [(str(name).replace("_", " "), _cell(value)) for name, value in (report.get("summary") or {}).items()]
     return found
 
@@ -173,7 +173,7 @@ def methods(report: Report) -> list[Row]:
                 "name": method.get("name", NO_NUMBER),
                 "mass": mass_text,
                 "u": u_text,
-                "deviation": _signed(rounded(method.get("deviation_percent"), relative)[0]),
+                "deviation": signed(rounded(method.get("deviation_percent"), relative)[0]),
                 "rpe": rounded(method.get("rpe_percent"), relative)[0],
                 "note": method.get("note") or "",
                 "chosen": method.get("name") == report["mass"].get("method"),
@@ -203,7 +203,7 @@ def budget(report: Report) -> tuple[list[Row], str | None]:
                 "source": entry.get("source", NO_NUMBER),
                 "kind": ", ".join(text for text in (entry.get("type"), entry.get("distribution")) if text),
                 "u_source": f"{significant(u_source, 2)}{unit}" if u_source else "",
-                "sensitivity": f"{_signed(significant(sensitivity, 3))} kg{per_unit}" if sensitivity else "",
+                "sensitivity": f"{signed(significant(sensitivity, 3))} kg{per_unit}" if sensitivity else "",
                 "freedom": "∞" if freedom is None or not math.isfinite(freedom) else fixed(freedom, 0),
                 "u": significant(u, 2),
                 "share": "< 1" if 0.0 < share < 1.0 else fixed(share, 0),
@@ -227,7 +227,7 @@ def coverage(report: Report) -> list[str]:
     drawn = stated.get("monte_carlo")
     if drawn:
         low, high = (fixed(limit, 2) for limit in drawn["interval_kg"])
-        below, above = (_signed(fixed(d, 2)) for d in drawn["difference_kg"])
+        below, above = (signed(fixed(d, 2)) for d in drawn["difference_kg"])
         sentences.append(
             f"Monte Carlo method (JCGM 101), {drawn['draws']} draws, seed {drawn['seed']}: mean "
             f"{fixed(drawn['mean_kg'], 2)} kg, u {significant(drawn['u_kg'], 3)} kg, 95 % interval {low} kg to {high} "
@@ -359,7 +359,7 @@ def quantities(document: Report) -> list[Row]:
                 "interval": f"{low} … {high}" if one["value"] is not None else NO_NUMBER,
                 "unit": one["unit"],
                 "expected": plain(one["declared"]),
-                "e_n": NO_NUMBER if one["E_n"] is None else _signed(fixed(one["E_n"], 2)),
+                "e_n": NO_NUMBER if one["E_n"] is None else signed(fixed(one["E_n"], 2)),
                 "basis": one["basis"],
             }
         )
@@ -420,8 +420,3 @@ def _known(value: float | None) -> str | None:
 
 def _scaled(value: float | None, factor: float) -> float | None:
     return None if value is None else factor * value
-
-
-def _signed(text: str) -> str:
-    """Put a plus sign before a positive number."""
-    return f"+{text}" if text[:1].isdigit() and text.strip("0.") else text

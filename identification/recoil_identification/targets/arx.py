@@ -15,6 +15,7 @@ from recoil_identification.mass import MassEstimate
 from recoil_identification.report.arx_figures import frequency_figure, order_figure, output_figure, residual_figure
 from recoil_identification.report.arx_tables import order_rows, parameter_rows, pole_rows, quality_rows
 from recoil_identification.report.finding import Finding, Quantity, Series
+from recoil_identification.report.json_file import stated
 from recoil_identification.report.rounding import rounded, significant
 from recoil_identification.targets.target import Case
 from recoil_rigs.assumptions import AREAS
@@ -118,12 +119,9 @@ def find(case: Case) -> Finding:
         ),
         notes=(*notes_on_model(choice, mass, static), _beside_the_shots_mass(mass.mass_kg, of_shot)),
         parameters={
-            "na": model.orders.na,
-            "nb": model.orders.nb,
-            "delay": model.orders.delay,
+            **stated(model.orders, "na", "nb", "delay"),
             "criterion": "bic",
-            "step_s": record.step_s,
-            "stride": record.stride,
+            **stated(record, "step_s", "stride"),
             "cutoff_hz": None if record.low_pass is None else record.low_pass.cutoff_hz,
             "rows": model.n_rows,
             "fit_percent": fit if math.isfinite(fit) else None,
