@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from recoil_daq.demo import LiveDemonstration
     from recoil_daq.device_check import ChannelHeard
     from recoil_daq.live_shot import Display, LiveOutcome, LiveShot
-    from recoil_daq.recover import Recovered
+    from recoil_daq.recovered import Recovered
     from recoil_rigs.rig import Rig
 
 
