@@ -9,8 +9,9 @@ from pathlib import Path
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.regular_file import read_small
+from recoil_acquisition.shot import InputFile
 from recoil_daq import __version__
-from recoil_daq.fired import RIG_FILE, described
+from recoil_daq.fired import RIG_FILE
 from recoil_daq.identify import find_shot_files
 from recoil_daq.recomputed import reports_in
 from recoil_identification.campaign.campaign_shot import CampaignShot
@@ -150,6 +151,6 @@ def sources_of(places: Sequence[Path], reports: Sequence[Path]) -> Iterator[Sour
             for shot_file in find_shot_files([path]):
                 at = [folder / shot_file.stem / REPORT_FILE for folder in reversed(reports)]
                 there = [CampaignReport.read(one) for one in at if one.exists()]
-                sha256 = described(shot_file).sha256
+                sha256 = InputFile.of(shot_file).sha256
                 of_file = [one for one in there if not one.why_not(sha256, None)]
                 yield Source(shot_file, sha256, next(iter([*of_file, *there]), None))

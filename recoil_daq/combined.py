@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.regular_file import read_small
+from recoil_acquisition.shot import InputFile
 from recoil_daq import __version__
 from recoil_daq.campaign_logs import CampaignLogs
 from recoil_daq.campaign_sources import OF_ANOTHER, CampaignReport, Source, sources_of
-from recoil_daq.fired import described
 from recoil_daq.printed import MassResult
 from recoil_daq.report_folder import publish, refuse_existing, refuse_unwritable, way_to_page
 from recoil_daq.several_shots import identify_shots, shared_options
@@ -169,7 +169,7 @@ def campaign(
     ]
     inputs += [{"file": read.path.name, "sha256": read.sha256} for read in logs.read.values()]
     if rig is not None:
-        corrected = described(find_rig(str(rig)))
+        corrected = InputFile.of(find_rig(str(rig)))
         inputs.append({"file": corrected.name, "sha256": corrected.sha256})
     combined = replace(combined, notes=(*combined.notes, *notes))
     places = {one.shot().name: one.path.parent for one in whole}
@@ -258,7 +258,7 @@ def _doubts(sources: Sequence[Source], kept: SharedCutoff | None, rig: str | Pat
     ReadError
         If one cannot be made anew from what is given.
     """
-    rig_sha256 = "" if rig is None else described(find_rig(str(rig))).sha256
+    rig_sha256 = "" if rig is None else InputFile.of(find_rig(str(rig))).sha256
     cutoff_hz = None if kept is None else kept.mass_cutoff_hz
     doubts = [one.why_not(cutoff_hz, rig_sha256) for one in sources]
     sound = {one.report.cutoff_hz for one, doubt in zip(sources, doubts, strict=True) if one.report and not doubt}

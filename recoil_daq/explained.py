@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import ReadError, RecoilDaqError
+from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store.shot_log import ShotLog
 from recoil_daq import __version__
-from recoil_daq.fired import LOG_FILE, described
+from recoil_daq.fired import LOG_FILE
 from recoil_daq.printed import Printed
 from recoil_daq.recomputed import ANEW, Kept, Recomputed, find_reports, recompute
 from recoil_daq.workers import Workers
@@ -195,7 +196,7 @@ def _files(kept: Kept, done: Recomputed) -> list[dict[str, Any]]:
     found: list[dict[str, Any]] = []
     for one in kept.inputs:
         path = done.shot_file if one == kept.shot_file else done.shot_file.parent / one.name
-        now = described(path).sha256 if path.is_file() else None
+        now = InputFile.of(path).sha256 if path.is_file() else None
         state = "as it was" if now == one.sha256 else "not here: what it held is in the shot file"
         if now is not None and now != one.sha256:
             state = "changed since"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -14,7 +13,7 @@ from recoil_acquisition.errors import StoreError
 from recoil_acquisition.exporters.content import gather
 from recoil_acquisition.exporters.publication import ExportedFile, write_export
 from recoil_acquisition.exporters.table import exporter_of
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.shot import InputFile, Shot
 from recoil_acquisition.store import read_shot
 from recoil_daq import __version__
 from recoil_daq.printed import Printed
@@ -144,13 +143,15 @@ def export(
     source = Path(path)
     progress("read")
     shot = read_shot(source)
-    with source.open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
     notes: list[str] = []
     if frequency_class is not None:
         progress("filter")
         shot, notes = _filtered(shot, channels, frequency_class)
-    provenance = {"program": f"recoil-daq {__version__}", "shot_file": source.name, "sha256": digest}
+    provenance = {
+        "program": f"recoil-daq {__version__}",
+        "shot_file": source.name,
+        "sha256": InputFile.of(source).sha256,
+    }
     try:
         content = gather(shot, provenance, channels, aligned=aligned)
     except StoreError as error:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime as dt
-import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -100,7 +99,7 @@ def read_fired(path: Path, rig_file: str | Path | None = None, *, judge: bool = 
     if rig_file is None:
         return fired
     corrected = load_rig(rig_file)
-    return _corrected(fired, bare, corrected, described(corrected.path, RIG_FILE, "TOML"), judge=judge)
+    return _corrected(fired, bare, corrected, InputFile.of(corrected.path, RIG_FILE, "TOML"), judge=judge)
 
 
 def read_fired_again(
@@ -201,10 +200,3 @@ def _notes_on_log(shot: str, log: ShotLog) -> Iterator[str]:
         others = ", ".join(log.without_shot()[:8])
         beside = f"; its rows {others} are of no shot here" if others else ""
         yield f"{log.path.name} has no row of shot {shot}: {NOTHING_ADDED}{beside}"
-
-
-def described(path: Path, source: str = "", reader: str = "shot file") -> InputFile:
-    """Describe a file, a shot file if nothing else is said, for the provenance of what is made of it."""
-    with path.open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
-    return InputFile(path.name, digest, path.stat().st_size, source, reader)

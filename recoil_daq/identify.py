@@ -10,7 +10,7 @@ from typing import Any
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.shot import InputFile
 from recoil_daq import __version__
-from recoil_daq.fired import Fired, described, read_fired
+from recoil_daq.fired import Fired, read_fired
 from recoil_daq.printed import MassResult
 from recoil_daq.report_folder import publish, refuse_existing, refuse_unwritable
 from recoil_identification.analysis import Identification, Options, identify_shot
@@ -156,7 +156,7 @@ def identify_file(
     progress("identify")
     found = identify_shot(shot, fired.rig, options or Options())
     progress("report")
-    document, files = reported(fired, found, described(source), truth)
+    document, files = reported(fired, found, InputFile.of(source), truth)
     drawn = report_figures(found)
     page = render_page(document, drawn, standalone=standalone)
     paper = report_pdf(document, drawn) if pdf else None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime as dt
-import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -166,7 +165,7 @@ def ingest_files(
         rig_text=rig.text,
         reference_clock=rig.reference_clock,
         channels=channels,
-        inputs=tuple(_input_file(path, source, recordings[source].reader) for source, path in matched.items()),
+        inputs=tuple(InputFile.of(path, source, recordings[source].reader) for source, path in matched.items()),
         started=started,
         started_source=started_source,
         databases=rig.databases,
@@ -202,7 +201,7 @@ def _replacing(target: Path, why: str) -> tuple[Step, ...]:
     """Return the line of history that says which shot file is made anew, and why; nothing if none is."""
     if not why or not target.exists():
         return ()
-    return (Step("replace shot file", __version__, {"why": why, "sha256_before": _sha256(target)}),)
+    return (Step("replace shot file", __version__, {"why": why, "sha256_before": InputFile.of(target).sha256}),)
 
 
 def match_sources(rig: Rig, files: Sequence[tuple[Path, Reader]]) -> dict[str, Path]:
@@ -296,10 +295,6 @@ def _started(acquisition: Acquisition | None, recordings: Sequence[Recording]) -
     return "", ""
 
 
-def _input_file(path: Path, source: str, reader: str) -> InputFile:
-    return InputFile(path.name, _sha256(path), path.stat().st_size, source, reader)
-
-
 def reader_of(path: Path, rig: Rig | None) -> Reader:
     """Return the reader of a file: its source's declared layout decides, then the file's content.
 
@@ -323,8 +318,3 @@ def reader_of(path: Path, rig: Rig | None) -> Reader:
         if not matching and len(laid_out) == 1:
             return BY_LAYOUT[laid_out[0].kind]
         raise
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.errors import Fault, IdentificationError, ReadError, RigError
+from recoil_acquisition.shot import InputFile
 from recoil_daq import __version__
-from recoil_daq.fired import described, read_fired
+from recoil_daq.fired import read_fired
 from recoil_daq.ingest import ingest_files
 from recoil_daq.printed import Printed
 from recoil_identification.analysis import Identification, Options, identify_shot
@@ -298,5 +299,5 @@ def _refuse_other(rig: Rig, recorded: Rig, path: Path) -> None:
 
 
 def _input(path: Path) -> dict[str, str]:
-    one = described(path)
+    one = InputFile.of(path)
     return {"file": one.name, "sha256": one.sha256}

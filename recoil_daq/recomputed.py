@@ -16,7 +16,7 @@ from recoil_acquisition.regular_file import read_beginning, read_small
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store.shot_log import ShotLogRow
 from recoil_daq import __version__
-from recoil_daq.fired import LOG_FILE, NOTHING_ADDED, RIG_FILE, Fired, described, read_fired_again
+from recoil_daq.fired import LOG_FILE, NOTHING_ADDED, RIG_FILE, Fired, read_fired_again
 from recoil_daq.identify import reported
 from recoil_identification.analysis import Options, identify_shot
 from recoil_identification.report.campaign_document import CAMPAIGN_FILE
@@ -205,7 +205,7 @@ def recompute(kept: Kept, shots: Sequence[Path] = (), *, progress: Progress = la
     fired = replace(fired, notes=(*fired.notes, *told))
     progress("identify")
     found = identify_shot(fired.shot, fired.rig, kept.options)
-    shot_file = replace(described(path), name=kept.shot_file.name)
+    shot_file = replace(InputFile.of(path), name=kept.shot_file.name)
     document, files = reported(fired, found, shot_file, kept.truth)
     progress("compare")
     exact = kept.same_computer
@@ -260,18 +260,18 @@ def found_shot_file(kept: Kept, shots: Sequence[Path] = ()) -> Path:
     for folder in folders:
         path = folder / wanted.name
         if path.is_file():
-            if described(path).sha256 == wanted.sha256:
+            if InputFile.of(path).sha256 == wanted.sha256:
                 return path
             changed = changed or path
     for path in _of_size(folders, wanted.size):
-        if described(path).sha256 == wanted.sha256:
+        if InputFile.of(path).sha256 == wanted.sha256:
             return path
     if changed is not None:
         raise ReadError(
             "the shot file is not the one that this report was made of",
             path=changed,
             expected=f"SHA-256 {wanted.sha256}",
-            found=described(changed).sha256,
+            found=InputFile.of(changed).sha256,
             remedy=f"give the folder of the one that was with --shots, or {ANEW}",
         )
     raise ReadError(

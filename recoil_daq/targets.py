@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from recoil_acquisition.shot import InputFile
 from recoil_daq import __version__
-from recoil_daq.fired import described, read_fired
+from recoil_daq.fired import read_fired
 from recoil_daq.identify import Progress
 from recoil_daq.report_folder import publish, refuse_existing, refuse_unwritable
 from recoil_identification.analysis import Options
@@ -102,7 +103,7 @@ def identify_targets(
         found = find(case)
         found = replace(found, notes=(*fired.notes, *left_out, *found.notes))
         document = target_document(
-            shot, found, version=__version__, shot_file=described(source), row=fired.row, beside=fired.beside,
+            shot, found, version=__version__, shot_file=InputFile.of(source), row=fired.row, beside=fired.beside,
             corrections=fired.corrections,
         )  # fmt: skip
         _publish(folder, found, document, pdf=pdf, figures=figures, standalone=standalone)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
@@ -45,6 +47,13 @@ class InputFile:
     size: int
     source: str
     reader: str
+
+    @classmethod
+    def of(cls, path: Path, source: str = "", reader: str = "shot file") -> InputFile:
+        """Describe a file, a shot file if nothing else is said, for the provenance of what is made of it."""
+        with path.open("rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+        return cls(path.name, digest, path.stat().st_size, source, reader)
 
 
 @dataclass(frozen=True)
