@@ -13,7 +13,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from recoil_identification.report import campaign_tables, tables
+from recoil_identification.report import campaign_tables, sentences, tables
 from recoil_identification.report.drawing import drawings
 from recoil_identification.report.figure import Figure
 from recoil_identification.report.glossary import Glossary, notation
@@ -70,17 +70,17 @@ def render_page(report: Mapping[str, Any], figures: Sequence[Figure], *, standal
         figures,
         standalone=standalone,
         verdict=tables.verdict(report),
-        in_words=tables.in_words(report),
+        in_words=sentences.in_words(report),
         peaks=tables.peaks(report),
         facts=tables.facts(report),
         notes=report.get("notes") or (),
-        assumed=tables.assumed(report),
+        assumed=sentences.assumed(report),
         methods=tables.methods(report),
         budget=budget_rows,
         combined=combined,
-        coverage=tables.coverage(report),
+        coverage=sentences.coverage(report),
         alignment=tables.alignment(report),
-        conditioning=tables.conditioning(report),
+        conditioning=sentences.conditioning(report),
         ringing=tables.ringing(report),
         repairs=tables.repairs(report),
         quality=tables.quality(report),

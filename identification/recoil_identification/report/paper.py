@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from recoil_identification.report import campaign_tables, tables
+from recoil_identification.report import campaign_tables, sentences, tables
 from recoil_identification.report.figure import Figure
 from recoil_identification.report.glossary import notation
 from recoil_identification.report.json_file import json_bytes
@@ -119,13 +119,13 @@ def report_pdf(report: Document, figures: Sequence[Figure]) -> bytes:
     if verdict["deviation"]:
         reasons.append(f"Valid, {verdict['deviation']}.")
     notes = [*(report.get("notes") or ()), *([rpe["meaning"]] if rpe.get("meaning") else ())]
-    assumed = tables.assumed(report)
+    assumed = sentences.assumed(report)
     facts = [(label, text) for label, text in tables.facts(report) if label not in SAID_ABOVE]
     head = {
         "tone": "bad" if not verdict["valid"] else "doubt" if verdict["deviation"] else "ok",
         "stamp": "VALID" if verdict["valid"] else "NOT VALID",
         "result": result,
-        "words": tables.in_words(report),
+        "words": sentences.in_words(report),
         "reasons": reasons,
         "measures": [pair for pair in measures if pair[1]],
         "groups": [("The shot", facts), ("Peaks", tables.peaks(report))],
@@ -252,7 +252,7 @@ def _results(report: Document) -> list[Part | None]:
                rows,
                "Standard uncertainty of the mass from each source, the largest first: A by statistics of this shot, B "
                "by other knowledge; ν are degrees of freedom, the share is that of the variance.",
-               strong=[0] if combined is not None else [], after=tables.coverage(report)),
+               strong=[0] if combined is not None else [], after=sentences.coverage(report)),
     ]  # fmt: skip
 
 
@@ -268,7 +268,7 @@ def _processing(report: Document) -> list[Part | None]:
                       ("clock", "offset", "u_offset", "drift", "u_drift", "status", "method")),
                "How each source's clock maps to the reference clock, in which the figures' times are: reference time = "
                "(1 + drift) × time of the source + offset; u is that of the mapped time in the middle of the motion."),
-        _text("What was done to the signals", tables.conditioning(report)),
+        _text("What was done to the signals", sentences.conditioning(report)),
         _table("Ringing taken off",
                [("Channel", "long"), ("Energy taken off / %", "number"), ("Mode / Hz", "number"),
                 ("Damping / %", "number"), ("Its energy / %", "number"), ("Amplitude", "number")],

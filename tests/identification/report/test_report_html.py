@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from recoil_acquisition.errors import StoreError
-from recoil_identification.report import html, page_files, tables
+from recoil_identification.report import html, page_files, sentences, tables
 from recoil_identification.report.drawing import drawing, drawings
 from recoil_identification.report.figure import (
     Figure,
@@ -663,7 +663,7 @@ def test_the_head_says_verdict_peaks_date_and_what_was_assumed_in_words():
     ],
 )
 def test_the_verdict_is_a_sentence(changes, said):
-    assert tables.in_words(a_report(**changes)) == said
+    assert sentences.in_words(a_report(**changes)) == said
 
 
 def test_checks_that_passed_are_folded_away_and_the_others_are_not():

@@ -1,0 +1,104 @@
+"""What a report's page says in sentences: the verdict, what is assumed, the interval, what was done to the signals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from recoil_identification.report.rounding import fixed, plain, signed, significant
+from recoil_rigs.assumptions import assumption_lines
+
+Report = Mapping[str, Any]
+
+
+def in_words(report: Report) -> str:
+    """Say the verdict in a sentence; the reasons and the deviation stand below it."""
+    mass = report["mass"]
+    reasons = len(report.get("reasons") or ())
+    if not report["valid"]:
+        against = "one reason speaks" if reasons == 1 else f"{reasons} reasons speak" if reasons else "something speaks"
+        return f"Not to be relied on: {against} against this mass."
+    specification = mass.get("specification")
+    e_n = report.get("E_n")
+    if specification is None or e_n is None:
+        return "Nothing speaks against this mass."
+    how = "agrees with" if abs(e_n) <= 1.0 else "deviates from"
+    specified = f"{plain(specification)} {mass.get('unit', 'kg')}"
+    return f"Nothing speaks against this mass; it {how} the specification of {specified}."
+
+
+def assumed(report: Report) -> str | None:
+    """Say in one line what is taken for granted; None if it is nothing."""
+    return "; ".join(assumption_lines(report.get("assumptions") or ())) or None
+
+
+def coverage(report: Report) -> list[str]:
+    """Say in sentences how the interval comes about, and how a Monte Carlo method compares with it."""
+    stated = report.get("uncertainty") or {}
+    if not stated:
+        return []
+    freedom = stated.get("degrees_of_freedom")
+    known = "infinitely many" if freedom is None or freedom > 1e4 else fixed(freedom, 0)
+    factor, expanded = fixed(stated["coverage_factor"], 3), significant(stated["U_kg"], 2)
+    interval = f"The interval is the mass and k = {factor} standard uncertainties, U95 = {expanded} kg, for {known}"
+    sentences = [f"{interval} effective degrees of freedom (Welch-Satterthwaite)."]
+    drawn = stated.get("monte_carlo")
+    if drawn:
+        low, high = (fixed(limit, 2) for limit in drawn["interval_kg"])
+        below, above = (signed(fixed(d, 2)) for d in drawn["difference_kg"])
+        sentences.append(
+            f"Monte Carlo method (JCGM 101), {drawn['draws']} draws, seed {drawn['seed']}: mean "
+            f"{fixed(drawn['mean_kg'], 2)} kg, u {significant(drawn['u_kg'], 3)} kg, 95 % interval {low} kg to {high} "
+            f"kg; the ends of the interval above differ from it by {below} kg and {above} kg, "
+            f"{'within' if drawn['agrees'] else 'beyond'} the numerical tolerance of {plain(drawn['tolerance_kg'])} kg"
+            f"{' and the scatter of the draws' if drawn['converged'] else ', which the draws have not reached'}."
+        )
+    if stated.get("frisch_bracket_kg"):
+        low, high = (fixed(limit, 2) for limit in stated["frisch_bracket_kg"])
+        sentences.append(
+            f"Frisch's bracket, force on acceleration and acceleration on force, both filtered and without what the "
+            f"method takes off them: {low} kg to {high} kg; its width is what noise in both can do to a regression of "
+            "one on the other."
+        )
+    for key in ("endogeneity", "constancy"):
+        detail = (report.get(key) or {}).get("detail")
+        if detail:
+            sentences.append(f"{detail[:1].upper()}{detail[1:].rstrip('.')}.")
+    return sentences
+
+
+def conditioning(report: Report) -> list[str]:
+    """Say in sentences what was done to the signals: the filter, a shift of the zero, what was repaired."""
+    said, shift = report.get("filter") or {}, report.get("zero_shift") or {}
+    sentences = []
+    if said.get("cutoff_hz") is not None:
+        basis = {"given": "as asked for", "shot": "chosen from this shot's spectra",
+                 "campaign": "chosen from the spectra of all shots together", "default": "a fixed one"}  # fmt: skip
+        order = 2 * said.get("half_order", 4)
+        if report["mass"].get("method") == "camera":
+            sentences.append("The mass is that of displacement and forces as recorded; no filter is in it.")
+        sentences.append(
+            f"Both sides of the equation of motion pass one zero-phase Butterworth low-pass of order {order}, "
+            f"-3 dB at {plain(float(significant(said['cutoff_hz'], 3)))} Hz, {basis.get(str(said.get('basis')), '')}: "
+            f"{said.get('reason', '')}."
+        )
+    narrow = said.get("mass_cutoff_hz")
+    if narrow is not None and narrow < said.get("cutoff_hz", 0.0):
+        sentences.append(
+            f"The mass is fitted below {plain(float(significant(narrow, 3)))} Hz, where the force has 99 % of its "
+            "energy; the mass over time and the figures have the whole band."
+        )
+    if shift.get("demanded"):
+        parts = [
+            f"{significant(shift[key], 3)} m/s² (u {significant(shift['u_' + key], 2)}) {how}"
+            for key, how in (("step_m_s2", "that stays"), ("decaying_m_s2", "that decays"))
+            if shift.get("u_" + key)
+        ]
+        witnesses = "force and camera" if shift.get("confirmed") else "the force alone"
+        sentences.append(
+            f"The accelerometer's zero shifted at the shot, as {witnesses} show: {' and '.join(parts)}; taken off."
+        )
+    skew = report.get("skew") or {}
+    if skew.get("corrected_s"):
+        sentences.append(f"Among the recorder's channels {skew.get('reason', '')}.")
+    return sentences
