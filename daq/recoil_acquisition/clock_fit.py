@@ -152,7 +152,6 @@ def fit_clock(
     counts: Instants | None = None,
     breaks: Sequence[int] = (),
     smallest_step_s: float = SMALLEST_STEP_S,
-    largest_drift: float = LARGEST_DRIFT,
 ) -> ClockFit | None:
     """Fit the line below the host's stamps, and find the steps of the device's clock.
 
@@ -184,7 +183,7 @@ def fit_clock(
     candidates = {*find_breaks(x, y, counts, smallest_step_s).tolist(), *breaks}
     parts, wrong = join_parts(x, y - x, sorted(candidates), smallest_step_s)
     lowest = [lower_points(y - x, part) for part in parts]
-    drift, seen = slope_between(x, y - x, lowest, largest_drift)
+    drift, seen = slope_between(x, y - x, lowest, LARGEST_DRIFT)
     flat = y - x - drift * x
     sides = [side_of(part, points, flat) for part, points in zip(parts, lowest, strict=True)]
     residuals = np.concatenate([flat[side.points] - side.level_s for side in sides])

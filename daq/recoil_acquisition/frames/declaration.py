@@ -27,7 +27,6 @@ from recoil_acquisition.frames.framing_tables import (
     FramingTable,
     LengthTable,
     RequestTable,
-    TlvTable,
     WhenTable,
 )
 from recoil_acquisition.frames.ready_made import from_ready_made
@@ -249,7 +248,9 @@ class _Declared:
         if self._lines and where and table.tlv is not None:
             self._fault(f"{where}tlv", "unknown key; lines have no elements")
         when = None if table.when is None else self._selector(table.when, f"{where}when")
-        elements = None if table.tlv is None else _elements(table.tlv)
+        elements = None
+        if (tlv := table.tlv) is not None:
+            elements = Elements(**tlv.model_dump(exclude={"endian"}), big_endian=tlv.endian == "big")
         if where and when is not None and "fields" not in table.model_fields_set:
             return FrameType((), when)
         if not table.fields:
@@ -315,10 +316,6 @@ class _Declared:
             self._fault(f"{where}.equals", problem)
             return Selector(table.at, b"")
         return Selector(table.at, bytes([table.equals]))
-
-
-def _elements(table: TlvTable) -> Elements:
-    return Elements(**table.model_dump(exclude={"endian"}), big_endian=table.endian == "big")
 
 
 def _contradictions(framing: Framing) -> list[Fault]:

@@ -184,11 +184,7 @@ class FileScan:
         payload = self._bytes(head.at + HEAD_SIZE, head.length)
         if len(payload) < head.length or zlib.crc32(payload, self._seed) != head.payload_crc:
             return None
-        one = head.record
-        return Record(
-            one.number, one.source, one.kind, one.host_ns, payload,
-            one.span_us, one.wait_us, one.source_number, one.position,
-        )  # fmt: skip
+        return head.record._replace(payload=payload)
 
     def _bytes(self, at: int, size: int) -> bytes:
         begin = at - self._begin

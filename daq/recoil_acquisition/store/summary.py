@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from typing import Any
 
 from recoil_acquisition.acquisition import AT_TRIGGER
@@ -75,12 +74,8 @@ def _channel_summary(signal: Any, time: Any, count: int) -> dict[str, Any]:
         "signal": str(signal["source_signal"]),
         "count": count,
         "lost": int(signal["lost"]),
-        "rate_hz": _json_number(time["rate_hz"]),
-        "start_s": _json_number(time["start_s"]),
-        "end_s": _json_number(time["end_s"]),
-        "u_rel": _json_number(signal["u_rel"]),
+        "rate_hz": finite(float(time["rate_hz"])),
+        "start_s": finite(float(time["start_s"])),
+        "end_s": finite(float(time["end_s"])),
+        "u_rel": finite(float(signal["u_rel"])),
     }
-
-
-def _json_number(value: Any) -> float | None:
-    return float(value) if math.isfinite(value) else None

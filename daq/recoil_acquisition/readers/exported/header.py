@@ -116,7 +116,7 @@ def exported_header(document: Any, path: Path, *, most: int) -> ExportedHeader:
         SignalHeader(name, unit, count, "float64", dict(channel))
         for name, unit, channel in zip(names, units, listed, strict=True)
     )
-    return ExportedHeader(path, signals, count, float(start_s), _float_or_none(step_s), start, dict(document))
+    return ExportedHeader(path, signals, count, start_s, step_s, start, dict(document))
 
 
 def _text(value: Any) -> str:
@@ -128,10 +128,6 @@ def _text(value: Any) -> str:
 def _number(value: Any) -> bool:
     # an integer may have more digits than float64 can hold
     return isinstance(value, float) and math.isfinite(value)
-
-
-def _float_or_none(value: Any) -> float | None:
-    return None if value is None else float(value)
 
 
 def _wrong(path: Path, found: str) -> CorruptFileError:
