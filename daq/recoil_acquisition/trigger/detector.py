@@ -207,7 +207,8 @@ class TriggerDetector:
             raise ValueError(f"time_s must be finite, not {time_s!r}")
         decisions = self._decide_until(time_s)
         reason = "" if self.trigger.manual else NO_MANUAL
-        return [*decisions, self._decide(time_s, "", MANUAL, MANUAL, None, time_s, reason)]
+        by_hand = Event(time_s, MANUAL, MANUAL, Transition.MOMENT, None, time_s)
+        return [*decisions, self._decide(by_hand, "", reason)]
 
     def finish(self) -> list[Decision]:
         """Decide on everything that is still waiting; nothing more will be fed before what was."""
@@ -247,21 +248,13 @@ class TriggerDetector:
     def _decide_event(self, event: Event) -> Decision:
         channel = self.trigger.conditions[event.condition].channel
         reason = BEYOND_AT_ARM if event.transition is Transition.BEYOND else ""
-        return self._decide(event.time_s, channel, event.condition, event.index, event.value, event.crossing_s, reason)
+        return self._decide(event, channel, reason)
 
-    def _decide(
-        self,
-        time_s: float,
-        channel: str,
-        condition: int,
-        index: int,
-        value: float | None,
-        crossing_s: float,
-        reason: str,
-    ) -> Decision:
+    def _decide(self, event: Event, channel: str, reason: str) -> Decision:
         outcome: Outcome = "suppressed"
+        time_s = event.time_s
         # whoever triggers by hand does not know what comes: a condition that is met then gets a shot of its own
-        by_hand = condition == MANUAL
+        by_hand = event.condition == MANUAL
         last_s, stop_s = (self._last_s, self._stop_s) if by_hand else (self._last_met_s, self._stop_met_s)
         if reason:
             pass
@@ -279,7 +272,7 @@ class TriggerDetector:
             self._last_s, self._stop_s = max(self._last_s, time_s), max(self._stop_s, until_s)
             if not by_hand:
                 self._last_met_s, self._stop_met_s = time_s, until_s
-        return Decision(time_s, outcome, reason, channel, condition, index, value, crossing_s)
+        return Decision(time_s, outcome, reason, channel, event.condition, event.index, event.value, event.crossing_s)
 
 
 def find_triggers(trigger: Trigger, channels: Mapping[str, tuple[ArrayLike, ArrayLike]]) -> tuple[Decision, ...]:

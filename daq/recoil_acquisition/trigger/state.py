@@ -37,7 +37,7 @@ class Event:
     index
         Number of the sample in its channel, from 0.
     value
-        The sample; of a rate of change, the rate.
+        The sample; of a rate of change, the rate; None of a trigger by hand.
     crossing_s
         Where the straight line from the sample before crosses the level or border; `time_s` for
         a rate of change and a pulse width.
@@ -47,7 +47,7 @@ class Event:
     condition: int
     index: int
     transition: Transition
-    value: float
+    value: float | None
     crossing_s: float
 
 
