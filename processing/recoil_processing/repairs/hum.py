@@ -87,7 +87,6 @@ def subtract_hum(
     in_baseline: Flags,
     *,
     mains_hz: Sequence[float] = MAINS_HZ,
-    harmonics: int = MOST_HARMONICS,
     unit: str = "",
 ) -> Hum:
     """Find the mains' hum in the pre-trigger baseline, and take it off the whole record.
@@ -103,20 +102,18 @@ def subtract_hum(
     mains_hz
         Frequencies that the mains may have. Where the pre-trigger baseline does not identify which it is, nothing is
         taken off: name the country's.
-    harmonics
-        That are looked at.
     unit
         Of the samples, for the sentence.
 
     Raises
     ------
     ValueError
-        If shapes do not fit, or a frequency or number is not positive.
+        If shapes do not fit, or a frequency is not positive.
     """
     if samples.ndim != 1 or in_baseline.shape != samples.shape:
         raise ValueError(f"samples and in_baseline must be alike, not {samples.shape} and {in_baseline.shape}")
-    if not (rate_hz > 0 and mains_hz and min(mains_hz) > 0 and harmonics >= 1):
-        raise ValueError(f"rate, mains and harmonics must be positive, not {rate_hz}, {list(mains_hz)}, {harmonics}")
+    if not (rate_hz > 0 and mains_hz and min(mains_hz) > 0):
+        raise ValueError(f"rate and mains must be positive, not {rate_hz}, {list(mains_hz)}")
     at = np.flatnonzero(in_baseline & np.isfinite(samples))
     length_s = (at[-1] - at[0] + 1) / rate_hz if at.size else 0.0
     needed_s = LEAST_PERIODS / min(mains_hz)
@@ -132,9 +129,9 @@ def subtract_hum(
     # a level is fitted anyway; without it a constant is exactly nothing
     baseline = Baseline(at / rate_hz - origin_s, samples[at] - samples[at[0]], rate_hz, length_s)
     looked_at = mains_hz if not (glance := baseline.coarser(COARSE_RATE_HZ)) else [
-        hz for hz in mains_hz if glance.fit(hz, harmonics)
+        hz for hz in mains_hz if glance.fit(hz, MOST_HARMONICS)
     ]  # fmt: skip
-    found = sorted((f for hz in looked_at if (f := baseline.fit(hz, harmonics))), key=lambda f: f.misfit)
+    found = sorted((f for hz in looked_at if (f := baseline.fit(hz, MOST_HARMONICS))), key=lambda f: f.misfit)
     if not found:
         return _nothing(samples, "no hum stands out of the noise", identifiable=True)
     if len(found) > 1 and found[1].misfit - found[0].misfit < TOLD_APART:

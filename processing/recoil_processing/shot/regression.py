@@ -248,11 +248,11 @@ def build_regression(
     )
 
 
-def spaced_rows(regression: Regression, per_cutoff: float = 2.0) -> NDArray[np.int64]:
+def spaced_rows(regression: Regression) -> NDArray[np.int64]:
     """Return the indices of rows of a filtered regression that carry about independent errors.
 
     White noise behind a low-pass at fc is uncorrelated at intervals of about ``1 / (2 fc)``; rows are
-    taken `per_cutoff` times per period of the cut-off, so that nothing is lost and little repeated.
+    taken twice per period of the cut-off, so that nothing is lost and little repeated.
     They end before the filter spreads the friction's reversal at the end of travel into them.
 
     Returns
@@ -263,7 +263,7 @@ def spaced_rows(regression: Regression, per_cutoff: float = 2.0) -> NDArray[np.i
     used = regression.used & regression.before_the_turn
     if regression.low_pass is None:
         return np.flatnonzero(used)
-    stride = max(1, int(regression.rate_hz / (per_cutoff * regression.low_pass.cutoff_hz)))
+    stride = max(1, int(regression.rate_hz / (2.0 * regression.low_pass.cutoff_hz)))
     first = int(np.argmax(regression.inside))
     rows = np.arange(first, regression.times_s.size, stride)
     return rows[used[rows]]

@@ -47,12 +47,12 @@ class ShockResponse(ReadOnlyArrays):
         return np.asarray(20 * np.log10(np.maximum(self.positive, tiny) / np.maximum(self.negative, tiny)))
 
 
-def octave_frequencies(low_hz: float, high_hz: float, per_octave: int = POINTS_PER_OCTAVE) -> Array:
+def octave_frequencies(low_hz: float, high_hz: float) -> Array:
     """Return frequencies from one to at most another in equal ratios; none if the band is empty."""
     if not (0 < low_hz <= high_hz and math.isfinite(high_hz)):
         return np.empty(0)
-    count = math.floor(per_octave * math.log2(high_hz / low_hz) + 1e-9) + 1
-    return np.asarray(low_hz * 2.0 ** (np.arange(count) / per_octave))
+    count = math.floor(POINTS_PER_OCTAVE * math.log2(high_hz / low_hz) + 1e-9) + 1
+    return np.asarray(low_hz * 2.0 ** (np.arange(count) / POINTS_PER_OCTAVE))
 
 
 def absolute_acceleration_filter(
