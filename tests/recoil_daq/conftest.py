@@ -1,4 +1,4 @@
-"""One simulated shot of each bundled rig, shared by all tests of this folder."""
+"""One simulated shot of each bundled rig, in a shorter record, shared by all tests of this folder."""
 
 import json
 import shutil
@@ -10,18 +10,20 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from recoil_daq.cli import app
-from recoil_rigs.rig import load_rig
 from recoil_rigs.twin import TwinShot, simulate_shot
+from tests.builders.virtual_shots import SHORTER, with_twin
 
 
 @pytest.fixture(scope="session")
 def field_shot(tmp_path_factory: pytest.TempPathFactory) -> TwinShot:
-    return simulate_shot(load_rig("field-2013"), tmp_path_factory.mktemp("field") / "0001", seed=1, shot="0001")
+    rig = with_twin("field-2013", **SHORTER)
+    return simulate_shot(rig, tmp_path_factory.mktemp("field") / "0001", seed=1, shot="0001")
 
 
 @pytest.fixture(scope="session")
 def mixed_shot(tmp_path_factory: pytest.TempPathFactory) -> TwinShot:
-    return simulate_shot(load_rig("mixed"), tmp_path_factory.mktemp("mixed") / "0001", seed=1, shot="0001")
+    rig = with_twin("mixed", **SHORTER)
+    return simulate_shot(rig, tmp_path_factory.mktemp("mixed") / "0001", seed=1, shot="0001")
 
 
 @pytest.fixture
