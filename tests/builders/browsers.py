@@ -54,7 +54,7 @@ def visit(browser: str, pages: dict[str, tuple[Path, int]], script: str, *, fold
     command = [
         browser, "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
         "--disable-component-update", "--disable-sync", f"--user-data-dir={folder / 'profile'}",
-        f"--log-net-log={log}", "--window-size=1500,1000", "--virtual-time-budget=20000", "--dump-dom", outer.as_uri(),
+        f"--log-net-log={log}", "--window-size=1500,1000", "--virtual-time-budget=40000", "--dump-dom", outer.as_uri(),
     ]  # fmt: skip
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True, encoding="utf-8")
     told = re.search(r'<pre id="told">(.*?)</pre>', done.stdout, re.DOTALL)
