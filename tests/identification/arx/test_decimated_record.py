@@ -7,7 +7,6 @@ import pytest
 
 from recoil_identification.arx.decimated_record import decimated, force_noise_n
 from recoil_processing.filters import LowPass
-from recoil_processing.shot.regression import spaced_rows
 from recoil_rigs.assumptions import AREAS
 from tests.builders.bench_shots import MASS_KG, bench_motion, bench_regression, bench_rig, bench_shot, bench_signals
 
@@ -27,7 +26,8 @@ def test_filtered_signals_are_taken_a_little_closer_than_rows_with_errors_of_the
     record = decimated(filtered, filtered.acceleration_m_s2, filtered.force_n)
     assert record.stride == 20
     assert record.rate_hz == pytest.approx(1000.0)
-    rows = spaced_rows(filtered, 2.5)
+    spaced = np.arange(int(np.argmax(filtered.inside)), filtered.times_s.size, record.stride)
+    rows = spaced[(filtered.used & filtered.before_the_turn)[spaced]]
     np.testing.assert_array_equal(record.times_s[record.rows], filtered.times_s[rows])
     np.testing.assert_array_equal(record.force_n[record.rows], filtered.force_n[rows])
 
